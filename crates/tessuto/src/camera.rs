@@ -1,0 +1,106 @@
+//! Pinhole camera in the OpenCV frame: x right, y down, z forward, metres; the camera is the origin.
+
+use glam::{DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// Pinhole intrinsics [px]. The centre of pixel (column i, row j) is at (i, j).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Camera {
+    /// Focal length along x [px].
+    pub fx: f64,
+    /// Focal length along y [px].
+    pub fy: f64,
+    /// Principal point, column [px].
+    pub cx: f64,
+    /// Principal point, row [px].
+    pub cy: f64,
+    /// Image width [px].
+    pub width: usize,
+    /// Image height [px].
+    pub height: usize,
+}
+
+/// Pixel rectangle, `x0 <= column < x1`, `y0 <= row < y1`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Rect {
+    /// First column.
+    pub x0: usize,
+    /// First row.
+    pub y0: usize,
+    /// One past the last column.
+    pub x1: usize,
+    /// One past the last row.
+    pub y1: usize,
+}
+
+impl Rect {
+    /// Width [px].
+    pub fn width(&self) -> usize {
+        self.x1 - self.x0
+    }
+
+    /// Height [px].
+    pub fn height(&self) -> usize {
+        self.y1 - self.y0
+    }
+}
+
+impl Camera {
+    /// Pixel position of a point `p` [m] in front of the camera: u = fx·x/z + cx, v = fy·y/z + cy.
+    pub fn project(&self, p: DVec3) -> DVec2 {
+        DVec2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy)
+    }
+
+    /// Direction, with z = 1, of the ray through pixel position `p_pixel`.
+    pub fn ray(&self, p_pixel: DVec2) -> DVec3 {
+        DVec3::new((p_pixel.x - self.cx) / self.fx, (p_pixel.y - self.cy) / self.fy, 1.0)
+    }
+
+    /// The camera of the sub-image `crop`.
+    pub fn cropped(&self, crop: Rect) -> Self {
+        Self {
+            cx: self.cx - crop.x0 as f64,
+            cy: self.cy - crop.y0 as f64,
+            width: crop.width(),
+            height: crop.height(),
+            ..*self
+        }
+    }
+
+    /// The camera of the image whose pixels are the means of `factor`×`factor` blocks
+    /// (incomplete blocks at the right and lower border are dropped).
+    pub fn downsampled(&self, factor: usize) -> Self {
+        let s = factor as f64;
+        // Block k covers the pixel centres s·k … s·k + s − 1, so its centre is at s·k + (s − 1)/2.
+        Self {
+            fx: self.fx / s,
+            fy: self.fy / s,
+            cx: (self.cx - (s - 1.0) / 2.0) / s,
+            cy: (self.cy - (s - 1.0) / 2.0) / s,
+            width: self.width / factor,
+            height: self.height / factor,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERA: Camera = Camera { fx: 800.0, fy: 700.0, cx: 319.5, cy: 239.5, width: 640, height: 480 };
+
+    #[test]
+    fn ray_is_the_inverse_of_project() {
+        let p = DVec3::new(0.2, -0.1, 1.5);
+        let r = CAMERA.ray(CAMERA.project(p)) * p.z;
+        assert!((r - p).length() < 1e-14);
+    }
+
+    #[test]
+    fn downsampled_pixel_centres_are_block_centres() {
+        let p = DVec3::new(0.2, -0.1, 1.5);
+        let (full, half) = (CAMERA.project(p), CAMERA.downsampled(4).project(p));
+        assert!((full - (half * 4.0 + DVec2::splat(1.5))).length() < 1e-12);
+    }
+}

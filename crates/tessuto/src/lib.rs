@@ -1,0 +1,22 @@
+//! Recover the motion, the stiffness and the forces of a piece of fabric from one video.
+//!
+//! Conventions, everywhere: the world is the OpenCV camera frame (x right, y down, z forward) in
+//! metres, seconds and kilograms; the centre of pixel (column i, row j) is at (i, j); images hold
+//! sRGB-encoded colour in [0, 1].
+
+pub mod camera;
+pub mod error;
+pub mod image;
+pub mod io;
+pub mod math;
+pub mod mesh;
+pub mod metrics;
+pub mod raster;
+pub mod scene;
+pub mod sim;
+
+pub use camera::{Camera, Rect};
+pub use error::{Error, Result};
+pub use image::Image;
+pub use mesh::Mesh;
+pub use scene::{Frame, Scene, Shape, Truth};
