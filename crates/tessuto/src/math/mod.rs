@@ -1,3 +1,24 @@
-//! Numbers without a domain: random streams, sparse systems, gradient checks.
+//! Numbers without a domain: random streams, sparse symmetric systems, gradient checks.
 
+pub mod block_matrix;
+pub mod factor;
+pub mod gradient_check;
+pub mod hyper_dual;
 pub mod rng;
+
+use glam::DVec3;
+
+/// Dot product of two fields of vectors.
+pub fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
+}
+
+/// The 3·V numbers of a field of vectors.
+pub fn flat(field: &[DVec3]) -> &[f64] {
+    bytemuck::cast_slice(field)
+}
+
+/// A field of vectors from its 3·V numbers.
+pub fn vectors(numbers: &[f64]) -> Vec<DVec3> {
+    numbers.chunks_exact(3).map(DVec3::from_slice).collect()
+}

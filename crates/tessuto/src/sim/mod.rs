@@ -1,1 +1,13 @@
-//! Being built.
+//! Differentiable cloth simulation: springs, two implicit integrators, their adjoints.
+
+pub mod angle;
+pub mod cloth;
+pub mod implicit_euler;
+pub mod linearized_euler;
+pub mod rollout;
+pub mod step;
+pub mod stretch;
+
+pub use cloth::{Cloth, Curvature, Energy, Stiffness};
+pub use rollout::{Drive, DriveGradients, Forces, Rollout, rollout, rollout_vjp};
+pub use step::{Integrator, State, StepSettings};

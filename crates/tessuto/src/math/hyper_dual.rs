@@ -1,0 +1,136 @@
+//! Hyper-dual numbers: exact mixed second derivatives along two directions.
+//!
+//! Evaluating a gradient at x + ε₁ a + ε₂ b and reading the ε₁ε₂ part gives the third derivative of
+//! the energy contracted with a and b (Fike and Alonso 2011, "The Development of Hyper-Dual
+//! Numbers for Exact Second-Derivative Calculations").
+
+use std::ops::{Add, Mul, Sub};
+
+/// What the energies' gradients need of a number.
+pub trait Scalar: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// A constant.
+    fn constant(value: f64) -> Self;
+    /// Square root.
+    fn sqrt(self) -> Self;
+    /// 1/self.
+    fn recip(self) -> Self;
+    /// Inverse cosine.
+    fn acos(self) -> Self;
+}
+
+impl Scalar for f64 {
+    fn constant(value: f64) -> Self {
+        value
+    }
+
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+
+    fn recip(self) -> Self {
+        1.0 / self
+    }
+
+    fn acos(self) -> Self {
+        f64::acos(self)
+    }
+}
+
+/// value + a·ε₁ + b·ε₂ + ab·ε₁ε₂ with ε₁² = ε₂² = 0.
+#[derive(Debug, Clone, Copy)]
+pub struct HyperDual {
+    /// Real part.
+    pub value: f64,
+    /// ε₁ part.
+    pub a: f64,
+    /// ε₂ part.
+    pub b: f64,
+    /// ε₁ε₂ part.
+    pub ab: f64,
+}
+
+impl HyperDual {
+    /// f(self), given f and its first two derivatives at the real part.
+    fn chain(self, f: f64, d: f64, dd: f64) -> Self {
+        Self { value: f, a: d * self.a, b: d * self.b, ab: d * self.ab + dd * self.a * self.b }
+    }
+}
+
+impl Add for HyperDual {
+    type Output = Self;
+
+    fn add(self, o: Self) -> Self {
+        Self { value: self.value + o.value, a: self.a + o.a, b: self.b + o.b, ab: self.ab + o.ab }
+    }
+}
+
+impl Sub for HyperDual {
+    type Output = Self;
+
+    fn sub(self, o: Self) -> Self {
+        Self { value: self.value - o.value, a: self.a - o.a, b: self.b - o.b, ab: self.ab - o.ab }
+    }
+}
+
+impl Mul for HyperDual {
+    type Output = Self;
+
+    fn mul(self, o: Self) -> Self {
+        Self {
+            value: self.value * o.value,
+            a: self.a * o.value + self.value * o.a,
+            b: self.b * o.value + self.value * o.b,
+            ab: self.ab * o.value + self.a * o.b + self.b * o.a + self.value * o.ab,
+        }
+    }
+}
+
+impl Scalar for HyperDual {
+    fn constant(value: f64) -> Self {
+        Self { value, a: 0.0, b: 0.0, ab: 0.0 }
+    }
+
+    fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        self.chain(root, 0.5 / root, -0.25 / (root * self.value))
+    }
+
+    fn recip(self) -> Self {
+        let r = 1.0 / self.value;
+        self.chain(r, -r * r, 2.0 * r * r * r)
+    }
+
+    fn acos(self) -> Self {
+        let q = 1.0 / (1.0 - self.value * self.value);
+        let root = q.sqrt();
+        self.chain(self.value.acos(), -root, -self.value * q * root)
+    }
+}
+
+/// Three numbers of a vector, for the generic gradients.
+pub type Vector<T> = [T; 3];
+
+/// x + ε₁ a + ε₂ b.
+pub fn lift(x: glam::DVec3, a: glam::DVec3, b: glam::DVec3) -> Vector<HyperDual> {
+    [0, 1, 2].map(|i| HyperDual { value: x[i], a: a[i], b: b[i], ab: 0.0 })
+}
+
+/// The ε₁ε₂ part.
+pub fn mixed(x: Vector<HyperDual>) -> glam::DVec3 {
+    glam::DVec3::new(x[0].ab, x[1].ab, x[2].ab)
+}
+
+/// Dot product.
+pub fn dot<T: Scalar>(a: Vector<T>, b: Vector<T>) -> T {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// s·a.
+pub fn scale<T: Scalar>(a: Vector<T>, s: T) -> Vector<T> {
+    a.map(|x| x * s)
+}
+
+/// a − b.
+pub fn subtract<T: Scalar>(a: Vector<T>, b: Vector<T>) -> Vector<T> {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}

@@ -1,0 +1,144 @@
+//! Angle springs between two mesh edges that meet at a vertex: bending and shearing.
+
+use glam::{DMat3, DVec3};
+
+use super::stretch::outer;
+use crate::math::hyper_dual::{self, Scalar, Vector, dot, scale, subtract};
+
+/// Keeps the derivative of arccos finite: angles run from arccos(1 − ε) = 8.1° to 171.9°.
+const EPSILON: f64 = 0.01;
+/// Square of a length [m] that is added to squared lengths, so that directions stay finite.
+const SQ_LENGTH_FLOOR: f64 = 1e-18;
+
+/// Deflection between two edges a → o → c: θ = arccos((1 − ε) û·ŵ), ε = 0.01; small where the path is straight.
+///
+/// - `u` = o − a, `w` = c − o [m]
+/// - returns θ [rad]
+///
+/// Source: [SAFT] §1.2, ε from the published program.
+pub fn angle(u: DVec3, w: DVec3) -> f64 {
+    let cosine =
+        u.dot(w) / ((u.length_squared() + SQ_LENGTH_FLOOR) * (w.length_squared() + SQ_LENGTH_FLOOR)).sqrt();
+    ((1.0 - EPSILON) * cosine).acos()
+}
+
+/// Energy of one angle spring: E = ½ k (θ − θ0)², θ = [`angle`]`(u, w)`.
+///
+/// - `stiffness` k [J/rad²]; `rest_angle` θ0 [rad]
+/// - returns E [J]
+pub fn value(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> f64 {
+    0.5 * stiffness * (angle(u, w) - rest_angle).powi(2)
+}
+
+/// (∂E/∂u, ∂E/∂w) of [`value`]: a gets −∂u, o gets ∂u − ∂w, c gets ∂w.
+pub fn gradient(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> [DVec3; 2] {
+    gradient_of(u.to_array(), w.to_array(), stiffness, rest_angle).map(DVec3::from_array)
+}
+
+fn gradient_of<T: Scalar>(u: Vector<T>, w: Vector<T>, stiffness: f64, rest_angle: f64) -> [Vector<T>; 2] {
+    let q = T::constant(1.0 - EPSILON);
+    let inverse_u = (dot(u, u) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
+    let inverse_w = (dot(w, w) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
+    let (e1, e2) = (scale(u, inverse_u), scale(w, inverse_w));
+    let c = dot(e1, e2);
+    let s = q * c;
+    // dE/dc = −k (θ − θ0) q / √(1 − s²)
+    let sine = (T::constant(1.0) - s * s).sqrt();
+    let slope = (s.acos() - T::constant(rest_angle)) * T::constant(-stiffness) * q * sine.recip();
+    let grad_u = scale(subtract(e2, scale(e1, c)), slope * inverse_u);
+    let grad_w = scale(subtract(e1, scale(e2, c)), slope * inverse_w);
+    [grad_u, grad_w]
+}
+
+/// Second derivatives of an angle spring in (u, w).
+#[derive(Debug, Clone, Copy)]
+pub struct Hessian {
+    /// ∂²E/∂u².
+    pub uu: DMat3,
+    /// ∂²E/∂u∂w.
+    pub uw: DMat3,
+    /// ∂²E/∂w².
+    pub ww: DMat3,
+}
+
+/// Second derivatives of [`value`].
+pub fn hessian(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> Hessian {
+    let f = Frame::new(u, w);
+    let mut h = gauss_newton(&f, stiffness);
+    // The rest: (∂E/∂θ) ∂²θ/∂(u,w)² with θ = θ(c), θ' = −q/√(1−s²), θ'' = −q² s/(1−s²)^{3/2}.
+    let slope = stiffness * (f.theta - rest_angle);
+    let (first, second) = (slope * f.d_theta, slope * f.dd_theta);
+    let c = f.cosine;
+    let transverse = |e: DVec3| DMat3::IDENTITY - outer(e, e);
+    let uu = (outer(f.e1, f.cu) + outer(f.cu, f.e1) + transverse(f.e1) * (c * f.inverse_u)) * -f.inverse_u;
+    let ww = (outer(f.e2, f.cw) + outer(f.cw, f.e2) + transverse(f.e2) * (c * f.inverse_w)) * -f.inverse_w;
+    let uw = (transverse(f.e2) * f.inverse_w - outer(f.e1, f.cw)) * f.inverse_u;
+    h.uu += uu * first + outer(f.cu, f.cu * second);
+    h.uw += uw * first + outer(f.cu, f.cw * second);
+    h.ww += ww * first + outer(f.cw, f.cw * second);
+    h
+}
+
+/// Positive semi-definite part k ∇θ ∇θᵀ of [`hessian`] (Gauss-Newton).
+pub fn hessian_projected(u: DVec3, w: DVec3, stiffness: f64, _rest_angle: f64) -> Hessian {
+    gauss_newton(&Frame::new(u, w), stiffness)
+}
+
+/// (∂/∂u, ∂/∂w) of aᵀ (∂²E) b, where `a` and `b` are directions in (u, w).
+pub fn third(
+    [u, w]: [DVec3; 2],
+    stiffness: f64,
+    rest_angle: f64,
+    [au, aw]: [DVec3; 2],
+    [bu, bw]: [DVec3; 2],
+) -> [DVec3; 2] {
+    gradient_of(hyper_dual::lift(u, au, bu), hyper_dual::lift(w, aw, bw), stiffness, rest_angle)
+        .map(hyper_dual::mixed)
+}
+
+/// What the Hessians share: unit edges, the cosine and its gradients, the angle and its derivatives.
+struct Frame {
+    e1: DVec3,
+    e2: DVec3,
+    inverse_u: f64,
+    inverse_w: f64,
+    cosine: f64,
+    /// ∂cosine/∂u.
+    cu: DVec3,
+    /// ∂cosine/∂w.
+    cw: DVec3,
+    theta: f64,
+    /// dθ/dcosine.
+    d_theta: f64,
+    /// d²θ/dcosine².
+    dd_theta: f64,
+}
+
+impl Frame {
+    fn new(u: DVec3, w: DVec3) -> Self {
+        let inverse_u = 1.0 / (u.length_squared() + SQ_LENGTH_FLOOR).sqrt();
+        let inverse_w = 1.0 / (w.length_squared() + SQ_LENGTH_FLOOR).sqrt();
+        let (e1, e2) = (u * inverse_u, w * inverse_w);
+        let cosine = e1.dot(e2);
+        let q = 1.0 - EPSILON;
+        let s = q * cosine;
+        let r = 1.0 / (1.0 - s * s).sqrt();
+        Self {
+            e1,
+            e2,
+            inverse_u,
+            inverse_w,
+            cosine,
+            cu: (e2 - e1 * cosine) * inverse_u,
+            cw: (e1 - e2 * cosine) * inverse_w,
+            theta: s.acos(),
+            d_theta: -q * r,
+            dd_theta: -q * q * s * r * r * r,
+        }
+    }
+}
+
+fn gauss_newton(f: &Frame, stiffness: f64) -> Hessian {
+    let k = stiffness * f.d_theta * f.d_theta;
+    Hessian { uu: outer(f.cu, f.cu * k), uw: outer(f.cu, f.cw * k), ww: outer(f.cw, f.cw * k) }
+}

@@ -1,0 +1,300 @@
+//! The cloth as a mechanical system: masses, springs, and sums over them.
+
+use glam::DVec3;
+
+use super::{angle, stretch};
+use crate::math::block_matrix::{BlockMatrix, BlockPattern};
+use crate::math::factor::Analysis;
+use crate::mesh::{Mesh, triangle_area};
+
+/// Area density ρ [kg/m²]. Only force per mass can be seen in a video, so its value sets a scale only.
+pub const AREA_DENSITY: f64 = 0.1;
+/// Angle pairs whose rest deflection is below this bend, the others shear [rad].
+const BEND_LIMIT: f64 = std::f64::consts::FRAC_PI_4;
+
+/// A spring along a mesh edge.
+#[derive(Debug, Clone, Copy)]
+pub struct Edge {
+    /// End points.
+    pub vertices: [u32; 2],
+    /// Length without load [m].
+    pub rest_length: f64,
+    pair: usize,
+}
+
+/// An angle spring over the path a → o → c.
+#[derive(Debug, Clone, Copy)]
+pub struct Hinge {
+    /// a, o, c.
+    pub vertices: [u32; 3],
+    /// Deflection without load [rad].
+    pub rest_angle: f64,
+    /// Pairs (a, o), (a, c), (o, c).
+    pairs: [usize; 3],
+}
+
+/// Stiffness of every element; all the same number in a homogeneous cloth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Stiffness {
+    /// Y of every edge [N/m].
+    pub stretch: Vec<f64>,
+    /// B of every bending pair [J/rad²].
+    pub bend: Vec<f64>,
+    /// S of every shearing pair [J/rad²].
+    pub shear: Vec<f64>,
+}
+
+/// Elastic energy by kind [J].
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Energy {
+    /// Of the edges.
+    pub stretch: f64,
+    /// Of the bending pairs.
+    pub bend: f64,
+    /// Of the shearing pairs.
+    pub shear: f64,
+}
+
+impl Energy {
+    /// Sum of the kinds [J].
+    pub fn total(&self) -> f64 {
+        self.stretch + self.bend + self.shear
+    }
+}
+
+/// Which second derivatives to assemble.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Curvature {
+    /// As they are; indefinite under compression.
+    Exact,
+    /// Each element's positive semi-definite part.
+    Projected,
+}
+
+/// Masses and springs of a mesh, with the sparse pattern of their second derivatives.
+#[derive(Debug)]
+pub struct Cloth {
+    /// Lumped masses [kg], shape [V].
+    pub masses: Vec<f64>,
+    /// Stretch springs.
+    pub edges: Vec<Edge>,
+    /// Bending pairs.
+    pub bends: Vec<Hinge>,
+    /// Shearing pairs.
+    pub shears: Vec<Hinge>,
+    /// Pattern of Hessians and of the systems to solve.
+    pub pattern: BlockPattern,
+    /// Symbolic factorisation of `pattern`.
+    pub analysis: Analysis,
+}
+
+impl Cloth {
+    /// The cloth that is at rest in the shape of `template`.
+    pub fn new(template: &Mesh) -> Self {
+        let x = &template.positions;
+        let mut masses = vec![0.0; x.len()];
+        for t in template.triangles() {
+            let third = AREA_DENSITY * triangle_area(x, t) / 3.0;
+            t.iter().for_each(|&v| masses[v as usize] += third);
+        }
+        let mut pairs = Vec::new();
+        let edges: Vec<Edge> = template
+            .edges()
+            .into_iter()
+            .map(|[a, b]| {
+                pairs.push([b, a]);
+                let rest_length = x[a as usize].distance(x[b as usize]);
+                Edge { vertices: [a, b], rest_length, pair: pairs.len() - 1 }
+            })
+            .collect();
+        let (mut bends, mut shears) = (Vec::new(), Vec::new());
+        for (o, around) in template.neighbours().iter().enumerate() {
+            for (k, &a) in around.iter().enumerate() {
+                for &c in &around[k + 1..] {
+                    let o = o as u32;
+                    let [u, w] = arms(x, [a, o, c]);
+                    let rest_angle = angle::angle(u, w);
+                    let first = pairs.len();
+                    pairs.extend([[a, o], [a, c], [o, c]]);
+                    let hinge =
+                        Hinge { vertices: [a, o, c], rest_angle, pairs: [first, first + 1, first + 2] };
+                    if rest_angle < BEND_LIMIT { &mut bends } else { &mut shears }.push(hinge);
+                }
+            }
+        }
+        let pattern = BlockPattern::new(x.len(), &pairs);
+        let analysis = Analysis::new(&pattern);
+        Self { masses, edges, bends, shears, pattern, analysis }
+    }
+
+    /// Number of vertices.
+    pub fn vertex_count(&self) -> usize {
+        self.masses.len()
+    }
+
+    /// Elastic energy of shape `x` [m].
+    pub fn energy(&self, stiffness: &Stiffness, x: &[DVec3]) -> Energy {
+        let hinges = |hinges: &[Hinge], k: &[f64]| {
+            let of = |(h, &k): (&Hinge, &f64)| {
+                let [u, w] = arms(x, h.vertices);
+                angle::value(u, w, k, h.rest_angle)
+            };
+            hinges.iter().zip(k).map(of).sum()
+        };
+        let of = |(e, &k): (&Edge, &f64)| stretch::value(e.along(x), k, e.rest_length);
+        Energy {
+            stretch: self.edges.iter().zip(&stiffness.stretch).map(of).sum(),
+            bend: hinges(&self.bends, &stiffness.bend),
+            shear: hinges(&self.shears, &stiffness.shear),
+        }
+    }
+
+    /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` [N], shape [V].
+    pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
+        for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
+            e.scatter(stretch::gradient(e.along(x), k, e.rest_length) * scale, out);
+        }
+        for (h, k) in self.hinges(stiffness) {
+            let [u, w] = arms(x, h.vertices);
+            h.scatter(angle::gradient(u, w, k, h.rest_angle).map(|g| g * scale), out);
+        }
+    }
+
+    /// Adds `scale`·∂²E/∂x² of [`energy`](Self::energy) to `matrix` [N/m].
+    pub fn add_hessian(
+        &self,
+        stiffness: &Stiffness,
+        x: &[DVec3],
+        curvature: Curvature,
+        scale: f64,
+        matrix: &mut BlockMatrix,
+    ) {
+        let (of_edge, of_hinge): (fn(_, _, _) -> _, fn(_, _, _, _) -> _) = match curvature {
+            Curvature::Exact => (stretch::hessian, angle::hessian),
+            Curvature::Projected => (stretch::hessian_projected, angle::hessian_projected),
+        };
+        for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
+            let h = of_edge(e.along(x), k * scale, e.rest_length);
+            e.vertices.iter().for_each(|&v| matrix.add_diagonal(&self.pattern, v as usize, &h));
+            matrix.add_pair(&self.pattern, e.pair, &-h);
+        }
+        for (hinge, k) in self.hinges(stiffness) {
+            let [u, w] = arms(x, hinge.vertices);
+            let h = of_hinge(u, w, k * scale, hinge.rest_angle);
+            let [a, o, c] = hinge.vertices.map(|v| v as usize);
+            let [ao, ac, oc] = hinge.pairs;
+            // u = o − a, w = c − o.
+            matrix.add_diagonal(&self.pattern, a, &h.uu);
+            matrix.add_diagonal(&self.pattern, o, &(h.uu + h.ww - h.uw - h.uw.transpose()));
+            matrix.add_diagonal(&self.pattern, c, &h.ww);
+            matrix.add_pair(&self.pattern, ao, &(h.uw - h.uu));
+            matrix.add_pair(&self.pattern, ac, &-h.uw);
+            matrix.add_pair(&self.pattern, oc, &(h.uw - h.ww));
+        }
+    }
+
+    /// Adds `scale`·∂/∂x [ aᵀ (∂²E/∂x²) b ] to `out`.
+    pub fn add_third(
+        &self,
+        stiffness: &Stiffness,
+        x: &[DVec3],
+        [a, b]: [&[DVec3]; 2],
+        scale: f64,
+        out: &mut [DVec3],
+    ) {
+        for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
+            e.scatter(stretch::third(e.along(x), k * scale, e.rest_length, e.along(a), e.along(b)), out);
+        }
+        for (h, k) in self.hinges(stiffness) {
+            let (at, va, vb) = (arms(x, h.vertices), arms(a, h.vertices), arms(b, h.vertices));
+            h.scatter(angle::third(at, k * scale, h.rest_angle, va, vb), out);
+        }
+    }
+
+    /// Adds `scale`·λᵀ ∂(∂E/∂x)/∂k to `out` for the stiffness k of every element.
+    pub fn add_gradient_by_stiffness(&self, x: &[DVec3], lambda: &[DVec3], scale: f64, out: &mut Stiffness) {
+        for (e, out) in self.edges.iter().zip(&mut out.stretch) {
+            *out += scale * stretch::gradient(e.along(x), 1.0, e.rest_length).dot(e.along(lambda));
+        }
+        for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
+            for (h, out) in hinges.iter().zip(out) {
+                let [u, w] = arms(x, h.vertices);
+                let [gu, gw] = angle::gradient(u, w, 1.0, h.rest_angle);
+                let [lu, lw] = arms(lambda, h.vertices);
+                *out += scale * (gu.dot(lu) + gw.dot(lw));
+            }
+        }
+    }
+
+    /// Adds `scale`·aᵀ ∂(∂²E/∂x²)/∂k b to `out` for the stiffness k of every element.
+    pub fn add_hessian_by_stiffness(
+        &self,
+        x: &[DVec3],
+        [a, b]: [&[DVec3]; 2],
+        scale: f64,
+        out: &mut Stiffness,
+    ) {
+        for (e, out) in self.edges.iter().zip(&mut out.stretch) {
+            *out += scale * e.along(a).dot(stretch::hessian(e.along(x), 1.0, e.rest_length) * e.along(b));
+        }
+        for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
+            for (hinge, out) in hinges.iter().zip(out) {
+                let [u, w] = arms(x, hinge.vertices);
+                let h = angle::hessian(u, w, 1.0, hinge.rest_angle);
+                let ([au, aw], [bu, bw]) = (arms(a, hinge.vertices), arms(b, hinge.vertices));
+                *out += scale
+                    * (au.dot(h.uu * bu + h.uw * bw) + aw.dot(h.uw.transpose() * bu) + aw.dot(h.ww * bw));
+            }
+        }
+    }
+
+    /// Bending, then shearing pairs, each with its stiffness.
+    fn hinges<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a Hinge, f64)> {
+        let bends = self.bends.iter().zip(stiffness.bend.iter().copied());
+        bends.chain(self.shears.iter().zip(stiffness.shear.iter().copied()))
+    }
+}
+
+impl Stiffness {
+    /// The same stretch, bend and shear stiffness for every element of `cloth`.
+    pub fn uniform(cloth: &Cloth, [stretch, bend, shear]: [f64; 3]) -> Self {
+        Self {
+            stretch: vec![stretch; cloth.edges.len()],
+            bend: vec![bend; cloth.bends.len()],
+            shear: vec![shear; cloth.shears.len()],
+        }
+    }
+
+    /// Given `self` = ∂L/∂k of every element, ∂L/∂log10 of the three uniform stiffnesses `k`.
+    pub fn grad_log10(&self, k: [f64; 3]) -> [f64; 3] {
+        let sums = [&self.stretch, &self.bend, &self.shear].map(|g| g.iter().sum::<f64>());
+        [0, 1, 2].map(|i| sums[i] * k[i] * std::f64::consts::LN_10)
+    }
+}
+
+impl Edge {
+    /// Difference of a field along the edge.
+    pub(super) fn along(&self, field: &[DVec3]) -> DVec3 {
+        field[self.vertices[1] as usize] - field[self.vertices[0] as usize]
+    }
+
+    fn scatter(&self, gradient: DVec3, out: &mut [DVec3]) {
+        out[self.vertices[0] as usize] -= gradient;
+        out[self.vertices[1] as usize] += gradient;
+    }
+}
+
+impl Hinge {
+    fn scatter(&self, [gu, gw]: [DVec3; 2], out: &mut [DVec3]) {
+        let [a, o, c] = self.vertices.map(|v| v as usize);
+        out[a] -= gu;
+        out[o] += gu - gw;
+        out[c] += gw;
+    }
+}
+
+/// (o − a, c − o) of a field.
+fn arms(field: &[DVec3], [a, o, c]: [u32; 3]) -> [DVec3; 2] {
+    let o = field[o as usize];
+    [o - field[a as usize], field[c as usize] - o]
+}

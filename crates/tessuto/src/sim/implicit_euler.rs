@@ -1,0 +1,160 @@
+//! Implicit Euler, solved: the default integrator.
+//!
+//! x' = argmin Φ(x),  Φ(x) = ½ (x − y)ᵀ M (x − y)/h² + E(x),  y = x + h δ v + h² g;  v' = (x' − x)/h.
+//!
+//! Newton's method with a line search; where the exact Hessian is not positive definite the
+//! element-wise projected one takes its place. Unconditionally stable.
+
+use glam::DVec3;
+
+use super::cloth::{Cloth, Curvature, Stiffness};
+use super::step::{State, StepGradients, StepSettings, StepTape};
+use crate::error::{Error, Result};
+use crate::math::block_matrix::BlockMatrix;
+use crate::math::dot;
+use crate::math::factor::{Factor, Scratch};
+
+/// Share of the decrease promised by the slope that a step must reach (Armijo).
+const SUFFICIENT_DECREASE: f64 = 1e-4;
+
+/// One step; see the module for the formulas and [`super::step::step`] for the arguments.
+pub fn step(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    stiffness: &Stiffness,
+    before: State,
+    acceleration: &[DVec3],
+    scratch: &mut Scratch,
+) -> Result<StepTape> {
+    let h = settings.step;
+    let inertial: Vec<DVec3> = (0..cloth.vertex_count())
+        .map(|i| before.v[i] * (h * settings.damping) + acceleration[i] * (h * h))
+        .collect();
+    // Displacements d = x' − x keep the precision that positions would lose.
+    let mut d: Vec<DVec3> = before.v.iter().map(|v| *v * (h * settings.damping)).collect();
+    let potential = Potential { cloth, stiffness, x: &before.x, inertial: &inertial, h };
+    let mut recycled = None;
+    let mut value = potential.value(&d);
+    for _ in 0..settings.newton_limit {
+        let gradient = potential.gradient(&d);
+        let factor = potential.factor(&d, recycled.take(), scratch);
+        let newton = cloth.analysis.solve(&cloth.pattern, &factor, &gradient, scratch);
+        recycled = Some(factor);
+        let length = newton.iter().fold(0.0, |m: f64, s| m.max(s.abs().max_element()));
+        let slope = -dot(&gradient, &newton);
+        if !length.is_finite() || !value.is_finite() {
+            return Err(diverged(format!("potential {value} J, Newton step of {length} m")));
+        }
+        // Shorten the step until the potential falls enough. Near the solution the promised decrease
+        // drowns in the potential's round-off; there Newton's step is right and taken whole.
+        let blind = slope.abs() < 1e-10 * value.abs();
+        let mut scale = 1.0;
+        let (next, next_value) = loop {
+            let next: Vec<DVec3> = d.iter().zip(&newton).map(|(d, s)| *d - *s * scale).collect();
+            let next_value = potential.value(&next);
+            if blind || next_value <= value + SUFFICIENT_DECREASE * scale * slope || scale < 1e-10 {
+                break (next, next_value);
+            }
+            scale *= 0.5;
+        };
+        d = next;
+        value = next_value;
+        if length < settings.tolerance {
+            let v = d.iter().map(|d| *d / h).collect();
+            let x = before.x.iter().zip(&d).map(|(x, d)| *x + *d).collect();
+            return Ok(StepTape { before, after: State { x, v }, factor: None });
+        }
+    }
+    Err(diverged(format!(
+        "no convergence to {} m in {} iterations",
+        settings.tolerance, settings.newton_limit
+    )))
+}
+
+fn diverged(problem: String) -> Error {
+    Error::numerical("implicit Euler step", problem, "use more sub-steps or smaller forces")
+}
+
+/// Φ as a function of the displacement d = x' − x.
+struct Potential<'a> {
+    cloth: &'a Cloth,
+    stiffness: &'a Stiffness,
+    x: &'a [DVec3],
+    /// y − x.
+    inertial: &'a [DVec3],
+    h: f64,
+}
+
+impl Potential<'_> {
+    fn moved(&self, d: &[DVec3]) -> Vec<DVec3> {
+        self.x.iter().zip(d).map(|(x, d)| *x + *d).collect()
+    }
+
+    fn value(&self, d: &[DVec3]) -> f64 {
+        let masses = self.cloth.masses.iter();
+        let kinetic: f64 =
+            masses.zip(d).zip(self.inertial).map(|((m, d), y)| m * (*d - *y).length_squared()).sum();
+        0.5 * kinetic / (self.h * self.h) + self.cloth.energy(self.stiffness, &self.moved(d)).total()
+    }
+
+    fn gradient(&self, d: &[DVec3]) -> Vec<DVec3> {
+        let masses = self.cloth.masses.iter();
+        let inertia = |((m, d), y): ((&f64, &DVec3), &DVec3)| (*d - *y) * (m / (self.h * self.h));
+        let mut out: Vec<DVec3> = masses.zip(d).zip(self.inertial).map(inertia).collect();
+        self.cloth.add_gradient(self.stiffness, &self.moved(d), 1.0, &mut out);
+        out
+    }
+
+    /// Factor of the Hessian, projected if need be.
+    fn factor(&self, d: &[DVec3], recycled: Option<Factor>, scratch: &mut Scratch) -> Factor {
+        let x = self.moved(d);
+        let mut assemble = |curvature, recycled| {
+            let matrix = hessian(self.cloth, self.stiffness, &x, self.h, curvature);
+            self.cloth.analysis.definite(&self.cloth.pattern, &matrix, recycled, scratch)
+        };
+        assemble(Curvature::Exact, recycled)
+            .or_else(|| assemble(Curvature::Projected, None))
+            .unwrap_or(Factor::Definite(Vec::new()))
+    }
+}
+
+/// ∂²Φ = M/h² + ∂²E.
+fn hessian(cloth: &Cloth, stiffness: &Stiffness, x: &[DVec3], h: f64, curvature: Curvature) -> BlockMatrix {
+    let mut matrix = BlockMatrix::zeros(&cloth.pattern);
+    cloth.add_hessian(stiffness, x, curvature, 1.0, &mut matrix);
+    matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0 / (h * h));
+    matrix
+}
+
+/// Adjoint of [`step`] by the implicit function theorem; see [`super::step::step_vjp`].
+///
+/// μ = (∂²Φ)⁻¹ (x̄ + v̄/h) at the solution;  ȳ = M μ/h²;  x̄ₙ = ȳ − v̄/h;  v̄ₙ = δ h ȳ;  ḡ = M μ;
+/// p̄ = −μᵀ ∂(∂E)/∂p for a parameter p of E.
+pub fn step_vjp(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    stiffness: &Stiffness,
+    tape: &StepTape,
+    gradients: &mut StepGradients,
+    scratch: &mut Scratch,
+) {
+    let h = settings.step;
+    let x = &tape.after.x;
+    let matrix = hessian(cloth, stiffness, x, h, Curvature::Exact);
+    let factor = cloth
+        .analysis
+        .definite(&cloth.pattern, &matrix, None, scratch)
+        .unwrap_or_else(|| cloth.analysis.indefinite(&cloth.pattern, &matrix, scratch));
+    let rhs: Vec<DVec3> = gradients.x.iter().zip(&gradients.v).map(|(x, v)| *x + *v / h).collect();
+    let mu = cloth.analysis.solve(&cloth.pattern, &factor, &rhs, scratch);
+    for i in 0..x.len() {
+        let m_mu = mu[i] * cloth.masses[i];
+        gradients.x[i] = m_mu / (h * h) - gradients.v[i] / h;
+        gradients.v[i] = m_mu * (settings.damping / h);
+        gradients.acceleration[i] = m_mu;
+    }
+    cloth.add_gradient_by_stiffness(x, &mu, -1.0, &mut gradients.stiffness);
+    for ((edge, &k), out) in cloth.edges.iter().zip(&stiffness.stretch).zip(&mut gradients.rest_lengths) {
+        *out -= super::stretch::gradient_by_rest_length(edge.along(x), k).dot(edge.along(&mu));
+    }
+}

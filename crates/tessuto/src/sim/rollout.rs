@@ -1,0 +1,143 @@
+//! Simulation of a whole clip and its adjoint.
+
+use glam::DVec3;
+
+use super::cloth::{Cloth, Stiffness};
+use super::step::{State, StepGradients, StepSettings, StepTape, step, step_vjp};
+use crate::error::Result;
+use crate::math::factor::Scratch;
+use crate::scene::Shape;
+
+/// Factors are kept for the adjoint while they fit into this many bytes; beyond, they are made again.
+const FACTOR_MEMORY: usize = 700 << 20;
+
+/// External accelerations [m/s²]: f/m = `constant` + `dynamic`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Forces {
+    /// C, the same in space and time.
+    pub constant: DVec3,
+    /// D, shape [(N − 1)·parts, V].
+    pub dynamic: Vec<Shape>,
+    /// Entries of D for each frame interval, each held for (sub-steps per frame)/parts sub-steps.
+    pub parts: usize,
+}
+
+/// Everything that determines the motion.
+#[derive(Debug, Clone)]
+pub struct Drive<'a> {
+    /// State at frame 0.
+    pub initial: &'a State,
+    /// External accelerations.
+    pub forces: &'a Forces,
+    /// Stiffnesses.
+    pub stiffness: &'a Stiffness,
+}
+
+/// ∂L/∂[`Drive`] and the rest lengths.
+#[derive(Debug, Clone)]
+pub struct DriveGradients {
+    /// By C.
+    pub constant: DVec3,
+    /// By D, same shape.
+    pub dynamic: Vec<Shape>,
+    /// By every element's stiffness.
+    pub stiffness: Stiffness,
+    /// By the initial state.
+    pub initial: State,
+    /// By the rest lengths of the edges.
+    pub rest_lengths: Vec<f64>,
+}
+
+/// The record of a rollout over `frames.len()` frames.
+#[derive(Debug)]
+pub struct Rollout {
+    /// Shape at every frame, shape [N].
+    pub frames: Vec<Shape>,
+    tapes: Vec<StepTape>,
+    substeps: usize,
+}
+
+/// Simulates `frame_count` frames of `substeps` sub-steps each.
+///
+/// # Errors
+/// [`crate::Error::Numerical`] from the integrator, with the frame.
+pub fn rollout(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    substeps: usize,
+    frame_count: usize,
+    drive: &Drive,
+) -> Result<Rollout> {
+    let mut scratch = Scratch::default();
+    let step_count = (frame_count - 1) * substeps;
+    let kept = FACTOR_MEMORY / (8 * cloth.analysis.factor_len().max(1));
+    let mut frames = vec![drive.initial.x.clone()];
+    let mut tapes = Vec::with_capacity(step_count);
+    let mut state = drive.initial.clone();
+    let mut acceleration = vec![DVec3::ZERO; cloth.vertex_count()];
+    for k in 0..step_count {
+        let dynamic = &drive.forces.dynamic[k * drive.forces.parts / substeps];
+        acceleration.iter_mut().zip(dynamic).for_each(|(a, d)| *a = drive.forces.constant + *d);
+        let mut tape = step(cloth, settings, drive.stiffness, state, &acceleration, &mut scratch)
+            .map_err(|e| at_frame(e, k / substeps + 1))?;
+        if tapes.len() >= kept {
+            tape.factor = None;
+        }
+        state = tape.after.clone();
+        if (k + 1) % substeps == 0 {
+            frames.push(state.x.clone());
+        }
+        tapes.push(tape);
+    }
+    Ok(Rollout { frames, tapes, substeps })
+}
+
+/// Adjoint of [`rollout`] for ∂L/∂(shape at every frame), shape [N, V].
+pub fn rollout_vjp(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    drive: &Drive,
+    rollout: &Rollout,
+    grad_frames: &[Shape],
+) -> DriveGradients {
+    let mut scratch = Scratch::default();
+    let substeps = rollout.substeps;
+    let zeros = vec![DVec3::ZERO; cloth.vertex_count()];
+    let mut dynamic = vec![zeros; drive.forces.dynamic.len()];
+    let mut constant = DVec3::ZERO;
+    let mut gradients = StepGradients::zeros(cloth);
+    let add = |x: &mut Shape, g: &Shape| x.iter_mut().zip(g).for_each(|(x, g)| *x += *g);
+    for (k, tape) in rollout.tapes.iter().enumerate().rev() {
+        if (k + 1) % substeps == 0 {
+            add(&mut gradients.x, &grad_frames[(k + 1) / substeps]);
+        }
+        step_vjp(cloth, settings, drive.stiffness, tape, &mut gradients, &mut scratch);
+        add(&mut dynamic[k * drive.forces.parts / substeps], &gradients.acceleration);
+        constant += gradients.acceleration.iter().copied().sum::<DVec3>();
+    }
+    add(&mut gradients.x, &grad_frames[0]);
+    DriveGradients {
+        constant,
+        dynamic,
+        stiffness: gradients.stiffness,
+        initial: State { x: gradients.x, v: gradients.v },
+        rest_lengths: gradients.rest_lengths,
+    }
+}
+
+impl Forces {
+    /// No force at all, over `frame_count` frames with `parts` entries of D each.
+    pub fn zeros(frame_count: usize, parts: usize, vertex_count: usize) -> Self {
+        let dynamic = vec![vec![DVec3::ZERO; vertex_count]; frame_count.saturating_sub(1) * parts];
+        Self { constant: DVec3::ZERO, dynamic, parts }
+    }
+}
+
+fn at_frame(error: crate::Error, frame: usize) -> crate::Error {
+    match error {
+        crate::Error::Numerical { place, problem, hint } => {
+            crate::Error::numerical(format!("frame {frame}, {place}"), problem, hint)
+        }
+        other => other,
+    }
+}

@@ -1,0 +1,125 @@
+//! What both integrators share: the settings, the record of one sub-step, its gradients.
+
+use glam::DVec3;
+
+use super::cloth::{Cloth, Stiffness};
+use super::{implicit_euler, linearized_euler};
+use crate::error::Result;
+use crate::math::factor::{Factor, Scratch};
+use crate::scene::Shape;
+
+/// Time integrator.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Integrator {
+    /// One linear solve with the exact Hessian at the start of the step, [`linearized_euler`].
+    LinearizedEuler,
+    /// The minimum of the incremental potential, [`implicit_euler`].
+    ImplicitEuler,
+}
+
+/// How a sub-step is taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StepSettings {
+    /// The integrator.
+    pub integrator: Integrator,
+    /// Length h of the sub-step [s].
+    pub step: f64,
+    /// Factor δ on the velocity before each sub-step.
+    pub damping: f64,
+    /// Newton's method ends when no coordinate moves by more than this [m].
+    pub tolerance: f64,
+    /// Newton's method gives up after this many iterations.
+    pub newton_limit: usize,
+}
+
+/// Position [m] and velocity [m/s] of every vertex, shape [V] each.
+#[derive(Debug, Clone, PartialEq)]
+pub struct State {
+    /// Positions.
+    pub x: Shape,
+    /// Velocities.
+    pub v: Shape,
+}
+
+/// One sub-step, as the adjoint needs it.
+#[derive(Debug, Clone)]
+pub struct StepTape {
+    /// State before the step.
+    pub before: State,
+    /// State after the step.
+    pub after: State,
+    /// Factor of the step's linear system, if it was worth keeping.
+    pub factor: Option<Factor>,
+}
+
+/// ∂L/∂(inputs of a sub-step or rollout).
+#[derive(Debug, Clone, PartialEq)]
+pub struct StepGradients {
+    /// By the positions before.
+    pub x: Shape,
+    /// By the velocities before.
+    pub v: Shape,
+    /// By the external accelerations of this step.
+    pub acceleration: Shape,
+    /// By every element's stiffness, accumulated.
+    pub stiffness: Stiffness,
+    /// By every edge's rest length, accumulated.
+    pub rest_lengths: Vec<f64>,
+}
+
+impl StepGradients {
+    /// Zeros of the right shape; `x` and `v` are the gradients at the end of time.
+    pub fn zeros(cloth: &Cloth) -> Self {
+        let zeros = vec![DVec3::ZERO; cloth.vertex_count()];
+        Self {
+            x: zeros.clone(),
+            v: zeros.clone(),
+            acceleration: zeros,
+            stiffness: Stiffness::uniform(cloth, [0.0; 3]),
+            rest_lengths: vec![0.0; cloth.edges.len()],
+        }
+    }
+}
+
+/// Takes one sub-step under external `acceleration` [m/s²], shape [V].
+///
+/// # Errors
+/// [`crate::Error::Numerical`] if the result is not finite or Newton's method does not end.
+pub fn step(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    stiffness: &Stiffness,
+    before: State,
+    acceleration: &[DVec3],
+    scratch: &mut Scratch,
+) -> Result<StepTape> {
+    match settings.integrator {
+        Integrator::LinearizedEuler => {
+            linearized_euler::step(cloth, settings, stiffness, before, acceleration, scratch)
+        }
+        Integrator::ImplicitEuler => {
+            implicit_euler::step(cloth, settings, stiffness, before, acceleration, scratch)
+        }
+    }
+}
+
+/// Adjoint of [`step`]: on entry `gradients.x` and `.v` are ∂L/∂(state after), on return ∂L/∂(state before);
+/// `.acceleration` is set, `.stiffness` and `.rest_lengths` are added to.
+pub fn step_vjp(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    stiffness: &Stiffness,
+    tape: &StepTape,
+    gradients: &mut StepGradients,
+    scratch: &mut Scratch,
+) {
+    match settings.integrator {
+        Integrator::LinearizedEuler => {
+            linearized_euler::step_vjp(cloth, settings, stiffness, tape, gradients, scratch);
+        }
+        Integrator::ImplicitEuler => {
+            implicit_euler::step_vjp(cloth, settings, stiffness, tape, gradients, scratch);
+        }
+    }
+}
