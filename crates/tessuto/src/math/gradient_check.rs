@@ -14,7 +14,7 @@ pub struct Worst {
 }
 
 /// Compares `gradient` (∂f/∂x, as long as `x`) with central differences of `f` along `directions`
-/// random directions, each at the three steps `step`·{10, 1, 0.1}, and returns the worst direction.
+/// random directions, each at the best of the steps `step`·{10, 3, 1, 0.3, 0.1}, and returns the worst direction.
 ///
 /// # Panics
 /// If the gradient is zero, so that zero never matches zero, or if any value is not finite.
@@ -36,7 +36,7 @@ pub fn check(
         let length = direction.iter().map(|d| d * d).sum::<f64>().sqrt();
         let analytic = direction.iter().zip(gradient).map(|(d, g)| d / length * g).sum::<f64>();
         let mut best = Worst { analytic, numeric: f64::NAN, relative_error: f64::INFINITY };
-        for scale in [10.0, 1.0, 0.1] {
+        for scale in [10.0, 3.0, 1.0, 0.3, 0.1] {
             let h = step * scale;
             let mut moved = |s: f64| {
                 f(&x.iter().zip(&direction).map(|(x, d)| x + s * h * d / length).collect::<Vec<_>>())
