@@ -11,6 +11,7 @@ pub mod io;
 pub mod math;
 pub mod mesh;
 pub mod metrics;
+pub mod motion;
 pub mod raster;
 pub mod scene;
 pub mod sim;

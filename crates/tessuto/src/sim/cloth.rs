@@ -19,7 +19,8 @@ pub struct Edge {
     pub vertices: [u32; 2],
     /// Length without load [m].
     pub rest_length: f64,
-    pair: usize,
+    /// Pattern's pair (second, first end point).
+    pub pair: usize,
 }
 
 /// An angle spring over the path a → o → c.
@@ -82,6 +83,8 @@ pub struct Cloth {
     pub bends: Vec<Hinge>,
     /// Shearing pairs.
     pub shears: Vec<Hinge>,
+    /// Pattern's pairs (corner 1, 0), (2, 0), (2, 1) of every triangle, for terms that act on triangles.
+    pub triangle_pairs: Vec<[usize; 3]>,
     /// Pattern of Hessians and of the systems to solve.
     pub pattern: BlockPattern,
     /// Symbolic factorisation of `pattern`.
@@ -122,14 +125,33 @@ impl Cloth {
                 }
             }
         }
+        let triangle_pairs = template
+            .triangles()
+            .into_iter()
+            .map(|[a, b, c]| {
+                let first = pairs.len();
+                pairs.extend([[b, a], [c, a], [c, b]]);
+                [first, first + 1, first + 2]
+            })
+            .collect();
         let pattern = BlockPattern::new(x.len(), &pairs);
         let analysis = Analysis::new(&pattern);
-        Self { masses, edges, bends, shears, pattern, analysis }
+        Self { masses, edges, bends, shears, triangle_pairs, pattern, analysis }
     }
 
     /// Number of vertices.
     pub fn vertex_count(&self) -> usize {
         self.masses.len()
+    }
+
+    /// Pattern's pair of the edge between two vertices.
+    ///
+    /// # Panics
+    /// If there is no such edge.
+    pub fn edge_pair(&self, [a, b]: [u32; 2]) -> usize {
+        let key = [a.min(b), a.max(b)];
+        let edge = self.edges.binary_search_by(|e| e.vertices.cmp(&key)).expect("an edge of the mesh");
+        self.edges[edge].pair
     }
 
     /// Elastic energy of shape `x` [m].

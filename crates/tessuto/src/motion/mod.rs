@@ -1,0 +1,7 @@
+//! From pixels to motion.
+
+pub mod contour;
+pub mod photometry;
+pub mod pyramid;
+pub mod surface;
+pub mod trajectory;

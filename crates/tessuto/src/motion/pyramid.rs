@@ -1,0 +1,117 @@
+//! Image pyramid of a frame, cleaned of what lies behind the fabric.
+
+use glam::DVec2;
+
+use crate::camera::Camera;
+use crate::scene::Frame;
+
+/// Share of fabric a pixel of the pyramid needs for its colour to count.
+const MIN_COVERAGE: f32 = 0.5;
+
+/// One level: colours averaged over the fabric only, so that the background never bleeds in.
+#[derive(Debug, Clone)]
+pub struct Level {
+    /// Camera of this level.
+    pub camera: Camera,
+    /// sRGB colour and share of fabric, shape [height, width, 4].
+    texels: Vec<[f32; 4]>,
+}
+
+/// Colour at a point of a level with its slope.
+#[derive(Debug, Clone, Copy)]
+pub struct Colour {
+    /// sRGB.
+    pub value: [f32; 3],
+    /// Per pixel of this level, to the right.
+    pub du: [f32; 3],
+    /// Per pixel of this level, downwards.
+    pub dv: [f32; 3],
+}
+
+impl Level {
+    /// Bilinear colour at pixel position `p`; `None` off the image or off the fabric.
+    pub fn sample(&self, p: DVec2) -> Option<Colour> {
+        let (w, h) = (self.camera.width, self.camera.height);
+        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < (w - 1) as f64 && p.y < (h - 1) as f64;
+        if !inside {
+            return None;
+        }
+        let (x, y) = (p.x as usize, p.y as usize);
+        let (s, t) = ((p.x - x as f64) as f32, (p.y - y as f64) as f32);
+        let upper = &self.texels[y * w + x..][..2];
+        let lower = &self.texels[(y + 1) * w + x..][..2];
+        if upper[0][3].min(upper[1][3]).min(lower[0][3]).min(lower[1][3]) < MIN_COVERAGE {
+            return None;
+        }
+        let mut out = Colour { value: [0.0; 3], du: [0.0; 3], dv: [0.0; 3] };
+        for c in 0..3 {
+            let top = upper[1][c] - upper[0][c];
+            let bottom = lower[1][c] - lower[0][c];
+            let left = lower[0][c] - upper[0][c];
+            out.du[c] = top + t * (bottom - top);
+            out.dv[c] = left + s * (lower[1][c] - upper[1][c] - left);
+            out.value[c] = upper[0][c] + s * top + t * out.dv[c];
+        }
+        Some(out)
+    }
+}
+
+/// `count` levels of `frame`, each half the size of the one before; level 0 has the frame's size.
+pub fn pyramid(frame: &Frame, camera: &Camera, count: usize) -> Vec<Level> {
+    let mut camera = *camera;
+    let mut weighted: Vec<[f32; 4]> = frame
+        .rgb
+        .data
+        .chunks_exact(3)
+        .zip(&frame.mask.data)
+        .map(|(c, &m)| [c[0] * m, c[1] * m, c[2] * m, m])
+        .collect();
+    let mut levels = Vec::with_capacity(count);
+    for level in 0..count {
+        if level > 0 {
+            weighted = halved(&weighted, camera.width, camera.height);
+            camera = camera.downsampled(2);
+        }
+        weighted = blurred(&weighted, camera.width, camera.height);
+        let normalised = |t: &[f32; 4]| {
+            let s = 1.0 / t[3].max(1e-6);
+            [t[0] * s, t[1] * s, t[2] * s, t[3]]
+        };
+        levels.push(Level { camera, texels: weighted.iter().map(normalised).collect() });
+    }
+    levels
+}
+
+fn halved(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
+    let (w, h) = (width / 2, height / 2);
+    let mut out = Vec::with_capacity(w * h);
+    for y in 0..h {
+        for x in 0..w {
+            let i = 2 * y * width + 2 * x;
+            let four = [i, i + 1, i + width, i + width + 1];
+            out.push([0, 1, 2, 3].map(|c| four.iter().map(|&i| texels[i][c]).sum::<f32>() * 0.25));
+        }
+    }
+    out
+}
+
+/// Binomial blur (1 2 1)/4 along both axes, the border repeated.
+fn blurred(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
+    let blend = |a: [f32; 4], b: [f32; 4], c: [f32; 4]| {
+        [0, 1, 2, 3].map(|k| 0.25 * a[k] + 0.5 * b[k] + 0.25 * c[k])
+    };
+    let mut rows = vec![[0.0; 4]; texels.len()];
+    for (source, row) in texels.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
+        for x in 0..width {
+            row[x] = blend(source[x.saturating_sub(1)], source[x], source[(x + 1).min(width - 1)]);
+        }
+    }
+    let mut out = vec![[0.0; 4]; texels.len()];
+    for y in 0..height {
+        let (up, down) = (y.saturating_sub(1) * width, (y + 1).min(height - 1) * width);
+        for x in 0..width {
+            out[y * width + x] = blend(rows[up + x], rows[y * width + x], rows[down + x]);
+        }
+    }
+    out
+}

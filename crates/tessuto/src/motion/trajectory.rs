@@ -1,0 +1,472 @@
+//! All frames at once: the shapes that explain the video with the least strain and acceleration.
+//!
+//! Unknowns are the positions x_n of every vertex in every frame n ≥ 1. The objective is
+//!
+//!   Σ_n [ data_n(x_n) + E(x_n) ] + ½ Σ_n κ ‖x_{n+1} − 2 x_n + x_{n−1}‖²,
+//!
+//! with the elastic energy E of the cloth under prior stiffnesses. It is minimised by Gauss-Newton with
+//! Levenberg's damping; the linear systems, block-tridiagonal up to the acceleration term, by conjugate
+//! gradients preconditioned with the Cholesky factor of every frame.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::contour::Contour;
+use super::photometry::{DataTerm, Points, Reference, fit_gain};
+use super::pyramid::{Level, pyramid};
+use super::surface::{EdgePoint, boundary_points, interior_points};
+use crate::error::{Error, Result};
+use crate::math::block_matrix::BlockMatrix;
+use crate::math::dot;
+use crate::math::factor::{Factor, Scratch};
+use crate::scene::{Scene, Shape};
+use crate::sim::{Cloth, Curvature, Stiffness};
+
+/// Strictness of every term. A term with spread σ contributes ½ (residual/σ)².
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrajectorySettings {
+    /// Spread of the strain of an edge.
+    pub strain: f64,
+    /// Spread of the bending angle at a vertex [rad].
+    pub bend: f64,
+    /// Spread of the shearing angle at a vertex [rad].
+    pub shear: f64,
+    /// Spread of the second difference of a vertex between frames [m].
+    pub acceleration: f64,
+    /// Colour differences beyond this count less and less.
+    pub colour: f64,
+    /// Pixels of level 0 whose colours vary together: the colour term is divided by it.
+    pub colour_area: f64,
+    /// Distances of the outline beyond this count less and less [px].
+    pub contour: f64,
+    /// Length of outline [px] whose errors vary together.
+    pub contour_length: f64,
+    /// Smoothness of the brightness field, relative to the data.
+    pub gain_smoothness: f64,
+    /// Coarsest pyramid level.
+    pub coarsest: usize,
+    /// Finest pyramid level.
+    pub finest: usize,
+    /// Iterations over all frames at each level.
+    pub iterations: usize,
+}
+
+impl Default for TrajectorySettings {
+    fn default() -> Self {
+        Self {
+            strain: 0.005,
+            bend: 0.15,
+            shear: 0.1,
+            acceleration: 0.004,
+            colour: 0.1,
+            colour_area: 30.0,
+            contour: 3.0,
+            contour_length: 5.0,
+            gain_smoothness: 1.0,
+            coarsest: 2,
+            finest: 0,
+            iterations: 15,
+        }
+    }
+}
+
+/// Everything about the clip that stays fixed.
+pub struct Problem<'a> {
+    scene: &'a Scene,
+    cloth: &'a Cloth,
+    settings: TrajectorySettings,
+    /// Stiffness of the elastic prior.
+    prior: Stiffness,
+    triangles: Vec<[u32; 3]>,
+    neighbours: Vec<Vec<u32>>,
+    boundary: Vec<EdgePoint>,
+    contours: Vec<Contour>,
+    /// Shape [N][levels].
+    levels: Vec<Vec<Level>>,
+}
+
+/// State of the search at one resolution.
+struct Stage<'p, 'a> {
+    problem: &'p Problem<'a>,
+    level: usize,
+    points: Points<'p>,
+    reference: Reference,
+    /// Brightness, shape [N, V, 3].
+    gains: Vec<Vec<[f32; 3]>>,
+}
+
+/// Gauss-Newton system of one frame.
+struct System {
+    value: f64,
+    gradient: Shape,
+    matrix: BlockMatrix,
+}
+
+impl<'a> Problem<'a> {
+    /// Prepares pyramids and outlines of every frame.
+    pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: TrajectorySettings) -> Self {
+        let per_edge = |e: &crate::sim::cloth::Edge| (e.rest_length * settings.strain).powi(-2);
+        let mut prior = Stiffness::uniform(cloth, [0.0, settings.bend.powi(-2), settings.shear.powi(-2)]);
+        prior.stretch = cloth.edges.iter().map(per_edge).collect();
+        let levels = scene
+            .frames
+            .par_iter()
+            .map(|frame| pyramid(frame, &scene.camera, settings.coarsest + 1))
+            .collect();
+        let contours = scene.frames.par_iter().map(|frame| Contour::new(&frame.mask)).collect();
+        let template = &scene.template;
+        Self {
+            scene,
+            cloth,
+            prior,
+            triangles: template.triangles(),
+            neighbours: template.neighbours(),
+            boundary: boundary_points(template, &template.positions, &scene.camera, 4.0),
+            contours,
+            levels,
+            settings,
+        }
+    }
+
+    fn stage(&self, level: usize) -> Stage<'_, 'a> {
+        let template = &self.scene.template;
+        let camera = &self.levels[0][level].camera;
+        let spacing = if level == 0 { 1.5 } else { 1.0 };
+        let points = interior_points(template, &template.positions, camera, spacing);
+        let points = Points::new(&self.triangles, points, &self.boundary);
+        let gains = vec![vec![[1.0; 3]; template.positions.len()]; self.scene.frames.len()];
+        let mut stage = Stage { problem: self, level, points, reference: Vec::new(), gains };
+        stage.reference = stage.data(0).observe(&stage.points, None, &template.positions);
+        stage
+    }
+
+    /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] if a shape is no longer finite.
+    pub fn track(&self, mut progress: impl FnMut(usize, f64) -> Result<()>) -> Result<Vec<Shape>> {
+        let mut stages: Vec<_> =
+            (self.settings.finest..=self.settings.coarsest).rev().map(|level| self.stage(level)).collect();
+        let mut frames = vec![self.scene.template.positions.clone()];
+        let mut scratch = Scratch::default();
+        for n in 1..self.scene.frames.len() {
+            let last = &frames[n - 1];
+            let predicted: Shape = match n.checked_sub(2) {
+                Some(k) => last.iter().zip(&frames[k]).map(|(x, old)| *x + (*x - *old) * 0.9).collect(),
+                None => last.clone(),
+            };
+            let mut x = predicted.clone();
+            let mut value = 0.0;
+            for stage in &mut stages {
+                let gain = stage.gains[n - 1].clone();
+                stage.gains[n] = gain;
+                (x, value) = stage.fit_frame(n, x, &predicted, &mut scratch)?;
+            }
+            progress(n, value)?;
+            frames.push(x);
+        }
+        Ok(frames)
+    }
+
+    /// Improves all frames together, coarse to fine.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] if the objective is no longer finite.
+    pub fn refine(
+        &self,
+        mut frames: Vec<Shape>,
+        mut progress: impl FnMut(usize, f64) -> Result<()>,
+    ) -> Result<Vec<Shape>> {
+        for level in (self.settings.finest..=self.settings.coarsest).rev() {
+            let mut stage = self.stage(level);
+            let mut damping = 1e-3;
+            for iteration in 0..self.settings.iterations {
+                stage.update_gains(&frames);
+                let (next, value, accepted) = stage.joint_step(&frames, damping);
+                if !value.is_finite() {
+                    return Err(diverged(format!("level {level}, iteration {iteration}"), value));
+                }
+                progress(level, value)?;
+                damping = if accepted { f64::max(damping * 0.3, 1e-6) } else { damping * 8.0 };
+                if accepted {
+                    frames = next;
+                }
+            }
+        }
+        Ok(frames)
+    }
+}
+
+fn diverged(place: String, value: f64) -> Error {
+    Error::numerical(
+        format!("trajectory, {place}"),
+        format!("objective {value}"),
+        "check camera and template with `tessuto check`",
+    )
+}
+
+impl Stage<'_, '_> {
+    fn data(&self, frame: usize) -> DataTerm<'_> {
+        let p = self.problem;
+        let s = &p.settings;
+        DataTerm {
+            level: &p.levels[frame][self.level],
+            scale: (1 << self.level) as f64,
+            contour: &p.contours[frame],
+            camera: &p.scene.camera,
+            colour_sigma: s.colour,
+            contour_sigma: s.contour,
+            colour_weight: 1.0 / (s.colour * s.colour * s.colour_area),
+            contour_weight: 1.0 / (s.contour * s.contour * s.contour_length),
+        }
+    }
+
+    /// Data term and elastic energy of one frame with their Gauss-Newton system.
+    fn linearise(&self, frame: usize, x: &[DVec3]) -> System {
+        let cloth = self.problem.cloth;
+        let data = self.data(frame);
+        let mut matrix = BlockMatrix::zeros(&cloth.pattern);
+        let mut gradient = vec![DVec3::ZERO; x.len()];
+        let mut value = cloth.energy(&self.problem.prior, x).total();
+        cloth.add_gradient(&self.problem.prior, x, 1.0, &mut gradient);
+        cloth.add_hessian(&self.problem.prior, x, Curvature::Projected, 1.0, &mut matrix);
+        let colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
+        for ((local, corners), pairs) in colour.iter().zip(&self.problem.triangles).zip(&cloth.triangle_pairs) {
+            value += local.value;
+            for k in 0..3 {
+                gradient[corners[k] as usize] += local.gradient[k];
+                matrix.add_diagonal(&cloth.pattern, corners[k] as usize, &local.blocks[k]);
+                matrix.add_pair(&cloth.pattern, pairs[k], &local.blocks[3 + k]);
+            }
+        }
+        for (local, point) in data.outline(&self.points, x).iter().zip(&self.problem.boundary) {
+            value += local.value;
+            for k in 0..2 {
+                gradient[point.vertices[k] as usize] += local.gradient[k];
+                matrix.add_diagonal(&cloth.pattern, point.vertices[k] as usize, &local.blocks[k]);
+            }
+            let pair = cloth.edge_pair(point.vertices);
+            matrix.add_pair(&cloth.pattern, pair, &local.blocks[2]);
+        }
+        System { value, gradient, matrix }
+    }
+
+    fn value(&self, frame: usize, x: &[DVec3]) -> f64 {
+        let data = self.data(frame);
+        let colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
+        let outline = data.outline(&self.points, x);
+        self.problem.cloth.energy(&self.problem.prior, x).total()
+            + colour.iter().map(|l| l.value).sum::<f64>()
+            + outline.iter().map(|l| l.value).sum::<f64>()
+    }
+
+    fn update_gain(&mut self, frame: usize, x: &[DVec3]) {
+        let mut gain = std::mem::take(&mut self.gains[frame]);
+        self.fit_gain(frame, x, &mut gain);
+        self.gains[frame] = gain;
+    }
+
+    fn fit_gain(&self, frame: usize, x: &[DVec3], gain: &mut Vec<[f32; 3]>) {
+        let s = &self.problem.settings;
+        let observed = self.data(frame).observe(&self.points, None, x);
+        fit_gain(
+            &self.points,
+            &self.problem.neighbours,
+            &self.reference,
+            &observed,
+            s.gain_smoothness,
+            s.colour,
+            gain,
+        );
+    }
+
+    fn update_gains(&mut self, frames: &[Shape]) {
+        let mut gains = std::mem::take(&mut self.gains);
+        gains.par_iter_mut().zip(frames).enumerate().skip(1).for_each(|(n, (gain, x))| {
+            self.fit_gain(n, x, gain);
+        });
+        self.gains = gains;
+    }
+
+    /// κ of the acceleration term.
+    fn kappa(&self) -> f64 {
+        self.problem.settings.acceleration.powi(-2)
+    }
+
+    /// Fits one frame with a pull towards its prediction.
+    fn fit_frame(
+        &mut self,
+        frame: usize,
+        mut x: Shape,
+        predicted: &[DVec3],
+        scratch: &mut Scratch,
+    ) -> Result<(Shape, f64)> {
+        let cloth = self.problem.cloth;
+        let kappa = self.kappa();
+        let prior = |x: &[DVec3]| -> f64 {
+            0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
+        };
+        let ones = vec![1.0; x.len()];
+        let (mut damping, mut value) = (1e-3, f64::INFINITY);
+        for _ in 0..self.problem.settings.iterations.min(8) {
+            self.update_gain(frame, &x);
+            let system = self.linearise(frame, &x);
+            value = system.value + prior(&x);
+            if !value.is_finite() {
+                return Err(diverged(format!("frame {frame}"), value));
+            }
+            let gradient: Shape =
+                (0..x.len()).map(|i| system.gradient[i] + (x[i] - predicted[i]) * kappa).collect();
+            for _ in 0..6 {
+                let mut matrix = system.matrix.clone();
+                matrix.add_masses(&cloth.pattern, &ones, kappa * (1.0 + damping));
+                let factor = factor(cloth, &matrix, scratch);
+                let step = cloth.analysis.solve(&cloth.pattern, &factor, &gradient, scratch);
+                let next: Shape = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
+                let next_value = self.value(frame, &next) + prior(&next);
+                if next_value <= value {
+                    let moved = step.iter().fold(0.0, |m: f64, s| m.max(s.length()));
+                    (x, value, damping) = (next, next_value, damping * 0.3);
+                    if moved < 2e-5 {
+                        return Ok((x, value));
+                    }
+                    break;
+                }
+                damping = (damping * 10.0).max(1e-2);
+            }
+        }
+        Ok((x, value))
+    }
+
+    /// Sum of squared second differences times ½ κ.
+    fn acceleration_value(&self, frames: &[Shape]) -> f64 {
+        let sum: f64 = second_differences(frames).iter().map(|a| dot(a, a)).sum();
+        0.5 * self.kappa() * sum
+    }
+
+    /// One damped Gauss-Newton step on all frames: (new frames, old objective, whether it helps).
+    fn joint_step(&self, frames: &[Shape], damping: f64) -> (Vec<Shape>, f64, bool) {
+        let cloth = self.problem.cloth;
+        let kappa = self.kappa();
+        let systems: Vec<System> =
+            frames.par_iter().enumerate().skip(1).map(|(n, x)| self.linearise(n, x)).collect();
+        let value =
+            systems.iter().map(|s| s.value).sum::<f64>() + self.acceleration_value(frames);
+        let bent = second_differences_transposed(&second_differences(frames), frames.len());
+        let gradient: Vec<Shape> = systems
+            .iter()
+            .zip(&bent[1..])
+            .map(|(s, b)| s.gradient.iter().zip(b).map(|(g, b)| *g + *b * kappa).collect())
+            .collect();
+        let ones = vec![1.0; cloth.vertex_count()];
+        let factors: Vec<Factor> = systems
+            .par_iter()
+            .map_init(Scratch::default, |scratch, s| {
+                let mut matrix = s.matrix.clone();
+                matrix.add_masses(&cloth.pattern, &ones, kappa * (6.0 + damping));
+                factor(cloth, &matrix, scratch)
+            })
+            .collect();
+        let step = self.conjugate_gradients(&systems, &factors, &gradient, damping);
+        let mut next = frames.to_vec();
+        for (x, s) in next[1..].iter_mut().zip(&step) {
+            x.iter_mut().zip(s).for_each(|(x, s)| *x -= *s);
+        }
+        let next_value = next.par_iter().enumerate().skip(1).map(|(n, x)| self.value(n, x)).collect::<Vec<_>>();
+        let next_value = next_value.iter().sum::<f64>() + self.acceleration_value(&next);
+        (next, value, next_value <= value)
+    }
+
+    /// Solves (H + κ DᵀD + κ·damping) s = gradient over the frames 1…N−1.
+    fn conjugate_gradients(
+        &self,
+        systems: &[System],
+        factors: &[Factor],
+        gradient: &[Shape],
+        damping: f64,
+    ) -> Vec<Shape> {
+        let cloth = self.problem.cloth;
+        let kappa = self.kappa();
+        let multiply = |p: &[Shape]| -> Vec<Shape> {
+            let mut padded = vec![vec![DVec3::ZERO; cloth.vertex_count()]];
+            padded.extend_from_slice(p);
+            let bent = second_differences_transposed(&second_differences(&padded), padded.len());
+            (0..p.len())
+                .into_par_iter()
+                .map(|n| {
+                    let mut out = systems[n].matrix.multiply(&cloth.pattern, &p[n]);
+                    for (i, out) in out.iter_mut().enumerate() {
+                        *out += (bent[n + 1][i] + p[n][i] * damping) * kappa;
+                    }
+                    out
+                })
+                .collect()
+        };
+        let precondition = |r: &[Shape]| -> Vec<Shape> {
+            r.par_iter()
+                .zip(factors)
+                .map_init(Scratch::default, |scratch, (r, f)| {
+                    cloth.analysis.solve(&cloth.pattern, f, r, scratch)
+                })
+                .collect()
+        };
+        let product = |a: &[Shape], b: &[Shape]| a.iter().zip(b).map(|(a, b)| dot(a, b)).sum::<f64>();
+        let axpy = |y: &mut [Shape], s: f64, x: &[Shape]| {
+            for (y, x) in y.iter_mut().zip(x) {
+                y.iter_mut().zip(x).for_each(|(y, x)| *y += *x * s);
+            }
+        };
+        let mut x: Vec<Shape> = vec![vec![DVec3::ZERO; cloth.vertex_count()]; gradient.len()];
+        let mut r = gradient.to_vec();
+        let mut z = precondition(&r);
+        let mut p = z.clone();
+        let mut rz = product(&r, &z);
+        let target = rz * 1e-4;
+        for _ in 0..60 {
+            if rz <= target {
+                break;
+            }
+            let ap = multiply(&p);
+            let alpha = rz / product(&p, &ap);
+            axpy(&mut x, alpha, &p);
+            axpy(&mut r, -alpha, &ap);
+            z = precondition(&r);
+            let next = product(&r, &z);
+            let beta = next / rz;
+            rz = next;
+            for (p, z) in p.iter_mut().zip(&z) {
+                p.iter_mut().zip(z).for_each(|(p, z)| *p = *z + *p * beta);
+            }
+        }
+        x
+    }
+}
+
+/// Cholesky factor; Gauss-Newton matrices are positive definite by construction.
+fn factor(cloth: &Cloth, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
+    cloth
+        .analysis
+        .definite(&cloth.pattern, matrix, None, scratch)
+        .unwrap_or_else(|| cloth.analysis.indefinite(&cloth.pattern, matrix, scratch))
+}
+
+/// x_{n+1} − 2 x_n + x_{n−1} for n = 1 … N−2, shape [N−2, V].
+fn second_differences(frames: &[Shape]) -> Vec<Shape> {
+    let of = |w: &[Shape]| (0..w[0].len()).map(|i| w[2][i] - w[1][i] * 2.0 + w[0][i]).collect();
+    frames.windows(3).map(of).collect()
+}
+
+/// Transpose of [`second_differences`], shape [N, V].
+fn second_differences_transposed(differences: &[Shape], frame_count: usize) -> Vec<Shape> {
+    let vertex_count = differences.first().map_or(0, Vec::len);
+    let mut out = vec![vec![DVec3::ZERO; vertex_count]; frame_count];
+    for (n, a) in differences.iter().enumerate() {
+        for (i, a) in a.iter().enumerate() {
+            out[n][i] += *a;
+            out[n + 1][i] -= *a * 2.0;
+            out[n + 2][i] += *a;
+        }
+    }
+    out
+}
