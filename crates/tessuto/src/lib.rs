@@ -5,6 +5,7 @@
 //! sRGB-encoded colour in [0, 1].
 
 pub mod camera;
+//pub mod config;
 pub mod error;
 pub mod image;
 pub mod io;
@@ -12,12 +13,16 @@ pub mod math;
 pub mod mesh;
 pub mod metrics;
 pub mod motion;
+pub mod optim;
 pub mod raster;
+//pub mod reconstruct;
 pub mod scene;
 pub mod sim;
 
+//pub use config::Config;
 pub use camera::{Camera, Rect};
 pub use error::{Error, Result};
 pub use image::Image;
 pub use mesh::Mesh;
+//pub use reconstruct::{Reconstruction, reconstruct};
 pub use scene::{Frame, Scene, Shape, Truth};

@@ -22,3 +22,8 @@ pub fn flat(field: &[DVec3]) -> &[f64] {
 pub fn vectors(numbers: &[f64]) -> Vec<DVec3> {
     numbers.chunks_exact(3).map(DVec3::from_slice).collect()
 }
+
+/// Whether every number is finite.
+pub fn finite(numbers: &[f64]) -> bool {
+    numbers.iter().all(|x| x.is_finite())
+}

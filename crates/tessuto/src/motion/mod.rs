@@ -1,7 +1,12 @@
 //! From pixels to motion.
 
 pub mod contour;
+//pub mod loss;
 pub mod photometry;
+pub mod progress;
 pub mod pyramid;
+//pub mod rollout_fit;
 pub mod surface;
+//pub mod texture_fit;
+//pub mod tied_simulation;
 pub mod trajectory;

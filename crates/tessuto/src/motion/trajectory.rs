@@ -12,6 +12,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::contour::Contour;
+use super::progress::{Epoch, Observer};
 use super::photometry::{DataTerm, Points, Reference, fit_gain};
 use super::pyramid::{Level, pyramid};
 use super::surface::{EdgePoint, boundary_points, interior_points};
@@ -144,8 +145,8 @@ impl<'a> Problem<'a> {
     /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if a shape is no longer finite.
-    pub fn track(&self, mut progress: impl FnMut(usize, f64) -> Result<()>) -> Result<Vec<Shape>> {
+    /// [`Error::Numerical`] if a shape is no longer finite; what `observer` returns.
+    pub fn track(&self, observer: &mut Observer) -> Result<Vec<Shape>> {
         let mut stages: Vec<_> =
             (self.settings.finest..=self.settings.coarsest).rev().map(|level| self.stage(level)).collect();
         let mut frames = vec![self.scene.template.positions.clone()];
@@ -163,7 +164,14 @@ impl<'a> Problem<'a> {
                 stage.gains[n] = gain;
                 (x, value) = stage.fit_frame(n, x, &predicted, &mut scratch)?;
             }
-            progress(n, value)?;
+            observer(&Epoch {
+                stage: "track",
+                step: n,
+                of: self.scene.frames.len() - 1,
+                active_frames: n + 1,
+                losses: vec![("total", value)],
+                parameters: Vec::new(),
+            })?;
             frames.push(x);
         }
         Ok(frames)
@@ -172,12 +180,10 @@ impl<'a> Problem<'a> {
     /// Improves all frames together, coarse to fine.
     ///
     /// # Errors
-    /// [`Error::Numerical`] if the objective is no longer finite.
-    pub fn refine(
-        &self,
-        mut frames: Vec<Shape>,
-        mut progress: impl FnMut(usize, f64) -> Result<()>,
-    ) -> Result<Vec<Shape>> {
+    /// [`Error::Numerical`] if the objective is no longer finite; what `observer` returns.
+    pub fn refine(&self, mut frames: Vec<Shape>, observer: &mut Observer) -> Result<Vec<Shape>> {
+        let levels = self.settings.coarsest + 1 - self.settings.finest;
+        let mut steps = 0;
         for level in (self.settings.finest..=self.settings.coarsest).rev() {
             let mut stage = self.stage(level);
             let mut damping = 1e-3;
@@ -187,7 +193,15 @@ impl<'a> Problem<'a> {
                 if !value.is_finite() {
                     return Err(diverged(format!("level {level}, iteration {iteration}"), value));
                 }
-                progress(level, value)?;
+                steps += 1;
+                observer(&Epoch {
+                    stage: "refine",
+                    step: steps,
+                    of: levels * self.settings.iterations,
+                    active_frames: frames.len(),
+                    losses: vec![("total", value)],
+                    parameters: vec![("level", level as f64)],
+                })?;
                 damping = if accepted { f64::max(damping * 0.3, 1e-6) } else { damping * 8.0 };
                 if accepted {
                     frames = next;

@@ -1,0 +1,406 @@
+//! Motion by simulation: forces and stiffnesses are optimised until the simulated, rendered cloth looks
+//! like the video. Every epoch is one rollout, one adjoint and one step of every group of parameters.
+//!
+//! Source: [SAFT] §1.3-1.4, §2.2-2.3 and Table 1.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::loss::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
+use super::progress::{Epoch, Observer};
+use crate::error::{Error, Result};
+use crate::math::{finite, vectors};
+use crate::optim::{Adam, GradientClip};
+use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
+use crate::scene::{Scene, Shape};
+use crate::sim::{
+    Cloth, Drive, DriveGradients, Forces, Rollout, State, StepSettings, Stiffness, rollout, rollout_vjp,
+};
+
+/// One uniform stiffness: start and bounds as log10.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StiffnessRange {
+    /// log10 of the start.
+    pub start: f64,
+    /// log10 of the lower bound.
+    pub low: f64,
+    /// log10 of the upper bound.
+    pub high: f64,
+}
+
+/// Settings of the rollout fit.
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RolloutSettings {
+    /// Frames of the first epochs.
+    pub first_frames: usize,
+    /// Epochs until the next frame joins.
+    pub epochs_per_frame: usize,
+    /// Epochs after the last frame joined.
+    pub last_epochs: usize,
+    /// Weights of the losses.
+    pub weights: LossWeights,
+    /// Use the view rays of the first frame throughout.
+    pub frozen_rays: bool,
+    /// Optimise the stiffnesses.
+    pub optimise_material: bool,
+    /// Learning rate of the log10 stiffnesses.
+    pub stiffness_rate: f64,
+    /// Learning rate of C.
+    pub constant_rate: f64,
+    /// Learning rate of D.
+    pub dynamic_rate: f64,
+    /// Fixed limit of every group's gradient norm.
+    pub clip_limit: f64,
+    /// Quantile of the recent norms that limits the next one.
+    pub clip_quantile: f64,
+    /// How many norms are recent.
+    pub clip_history: usize,
+    /// One entry of D for every sub-step instead of every frame.
+    pub force_per_substep: bool,
+    /// Failed epochs (not finite) in a row after which the fit stops with the best state.
+    pub patience: usize,
+}
+
+impl Default for RolloutSettings {
+    fn default() -> Self {
+        Self {
+            first_frames: 2,
+            epochs_per_frame: 5,
+            last_epochs: 15,
+            weights: LossWeights {
+                colour: 1.0,
+                silhouette: 0.2,
+                energy: 2.0,
+                force: 2e-4,
+                force_smoothness: 0.0,
+            },
+            frozen_rays: false,
+            optimise_material: true,
+            stiffness_rate: 0.02,
+            constant_rate: 0.1,
+            dynamic_rate: 0.2,
+            clip_limit: 1000.0,
+            clip_quantile: 0.75,
+            clip_history: 11,
+            force_per_substep: false,
+            patience: 10,
+        }
+    }
+}
+
+/// How the cloth moves: integrator, sub-steps and stiffnesses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dynamics {
+    /// The integrator and its step.
+    pub step: StepSettings,
+    /// Sub-steps per frame.
+    pub substeps: usize,
+    /// Stretch, bend and shear stiffness.
+    pub stiffness: [StiffnessRange; 3],
+}
+
+/// What moves the cloth.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Parameters {
+    /// log10 of stretch [N/m], bend [J/rad²], shear [J/rad²].
+    pub log_stiffness: [f64; 3],
+    /// External accelerations.
+    pub forces: Forces,
+}
+
+impl Parameters {
+    /// Stretch [N/m], bend [J/rad²], shear [J/rad²].
+    pub fn stiffness(&self) -> [f64; 3] {
+        self.log_stiffness.map(|k| 10f64.powf(k))
+    }
+}
+
+/// What the fit looks at.
+pub struct RolloutFit<'a> {
+    /// The video.
+    pub scene: &'a Scene,
+    /// The cloth.
+    pub cloth: &'a Cloth,
+    /// Renderer of the template.
+    pub rasterizer: &'a Rasterizer,
+    /// The cloth's texture.
+    pub texture: &'a Texture,
+    /// The dynamics.
+    pub dynamics: Dynamics,
+    /// Settings.
+    pub settings: &'a RolloutSettings,
+}
+
+/// Loss of an epoch with its gradients.
+#[derive(Debug)]
+pub struct LossAndGradients {
+    /// Unweighted losses.
+    pub losses: Losses,
+    /// Weighted sum.
+    pub total: f64,
+    /// ∂total/∂log10 stiffness.
+    pub log_stiffness: [f64; 3],
+    /// ∂total/∂C.
+    pub constant: DVec3,
+    /// ∂total/∂D.
+    pub dynamic: Vec<Shape>,
+}
+
+/// One group of parameters: its clipping and its Adam state.
+struct Group {
+    clip: GradientClip,
+    adam: Adam,
+}
+
+impl Group {
+    fn new(settings: &RolloutSettings, len: usize, rate: f64) -> Self {
+        let clip = GradientClip::new(settings.clip_limit, settings.clip_quantile, settings.clip_history);
+        Self { clip, adam: Adam::new(len, rate) }
+    }
+
+    fn step(&mut self, parameters: &mut [f64], gradient: &mut [f64]) {
+        self.clip.clip(gradient);
+        self.adam.step(parameters, gradient);
+    }
+}
+
+impl RolloutFit<'_> {
+    /// Start of Table 1: prior stiffnesses, C = 1 m/s² downwards, D = 0.
+    pub fn start(&self) -> Parameters {
+        let parts = if self.settings.force_per_substep { self.dynamics.substeps } else { 1 };
+        let mut forces = Forces::zeros(self.scene.frames.len(), parts, self.cloth.vertex_count());
+        forces.constant = DVec3::Y;
+        Parameters { log_stiffness: self.dynamics.stiffness.map(|k| k.start), forces }
+    }
+
+    /// Number of epochs of the whole fit.
+    pub fn epoch_count(&self) -> usize {
+        let s = self.settings;
+        self.scene.frames.len().saturating_sub(s.first_frames) * s.epochs_per_frame + s.last_epochs
+    }
+
+    fn active_frames(&self, epoch: usize) -> usize {
+        let s = self.settings;
+        (s.first_frames + epoch / s.epochs_per_frame).min(self.scene.frames.len())
+    }
+
+    /// Runs all epochs from `parameters`; returns the last parameters, or, if the fit diverged, the last
+    /// ones with a finite loss together with the failure.
+    ///
+    /// # Errors
+    /// What `observer` returns.
+    pub fn run(
+        &self,
+        mut parameters: Parameters,
+        observer: &mut Observer,
+    ) -> Result<(Parameters, Option<Error>)> {
+        let s = self.settings;
+        let mut stiffness_groups = [(); 3].map(|()| Group::new(s, 1, s.stiffness_rate));
+        let mut constant_group = Group::new(s, 3, s.constant_rate);
+        let dynamic_len = 3 * self.cloth.vertex_count() * parameters.forces.dynamic.len();
+        let mut dynamic_group = Group::new(s, dynamic_len, s.dynamic_rate);
+        let mut good = parameters.clone();
+        let mut failures = 0;
+        for epoch in 0..self.epoch_count() {
+            let active = self.active_frames(epoch);
+            self.move_mean_to_constant(&mut parameters.forces, active);
+            let result = self.loss_and_gradients(&parameters, active);
+            let gradients = match result {
+                Ok(g) if g.total.is_finite() => g,
+                failed => {
+                    // Go back to the last good parameters; the optimiser's memory damps the next step.
+                    failures += 1;
+                    parameters = good.clone();
+                    if failures > s.patience {
+                        return Ok((good, Some(divergence(epoch, failed.err()))));
+                    }
+                    continue;
+                }
+            };
+            failures = 0;
+            good.clone_from(&parameters);
+            // Dividing by the loss makes the step free of its scale.
+            let scale = 1.0 / gradients.total;
+            if s.optimise_material {
+                for (k, group) in stiffness_groups.iter_mut().enumerate() {
+                    let range = self.dynamics.stiffness[k];
+                    let value = std::slice::from_mut(&mut parameters.log_stiffness[k]);
+                    group.step(value, &mut [gradients.log_stiffness[k] * scale]);
+                    value[0] = value[0].clamp(range.low, range.high);
+                }
+            }
+            let mut constant = parameters.forces.constant.to_array();
+            constant_group.step(&mut constant, &mut (gradients.constant * scale).to_array());
+            parameters.forces.constant = DVec3::from_array(constant);
+            let flat = |shapes: &[Shape]| -> Vec<f64> { shapes.iter().flatten().flat_map(|v| v.to_array()).collect() };
+            let mut dynamic = flat(&parameters.forces.dynamic);
+            let mut gradient = flat(&gradients.dynamic);
+            gradient.iter_mut().for_each(|g| *g *= scale);
+            dynamic_group.step(&mut dynamic, &mut gradient);
+            parameters.forces.dynamic =
+                dynamic.chunks_exact(3 * self.cloth.vertex_count()).map(vectors).collect();
+            observer(&self.epoch_record(epoch, active, &gradients, &good))?;
+        }
+        // The last step was not looked at yet.
+        match self.loss_and_gradients(&parameters, self.scene.frames.len()) {
+            Ok(g) if g.total.is_finite() => Ok((parameters, None)),
+            _ => Ok((good, None)),
+        }
+    }
+
+    fn epoch_record(
+        &self,
+        epoch: usize,
+        active: usize,
+        gradients: &LossAndGradients,
+        parameters: &Parameters,
+    ) -> Epoch {
+        let (l, k, c) = (&gradients.losses, parameters.stiffness(), parameters.forces.constant);
+        Epoch {
+            stage: "rollout",
+            step: epoch + 1,
+            of: self.epoch_count(),
+            active_frames: active,
+            losses: vec![
+                ("total", gradients.total),
+                ("colour", l.colour),
+                ("silhouette", l.silhouette),
+                ("energy", l.energy),
+                ("force", l.force),
+            ],
+            parameters: vec![
+                ("stretch", k[0]),
+                ("bend", k[1]),
+                ("shear", k[2]),
+                ("constant_x", c.x),
+                ("constant_y", c.y),
+                ("constant_z", c.z),
+            ],
+        }
+    }
+
+    /// Moves the mean of D over the active entries and the vertices into C; the sum C + D stays for these.
+    fn move_mean_to_constant(&self, forces: &mut Forces, active: usize) {
+        let entries = (active - 1) * forces.parts;
+        let count = (entries * self.cloth.vertex_count()) as f64;
+        let mean = forces.dynamic[..entries].iter().flatten().copied().sum::<DVec3>() / count;
+        forces.constant += mean;
+        forces.dynamic[..entries].iter_mut().flatten().for_each(|d| *d -= mean);
+    }
+
+    /// Simulates `frame_count` frames with `parameters`.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] from the simulation.
+    pub fn simulate(&self, parameters: &Parameters, frame_count: usize) -> Result<Rollout> {
+        let initial = at_rest(&self.scene.template.positions);
+        let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
+        let drive = Drive { initial: &initial, forces: &parameters.forces, stiffness: &stiffness };
+        rollout(self.cloth, &self.dynamics.step, self.dynamics.substeps, frame_count, &drive)
+    }
+
+    /// The losses over the first `active` frames and their gradients.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] from the simulation.
+    pub fn loss_and_gradients(&self, parameters: &Parameters, active: usize) -> Result<LossAndGradients> {
+        let s = self.settings;
+        let motion = self.simulate(parameters, active)?;
+        let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
+        let share = 1.0 / active as f64;
+        let frames: Vec<FrameLoss> = motion
+            .frames
+            .par_iter()
+            .zip(&self.scene.frames)
+            .map_init(FrameScratch::default, |scratch, (x, frame)| {
+                self.frame_loss(scratch, x, frame, &stiffness, share)
+            })
+            .collect();
+        let mut losses = Losses::default();
+        for f in &frames {
+            losses.colour += f.colour * share;
+            losses.silhouette += f.silhouette * share;
+            losses.energy += f.energy * share;
+        }
+        let grad_frames: Vec<Shape> = frames.into_iter().map(|f| f.gradient).collect();
+
+        let initial = at_rest(&self.scene.template.positions);
+        let drive = Drive { initial: &initial, forces: &parameters.forces, stiffness: &stiffness };
+        let DriveGradients { mut constant, mut dynamic, stiffness: by_stiffness, .. } =
+            rollout_vjp(self.cloth, &self.dynamics.step, &drive, &motion, &grad_frames);
+
+        let entries = (active - 1) * parameters.forces.parts;
+        let rays: Vec<Shape> = match s.frozen_rays {
+            true => vec![view_rays(&motion.frames[0])],
+            false => motion.frames[..active - 1].iter().map(|x| view_rays(x)).collect(),
+        };
+        let of_entry: Vec<&Shape> =
+            (0..entries).map(|k| &rays[(k / parameters.forces.parts).min(rays.len() - 1)]).collect();
+        let f = &parameters.forces;
+        losses.force =
+            force_across_rays(f, entries, &of_entry, s.weights.force, &mut constant, &mut dynamic);
+        losses.force_smoothness = force_changes(f, entries, s.weights.force_smoothness, &mut dynamic);
+        let total = losses.total(&s.weights);
+        let log_stiffness = by_stiffness.grad_log10(parameters.stiffness());
+        if !finite(&log_stiffness) || !constant.is_finite() {
+            return Err(Error::numerical("adjoint", "a gradient is not finite", "lower the learning rates"));
+        }
+        Ok(LossAndGradients { losses, total, log_stiffness, constant, dynamic })
+    }
+
+    fn frame_loss(
+        &self,
+        scratch: &mut FrameScratch,
+        x: &Shape,
+        frame: &crate::scene::Frame,
+        stiffness: &Stiffness,
+        share: f64,
+    ) -> FrameLoss {
+        let (camera, weights) = (&self.scene.camera, &self.settings.weights);
+        let mut gradients = Gradients::new(x.len());
+        self.rasterizer.render(camera, x, self.texture, &mut scratch.rendering);
+        let [colour, silhouette] =
+            image_loss(&scratch.rendering.rgba, frame, weights, share, &mut scratch.grad_rgba);
+        self.rasterizer.render_vjp(
+            camera,
+            x,
+            self.texture,
+            &scratch.rendering,
+            &scratch.grad_rgba,
+            None,
+            &mut gradients,
+        );
+        let mut gradient = gradients.positions;
+        self.cloth.add_gradient(stiffness, x, weights.energy * share, &mut gradient);
+        FrameLoss { colour, silhouette, energy: self.cloth.energy(stiffness, x).total(), gradient }
+    }
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+struct FrameScratch {
+    rendering: Rendering,
+    grad_rgba: Vec<[f32; 4]>,
+}
+
+struct FrameLoss {
+    colour: f64,
+    silhouette: f64,
+    energy: f64,
+    gradient: Shape,
+}
+
+fn at_rest(x: &[DVec3]) -> State {
+    State { x: x.to_vec(), v: vec![DVec3::ZERO; x.len()] }
+}
+
+fn divergence(epoch: usize, cause: Option<Error>) -> Error {
+    let problem = cause.map_or("the loss is not finite".to_owned(), |e| e.to_string());
+    Error::numerical(
+        format!("rollout fit, epoch {}", epoch + 1),
+        problem,
+        "the best state so far was kept; try --set integrator=implicit_euler or lower learning rates",
+    )
+}
