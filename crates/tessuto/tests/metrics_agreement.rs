@@ -12,8 +12,11 @@ fn means(name: &str, moving: bool) -> Option<Metrics> {
     let inputs =
         Inputs { template: &data.template, camera: &data.camera, truth: &data.truth, first_frame: 0 };
     let frames = data.truth.points.as_ref().unwrap().len();
-    let motion =
-        if moving { wave(&data.template.positions, frames) } else { vec![data.template.positions.clone(); frames] };
+    let motion = if moving {
+        wave(&data.template.positions, frames)
+    } else {
+        vec![data.template.positions.clone(); frames]
+    };
     let start = std::time::Instant::now();
     let evaluation = evaluate(&inputs, &motion, 0..frames, 0).unwrap();
     println!("{name}: {frames} frames in {:.2} s", start.elapsed().as_secs_f64());
@@ -35,5 +38,15 @@ fn agrees(name: &str, moving: bool, expected: [Option<f64>; 6]) {
 
 #[test]
 fn still_template_of_the_real_recording() {
-    agrees("R1", false, [8.74e-2, 8.41e-3, 8.41e-2, 8.08e-3, 4.62e-2].map(Some).into_iter().chain([None]).collect::<Vec<_>>().try_into().unwrap());
+    agrees(
+        "R1",
+        false,
+        [8.74e-2, 8.41e-3, 8.41e-2, 8.08e-3, 4.62e-2]
+            .map(Some)
+            .into_iter()
+            .chain([None])
+            .collect::<Vec<_>>()
+            .try_into()
+            .unwrap(),
+    );
 }

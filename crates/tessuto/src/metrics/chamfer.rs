@@ -34,12 +34,7 @@ pub fn sample(positions: &[DVec3], triangles: &[[u32; 3]], count: usize, rng: &m
 
 /// Squared distance [m²] from each point of `from` to the nearest of `to`. Shape [from].
 pub fn nearest_squared(from: &[DVec3], to: &[DVec3]) -> Vec<f64> {
-    let tree = tree(to);
+    let to: Vec<[f64; 3]> = to.iter().map(DVec3::to_array).collect();
+    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&to);
     from.iter().map(|p| tree.nearest_one::<SquaredEuclidean>(&p.to_array()).distance).collect()
-}
-
-/// Search tree over `points`; items are their indices.
-pub(super) fn tree(points: &[DVec3]) -> ImmutableKdTree<f64, 3> {
-    let points: Vec<[f64; 3]> = points.iter().map(DVec3::to_array).collect();
-    ImmutableKdTree::new_from_slice(&points)
 }

@@ -1,6 +1,7 @@
 //! How far a motion is from what is known of the true one: Chamfer distance, point-to-surface
 //! distance, depth difference and vertex distance, per frame and as means over the frames.
 
+mod boxes;
 pub mod chamfer;
 pub mod depth;
 mod frame;
@@ -90,7 +91,11 @@ pub const QUANTITIES: [Quantity; 8] = [
     Quantity { key: "p2s1", label: "point to surface, L1", unit: "m" },
     Quantity { key: "p2s2", label: "point to surface, L2", unit: "m²" },
     Quantity { key: "p2s1_published", label: "point to surface, L1, published variant (inexact)", unit: "m" },
-    Quantity { key: "p2s2_published", label: "point to surface, L2, published variant (inexact)", unit: "m²" },
+    Quantity {
+        key: "p2s2_published",
+        label: "point to surface, L2, published variant (inexact)",
+        unit: "m²",
+    },
     Quantity { key: "depth", label: "depth difference", unit: "m" },
     Quantity { key: "vertex", label: "distance of corresponding vertices", unit: "m" },
 ];
@@ -187,7 +192,10 @@ fn validate(inputs: &Inputs, motion: &[Shape], range: &Range<usize>) -> Result<(
             "choose a range A..B with A < B inside the motion",
         ));
     }
-    let lengths = [("gt/points", truth.points.as_ref().map(Vec::len)), ("gt/vertices.npy", truth.vertices.as_ref().map(Vec::len))];
+    let lengths = [
+        ("gt/points", truth.points.as_ref().map(Vec::len)),
+        ("gt/vertices.npy", truth.vertices.as_ref().map(Vec::len)),
+    ];
     for (name, length) in lengths {
         if let Some(length) = length.filter(|l| *l != motion.len()) {
             return Err(Error::input(
@@ -210,7 +218,11 @@ fn validate(inputs: &Inputs, motion: &[Shape], range: &Range<usize>) -> Result<(
             return Err(Error::input(place, problem, "remove such points from the file"));
         }
         if points.is_empty() {
-            return Err(Error::input(place, "there are no points", "choose frames that have points with --frames"));
+            return Err(Error::input(
+                place,
+                "there are no points",
+                "choose frames that have points with --frames",
+            ));
         }
     }
     let area = template.area();

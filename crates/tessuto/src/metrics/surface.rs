@@ -1,9 +1,8 @@
 //! Exact distance between points and triangles.
 
 use glam::DVec3;
-use kiddo::SquaredEuclidean;
 
-use super::chamfer::tree;
+use super::boxes::{Bounds, BoxTree};
 
 /// Squared distance [m²] of `p` to the triangle `[a, b, c]`, all [m]. A triangle without area is
 /// its edges.
@@ -31,62 +30,19 @@ pub fn point_segment_squared(p: DVec3, a: DVec3, b: DVec3) -> f64 {
 }
 
 /// Squared distances [m²] of each point to the nearest triangle, shape [P], and of each triangle
-/// to the nearest point, shape [T].
-///
-/// Exact: a triangle of radius r around its centre c is at least |p − c| − r away from p, so
-/// everything that can be nearer than the first candidate lies in a ball around p (or c).
+/// to the nearest point, shape [T]. Exact.
 pub fn distances_squared(points: &[DVec3], positions: &[DVec3], triangles: &[[u32; 3]]) -> [Vec<f64>; 2] {
-    let corners: Vec<[DVec3; 3]> =
-        triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect();
-    let centres: Vec<DVec3> = corners.iter().map(|[a, b, c]| (*a + *b + *c) / 3.0).collect();
-    let radii: Vec<f64> = corners
-        .iter()
-        .zip(&centres)
-        .map(|(t, m)| t.iter().map(|x| x.distance(*m)).fold(0.0, f64::max))
-        .collect();
-    [to_triangles(points, &corners, &centres, &radii), to_points(points, &corners, &centres, &radii)]
-}
-
-fn to_triangles(points: &[DVec3], corners: &[[DVec3; 3]], centres: &[DVec3], radii: &[f64]) -> Vec<f64> {
-    let tree = tree(centres);
-    let widest = radii.iter().copied().fold(0.0, f64::max);
-    let nearest = |p: &DVec3| {
-        let query = p.to_array();
-        let first = tree.nearest_one::<SquaredEuclidean>(&query).item as usize;
-        let mut best = point_triangle_squared(*p, corners[first]);
-        let mut distance = best.sqrt();
-        for candidate in tree.within_unsorted::<SquaredEuclidean>(&query, grown(distance + widest)) {
-            let k = candidate.item as usize;
-            let bound = distance + radii[k];
-            if candidate.distance < bound * bound {
-                best = best.min(point_triangle_squared(*p, corners[k]));
-                distance = best.sqrt();
-            }
-        }
-        best
-    };
-    points.iter().map(nearest).collect()
-}
-
-fn to_points(points: &[DVec3], corners: &[[DVec3; 3]], centres: &[DVec3], radii: &[f64]) -> Vec<f64> {
-    let tree = tree(points);
-    let nearest = |k: usize| {
-        let query = centres[k].to_array();
-        let first = tree.nearest_one::<SquaredEuclidean>(&query).item as usize;
-        let mut best = point_triangle_squared(points[first], corners[k]);
-        let mut bound = best.sqrt() + radii[k];
-        for candidate in tree.within_unsorted::<SquaredEuclidean>(&query, grown(bound)) {
-            if candidate.distance < bound * bound {
-                best = best.min(point_triangle_squared(points[candidate.item as usize], corners[k]));
-                bound = best.sqrt() + radii[k];
-            }
-        }
-        best
-    };
-    (0..corners.len()).map(nearest).collect()
-}
-
-/// Square of `radius` with room for rounding.
-fn grown(radius: f64) -> f64 {
-    radius * radius * (1.0 + 1e-9) + 1e-24
+    let corners: Vec<[DVec3; 3]> = triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect();
+    let point_bounds: Vec<Bounds> = points.iter().map(|p| Bounds::around([*p])).collect();
+    let triangle_bounds: Vec<Bounds> = corners.iter().map(|t| Bounds::around(*t)).collect();
+    let point_tree = BoxTree::new(point_bounds.clone());
+    let triangle_tree = BoxTree::new(triangle_bounds.clone());
+    let of_point =
+        |(p, b): (&DVec3, &Bounds)| triangle_tree.nearest(b, |k| point_triangle_squared(*p, corners[k]));
+    let of_triangle =
+        |(t, b): (&[DVec3; 3], &Bounds)| point_tree.nearest(b, |k| point_triangle_squared(points[k], *t));
+    [
+        points.iter().zip(&point_bounds).map(of_point).collect(),
+        corners.iter().zip(&triangle_bounds).map(of_triangle).collect(),
+    ]
 }
