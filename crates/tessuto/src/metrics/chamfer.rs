@@ -1,8 +1,8 @@
 //! Area-uniform surface samples and nearest neighbours between two point sets.
 
 use glam::DVec3;
-use kiddo::{ImmutableKdTree, SquaredEuclidean};
 
+use super::boxes::{Bounds, BoxTree};
 use crate::math::rng::Rng;
 use crate::mesh::triangle_area;
 
@@ -34,7 +34,7 @@ pub fn sample(positions: &[DVec3], triangles: &[[u32; 3]], count: usize, rng: &m
 
 /// Squared distance [m²] from each point of `from` to the nearest of `to`. Shape [from].
 pub fn nearest_squared(from: &[DVec3], to: &[DVec3]) -> Vec<f64> {
-    let to: Vec<[f64; 3]> = to.iter().map(DVec3::to_array).collect();
-    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&to);
-    from.iter().map(|p| tree.nearest_one::<SquaredEuclidean>(&p.to_array()).distance).collect()
+    let tree = BoxTree::of_points(to);
+    let nearest = |p: &DVec3| tree.nearest(&Bounds::around([*p]), |k| p.distance_squared(to[k]));
+    from.iter().map(nearest).collect()
 }

@@ -21,14 +21,34 @@ pub fn distances_squared(
     triangles: &[[u32; 3]],
     exact: &[Vec<f64>; 2],
 ) -> [Vec<f64>; 2] {
-    let [mut of_points, of_triangles] = exact.clone();
-    let columns = [0, 1, 2].map(|axis| points.iter().map(|p| p[axis]).collect::<Vec<f64>>());
-    let plane = |(t, exact): (&[u32; 3], f64)| {
+    let mut blocks: Vec<Block> = points.chunks(LANES).zip(exact[0].chunks(LANES)).map(Block::new).collect();
+    let plane = |(t, exact): (&[u32; 3], &f64)| {
         let [a, b, c] = t.map(|i| positions[i as usize]);
-        Plane::new(a, b, c).map_or(exact, |plane| plane.reduce(&columns, &mut of_points).min(exact))
+        Plane::new(a, b, c).map_or(*exact, |plane| plane.reduce(&mut blocks).min(*exact))
     };
-    let of_triangles = triangles.iter().zip(of_triangles).map(plane).collect();
+    let of_triangles = triangles.iter().zip(&exact[1]).map(plane).collect();
+    let of_points = blocks.iter().flat_map(|b| b.best).take(points.len()).collect();
     [of_points, of_triangles]
+}
+
+/// Points side by side, for the processor's vector registers.
+const LANES: usize = 8;
+
+/// Coordinates of points and their smallest squared distances so far.
+struct Block {
+    x: [f64; LANES],
+    y: [f64; LANES],
+    z: [f64; LANES],
+    best: [f64; LANES],
+}
+
+impl Block {
+    /// Missing points are NaN, which no test accepts.
+    fn new((points, best): (&[DVec3], &[f64])) -> Self {
+        let [x, y, z] =
+            [0, 1, 2].map(|axis| std::array::from_fn(|k| points.get(k).map_or(f64::NAN, |p| p[axis])));
+        Self { x, y, z, best: std::array::from_fn(|k| best.get(k).copied().unwrap_or(f64::INFINITY)) }
+    }
 }
 
 /// v(p), w(p): the wrong barycentric coordinates, h(p): height over the plane; each affine in p.
@@ -54,27 +74,18 @@ impl Plane {
     }
 
     /// Lower each point's squared distance to that of this plane where it is accepted; returns the
-    /// smallest accepted one (infinite if none). `columns`: x, y and z of the points.
-    fn reduce(&self, [x, y, z]: &[Vec<f64>; 3], best: &mut [f64]) -> f64 {
-        const LANES: usize = 8;
+    /// smallest accepted one (infinite if none).
+    fn reduce(&self, blocks: &mut [Block]) -> f64 {
         let mut smallest = [f64::INFINITY; LANES];
-        let count = best.len();
-        let whole = count - count % LANES;
-        let visit = |k: usize, best: &mut f64, smallest: &mut f64| {
-            let at = |(g, o): &(DVec3, f64)| g.x * x[k] + g.y * y[k] + g.z * z[k] + o;
-            let (v, w, h) = (at(&self.v), at(&self.w), at(&self.h));
-            let accepted = (v >= 0.0) & (w >= 0.0) & (v + w <= 1.0);
-            let squared = if accepted { h * h } else { f64::INFINITY };
-            *best = if squared < *best { squared } else { *best };
-            *smallest = if squared < *smallest { squared } else { *smallest };
-        };
-        for start in (0..whole).step_by(LANES) {
-            for lane in 0..LANES {
-                visit(start + lane, &mut best[start + lane], &mut smallest[lane]);
+        for block in blocks {
+            for k in 0..LANES {
+                let at = |(g, o): &(DVec3, f64)| g.x * block.x[k] + g.y * block.y[k] + g.z * block.z[k] + o;
+                let (v, w, h) = (at(&self.v), at(&self.w), at(&self.h));
+                let accepted = (v >= 0.0) & (w >= 0.0) & (v + w <= 1.0);
+                let squared = if accepted { h * h } else { f64::INFINITY };
+                block.best[k] = if squared < block.best[k] { squared } else { block.best[k] };
+                smallest[k] = if squared < smallest[k] { squared } else { smallest[k] };
             }
-        }
-        for k in whole..count {
-            visit(k, &mut best[k], &mut smallest[0]);
         }
         smallest.into_iter().fold(f64::INFINITY, f64::min)
     }

@@ -33,16 +33,12 @@ pub fn point_segment_squared(p: DVec3, a: DVec3, b: DVec3) -> f64 {
 /// to the nearest point, shape [T]. Exact.
 pub fn distances_squared(points: &[DVec3], positions: &[DVec3], triangles: &[[u32; 3]]) -> [Vec<f64>; 2] {
     let corners: Vec<[DVec3; 3]> = triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect();
-    let point_bounds: Vec<Bounds> = points.iter().map(|p| Bounds::around([*p])).collect();
     let triangle_bounds: Vec<Bounds> = corners.iter().map(|t| Bounds::around(*t)).collect();
-    let point_tree = BoxTree::new(point_bounds.clone());
+    let point_tree = BoxTree::of_points(points);
     let triangle_tree = BoxTree::new(triangle_bounds.clone());
     let of_point =
-        |(p, b): (&DVec3, &Bounds)| triangle_tree.nearest(b, |k| point_triangle_squared(*p, corners[k]));
+        |p: &DVec3| triangle_tree.nearest(&Bounds::around([*p]), |k| point_triangle_squared(*p, corners[k]));
     let of_triangle =
         |(t, b): (&[DVec3; 3], &Bounds)| point_tree.nearest(b, |k| point_triangle_squared(points[k], *t));
-    [
-        points.iter().zip(&point_bounds).map(of_point).collect(),
-        corners.iter().zip(&triangle_bounds).map(of_triangle).collect(),
-    ]
+    [points.iter().map(of_point).collect(), corners.iter().zip(&triangle_bounds).map(of_triangle).collect()]
 }

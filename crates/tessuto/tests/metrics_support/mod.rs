@@ -1,4 +1,5 @@
 //! What the metrics tests share: the recorded scenes and a smooth, made-up motion.
+#![allow(dead_code, reason = "each test file uses its part")]
 
 use std::path::{Path, PathBuf};
 
