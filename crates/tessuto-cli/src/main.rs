@@ -1,12 +1,14 @@
 //! `tessuto`: one subcommand, one file.
 
+mod check;
+
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
 /// Recover the motion, stiffness and forces of a fabric from one video.
 #[derive(Parser)]
-#[command(version, about)]
+#[command(version, about, arg_required_else_help = true)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
@@ -14,22 +16,19 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Print the version.
-    Version,
+    /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
+    Check(check::Arguments),
 }
 
 fn main() -> ExitCode {
-    let arguments = Arguments::parse();
-    let result: anyhow::Result<()> = match arguments.command {
-        Command::Version => {
-            println!("tessuto {}", env!("CARGO_PKG_VERSION"));
-            Ok(())
-        }
+    let result = match Arguments::parse().command {
+        Command::Check(arguments) => check::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
+            // An error that is not the library's own is a fault of this program: 101, like a panic.
             ExitCode::from(error.downcast_ref::<tessuto::Error>().map_or(101, tessuto::Error::exit_code))
         }
     }

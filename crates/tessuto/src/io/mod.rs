@@ -1,1 +1,36 @@
-//! Being built.
+//! Files in and out: scenes, images, meshes, arrays. Every file is written through [`atomic_write`].
+
+mod atomic;
+pub mod image;
+pub mod npy;
+pub mod obj;
+pub mod scene;
+
+pub use atomic::atomic_write;
+
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// The whole file at `path`, refused above `limit` bytes.
+fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let unreadable = |source: std::io::Error| {
+        Error::input(
+            path.display().to_string(),
+            format!("cannot be read: {source}"),
+            "check the path, and that you may read the file",
+        )
+    };
+    let metadata = std::fs::metadata(path).map_err(unreadable)?;
+    if !metadata.is_file() {
+        return Err(Error::input(path.display().to_string(), "is not a file", "put a regular file there"));
+    }
+    if metadata.len() > limit {
+        return Err(Error::input(
+            path.display().to_string(),
+            format!("has {} bytes; at most {limit} are read", metadata.len()),
+            "check that this is the right file; shrink or split it",
+        ));
+    }
+    std::fs::read(path).map_err(unreadable)
+}

@@ -1,0 +1,264 @@
+//! PNG and JPEG pictures, told apart by their content, to float images and back.
+//!
+//! Every bit depth and colour type is read: 16 bits keep their precision, grey becomes RGB, palettes
+//! are resolved, alpha is dropped. Nothing is decoded before its size is known to be bearable.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use ::image::metadata::Orientation;
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use crate::camera::Rect;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io::{atomic_write, read_bounded};
+
+/// Largest width and height [px].
+pub const MAX_SIDE: usize = 16_384;
+/// Largest file, and largest decoded picture [bytes].
+const MAX_BYTES: u64 = 256 << 20;
+
+/// A decoded picture that has not been converted to floats yet.
+pub(crate) struct Picture {
+    path: PathBuf,
+    dynamic: DynamicImage,
+    /// What was unusual about the file, for a warning.
+    pub notes: Vec<&'static str>,
+}
+
+/// sRGB-encoded colour in [0, 1], shape [height, width, 3].
+pub fn read(path: &Path) -> Result<Image> {
+    let picture = open(path)?;
+    Ok(picture.rgb(picture.full()))
+}
+
+/// A mask in [0, 1] (luminance over the largest value of the format), shape [height, width, 1],
+/// and a warning where its values were unusual; masks of zeros and ones are scaled.
+pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {
+    let mut picture = open(path)?;
+    let mask = picture.mask(picture.full());
+    let warning =
+        (!picture.notes.is_empty()).then(|| format!("{}: {}", path.display(), picture.notes.join("; ")));
+    Ok((mask, warning))
+}
+
+/// Writes an image of 1 or 3 channels as 8-bit PNG; values are clamped to [0, 1] and rounded.
+pub fn write_png(path: &Path, image: &Image) -> Result<()> {
+    let color = match image.channels {
+        1 => ExtendedColorType::L8,
+        3 => ExtendedColorType::Rgb8,
+        n => panic!("an image of {n} channels cannot be written as PNG"),
+    };
+    let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+    let mut png = Cursor::new(Vec::new());
+    ::image::write_buffer_with_format(
+        &mut png,
+        &bytes,
+        image.width as u32,
+        image.height as u32,
+        color,
+        ImageFormat::Png,
+    )
+    .map_err(|e| Error::Output { path: path.to_path_buf(), source: std::io::Error::other(e) })?;
+    atomic_write(path, png.get_ref())
+}
+
+/// Reads and decodes a PNG or JPEG file.
+pub(crate) fn open(path: &Path) -> Result<Picture> {
+    let bytes = read_bounded(path, MAX_BYTES)?;
+    let broken = |problem: String| {
+        Error::input(
+            path.display().to_string(),
+            format!("{problem} (file of {} bytes)", bytes.len()),
+            "copy or extract this picture again; PNG and JPEG are read",
+        )
+    };
+    let mut notes = Vec::new();
+    let format = match ::image::guess_format(&bytes) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        _ => return Err(broken("is neither PNG nor JPEG".into())),
+    };
+    if ImageFormat::from_path(path).ok() != Some(format) {
+        notes.push("the file name's ending does not say what the file is");
+    }
+    if format == ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
+        return Err(broken("is a truncated JPEG: its end marker is missing".into()));
+    }
+
+    let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
+    let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), format);
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_alloc = Some(2 * MAX_BYTES);
+    reader.limits(limits);
+    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    // The limits bind the decoder's own buffers only, so look at the result's size before asking for it.
+    if decoder.total_bytes() > MAX_BYTES {
+        let (w, h) = decoder.dimensions();
+        let problem =
+            format!("{w}×{h} pixels take {} bytes; at most {MAX_BYTES} are read", decoder.total_bytes());
+        return Err(Error::input(
+            path.display().to_string(),
+            problem,
+            "scale the pictures and the camera down",
+        ));
+    }
+    match decoder.original_color_type() {
+        ExtendedColorType::Cmyk8 => notes.push("CMYK was converted to RGB without a colour profile"),
+        _ if decoder.color_type().has_alpha() => notes.push("transparency (alpha) is ignored"),
+        _ => {}
+    }
+    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let mut dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    dynamic.apply_orientation(orientation);
+    Ok(Picture { path: path.to_path_buf(), dynamic, notes })
+}
+
+impl Picture {
+    /// The whole picture.
+    pub fn full(&self) -> Rect {
+        Rect { x0: 0, y0: 0, x1: self.dynamic.width() as usize, y1: self.dynamic.height() as usize }
+    }
+
+    /// Error unless the picture has this size [px].
+    pub fn expect_size(&self, [width, height]: [usize; 2]) -> Result<()> {
+        let full = self.full();
+        if (full.x1, full.y1) == (width, height) {
+            return Ok(());
+        }
+        Err(Error::input(
+            self.path.display().to_string(),
+            format!("is {}×{} pixels, but scene.json says {width}×{height}", full.x1, full.y1),
+            "give every frame and mask the size of scene.json; a resized video needs fx, fy, cx, cy scaled alike",
+        ))
+    }
+
+    /// Colour of `region`, shape [height, width, 3].
+    pub fn rgb(&self, region: Rect) -> Image {
+        self.floats(region, true)
+    }
+
+    /// Mask values of `region`, shape [height, width, 1].
+    pub fn mask(&mut self, region: Rect) -> Image {
+        let mut mask = self.floats(region, false);
+        if mask.channels == 3 {
+            let luminance = |p: &[f32]| {
+                // Grey stays exactly what it is; the weights are those of sRGB's primaries.
+                if p[0] == p[1] && p[1] == p[2] {
+                    p[0]
+                } else {
+                    0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]
+                }
+            };
+            mask.data = mask.data.chunks_exact(3).map(luminance).collect();
+            mask.channels = 1;
+        }
+        let (largest, full_scale) = self.largest();
+        if largest == 1.0 {
+            self.notes.push("the mask holds 0 and 1; taken as black and white");
+            mask.data.iter_mut().for_each(|v| *v *= full_scale);
+        } else if largest > 0.0 && largest < full_scale / 2.0 {
+            self.notes.push("the mask's brightest value is below half of white");
+        }
+        mask
+    }
+
+    /// The largest value in the file, and the largest its format can hold.
+    fn largest(&self) -> (f32, f32) {
+        match &self.dynamic {
+            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => (1.0, 1.0),
+            d if d.color().bytes_per_pixel() > d.color().channel_count() => {
+                let largest = d.to_luma16().iter().copied().max();
+                (f32::from(largest.unwrap_or(0)), 65_535.0)
+            }
+            // Masks are mostly grey; only the others need a copy.
+            DynamicImage::ImageLuma8(grey) => (f32::from(grey.iter().copied().max().unwrap_or(0)), 255.0),
+            d => (f32::from(d.to_luma8().iter().copied().max().unwrap_or(0)), 255.0),
+        }
+    }
+
+    /// `region` in [0, 1]; grey pictures have 1 channel unless `spread` asks for 3.
+    fn floats(&self, region: Rect, spread: bool) -> Image {
+        let width = self.dynamic.width() as usize;
+        let channels = usize::from(self.dynamic.color().channel_count());
+        let source = Layout { width, channels, region, spread };
+        match &self.dynamic {
+            DynamicImage::ImageLuma8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
+            DynamicImage::ImageLumaA8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
+            DynamicImage::ImageRgb8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
+            DynamicImage::ImageRgba8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
+            DynamicImage::ImageLuma16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
+            DynamicImage::ImageLumaA16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
+            DynamicImage::ImageRgb16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
+            DynamicImage::ImageRgba16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
+            other => Layout { channels: 3, ..source }.cut(other.to_rgb32f().as_raw(), |v| v),
+        }
+    }
+}
+
+/// How decoded values lie in memory, and what is wanted of them.
+struct Layout {
+    width: usize,
+    channels: usize,
+    region: Rect,
+    spread: bool,
+}
+
+impl Layout {
+    fn cut<T: Copy>(&self, values: &[T], float: impl Fn(T) -> f32) -> Image {
+        let (n, region) = (self.channels, self.region);
+        let grey = n < 3;
+        let mut out = Image::new(region.width(), region.height(), if grey && !self.spread { 1 } else { 3 });
+        let row_length = out.width * out.channels;
+        for (y, out_row) in out.data.chunks_exact_mut(row_length).enumerate() {
+            let start = ((region.y0 + y) * self.width + region.x0) * n;
+            let row = &values[start..start + region.width() * n];
+            match (grey, self.spread) {
+                (true, false) => {
+                    out_row.iter_mut().zip(row.chunks_exact(n)).for_each(|(o, p)| *o = float(p[0]))
+                }
+                (true, true) => {
+                    out_row
+                        .chunks_exact_mut(3)
+                        .zip(row.chunks_exact(n))
+                        .for_each(|(o, p)| o.fill(float(p[0])));
+                }
+                (false, _) => {
+                    for (o, p) in out_row.chunks_exact_mut(3).zip(row.chunks_exact(n)) {
+                        o.iter_mut().zip(p).for_each(|(o, p)| *o = float(*p));
+                    }
+                }
+            }
+        }
+        out
+    }
+}
+
+/// Whether the picture's data ends with an end marker. The decoder fills what a truncated file lacks
+/// with grey and says nothing. An embedded preview has an end marker of its own, so segments are walked.
+fn jpeg_is_complete(bytes: &[u8]) -> bool {
+    let mut at = 2;
+    while let Some([0xFF, marker]) = bytes.get(at..at + 2) {
+        match marker {
+            0xD9 => return true,
+            // Fill byte, or markers without content.
+            0xFF => at += 1,
+            0x01 | 0xD0..=0xD8 => at += 2,
+            _ => {
+                let Some([high, low]) = bytes.get(at + 2..at + 4) else { return false };
+                at += 2 + usize::from(u16::from_be_bytes([*high, *low]));
+                if *marker == 0xDA {
+                    // Compressed data: FF is followed by 00 or a restart marker until the next segment.
+                    let next = |p: &[u8]| p[0] == 0xFF && !matches!(p[1], 0x00 | 0xD0..=0xD7);
+                    match bytes.get(at..).and_then(|rest| rest.windows(2).position(next)) {
+                        Some(length) => at += length,
+                        None => return false,
+                    }
+                }
+            }
+        }
+    }
+    false
+}

@@ -1,0 +1,152 @@
+//! NumPy arrays (.npy) of floats: point clouds [n, 3] and moving meshes [N, V, 3].
+
+use std::path::Path;
+
+use glam::DVec3;
+use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
+
+use crate::error::{Error, Result};
+use crate::io::{atomic_write, read_bounded};
+use crate::scene::Shape;
+
+/// Largest file read [bytes]; 4 GiB is 10,000 frames of 17,000 vertices.
+const MAX_BYTES: u64 = 4 << 30;
+
+/// A float array in memory.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Array {
+    /// Length of every axis.
+    pub shape: Vec<usize>,
+    /// Values in C order (the last axis runs fastest).
+    pub data: Vec<f64>,
+}
+
+/// Reads an f32 or f64 array of any shape, C or Fortran order, either byte order.
+pub fn read(path: &Path) -> Result<Array> {
+    let bytes = read_bounded(path, MAX_BYTES)?;
+    let fail = |problem: String| {
+        Error::input(
+            path.display().to_string(),
+            problem,
+            "write it again with numpy.save(path, array.astype(\"float32\"))",
+        )
+    };
+    let mut rest = &bytes[..];
+    let header = npyz::NpyHeader::from_reader(&mut rest)
+        .map_err(|e| fail(format!("is not a readable .npy file of {} bytes: {e}", bytes.len())))?;
+    let size = match header.dtype() {
+        DType::Plain(t) if t.type_char() == TypeChar::Float && matches!(t.size_field(), 4 | 8) => {
+            t.size_field()
+        }
+        other => return Err(fail(format!("holds {}, expected float32 or float64", other.descr()))),
+    };
+    // Check the promise of the header before any memory is set aside for it.
+    let promised = header.shape().iter().try_fold(size, |product, n| product.checked_mul(*n));
+    if promised != Some(rest.len() as u64) {
+        return Err(fail(format!(
+            "promises shape {:?} of {size}-byte values but holds {} bytes of them",
+            header.shape(),
+            rest.len()
+        )));
+    }
+    let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
+    let fortran = header.order() == Order::Fortran;
+    let file = NpyFile::with_header(header, rest);
+    let data = match size {
+        4 => file.into_vec::<f32>().map(|v| v.into_iter().map(f64::from).collect()),
+        _ => file.into_vec::<f64>(),
+    };
+    let data = data.map_err(|e| fail(format!("cannot be decoded: {e}")))?;
+    let data = if fortran { c_order(&shape, &data) } else { data };
+    Ok(Array { shape, data })
+}
+
+/// `data`, stored with the first axis running fastest, in C order.
+fn c_order(shape: &[usize], data: &[f64]) -> Vec<f64> {
+    let mut out = Vec::with_capacity(data.len());
+    for mut index in 0..data.len() {
+        // Take the C-order index apart from the last axis on, and put it together from the first.
+        let (mut source, mut stride) = (0, data.len());
+        for n in shape.iter().rev() {
+            stride /= n;
+            source += (index % n) * stride;
+            index /= n;
+        }
+        out.push(data[source]);
+    }
+    out
+}
+
+/// Reads points [m], shape [n, 3], all finite.
+pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
+    let array = read(path)?;
+    match array.shape[..] {
+        [_, 3] => vectors(path, &array),
+        _ => Err(wrong_shape(path, &array, "[n, 3]")),
+    }
+}
+
+/// Reads a moving mesh [m], shape [N, V, 3], all finite.
+pub fn read_shapes(path: &Path) -> Result<Vec<Shape>> {
+    let array = read(path)?;
+    match array.shape[..] {
+        [n, 0, 3] => Ok(vec![Vec::new(); n]),
+        [_, vertex_count, 3] => {
+            Ok(vectors(path, &array)?.chunks_exact(vertex_count).map(<[DVec3]>::to_vec).collect())
+        }
+        _ => Err(wrong_shape(path, &array, "[N, V, 3]")),
+    }
+}
+
+fn wrong_shape(path: &Path, array: &Array, expected: &str) -> Error {
+    Error::input(
+        path.display().to_string(),
+        format!("has shape {:?}, expected {expected}", array.shape),
+        "transpose or reshape the array, so that x, y, z come last",
+    )
+}
+
+fn vectors(path: &Path, array: &Array) -> Result<Vec<DVec3>> {
+    if let Some(i) = array.data.iter().position(|v| !v.is_finite()) {
+        let row = i / 3;
+        return Err(Error::input(
+            path.display().to_string(),
+            format!("point {row} of {} is not finite ({})", array.data.len() / 3, array.data[i]),
+            "leave invalid points out",
+        ));
+    }
+    Ok(array.data.chunks_exact(3).map(DVec3::from_slice).collect())
+}
+
+/// Writes `data` (f32 or f64, C order) with this shape.
+pub fn write<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[usize], data: &[T]) -> Result<()> {
+    assert_eq!(
+        shape.iter().product::<usize>(),
+        data.len(),
+        "shape {shape:?} does not fit {} values",
+        data.len()
+    );
+    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
+    let mut bytes = Vec::new();
+    let written =
+        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd().and_then(
+            |mut writer| {
+                writer.extend(data.iter().copied())?;
+                writer.finish()
+            },
+        );
+    written.map_err(|source| Error::Output { path: path.to_path_buf(), source })?;
+    atomic_write(path, &bytes)
+}
+
+/// Writes points [m] as f32, shape [n, 3].
+pub fn write_points(path: &Path, points: &[DVec3]) -> Result<()> {
+    let data: Vec<f32> = points.iter().flat_map(|p| p.as_vec3().to_array()).collect();
+    write(path, &[points.len(), 3], &data)
+}
+
+/// Writes a moving mesh [m] as f32, shape [N, V, 3]; all shapes have as many vertices.
+pub fn write_shapes(path: &Path, shapes: &[Shape]) -> Result<()> {
+    let data: Vec<f32> = shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect();
+    write(path, &[shapes.len(), shapes.first().map_or(0, Vec::len), 3], &data)
+}

@@ -1,0 +1,286 @@
+//! The video: colour and mask of every frame, cut to the crop. Only the crop is kept in memory.
+
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::listing::numbered;
+use super::manifest::Manifest;
+use super::warning;
+use crate::camera::Rect;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io::image;
+use crate::scene::Frame;
+
+/// Most memory [bytes] the video may take.
+const MAX_BYTES: usize = 8 << 30;
+/// Colour and mask of one pixel [bytes].
+const PIXEL_BYTES: usize = 16;
+const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+
+pub(crate) struct Video {
+    pub crop: Rect,
+    pub frames: Vec<Frame>,
+}
+
+/// Mask of a part of the picture, and what was unusual about its file. Black elsewhere.
+struct Mask {
+    region: Rect,
+    image: Image,
+    /// Where the mask is ≥ ½ in the full picture.
+    bounds: Rect,
+    notes: Vec<&'static str>,
+}
+
+/// Reads the frames `range`, on all cores; of several errors, that of the lowest frame is returned.
+pub(crate) fn read(
+    folder: &Path,
+    manifest: &Manifest,
+    range: Range<usize>,
+    warnings: &mut Vec<String>,
+) -> Result<Video> {
+    let camera = manifest.camera();
+    let size = [camera.width, camera.height];
+    let numbers = (range.clone(), manifest.n_frames);
+    let colours = numbered(folder, "rgbs", "rgb_", &ENDINGS, numbers.clone(), warnings)?;
+    let masks = numbered(folder, "masks", "mask_", &ENDINGS, numbers, warnings)?;
+    if let Some(crop) = manifest.crop {
+        check_memory(crop, range.len())?;
+    }
+
+    let masks = in_order(&masks, |path| read_mask(path, size, manifest.crop))?;
+    let crop = manifest.crop.unwrap_or_else(|| crop_around(&masks, size));
+    check_memory(crop, range.len())?;
+    let pictures: Vec<(&PathBuf, &Mask)> = colours.iter().zip(&masks).collect();
+    let mut read = in_order(&pictures, |(path, mask)| read_frame(path, mask, size, crop))?;
+
+    let notes = masks.iter().zip(&read).enumerate();
+    notes_as_warnings(notes.map(|(k, (mask, frame))| (range.start + k, &mask.notes, &frame.notes)), warnings);
+    // Decide for the whole video, so that the background cannot flicker.
+    let (sum, count) =
+        read.iter().fold((0.0, 0), |(sum, count), f| (sum + f.background.0, count + f.background.1));
+    let mean = sum / f64::from(count.max(1) as u32);
+    if mean > 1.0 / 255.0 {
+        read.par_iter_mut().for_each(|f| composite_over_black(&mut f.frame));
+        let found = format!("outside the masks the frames are not black (mean {:.1} of 255)", mean * 255.0);
+        warnings.push(warning("background", &found, "none needed: frames were multiplied by their masks"));
+    }
+    Ok(Video { crop, frames: read.into_iter().map(|f| f.frame).collect() })
+}
+
+/// `f` of every item on all cores; the first error in the order of the items.
+fn in_order<T: Sync, U: Send>(items: &[T], f: impl Fn(&T) -> Result<U> + Send + Sync) -> Result<Vec<U>> {
+    let results: Vec<Result<U>> = items.par_iter().map(f).collect();
+    results.into_iter().collect()
+}
+
+fn read_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
+    let mut picture = image::open(path)?;
+    picture.expect_size(size)?;
+    let full = picture.full();
+    let image = picture.mask(crop.unwrap_or(full));
+    let Some(found) = bounds(&image) else {
+        let brightest = image.data.iter().copied().fold(0.0, f32::max) * 255.0;
+        let part = if crop.is_some() { " inside the crop" } else { "" };
+        return Err(Error::input(
+            path.display().to_string(),
+            format!(
+                "the mask is empty{part}: its brightest value is {brightest:.0} of 255, fabric is 128 or more"
+            ),
+            "correct the mask (white = fabric), or leave such frames out with --frames A..B",
+        ));
+    };
+    let notes = std::mem::take(&mut picture.notes);
+    Ok(match crop {
+        Some(region) => Mask { region, image, bounds: shifted(found, region), notes },
+        None => {
+            // Keep a margin, so that soft edges below ½ survive.
+            let region = grown(found, size);
+            Mask { region, image: cut(&image, full, region), bounds: found, notes }
+        }
+    })
+}
+
+/// A frame, its picture file's oddities, and sum and number of its background values.
+struct Read {
+    frame: Frame,
+    notes: Vec<&'static str>,
+    background: (f64, usize),
+}
+
+fn read_frame(path: &Path, mask: &Mask, size: [usize; 2], crop: Rect) -> Result<Read> {
+    let picture = image::open(path)?;
+    picture.expect_size(size)?;
+    let rgb = picture.rgb(crop);
+    let mask = if mask.region == crop { mask.image.clone() } else { cut(&mask.image, mask.region, crop) };
+    let background = background(&rgb, &mask);
+    Ok(Read { frame: Frame { rgb, mask }, notes: picture.notes, background })
+}
+
+/// Sum and number of the colour values farther than 2 px from any fabric.
+fn background(rgb: &Image, mask: &Image) -> (f64, usize) {
+    let near = grown_by_two(mask);
+    let (mut sum, mut count) = (0.0, 0);
+    for (colour, near) in rgb.data.chunks_exact(3).zip(near) {
+        if !near {
+            sum += f64::from(colour[0]) + f64::from(colour[1]) + f64::from(colour[2]);
+            count += 3;
+        }
+    }
+    (sum, count)
+}
+
+/// Where the 5×5 neighbourhood has any fabric, shape [height · width].
+fn grown_by_two(mask: &Image) -> Vec<bool> {
+    let (w, h) = (mask.width, mask.height);
+    let mut along_rows = vec![false; w * h];
+    for y in 0..h {
+        // The last column up to which the fabric seen so far reaches.
+        let (row, out) = (&mask.data[y * w..(y + 1) * w], &mut along_rows[y * w..(y + 1) * w]);
+        let mut reach = 0;
+        for x in 0..w + 2 {
+            if x < w && row[x] > 0.0 {
+                reach = x + 5;
+            }
+            // Pixel x − 2 is near fabric if there is some in columns x − 4 … x.
+            if x >= 2 && reach > x {
+                out[x - 2] = true;
+            }
+        }
+    }
+    let mut near = vec![false; w * h];
+    for y in 0..h {
+        for row in y.saturating_sub(2)..(y + 3).min(h) {
+            let source = &along_rows[row * w..(row + 1) * w];
+            near[y * w..(y + 1) * w].iter_mut().zip(source).for_each(|(n, s)| *n |= s);
+        }
+    }
+    near
+}
+
+fn composite_over_black(frame: &mut Frame) {
+    for (colour, share) in frame.rgb.data.chunks_exact_mut(3).zip(&frame.mask.data) {
+        colour.iter_mut().for_each(|c| *c *= share);
+    }
+}
+
+/// Smallest rectangle around the values ≥ ½, if there are any.
+fn bounds(mask: &Image) -> Option<Rect> {
+    let mut found: Option<Rect> = None;
+    for (y, row) in mask.data.chunks_exact(mask.width).enumerate() {
+        let Some(first) = row.iter().position(|v| *v >= 0.5) else { continue };
+        let last = row.iter().rposition(|v| *v >= 0.5).unwrap_or(first);
+        let line = Rect { x0: first, y0: y, x1: last + 1, y1: y + 1 };
+        found = Some(found.map_or(line, |f| union(f, line)));
+    }
+    found
+}
+
+fn union(a: Rect, b: Rect) -> Rect {
+    Rect { x0: a.x0.min(b.x0), y0: a.y0.min(b.y0), x1: a.x1.max(b.x1), y1: a.y1.max(b.y1) }
+}
+
+fn shifted(r: Rect, by: Rect) -> Rect {
+    Rect { x0: r.x0 + by.x0, y0: r.y0 + by.y0, x1: r.x1 + by.x0, y1: r.y1 + by.y0 }
+}
+
+/// `r`, 10 % wider on each side (4 px at least), within the picture.
+fn grown(r: Rect, [width, height]: [usize; 2]) -> Rect {
+    let (dx, dy) = (r.width().div_ceil(10).max(4), r.height().div_ceil(10).max(4));
+    Rect {
+        x0: r.x0.saturating_sub(dx),
+        y0: r.y0.saturating_sub(dy),
+        x1: (r.x1 + dx).min(width),
+        y1: (r.y1 + dy).min(height),
+    }
+}
+
+/// The crop where scene.json names none: the masks' bounding boxes and 10 % on each side.
+fn crop_around(masks: &[Mask], size: [usize; 2]) -> Rect {
+    let all = masks.iter().map(|m| m.bounds).reduce(union);
+    grown(all.unwrap_or(Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] }), size)
+}
+
+/// The part `to` of the picture, of which `image` shows `from`; black outside that.
+fn cut(image: &Image, from: Rect, to: Rect) -> Image {
+    let mut out = Image::new(to.width(), to.height(), image.channels);
+    let n = image.channels;
+    let (x0, x1) = (from.x0.max(to.x0), from.x1.min(to.x1));
+    if x0 >= x1 {
+        return out;
+    }
+    for y in from.y0.max(to.y0)..from.y1.min(to.y1) {
+        let source = ((y - from.y0) * image.width + x0 - from.x0) * n;
+        let target = ((y - to.y0) * to.width() + x0 - to.x0) * n;
+        let length = (x1 - x0) * n;
+        out.data[target..target + length].copy_from_slice(&image.data[source..source + length]);
+    }
+    out
+}
+
+fn check_memory(crop: Rect, count: usize) -> Result<()> {
+    let bytes = (crop.width() * crop.height() * PIXEL_BYTES).saturating_mul(count);
+    if bytes <= MAX_BYTES {
+        return Ok(());
+    }
+    Err(Error::input(
+        "scene.json",
+        format!(
+            "{count} frames of {}×{} pixels take {:.1} GiB of memory; at most {} GiB are used",
+            crop.width(),
+            crop.height(),
+            bytes as f64 / f64::from(1 << 30),
+            MAX_BYTES >> 30
+        ),
+        "use a part with --frames A..B, make the crop smaller, or scale pictures and camera down",
+    ))
+}
+
+/// One warning for each kind of note, with its count and first frame.
+fn notes_as_warnings<'a>(
+    notes: impl Iterator<Item = (usize, &'a Vec<&'static str>, &'a Vec<&'static str>)>,
+    warnings: &mut Vec<String>,
+) {
+    let mut seen: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
+    for (frame, of_mask, of_colour) in notes {
+        let masks = of_mask.iter().map(|n| ("masks", *n));
+        for key in masks.chain(of_colour.iter().map(|n| ("frames", *n))) {
+            seen.entry(key).or_insert((frame, 0)).1 += 1;
+        }
+    }
+    for ((topic, note), (first, count)) in seen {
+        let found = format!("{note} (in {count} files, first in frame {first})");
+        warnings.push(warning(topic, &found, "look at the picture of tessuto check --picture FILE.png"));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn growing_by_two_is_a_five_by_five_square() {
+        for (x, y) in [(0, 0), (5, 4), (9, 8), (1, 7)] {
+            let mut mask = Image::new(10, 9, 1);
+            mask.pixel_mut(x, y)[0] = 0.1;
+            let near = grown_by_two(&mask);
+            for (i, n) in near.iter().enumerate() {
+                let expected = (i % 10).abs_diff(x) <= 2 && (i / 10).abs_diff(y) <= 2;
+                assert_eq!(*n, expected, "pixel {i} for fabric at ({x}, {y})");
+            }
+        }
+    }
+
+    #[test]
+    fn cut_moves_pixels_to_their_place() {
+        let from = Rect { x0: 3, y0: 2, x1: 6, y1: 5 };
+        let mut image = Image::new(3, 3, 1);
+        image.pixel_mut(1, 2)[0] = 1.0;
+        let out = cut(&image, from, Rect { x0: 1, y0: 3, x1: 9, y1: 10 });
+        assert_eq!(out.pixel(3, 1), [1.0]);
+        assert_eq!(out.data.iter().sum::<f32>(), 1.0);
+    }
+}

@@ -1,0 +1,201 @@
+//! scene.json: strictly read, every value checked.
+
+use std::path::Path;
+
+use serde::Deserialize;
+
+use crate::camera::{Camera, Rect};
+use crate::error::{Error, Result};
+use crate::io::image::MAX_SIDE;
+use crate::io::read_bounded;
+
+const KNOWN: [&str; 12] =
+    ["name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "notes"];
+const EXAMPLE: &str = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}"#;
+/// Most frames a scene may have.
+const MAX_FRAMES: usize = 100_000;
+
+/// What scene.json says.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Manifest {
+    pub name: String,
+    /// Frames per second.
+    pub fps: f64,
+    pub n_frames: usize,
+    width: usize,
+    height: usize,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    /// The part of the pictures to keep; the masks decide where it is missing.
+    pub crop: Option<Rect>,
+    #[serde(default)]
+    pub units: Units,
+    /// Anything; not read.
+    #[serde(default, rename = "notes")]
+    _notes: serde::de::IgnoredAny,
+}
+
+/// Unit of every length in the folder's files.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+pub(crate) enum Units {
+    #[default]
+    #[serde(rename = "m")]
+    Metres,
+    #[serde(rename = "cm")]
+    Centimetres,
+    #[serde(rename = "mm")]
+    Millimetres,
+}
+
+impl Units {
+    pub const ALL: [Self; 3] = [Self::Metres, Self::Centimetres, Self::Millimetres];
+
+    /// Metres in one unit.
+    pub fn scale(self) -> f64 {
+        match self {
+            Self::Metres => 1.0,
+            Self::Centimetres => 0.01,
+            Self::Millimetres => 0.001,
+        }
+    }
+
+    /// As written in scene.json.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Metres => "m",
+            Self::Centimetres => "cm",
+            Self::Millimetres => "mm",
+        }
+    }
+}
+
+impl Manifest {
+    /// Reads scene.json in `folder`.
+    pub fn read(folder: &Path) -> Result<Self> {
+        if !folder.is_dir() {
+            return Err(Error::input(
+                folder.display().to_string(),
+                "is not a folder",
+                "name the scene's folder, which holds scene.json, template.obj, rgbs/ and masks/",
+            ));
+        }
+        let path = folder.join("scene.json");
+        let place = path.display().to_string();
+        if !path.exists() {
+            return Err(Error::input(place, "does not exist", format!("write it there, e.g. {EXAMPLE}")));
+        }
+        let bytes = read_bounded(&super::inside(folder, &path)?, 16 << 20)?;
+        let text = String::from_utf8(bytes)
+            .map_err(|e| Error::input(&place, format!("is not UTF-8 text: {e}"), "save it as UTF-8"))?;
+        let manifest = parse(text.trim_start_matches('\u{feff}'), &place)?;
+        manifest.check(&place)?;
+        Ok(manifest)
+    }
+
+    /// Camera of the full picture.
+    pub fn camera(&self) -> Camera {
+        Camera { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, width: self.width, height: self.height }
+    }
+
+    fn check(&self, place: &str) -> Result<()> {
+        let demand = |ok: bool, key: &str, value: String, hint: &str| {
+            if ok { Ok(()) } else { Err(Error::input(place, format!("\"{key}\" is {value}"), hint)) }
+        };
+        demand(
+            self.fps > 0.0 && self.fps <= 100_000.0,
+            "fps",
+            self.fps.to_string(),
+            "give the frames per second of the video, above 0",
+        )?;
+        demand(
+            (1..=MAX_FRAMES).contains(&self.n_frames),
+            "n_frames",
+            self.n_frames.to_string(),
+            "give the number of frames in rgbs/, 1 to 100000",
+        )?;
+        for (key, side) in [("width", self.width), ("height", self.height)] {
+            let hint = "give the size of the pictures in pixels, 2 to 16384";
+            demand((2..=MAX_SIDE).contains(&side), key, side.to_string(), hint)?;
+        }
+        for (key, focal) in [("fx", self.fx), ("fy", self.fy)] {
+            let hint = "give the focal length in pixels: width / (2 tan(half the horizontal field of view))";
+            demand(focal > 0.0 && focal <= 1e6, key, focal.to_string(), hint)?;
+        }
+        for (key, centre, side) in [("cx", self.cx, self.width), ("cy", self.cy, self.height)] {
+            let hint = "give the principal point in pixels, near the middle of the picture";
+            demand(centre.abs() <= 10.0 * side as f64, key, centre.to_string(), hint)?;
+        }
+        if let Some(Rect { x0, y0, x1, y1 }) = self.crop {
+            demand(
+                x0 < x1 && y0 < y1 && x1 <= self.width && y1 <= self.height,
+                "crop",
+                format!("columns {x0}..{x1}, rows {y0}..{y1} of {}×{}", self.width, self.height),
+                "x0 < x1 ≤ width and y0 < y1 ≤ height; or leave crop out to take it from the masks",
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// The manifest in `text`; messages name line and nearest key.
+fn parse(text: &str, place: &str) -> Result<Manifest> {
+    let error = match serde_json::from_str::<Manifest>(text) {
+        Ok(manifest) => return Ok(manifest),
+        Err(error) => error,
+    };
+    let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default().trim();
+    let line: String = line.chars().take(80).collect();
+    let message = error.to_string();
+    let message = message.split(" at line ").next().unwrap_or_default();
+    let hint = if message.starts_with("unknown field") {
+        let unknown = message.split('`').nth(1).unwrap_or_default();
+        format!(
+            "did you mean \"{}\"? Known keys: {}; put anything else under \"notes\"",
+            nearest(unknown),
+            KNOWN.join(", ")
+        )
+    } else if message.starts_with("missing field") {
+        format!("add the key, e.g. {EXAMPLE}")
+    } else {
+        "correct this line".to_string()
+    };
+    let message = message.split(", expected one of").next().unwrap_or_default();
+    Err(Error::input(format!("{place}:{}", error.line()), format!("{message}, in: {line}"), hint))
+}
+
+/// The known key with the fewest edits to `key`.
+fn nearest(key: &str) -> &'static str {
+    let distance = |known: &str| edit_distance(&key.to_lowercase(), known);
+    KNOWN.into_iter().min_by_key(|known| distance(known)).unwrap_or("name")
+}
+
+/// Fewest insertions, deletions and replacements that turn `a` into `b`.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
+    for (i, x) in a.chars().take(64).enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, y) in b.chars().enumerate() {
+            let replaced = diagonal + usize::from(x != y);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
+        }
+    }
+    row[b.chars().count()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearest_key_is_the_one_meant() {
+        for (typed, meant) in [("widht", "width"), ("FPS", "fps"), ("frames", "n_frames"), ("unit", "units")]
+        {
+            assert_eq!(nearest(typed), meant);
+        }
+    }
+}

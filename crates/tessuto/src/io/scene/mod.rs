@@ -1,0 +1,154 @@
+//! A scene folder, read whole and checked before anything is computed on it.
+//!
+//! ```text
+//! scene.json             name, fps, n_frames, width, height, fx, fy, cx, cy; crop, units, notes if wanted
+//! template.obj           polygons of the fabric in frame 0, camera coordinates, with uv
+//! rgbs/rgb_000.png …     masks/mask_000.png …   (or .jpg, .jpeg; any zero padding)
+//! gt/points/points_000.npy …   gt/vertices.npy  (truth, where known)
+//! ```
+
+pub(crate) mod coverage;
+mod frames;
+mod listing;
+mod manifest;
+pub(crate) mod template;
+mod truth;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+use manifest::Manifest;
+
+/// What to load.
+#[derive(Debug, Clone, Default)]
+pub struct LoadOptions {
+    /// Only these frames of the folder; all where `None`.
+    pub frames: Option<Range<usize>>,
+}
+
+/// A scene, and what is odd but bearable about its files.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// The scene.
+    pub scene: Scene,
+    /// Each as `topic: what was found`, newline, `  hint: what to do`.
+    pub warnings: Vec<String>,
+}
+
+/// Reads the scene in `folder`; the first of its errors, in a fixed order, where it has any.
+pub fn load(folder: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let Attempt { loaded, errors } = attempt(folder, options);
+    match (errors.into_iter().next(), loaded) {
+        (None, Some(loaded)) => Ok(loaded),
+        (Some(error), _) => Err(error),
+        (None, None) => unreachable!("a scene that is not loaded has an error"),
+    }
+}
+
+/// All that can be said of a folder.
+pub(crate) struct Attempt {
+    /// The scene, if template and frames are readable; it may still have errors.
+    pub loaded: Option<Loaded>,
+    /// Errors in the order of manifest, template, frames, truth, overlap.
+    pub errors: Vec<Error>,
+}
+
+/// Reads as much of the scene in `folder` as can be read.
+pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
+    let start = Manifest::read(folder).and_then(|m| Ok((frame_range(&m, options)?, m)));
+    let (range, manifest) = match start {
+        Ok(start) => start,
+        Err(error) => return Attempt { loaded: None, errors: vec![error] },
+    };
+    let mut errors = Vec::new();
+    let mut warnings = Vec::new();
+    let mesh = template::read(folder, &manifest, &mut errors, &mut warnings);
+    let video = frames::read(folder, &manifest, range.clone(), &mut warnings);
+    let video = video.map_err(|e| errors.push(e)).ok();
+    let truth = truth::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut errors);
+
+    let loaded = mesh.zip(video).map(|(template, frames::Video { crop, frames })| {
+        let scene = Scene {
+            name: manifest.name.clone(),
+            folder: folder.to_path_buf(),
+            fps: manifest.fps,
+            camera: manifest.camera().cropped(crop),
+            crop,
+            full_size: [manifest.camera().width, manifest.camera().height],
+            first_frame: range.start,
+            template,
+            frames,
+            truth,
+        };
+        intrinsics_warnings(&manifest, &mut warnings);
+        // A template behind the camera, say, cannot be projected; its own error is enough.
+        if errors.is_empty() {
+            errors.extend(template::check_overlap(&scene, &mut warnings).err());
+        }
+        Loaded { scene, warnings }
+    });
+    Attempt { loaded, errors }
+}
+
+/// The frames asked for, which must exist.
+fn frame_range(manifest: &Manifest, options: &LoadOptions) -> Result<Range<usize>> {
+    let range = options.frames.clone().unwrap_or(0..manifest.n_frames);
+    if range.start >= range.end || range.end > manifest.n_frames {
+        return Err(Error::usage(
+            format!("frames {}..{} of a scene with {} frames", range.start, range.end, manifest.n_frames),
+            format!("ask for frames A..B with 0 ≤ A < B ≤ {}", manifest.n_frames),
+        ));
+    }
+    Ok(range)
+}
+
+fn intrinsics_warnings(manifest: &Manifest, warnings: &mut Vec<String>) {
+    let camera = manifest.camera();
+    let width = camera.width as f64;
+    let mut add = |found: String, hint: &str| warnings.push(warning("intrinsics", &found, hint));
+    for (key, focal) in [("fx", camera.fx), ("fy", camera.fy)] {
+        if !(0.3..=10.0).contains(&(focal / width)) {
+            add(
+                format!("{key} = {focal} is {:.2} picture widths, expected 0.3 to 10", focal / width),
+                "focal lengths are in pixels of these pictures, not in mm or degrees",
+            );
+        }
+    }
+    if !(0.8..=1.25).contains(&(camera.fx / camera.fy)) {
+        add(format!("fx = {} and fy = {} differ by over 20 %", camera.fx, camera.fy), "check both");
+    }
+    for (key, centre, side) in [("cx", camera.cx, camera.width), ("cy", camera.cy, camera.height)] {
+        if !(0.2..=0.8).contains(&(centre / side as f64)) {
+            add(
+                format!("{key} = {centre} is far from the middle of {side} pixels"),
+                "check that cx and cy are not swapped and belong to this picture size",
+            );
+        }
+    }
+}
+
+/// A warning in the form of [`Loaded::warnings`].
+fn warning(topic: &str, found: &str, hint: &str) -> String {
+    format!("{topic}: {found}\n  hint: {hint}")
+}
+
+/// The real path of `path`, which links must not lead out of `folder`.
+fn inside(folder: &Path, path: &Path) -> Result<PathBuf> {
+    let real = |p: &Path| {
+        p.canonicalize().map_err(|e| {
+            let hint = "put the file there, or correct the link";
+            Error::input(path.display().to_string(), format!("cannot be read: {e}"), hint)
+        })
+    };
+    let target = real(path)?;
+    if target.starts_with(real(folder)?) {
+        return Ok(path.to_path_buf());
+    }
+    Err(Error::input(
+        path.display().to_string(),
+        format!("is a link out of the scene folder, to {}", target.display()),
+        "copy the file into the scene folder",
+    ))
+}

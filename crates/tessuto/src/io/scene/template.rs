@@ -1,0 +1,238 @@
+//! The template: read, scaled to metres, and refused where the simulation could not use it.
+
+use std::collections::HashMap;
+use std::path::Path;
+
+use glam::DVec3;
+
+use super::coverage::{axis_variants, overlap, template_coverage};
+use super::manifest::{Manifest, Units};
+use super::{inside, warning};
+use crate::error::{Error, Result};
+use crate::io::obj;
+use crate::mesh::{Mesh, triangle_area};
+use crate::scene::Scene;
+
+/// Sizes of cloth taken seriously: length of the bounding box's diagonal [m].
+const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
+/// Overlap with the first mask below which the template is refused, and below which it is doubted.
+const OVERLAP_REFUSED: f64 = 0.3;
+const OVERLAP_DOUBTED: f64 = 0.85;
+/// A variant that fits this much better than the file itself is named.
+const VARIANT_GAIN: f64 = 0.2;
+
+/// Reads template.obj; `None` if it cannot be read, a mesh and more `errors` if it cannot be used.
+pub(crate) fn read(
+    folder: &Path,
+    manifest: &Manifest,
+    errors: &mut Vec<Error>,
+    warnings: &mut Vec<String>,
+) -> Option<Mesh> {
+    let path = folder.join("template.obj");
+    let mut mesh = match inside(folder, &path).and_then(|p| obj::read(&p)) {
+        Ok(mesh) => mesh,
+        Err(error) => {
+            errors.push(error);
+            return None;
+        }
+    };
+    mesh.positions.iter_mut().for_each(|p| *p *= manifest.units.scale());
+    let place = path.display().to_string();
+    let checks =
+        [check_depth(&mesh, &place), check_scale(&mesh, manifest.units, &place), check_faces(&mesh, &place)];
+    errors.extend(checks.into_iter().filter_map(Result::err));
+    if let Err(error) = check_edges(&mesh, &place, warnings) {
+        errors.push(error);
+    }
+    check_vertices(&mesh, warnings);
+    Some(mesh)
+}
+
+/// Diagonal of the bounding box [m].
+pub(crate) fn diagonal(positions: &[DVec3]) -> f64 {
+    let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    (high - low).length()
+}
+
+fn check_depth(mesh: &Mesh, place: &str) -> Result<()> {
+    let Some(vertex) = mesh.positions.iter().position(|p| p.z <= 0.0) else { return Ok(()) };
+    let depths = || mesh.positions.iter().map(|p| p.z);
+    let (low, high) = (depths().fold(f64::INFINITY, f64::min), depths().fold(f64::NEG_INFINITY, f64::max));
+    let hint = if high < 0.0 {
+        "looks like OpenGL axes (y up, z backwards): negate y and z of every vertex"
+    } else {
+        "vertices are in camera coordinates: x right, y down, z forward; move the mesh to where it was filmed"
+    };
+    let count = depths().filter(|z| *z <= 0.0).count();
+    Err(Error::input(
+        place,
+        format!(
+            "{count} of {} vertices are behind the camera, first vertex {} (z from {low:.3} to {high:.3} m)",
+            mesh.positions.len(),
+            vertex + 1
+        ),
+        hint,
+    ))
+}
+
+fn check_scale(mesh: &Mesh, units: Units, place: &str) -> Result<()> {
+    let length = diagonal(&mesh.positions);
+    if DIAGONAL.contains(&length) {
+        return Ok(());
+    }
+    let raw = length / units.scale();
+    let strangeness = |u: &Units| (raw * u.scale() / 0.7).ln().abs();
+    let guess = Units::ALL.into_iter().min_by(|a, b| strangeness(a).total_cmp(&strangeness(b)));
+    let hint = match guess {
+        Some(guess) if guess != units && DIAGONAL.contains(&(raw * guess.scale())) => format!(
+            "the unit looks like {}: write \"units\": \"{}\" in scene.json ({:.2} m then)",
+            guess.key(),
+            guess.key(),
+            raw * guess.scale()
+        ),
+        _ => "scale the template (and the truth, if any) to metres".to_string(),
+    };
+    let problem = format!("the fabric's bounding box has a diagonal of {length:.4} m, expected 0.05 to 10 m");
+    Err(Error::input(place, problem, hint))
+}
+
+fn check_faces(mesh: &Mesh, place: &str) -> Result<()> {
+    // Relative to the longest edge, so that the unit does not matter; 1e-9 is far beyond any thread.
+    let flat: Vec<usize> = (0..mesh.faces.len()).filter(|f| is_flat(mesh, *f)).collect();
+    let Some(first) = flat.first() else { return Ok(()) };
+    let vertices: Vec<String> = mesh.faces[*first].vertices.iter().map(|v| (v + 1).to_string()).collect();
+    Err(Error::input(
+        place,
+        format!(
+            "{} of {} faces have no area, first face {} (vertices {})",
+            flat.len(),
+            mesh.faces.len(),
+            first + 1,
+            vertices.join(" ")
+        ),
+        "remove these faces, or merge or move their vertices",
+    ))
+}
+
+fn is_flat(mesh: &Mesh, face: usize) -> bool {
+    let corners = &mesh.faces[face].vertices;
+    let at = |k: usize| mesh.positions[corners[k % corners.len()] as usize];
+    let longest = (0..corners.len()).map(|k| at(k).distance_squared(at(k + 1))).fold(0.0, f64::max);
+    let area: f64 = (1..corners.len() - 1)
+        .map(|k| triangle_area(&mesh.positions, [corners[0], corners[k], corners[k + 1]]))
+        .sum();
+    area <= 1e-9 * longest
+}
+
+/// Refuses edges of three and more faces; doubts faces wound against their neighbours.
+fn check_edges(mesh: &Mesh, place: &str, warnings: &mut Vec<String>) -> Result<()> {
+    // Per edge: the number of its faces, and of those that run from the smaller to the larger vertex.
+    let mut uses: HashMap<[u32; 2], [usize; 2]> = HashMap::new();
+    for face in &mesh.faces {
+        for (k, a) in face.vertices.iter().enumerate() {
+            let b = face.vertices[(k + 1) % face.vertices.len()];
+            let entry = uses.entry([*a.min(&b), *a.max(&b)]).or_default();
+            entry[0] += 1;
+            entry[1] += usize::from(*a < b);
+        }
+    }
+    let crowded = uses.iter().filter(|(_, [faces, _])| *faces > 2);
+    if let Some((edge, [faces, _])) = crowded.clone().min() {
+        return Err(Error::input(
+            place,
+            format!(
+                "{} edges have more than two faces, first the edge of vertices {} and {} with {faces}",
+                crowded.count(),
+                edge[0] + 1,
+                edge[1] + 1
+            ),
+            "a fabric is a surface: remove double faces and inner walls",
+        ));
+    }
+    let against = uses.values().filter(|[faces, ascending]| *faces == 2 && *ascending != 1).count();
+    if against > 0 {
+        let found = format!("{against} edges join faces that are wound in opposite directions");
+        warnings.push(warning("winding", &found, "recalculate the normals in a modelling program"));
+    }
+    Ok(())
+}
+
+fn check_vertices(mesh: &Mesh, warnings: &mut Vec<String>) {
+    let mut used = vec![false; mesh.positions.len()];
+    mesh.faces.iter().flat_map(|f| &f.vertices).for_each(|v| used[*v as usize] = true);
+    if let Some(first) = used.iter().position(|u| !u) {
+        let count = used.iter().filter(|u| !**u).count();
+        let found = format!("{count} vertices belong to no face, first vertex {}", first + 1);
+        warnings.push(warning("vertices", &found, "remove them, or add their faces"));
+    }
+    let mut order: Vec<usize> = (0..mesh.positions.len()).collect();
+    let key = |v: usize| mesh.positions[v].to_array();
+    order.sort_by(|a, b| key(*a).partial_cmp(&key(*b)).unwrap_or(std::cmp::Ordering::Equal));
+    let same = |pair: &&[usize]| key(pair[0]) == key(pair[1]);
+    if let Some(pair) = order.windows(2).find(same) {
+        let found = format!(
+            "{} vertices lie on another one, e.g. {} and {}",
+            order.windows(2).filter(same).count(),
+            pair[0] + 1,
+            pair[1] + 1
+        );
+        warnings.push(warning("vertices", &found, "merge them, or the fabric comes apart at this seam"));
+    }
+}
+
+/// Refuses a template that is not where the first mask shows the fabric.
+pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
+    let (mesh, camera, mask) = (&scene.template, &scene.camera, &scene.frames[0].mask);
+    let covered = template_coverage(mesh, &mesh.positions, camera);
+    let iou = overlap(&covered, mask);
+    let outside = |p: &&DVec3| {
+        let q = camera.project(**p);
+        q.x < -0.5 || q.y < -0.5 || q.x > camera.width as f64 - 0.5 || q.y > camera.height as f64 - 0.5
+    };
+    let share = mesh.positions.iter().filter(outside).count() as f64 / mesh.positions.len() as f64;
+    if share > 0.02 {
+        let found = format!("{:.0} % of the template's vertices are outside the crop", share * 100.0);
+        warnings.push(warning("crop", &found, "make the crop larger, if the fabric is in the picture"));
+    }
+    if iou >= OVERLAP_DOUBTED {
+        return Ok(());
+    }
+    let hint = way_out(scene, iou);
+    let found =
+        format!("overlap with the mask of frame {} is {iou:.2} (intersection over union)", scene.first_frame);
+    if iou < OVERLAP_REFUSED {
+        let place = scene.folder.join("template.obj").display().to_string();
+        return Err(Error::input(
+            place,
+            format!("the template is far from the mask: {found}, {OVERLAP_REFUSED} at least"),
+            hint,
+        ));
+    }
+    warnings.push(warning("overlap", &format!("the template's {found}, {OVERLAP_DOUBTED} expected"), &hint));
+    Ok(())
+}
+
+/// Why the template may not lie on the mask.
+fn way_out(scene: &Scene, iou: f64) -> String {
+    let (mesh, camera, mask) = (&scene.template, &scene.camera, &scene.frames[0].mask);
+    let variants = axis_variants(mesh, camera, mask);
+    let best = variants.iter().fold(variants[0], |best, v| if v.iou > best.iou { *v } else { best });
+    if best.iou > iou + VARIANT_GAIN {
+        return format!(
+            "axes look different: {} it overlaps by {:.2}; change template.obj so",
+            best.name, best.iou
+        );
+    }
+    let mut inverse = mask.clone();
+    inverse.data.iter_mut().for_each(|v| *v = 1.0 - *v);
+    let inverse = overlap(&template_coverage(mesh, &mesh.positions, camera), &inverse);
+    if inverse > iou + VARIANT_GAIN {
+        return "the masks look inverted: white must be fabric".into();
+    }
+    if scene.first_frame > 0 {
+        return "the template shows the fabric in frame 0; start there, or give the template of the first frame used"
+            .into();
+    }
+    "check fx, fy, cx, cy, the template's axes (x right, y down, z forward) and that it shows frame 0; tessuto check --picture FILE.png draws both".into()
+}
