@@ -12,6 +12,7 @@ pub mod math;
 pub mod mesh;
 pub mod metrics;
 pub mod raster;
+pub mod report;
 pub mod scene;
 pub mod sim;
 

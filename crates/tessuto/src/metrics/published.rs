@@ -78,13 +78,13 @@ impl Plane {
     fn reduce(&self, blocks: &mut [Block]) -> f64 {
         let mut smallest = [f64::INFINITY; LANES];
         for block in blocks {
-            for k in 0..LANES {
+            for (k, smallest) in smallest.iter_mut().enumerate() {
                 let at = |(g, o): &(DVec3, f64)| g.x * block.x[k] + g.y * block.y[k] + g.z * block.z[k] + o;
                 let (v, w, h) = (at(&self.v), at(&self.w), at(&self.h));
                 let accepted = (v >= 0.0) & (w >= 0.0) & (v + w <= 1.0);
                 let squared = if accepted { h * h } else { f64::INFINITY };
                 block.best[k] = if squared < block.best[k] { squared } else { block.best[k] };
-                smallest[k] = if squared < smallest[k] { squared } else { smallest[k] };
+                *smallest = if squared < *smallest { squared } else { *smallest };
             }
         }
         smallest.into_iter().fold(f64::INFINITY, f64::min)
