@@ -16,6 +16,7 @@ pub mod motion;
 pub mod optim;
 pub mod raster;
 //pub mod reconstruct;
+pub mod report;
 pub mod scene;
 pub mod sim;
 

@@ -1,0 +1,70 @@
+//! The metrics against an independent program's (numpy, scipy): tools of the data set, not of this
+//! crate. Expected values: its printed means over all frames, for the same motions.
+
+mod metrics_support;
+
+use metrics_support::{Data, load, wave};
+use tessuto::Shape;
+use tessuto::metrics::{Inputs, evaluate};
+
+/// `expected`: cd1, cd2, p2s1, p2s2, depth of `motion(template, truth)` on scene `name`, and vertex.
+fn agrees(
+    name: &str,
+    motion: impl Fn(&Data, usize) -> Vec<Shape>,
+    [cd1, cd2, p2s1, p2s2, depth]: [f64; 5],
+    vertex: Option<f64>,
+) {
+    let Some(data) = load(name) else { return };
+    let inputs =
+        Inputs { template: &data.template, camera: &data.camera, truth: &data.truth, first_frame: 0 };
+    let count = data.truth.points.as_ref().unwrap().len();
+    let motion = motion(&data, count);
+    let start = std::time::Instant::now();
+    let m = evaluate(&inputs, &motion, 0..count, 0).unwrap().mean;
+    println!("{name}: {count} frames in {:.2} s: {m:?}", start.elapsed().as_secs_f64());
+    let pairs = [
+        (m.cd1, Some(cd1)),
+        (m.cd2, Some(cd2)),
+        (m.p2s1, Some(p2s1)),
+        (m.p2s2, Some(p2s2)),
+        (m.depth, Some(depth)),
+        (m.vertex, vertex),
+    ];
+    for (found, expected) in pairs {
+        assert_eq!(found.is_some(), expected.is_some(), "{name}: {m:?}");
+        let ratio = found.unwrap_or(1.0) / expected.unwrap_or(1.0);
+        assert!((ratio - 1.0).abs() < 1e-2, "{name}: {found:?} for {expected:?}");
+    }
+    // The inexact variant is a lower bound.
+    assert!(m.p2s1_published < m.p2s1 && m.p2s2_published < m.p2s2);
+}
+
+/// The true motion with a fifth of the wave added.
+fn near_truth(data: &Data, count: usize) -> Vec<Shape> {
+    let template = &data.template.positions;
+    let mut shapes = data.truth.vertices.clone().unwrap();
+    for (shape, moved) in shapes.iter_mut().zip(wave(template, count)) {
+        for ((p, moved), still) in shape.iter_mut().zip(moved).zip(template) {
+            *p += 0.2 * (moved - *still);
+        }
+    }
+    shapes
+}
+
+#[test]
+fn still_template_of_the_real_recording() {
+    let still = |data: &Data, count| vec![data.template.positions.clone(); count];
+    agrees("R1", still, [8.7420e-2, 8.4075e-3, 8.4149e-2, 8.0837e-3, 4.6174e-2], None);
+}
+
+#[test]
+fn wave_on_a_rendered_scene() {
+    let motion = |data: &Data, count| wave(&data.template.positions, count);
+    agrees("S2", motion, [8.0513e-2, 5.2358e-3, 7.5151e-2, 4.7171e-3, 4.0361e-2], Some(5.2426e-2));
+}
+
+#[test]
+fn disturbed_truth_of_the_rendered_scenes() {
+    agrees("S1", near_truth, [1.0542e-2, 6.4015e-5, 6.9467e-3, 3.3912e-5, 4.2058e-3], Some(7.1890e-3));
+    agrees("S2", near_truth, [1.0777e-2, 6.5991e-5, 7.2353e-3, 3.5456e-5, 4.1544e-3], Some(7.1906e-3));
+}
