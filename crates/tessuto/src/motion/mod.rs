@@ -1,6 +1,7 @@
 //! From pixels to motion.
 
 pub mod contour;
+pub mod curvature;
 //pub mod loss;
 pub mod photometry;
 pub mod progress;

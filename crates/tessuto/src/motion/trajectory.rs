@@ -12,6 +12,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::contour::Contour;
+use super::curvature::CurvaturePrior;
 use super::progress::{Epoch, Observer};
 use super::photometry::{DataTerm, Points, Reference, fit_gain};
 use super::pyramid::{Level, pyramid};
@@ -31,6 +32,8 @@ pub struct TrajectorySettings {
     pub strain: f64,
     /// Spread of the bending angle at a vertex [rad].
     pub bend: f64,
+    /// Spread of the signed bending angle at a vertex [rad], see [`super::curvature`].
+    pub curvature: f64,
     /// Spread of the shearing angle at a vertex [rad].
     pub shear: f64,
     /// Spread of the second difference of a vertex between frames [m].
@@ -58,6 +61,7 @@ impl Default for TrajectorySettings {
         Self {
             strain: 0.005,
             bend: 0.15,
+            curvature: 0.05,
             shear: 0.1,
             acceleration: 0.004,
             colour: 0.1,
@@ -79,6 +83,7 @@ pub struct Problem<'a> {
     settings: TrajectorySettings,
     /// Stiffness of the elastic prior.
     prior: Stiffness,
+    curvature: CurvaturePrior,
     triangles: Vec<[u32; 3]>,
     neighbours: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
@@ -121,6 +126,12 @@ impl<'a> Problem<'a> {
             scene,
             cloth,
             prior,
+            curvature: CurvaturePrior::new(
+                cloth,
+                &template.triangles(),
+                &template.positions,
+                settings.curvature,
+            ),
             triangles: template.triangles(),
             neighbours: template.neighbours(),
             boundary: boundary_points(template, &template.positions, &scene.camera, 4.0),
@@ -242,7 +253,8 @@ impl Stage<'_, '_> {
         let data = self.data(frame);
         let mut matrix = BlockMatrix::zeros(&cloth.pattern);
         let mut gradient = vec![DVec3::ZERO; x.len()];
-        let mut value = cloth.energy(&self.problem.prior, x).total();
+        let mut value = self.prior_value(x);
+        self.problem.curvature.add_system(cloth, x, &mut gradient, &mut matrix);
         cloth.add_gradient(&self.problem.prior, x, 1.0, &mut gradient);
         cloth.add_hessian(&self.problem.prior, x, Curvature::Projected, 1.0, &mut matrix);
         let colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
@@ -266,11 +278,16 @@ impl Stage<'_, '_> {
         System { value, gradient, matrix }
     }
 
+    fn prior_value(&self, x: &[DVec3]) -> f64 {
+        let p = self.problem;
+        p.cloth.energy(&p.prior, x).total() + p.curvature.value(p.cloth, x)
+    }
+
     fn value(&self, frame: usize, x: &[DVec3]) -> f64 {
         let data = self.data(frame);
         let colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
         let outline = data.outline(&self.points, x);
-        self.problem.cloth.energy(&self.problem.prior, x).total()
+        self.prior_value(x)
             + colour.iter().map(|l| l.value).sum::<f64>()
             + outline.iter().map(|l| l.value).sum::<f64>()
     }

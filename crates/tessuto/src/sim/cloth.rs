@@ -30,8 +30,8 @@ pub struct Hinge {
     pub vertices: [u32; 3],
     /// Deflection without load [rad].
     pub rest_angle: f64,
-    /// Pairs (a, o), (a, c), (o, c).
-    pairs: [usize; 3],
+    /// Pattern's pairs (a, o), (a, c), (o, c).
+    pub pairs: [usize; 3],
 }
 
 /// Stiffness of every element; all the same number in a homogeneous cloth.
