@@ -5,6 +5,7 @@
 //! sRGB-encoded colour in [0, 1].
 
 pub mod camera;
+pub mod check;
 pub mod error;
 pub mod image;
 pub mod io;
