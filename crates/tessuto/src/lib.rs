@@ -5,7 +5,8 @@
 //! sRGB-encoded colour in [0, 1].
 
 pub mod camera;
-//pub mod config;
+pub mod check;
+pub mod config;
 pub mod error;
 pub mod image;
 pub mod io;
@@ -15,15 +16,16 @@ pub mod metrics;
 pub mod motion;
 pub mod optim;
 pub mod raster;
-//pub mod reconstruct;
+pub mod reconstruct;
 pub mod report;
+pub mod result;
 pub mod scene;
 pub mod sim;
 
-//pub use config::Config;
+pub use config::Config;
 pub use camera::{Camera, Rect};
 pub use error::{Error, Result};
 pub use image::Image;
 pub use mesh::Mesh;
-//pub use reconstruct::{Reconstruction, reconstruct};
+pub use reconstruct::{Reconstruction, reconstruct};
 pub use scene::{Frame, Scene, Shape, Truth};

@@ -2,12 +2,12 @@
 
 pub mod contour;
 pub mod curvature;
-//pub mod loss;
+pub mod loss;
 pub mod photometry;
 pub mod progress;
 pub mod pyramid;
-//pub mod rollout_fit;
+pub mod rollout_fit;
 pub mod surface;
-//pub mod texture_fit;
-//pub mod tied_simulation;
+pub mod texture_fit;
+pub mod tied_simulation;
 pub mod trajectory;

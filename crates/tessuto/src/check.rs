@@ -1,0 +1,86 @@
+//! Pre-flight check: what a person should know of a scene before hours are spent on it.
+//!
+//! A check fails exactly where [loading](crate::io::scene::load) fails; but it names every error it
+//! can reach, measures what may be wrong without being an error, and draws the template over frame 0.
+
+mod findings;
+mod picture;
+
+use std::path::Path;
+
+use crate::error::Error;
+use crate::image::Image;
+use crate::io::scene::coverage::{overlap, template_coverage};
+use crate::io::scene::{LoadOptions, Loaded, attempt};
+
+/// How bad a finding is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Level {
+    /// As it should be.
+    Ok,
+    /// Doubtful; computing goes on.
+    Warning,
+    /// The scene cannot be used.
+    Error,
+}
+
+/// One thing found.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Finding {
+    /// How bad it is.
+    pub level: Level,
+    /// Topic, one word; the place for errors.
+    pub what: String,
+    /// What was found, with the figures.
+    pub detail: String,
+    /// The way out; empty where nothing need be done.
+    pub hint: String,
+}
+
+/// Everything found, and the picture that shows it.
+#[derive(Debug, Clone)]
+pub struct CheckReport {
+    /// Errors first, then figures and warnings in a fixed order.
+    pub findings: Vec<Finding>,
+    /// Overlap of the template with the first mask (intersection over union), where both are readable.
+    pub iou: Option<f64>,
+    /// The first frame's crop with the template's edges (cyan) and the mask's outline (yellow), where readable.
+    pub picture: Option<Image>,
+}
+
+impl CheckReport {
+    /// How many findings are of this level.
+    pub fn count(&self, level: Level) -> usize {
+        self.findings.iter().filter(|f| f.level == level).count()
+    }
+}
+
+/// Checks a scene that has been loaded.
+pub fn check(loaded: &Loaded) -> CheckReport {
+    let scene = &loaded.scene;
+    let covered = template_coverage(&scene.template, &scene.template.positions, &scene.camera);
+    let iou = overlap(&covered, &scene.frames[0].mask);
+    CheckReport { findings: findings::all(loaded, iou), iou: Some(iou), picture: Some(picture::draw(scene)) }
+}
+
+/// Checks the scene in `folder`, whether or not it can be loaded.
+pub fn check_folder(folder: &Path, options: &LoadOptions) -> CheckReport {
+    let attempt = attempt(folder, options);
+    let mut report = match &attempt.loaded {
+        Some(loaded) => check(loaded),
+        None => CheckReport { findings: Vec::new(), iou: None, picture: None },
+    };
+    report.findings.splice(0..0, attempt.errors.iter().map(error_finding));
+    report
+}
+
+fn error_finding(error: &Error) -> Finding {
+    let (what, detail, hint) = match error {
+        Error::Input { place, problem, hint } | Error::Numerical { place, problem, hint } => {
+            (place.clone(), problem.clone(), hint.clone())
+        }
+        Error::Usage { problem, hint } => ("options".into(), problem.clone(), hint.clone()),
+        other => ("scene".into(), other.to_string(), String::new()),
+    };
+    Finding { level: Level::Error, what, detail, hint }
+}

@@ -1,0 +1,217 @@
+//! The figures of a check, one function a topic.
+
+use super::{Finding, Level};
+use crate::io::scene::Loaded;
+use crate::io::scene::coverage::{axis_variants, fill_triangle};
+use crate::io::scene::template::diagonal;
+use crate::scene::Scene;
+
+/// A variant of the axes that fits this much better than the template itself is named.
+const VARIANT_GAIN: f64 = 0.2;
+/// Columns and rows of the raster on which overlapping uv is measured.
+const UV_RASTER: usize = 512;
+
+/// Every finding of a loaded scene; `iou` is the overlap of the template with the first mask.
+pub(super) fn all(loaded: &Loaded, iou: f64) -> Vec<Finding> {
+    let scene = &loaded.scene;
+    let mut findings = vec![
+        frames(scene),
+        masks(scene),
+        motion(scene),
+        intrinsics(scene),
+        scale(scene),
+        template_overlap(scene, iou),
+        orientation(scene, iou),
+        uv(scene),
+        truth(scene),
+    ];
+    // What loading already doubted replaces the good word on the same topic.
+    let warnings: Vec<Finding> = loaded.warnings.iter().map(|w| from_warning(w)).collect();
+    findings.retain(|f| f.level != Level::Ok || warnings.iter().all(|w| w.what != f.what));
+    findings.extend(warnings);
+    findings
+}
+
+fn ok(what: &str, detail: String) -> Finding {
+    Finding { level: Level::Ok, what: what.into(), detail, hint: String::new() }
+}
+
+fn doubt(what: &str, detail: String, hint: &str) -> Finding {
+    Finding { level: Level::Warning, what: what.into(), detail, hint: hint.into() }
+}
+
+/// Takes a warning of loading apart: `topic: text`, newline, `  hint: text`.
+fn from_warning(warning: &str) -> Finding {
+    let (text, hint) = warning.split_once("\n  hint: ").unwrap_or((warning, ""));
+    let (what, detail) = text.split_once(": ").unwrap_or(("scene", text));
+    doubt(what, detail.into(), hint)
+}
+
+fn frames(scene: &Scene) -> Finding {
+    let n = scene.frames.len();
+    let detail = format!(
+        "{n} from frame {}, {}×{} pixels, crop {}×{} at ({}, {}), {} per second",
+        scene.first_frame,
+        scene.full_size[0],
+        scene.full_size[1],
+        scene.crop.width(),
+        scene.crop.height(),
+        scene.crop.x0,
+        scene.crop.y0,
+        scene.fps
+    );
+    if n == 1 {
+        doubt("frames", detail, "one frame shows no motion; only its look can be found")
+    } else {
+        ok("frames", detail)
+    }
+}
+
+fn masks(scene: &Scene) -> Finding {
+    let full = (scene.full_size[0] * scene.full_size[1]) as f64;
+    let share = |n: usize| scene.frames[n].mask.data.iter().filter(|v| **v >= 0.5).count() as f64 / full;
+    let shares: Vec<f64> = (0..scene.frames.len()).map(share).collect();
+    let (mut low, mut high) = (0, 0);
+    for (n, share) in shares.iter().enumerate() {
+        low = if *share < shares[low] { n } else { low };
+        high = if *share > shares[high] { n } else { high };
+    }
+    let detail = format!(
+        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the picture",
+        100.0 * shares[low],
+        scene.first_frame + low,
+        100.0 * shares[high],
+        scene.first_frame + high
+    );
+    if shares[high] > 0.9 {
+        return doubt("masks", detail, "masks this full are often inverted; white must be fabric");
+    }
+    // Fabric does not appear or vanish between two frames.
+    let ratio = |pair: &[f64]| pair[0].max(pair[1]) / pair[0].min(pair[1]);
+    match shares.windows(2).position(|pair| ratio(pair) > 1.5) {
+        Some(n) => {
+            let frame = scene.first_frame + n;
+            let hint = "look at these masks";
+            doubt(
+                "masks",
+                format!("{detail}; by over half in or out between frames {frame} and {}", frame + 1),
+                hint,
+            )
+        }
+        None => ok("masks", detail),
+    }
+}
+
+fn motion(scene: &Scene) -> Finding {
+    let same = |n: &usize| scene.frames[*n].rgb == scene.frames[*n + 1].rgb;
+    let repeats: Vec<usize> = (0..scene.frames.len() - 1).filter(same).collect();
+    match repeats.first() {
+        Some(n) => {
+            let frame = scene.first_frame + n;
+            let detail = format!("{} frames repeat the one before, first frame {}", repeats.len(), frame + 1);
+            doubt("motion", detail, "remove repeated frames and correct fps, or the fabric stops and jumps")
+        }
+        None => ok("motion", "no frame repeats the one before".into()),
+    }
+}
+
+fn intrinsics(scene: &Scene) -> Finding {
+    let (camera, width) = (&scene.camera, scene.full_size[0] as f64);
+    let angle = 2.0 * (width / (2.0 * camera.fx)).atan().to_degrees();
+    let (cx, cy) = (camera.cx + scene.crop.x0 as f64, camera.cy + scene.crop.y0 as f64);
+    ok(
+        "intrinsics",
+        format!("fx {:.1}, fy {:.1}, centre ({cx:.1}, {cy:.1}), {angle:.0}° wide", camera.fx, camera.fy),
+    )
+}
+
+fn scale(scene: &Scene) -> Finding {
+    let mesh = &scene.template;
+    let edges = mesh.edges();
+    let length = |e: &[u32; 2]| mesh.positions[e[0] as usize].distance(mesh.positions[e[1] as usize]);
+    let mean = edges.iter().map(length).sum::<f64>() / edges.len() as f64;
+    let depths = || mesh.positions.iter().map(|p| p.z);
+    ok(
+        "scale",
+        format!(
+            "diagonal {:.3} m, area {:.3} m², {} vertices, {} edges of {:.1} mm on average, {:.2} to {:.2} m away",
+            diagonal(&mesh.positions),
+            mesh.area(),
+            mesh.positions.len(),
+            edges.len(),
+            mean * 1000.0,
+            depths().fold(f64::INFINITY, f64::min),
+            depths().fold(f64::NEG_INFINITY, f64::max)
+        ),
+    )
+}
+
+fn template_overlap(scene: &Scene, iou: f64) -> Finding {
+    ok(
+        "overlap",
+        format!("template and mask of frame {}: {iou:.3} (intersection over union)", scene.first_frame),
+    )
+}
+
+fn orientation(scene: &Scene, own: f64) -> Finding {
+    let variants = axis_variants(&scene.template, &scene.camera, &scene.frames[0].mask);
+    let best = variants.iter().fold(variants[0], |best, v| if v.iou > best.iou { *v } else { best });
+    if best.iou > own + VARIANT_GAIN {
+        let detail = format!(
+            "the template fits the mask better with {} ({:.2} instead of {own:.2})",
+            best.name, best.iou
+        );
+        return doubt(
+            "orientation",
+            detail,
+            "template.obj must have x right, y down, z forward; change its axes so",
+        );
+    }
+    ok("orientation", format!("no flip or swap of axes fits better by {VARIANT_GAIN} (best {:.2})", best.iou))
+}
+
+fn uv(scene: &Scene) -> Finding {
+    let mesh = &scene.template;
+    let beyond = mesh.uvs.iter().filter(|uv| uv.min_element() < 0.0 || uv.max_element() > 1.0).count();
+    // Shift the raster off the round numbers on which uv grids lie.
+    let at = |i: u32| mesh.uvs[i as usize] * UV_RASTER as f64 - glam::DVec2::new(0.4143, 0.3819);
+    let mut hits = vec![0u8; UV_RASTER * UV_RASTER];
+    for triangle in mesh.triangle_uvs() {
+        fill_triangle(triangle.map(at), [UV_RASTER; 2], false, |x, y| {
+            let hit = &mut hits[y * UV_RASTER + x];
+            *hit = hit.saturating_add(1);
+        });
+    }
+    let count = |least: u8| hits.iter().filter(|h| **h >= least).count();
+    let (used, twice) = (count(1), count(2));
+    let detail = format!(
+        "{:.0} % of the texture used, {:.1} % of that more than once, {beyond} coordinates outside 0…1",
+        100.0 * used as f64 / hits.len() as f64,
+        100.0 * twice as f64 / used.max(1) as f64
+    );
+    if used == 0 {
+        return doubt("uv", detail, "texture coordinates cover nothing: unwrap the mesh");
+    }
+    if beyond > 0 {
+        return doubt("uv", detail, "move all texture coordinates into 0…1");
+    }
+    // 1 % leaves room for rounding along seams.
+    if twice * 100 > used {
+        return doubt(
+            "uv",
+            detail,
+            "places that share texture share colour: unwrap the mesh without overlap",
+        );
+    }
+    ok("uv", detail)
+}
+
+fn truth(scene: &Scene) -> Finding {
+    let detail = match (&scene.truth.points, &scene.truth.vertices) {
+        (Some(_), Some(_)) => "measured points and true vertices",
+        (Some(_), None) => "measured points",
+        (None, Some(_)) => "true vertices",
+        (None, None) => "none; results cannot be evaluated, only compared with the video",
+    };
+    ok("truth", detail.into())
+}

@@ -1,0 +1,64 @@
+//! The picture of a check: what the program believes, drawn over what was filmed.
+
+use glam::DVec2;
+
+use crate::image::Image;
+use crate::scene::Scene;
+
+const TEMPLATE: [f32; 3] = [0.0, 0.9, 1.0];
+const OUTLINE: [f32; 3] = [1.0, 0.85, 0.0];
+
+/// The first frame's crop with the outline of its mask and the edges of the template.
+pub(super) fn draw(scene: &Scene) -> Image {
+    let frame = &scene.frames[0];
+    let mut picture = frame.rgb.clone();
+    let (w, h) = (picture.width, picture.height);
+    let fabric = |x: usize, y: usize| frame.mask.pixel(x, y)[0] >= 0.5;
+    for y in 0..h {
+        for x in 0..w {
+            // Fabric with a neighbour that is none.
+            let border =
+                |dx: usize, dy: usize| x + dx < w && y + dy < h && fabric(x, y) != fabric(x + dx, y + dy);
+            if border(1, 0) || border(0, 1) {
+                picture.pixel_mut(x, y).copy_from_slice(&OUTLINE);
+            }
+        }
+    }
+    let mesh = &scene.template;
+    for edge in mesh.edges() {
+        let ends = edge.map(|v| mesh.positions[v as usize]);
+        if ends.iter().all(|p| p.z > 0.0) {
+            let [a, b] = ends.map(|p| scene.camera.project(p));
+            line(&mut picture, a, b);
+        }
+    }
+    picture
+}
+
+/// A thin line between two points [px], as far as it is inside the picture.
+fn line(picture: &mut Image, a: DVec2, b: DVec2) {
+    let size = DVec2::new(picture.width as f64, picture.height as f64);
+    // The part of a + t (b − a) inside the picture, so that a far end costs nothing.
+    let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
+    for axis in 0..2 {
+        let (start, step) = (a[axis], b[axis] - a[axis]);
+        if step == 0.0 {
+            if start < -0.5 || start >= size[axis] - 0.5 {
+                return;
+            }
+            continue;
+        }
+        let (u, v) = ((-0.5 - start) / step, (size[axis] - 0.5 - start) / step);
+        (t0, t1) = (t0.max(u.min(v)), t1.min(u.max(v)));
+    }
+    if t0 > t1 {
+        return;
+    }
+    let steps = ((b - a).abs().max_element() * (t1 - t0)).ceil() as usize + 1;
+    for k in 0..=steps {
+        let q = (a + (b - a) * (t0 + (t1 - t0) * k as f64 / steps as f64)).round();
+        if q.x >= 0.0 && q.y >= 0.0 && q.x < size.x && q.y < size.y {
+            picture.pixel_mut(q.x as usize, q.y as usize).copy_from_slice(&TEMPLATE);
+        }
+    }
+}
