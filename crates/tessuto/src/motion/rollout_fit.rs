@@ -359,7 +359,7 @@ impl RolloutFit<'_> {
         share: f64,
     ) -> FrameLoss {
         let (camera, weights) = (&self.scene.camera, &self.settings.weights);
-        let mut gradients = Gradients::new(x.len());
+        let mut gradients = Gradients::new(self.rasterizer);
         self.rasterizer.render(camera, x, self.texture, &mut scratch.rendering);
         let [colour, silhouette] =
             image_loss(&scratch.rendering.rgba, frame, weights, share, &mut scratch.grad_rgba);

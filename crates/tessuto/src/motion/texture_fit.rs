@@ -48,7 +48,7 @@ pub fn fit_texture(
     let mut parameters = vec![0.5; 3 * settings.size * settings.size];
     let mut adam = Adam::new(parameters.len(), settings.learning_rate);
     let (mut rendering, mut grad_rgba) = (Rendering::new(), Vec::new());
-    let mut gradients = Gradients::with_texture(shape.len(), &texture);
+    let mut gradients = Gradients::new(rasterizer).with_texture(&texture);
     for epoch in 0..settings.epochs {
         rasterizer.render(camera, shape, &texture, &mut rendering);
         let [colour, _] = image_loss(&rendering.rgba, frame, &weights, 1.0, &mut grad_rgba);

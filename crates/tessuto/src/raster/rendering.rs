@@ -1,0 +1,75 @@
+//! What a rendering returns, and what its adjoint needs to know.
+
+use super::bins::Bins;
+use super::projected::{Projected, Rays};
+use super::silhouette::Blend;
+use crate::camera::Rect;
+use crate::image::Image;
+
+/// Picture of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used again by the next
+/// rendering into it.
+#[derive(Debug, Clone, Default)]
+pub struct Rendering {
+    /// Width [px].
+    pub width: usize,
+    /// Height [px].
+    pub height: usize,
+    /// Triangle seen at each pixel centre, [`Rendering::NO_TRIANGLE`] where there is none, shape [height, width].
+    pub triangle: Vec<u32>,
+    /// 1/z [1/m] at each pixel centre, 0 where there is no triangle, shape [height, width].
+    pub inverse_depth: Vec<f64>,
+    /// Red, green, blue and coverage after antialiasing, over black with coverage 0, shape [height, width].
+    pub rgba: Vec<[f32; 4]>,
+    pub(super) rays: Rays,
+    pub(super) projected: Vec<Projected>,
+    pub(super) bins: Bins,
+    /// Silhouette blends found in each band of rows.
+    pub(super) blends: Vec<Vec<Blend>>,
+    /// Size of the texture that the planes in `projected` belong to [texel].
+    pub(super) texture_size: [usize; 2],
+    /// Everything outside is background, [x0, x1) × [y0, y1) [px].
+    pub(super) drawn: Option<Rect>,
+}
+
+impl Rendering {
+    /// Where no triangle is seen.
+    pub const NO_TRIANGLE: u32 = u32::MAX;
+
+    /// An empty rendering; the first use gives it its size.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Depth z [m] at the centre of pixel (column `x`, row `y`), `None` where no triangle is seen.
+    pub fn depth(&self, x: usize, y: usize) -> Option<f64> {
+        let inverse = self.inverse_depth[y * self.width + x];
+        (inverse > 0.0).then(|| 1.0 / inverse)
+    }
+
+    /// Depth z [m] of every pixel, 0 where no triangle is seen, shape [height, width, 1].
+    pub fn depth_image(&self) -> Image {
+        let depth = |&inverse: &f64| if inverse > 0.0 { (1.0 / inverse) as f32 } else { 0.0 };
+        let data = self.inverse_depth.iter().map(depth).collect();
+        Image { width: self.width, height: self.height, channels: 1, data }
+    }
+
+    /// Number of pixels that the antialiasing changed, counted once for each neighbour blended in.
+    pub fn blend_count(&self) -> usize {
+        self.blends.iter().map(Vec::len).sum()
+    }
+
+    /// Gives the buffers the size of the image; a new size starts from background everywhere.
+    pub(super) fn resize(&mut self, width: usize, height: usize) {
+        if (self.width, self.height) == (width, height) {
+            return;
+        }
+        (self.width, self.height) = (width, height);
+        self.triangle.clear();
+        self.triangle.resize(width * height, Self::NO_TRIANGLE);
+        self.inverse_depth.clear();
+        self.inverse_depth.resize(width * height, 0.0);
+        self.rgba.clear();
+        self.rgba.resize(width * height, [0.0; 4]);
+        self.drawn = None;
+    }
+}
