@@ -1,6 +1,12 @@
 //! `tessuto`: one subcommand, one file.
 
 mod check;
+mod frames;
+mod output;
+mod progress;
+mod reconstruct;
+mod simulate;
+mod threads;
 
 use std::process::ExitCode;
 
@@ -18,11 +24,15 @@ struct Arguments {
 enum Command {
     /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
     Check(check::Arguments),
+    Reconstruct(reconstruct::Arguments),
+    Simulate(simulate::Arguments),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Check(arguments) => check::run(&arguments),
+        Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -150,6 +150,19 @@ impl Config {
         Ok(())
     }
 
+    /// Keys and values of all settings that differ from the preset, as [`set`](Self::set) takes them.
+    pub fn changes(&self) -> Vec<(String, String)> {
+        let value = |c: &Self| serde_json::to_value(c).expect("settings are plain data");
+        let (own, preset) = (value(self), value(&Self::preset(self.preset)));
+        let at = |v: &Value, key: &str| v.pointer(&format!("/{}", key.replace('.', "/"))).cloned();
+        let text = |v: Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
+        paths(&own)
+            .into_iter()
+            .filter(|key| at(&own, key) != at(&preset, key))
+            .filter_map(|key| at(&own, &key).map(|v| (key, text(v))))
+            .collect()
+    }
+
     /// Checks ranges that types cannot express.
     ///
     /// # Errors
@@ -196,7 +209,8 @@ impl Config {
 /// Dotted keys of all values that are no objects.
 fn paths(value: &Value) -> Vec<String> {
     let Value::Object(map) = value else { return vec![String::new()] };
-    let join = |key: &String, rest: String| if rest.is_empty() { key.clone() } else { format!("{key}.{rest}") };
+    let join =
+        |key: &String, rest: String| if rest.is_empty() { key.clone() } else { format!("{key}.{rest}") };
     map.iter().flat_map(|(key, v)| paths(v).into_iter().map(move |rest| join(key, rest))).collect()
 }
 

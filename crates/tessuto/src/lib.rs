@@ -22,8 +22,8 @@ pub mod result;
 pub mod scene;
 pub mod sim;
 
-pub use config::Config;
 pub use camera::{Camera, Rect};
+pub use config::Config;
 pub use error::{Error, Result};
 pub use image::Image;
 pub use mesh::Mesh;

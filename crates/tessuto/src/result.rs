@@ -17,6 +17,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::Image;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::io;
@@ -31,7 +32,6 @@ use crate::report::sheet::{chosen_frames, contact_sheet};
 use crate::report::{self, HistoryRow, KeyNumber, Parameter, ReportData};
 use crate::scene::Scene;
 use crate::sim::Forces;
-use crate::Image;
 
 /// Which run it was.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -179,7 +179,11 @@ pub fn read(folder: &Path) -> Result<Saved> {
 fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
     let place = || path.display().to_string();
     let text = std::fs::read_to_string(path).map_err(|e| {
-        Error::input(place(), format!("cannot be read: {e}"), "give the folder that `tessuto reconstruct` wrote")
+        Error::input(
+            place(),
+            format!("cannot be read: {e}"),
+            "give the folder that `tessuto reconstruct` wrote",
+        )
     })?;
     serde_json::from_str(&text)
         .map_err(|e| Error::input(place(), e.to_string(), "give a folder of this version of tessuto"))

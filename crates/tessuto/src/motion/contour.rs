@@ -36,10 +36,8 @@ impl Contour {
     /// Distance and its gradient at pixel position `p`; `None` near the image border and beyond reach.
     pub fn sample(&self, p: DVec2) -> Option<(f64, DVec2)> {
         let (w, h) = (self.width, self.height);
-        let inside = p.x >= BORDER
-            && p.y >= BORDER
-            && p.x < (w - 1) as f64 - BORDER
-            && p.y < (h - 1) as f64 - BORDER;
+        let inside =
+            p.x >= BORDER && p.y >= BORDER && p.x < (w - 1) as f64 - BORDER && p.y < (h - 1) as f64 - BORDER;
         if !inside {
             return None;
         }

@@ -235,8 +235,8 @@ pub fn fit_gain(
                 let [num, den] = data[v][k];
                 // A weak pull to 1 keeps what is never seen defined.
                 let pull = 1e-3 * lambda[k];
-                gain[v][k] = ((num + lambda[k] * sum + pull)
-                    / (den + lambda[k] * around.len() as f64 + pull)) as f32;
+                gain[v][k] =
+                    ((num + lambda[k] * sum + pull) / (den + lambda[k] * around.len() as f64 + pull)) as f32;
             }
         }
     }

@@ -97,9 +97,8 @@ fn halved(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
 
 /// Binomial blur (1 2 1)/4 along both axes, the border repeated.
 fn blurred(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
-    let blend = |a: [f32; 4], b: [f32; 4], c: [f32; 4]| {
-        [0, 1, 2, 3].map(|k| 0.25 * a[k] + 0.5 * b[k] + 0.25 * c[k])
-    };
+    let blend =
+        |a: [f32; 4], b: [f32; 4], c: [f32; 4]| [0, 1, 2, 3].map(|k| 0.25 * a[k] + 0.5 * b[k] + 0.25 * c[k]);
     let mut rows = vec![[0.0; 4]; texels.len()];
     for (source, row) in texels.chunks_exact(width).zip(rows.chunks_exact_mut(width)) {
         for x in 0..width {

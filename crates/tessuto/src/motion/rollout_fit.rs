@@ -234,7 +234,9 @@ impl RolloutFit<'_> {
             let mut constant = parameters.forces.constant.to_array();
             constant_group.step(&mut constant, &mut (gradients.constant * scale).to_array());
             parameters.forces.constant = DVec3::from_array(constant);
-            let flat = |shapes: &[Shape]| -> Vec<f64> { shapes.iter().flatten().flat_map(|v| v.to_array()).collect() };
+            let flat = |shapes: &[Shape]| -> Vec<f64> {
+                shapes.iter().flatten().flat_map(|v| v.to_array()).collect()
+            };
             let mut dynamic = flat(&parameters.forces.dynamic);
             let mut gradient = flat(&gradients.dynamic);
             gradient.iter_mut().for_each(|g| *g *= scale);
@@ -339,8 +341,7 @@ impl RolloutFit<'_> {
         let of_entry: Vec<&Shape> =
             (0..entries).map(|k| &rays[(k / parameters.forces.parts).min(rays.len() - 1)]).collect();
         let f = &parameters.forces;
-        losses.force =
-            force_across_rays(f, entries, &of_entry, s.weights.force, &mut constant, &mut dynamic);
+        losses.force = force_across_rays(f, entries, &of_entry, s.weights.force, &mut constant, &mut dynamic);
         losses.force_smoothness = force_changes(f, entries, s.weights.force_smoothness, &mut dynamic);
         let total = losses.total(&s.weights);
         let log_stiffness = by_stiffness.grad_log10(parameters.stiffness());

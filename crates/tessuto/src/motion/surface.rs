@@ -30,7 +30,11 @@ pub fn interior_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacin
             for j in 0..k - i {
                 let mut push = |s: f64, t: f64| {
                     let weights = [1.0 - s - t, s, t];
-                    points.push(SurfacePoint { triangle: triangle as u32, weights, area: area * part * part });
+                    points.push(SurfacePoint {
+                        triangle: triangle as u32,
+                        weights,
+                        area: area * part * part,
+                    });
                 };
                 push((i as f64 + 1.0 / 3.0) * part, (j as f64 + 1.0 / 3.0) * part);
                 if i + j + 1 < k {
@@ -88,8 +92,7 @@ mod tests {
         assert!((area - 60.0 * 40.0).abs() < 1e-9, "{area}");
         assert!((500..1000).contains(&points.len()), "{}", points.len());
         assert!(points.iter().all(|p| p.weights.iter().all(|w| *w > 0.0)));
-        let edge: f64 =
-            boundary_points(&mesh, &mesh.positions, &camera, 3.0).iter().map(|p| p.length).sum();
+        let edge: f64 = boundary_points(&mesh, &mesh.positions, &camera, 3.0).iter().map(|p| p.length).sum();
         assert!((edge - 200.0).abs() < 1e-9, "{edge}");
     }
 }

@@ -97,7 +97,10 @@ mod tests {
         let dynamics = Dynamics { step: settings, substeps: 1, stiffness: [range; 3] };
         let k = [200.0, 1e-3, 1e-4];
         let swing = |n: usize| -> Shape {
-            mesh.positions.iter().map(|p| *p + DVec3::Z * (0.3 * (p.y + 0.05) * (n as f64 * 0.2).sin())).collect()
+            mesh.positions
+                .iter()
+                .map(|p| *p + DVec3::Z * (0.3 * (p.y + 0.05) * (n as f64 * 0.2).sin()))
+                .collect()
         };
         let targets: Vec<Shape> = (0..8).map(swing).collect();
         let forces =

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 
 use super::contour::Contour;
 use super::curvature::CurvaturePrior;
-use super::progress::{Epoch, Observer};
 use super::photometry::{DataTerm, Points, Reference, fit_gain};
+use super::progress::{Epoch, Observer};
 use super::pyramid::{Level, pyramid};
 use super::surface::{EdgePoint, boundary_points, interior_points};
 use crate::error::{Error, Result};
@@ -258,7 +258,8 @@ impl Stage<'_, '_> {
         cloth.add_gradient(&self.problem.prior, x, 1.0, &mut gradient);
         cloth.add_hessian(&self.problem.prior, x, Curvature::Projected, 1.0, &mut matrix);
         let colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
-        for ((local, corners), pairs) in colour.iter().zip(&self.problem.triangles).zip(&cloth.triangle_pairs) {
+        for ((local, corners), pairs) in colour.iter().zip(&self.problem.triangles).zip(&cloth.triangle_pairs)
+        {
             value += local.value;
             for k in 0..3 {
                 gradient[corners[k] as usize] += local.gradient[k];
@@ -382,8 +383,7 @@ impl Stage<'_, '_> {
         let kappa = self.kappa();
         let systems: Vec<System> =
             frames.par_iter().enumerate().skip(1).map(|(n, x)| self.linearise(n, x)).collect();
-        let value =
-            systems.iter().map(|s| s.value).sum::<f64>() + self.acceleration_value(frames);
+        let value = systems.iter().map(|s| s.value).sum::<f64>() + self.acceleration_value(frames);
         let bent = second_differences_transposed(&second_differences(frames), frames.len());
         let gradient: Vec<Shape> = systems
             .iter()
@@ -404,7 +404,8 @@ impl Stage<'_, '_> {
         for (x, s) in next[1..].iter_mut().zip(&step) {
             x.iter_mut().zip(s).for_each(|(x, s)| *x -= *s);
         }
-        let next_value = next.par_iter().enumerate().skip(1).map(|(n, x)| self.value(n, x)).collect::<Vec<_>>();
+        let next_value =
+            next.par_iter().enumerate().skip(1).map(|(n, x)| self.value(n, x)).collect::<Vec<_>>();
         let next_value = next_value.iter().sum::<f64>() + self.acceleration_value(&next);
         (next, value, next_value <= value)
     }

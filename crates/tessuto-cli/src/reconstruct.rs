@@ -1,0 +1,164 @@
+//! `tessuto reconstruct`.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Context as _;
+use clap::Args;
+use tessuto::config::{Config, Preset};
+use tessuto::io::scene::{LoadOptions, load};
+use tessuto::metrics::{self, Evaluation, QUANTITIES};
+use tessuto::result::{self, Run};
+use tessuto::{Error, Scene};
+
+use crate::output::OutputFolder;
+use crate::progress::{Progress, stop_on_interrupt};
+
+/// Recover motion, stiffnesses, forces and texture from a scene folder.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto reconstruct scenes/curtain
+  tessuto reconstruct scenes/curtain --preset saft --out results/curtain-saft
+  tessuto reconstruct scenes/curtain --frames 0..20 --set trajectory.finest=1")]
+pub struct Arguments {
+    /// Scene folder: scene.json, template.obj, rgbs/, masks/.
+    scene: PathBuf,
+    /// Result folder [default: tessuto-out/<name of the scene folder>].
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Settings to start from: `default`, or `saft`, the published method.
+    #[arg(long, value_parser = parse_preset, default_value = "default")]
+    preset: Preset,
+    /// Change one setting; config.json of a result lists all of them. May be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Only frames A to B − 1; the template belongs to frame A.
+    #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
+    frames: Option<std::ops::Range<usize>>,
+    /// Threads [default: all cores]. The result does not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Seed of everything random.
+    #[arg(long)]
+    seed: Option<u64>,
+    /// Motion only; material and light are not estimated.
+    #[arg(long)]
+    no_appearance: bool,
+}
+
+fn parse_preset(text: &str) -> Result<Preset, String> {
+    match text {
+        "default" => Ok(Preset::Default),
+        "saft" => Ok(Preset::Saft),
+        _ => Err("the presets are: default, saft".to_owned()),
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let mut config = Config::preset(arguments.preset);
+    for assignment in &arguments.set {
+        config.set(assignment)?;
+    }
+    if let Some(seed) = arguments.seed {
+        config.seed = seed;
+    }
+    crate::threads::use_threads(arguments.threads)?;
+    let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));
+    reconstruct_into(&arguments.scene, arguments.frames.clone(), config, &out)?;
+    Ok(())
+}
+
+fn default_out(scene: &Path) -> PathBuf {
+    let name = scene.canonicalize().ok().and_then(|p| p.file_name().map(PathBuf::from));
+    Path::new("tessuto-out").join(name.unwrap_or_else(|| "scene".into()))
+}
+
+/// Loads, reconstructs, evaluates and writes; returns the metrics where there is truth.
+pub fn reconstruct_into(
+    scene_folder: &Path,
+    frames: Option<std::ops::Range<usize>>,
+    config: Config,
+    out: &Path,
+) -> anyhow::Result<Option<Evaluation>> {
+    let output = OutputFolder::prepare(out)?;
+    let loaded = load(scene_folder, &LoadOptions { frames })?;
+    let scene = &loaded.scene;
+    let mut warnings = loaded.warnings;
+    warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    stop_on_interrupt().context("cannot listen for Ctrl-C")?;
+    eprintln!(
+        "{}: {} frames of {}×{} px, {} vertices",
+        scene.name,
+        scene.frames.len(),
+        scene.camera.width,
+        scene.camera.height,
+        scene.template.positions.len()
+    );
+    let mut progress = Progress::new();
+    let outcome = tessuto::reconstruct(scene, &config, &mut |epoch| progress.step(epoch));
+    progress.finish();
+    let reconstruction = outcome?;
+    if let Some(failure) = &reconstruction.failure {
+        warnings.push(failure.to_string());
+    }
+    let evaluation = evaluate(scene, &reconstruction.motion, config.seed)?;
+    let first = scene.first_frame;
+    let run = Run {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        scene: scene_folder.to_path_buf(),
+        frames: [first, first + scene.frames.len()],
+        settings: config,
+    };
+    let command = repeat_command(&run, out);
+    let context = result::Context {
+        scene,
+        run: &run,
+        evaluation: evaluation.as_ref(),
+        warnings: &warnings,
+        command: &command,
+    };
+    result::write(output.partial(), &context, &reconstruction)?;
+    output.publish()?;
+    if let Some(e) = &evaluation {
+        for (quantity, value) in QUANTITIES.iter().zip(e.mean.values()) {
+            if let Some(value) = value {
+                println!("{:<16} {value:.4e} {}", quantity.key, quantity.unit);
+            }
+        }
+    }
+    println!("{}", out.display());
+    println!("  look at {}", out.join("report.html").display());
+    println!("  and at  {}", out.join("pictures/contact_sheet.png").display());
+    match reconstruction.failure {
+        Some(failure) => Err(failure.into()),
+        None => Ok(evaluation),
+    }
+}
+
+fn evaluate(scene: &Scene, motion: &[tessuto::Shape], seed: u64) -> Result<Option<Evaluation>, Error> {
+    if scene.truth.points.is_none() && scene.truth.vertices.is_none() {
+        return Ok(None);
+    }
+    metrics::evaluate(&scene.into(), motion, 0..motion.len(), seed).map(Some)
+}
+
+/// The command line that repeats `run`: its preset and every setting that differs from it.
+fn repeat_command(run: &Run, out: &Path) -> String {
+    let preset = match run.settings.preset {
+        Preset::Saft => "saft",
+        Preset::Default => "default",
+    };
+    let quoted = |p: &Path| format!("'{}'", p.display().to_string().replace('\'', "'\\''"));
+    let mut command = format!(
+        "tessuto reconstruct {} --out {} --preset {preset} --frames {}..{}",
+        quoted(&run.scene),
+        quoted(out),
+        run.frames[0],
+        run.frames[1]
+    );
+    for (key, value) in run.settings.changes() {
+        command.push_str(&format!(" --set {key}={value}"));
+    }
+    command
+}

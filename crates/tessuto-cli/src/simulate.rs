@@ -1,0 +1,70 @@
+//! `tessuto simulate`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use tessuto::reconstruct::simulate;
+use tessuto::result;
+use tessuto::sim::Cloth;
+use tessuto::{Error, io};
+
+/// Replay a recovered motion from its parameters and forces alone, or a changed one.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto simulate results/curtain                       the same motion, compared with motion.npy
+  tessuto simulate results/curtain --set bend=0.01 --out stiffer.npy
+  tessuto simulate results/curtain --forces 1.5 --out windier.npy")]
+pub struct Arguments {
+    /// Result folder of `tessuto reconstruct`.
+    result: PathBuf,
+    /// Change a stiffness: stretch [N/m], bend [J/rad²] or shear [J/rad²]. May be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Scale the dynamic forces.
+    #[arg(long, default_value_t = 1.0, value_name = "SCALE")]
+    forces: f64,
+    /// Write the motion here, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
+    #[arg(long, value_name = "FILE.npy")]
+    out: Option<PathBuf>,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let mut saved = result::read(&arguments.result)?;
+    for assignment in &arguments.set {
+        set(&mut saved.parameters.log_stiffness, assignment)?;
+    }
+    if !arguments.forces.is_finite() {
+        return Err(Error::usage(
+            format!("--forces {}: not a finite number", arguments.forces),
+            "give a factor such as 0.5 or 2",
+        )
+        .into());
+    }
+    saved.parameters.forces.dynamic.iter_mut().flatten().for_each(|d| *d *= arguments.forces);
+    let cloth = Cloth::new(&saved.mesh);
+    let settings = &saved.run.settings;
+    let motion = simulate(&cloth, settings, saved.fps, &saved.mesh.positions, &saved.parameters)?;
+    let out = arguments.out.clone().unwrap_or_else(|| arguments.result.join("simulated.npy"));
+    io::npy::write_shapes(&out, &motion)?;
+    let original = io::npy::read_shapes(&arguments.result.join("motion.npy"))?;
+    let frames = original.iter().zip(&motion);
+    let distances = frames.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.distance(*b)));
+    println!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
+    println!("{}", out.display());
+    Ok(())
+}
+
+fn set(log_stiffness: &mut [f64; 3], assignment: &str) -> Result<(), Error> {
+    let hint = "write stretch=VALUE, bend=VALUE or shear=VALUE with a positive number";
+    let wrong = || Error::usage(format!("--set {assignment}"), hint);
+    let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
+    let value: f64 = value.parse().map_err(|_| wrong())?;
+    let index = ["stretch", "bend", "shear"].iter().position(|k| *k == key).ok_or_else(wrong)?;
+    if !(value.is_finite() && value > 0.0) {
+        return Err(wrong());
+    }
+    log_stiffness[index] = value.log10();
+    Ok(())
+}
