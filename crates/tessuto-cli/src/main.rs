@@ -1,6 +1,7 @@
 //! `tessuto`: one subcommand, one file.
 
 mod check;
+mod evaluate;
 
 use std::process::ExitCode;
 
@@ -18,11 +19,14 @@ struct Arguments {
 enum Command {
     /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
     Check(check::Arguments),
+    /// Compare a motion with the scene's ground truth: Chamfer and surface distances, depth, vertices.
+    Evaluate(evaluate::Arguments),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Check(arguments) => check::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
