@@ -1,6 +1,7 @@
 //! `tessuto`: one subcommand, one file.
 
 mod check;
+mod evaluate;
 mod frames;
 mod output;
 mod progress;
@@ -24,6 +25,8 @@ struct Arguments {
 enum Command {
     /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
     Check(check::Arguments),
+    /// Compare a motion with the scene's ground truth: Chamfer and surface distances, depth, vertices.
+    Evaluate(evaluate::Arguments),
     Reconstruct(reconstruct::Arguments),
     Simulate(simulate::Arguments),
 }
@@ -31,6 +34,7 @@ enum Command {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Check(arguments) => check::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };

@@ -68,6 +68,15 @@ pub struct Local<const CORNERS: usize, const BLOCKS: usize> {
     pub blocks: [DMat3; BLOCKS],
 }
 
+impl<const CORNERS: usize, const BLOCKS: usize> Local<CORNERS, BLOCKS> {
+    /// Adds another term over the same corners.
+    pub fn add(&mut self, other: &Self) {
+        self.value += other.value;
+        self.gradient.iter_mut().zip(&other.gradient).for_each(|(a, b)| *a += *b);
+        self.blocks.iter_mut().zip(&other.blocks).for_each(|(a, b)| *a += *b);
+    }
+}
+
 /// ρ(r²) = ½ σ² r²/(σ² + r²) and its weight 2 ∂ρ/∂r² (Geman and McClure).
 fn robust(sq_residual: f64, sigma: f64) -> (f64, f64) {
     let sq_sigma = sigma * sigma;

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 
 use super::contour::Contour;
 use super::curvature::CurvaturePrior;
-use super::photometry::{DataTerm, Points, Reference, fit_gain};
+use super::photometry::{DataTerm, Local, Points, Reference, fit_gain};
 use super::progress::{Epoch, Observer};
 use super::pyramid::{Level, pyramid};
 use super::surface::{EdgePoint, boundary_points, interior_points};
@@ -42,6 +42,8 @@ pub struct TrajectorySettings {
     pub colour: f64,
     /// Pixels of level 0 whose colours vary together: the colour term is divided by it.
     pub colour_area: f64,
+    /// Weight of the comparison with the frames before and after, relative to that with the first frame.
+    pub neighbour_weight: f64,
     /// Distances of the outline beyond this count less and less [px].
     pub contour: f64,
     /// Length of outline [px] whose errors vary together.
@@ -66,6 +68,7 @@ impl Default for TrajectorySettings {
             acceleration: 0.004,
             colour: 0.1,
             colour_area: 30.0,
+            neighbour_weight: 0.0,
             contour: 3.0,
             contour_length: 5.0,
             gain_smoothness: 1.0,
@@ -100,6 +103,10 @@ struct Stage<'p, 'a> {
     reference: Reference,
     /// Brightness, shape [N, V, 3].
     gains: Vec<Vec<[f32; 3]>>,
+    /// What the neighbouring frames show at the surface points, shape [N]; empty while not known.
+    neighbours: Vec<Reference>,
+    /// No change of brightness, shape [V, 3].
+    no_gain: Vec<[f32; 3]>,
 }
 
 /// Gauss-Newton system of one frame.
@@ -148,7 +155,15 @@ impl<'a> Problem<'a> {
         let points = interior_points(template, &template.positions, camera, spacing);
         let points = Points::new(&self.triangles, points, &self.boundary);
         let gains = vec![vec![[1.0; 3]; template.positions.len()]; self.scene.frames.len()];
-        let mut stage = Stage { problem: self, level, points, reference: Vec::new(), gains };
+        let mut stage = Stage {
+            problem: self,
+            level,
+            points,
+            reference: Vec::new(),
+            neighbours: vec![Vec::new(); gains.len()],
+            no_gain: gains[0].clone(),
+            gains,
+        };
         stage.reference = stage.data(0).observe(&stage.points, None, &template.positions);
         stage
     }
@@ -171,8 +186,8 @@ impl<'a> Problem<'a> {
             let mut x = predicted.clone();
             let mut value = 0.0;
             for stage in &mut stages {
-                let gain = stage.gains[n - 1].clone();
-                stage.gains[n] = gain;
+                stage.gains[n] = stage.gains[n - 1].clone();
+                stage.neighbours[n] = stage.data(n - 1).observe(&stage.points, None, last);
                 (x, value) = stage.fit_frame(n, x, &predicted, &mut scratch)?;
             }
             observer(&Epoch {
@@ -200,6 +215,7 @@ impl<'a> Problem<'a> {
             let mut damping = 1e-3;
             for iteration in 0..self.settings.iterations {
                 stage.update_gains(&frames);
+                stage.update_neighbours(&frames);
                 let (next, value, accepted) = stage.joint_step(&frames, damping);
                 if !value.is_finite() {
                     return Err(diverged(format!("level {level}, iteration {iteration}"), value));
@@ -257,7 +273,7 @@ impl Stage<'_, '_> {
         self.problem.curvature.add_system(cloth, x, &mut gradient, &mut matrix);
         cloth.add_gradient(&self.problem.prior, x, 1.0, &mut gradient);
         cloth.add_hessian(&self.problem.prior, x, Curvature::Projected, 1.0, &mut matrix);
-        let colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
+        let colour = self.colour(frame, x);
         for ((local, corners), pairs) in colour.iter().zip(&self.problem.triangles).zip(&cloth.triangle_pairs)
         {
             value += local.value;
@@ -279,6 +295,42 @@ impl Stage<'_, '_> {
         System { value, gradient, matrix }
     }
 
+    /// Colour term of every triangle: against the first frame, and against the neighbouring frames.
+    fn colour(&self, frame: usize, x: &[DVec3]) -> Vec<Local<3, 6>> {
+        let mut data = self.data(frame);
+        let mut colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
+        let neighbours = &self.neighbours[frame];
+        if !neighbours.is_empty() {
+            data.colour_weight *= self.problem.settings.neighbour_weight;
+            let other = data.colour(&self.points, neighbours, &self.no_gain, None, x);
+            colour.iter_mut().zip(&other).for_each(|(a, b)| a.add(b));
+        }
+        colour
+    }
+
+    /// Mean of what the frames before and after show at their present shapes.
+    fn update_neighbours(&mut self, frames: &[Shape]) {
+        if self.problem.settings.neighbour_weight == 0.0 {
+            return;
+        }
+        let observed: Vec<Reference> =
+            frames.par_iter().enumerate().map(|(n, x)| self.data(n).observe(&self.points, None, x)).collect();
+        let mean = |a: &Option<[f32; 3]>, b: &Option<[f32; 3]>| match (a, b) {
+            (Some(a), Some(b)) => Some([0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))),
+            (a, b) => a.or(*b),
+        };
+        self.neighbours = (0..frames.len())
+            .map(|n| {
+                let before = &observed[n.saturating_sub(1)];
+                let after = &observed[(n + 1).min(frames.len() - 1)];
+                match n + 1 == frames.len() {
+                    true => before.clone(),
+                    false => before.iter().zip(after).map(|(a, b)| mean(a, b)).collect(),
+                }
+            })
+            .collect();
+    }
+
     fn prior_value(&self, x: &[DVec3]) -> f64 {
         let p = self.problem;
         p.cloth.energy(&p.prior, x).total() + p.curvature.value(p.cloth, x)
@@ -286,7 +338,7 @@ impl Stage<'_, '_> {
 
     fn value(&self, frame: usize, x: &[DVec3]) -> f64 {
         let data = self.data(frame);
-        let colour = data.colour(&self.points, &self.reference, &self.gains[frame], None, x);
+        let colour = self.colour(frame, x);
         let outline = data.outline(&self.points, x);
         self.prior_value(x)
             + colour.iter().map(|l| l.value).sum::<f64>()

@@ -1,0 +1,95 @@
+//! `tessuto evaluate`: how far a motion is from the truth of a scene.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::ops::Range;
+use std::path::PathBuf;
+
+use tessuto::io::npy;
+use tessuto::io::scene::{LoadOptions, load};
+use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate};
+
+/// Arguments of `tessuto evaluate`.
+#[derive(clap::Args)]
+pub struct Arguments {
+    /// Scene folder with gt/points/ or gt/vertices.npy.
+    scene: PathBuf,
+    /// Result folder (with motion.npy), or a .npy file of shape [frames, vertices, 3] in metres.
+    result: PathBuf,
+    /// Print JSON instead of a table.
+    #[arg(long)]
+    json: bool,
+    /// Only the frames A, A+1 … B−1 of the scene.
+    #[arg(long, value_name = "A..B", value_parser = frame_range)]
+    frames: Option<Range<usize>>,
+    /// Seed of the surface samples of the Chamfer distance.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let file = &arguments.result;
+    let file = if file.is_dir() { file.join("motion.npy") } else { file.clone() };
+    let motion = npy::read_shapes(&file)?;
+    let loaded = load(&arguments.scene, &LoadOptions { frames: arguments.frames.clone() })?;
+    for warning in &loaded.warnings {
+        eprintln!("warning: {warning}");
+    }
+    let scene = &loaded.scene;
+    // A motion of the whole scene is cut to the frames; one of just these frames is taken as it is.
+    let motion = match &arguments.frames {
+        Some(range) if motion.len() != scene.frames.len() && range.end <= motion.len() => {
+            &motion[range.clone()]
+        }
+        _ => &motion[..],
+    };
+    let evaluation = evaluate(&Inputs::from(scene), motion, 0..motion.len(), arguments.seed)?;
+    let text =
+        if arguments.json { serde_json::to_string_pretty(&evaluation)? + "\n" } else { table(&evaluation) };
+    std::io::stdout().write_all(text.as_bytes())?;
+    Ok(())
+}
+
+/// `A..B` with A < B.
+fn frame_range(text: &str) -> Result<Range<usize>, String> {
+    let parsed =
+        text.split_once("..").and_then(|(a, b)| Some(a.trim().parse().ok()?..b.trim().parse().ok()?));
+    parsed
+        .filter(|r: &Range<usize>| !r.is_empty())
+        .ok_or_else(|| "expected A..B with A < B, such as 0..10".to_string())
+}
+
+/// One line per frame, the means, and what the columns are.
+fn table(evaluation: &Evaluation) -> String {
+    let shown: Vec<usize> = (0..QUANTITIES.len())
+        .filter(|k| evaluation.frames.iter().any(|f| f.metrics.values()[*k].is_some()))
+        .collect();
+    let mut out = String::from("frame");
+    for k in &shown {
+        let _ = write!(out, " {:>14}", QUANTITIES[*k].key);
+    }
+    out.push_str("\n     ");
+    for k in &shown {
+        let _ = write!(out, " {:>14}", format!("[{}]", QUANTITIES[*k].unit));
+    }
+    out.push('\n');
+    let mut line = |name: &str, metrics: &Metrics| {
+        let _ = write!(out, "{name:>5}");
+        for k in &shown {
+            let _ =
+                write!(out, " {:>14}", metrics.values()[*k].map_or("-".to_string(), |v| format!("{v:.4e}")));
+        }
+        out.push('\n');
+    };
+    for frame in &evaluation.frames {
+        line(&frame.frame.to_string(), &frame.metrics);
+    }
+    line("mean", &evaluation.mean);
+    out.push('\n');
+    for k in &shown {
+        let Quantity { key, label, unit } = QUANTITIES[*k];
+        let _ = writeln!(out, "{key:<14}  {label} [{unit}]");
+    }
+    out
+}
