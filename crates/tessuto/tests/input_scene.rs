@@ -70,6 +70,24 @@ fn other_padding_and_endings() {
 }
 
 #[test]
+fn jpeg_frames() {
+    let tiny = TinyScene::new();
+    for n in 0..FRAMES {
+        let png = tiny.path(&format!("rgbs/rgb_{n:03}.png"));
+        image::open(&png).unwrap().save(tiny.path(&format!("rgbs/rgb_{n:03}.jpg"))).unwrap();
+        std::fs::remove_file(png).unwrap();
+    }
+    let scene = load_all(&tiny).scene;
+    let (found, expected) = (&scene.frames[2].rgb.data, colour(2));
+    let apart = found.iter().zip(&expected.data[2 * SIZE * 3..]).map(|(a, b)| (a - b).abs());
+    let mean = apart.sum::<f32>() / found.len() as f32;
+    assert!(mean < 0.1, "JPEG differs by {mean} on average");
+    tiny.truncate("rgbs/rgb_002.jpg");
+    let error = load(tiny.folder(), &LoadOptions::default()).unwrap_err().to_string();
+    assert!(error.contains("rgb_002.jpg") && error.contains("truncated JPEG"), "{error}");
+}
+
+#[test]
 fn bright_background_becomes_black_and_dark_specks_stay() {
     let tiny = TinyScene::new();
     let bright =
