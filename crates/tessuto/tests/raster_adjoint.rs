@@ -92,7 +92,7 @@ fn interior_gradient() {
     for seed in 0..3 {
         let scene = Scene::cloth(seed, 0.01, ramp());
         let weights = Weights::new(seed, [1.0, 1.0, 1.0, 0.0], false, interior(&scene));
-        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-6));
+        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-8));
     }
     println!("interior: worst relative error {worst:.1e}");
     assert!(worst < 1e-5, "{worst}");
@@ -104,7 +104,7 @@ fn depth_gradient() {
     for seed in 0..3 {
         let scene = Scene::cloth(seed, 0.01, ramp());
         let weights = Weights::new(seed, [0.0; 4], true, interior(&scene));
-        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-6));
+        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-8));
     }
     println!("depth: worst relative error {worst:.1e}");
     assert!(worst < 1e-5, "{worst}");
