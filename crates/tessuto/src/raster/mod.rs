@@ -92,7 +92,7 @@ impl Rasterizer {
         }
         self.project(camera, positions, texture, out);
         out.bins.update(&out.projected, camera.height);
-        silhouette::mark_silhouettes(&self.across, out);
+        silhouette::join_triangles(&self.across, out);
         draw_bands(texture, out);
         self.antialias(out);
     }
@@ -219,11 +219,11 @@ fn draw_bands(texture: &Texture, out: &mut Rendering) {
 /// Sums over each triangle's pixels, by bands in parallel, then over the bands in their order.
 fn sum_bands(texture: &Texture, rendering: &Rendering, image: ImageGradients, grads: &mut Gradients) {
     grads.band_sums.resize_with(rendering.height.div_ceil(BAND_ROWS), Vec::new);
-    grads.band_sums.par_iter_mut().enumerate().for_each(|(band, sums)| {
-        let triangles = rendering.bins.band(band);
-        sums.clear();
-        sums.extend(triangles.iter().map(|&t| shade::band_sums(rendering, texture, image, band, t)));
-    });
+    let triangle_count = rendering.projected.len();
+    grads.band_sums.par_iter_mut().enumerate().for_each_init(
+        || vec![0; triangle_count],
+        |slots, (band, sums)| shade::band_sums(rendering, texture, image, band, slots, sums),
+    );
     grads.triangle_sums.clear();
     grads.triangle_sums.resize(rendering.projected.len(), Default::default());
     for (band, sums) in grads.band_sums.iter().enumerate() {

@@ -47,8 +47,6 @@ pub(super) struct Projected {
     pub inverse_det: f64,
     /// Sign of det M: +1, −1, or 0 for a triangle that is not drawn.
     pub facing: i8,
-    /// Whether the surface ends or folds over, as the camera sees it, at the edge opposite to corner k.
-    pub silhouette: [bool; 3],
     /// Plane of 1, so that inverse_depth · r = 1/z [1/m].
     pub inverse_depth: DVec3,
     /// Plane of the texel coordinate x.
@@ -72,7 +70,6 @@ impl Projected {
         owns_edge: [false; 3],
         inverse_det: 0.0,
         facing: 0,
-        silhouette: [false; 3],
         inverse_depth: DVec3::ZERO,
         texel_x: DVec3::ZERO,
         texel_y: DVec3::ZERO,
@@ -104,7 +101,6 @@ impl Projected {
             owns_edge: edges.map(owns_edge),
             inverse_det,
             facing: sign as i8,
-            silhouette: [false; 3],
             inverse_depth: normal * (sign * inverse_det),
             texel_x: plane(texels.map(|t| t.x)),
             texel_y: plane(texels.map(|t| t.y)),

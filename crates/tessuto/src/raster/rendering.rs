@@ -22,6 +22,9 @@ pub struct Rendering {
     pub rgba: Vec<[f32; 4]>,
     pub(super) rays: Rays,
     pub(super) projected: Vec<Projected>,
+    /// Triangle across each edge where the surface goes on, without folding over as the camera sees it; else `NO_TRIANGLE`.
+    /// Shape [T, 3].
+    pub(super) joined: Vec<[u32; 3]>,
     pub(super) bins: Bins,
     /// Silhouette blends found in each band of rows.
     pub(super) blends: Vec<Vec<Blend>>,

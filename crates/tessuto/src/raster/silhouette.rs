@@ -50,17 +50,18 @@ struct Crossing {
     plane: DVec3,
 }
 
-/// Marks the silhouette edges of all triangles of `rendering`: where the surface ends, or where the
-/// neighbour is not drawn or shows its other side.
-pub(super) fn mark_silhouettes(across: &[[Across; 3]], rendering: &mut Rendering) {
-    for (t, across) in across.iter().enumerate() {
-        let facing = rendering.projected[t].facing;
-        let silhouette = across.map(|a| {
-            let same_side = if a.wound_differently { -facing } else { facing };
-            a.triangle == NONE || rendering.projected[a.triangle as usize].facing != same_side
-        });
-        rendering.projected[t].silhouette = silhouette;
-    }
+/// Finds where the surface goes on smoothly: an edge is a silhouette if it is a border or if its neighbour is
+/// not drawn or shows its other side.
+pub(super) fn join_triangles(across: &[[Across; 3]], rendering: &mut Rendering) {
+    let projected = &rendering.projected;
+    rendering.joined.clear();
+    rendering.joined.extend(across.iter().zip(projected).map(|(across, p)| {
+        across.map(|a| {
+            let same_side = if a.wound_differently { -p.facing } else { p.facing };
+            let smooth = a.triangle != NONE && projected[a.triangle as usize].facing == same_side;
+            if smooth { a.triangle } else { NONE }
+        })
+    }));
 }
 
 /// Finds all blends whose upper or left pixel lies in band `band`.
@@ -79,7 +80,7 @@ pub(super) fn find_blends(
     for j in first..end {
         let row = &rendering.triangle[j * width + x0..j * width + x1];
         for (i, pair) in row.windows(2).enumerate() {
-            if pair[0] != pair[1] {
+            if may_blend(rendering, pair[0], pair[1]) {
                 let pixel = j * width + x0 + i;
                 blends.extend(find_blend(rasterizer, rendering, pixel, pixel + 1));
             }
@@ -87,7 +88,7 @@ pub(super) fn find_blends(
         if j + 1 < rendering.height {
             let below = &rendering.triangle[(j + 1) * width + x0..(j + 1) * width + x1];
             for (i, (upper, lower)) in row.iter().zip(below).enumerate() {
-                if upper != lower {
+                if may_blend(rendering, *upper, *lower) {
                     let pixel = j * width + x0 + i;
                     blends.extend(find_blend(rasterizer, rendering, pixel, pixel + width));
                 }
@@ -96,18 +97,17 @@ pub(super) fn find_blends(
     }
 }
 
-/// The blend, if any, of two neighbouring pixels `p` < `q` that show different triangles.
+/// False for pixels that show the same triangle or, the most frequent case else, two that are joined smoothly.
 #[inline]
+fn may_blend(rendering: &Rendering, t0: u32, t1: u32) -> bool {
+    t0 != t1 && (t0 == NONE || t1 == NONE || !rendering.joined[t0 as usize].contains(&t1))
+}
+
+/// The blend, if any, of two neighbouring pixels `p` < `q` that show different triangles.
 fn find_blend(rasterizer: &Rasterizer, rendering: &Rendering, p: usize, q: usize) -> Option<Blend> {
     let depth = |pixel: usize| rendering.inverse_depth[pixel];
     let (occluder, other) = if depth(p) >= depth(q) { (p, q) } else { (q, p) };
     let (start, target) = (rendering.triangle[occluder], rendering.triangle[other]);
-    // Leave early inside a smooth surface, the most frequent case by far.
-    let p_start = &rendering.projected[start as usize];
-    let joined = |k: usize| rasterizer.across[start as usize][k].triangle == target && !p_start.silhouette[k];
-    if target != NONE && (0..3).any(joined) {
-        return None;
-    }
     let ray = |pixel: usize| {
         DVec3::new(rendering.rays.x[pixel % rendering.width], rendering.rays.y[pixel / rendering.width], 1.0)
     };
@@ -161,17 +161,17 @@ fn walk(
             }
         }
         let k = exit?;
-        if p.silhouette[k] {
+        let next = rendering.joined[t as usize][k];
+        if next == NONE {
             let [a, b] = edge(&rasterizer.triangles[t as usize], k);
             let edge = if p.facing > 0 { [a, b] } else { [b, a] };
             return Some(Crossing { edge, values: values(k), plane: p.edges[k] });
         }
-        let across = rasterizer.across[t as usize][k];
-        if across.triangle == target {
+        if next == target {
             return None;
         }
-        t = across.triangle;
-        entered_by = Some(usize::from(across.corner));
+        entered_by = Some(usize::from(rasterizer.across[t as usize][k].corner));
+        t = next;
     }
     None
 }
