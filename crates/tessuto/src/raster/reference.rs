@@ -1,5 +1,5 @@
-//! The rasteriser written plainly: every pixel against every triangle, f64 throughout. It defines what the
-//! fast one has to return, and finite differences of it are what the adjoint has to return.
+//! The rasteriser written plainly: every pixel against every triangle, f64 throughout. It defines what
+//! the fast one has to return, and finite differences of it are what the adjoint has to return.
 
 use glam::{DVec2, DVec3};
 
