@@ -102,7 +102,7 @@ fn ray(camera: &Camera, pixel: usize) -> DVec3 {
     camera.ray(DVec2::new((pixel % camera.width) as f64, (pixel / camera.width) as f64))
 }
 
-/// Blends as described in [`super::silhouette`].
+/// Blends as described in `silhouette.rs`.
 fn antialias(
     rasterizer: &Rasterizer,
     camera: &Camera,
