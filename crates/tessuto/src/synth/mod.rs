@@ -8,7 +8,7 @@ pub mod write;
 
 use std::path::PathBuf;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use crate::camera::{Camera, Rect};
@@ -159,17 +159,23 @@ fn enlarged(camera: &Camera) -> Camera {
     }
 }
 
-/// Surface points [m] at evenly chosen pixels, as a depth sensor at the camera would see them.
+/// Surface points [m] on a regular grid of pixels, as a depth sensor at the camera would see them.
 fn seen_points(camera: &Camera, rendering: &Rendering) -> Vec<DVec3> {
-    let covered: Vec<usize> =
-        (0..rendering.triangle.len()).filter(|&i| rendering.inverse_depth[i] > 0.0).collect();
-    let count = POINT_COUNT.min(covered.len());
-    let at = |k: usize| {
-        let pixel = covered[k * covered.len() / count];
-        let (x, y) = (pixel % rendering.width, pixel / rendering.width);
-        camera.ray(glam::DVec2::new(x as f64, y as f64)) / rendering.inverse_depth[pixel]
+    let covered = rendering.inverse_depth.iter().filter(|d| **d > 0.0).count();
+    let spacing = (covered as f64 / POINT_COUNT as f64).sqrt().max(1.0);
+    let chosen = |length: usize| {
+        let count = (length as f64 / spacing) as usize;
+        (0..count).map(move |k| ((k as f64 + 0.5) * spacing) as usize)
     };
-    (0..count).map(at).collect()
+    let mut points = Vec::with_capacity(POINT_COUNT);
+    for y in chosen(rendering.height) {
+        for x in chosen(rendering.width) {
+            if let Some(depth) = rendering.depth(x, y) {
+                points.push(camera.ray(DVec2::new(x as f64, y as f64)) * depth);
+            }
+        }
+    }
+    points
 }
 
 #[cfg(test)]
