@@ -1,4 +1,5 @@
-//! Rendering and its adjoint: 2048 triangles over about 180,000 pixels of an 800×700 image, 512² texture.
+//! Rendering and its adjoint: 2048 triangles over about 180,000 pixels of an 800×700 image, 512²
+//! texture.
 
 #![allow(missing_docs)] // criterion_group! makes a public function
 

@@ -1,8 +1,8 @@
 //! The adjoint against central differences of the plain twin.
 //!
-//! The picture is piecewise smooth in the positions: a pixel centre passing from one surface to another one makes it
-//! jump, and a blend weight has a kink. Steps are therefore small (the twin computes in f64), and the scenes are
-//! fixed, so that none of their steps hits such a place.
+//! The picture is piecewise smooth in the positions: a pixel centre passing from one surface to
+//! another one makes it jump, and a blend weight has a kink. Steps are therefore small (the twin
+//! computes in f64), and the scenes are fixed, so that none of their steps hits such a place.
 
 mod raster_scenes;
 
@@ -51,7 +51,8 @@ impl Weights {
         grads
     }
 
-    /// Worst error, relative to the gradient's length, of `directions` directional derivatives of step `h` [m].
+    /// Worst error, relative to the gradient's length, of `directions` directional derivatives of step
+    /// `h` [m].
     fn worst_position_error(&self, scene: &Scene, seed: u64, directions: usize, h: f64) -> f64 {
         let grads = self.gradients(scene).positions;
         let norm = grads.iter().map(|g| g.length_squared()).sum::<f64>().sqrt();
@@ -69,8 +70,8 @@ impl Weights {
     }
 }
 
-/// Pixels that the antialiasing cannot change within a small step: their neighbours all show a triangle of a cloth
-/// without folds.
+/// Pixels that the antialiasing cannot change within a small step: their neighbours all show a
+/// triangle of a cloth without folds.
 fn interior(scene: &Scene) -> impl Fn(usize) -> bool {
     let mut out = Rendering::new();
     scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
@@ -92,7 +93,7 @@ fn interior_gradient() {
     for seed in 0..3 {
         let scene = Scene::cloth(seed, 0.01, ramp());
         let weights = Weights::new(seed, [1.0, 1.0, 1.0, 0.0], false, interior(&scene));
-        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-6));
+        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-8));
     }
     println!("interior: worst relative error {worst:.1e}");
     assert!(worst < 1e-5, "{worst}");
@@ -104,7 +105,7 @@ fn depth_gradient() {
     for seed in 0..3 {
         let scene = Scene::cloth(seed, 0.01, ramp());
         let weights = Weights::new(seed, [0.0; 4], true, interior(&scene));
-        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-6));
+        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-8));
     }
     println!("depth: worst relative error {worst:.1e}");
     assert!(worst < 1e-5, "{worst}");

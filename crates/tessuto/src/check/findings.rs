@@ -2,12 +2,10 @@
 
 use super::{Finding, Level};
 use crate::io::scene::Loaded;
-use crate::io::scene::coverage::{axis_variants, fill_triangle};
+use crate::io::scene::coverage::{VARIANT_GAIN, axis_variants, fill_triangle};
 use crate::io::scene::template::diagonal;
 use crate::scene::Scene;
 
-/// A variant of the axes that fits this much better than the template itself is named.
-const VARIANT_GAIN: f64 = 0.2;
 /// Columns and rows of the raster on which overlapping uv is measured.
 const UV_RASTER: usize = 512;
 

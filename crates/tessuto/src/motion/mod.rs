@@ -7,6 +7,7 @@ pub mod photometry;
 pub mod progress;
 pub mod pyramid;
 pub mod rollout_fit;
+pub mod strain;
 pub mod surface;
 pub mod texture_fit;
 pub mod tied_simulation;

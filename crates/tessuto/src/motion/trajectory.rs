@@ -16,6 +16,7 @@ use super::curvature::CurvaturePrior;
 use super::photometry::{DataTerm, Local, Points, Reference, fit_gain};
 use super::progress::{Epoch, Observer};
 use super::pyramid::{Level, pyramid};
+use super::strain::StrainPrior;
 use super::surface::{EdgePoint, boundary_points, interior_points};
 use crate::error::{Error, Result};
 use crate::math::block_matrix::BlockMatrix;
@@ -30,6 +31,8 @@ use crate::sim::{Cloth, Curvature, Stiffness};
 pub struct TrajectorySettings {
     /// Spread of the strain of an edge.
     pub strain: f64,
+    /// Number of spreads beyond which strain and bending are taken for a fold, see [`super::strain`].
+    pub tail: f64,
     /// Spread of the bending angle at a vertex [rad].
     pub bend: f64,
     /// Spread of the signed bending angle at a vertex [rad], see [`super::curvature`].
@@ -62,15 +65,16 @@ impl Default for TrajectorySettings {
     fn default() -> Self {
         Self {
             strain: 0.005,
+            tail: 2.0,
             bend: 0.15,
             curvature: 0.05,
             shear: 0.1,
             acceleration: 0.004,
             colour: 0.1,
-            colour_area: 30.0,
+            colour_area: 0.3,
             neighbour_weight: 0.0,
             contour: 3.0,
-            contour_length: 5.0,
+            contour_length: 0.2,
             gain_smoothness: 1.0,
             coarsest: 2,
             finest: 0,
@@ -86,6 +90,7 @@ pub struct Problem<'a> {
     settings: TrajectorySettings,
     /// Stiffness of the elastic prior.
     prior: Stiffness,
+    strain: StrainPrior,
     curvature: CurvaturePrior,
     triangles: Vec<[u32; 3]>,
     neighbours: Vec<Vec<u32>>,
@@ -119,9 +124,7 @@ struct System {
 impl<'a> Problem<'a> {
     /// Prepares pyramids and outlines of every frame.
     pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: TrajectorySettings) -> Self {
-        let per_edge = |e: &crate::sim::cloth::Edge| (e.rest_length * settings.strain).powi(-2);
-        let mut prior = Stiffness::uniform(cloth, [0.0, settings.bend.powi(-2), settings.shear.powi(-2)]);
-        prior.stretch = cloth.edges.iter().map(per_edge).collect();
+        let prior = Stiffness::uniform(cloth, [0.0, settings.bend.powi(-2), settings.shear.powi(-2)]);
         let levels = scene
             .frames
             .par_iter()
@@ -133,11 +136,13 @@ impl<'a> Problem<'a> {
             scene,
             cloth,
             prior,
+            strain: StrainPrior { sigma: settings.strain, tail: settings.tail },
             curvature: CurvaturePrior::new(
                 cloth,
                 &template.triangles(),
                 &template.positions,
                 settings.curvature,
+                settings.tail,
             ),
             triangles: template.triangles(),
             neighbours: template.neighbours(),
@@ -226,7 +231,7 @@ impl<'a> Problem<'a> {
                     step: steps,
                     of: levels * self.settings.iterations,
                     active_frames: frames.len(),
-                    losses: vec![("total", value)],
+                    losses: std::iter::once(("total", value)).chain(stage.terms(&frames)).collect(),
                     parameters: vec![("level", level as f64)],
                 })?;
                 damping = if accepted { f64::max(damping * 0.3, 1e-6) } else { damping * 8.0 };
@@ -270,6 +275,7 @@ impl Stage<'_, '_> {
         let mut matrix = BlockMatrix::zeros(&cloth.pattern);
         let mut gradient = vec![DVec3::ZERO; x.len()];
         let mut value = self.prior_value(x);
+        self.problem.strain.add_system(cloth, x, &mut gradient, &mut matrix);
         self.problem.curvature.add_system(cloth, x, &mut gradient, &mut matrix);
         cloth.add_gradient(&self.problem.prior, x, 1.0, &mut gradient);
         cloth.add_hessian(&self.problem.prior, x, Curvature::Projected, 1.0, &mut matrix);
@@ -333,7 +339,7 @@ impl Stage<'_, '_> {
 
     fn prior_value(&self, x: &[DVec3]) -> f64 {
         let p = self.problem;
-        p.cloth.energy(&p.prior, x).total() + p.curvature.value(p.cloth, x)
+        p.cloth.energy(&p.prior, x).total() + p.strain.value(p.cloth, x) + p.curvature.value(p.cloth, x)
     }
 
     fn value(&self, frame: usize, x: &[DVec3]) -> f64 {
@@ -343,6 +349,24 @@ impl Stage<'_, '_> {
         self.prior_value(x)
             + colour.iter().map(|l| l.value).sum::<f64>()
             + outline.iter().map(|l| l.value).sum::<f64>()
+    }
+
+    /// The objective by terms, summed over the frames.
+    fn terms(&self, frames: &[Shape]) -> Vec<(&'static str, f64)> {
+        let p = self.problem;
+        let of = |(n, x): (usize, &Shape)| {
+            let energy = p.cloth.energy(&p.prior, x);
+            let colour: f64 = self.colour(n, x).iter().map(|l| l.value).sum();
+            let outline: f64 = self.data(n).outline(&self.points, x).iter().map(|l| l.value).sum();
+            let strain = p.strain.value(p.cloth, x);
+            [colour, outline, strain, energy.bend, energy.shear, p.curvature.value(p.cloth, x)]
+        };
+        let per_frame: Vec<[f64; 6]> = frames.par_iter().enumerate().skip(1).map(of).collect();
+        let names = ["colour", "outline", "strain", "bend", "shear", "curvature"];
+        let sum = |k: usize| per_frame.iter().map(|f| f[k]).sum::<f64>();
+        let mut terms: Vec<_> = names.iter().enumerate().map(|(k, name)| (*name, sum(k))).collect();
+        terms.push(("acceleration", self.acceleration_value(frames)));
+        terms
     }
 
     fn update_gain(&mut self, frame: usize, x: &[DVec3]) {

@@ -3,9 +3,9 @@
 use super::projected::Projected;
 use crate::camera::Rect;
 
-/// Rows per band. A band is always handled by one thread from its first row to its last, and results of bands are summed
-/// in their order, so that the number of threads changes nothing. 16 rows keep the band of a
-/// 1000-pixel-wide image in a core's second-level cache.
+/// Rows per band. A band is always handled by one thread from its first row to its last, and results
+/// of bands are summed in their order, so that the number of threads changes nothing. 16 rows keep the
+/// band of a 1000-pixel-wide image in a core's second-level cache.
 pub(super) const BAND_ROWS: usize = 16;
 
 /// For each band, the triangles whose bounding box touches it, ascending.

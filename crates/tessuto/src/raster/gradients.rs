@@ -10,7 +10,8 @@ use super::{Rasterizer, Texture};
 pub struct Gradients {
     /// With respect to vertex positions [1/m], shape [V].
     pub positions: Vec<DVec3>,
-    /// With respect to texels, shape [height, width]; left out if `None`. The fourth channel is that of the texels' fixed 1.
+    /// With respect to texels, shape [height, width]; left out if `None`. The fourth channel is that
+    /// of the texels' fixed 1.
     pub texture: Option<Vec<[f32; 4]>>,
     /// With respect to the mesh's texture coordinates; left out if `None`.
     pub uvs: Option<Vec<DVec2>>,

@@ -1,10 +1,12 @@
 //! Differentiable rasteriser: textured triangle mesh → picture with coverage and depth, and back.
 //!
-//! [`Rasterizer::render`] goes through the steps of the files here, in this order: [`projected`] (planes of
-//! each triangle), [`bins`] (bands of rows), [`visibility`] (z-buffer), [`shade`] (texture), [`silhouette`]
-//! (antialiasing). [`Rasterizer::render_vjp`] goes back. [`mod@reference`] is the same picture, written plainly.
+//! [`Rasterizer::render`] goes through the steps of the files here, in this order: `projected`
+//! (planes of each triangle), `bins` (bands of rows), `visibility` (z-buffer), `shade`
+//! (texture), `silhouette` (antialiasing). [`Rasterizer::render_vjp`] goes back. [`mod@reference`]
+//! is the same picture, written plainly.
 //!
-//! Geometry is computed in f64, colours in f32. Results are the same, bit for bit, for any number of threads.
+//! Geometry is computed in f64, colours in f32. Results are the same, bit for bit, for any number of
+//! threads.
 
 use glam::{DVec2, DVec3, Vec4};
 use rayon::prelude::*;
@@ -26,7 +28,7 @@ mod visibility;
 use adjacency::{Across, adjacency};
 use bins::BAND_ROWS;
 use projected::Projected;
-use shade::ImageGradients;
+use shade::{ImageGradients, RaySums};
 use visibility::Rows;
 
 pub use gradients::Gradients;
@@ -83,7 +85,8 @@ impl Rasterizer {
         &mut self.uvs
     }
 
-    /// Draws the mesh with vertices at `positions` [m] (camera frame, shape [V]), textured and antialiased, over black.
+    /// Draws the mesh with vertices at `positions` [m] (camera frame, shape [V]), textured and
+    /// antialiased, over black.
     pub fn render(&self, camera: &Camera, positions: &[DVec3], texture: &Texture, out: &mut Rendering) {
         assert_eq!(positions.len(), self.vertex_count, "as many positions as the mesh has vertices");
         out.resize(camera.width, camera.height);
@@ -92,7 +95,7 @@ impl Rasterizer {
         }
         self.project(camera, positions, texture, out);
         out.bins.update(&out.projected, camera.height);
-        silhouette::mark_silhouettes(&self.across, out);
+        silhouette::join_triangles(&self.across, out);
         draw_bands(texture, out);
         self.antialias(out);
     }
@@ -101,10 +104,11 @@ impl Rasterizer {
     ///
     /// - `camera`, `positions`, `texture`: as given to `render`;  `rendering`: as it returned
     /// - `grad_rgba`: loss gradient of every pixel and channel, shape [height, width]
-    /// - `grad_depth`: loss gradient of every pixel's depth z [1/m], shape [height, width]; ignored where there is no triangle
+    /// - `grad_depth`: loss gradient of every pixel's depth z [1/m], shape [height, width]; ignored
+    ///   where there is no triangle
     ///
     /// Depth has no antialiasing, so its gradient does not move silhouettes.
-    #[allow(clippy::too_many_arguments)]
+    #[expect(clippy::too_many_arguments, reason = "the forward arguments, then the gradients")]
     pub fn render_vjp(
         &self,
         camera: &Camera,
@@ -130,10 +134,15 @@ impl Rasterizer {
         assert!(grad_depth.is_none_or(|g| g.len() == pixels), "one depth gradient per pixel");
         assert_eq!(grads.positions.len(), self.vertex_count, "as many gradients as the mesh has vertices");
         let image = ImageGradients { rgba: grad_rgba, depth: grad_depth };
-        sum_bands(texture, rendering, image, grads);
-        if let Some(texels) = &mut grads.texture {
-            shade::scatter_texture_vjp(rendering, texture, grad_rgba, texels);
-        }
+        let Gradients { texture: texels, band_sums, triangle_sums, .. } = grads;
+        rayon::join(
+            || sum_bands(texture, rendering, image, band_sums, triangle_sums),
+            || {
+                if let Some(texels) = texels {
+                    shade::scatter_texture_vjp(rendering, texture, grad_rgba, texels);
+                }
+            },
+        );
         blends_vjp(positions, texture, rendering, grad_rgba, grads);
         self.gather_corners(rendering, grads);
     }
@@ -217,24 +226,30 @@ fn draw_bands(texture: &Texture, out: &mut Rendering) {
 }
 
 /// Sums over each triangle's pixels, by bands in parallel, then over the bands in their order.
-fn sum_bands(texture: &Texture, rendering: &Rendering, image: ImageGradients, grads: &mut Gradients) {
-    grads.band_sums.resize_with(rendering.height.div_ceil(BAND_ROWS), Vec::new);
-    grads.band_sums.par_iter_mut().enumerate().for_each(|(band, sums)| {
-        let triangles = rendering.bins.band(band);
-        sums.clear();
-        sums.extend(triangles.iter().map(|&t| shade::band_sums(rendering, texture, image, band, t)));
-    });
-    grads.triangle_sums.clear();
-    grads.triangle_sums.resize(rendering.projected.len(), Default::default());
-    for (band, sums) in grads.band_sums.iter().enumerate() {
+fn sum_bands(
+    texture: &Texture,
+    rendering: &Rendering,
+    image: ImageGradients,
+    band_sums: &mut Vec<Vec<RaySums>>,
+    triangle_sums: &mut Vec<RaySums>,
+) {
+    let triangle_count = rendering.projected.len();
+    band_sums.resize_with(rendering.height.div_ceil(BAND_ROWS), Vec::new);
+    band_sums.par_iter_mut().enumerate().for_each_init(
+        || vec![0; triangle_count],
+        |slots, (band, sums)| shade::band_sums(rendering, texture, image, band, slots, sums),
+    );
+    triangle_sums.clear();
+    triangle_sums.resize(triangle_count, RaySums::default());
+    for (band, sums) in band_sums.iter().enumerate() {
         for (&t, sum) in rendering.bins.band(band).iter().zip(sums) {
-            grads.triangle_sums[t as usize].add(sum);
+            triangle_sums[t as usize].add(sum);
         }
     }
 }
 
-/// Adds what the antialiasing changes: gradients of the silhouette edges, and the part of each receiver's
-/// gradient that belongs to its partner's colour.
+/// Adds what the antialiasing changes: gradients of the silhouette edges, and the part of each
+/// receiver's gradient that belongs to its partner's colour.
 fn blends_vjp(
     positions: &[DVec3],
     texture: &Texture,

@@ -31,15 +31,15 @@ impl Rays {
 }
 
 /// A triangle with corners x_k [m], seen along rays r. With M = (x_0 x_1 x_2), the numbers
-/// b̃ = M⁻¹ r are its barycentric coordinates times s = Σ b̃_k = 1/z, and any quantity q that is linear on the
-/// surface obeys s q = (Σ q_k rows_k(M⁻¹)) · r: a *plane*.
+/// b̃ = M⁻¹ r are its barycentric coordinates times s = Σ b̃_k = 1/z, and any quantity q that is
+/// linear on the surface obeys s q = (Σ q_k rows_k(M⁻¹)) · r: a *plane*.
 ///
 /// Source: Olano and Greer 1997, "Triangle Scan Conversion using 2D Homogeneous Coordinates".
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Projected {
-    /// m_k = ± x_{k+1} × x_{k+2}, the plane through the camera and the edge opposite to corner k, turned so
-    /// that m_k · r > 0 inside. Rows of M⁻¹ are m_k/|det M|. The neighbour across an edge has exactly
-    /// the opposite plane, bit for bit.
+    /// m_k = ± x_{k+1} × x_{k+2}, the plane through the camera and the edge opposite to corner k,
+    /// turned so that m_k · r > 0 inside. Rows of M⁻¹ are m_k/|det M|. The neighbour across an edge
+    /// has exactly the opposite plane, bit for bit.
     pub edges: [DVec3; 3],
     /// Whether rays with m_k · r = 0 belong to the triangle.
     pub owns_edge: [bool; 3],
@@ -47,8 +47,6 @@ pub(super) struct Projected {
     pub inverse_det: f64,
     /// Sign of det M: +1, −1, or 0 for a triangle that is not drawn.
     pub facing: i8,
-    /// Whether the surface ends or folds over, as the camera sees it, at the edge opposite to corner k.
-    pub silhouette: [bool; 3],
     /// Plane of 1, so that inverse_depth · r = 1/z [1/m].
     pub inverse_depth: DVec3,
     /// Plane of the texel coordinate x.
@@ -72,7 +70,6 @@ impl Projected {
         owns_edge: [false; 3],
         inverse_det: 0.0,
         facing: 0,
-        silhouette: [false; 3],
         inverse_depth: DVec3::ZERO,
         texel_x: DVec3::ZERO,
         texel_y: DVec3::ZERO,
@@ -82,8 +79,9 @@ impl Projected {
         cx: 0.0,
     };
 
-    /// The triangle with `corners` [m] and their texel coordinates `texels`. Not drawn are triangles seen exactly
-    /// from the side, those that reach nearer than [`NEAR`] and those with corners that are not finite.
+    /// The triangle with `corners` [m] and their texel coordinates `texels`. Not drawn are triangles
+    /// seen exactly from the side, those that reach nearer than [`NEAR`] and those with corners that
+    /// are not finite.
     pub fn new(camera: &Camera, corners: [DVec3; 3], texels: [DVec2; 3]) -> Self {
         let [x0, x1, x2] = corners;
         // Equal to x0 × x1 + x1 × x2 + x2 × x0, without the cancellation.
@@ -104,7 +102,6 @@ impl Projected {
             owns_edge: edges.map(owns_edge),
             inverse_det,
             facing: sign as i8,
-            silhouette: [false; 3],
             inverse_depth: normal * (sign * inverse_det),
             texel_x: plane(texels.map(|t| t.x)),
             texel_y: plane(texels.map(|t| t.y)),
@@ -124,8 +121,9 @@ impl Projected {
 
     /// First column, and one past the last, covered in row `j`.
     ///
-    /// In a row, m_k · r as rounded never falls (or never rises) with the column, so each edge covers a half-line; its
-    /// end is estimated and then corrected by the test itself. The result is exactly that of testing every pixel.
+    /// In a row, m_k · r as rounded never falls (or never rises) with the column, so each edge covers
+    /// a half-line; its end is estimated and then corrected by the test itself. The result is exactly
+    /// that of testing every pixel.
     #[inline]
     pub fn span(&self, rays: &Rays, j: usize) -> [usize; 2] {
         let y = rays.y[j];
@@ -165,8 +163,8 @@ impl Projected {
     }
 }
 
-/// Exactly one of the planes m and −m owns the rays that lie in it: the answer is that of the ray moved by an
-/// infinitesimal step to the right and a still smaller one down.
+/// Exactly one of the planes m and −m owns the rays that lie in it: the answer is that of the ray
+/// moved by an infinitesimal step to the right and a still smaller one down.
 fn owns_edge(m: DVec3) -> bool {
     m.x > 0.0 || (m.x == 0.0 && (m.y > 0.0 || (m.y == 0.0 && m.z > 0.0)))
 }

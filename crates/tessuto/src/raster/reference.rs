@@ -1,5 +1,5 @@
-//! The rasteriser written plainly: every pixel against every triangle, f64 throughout. It defines what the
-//! fast one has to return, and finite differences of it are what the adjoint has to return.
+//! The rasteriser written plainly: every pixel against every triangle, f64 throughout. It defines what
+//! the fast one has to return, and finite differences of it are what the adjoint has to return.
 
 use glam::{DVec2, DVec3};
 
@@ -102,7 +102,7 @@ fn ray(camera: &Camera, pixel: usize) -> DVec3 {
     camera.ray(DVec2::new((pixel % camera.width) as f64, (pixel / camera.width) as f64))
 }
 
-/// Blends as described in [`super::silhouette`].
+/// Blends as described in `silhouette.rs`.
 fn antialias(
     rasterizer: &Rasterizer,
     camera: &Camera,

@@ -6,22 +6,27 @@ use super::silhouette::Blend;
 use crate::camera::Rect;
 use crate::image::Image;
 
-/// Picture of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used again by the next
-/// rendering into it.
+/// Picture of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used
+/// again by the next rendering into it.
 #[derive(Debug, Clone, Default)]
 pub struct Rendering {
     /// Width [px].
     pub width: usize,
     /// Height [px].
     pub height: usize,
-    /// Triangle seen at each pixel centre, [`Rendering::NO_TRIANGLE`] where there is none, shape [height, width].
+    /// Triangle seen at each pixel centre, [`Rendering::NO_TRIANGLE`] where there is none, shape
+    /// [height, width].
     pub triangle: Vec<u32>,
     /// 1/z [1/m] at each pixel centre, 0 where there is no triangle, shape [height, width].
     pub inverse_depth: Vec<f64>,
-    /// Red, green, blue and coverage after antialiasing, over black with coverage 0, shape [height, width].
+    /// Red, green, blue and coverage after antialiasing, over black with coverage 0, shape [height,
+    /// width].
     pub rgba: Vec<[f32; 4]>,
     pub(super) rays: Rays,
     pub(super) projected: Vec<Projected>,
+    /// Triangle across each edge where the surface goes on, without folding over as the camera sees
+    /// it; else `NO_TRIANGLE`. Shape [T, 3].
+    pub(super) joined: Vec<[u32; 3]>,
     pub(super) bins: Bins,
     /// Silhouette blends found in each band of rows.
     pub(super) blends: Vec<Vec<Blend>>,

@@ -1,18 +1,21 @@
-//! Analytic antialiasing: blends of neighbouring pixels where a silhouette edge passes between their centres.
+//! Analytic antialiasing: blends of neighbouring pixels where a silhouette edge passes between their
+//! centres.
 //!
-//! Of two horizontal or vertical neighbours that show different triangles, the one with the greater inverse
-//! depth (background has 0) is the occluder. Starting in its triangle we walk over the surface towards the
-//! other pixel's centre, from triangle to triangle, until we either leave the surface across a
-//! silhouette edge (its border, or a fold), at the fraction d of the way, or arrive. If d > ½ the other pixel receives the
-//! occluder's colour with weight d − ½, else the occluder receives the other's with weight ½ − d.
-//! A pixel may receive from several neighbours: out = c + Σ w (c_partner − c), all of them unblended colours.
+//! Of two horizontal or vertical neighbours that show different triangles, the one with the greater
+//! inverse depth (background has 0) is the occluder. Starting in its triangle we walk over the surface
+//! towards the other pixel's centre, from triangle to triangle, until we either leave the surface
+//! across a silhouette edge (its border, or a fold), at the fraction d of the way, or arrive. If d > ½
+//! the other pixel receives the occluder's colour with weight d − ½, else the occluder receives the
+//! other's with weight ½ − d. A pixel may receive from several neighbours: out = c + Σ w (c_partner −
+//! c), all of them unblended colours.
 //!
-//! Horizontal pairs take edges steeper than 45° in the image, vertical pairs the others. Then the blends of
-//! one edge sum to its exact area between pixel rows (or columns); were both kinds of pair to take an
-//! edge, its coverage and its gradient would count twice.
+//! Horizontal pairs take edges steeper than 45° in the image, vertical pairs the others. Then the
+//! blends of one edge sum to its exact area between pixel rows (or columns); were both kinds of pair
+//! to take an edge, its coverage and its gradient would count twice.
 //!
-//! Source: Laine et al. 2020, "Modular Primitives for High-Performance Differentiable Rendering", §3.5. We differ: the
-//! walk also finds edges of triangles that cover no pixel centre, and blends do not depend on their order.
+//! Source: Laine et al. 2020, "Modular Primitives for High-Performance Differentiable Rendering",
+//! §3.5. We differ: the walk also finds edges of triangles that cover no pixel centre, and blends do
+//! not depend on their order.
 
 use glam::{DVec3, Vec4};
 
@@ -20,7 +23,8 @@ use super::adjacency::{Across, NONE, edge};
 use super::bins::BAND_ROWS;
 use super::{Rasterizer, Rendering};
 
-/// Triangles that the walk between two pixel centres may cross; more only fit if triangles are far smaller than pixels.
+/// Triangles that the walk between two pixel centres may cross; more only fit if triangles are far
+/// smaller than pixels.
 pub(super) const MAX_STEPS: usize = 16;
 
 /// One pixel's share in another: out[receiver] += weight · (c[partner] − c[receiver]).
@@ -50,17 +54,18 @@ struct Crossing {
     plane: DVec3,
 }
 
-/// Marks the silhouette edges of all triangles of `rendering`: where the surface ends, or where the
+/// Finds where the surface goes on smoothly: an edge is a silhouette if it is a border or if its
 /// neighbour is not drawn or shows its other side.
-pub(super) fn mark_silhouettes(across: &[[Across; 3]], rendering: &mut Rendering) {
-    for (t, across) in across.iter().enumerate() {
-        let facing = rendering.projected[t].facing;
-        let silhouette = across.map(|a| {
-            let same_side = if a.wound_differently { -facing } else { facing };
-            a.triangle == NONE || rendering.projected[a.triangle as usize].facing != same_side
-        });
-        rendering.projected[t].silhouette = silhouette;
-    }
+pub(super) fn join_triangles(across: &[[Across; 3]], rendering: &mut Rendering) {
+    let projected = &rendering.projected;
+    rendering.joined.clear();
+    rendering.joined.extend(across.iter().zip(projected).map(|(across, p)| {
+        across.map(|a| {
+            let same_side = if a.wound_differently { -p.facing } else { p.facing };
+            let smooth = a.triangle != NONE && projected[a.triangle as usize].facing == same_side;
+            if smooth { a.triangle } else { NONE }
+        })
+    }));
 }
 
 /// Finds all blends whose upper or left pixel lies in band `band`.
@@ -79,7 +84,7 @@ pub(super) fn find_blends(
     for j in first..end {
         let row = &rendering.triangle[j * width + x0..j * width + x1];
         for (i, pair) in row.windows(2).enumerate() {
-            if pair[0] != pair[1] {
+            if may_blend(rendering, pair[0], pair[1]) {
                 let pixel = j * width + x0 + i;
                 blends.extend(find_blend(rasterizer, rendering, pixel, pixel + 1));
             }
@@ -87,7 +92,7 @@ pub(super) fn find_blends(
         if j + 1 < rendering.height {
             let below = &rendering.triangle[(j + 1) * width + x0..(j + 1) * width + x1];
             for (i, (upper, lower)) in row.iter().zip(below).enumerate() {
-                if upper != lower {
+                if may_blend(rendering, *upper, *lower) {
                     let pixel = j * width + x0 + i;
                     blends.extend(find_blend(rasterizer, rendering, pixel, pixel + width));
                 }
@@ -96,18 +101,18 @@ pub(super) fn find_blends(
     }
 }
 
-/// The blend, if any, of two neighbouring pixels `p` < `q` that show different triangles.
+/// False for pixels that show the same triangle or, the most frequent case else, two that are joined
+/// smoothly.
 #[inline]
+fn may_blend(rendering: &Rendering, t0: u32, t1: u32) -> bool {
+    t0 != t1 && (t0 == NONE || t1 == NONE || !rendering.joined[t0 as usize].contains(&t1))
+}
+
+/// The blend, if any, of two neighbouring pixels `p` < `q` that show different triangles.
 fn find_blend(rasterizer: &Rasterizer, rendering: &Rendering, p: usize, q: usize) -> Option<Blend> {
     let depth = |pixel: usize| rendering.inverse_depth[pixel];
     let (occluder, other) = if depth(p) >= depth(q) { (p, q) } else { (q, p) };
     let (start, target) = (rendering.triangle[occluder], rendering.triangle[other]);
-    // Leave early inside a smooth surface, the most frequent case by far.
-    let p_start = &rendering.projected[start as usize];
-    let joined = |k: usize| rasterizer.across[start as usize][k].triangle == target && !p_start.silhouette[k];
-    if target != NONE && (0..3).any(joined) {
-        return None;
-    }
     let ray = |pixel: usize| {
         DVec3::new(rendering.rays.x[pixel % rendering.width], rendering.rays.y[pixel / rendering.width], 1.0)
     };
@@ -135,8 +140,8 @@ fn find_blend(rasterizer: &Rasterizer, rendering: &Rendering, p: usize, q: usize
     })
 }
 
-/// Walks over the surface from ray `r0` in triangle `start` towards ray `r1` until a silhouette edge. `None` if the surface
-/// reaches `r1`, or the triangle `target` that is seen there.
+/// Walks over the surface from ray `r0` in triangle `start` towards ray `r1` until a silhouette edge.
+/// `None` if the surface reaches `r1`, or the triangle `target` that is seen there.
 fn walk(
     rasterizer: &Rasterizer,
     rendering: &Rendering,
@@ -161,22 +166,23 @@ fn walk(
             }
         }
         let k = exit?;
-        if p.silhouette[k] {
+        let next = rendering.joined[t as usize][k];
+        if next == NONE {
             let [a, b] = edge(&rasterizer.triangles[t as usize], k);
             let edge = if p.facing > 0 { [a, b] } else { [b, a] };
             return Some(Crossing { edge, values: values(k), plane: p.edges[k] });
         }
-        let across = rasterizer.across[t as usize][k];
-        if across.triangle == target {
+        if next == target {
             return None;
         }
-        t = across.triangle;
-        entered_by = Some(usize::from(across.corner));
+        entered_by = Some(usize::from(rasterizer.across[t as usize][k].corner));
+        t = next;
     }
     None
 }
 
-/// Adds the blends to the picture. They hold unblended colours, so their order does not matter to what they mean.
+/// Adds the blends to the picture. They hold unblended colours, so their order does not matter to what
+/// they mean.
 pub(super) fn apply_blends(rendering: &mut Rendering) {
     for blend in rendering.blends.iter().flatten() {
         let rgba = &mut rendering.rgba[blend.receiver as usize];
@@ -185,7 +191,8 @@ pub(super) fn apply_blends(rendering: &mut Rendering) {
 }
 
 impl Blend {
-    /// Gradients with respect to the edge's vertices A and B [m], for the image gradient `grad` at the receiver.
+    /// Gradients with respect to the edge's vertices A and B [m], for the image gradient `grad` at the
+    /// receiver.
     pub fn edge_gradients(&self, positions: &[DVec3], grad: Vec4) -> [DVec3; 2] {
         let w = self.weight_by_plane * f64::from(grad.dot(Vec4::from_array(self.contrast)));
         let [a, b] = self.edge.map(|v| positions[v as usize]);

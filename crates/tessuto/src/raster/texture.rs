@@ -91,18 +91,20 @@ impl Texture {
 
     #[inline]
     fn footprint(&self, x: f64, y: f64) -> Footprint {
+        // Floats throughout: converting the index back would chain each lookup to the one before,
+        // because x86's conversion keeps a part of its target register.
         let inside = [x.clamp(0.0, (self.width - 1) as f64), y.clamp(0.0, (self.height - 1) as f64)];
         // The last texel square ends at the last centre, so that its right neighbour exists; a texture
         // of one texel has no square and is its own neighbour.
-        let column = (inside[0] as u32 as usize).min(self.width.saturating_sub(2));
-        let row = (inside[1] as u32 as usize).min(self.height.saturating_sub(2));
+        let column = inside[0].floor().min(self.width.saturating_sub(2) as f64);
+        let row = inside[1].floor().min(self.height.saturating_sub(2) as f64);
         let right = usize::from(self.width > 1);
         let below = if self.height > 1 { self.width } else { 0 };
-        let first = row * self.width + column;
+        let first = (row as u32 as usize) * self.width + (column as u32 as usize);
         Footprint {
             texels: [first, first + right, first + below, first + below + right],
-            fraction: [(inside[0] - column as f64) as f32, (inside[1] - row as f64) as f32],
-            live: [f32::from(u8::from(inside[0] == x)), f32::from(u8::from(inside[1] == y))],
+            fraction: [(inside[0] - column) as f32, (inside[1] - row) as f32],
+            live: [if inside[0] == x { 1.0 } else { 0.0 }, if inside[1] == y { 1.0 } else { 0.0 }],
         }
     }
 

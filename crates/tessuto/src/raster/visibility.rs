@@ -24,10 +24,11 @@ impl Rows<'_> {
     }
 }
 
-/// Draws the triangles `visible` into the columns `x0..x1` of `rows`: at each pixel centre the greatest 1/z wins, of
-/// equal ones the lower triangle index. Other pixels become background. Both sides of a triangle are
-/// seen. A pixel centre on a shared edge belongs to exactly one of the two triangles; only within
-/// rounding error (1e-13 px) of a vertex may it fall between all triangles around.
+/// Draws the triangles `visible` into the columns `x0..x1` of `rows`: at each pixel centre the
+/// greatest 1/z wins, of equal ones the lower triangle index. Other pixels become background. Both
+/// sides of a triangle are seen. A pixel centre on a shared edge belongs to exactly one of the two
+/// triangles; only within rounding error (1e-13 px) of a vertex may it fall between all triangles
+/// around.
 pub(super) fn draw(
     rows: &mut Rows,
     [x0, x1]: [usize; 2],

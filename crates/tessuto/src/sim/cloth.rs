@@ -296,7 +296,7 @@ impl Stiffness {
 
 impl Edge {
     /// Difference of a field along the edge.
-    pub(super) fn along(&self, field: &[DVec3]) -> DVec3 {
+    pub fn along(&self, field: &[DVec3]) -> DVec3 {
         field[self.vertices[1] as usize] - field[self.vertices[0] as usize]
     }
 

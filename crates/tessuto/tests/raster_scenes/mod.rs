@@ -17,8 +17,8 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A cloth of 9×8 vertices that covers most of the image. Vertices are moved by up to `crumple` [m], which folds it
-    /// over and over where that is more than the 5 cm between them.
+    /// A cloth of 9×8 vertices that covers most of the image. Vertices are moved by up to `crumple`
+    /// [m], which folds it over and over where that is more than the 5 cm between them.
     pub fn cloth(seed: u64, crumple: f64, texture: Texture) -> Self {
         let mut rng = Rng::new(seed, 0);
         let mut mesh = grid(9, 8, DVec2::new(0.45, 0.35), 1.0);
@@ -32,7 +32,8 @@ impl Scene {
         Self { rasterizer: Rasterizer::new(&mesh), positions: mesh.positions, texture }
     }
 
-    /// A flat rectangle of 1×1 m, 1 m away and turned by `angle` [rad] in the image.
+    /// A flat rectangle with half sides `half` [m] around `centre` [m], 1 m away and turned by `angle`
+    /// [rad] in the image.
     #[allow(dead_code)]
     pub fn rectangle(angle: f64, half: DVec2, centre: DVec2) -> Self {
         let mut mesh: Mesh = grid(2, 2, half * 2.0, 1.0);
@@ -44,7 +45,8 @@ impl Scene {
     }
 }
 
-/// Colours that grow linearly with the texel; exact in f32, so that the lookup has no kinks at texel borders.
+/// Colours that grow linearly with the texel; exact in f32, so that the lookup has no kinks at texel
+/// borders.
 #[allow(dead_code)]
 pub fn ramp() -> Texture {
     let mut texture = Texture::uniform(32, 16, [0.0; 3]);

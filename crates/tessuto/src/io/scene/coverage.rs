@@ -6,6 +6,9 @@ use crate::camera::Camera;
 use crate::image::Image;
 use crate::mesh::Mesh;
 
+/// A variant of the axes whose overlap is this much larger than the template's own is named.
+pub(crate) const VARIANT_GAIN: f64 = 0.2;
+
 /// Calls `visit(column, row)` for every integer point of 0..width × 0..height in the triangle `p` [px].
 /// Points on an edge belong to the triangle if `closed`.
 pub(crate) fn fill_triangle(

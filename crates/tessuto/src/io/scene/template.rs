@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::coverage::{axis_variants, overlap, template_coverage};
+use super::coverage::{VARIANT_GAIN, axis_variants, overlap, template_coverage};
 use super::manifest::{Manifest, Units};
 use super::{inside, warning};
 use crate::error::{Error, Result};
@@ -18,8 +18,6 @@ const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
 /// Overlap with the first mask below which the template is refused, and below which it is doubted.
 const OVERLAP_REFUSED: f64 = 0.3;
 const OVERLAP_DOUBTED: f64 = 0.85;
-/// A variant that fits this much better than the file itself is named.
-const VARIANT_GAIN: f64 = 0.2;
 
 /// Reads template.obj; `None` if it cannot be read, a mesh and more `errors` if it cannot be used.
 pub(crate) fn read(
