@@ -56,10 +56,10 @@ impl Default for Settings {
             fps: 50.0,
             size: 320,
             grid: [21, 21],
-            wind: 12.0,
+            wind: 6.0,
             stretch: 200.0,
-            bend: 2e-4,
-            shear: 2e-4,
+            bend: 1e-3,
+            shear: 5e-4,
             shading: 0.4,
             seed: 0,
         }
