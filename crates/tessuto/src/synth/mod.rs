@@ -56,7 +56,7 @@ impl Default for Settings {
             fps: 50.0,
             size: 320,
             grid: [21, 21],
-            wind: 6.0,
+            wind: 9.0,
             stretch: 200.0,
             bend: 1e-3,
             shear: 5e-4,
