@@ -2,7 +2,7 @@
 
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use tessuto::Error;
 use tessuto::check::{CheckReport, Finding, Level, check_folder};
@@ -21,9 +21,14 @@ pub struct Arguments {
 
 /// Runs the command: prints the table, writes the picture if asked, fails if there are errors.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let report = check_folder(&arguments.scene, &LoadOptions::default());
+    check(&arguments.scene, arguments.picture.as_deref())
+}
+
+/// Checks the scene in a folder.
+pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
+    let report = check_folder(scene, &LoadOptions::default());
     let mut text = table(&report.findings);
-    match (&arguments.picture, &report.picture) {
+    match (picture, &report.picture) {
         (Some(path), Some(picture)) => {
             write_png(path, picture)?;
             let _ = writeln!(text, "picture: {}", path.display());
@@ -32,16 +37,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         (None, _) => {}
     }
     print(&text)?;
-    verdict(arguments, &report)
+    verdict(scene, &report)
 }
 
-fn verdict(arguments: &Arguments, report: &CheckReport) -> anyhow::Result<()> {
+fn verdict(scene: &Path, report: &CheckReport) -> anyhow::Result<()> {
     match report.count(Level::Error) {
         0 => Ok(()),
         count => {
             let problem = format!("{count} {} found", if count == 1 { "error was" } else { "errors were" });
             let hint = "follow the hints of the table above, then check again";
-            Err(Error::input(arguments.scene.display().to_string(), problem, hint).into())
+            Err(Error::input(scene.display().to_string(), problem, hint).into())
         }
     }
 }

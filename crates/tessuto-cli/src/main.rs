@@ -1,12 +1,14 @@
 //! `tessuto`: one subcommand, one file.
 
 mod check;
+mod demo;
 mod evaluate;
 mod frames;
 mod output;
 mod progress;
 mod reconstruct;
 mod simulate;
+mod synth;
 mod threads;
 
 use std::process::ExitCode;
@@ -25,18 +27,22 @@ struct Arguments {
 enum Command {
     /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
     Check(check::Arguments),
+    Demo(demo::Arguments),
     /// Compare a motion with the scene's ground truth: Chamfer and surface distances, depth, vertices.
     Evaluate(evaluate::Arguments),
     Reconstruct(reconstruct::Arguments),
     Simulate(simulate::Arguments),
+    Synth(synth::Arguments),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Command::Check(arguments) => check::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Synth(arguments) => synth::run(&arguments),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

@@ -16,11 +16,19 @@ impl OutputFolder {
     /// # Errors
     /// [`Error::Usage`] if something else than a result of this program is at `target`; [`Error::Output`].
     pub fn prepare(target: &Path) -> Result<Self> {
+        Self::prepare_if(target, |folder| folder.join("config.json").is_file())
+    }
+
+    /// [`prepare`](Self::prepare) for another kind of folder: only what `replaceable` accepts is replaced.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if something else is at `target`; [`Error::Output`].
+    pub fn prepare_if(target: &Path, replaceable: impl Fn(&Path) -> bool) -> Result<Self> {
         let empty = |folder: &Path| folder.read_dir().is_ok_and(|mut entries| entries.next().is_none());
-        if target.exists() && !target.join("config.json").is_file() && !empty(target) {
+        if target.exists() && !replaceable(target) && !empty(target) {
             return Err(Error::usage(
-                format!("--out {}: something is there that tessuto did not write", target.display()),
-                "choose another folder with --out, or move it away",
+                format!("{}: something is there that tessuto did not write", target.display()),
+                "choose another folder, or move it away",
             ));
         }
         let mut name = target.file_name().unwrap_or_else(|| "result".as_ref()).to_owned();

@@ -21,6 +21,7 @@ pub mod report;
 pub mod result;
 pub mod scene;
 pub mod sim;
+pub mod synth;
 
 pub use camera::{Camera, Rect};
 pub use config::Config;

@@ -212,7 +212,7 @@ pub fn fit_gain(
     observed: &Reference,
     smoothness: f64,
     sigma: f64,
-    gain: &mut Vec<[f32; 3]>,
+    gain: &mut [[f32; 3]],
 ) {
     let mut data = vec![[[0.0f64; 2]; 3]; gain.len()];
     for ((point, t), i) in points.points.iter().zip(reference).zip(observed) {
@@ -237,7 +237,7 @@ pub fn fit_gain(
         (smoothness * mean).max(1e-12)
     });
     for _ in 0..30 {
-        let old = gain.clone();
+        let old = gain.to_vec();
         for (v, around) in neighbours.iter().enumerate() {
             for k in 0..3 {
                 let sum: f64 = around.iter().map(|&n| f64::from(old[n as usize][k])).sum();

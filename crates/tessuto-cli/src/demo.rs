@@ -1,0 +1,66 @@
+//! `tessuto demo`.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::Args;
+use tessuto::config::{Config, Preset};
+use tessuto::synth::Settings;
+
+/// See it work: make a small scene, recover its motion from the pictures alone, compare with the truth.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto demo
+  tessuto demo --out /tmp/demo --seed 3")]
+pub struct Arguments {
+    /// Folder for scene and result.
+    #[arg(long, value_name = "DIR", default_value = "tessuto-out/demo")]
+    out: PathBuf,
+    /// Threads [default: all cores]. The result does not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Seed of the scene.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    crate::threads::use_threads(arguments.threads)?;
+    let started = Instant::now();
+    let (scene, result) = (arguments.out.join("scene"), arguments.out.join("result"));
+    let settings = Settings { seed: arguments.seed, ..Settings::default() };
+    let [columns, rows] = settings.grid;
+    println!(
+        "1. a cloth of {columns}×{rows} vertices in a gust of wind, {} frames of {}×{} px",
+        settings.frames, settings.size, settings.size
+    );
+    crate::synth::synth_into(&scene, &settings, false)?;
+    println!("2. check of the scene");
+    crate::check::check(&scene, None)?;
+    println!("3. reconstruction from the pictures and the first frame's shape");
+    let evaluation =
+        crate::reconstruct::reconstruct_into(&scene, None, Config::preset(Preset::Default), &result)?;
+    println!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
+    if let Some(mean) = evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
+        let largest = largest_displacement(&scene)?;
+        println!(
+            "   the cloth moved by up to {:.0} mm; its vertices were found to {:.1} mm on average",
+            1e3 * largest,
+            1e3 * mean
+        );
+    }
+    println!("scene:    {}", scene.display());
+    println!("result:   {}", result.display());
+    println!("report:   {}", result.join("report.html").display());
+    println!("pictures: {}", result.join("pictures/contact_sheet.png").display());
+    Ok(())
+}
+
+/// Farthest that a vertex is from its place in frame 0 [m].
+fn largest_displacement(scene: &Path) -> tessuto::Result<f64> {
+    let truth = tessuto::io::npy::read_shapes(&scene.join("gt/vertices.npy"))?;
+    let distances = truth.iter().flat_map(|shape| shape.iter().zip(&truth[0]).map(|(p, q)| p.distance(*q)));
+    Ok(distances.fold(0.0, f64::max))
+}

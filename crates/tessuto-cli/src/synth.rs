@@ -1,0 +1,100 @@
+//! `tessuto synth`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use tessuto::synth::write::{is_synthetic, write};
+use tessuto::synth::{Settings, make};
+
+use crate::output::OutputFolder;
+
+/// Make a scene from scratch: a printed cloth in a gust of wind, with complete truth.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto synth scenes/cloth
+  tessuto synth scenes/storm --wind 20 --frames 48 --seed 3
+  tessuto synth scenes/canvas --grid 25x31 --size 640 --bend 1e-3")]
+pub struct Arguments {
+    /// Scene folder to write.
+    out: PathBuf,
+    /// Number of frames.
+    #[arg(long, default_value_t = Settings::default().frames)]
+    frames: usize,
+    /// Width and height of the pictures [px].
+    #[arg(long, value_name = "PX", default_value_t = Settings::default().size)]
+    size: usize,
+    /// Columns and rows of vertices.
+    #[arg(long, value_name = "CxR", value_parser = parse_grid, default_value = "21x21")]
+    grid: [usize; 2],
+    /// Strength of the gust [m/s²].
+    #[arg(long, default_value_t = Settings::default().wind)]
+    wind: f64,
+    /// Stretch stiffness [N/m].
+    #[arg(long, default_value_t = Settings::default().stretch)]
+    stretch: f64,
+    /// Bend stiffness [J/rad²].
+    #[arg(long, default_value_t = Settings::default().bend)]
+    bend: f64,
+    /// Shear stiffness [J/rad²].
+    #[arg(long, default_value_t = Settings::default().shear)]
+    shear: f64,
+    /// Darkening where the cloth turns away from the light, 0 to 1.
+    #[arg(long, default_value_t = Settings::default().shading)]
+    shading: f64,
+    /// Frames per second.
+    #[arg(long, default_value_t = Settings::default().fps)]
+    fps: f64,
+    /// Seed of print and wind.
+    #[arg(long, default_value_t = 0)]
+    seed: u64,
+    /// Replace a scene folder that this command did not write.
+    #[arg(long)]
+    force: bool,
+}
+
+/// `CxR`.
+fn parse_grid(text: &str) -> Result<[usize; 2], String> {
+    let parsed = text.split_once('x').and_then(|(c, r)| Some([c.parse().ok()?, r.parse().ok()?]));
+    parsed.ok_or_else(|| "write columns x rows, such as 21x21".to_owned())
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let settings = Settings {
+        frames: arguments.frames,
+        fps: arguments.fps,
+        size: arguments.size,
+        grid: arguments.grid,
+        wind: arguments.wind,
+        stretch: arguments.stretch,
+        bend: arguments.bend,
+        shear: arguments.shear,
+        shading: arguments.shading,
+        seed: arguments.seed,
+    };
+    synth_into(&arguments.out, &settings, arguments.force)?;
+    println!("{}", arguments.out.display());
+    Ok(())
+}
+
+/// Makes the scene and writes it; `force` also replaces scenes of other origin, never anything else.
+pub fn synth_into(out: &Path, settings: &Settings, force: bool) -> tessuto::Result<()> {
+    settings.validate()?;
+    let ours = |folder: &Path| is_synthetic(folder) || force && folder.join("scene.json").is_file();
+    let output = OutputFolder::prepare_if(out, ours)?;
+    let scene = make(settings)?;
+    write(output.partial(), &scene, settings)?;
+    output.publish()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::parse_grid;
+
+    #[test]
+    fn grids_are_two_numbers() {
+        assert_eq!(parse_grid("9x12"), Ok([9, 12]));
+        assert!(parse_grid("9").is_err() && parse_grid("ax3").is_err());
+    }
+}

@@ -1,0 +1,137 @@
+//! The commands as a user runs them, on a small scene made by the program itself.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use tempfile::TempDir;
+use tessuto::io::npy::read_shapes;
+
+fn tessuto(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tessuto")).args(arguments).output().unwrap()
+}
+
+/// Runs a command that must succeed; returns what it printed.
+fn succeed(arguments: &[&str]) -> String {
+    let output = tessuto(arguments);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{arguments:?}: {errors}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// Runs a command that must end with `code`; returns its error message.
+fn fail(code: i32, arguments: &[&str]) -> String {
+    let output = tessuto(arguments);
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
+    errors
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The scene that all tests share, made once.
+fn scene() -> PathBuf {
+    static FOLDER: OnceLock<TempDir> = OnceLock::new();
+    let make = || {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("scene");
+        succeed(&["synth", text(&out), "--frames", "6", "--size", "96", "--grid", "9x9", "--seed", "2"]);
+        folder
+    };
+    FOLDER.get_or_init(make).path().join("scene")
+}
+
+/// Reconstructs with 1 and with 2 threads and compares the bytes of the results.
+fn same_bytes_for_any_threads(settings: &[&str]) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene();
+    for threads in ["1", "2"] {
+        let out = folder.path().join(threads);
+        let mut arguments = vec!["reconstruct", text(&scene), "--out", text(&out), "--threads", threads];
+        arguments.extend(settings);
+        succeed(&arguments);
+    }
+    for name in ["motion.npy", "forces.npy", "parameters.json", "texture.png"] {
+        let read = |threads| std::fs::read(folder.path().join(threads).join(name)).unwrap();
+        assert!(read("1") == read("2"), "{name} depends on the number of threads ({settings:?})");
+    }
+    folder
+}
+
+#[test]
+fn default_preset_repeats_for_any_threads_and_simulate_replays_it() {
+    let folder = same_bytes_for_any_threads(&["--set", "texture.size=64"]);
+    let result = folder.path().join("1");
+    for name in ["mesh.obj", "config.json", "history.csv", "metrics.json", "report.html"] {
+        assert!(result.join(name).is_file(), "{name}");
+    }
+    assert!(result.join("pictures/contact_sheet.png").is_file());
+
+    let replay = folder.path().join("replay.npy");
+    succeed(&["simulate", text(&result), "--out", text(&replay)]);
+    let (a, b) = (read_shapes(&result.join("motion.npy")).unwrap(), read_shapes(&replay).unwrap());
+    assert_eq!(a.len(), 6);
+    assert_eq!(a.len(), b.len());
+    let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
+    assert!(distances.fold(0.0, f64::max) <= 1e-5);
+
+    let table = succeed(&["evaluate", text(&scene()), text(&result)]);
+    assert!(table.contains("vertex"), "{table}");
+}
+
+#[test]
+fn saft_preset_repeats_for_any_threads() {
+    let settings =
+        ["rollout.last_epochs=2", "rollout.epochs_per_frame=1", "texture.epochs=20", "texture.size=64"];
+    let arguments: Vec<&str> =
+        ["--preset", "saft"].into_iter().chain(settings.into_iter().flat_map(|s| ["--set", s])).collect();
+    same_bytes_for_any_threads(&arguments);
+}
+
+#[test]
+fn a_made_up_scene_has_no_findings() {
+    let table = succeed(&["check", text(&scene())]);
+    assert!(table.contains("0 warnings, 0 errors"), "{table}");
+}
+
+#[test]
+fn wrong_setting_is_a_usage_error_that_names_the_nearest() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("result");
+    let message = fail(2, &["reconstruct", text(&scene()), "--out", text(&out), "--set", "texture.epoch=3"]);
+    assert!(message.contains("did you mean texture.epochs?"), "{message}");
+    assert!(!out.exists());
+    assert!(fail(2, &["synth", text(&out), "--frames", "1"]).contains("frames = 1"));
+    assert!(!out.exists());
+}
+
+#[test]
+fn folders_of_other_origin_are_never_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let precious = folder.path().join("precious.txt");
+    std::fs::write(&precious, "mine").unwrap();
+    let out = text(folder.path());
+    assert!(fail(2, &["reconstruct", text(&scene()), "--out", out]).contains("did not write"));
+    assert!(fail(2, &["synth", out]).contains("did not write"));
+    assert!(fail(2, &["synth", out, "--force"]).contains("did not write"));
+    assert_eq!(std::fs::read_to_string(precious).unwrap(), "mine");
+    assert_eq!(folder.path().read_dir().unwrap().count(), 1);
+}
+
+#[test]
+fn a_template_that_is_not_finite_is_an_input_error_and_leaves_no_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let bad = folder.path().join("bad");
+    succeed(&["synth", text(&bad), "--frames", "2", "--size", "64", "--grid", "5x5"]);
+    let template = bad.join("template.obj");
+    let obj = std::fs::read_to_string(&template).unwrap();
+    let first = obj.lines().find(|line| line.starts_with("v ")).unwrap();
+    std::fs::write(&template, obj.replacen(first, "v nan 0 1", 1)).unwrap();
+    let out = folder.path().join("result");
+    let message = fail(3, &["reconstruct", text(&bad), "--out", text(&out)]);
+    assert!(message.contains("template.obj"), "{message}");
+    let left: Vec<_> = folder.path().read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert_eq!(left, ["bad"], "no output folder, not even a partial one");
+}

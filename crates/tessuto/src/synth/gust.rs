@@ -1,0 +1,152 @@
+//! The motion of a made-up scene: a cloth hangs from the corners and the middle of its upper edge until it
+//! is at rest, then a gust comes.
+
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
+
+use super::Settings;
+use crate::error::Result;
+use crate::math::factor::Scratch;
+use crate::math::rng::Rng;
+use crate::mesh::{Mesh, grid};
+use crate::scene::Shape;
+use crate::sim::step::step;
+use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness};
+
+/// Width and height of the cloth [m].
+const SIZE: DVec2 = DVec2::new(0.5, 0.5);
+/// Distance from the camera [m].
+const DEPTH: f64 = 1.0;
+/// Acceleration of gravity, downwards [m/s²].
+const GRAVITY: DVec3 = DVec3::new(0.0, 9.81, 0.0);
+/// Stiffness of the springs that hold the pinned vertices [N/m].
+const PIN: f64 = 1e4;
+/// Pins are this much closer together than the cloth is wide, so that it falls in folds.
+const SLACK: f64 = 0.06;
+/// Longest time step [s].
+const STEP: f64 = 5e-3;
+
+/// Template's topology and the shape at every frame, shape [N, V].
+///
+/// # Errors
+/// [`crate::Error::Numerical`] from the simulation.
+pub fn simulate(settings: &Settings) -> Result<(Mesh, Vec<Shape>)> {
+    let [columns, rows] = settings.grid;
+    let mesh = grid(columns, rows, SIZE, DEPTH);
+    let mut hanging = Hanging::new(&mesh, settings);
+    let mut state = hanging.settled(&mesh)?;
+    let substeps = (1.0 / (settings.fps * STEP)).ceil().max(1.0) as usize;
+    let h = 1.0 / (settings.fps * substeps as f64);
+    let gust = Gust::new(settings.wind, settings.seed);
+    let mut motion = vec![state.x.clone()];
+    for k in 0..(settings.frames - 1) * substeps {
+        let time = k as f64 * h;
+        let acceleration = |i: usize| GRAVITY + gust.acceleration(mesh.uvs[i], time);
+        state = hanging.step(state, h, 0.98f64.powf(h / STEP), acceleration)?;
+        if (k + 1) % substeps == 0 {
+            motion.push(state.x.clone());
+        }
+    }
+    Ok((mesh, motion))
+}
+
+/// A cloth with some vertices tied to fixed points.
+struct Hanging {
+    /// Its masses are those of the cloth; ties are added for each step.
+    cloth: Cloth,
+    masses: Vec<f64>,
+    stiffness: Stiffness,
+    /// Vertex and the point that holds it.
+    pins: Vec<(usize, DVec3)>,
+    scratch: Scratch,
+}
+
+impl Hanging {
+    fn new(mesh: &Mesh, settings: &Settings) -> Self {
+        let cloth = Cloth::new(mesh);
+        let columns = settings.grid[0];
+        let pins = [0, columns / 2, columns - 1].map(|i| {
+            let p = mesh.positions[i];
+            (i, DVec3::new(p.x * (1.0 - SLACK), p.y, p.z))
+        });
+        Self {
+            masses: cloth.masses.clone(),
+            stiffness: Stiffness::uniform(&cloth, [settings.stretch, settings.bend, settings.shear]),
+            pins: pins.to_vec(),
+            scratch: Scratch::default(),
+            cloth,
+        }
+    }
+
+    /// At rest under gravity, in folds that start from a slight wave.
+    fn settled(&mut self, mesh: &Mesh) -> Result<State> {
+        let wave = |(p, uv): (&DVec3, &DVec2)| {
+            let fold = 0.02 * (TAU * 2.0 * uv.x).sin() + 0.01 * (TAU * (uv.x + 0.4 * uv.y)).cos();
+            DVec3::new(p.x * (1.0 - SLACK), p.y, p.z + fold)
+        };
+        let x: Shape = mesh.positions.iter().zip(&mesh.uvs).map(wave).collect();
+        let mut state = State { v: vec![DVec3::ZERO; x.len()], x };
+        // Damping of a quarter per step ends all swinging within the time simulated here.
+        for _ in 0..120 {
+            state = self.step(state, 2.0 * STEP, 0.75, |_| GRAVITY)?;
+        }
+        state.v.fill(DVec3::ZERO);
+        Ok(state)
+    }
+
+    /// One step. A tie of stiffness κ to p is a second inertia: M' = M + h² κ, M' a' = M a + κ (p − x − h δ v).
+    fn step(
+        &mut self,
+        state: State,
+        h: f64,
+        damping: f64,
+        acceleration: impl Fn(usize) -> DVec3,
+    ) -> Result<State> {
+        let mut accelerations: Shape = (0..state.x.len()).map(acceleration).collect();
+        self.cloth.masses.copy_from_slice(&self.masses);
+        for &(i, p) in &self.pins {
+            let pull = (p - state.x[i] - state.v[i] * (h * damping)) * PIN;
+            self.cloth.masses[i] += h * h * PIN;
+            accelerations[i] = (accelerations[i] * self.masses[i] + pull) / self.cloth.masses[i];
+        }
+        let settings = StepSettings {
+            integrator: Integrator::ImplicitEuler,
+            step: h,
+            damping,
+            tolerance: 1e-7,
+            newton_limit: 200,
+        };
+        let tape = step(&self.cloth, &settings, &self.stiffness, state, &accelerations, &mut self.scratch)?;
+        Ok(tape.after)
+    }
+}
+
+/// Wind that rises smoothly and carries waves across the cloth.
+struct Gust {
+    strength: f64,
+    /// Phases and tilts of the waves, each in [−1, 1).
+    random: [f64; 6],
+}
+
+impl Gust {
+    fn new(strength: f64, seed: u64) -> Self {
+        let mut rng = Rng::new(seed, 1);
+        Self { strength, random: std::array::from_fn(|_| rng.signed()) }
+    }
+
+    /// Acceleration [m/s²] of the cloth at `uv`, `time` [s] after the gust's start.
+    fn acceleration(&self, uv: DVec2, time: f64) -> DVec3 {
+        let [r0, r1, r2, r3, r4, r5] = self.random;
+        let rise = (time / 0.12).min(1.0);
+        let envelope = rise * rise * (3.0 - 2.0 * rise);
+        let wave = |across: f64, up: f64, frequency: f64, phase: f64| {
+            (TAU * (across * uv.x + up * uv.y - frequency * time) + TAU * phase).sin()
+        };
+        let z = -0.45 * (TAU * 1.3 * time + 0.3 * r0).cos()
+            + 0.4 * wave(1.0 + 0.2 * r1, 0.3 * r2, 2.0, 0.1 * r3)
+            + 0.2 * wave(0.4 * r4, 1.2, 3.1, r5);
+        let x = 0.25 * wave(0.5, 0.2 * r2, 1.7, r4);
+        DVec3::new(x, 0.0, z) * (self.strength * envelope)
+    }
+}

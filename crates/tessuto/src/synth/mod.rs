@@ -1,0 +1,206 @@
+//! Scenes made from scratch: a printed cloth in a gust of wind, simulated, rendered and written as a scene
+//! folder with complete truth.
+
+pub mod gust;
+pub mod print;
+pub mod shade;
+pub mod write;
+
+use std::path::PathBuf;
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use crate::camera::{Camera, Rect};
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::raster::{Rasterizer, Rendering, Texture};
+use crate::scene::{Frame, Scene, Shape, Truth};
+
+/// Side of the print [texel].
+const PRINT_SIZE: usize = 512;
+/// Pictures are drawn this much larger and averaged, so that fine print does not alias.
+const OVERSAMPLING: usize = 2;
+/// Points that the made-up depth sensor sees in each frame.
+const POINT_COUNT: usize = 4000;
+
+/// What to make.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct Settings {
+    /// Frames N, at least 2.
+    pub frames: usize,
+    /// Frames per second.
+    pub fps: f64,
+    /// Width and height of the pictures [px].
+    pub size: usize,
+    /// Columns and rows of vertices.
+    pub grid: [usize; 2],
+    /// Strength of the gust: largest acceleration it gives the cloth [m/s²].
+    pub wind: f64,
+    /// Stretch stiffness [N/m].
+    pub stretch: f64,
+    /// Bend stiffness [J/rad²].
+    pub bend: f64,
+    /// Shear stiffness [J/rad²].
+    pub shear: f64,
+    /// How much darker the cloth is where it turns away from the light, in [0, 1].
+    pub shading: f64,
+    /// Seed of print and wind.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            frames: 24,
+            fps: 50.0,
+            size: 320,
+            grid: [21, 21],
+            wind: 9.0,
+            stretch: 200.0,
+            bend: 1e-3,
+            shear: 5e-4,
+            shading: 0.4,
+            seed: 0,
+        }
+    }
+}
+
+impl Settings {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming the setting, its value and its range.
+    pub fn validate(&self) -> Result<()> {
+        let checks = [
+            ("frames", self.frames as f64, 2.0, 10_000.0),
+            ("fps", self.fps, 1.0, 10_000.0),
+            ("size", self.size as f64, 32.0, 4096.0),
+            ("grid columns", self.grid[0] as f64, 3.0, 200.0),
+            ("grid rows", self.grid[1] as f64, 3.0, 200.0),
+            ("wind", self.wind, 0.0, 100.0),
+            ("stretch", self.stretch, 1.0, 1e5),
+            ("bend", self.bend, 1e-7, 1.0),
+            ("shear", self.shear, 1e-7, 1.0),
+            ("shading", self.shading, 0.0, 1.0),
+        ];
+        for (name, value, low, high) in checks {
+            if !(low..=high).contains(&value) {
+                let hint = format!("it must lie between {low} and {high}");
+                return Err(Error::usage(format!("{name} = {value}"), hint));
+            }
+        }
+        Ok(())
+    }
+
+    /// A square picture with a horizontal field of view of about 44°.
+    fn camera(&self) -> Camera {
+        let (f, c) = (1.25 * self.size as f64, (self.size as f64 - 1.0) / 2.0);
+        Camera { fx: f, fy: f, cx: c, cy: c, width: self.size, height: self.size }
+    }
+}
+
+/// Makes a scene in memory, its truth included. The same settings make the same scene.
+///
+/// # Errors
+/// [`Error::Usage`] for settings out of range; [`Error::Numerical`] from the simulation.
+pub fn make(settings: &Settings) -> Result<Scene> {
+    settings.validate()?;
+    let (mesh, motion) = gust::simulate(settings)?;
+    let texture = Texture::from_image(&print::print(PRINT_SIZE, settings.seed));
+    let camera = settings.camera();
+    let rasterizer = Rasterizer::new(&mesh);
+    let draw = |rendering: &mut Rendering, shape: &Shape| {
+        view(&rasterizer, &camera, &texture, settings.shading, shape, rendering)
+    };
+    let views: Vec<(Frame, Vec<DVec3>)> = motion.par_iter().map_init(Rendering::new, draw).collect();
+    let (frames, points) = views.into_iter().unzip();
+    Ok(Scene {
+        name: format!("synthetic cloth {}", settings.seed),
+        folder: PathBuf::new(),
+        fps: settings.fps,
+        camera,
+        crop: Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height },
+        full_size: [camera.width, camera.height],
+        first_frame: 0,
+        template: Mesh { positions: motion[0].clone(), ..mesh },
+        frames,
+        truth: Truth { points: Some(points), vertices: Some(motion) },
+    })
+}
+
+/// Picture and depth measurements of one shape.
+fn view(
+    rasterizer: &Rasterizer,
+    camera: &Camera,
+    texture: &Texture,
+    shading: f64,
+    shape: &Shape,
+    rendering: &mut Rendering,
+) -> (Frame, Vec<DVec3>) {
+    let large = enlarged(camera);
+    rasterizer.render(&large, shape, texture, rendering);
+    let [rgb, mask] = shade::shaded(rasterizer, &large, shape, shading, rendering);
+    let frame = Frame { rgb: rgb.downsampled(OVERSAMPLING), mask: mask.downsampled(OVERSAMPLING) };
+    (frame, seen_points(&large, rendering))
+}
+
+/// The camera whose picture, averaged over blocks, is that of `camera`.
+fn enlarged(camera: &Camera) -> Camera {
+    let s = OVERSAMPLING as f64;
+    let centre = |c: f64| s * c + (s - 1.0) / 2.0;
+    Camera {
+        fx: s * camera.fx,
+        fy: s * camera.fy,
+        cx: centre(camera.cx),
+        cy: centre(camera.cy),
+        width: OVERSAMPLING * camera.width,
+        height: OVERSAMPLING * camera.height,
+    }
+}
+
+/// Surface points [m] on a regular grid of pixels, as a depth sensor at the camera would see them.
+fn seen_points(camera: &Camera, rendering: &Rendering) -> Vec<DVec3> {
+    let covered = rendering.inverse_depth.iter().filter(|d| **d > 0.0).count();
+    let spacing = (covered as f64 / POINT_COUNT as f64).sqrt().max(1.0);
+    let chosen = |length: usize| {
+        let count = (length as f64 / spacing) as usize;
+        (0..count).map(move |k| ((k as f64 + 0.5) * spacing) as usize)
+    };
+    let mut points = Vec::with_capacity(POINT_COUNT);
+    for y in chosen(rendering.height) {
+        for x in chosen(rendering.width) {
+            if let Some(depth) = rendering.depth(x, y) {
+                points.push(camera.ray(DVec2::new(x as f64, y as f64)) * depth);
+            }
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_same_seed_makes_the_same_scene_and_the_cloth_moves_in_view() {
+        let settings = Settings { frames: 4, size: 64, grid: [7, 7], ..Settings::default() };
+        let (a, b) = (make(&settings).unwrap(), make(&settings).unwrap());
+        assert_eq!(a.frames[3].rgb, b.frames[3].rgb);
+        assert_eq!(a.truth.vertices, b.truth.vertices);
+        let other = make(&Settings { seed: 1, ..settings }).unwrap();
+        assert_ne!(a.frames[0].rgb, other.frames[0].rgb);
+        let vertices = a.truth.vertices.unwrap();
+        assert!(vertices[3].iter().zip(&vertices[0]).any(|(p, q)| p.distance(*q) > 1e-3));
+        for p in vertices.iter().flatten() {
+            let pixel = a.camera.project(*p);
+            assert!(pixel.min_element() > 0.0 && pixel.max_element() < 63.0, "{pixel}");
+        }
+    }
+
+    #[test]
+    fn settings_out_of_range_are_named() {
+        let error = Settings { frames: 1, ..Settings::default() }.validate().unwrap_err();
+        assert!(error.to_string().contains("frames = 1"));
+    }
+}

@@ -1,0 +1,60 @@
+//! A made-up scene as a scene folder.
+
+use std::path::Path;
+
+use serde_json::json;
+
+use super::Settings;
+use crate::error::{Error, Result};
+use crate::io;
+use crate::scene::Scene;
+
+/// Who wrote a scene, in the notes of its scene.json.
+const GENERATOR: &str = "tessuto synth";
+
+/// Writes `scene`, made from `settings`, into the existing `folder`.
+///
+/// # Errors
+/// [`Error::Output`].
+pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
+    for name in ["rgbs", "masks", "gt/points"] {
+        let path = folder.join(name);
+        std::fs::create_dir_all(&path).map_err(|source| Error::Output { path, source })?;
+    }
+    let camera = &scene.camera;
+    let manifest = json!({
+        "name": scene.name,
+        "fps": scene.fps,
+        "n_frames": scene.frames.len(),
+        "width": camera.width,
+        "height": camera.height,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "units": "m",
+        "notes": { "generator": GENERATOR, "settings": settings },
+    });
+    let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
+    io::atomic_write(&folder.join("scene.json"), text.as_bytes())?;
+    io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
+    for (k, frame) in scene.frames.iter().enumerate() {
+        io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), &frame.rgb)?;
+        io::image::write_png(&folder.join(format!("masks/mask_{k:03}.png")), &frame.mask)?;
+    }
+    for (k, points) in scene.truth.points.iter().flatten().enumerate() {
+        io::npy::write_points(&folder.join(format!("gt/points/points_{k:03}.npy")), points)?;
+    }
+    match &scene.truth.vertices {
+        Some(vertices) => io::npy::write_shapes(&folder.join("gt/vertices.npy"), vertices),
+        None => Ok(()),
+    }
+}
+
+/// Whether [`write`](fn@write) made the scene in `folder`.
+pub fn is_synthetic(folder: &Path) -> bool {
+    let read = || -> Option<serde_json::Value> {
+        serde_json::from_slice(&std::fs::read(folder.join("scene.json")).ok()?).ok()
+    };
+    read().is_some_and(|manifest| manifest["notes"]["generator"] == GENERATOR)
+}
