@@ -216,7 +216,8 @@ fn check_rollout(integrator: Integrator, parts: usize) {
         });
         report(&name("initial velocity"), worst, bound);
 
-        let fields: [(&str, fn(&mut Stiffness) -> &mut Vec<f64>); 3] =
+        type Field = fn(&mut Stiffness) -> &mut Vec<f64>;
+        let fields: [(&str, Field); 3] =
             [("stretch", |k| &mut k.stretch), ("bend", |k| &mut k.bend), ("shear", |k| &mut k.shear)];
         for (which, field) in fields {
             let k = field(&mut inputs.stiffness.clone()).clone();
