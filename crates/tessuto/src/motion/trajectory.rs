@@ -375,7 +375,7 @@ impl Stage<'_, '_> {
         self.gains[frame] = gain;
     }
 
-    fn fit_gain(&self, frame: usize, x: &[DVec3], gain: &mut Vec<[f32; 3]>) {
+    fn fit_gain(&self, frame: usize, x: &[DVec3], gain: &mut [[f32; 3]]) {
         let s = &self.problem.settings;
         let observed = self.data(frame).observe(&self.points, None, x);
         fit_gain(
