@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::error::{Error, Result};
+use crate::motion::material_fit::MaterialSettings;
 use crate::motion::rollout_fit::{Dynamics, RolloutSettings, StiffnessRange};
 use crate::motion::texture_fit::TextureSettings;
 use crate::motion::tied_simulation::TieSettings;
@@ -86,6 +87,8 @@ pub struct Config {
     pub trajectory: TrajectorySettings,
     /// Forces of a trajectory.
     pub tie: TieSettings,
+    /// Stiffnesses of a trajectory.
+    pub material: MaterialSettings,
 }
 
 impl Config {
@@ -116,6 +119,7 @@ impl Config {
             rollout: RolloutSettings::default(),
             trajectory: TrajectorySettings::default(),
             tie: TieSettings::default(),
+            material: MaterialSettings::default(),
         }
     }
 
@@ -186,6 +190,7 @@ impl Config {
             ("trajectory.colour_area", t.colour_area, 1e-3, 1e6),
             ("trajectory.contour", t.contour, 1e-3, 1e3),
             ("trajectory.contour_length", t.contour_length, 1e-3, 1e6),
+            ("material.spread", self.material.spread, 1e-3, 1e3),
             ("tie.stiffness", self.tie.stiffness, 1e-6, 1e9),
         ];
         for (key, value, low, high) in checks {

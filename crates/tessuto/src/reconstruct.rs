@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use crate::config::{Config, Method};
 use crate::error::{Error, Result};
+use crate::motion::material_fit::fit_material;
 use crate::motion::progress::{Epoch, Observer};
 use crate::motion::rollout_fit::{Parameters, RolloutFit};
 use crate::motion::texture_fit::fit_texture;
@@ -85,14 +86,17 @@ pub fn reconstruct(scene: &Scene, config: &Config, observer: &mut Observer) -> R
             let frames = problem.refine(tracked, &mut observe)?;
             timings.push(("refine".to_owned(), lap(&mut clock)));
             let mut parameters = fit.start();
-            parameters.forces = forces_of_trajectory(
-                &scene.template,
-                &fit.dynamics,
-                parameters.stiffness(),
-                &frames,
-                &config.tie,
-            )?;
-            timings.push(("forces".to_owned(), lap(&mut clock)));
+            for round in 0..=config.material.rounds {
+                let k = parameters.stiffness();
+                let dynamics = &fit.dynamics;
+                parameters.forces = forces_of_trajectory(&scene.template, dynamics, k, &frames, &config.tie)?;
+                if round < config.material.rounds {
+                    let motion = simulate(&cloth, config, scene.fps, template, &parameters)?;
+                    parameters.log_stiffness =
+                        fit_material(&cloth, dynamics, &motion, config.material.spread);
+                }
+            }
+            timings.push(("forces and stiffnesses".to_owned(), lap(&mut clock)));
             (parameters, None)
         }
     };

@@ -3,6 +3,7 @@
 pub mod contour;
 pub mod curvature;
 pub mod loss;
+pub mod material_fit;
 pub mod photometry;
 pub mod progress;
 pub mod pyramid;

@@ -72,7 +72,7 @@ impl Default for TrajectorySettings {
             acceleration: 0.004,
             colour: 0.1,
             colour_area: 0.3,
-            neighbour_weight: 0.0,
+            neighbour_weight: 0.5,
             contour: 3.0,
             contour_length: 0.2,
             gain_smoothness: 1.0,
