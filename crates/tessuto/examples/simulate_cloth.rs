@@ -43,7 +43,7 @@ fn main() -> tessuto::Result<()> {
     let stretched = |e: &tessuto::sim::cloth::Edge| e.along(&state.x).length() / e.rest_length - 1.0;
     let strain = cloth.edges.iter().map(stretched).fold(0.0, f64::max);
     println!("largest strain {:.2} %", 100.0 * strain);
-    assert!(strain < 0.02, "the cloth stretched by {strain}");
+    assert!(strain < 0.03, "the cloth stretched by {strain}");
     // Hanging from two corners, the middle of the lower edge is about as far down as the cloth is long.
     assert!((0.3..0.5).contains(&lowest(&state)), "{}", lowest(&state));
     Ok(())
