@@ -105,10 +105,9 @@ impl Config {
         };
         let (method, dynamics) = match preset {
             Preset::Saft => (Method::Rollout, published),
-            Preset::Default => (
-                Method::Trajectory,
-                DynamicsSettings { integrator: Integrator::ImplicitEuler, substeps: 1, ..published },
-            ),
+            Preset::Default => {
+                (Method::Trajectory, DynamicsSettings { integrator: Integrator::ImplicitEuler, ..published })
+            }
         };
         Self {
             preset,
@@ -201,10 +200,10 @@ impl Config {
                 ));
             }
         }
-        if self.method == Method::Trajectory && self.dynamics.substeps != 1 {
+        if self.method == Method::Trajectory && self.dynamics.integrator != Integrator::ImplicitEuler {
             return Err(Error::usage(
-                format!("setting dynamics.substeps = {} with method = trajectory", self.dynamics.substeps),
-                "forces are read off once per frame: use 1, or --set method=rollout",
+                "dynamics.integrator = linearized_euler with method = trajectory",
+                "forces are read off by implicit_euler: set it, or --set method=rollout",
             ));
         }
         Ok(())

@@ -8,7 +8,7 @@ use crate::motion::material_fit::fit_material;
 use crate::motion::progress::{Epoch, Observer};
 use crate::motion::rollout_fit::{Parameters, RolloutFit};
 use crate::motion::texture_fit::fit_texture;
-use crate::motion::tied_simulation::forces_of_trajectory;
+use crate::motion::tied_simulation::{forces_of_trajectory, interpolated};
 use crate::motion::trajectory;
 use crate::raster::{Rasterizer, Texture};
 use crate::scene::{Scene, Shape};
@@ -86,16 +86,14 @@ pub fn reconstruct(scene: &Scene, config: &Config, observer: &mut Observer) -> R
             let frames = problem.refine(tracked, &mut observe)?;
             timings.push(("refine".to_owned(), lap(&mut clock)));
             let mut parameters = fit.start();
-            for round in 0..=config.material.rounds {
-                let k = parameters.stiffness();
-                let dynamics = &fit.dynamics;
-                parameters.forces = forces_of_trajectory(&scene.template, dynamics, k, &frames, &config.tie)?;
-                if round < config.material.rounds {
-                    let motion = simulate(&cloth, config, scene.fps, template, &parameters)?;
-                    parameters.log_stiffness =
-                        fit_material(&cloth, dynamics, &motion, config.material.spread);
-                }
+            if config.material.fit {
+                let steps = interpolated(&frames, config.dynamics.substeps);
+                parameters.log_stiffness =
+                    fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
             }
+            let k = parameters.stiffness();
+            parameters.forces =
+                forces_of_trajectory(&scene.template, &fit.dynamics, k, &frames, &config.tie)?;
             timings.push(("forces and stiffnesses".to_owned(), lap(&mut clock)));
             (parameters, None)
         }

@@ -1,6 +1,6 @@
 //! Stiffnesses that explain a motion with the least change of force in space and time.
 //!
-//! For a motion x_0 … x_{N−1} at one implicit step per frame the external acceleration that must have acted,
+//! For a motion x_0 … x_{N−1} at one implicit step after another the external acceleration that must have acted,
 //!
 //!   g = (x_{n+1} − x_n − h δ v_n)/h² + M⁻¹ ∂E(x_{n+1}),
 //!
@@ -8,7 +8,7 @@
 //!
 //!   ½ N ln Σ ‖g − mean g‖² + ½ Σ ((log10 k − start)/σ)²
 //!
-//! within their bounds: every frame counts as one observation, and σ is the spread of the prior.
+//! within their bounds: every shape counts as one observation, and σ is the spread of the prior.
 
 use glam::DVec3;
 
@@ -20,19 +20,19 @@ use crate::sim::{Cloth, Stiffness};
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialSettings {
-    /// Fits in turn with the forces; 0 keeps the stiffnesses at their start.
-    pub rounds: usize,
+    /// Fit the stiffnesses; otherwise they keep their start.
+    pub fit: bool,
     /// Spread σ of log10 of a stiffness about its start.
     pub spread: f64,
 }
 
 impl Default for MaterialSettings {
     fn default() -> Self {
-        Self { rounds: 2, spread: 0.5 }
+        Self { fit: true, spread: 0.5 }
     }
 }
 
-/// log10 of stretch, bend and shear stiffness of `motion`, shape [N, V].
+/// log10 of stretch, bend and shear stiffness of `motion`, one shape per step of `dynamics`.
 pub fn fit_material(cloth: &Cloth, dynamics: &Dynamics, motion: &[Shape], spread: f64) -> [f64; 3] {
     let gram = gram(cloth, dynamics, motion);
     let frames = (motion.len() - 1) as f64;

@@ -23,8 +23,7 @@ pub fn interior_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacin
     for (triangle, t) in mesh.triangles().into_iter().enumerate() {
         let [a, b, c] = t.map(|v| camera.project(positions[v as usize]));
         let area = 0.5 * (b - a).perp_dot(c - a).abs();
-        // Two triangles make a quad: parts of half the squared spacing.
-        let k = (area / (0.5 * spacing * spacing)).sqrt().ceil().clamp(1.0, 64.0) as usize;
+        let k = (area / (spacing * spacing)).sqrt().ceil().clamp(1.0, 64.0) as usize;
         let part = 1.0 / k as f64;
         for i in 0..k {
             for j in 0..k - i {

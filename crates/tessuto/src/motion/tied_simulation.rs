@@ -1,9 +1,11 @@
-//! Forces of a known trajectory: the cloth is simulated with every vertex tied to its target by a soft
+//! Forces of a known trajectory: the cloth is simulated with every vertex tied to its target by a
 //! spring, and the springs' pull is the external force.
 //!
-//! Each step minimises Φ(x) + ½ κ ‖x − x*‖² with the incremental potential Φ of
+//! Each sub-step minimises Φ(x) + ½ κ ‖x − x*‖² with the incremental potential Φ of
 //! [`crate::sim::implicit_euler`] under C alone; at the minimum the tie acts as the acceleration
-//! D = κ (x* − x)/m. Noise that would take large elastic forces is thereby smoothed out of the motion.
+//! D = κ (x* − x)/m. The sub-step is then taken again under C + D without the tie, and the next one starts
+//! from where that leads: compressed cloth may buckle another way than the tied one, and the loop closed over
+//! the real state keeps such differences from growing. Targets between frames lie on Catmull-Rom curves.
 
 use glam::DVec3;
 
@@ -25,12 +27,35 @@ pub struct TieSettings {
 
 impl Default for TieSettings {
     fn default() -> Self {
-        Self { stiffness: 10.0 }
+        Self { stiffness: 1000.0 }
     }
 }
 
-/// Forces that lead the cloth along `targets`, shape [N, V], at one step per frame; C is their mean and D is
-/// exact in 32-bit numbers.
+/// `frames`, shape [N, V], with `substeps` − 1 shapes between each two of them, on Catmull-Rom curves.
+pub fn interpolated(frames: &[Shape], substeps: usize) -> Vec<Shape> {
+    let last = frames.len() - 1;
+    let mut out = vec![frames[0].clone()];
+    for n in 0..last {
+        let (a, b) = (&frames[n.saturating_sub(1)], &frames[n]);
+        let (c, d) = (&frames[n + 1], &frames[(n + 2).min(last)]);
+        for k in 1..=substeps {
+            let t = k as f64 / substeps as f64;
+            let point = |i: usize| {
+                let (from, to) = ((c[i] - a[i]) * 0.5, (d[i] - b[i]) * 0.5);
+                let (t2, t3) = (t * t, t * t * t);
+                b[i] * (2.0 * t3 - 3.0 * t2 + 1.0)
+                    + from * (t3 - 2.0 * t2 + t)
+                    + c[i] * (3.0 * t2 - 2.0 * t3)
+                    + to * (t3 - t2)
+            };
+            out.push(if k == substeps { c.clone() } else { (0..b.len()).map(point).collect() });
+        }
+    }
+    out
+}
+
+/// Forces, one entry of D per sub-step, that lead the cloth along `frames`, shape [N, V]. C is the mean
+/// acceleration that the centre of mass needs; D is exact in 32-bit numbers.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] from the simulation.
@@ -38,41 +63,55 @@ pub fn forces_of_trajectory(
     template: &Mesh,
     dynamics: &Dynamics,
     stiffness: [f64; 3],
-    targets: &[Shape],
+    frames: &[Shape],
     settings: &TieSettings,
 ) -> Result<Forces> {
-    assert_eq!(dynamics.substeps, 1, "one step per frame, since the targets are frames");
-    let h = dynamics.step.step;
+    let (h, damping) = (dynamics.step.step, dynamics.step.damping);
     let kappa = settings.stiffness;
+    let targets = interpolated(frames, dynamics.substeps);
+    let cloth = Cloth::new(template);
     // The tie is a second inertia: M' = M + h² κ, M' y' = M y + h² κ x*.
-    let mut cloth = Cloth::new(template);
-    let masses = cloth.masses.clone();
-    cloth.masses.iter_mut().for_each(|m| *m += h * h * kappa);
+    let mut tied = Cloth::new(template);
+    tied.masses.iter_mut().for_each(|m| *m += h * h * kappa);
     let stiffness = Stiffness::uniform(&cloth, stiffness);
+    let constant = mean_acceleration(&cloth, &targets, h, damping);
+    let mut forces = Forces::zeros(frames.len(), dynamics.substeps, cloth.vertex_count());
+    forces.constant = constant;
     let mut scratch = Scratch::default();
-    let mut state = State { x: targets[0].clone(), v: vec![DVec3::ZERO; masses.len()] };
-    let mut forces = Forces::zeros(targets.len(), 1, masses.len());
+    let mut state = State { x: targets[0].clone(), v: vec![DVec3::ZERO; cloth.vertex_count()] };
     for (target, dynamic) in targets[1..].iter().zip(&mut forces.dynamic) {
-        let acceleration: Shape = (0..masses.len())
+        let acceleration: Shape = (0..target.len())
             .map(|i| {
-                let drift = state.v[i] * (h * dynamics.step.damping);
-                let share = h * h * kappa / cloth.masses[i];
-                (target[i] - state.x[i] - drift) * (share / (h * h))
+                let drift = state.v[i] * (h * damping);
+                let share = h * h * kappa / tied.masses[i];
+                let own = drift + constant * (h * h);
+                // (y' − x − h δ v)/h² of the tied step.
+                (own * (1.0 - share) + (target[i] - state.x[i]) * share - drift) / (h * h)
             })
             .collect();
-        let tape = step(&cloth, &dynamics.step, &stiffness, state, &acceleration, &mut scratch)?;
+        let tape = step(&tied, &dynamics.step, &stiffness, state, &acceleration, &mut scratch)?;
         for (i, d) in dynamic.iter_mut().enumerate() {
-            *d = (target[i] - tape.after.x[i]) * (kappa / masses[i]);
+            let pull = (target[i] - tape.after.x[i]) * (kappa / cloth.masses[i]);
+            *d = pull.as_vec3().as_dvec3();
         }
-        state = tape.after;
-    }
-    let count = (forces.dynamic.len() * masses.len()).max(1) as f64;
-    let constant = forces.dynamic.iter().flatten().copied().sum::<DVec3>() / count;
-    forces.constant = constant;
-    for d in forces.dynamic.iter_mut().flatten() {
-        *d = (*d - constant).as_vec3().as_dvec3();
+        let total: Shape = dynamic.iter().map(|d| constant + *d).collect();
+        state = step(&cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)?.after;
     }
     Ok(forces)
+}
+
+/// Mass-weighted mean of (x_{k+1} − x_k − h δ v_k)/h²; internal forces do not enter it.
+fn mean_acceleration(cloth: &Cloth, targets: &[Shape], h: f64, damping: f64) -> DVec3 {
+    let mass: f64 = cloth.masses.iter().sum();
+    let mut sum = DVec3::ZERO;
+    for k in 0..targets.len() - 1 {
+        let before = &targets[k.saturating_sub(1)];
+        for (i, m) in cloth.masses.iter().enumerate() {
+            let v = targets[k][i] - before[i];
+            sum += (targets[k + 1][i] - targets[k][i] - v * damping) * (m / mass / (h * h));
+        }
+    }
+    sum / (targets.len() - 1).max(1) as f64
 }
 
 #[cfg(test)]
@@ -88,13 +127,13 @@ mod tests {
         let cloth = Cloth::new(&mesh);
         let settings = StepSettings {
             integrator: Integrator::ImplicitEuler,
-            step: 0.02,
-            damping: 0.66,
+            step: 0.005,
+            damping: 0.9,
             tolerance: 1e-9,
             newton_limit: 100,
         };
         let range = super::super::rollout_fit::StiffnessRange { start: 0.0, low: 0.0, high: 0.0 };
-        let dynamics = Dynamics { step: settings, substeps: 1, stiffness: [range; 3] };
+        let dynamics = Dynamics { step: settings, substeps: 4, stiffness: [range; 3] };
         let k = [200.0, 1e-3, 1e-4];
         let swing = |n: usize| -> Shape {
             mesh.positions
@@ -109,7 +148,7 @@ mod tests {
         let initial = State { x: targets[0].clone(), v: vec![DVec3::ZERO; 25] };
         let stiffness = Stiffness::uniform(&cloth, k);
         let drive = Drive { initial: &initial, forces: &forces, stiffness: &stiffness };
-        let motion = rollout(&cloth, &settings, 1, 8, &drive).unwrap();
+        let motion = rollout(&cloth, &settings, 4, 8, &drive).unwrap();
         for (x, target) in motion.frames.iter().zip(&targets) {
             let worst = x.iter().zip(target).map(|(x, t)| x.distance(*t)).fold(0.0, f64::max);
             assert!(worst < 5e-4, "{worst} m");

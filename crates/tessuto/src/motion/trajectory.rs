@@ -77,7 +77,7 @@ impl Default for TrajectorySettings {
             contour_length: 0.2,
             gain_smoothness: 1.0,
             coarsest: 2,
-            finest: 0,
+            finest: 1,
             iterations: 15,
         }
     }
@@ -156,8 +156,7 @@ impl<'a> Problem<'a> {
     fn stage(&self, level: usize) -> Stage<'_, 'a> {
         let template = &self.scene.template;
         let camera = &self.levels[0][level].camera;
-        let spacing = if level == 0 { 1.5 } else { 1.0 };
-        let points = interior_points(template, &template.positions, camera, spacing);
+        let points = interior_points(template, &template.positions, camera, 1.0);
         let points = Points::new(&self.triangles, points, &self.boundary);
         let gains = vec![vec![[1.0; 3]; template.positions.len()]; self.scene.frames.len()];
         let mut stage = Stage {
