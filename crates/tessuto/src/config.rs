@@ -59,7 +59,7 @@ impl DynamicsSettings {
                 step: h,
                 damping: self.damping_per_5ms.powf(h / 5e-3),
                 tolerance: 1e-8,
-                newton_limit: 200,
+                newton_limit: 40,
             },
             substeps: self.substeps,
             stiffness: [self.stretch, self.bend, self.shear],

@@ -29,7 +29,7 @@ pub struct StepSettings {
     pub damping: f64,
     /// Newton's method ends when no coordinate moves by more than this [m].
     pub tolerance: f64,
-    /// Newton's method gives up after this many iterations.
+    /// Newton's method ends after this many iterations at the latest.
     pub newton_limit: usize,
 }
 
@@ -85,7 +85,7 @@ impl StepGradients {
 /// Takes one sub-step under external `acceleration` [m/s²], shape [V].
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] if the result is not finite or Newton's method does not end.
+/// [`crate::Error::Numerical`] if the result is not finite.
 pub fn step(
     cloth: &Cloth,
     settings: &StepSettings,
