@@ -64,6 +64,8 @@ struct ParameterFile {
     stretch: Quantity<f64>,
     bend: Quantity<f64>,
     shear: Quantity<f64>,
+    /// log10 of the three, in this order, to the last bit: a replay must not differ by a rounding.
+    log10_stiffness: [f64; 3],
     /// Constant part C of force per mass.
     constant_force: Quantity<[f64; 3]>,
     /// Dynamic part D of force per mass: forces.npy.
@@ -139,6 +141,7 @@ fn parameter_file(p: &Parameters, fps: f64) -> ParameterFile {
         stretch: quantity(stretch, "N/m"),
         bend: quantity(bend, "J/rad^2"),
         shear: quantity(shear, "J/rad^2"),
+        log10_stiffness: p.log_stiffness,
         constant_force: quantity(p.forces.constant.to_array(), "m/s^2"),
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
         dynamic_parts: p.forces.parts,
@@ -172,7 +175,11 @@ pub fn read(folder: &Path) -> Result<Saved> {
         return Err(bad("a force is not finite".to_owned()));
     }
     let forces = Forces { constant, dynamic, parts: file.dynamic_parts };
-    let parameters = Parameters { log_stiffness: stiffness.map(f64::log10), forces };
+    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, forces };
+    // Whoever edits the values means the values.
+    if parameters.stiffness() != stiffness {
+        parameters.log_stiffness = stiffness.map(f64::log10);
+    }
     Ok(Saved { run, mesh, parameters, fps: file.frame_rate.value })
 }
 
