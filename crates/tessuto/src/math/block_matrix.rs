@@ -30,8 +30,6 @@ pub struct BlockPattern {
     diagonal: Vec<Slot>,
     /// Off-diagonal slots, in the order of the pairs given to [`BlockPattern::new`].
     pairs: Vec<Slot>,
-    /// The given pairs.
-    pair_vertices: Vec<[u32; 2]>,
 }
 
 impl BlockPattern {
@@ -79,7 +77,7 @@ impl BlockPattern {
                 }
             })
             .collect();
-        Self { vertex_count, rank, column_start, row, diagonal, pairs: slots, pair_vertices: pairs.to_vec() }
+        Self { vertex_count, rank, column_start, row, diagonal, pairs: slots }
     }
 
     /// Number of block rows.
@@ -188,17 +186,6 @@ impl BlockMatrix {
         }
     }
 
-    /// The block at the pattern's diagonal position `vertex`.
-    pub fn diagonal(&self, pattern: &BlockPattern, vertex: usize) -> DMat3 {
-        let c = pattern.diagonal[vertex].column.map(|c| c as usize);
-        let v = &self.values;
-        DMat3::from_cols(
-            DVec3::new(v[c[0]], v[c[0] + 1], v[c[0] + 2]),
-            DVec3::new(v[c[0] + 1], v[c[1]], v[c[1] + 1]),
-            DVec3::new(v[c[0] + 2], v[c[1] + 1], v[c[2]]),
-        )
-    }
-
     /// Product with a field of vectors.
     pub fn multiply(&self, pattern: &BlockPattern, field: &[DVec3]) -> Vec<DVec3> {
         let n = 3 * pattern.vertex_count;
@@ -226,11 +213,6 @@ impl BlockMatrix {
             .iter()
             .zip(&other.values)
             .fold((0.0, 0.0), |(d, m), (a, b)| (f64::max(d, (a - b).abs()), f64::max(m, a.abs())))
-    }
-
-    /// The pairs the pattern was built from.
-    pub fn pairs<'a>(&self, pattern: &'a BlockPattern) -> &'a [[u32; 2]] {
-        &pattern.pair_vertices
     }
 }
 
