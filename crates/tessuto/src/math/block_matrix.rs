@@ -1,9 +1,8 @@
 //! Symmetric sparse matrices of 3×3 blocks, one block row per vertex, with a fixed pattern.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::amd;
 use glam::{DMat3, DVec3};
+
+use super::dissection::{Part, dissect};
 
 /// Where a 3×3 block lives in [`BlockMatrix::values`].
 #[derive(Debug, Clone, Copy)]
@@ -20,6 +19,8 @@ struct Slot {
 #[derive(Debug, Clone)]
 pub struct BlockPattern {
     vertex_count: usize,
+    /// Tree of the elimination order.
+    pub(super) dissection: Part,
     /// New number of each vertex.
     rank: Vec<u32>,
     /// Scalar compressed columns of the lower triangle, in the new numbering.
@@ -34,9 +35,13 @@ pub struct BlockPattern {
 
 impl BlockPattern {
     /// The pattern with every diagonal block and the blocks of `pairs` (repetitions allowed; the
-    /// k-th pair is addressed as k in [`BlockMatrix::add_pair`]).
-    pub fn new(vertex_count: usize, pairs: &[[u32; 2]]) -> Self {
-        let rank = fill_reducing_rank(vertex_count, pairs);
+    /// k-th pair is addressed as k in [`BlockMatrix::add_pair`]). `positions` [V] say which vertices are near
+    /// each other; only the speed depends on them.
+    pub fn new(positions: &[DVec3], pairs: &[[u32; 2]]) -> Self {
+        let vertex_count = positions.len();
+        let dissection = dissect(positions, &adjacency(vertex_count, pairs));
+        let mut rank = vec![0; vertex_count];
+        number(&dissection, &mut rank, &mut 0);
         let renumbered = |&[a, b]: &[u32; 2]| {
             let (a, b) = (rank[a as usize], rank[b as usize]);
             [a.max(b), a.min(b)]
@@ -77,7 +82,7 @@ impl BlockPattern {
                 }
             })
             .collect();
-        Self { vertex_count, rank, column_start, row, diagonal, pairs: slots }
+        Self { vertex_count, dissection, rank, column_start, row, diagonal, pairs: slots }
     }
 
     /// Number of block rows.
@@ -118,26 +123,26 @@ impl BlockPattern {
     }
 }
 
-/// Approximate-minimum-degree order of the vertex graph: for each vertex its new number.
-fn fill_reducing_rank(vertex_count: usize, pairs: &[[u32; 2]]) -> Vec<u32> {
-    let mut neighbours: Vec<Vec<usize>> = (0..vertex_count).map(|v| vec![v]).collect();
+/// Symmetric adjacency lists without repetitions.
+fn adjacency(vertex_count: usize, pairs: &[[u32; 2]]) -> Vec<Vec<usize>> {
+    let mut neighbours: Vec<Vec<usize>> = vec![Vec::new(); vertex_count];
     for &[a, b] in pairs {
         neighbours[a as usize].push(b as usize);
         neighbours[b as usize].push(a as usize);
     }
-    let (mut start, mut row) = (vec![0], Vec::new());
     for list in &mut neighbours {
         list.sort_unstable();
         list.dedup();
-        row.extend_from_slice(list);
-        start.push(row.len());
     }
-    let graph = SymbolicSparseColMatRef::new_checked(vertex_count, vertex_count, &start, None, &row);
-    let (mut order, mut rank) = (vec![0usize; vertex_count], vec![0usize; vertex_count]);
-    let mut memory = MemBuffer::new(amd::order_scratch::<usize>(vertex_count, row.len()));
-    amd::order(&mut order, &mut rank, graph, amd::Control::default(), MemStack::new(&mut memory))
-        .expect("the graph fits in memory");
-    rank.into_iter().map(|r| r as u32).collect()
+    neighbours
+}
+
+fn number(part: &Part, rank: &mut [u32], next: &mut u32) {
+    part.halves.iter().for_each(|half| number(half, rank, next));
+    for &v in &part.vertices {
+        rank[v as usize] = *next;
+        *next += 1;
+    }
 }
 
 /// Values of a symmetric matrix with a [`BlockPattern`].
@@ -160,15 +165,15 @@ impl BlockMatrix {
 
     /// Adds the symmetric `block` to the diagonal block of `vertex`.
     pub fn add_diagonal(&mut self, pattern: &BlockPattern, vertex: usize, block: &DMat3) {
-        self.add(&pattern.diagonal[vertex], block);
+        self.add_block(&pattern.diagonal[vertex], block);
     }
 
     /// Adds `block` at (i, j), and its transpose at (j, i), where (i, j) is the pattern's pair `pair`.
     pub fn add_pair(&mut self, pattern: &BlockPattern, pair: usize, block: &DMat3) {
-        self.add(&pattern.pairs[pair], block);
+        self.add_block(&pattern.pairs[pair], block);
     }
 
-    fn add(&mut self, slot: &Slot, block: &DMat3) {
+    fn add_block(&mut self, slot: &Slot, block: &DMat3) {
         let block = if slot.transposed { block.transpose() } else { *block };
         for (c, column) in block.to_cols_array_2d().iter().enumerate() {
             let first = if slot.diagonal { c } else { 0 };
@@ -177,6 +182,11 @@ impl BlockMatrix {
                 *value += entry;
             }
         }
+    }
+
+    /// Adds a matrix of the same pattern.
+    pub fn add(&mut self, other: &Self) {
+        self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
     }
 
     /// Adds `scale`·diag(masses), three times each.
@@ -225,9 +235,9 @@ mod tests {
     fn multiply_agrees_with_a_dense_sum_over_blocks() {
         let mut rng = Rng::new(1, 0);
         let pairs = [[0, 1], [3, 1], [2, 4], [1, 3], [4, 0]];
-        let pattern = BlockPattern::new(5, &pairs);
-        let mut matrix = BlockMatrix::zeros(&pattern);
         let field: Vec<DVec3> = (0..5).map(|_| rng.vector()).collect();
+        let pattern = BlockPattern::new(&field, &pairs);
+        let mut matrix = BlockMatrix::zeros(&pattern);
         let mut expected = vec![DVec3::ZERO; 5];
         for (k, &[i, j]) in pairs.iter().enumerate() {
             let block = DMat3::from_cols(rng.vector(), rng.vector(), rng.vector());

@@ -1,11 +1,12 @@
-//! Direct solution of symmetric block systems: symbolic analysis once per pattern, then numeric
-//! factorisations. Always on one thread, so that the bits do not depend on the number of threads.
+//! Direct solution of symmetric block systems: one analysis per pattern, then numeric factorisations. The bits do
+//! not depend on the number of threads.
+
+use std::sync::OnceLock;
 
 use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, IntranodeLbltRef, LltRef, SymbolicCholesky, SymmetricOrdering,
+    CholeskySymbolicParams, IntranodeLbltRef, SymbolicCholesky, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
@@ -13,18 +14,27 @@ use faer::{Conj, MatMut, Par, Side, Spec};
 use glam::DVec3;
 
 use super::block_matrix::{BlockMatrix, BlockPattern};
+use super::multifrontal::Fronts;
+
+/// Largest growth of the values, compared with the matrix, that elimination without pivoting may show: it costs as
+/// many digits as this has, of sixteen.
+const GROWTH_LIMIT: f64 = 1e6;
 
 /// Symbolic analysis of a [`BlockPattern`]; shared by all factorisations of that pattern.
 #[derive(Debug)]
 pub struct Analysis {
-    symbolic: SymbolicCholesky<usize>,
+    fronts: Fronts,
+    /// For the rare matrices that need pivoting.
+    pivoting: OnceLock<SymbolicCholesky<usize>>,
 }
 
 /// Kept memory of factorisations and solves.
 #[derive(Default)]
 pub struct Scratch {
     memory: Option<(usize, MemBuffer)>,
+    work: Vec<f64>,
     rhs: Vec<f64>,
+    spare: Option<Vec<f64>>,
 }
 
 impl Scratch {
@@ -35,15 +45,22 @@ impl Scratch {
         }
         MemStack::new(&mut self.memory.as_mut().expect("just made").1)
     }
+
+    /// Keeps the memory of a factor that is no longer needed for the next one.
+    pub fn recycle(&mut self, factor: Factor) {
+        if let Factor::Plain(values) = factor {
+            self.spare = Some(values);
+        }
+    }
 }
 
 /// Numeric factor.
 #[derive(Debug, Clone)]
 pub enum Factor {
-    /// L Lᵀ of a positive definite matrix.
-    Definite(Vec<f64>),
-    /// L B Lᵀ with pivoting inside the supernodes, for matrices that may be indefinite.
-    Indefinite {
+    /// L D Lᵀ.
+    Plain(Vec<f64>),
+    /// L B Lᵀ with pivoting inside the supernodes.
+    Pivoted {
         /// Values of L.
         values: Vec<f64>,
         /// Sub-diagonal of B.
@@ -54,67 +71,79 @@ pub enum Factor {
 }
 
 impl Analysis {
-    /// Analyses `pattern` (already in fill-reducing order).
+    /// Analyses `pattern`.
     pub fn new(pattern: &BlockPattern) -> Self {
-        // Without a reordering the analysis reads the upper triangle. Supernodes throughout, since
-        // only they pivot when the matrix is indefinite.
-        let (column_start, row) = pattern.upper_triangle();
-        let n = 3 * pattern.vertex_count();
-        let symbolic = factorize_symbolic_cholesky(
-            SymbolicSparseColMatRef::new_checked(n, n, &column_start, None, &row),
-            Side::Upper,
-            SymmetricOrdering::Identity,
-            CholeskySymbolicParams {
-                supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-                ..Default::default()
-            },
-        )
-        .expect("the factor's pattern fits in memory");
-        Self { symbolic }
+        let fronts = Fronts::new(&pattern.dissection, (&pattern.column_start, &pattern.row));
+        Self { fronts, pivoting: OnceLock::new() }
     }
 
     /// Number of values of a factor.
     pub fn factor_len(&self) -> usize {
-        self.symbolic.len_val()
+        self.fronts.len()
     }
 
-    /// Cholesky factor of `matrix`; `None` if it is not positive definite or not finite. `recycled`
-    /// is an old factor whose memory may be used again.
+    /// Factor of a symmetric `matrix`, definite or not.
+    pub fn factorize(&self, pattern: &BlockPattern, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
+        match self.plain(pattern, matrix, scratch) {
+            Ok((factor, _)) => factor,
+            Err(values) => {
+                scratch.spare = Some(values);
+                self.pivoted(pattern, matrix, scratch)
+            }
+        }
+    }
+
+    /// Factor of `matrix`; `None` if it is not positive definite or not finite.
     pub fn definite(
         &self,
         pattern: &BlockPattern,
         matrix: &BlockMatrix,
-        recycled: Option<Factor>,
         scratch: &mut Scratch,
     ) -> Option<Factor> {
-        let mut values = match recycled {
-            Some(Factor::Definite(values)) => values,
-            _ => vec![0.0; self.symbolic.len_val()],
-        };
-        let request = self.symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default());
-        self.symbolic
-            .factorize_numeric_llt(
-                &mut values,
-                SparseColMatRef::new(symbolic_matrix(pattern), &matrix.values),
-                Side::Lower,
-                LltRegularization::default(),
-                Par::Seq,
-                scratch.stack(request),
-                Spec::default(),
-            )
-            .ok()?;
-        Some(Factor::Definite(values))
+        match self.plain(pattern, matrix, scratch) {
+            Ok((factor, 0)) => Some(factor),
+            Ok((factor, _)) => {
+                scratch.recycle(factor);
+                None
+            }
+            Err(values) => {
+                scratch.spare = Some(values);
+                None
+            }
+        }
     }
 
-    /// Factor of a symmetric `matrix` that may be indefinite.
-    pub fn indefinite(&self, pattern: &BlockPattern, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
+    /// L D Lᵀ without pivoting and the number of negative pivots, or, if that was unsound, the memory.
+    fn plain(
+        &self,
+        pattern: &BlockPattern,
+        matrix: &BlockMatrix,
+        scratch: &mut Scratch,
+    ) -> Result<(Factor, usize), Vec<f64>> {
+        let mut values = scratch.spare.take().unwrap_or_default();
+        values.resize(self.fronts.len(), 0.0);
+        if scratch.work.len() < self.fronts.work_len() {
+            scratch.work.resize(self.fronts.work_len(), 0.0);
+        }
+        let columns = (&pattern.column_start[..], &pattern.row[..]);
+        let done = self.fronts.factorize(columns, &matrix.values, &mut values, &mut scratch.work);
+        let (growth, negative) = self.fronts.growth(&values);
+        let largest = matrix.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        match done.is_some() && growth <= GROWTH_LIMIT * largest {
+            true => Ok((Factor::Plain(values), negative)),
+            false => Err(values),
+        }
+    }
+
+    /// L B Lᵀ with pivoting: the plain twin of [`Self::factorize`], slower and safe for any matrix.
+    pub fn pivoted(&self, pattern: &BlockPattern, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
+        let symbolic = self.pivoting.get_or_init(|| analyse_for_pivoting(pattern));
         let n = 3 * pattern.vertex_count();
-        let mut values = vec![0.0; self.symbolic.len_val()];
+        let mut values = vec![0.0; symbolic.len_val()];
         let mut subdiagonal = vec![0.0; n];
         let mut order = (vec![0; n], vec![0; n]);
-        let request =
-            self.symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Spec::default());
-        self.symbolic.factorize_numeric_intranode_lblt(
+        let request = symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Spec::default());
+        symbolic.factorize_numeric_intranode_lblt(
             &mut values,
             &mut subdiagonal,
             &mut order.0,
@@ -125,7 +154,7 @@ impl Analysis {
             scratch.stack(request),
             Spec::default(),
         );
-        Factor::Indefinite { values, subdiagonal, order }
+        Factor::Pivoted { values, subdiagonal, order }
     }
 
     /// Solves A x = `field` with a factor of A.
@@ -140,15 +169,19 @@ impl Analysis {
         let mut rhs = std::mem::take(&mut scratch.rhs);
         rhs.resize(n, 0.0);
         pattern.gather(field, &mut rhs);
-        let x = MatMut::from_column_major_slice_mut(&mut rhs, n, 1);
-        let stack = scratch.stack(self.symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
         match factor {
-            Factor::Definite(values) => {
-                LltRef::new(&self.symbolic, values).solve_in_place_with_conj(Conj::No, x, Par::Seq, stack);
+            Factor::Plain(values) => {
+                if scratch.work.len() < n {
+                    scratch.work.resize(n, 0.0);
+                }
+                self.fronts.solve(values, &mut rhs, &mut scratch.work);
             }
-            Factor::Indefinite { values, subdiagonal, order } => {
+            Factor::Pivoted { values, subdiagonal, order } => {
+                let symbolic = self.pivoting.get_or_init(|| analyse_for_pivoting(pattern));
+                let x = MatMut::from_column_major_slice_mut(&mut rhs, n, 1);
+                let stack = scratch.stack(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
                 let order = faer::perm::PermRef::new_checked(&order.0, &order.1, n);
-                IntranodeLbltRef::new(&self.symbolic, values, subdiagonal, order).solve_in_place_with_conj(
+                IntranodeLbltRef::new(symbolic, values, subdiagonal, order).solve_in_place_with_conj(
                     Conj::No,
                     x,
                     Par::Seq,
@@ -163,7 +196,103 @@ impl Analysis {
     }
 }
 
+fn analyse_for_pivoting(pattern: &BlockPattern) -> SymbolicCholesky<usize> {
+    // Without a reordering the analysis reads the upper triangle. Supernodes throughout, since only they pivot.
+    let (column_start, row) = pattern.upper_triangle();
+    let n = 3 * pattern.vertex_count();
+    factorize_symbolic_cholesky(
+        SymbolicSparseColMatRef::new_checked(n, n, &column_start, None, &row),
+        Side::Upper,
+        SymmetricOrdering::Identity,
+        CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            ..Default::default()
+        },
+    )
+    .expect("the factor's pattern fits in memory")
+}
+
 fn symbolic_matrix(pattern: &BlockPattern) -> SymbolicSparseColMatRef<'_, usize> {
     let n = 3 * pattern.vertex_count();
     SymbolicSparseColMatRef::new_checked(n, n, &pattern.column_start, None, &pattern.row)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng::Rng;
+
+    /// A grid whose vertices are coupled up to two apart, with blocks as large as its diagonal if `dominance` is 1.
+    fn system(side: usize, dominance: f64, seed: u64) -> (BlockPattern, BlockMatrix, Vec<DVec3>) {
+        let mut rng = Rng::new(seed, 0);
+        let at = |v: usize| DVec3::new((v % side) as f64, (v / side) as f64, 0.0);
+        let positions: Vec<DVec3> = (0..side * side).map(at).collect();
+        let mut pairs = Vec::new();
+        for a in 0..side * side {
+            pairs.extend((0..a).filter(|&b| at(a).distance(at(b)) < 2.1).map(|b| [a as u32, b as u32]));
+        }
+        let pattern = BlockPattern::new(&positions, &pairs);
+        let mut matrix = BlockMatrix::zeros(&pattern);
+        for pair in 0..pairs.len() {
+            let block = glam::DMat3::from_cols(rng.vector(), rng.vector(), rng.vector());
+            matrix.add_pair(&pattern, pair, &block);
+        }
+        let masses: Vec<f64> = positions.iter().map(|_| dominance * (1.0 + rng.uniform())).collect();
+        matrix.add_masses(&pattern, &masses, 1.0);
+        let rhs = positions.iter().map(|_| rng.vector()).collect();
+        (pattern, matrix, rhs)
+    }
+
+    fn residual(pattern: &BlockPattern, matrix: &BlockMatrix, x: &[DVec3], b: &[DVec3]) -> f64 {
+        let ax = matrix.multiply(pattern, x);
+        let size = x.iter().map(|x| x.length()).fold(1.0, f64::max);
+        ax.iter().zip(b).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max) / size
+    }
+
+    #[test]
+    fn both_factorisations_solve_definite_and_indefinite_systems() {
+        let mut scratch = Scratch::default();
+        for (side, dominance) in [(1, 1.0), (4, 30.0), (19, 30.0), (19, 3.0), (31, -4.0)] {
+            let (pattern, matrix, rhs) = system(side, dominance, 3);
+            let analysis = Analysis::new(&pattern);
+            let plain = analysis.factorize(&pattern, &matrix, &mut scratch);
+            let pivoted = analysis.pivoted(&pattern, &matrix, &mut scratch);
+            for factor in [plain, pivoted] {
+                let x = analysis.solve(&pattern, &factor, &rhs, &mut scratch);
+                let residual = residual(&pattern, &matrix, &x, &rhs);
+                assert!(residual < 1e-9, "{side} {dominance}: {residual}");
+            }
+            let definite = analysis.definite(&pattern, &matrix, &mut scratch).is_some();
+            assert_eq!(definite, dominance > 20.0 || side == 1, "{side} {dominance}");
+        }
+    }
+
+    #[test]
+    fn bits_do_not_depend_on_threads() {
+        let (pattern, matrix, rhs) = system(31, 3.0, 5);
+        let analysis = Analysis::new(&pattern);
+        let solve = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| {
+                let mut scratch = Scratch::default();
+                let factor = analysis.factorize(&pattern, &matrix, &mut scratch);
+                analysis.solve(&pattern, &factor, &rhs, &mut scratch)
+            })
+        };
+        assert_eq!(solve(1), solve(4));
+    }
+
+    #[test]
+    fn a_zero_pivot_is_answered_by_pivoting() {
+        let (pattern, mut matrix, rhs) = system(5, 0.0, 7);
+        // Nothing on the diagonal at all.
+        let analysis = Analysis::new(&pattern);
+        let mut scratch = Scratch::default();
+        let factor = analysis.factorize(&pattern, &matrix, &mut scratch);
+        assert!(matches!(factor, Factor::Pivoted { .. }));
+        let x = analysis.solve(&pattern, &factor, &rhs, &mut scratch);
+        assert!(residual(&pattern, &matrix, &x, &rhs) < 1e-9);
+        matrix.values.fill(f64::NAN);
+        assert!(analysis.definite(&pattern, &matrix, &mut scratch).is_none());
+    }
 }

@@ -1,9 +1,11 @@
 //! Numbers without a domain: random streams, sparse symmetric systems, gradient checks.
 
 pub mod block_matrix;
+mod dissection;
 pub mod factor;
 pub mod gradient_check;
 pub mod hyper_dual;
+mod multifrontal;
 pub mod rng;
 
 use glam::DVec3;

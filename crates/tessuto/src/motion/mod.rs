@@ -2,6 +2,7 @@
 
 pub mod contour;
 pub mod curvature;
+mod divergence_guard;
 pub mod loss;
 pub mod material_fit;
 pub mod photometry;

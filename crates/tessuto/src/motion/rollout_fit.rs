@@ -6,10 +6,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::divergence_guard::DivergenceGuard;
 use super::loss::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
 use super::progress::{Epoch, Observer};
 use crate::error::{Error, Result};
-use crate::math::{finite, vectors};
+use crate::math::{finite, flat, vectors};
 use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Shape};
@@ -59,7 +60,7 @@ pub struct RolloutSettings {
     pub clip_history: usize,
     /// One entry of D for every sub-step instead of every frame.
     pub force_per_substep: bool,
-    /// Failed epochs (not finite) in a row after which the fit stops with the best state.
+    /// Failed epochs since the last sound one after which the fit stops with the best state.
     pub patience: usize,
 }
 
@@ -140,6 +141,8 @@ pub struct LossAndGradients {
     pub losses: Losses,
     /// Weighted sum.
     pub total: f64,
+    /// Weighted losses of each frame, without the regulariser of the forces.
+    pub by_frame: Vec<f64>,
     /// ∂total/∂log10 stiffness.
     pub log_stiffness: [f64; 3],
     /// ∂total/∂C.
@@ -149,6 +152,7 @@ pub struct LossAndGradients {
 }
 
 /// One group of parameters: its clipping and its Adam state.
+#[derive(Clone)]
 struct Group {
     clip: GradientClip,
     adam: Adam,
@@ -160,9 +164,31 @@ impl Group {
         Self { clip, adam: Adam::new(len, rate) }
     }
 
-    fn step(&mut self, parameters: &mut [f64], gradient: &mut [f64]) {
+    fn step(&mut self, parameters: &mut [f64], gradient: &mut [f64], rate: f64) {
         self.clip.clip(gradient);
-        self.adam.step(parameters, gradient);
+        self.adam.step(parameters, gradient, rate);
+    }
+}
+
+/// What an epoch changes.
+#[derive(Clone)]
+struct FitState {
+    parameters: Parameters,
+    stiffness: [Group; 3],
+    constant: Group,
+    dynamic: Group,
+}
+
+impl FitState {
+    fn new(fit: &RolloutFit, parameters: Parameters) -> Self {
+        let s = fit.settings;
+        let dynamic_len = 3 * fit.cloth.vertex_count() * parameters.forces.dynamic.len();
+        Self {
+            parameters,
+            stiffness: [(); 3].map(|()| Group::new(s, 1, s.stiffness_rate)),
+            constant: Group::new(s, 3, s.constant_rate),
+            dynamic: Group::new(s, dynamic_len, s.dynamic_rate),
+        }
     }
 }
 
@@ -186,70 +212,77 @@ impl RolloutFit<'_> {
         (s.first_frames + epoch / s.epochs_per_frame).min(self.scene.frames.len())
     }
 
-    /// Runs all epochs from `parameters`; returns the last parameters, or, if the fit diverged, the last
-    /// ones with a finite loss together with the failure.
+    /// Runs all epochs from `parameters`; returns the parameters with the lowest loss over all frames. If the fit
+    /// diverges for good it ends early, with the last sound parameters and the failure.
     ///
     /// # Errors
     /// What `observer` returns.
     pub fn run(
         &self,
-        mut parameters: Parameters,
+        parameters: Parameters,
         observer: &mut Observer,
     ) -> Result<(Parameters, Option<Error>)> {
-        let s = self.settings;
-        let mut stiffness_groups = [(); 3].map(|()| Group::new(s, 1, s.stiffness_rate));
-        let mut constant_group = Group::new(s, 3, s.constant_rate);
-        let dynamic_len = 3 * self.cloth.vertex_count() * parameters.forces.dynamic.len();
-        let mut dynamic_group = Group::new(s, dynamic_len, s.dynamic_rate);
-        let mut good = parameters.clone();
-        let mut failures = 0;
-        for epoch in 0..self.epoch_count() {
+        let mut state = FitState::new(self, parameters);
+        let mut guard = DivergenceGuard::new();
+        let mut best: Option<(f64, Parameters)> = None;
+        // One epoch more looks at the last step.
+        for epoch in 0..=self.epoch_count() {
             let active = self.active_frames(epoch);
-            self.move_mean_to_constant(&mut parameters.forces, active);
-            let result = self.loss_and_gradients(&parameters, active);
-            let gradients = match result {
-                Ok(g) if g.total.is_finite() => g,
-                failed => {
-                    // Go back to the last good parameters; the optimiser's memory damps the next step.
-                    failures += 1;
-                    parameters = good.clone();
-                    if failures > s.patience {
-                        return Ok((good, Some(divergence(epoch, failed.err()))));
+            self.move_mean_to_constant(&mut state.parameters.forces, active);
+            let evaluated = self.loss_and_gradients(&state.parameters, active).and_then(|gradients| {
+                let verdict = guard.judge(&state, &gradients.by_frame);
+                verdict.map_err(|problem| Error::numerical("loss", problem, "")).map(|()| gradients)
+            });
+            let gradients = match evaluated {
+                Ok(gradients) => gradients,
+                Err(failure) => {
+                    let Some(sound) = guard.back() else {
+                        return Ok((state.parameters, Some(divergence(epoch, &failure))));
+                    };
+                    state = sound;
+                    if guard.failures > self.settings.patience {
+                        return Ok((state.parameters, Some(divergence(epoch, &failure))));
                     }
                     continue;
                 }
             };
-            failures = 0;
-            good.clone_from(&parameters);
-            // Dividing by the loss makes the step free of its scale.
-            let scale = 1.0 / gradients.total;
-            if s.optimise_material {
-                for (k, group) in stiffness_groups.iter_mut().enumerate() {
-                    let range = self.dynamics.stiffness[k];
-                    let value = std::slice::from_mut(&mut parameters.log_stiffness[k]);
-                    group.step(value, &mut [gradients.log_stiffness[k] * scale]);
-                    value[0] = value[0].clamp(range.low, range.high);
-                }
+            if active == self.scene.frames.len() && best.as_ref().is_none_or(|b| gradients.total < b.0) {
+                best = Some((gradients.total, state.parameters.clone()));
             }
-            let mut constant = parameters.forces.constant.to_array();
-            constant_group.step(&mut constant, &mut (gradients.constant * scale).to_array());
-            parameters.forces.constant = DVec3::from_array(constant);
-            let flat = |shapes: &[Shape]| -> Vec<f64> {
-                shapes.iter().flatten().flat_map(|v| v.to_array()).collect()
-            };
-            let mut dynamic = flat(&parameters.forces.dynamic);
-            let mut gradient = flat(&gradients.dynamic);
-            gradient.iter_mut().for_each(|g| *g *= scale);
-            dynamic_group.step(&mut dynamic, &mut gradient);
-            parameters.forces.dynamic =
-                dynamic.chunks_exact(3 * self.cloth.vertex_count()).map(vectors).collect();
-            observer(&self.epoch_record(epoch, active, &gradients, &good))?;
+            if epoch < self.epoch_count() {
+                let before = state.parameters.stiffness();
+                let constant = state.parameters.forces.constant;
+                self.descend(&mut state, &gradients, guard.rate);
+                observer(&self.epoch_record(epoch, active, &gradients, before, constant, guard.rate))?;
+            }
         }
-        // The last step was not looked at yet.
-        match self.loss_and_gradients(&parameters, self.scene.frames.len()) {
-            Ok(g) if g.total.is_finite() => Ok((parameters, None)),
-            _ => Ok((good, None)),
+        Ok((best.map_or(state.parameters, |(_, parameters)| parameters), None))
+    }
+
+    /// One step of every group against `gradients`.
+    fn descend(&self, state: &mut FitState, gradients: &LossAndGradients, rate: f64) {
+        // Dividing by the loss makes the step free of its scale.
+        let scale = 1.0 / gradients.total;
+        let parameters = &mut state.parameters;
+        if self.settings.optimise_material {
+            for (k, group) in state.stiffness.iter_mut().enumerate() {
+                let range = self.dynamics.stiffness[k];
+                let value = std::slice::from_mut(&mut parameters.log_stiffness[k]);
+                group.step(value, &mut [gradients.log_stiffness[k] * scale], rate);
+                value[0] = value[0].clamp(range.low, range.high);
+            }
         }
+        let mut constant = parameters.forces.constant.to_array();
+        state.constant.step(&mut constant, &mut (gradients.constant * scale).to_array(), rate);
+        parameters.forces.constant = DVec3::from_array(constant);
+        let numbers =
+            |shapes: &[Shape]| -> Vec<f64> { shapes.iter().flat_map(|s| flat(s)).copied().collect() };
+        let mut dynamic = numbers(&parameters.forces.dynamic);
+        let mut gradient = numbers(&gradients.dynamic);
+        gradient.iter_mut().for_each(|g| *g *= scale);
+        state.dynamic.step(&mut dynamic, &mut gradient, rate);
+        parameters.forces.dynamic =
+            dynamic.chunks_exact(3 * self.cloth.vertex_count()).map(vectors).collect();
     }
 
     fn epoch_record(
@@ -257,9 +290,11 @@ impl RolloutFit<'_> {
         epoch: usize,
         active: usize,
         gradients: &LossAndGradients,
-        parameters: &Parameters,
+        k: [f64; 3],
+        c: DVec3,
+        rate: f64,
     ) -> Epoch {
-        let (l, k, c) = (&gradients.losses, parameters.stiffness(), parameters.forces.constant);
+        let l = &gradients.losses;
         Epoch {
             stage: "rollout",
             step: epoch + 1,
@@ -279,6 +314,7 @@ impl RolloutFit<'_> {
                 ("constant_x", c.x),
                 ("constant_y", c.y),
                 ("constant_z", c.z),
+                ("rate", rate),
             ],
         }
     }
@@ -326,6 +362,18 @@ impl RolloutFit<'_> {
             losses.silhouette += f.silhouette * share;
             losses.energy += f.energy * share;
         }
+        let by_frame = frames
+            .iter()
+            .map(|f| {
+                let losses = Losses {
+                    colour: f.colour,
+                    silhouette: f.silhouette,
+                    energy: f.energy,
+                    ..Losses::default()
+                };
+                losses.total(&s.weights)
+            })
+            .collect();
         let grad_frames: Vec<Shape> = frames.into_iter().map(|f| f.gradient).collect();
 
         let initial = at_rest(&self.scene.template.positions);
@@ -348,7 +396,7 @@ impl RolloutFit<'_> {
         if !finite(&log_stiffness) || !constant.is_finite() {
             return Err(Error::numerical("adjoint", "a gradient is not finite", "lower the learning rates"));
         }
-        Ok(LossAndGradients { losses, total, log_stiffness, constant, dynamic })
+        Ok(LossAndGradients { losses, total, by_frame, log_stiffness, constant, dynamic })
     }
 
     fn frame_loss(
@@ -397,11 +445,14 @@ fn at_rest(x: &[DVec3]) -> State {
     State { x: x.to_vec(), v: vec![DVec3::ZERO; x.len()] }
 }
 
-fn divergence(epoch: usize, cause: Option<Error>) -> Error {
-    let problem = cause.map_or("the loss is not finite".to_owned(), |e| e.to_string());
+fn divergence(epoch: usize, cause: &Error) -> Error {
+    let problem = match cause {
+        Error::Numerical { place, problem, .. } => format!("{place}: {problem}"),
+        other => other.to_string(),
+    };
     Error::numerical(
         format!("rollout fit, epoch {}", epoch + 1),
         problem,
-        "the best state so far was kept; try --set integrator=implicit_euler or lower learning rates",
+        "the best state so far was kept; try --set dynamics.integrator=implicit_euler or lower learning rates",
     )
 }

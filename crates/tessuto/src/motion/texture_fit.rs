@@ -62,7 +62,7 @@ pub fn fit_texture(
             .collect();
         add_smoothness(&parameters, settings.size, settings.smoothness, &mut gradient);
         debug_assert!(finite(&gradient));
-        adam.step(&mut parameters, &gradient);
+        adam.step(&mut parameters, &gradient, 1.0);
         for (texel, p) in texture.texels.iter_mut().zip(parameters.chunks_exact_mut(3)) {
             for c in 0..3 {
                 p[c] = p[c].clamp(0.0, 1.0);

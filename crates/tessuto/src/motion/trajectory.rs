@@ -428,8 +428,9 @@ impl Stage<'_, '_> {
             for _ in 0..6 {
                 let mut matrix = system.matrix.clone();
                 matrix.add_masses(&cloth.pattern, &ones, kappa * (1.0 + damping));
-                let factor = factor(cloth, &matrix, scratch);
+                let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
                 let step = cloth.analysis.solve(&cloth.pattern, &factor, &gradient, scratch);
+                scratch.recycle(factor);
                 let next: Shape = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
                 let next_value = self.value(frame, &next) + prior(&next);
                 if next_value <= value {
@@ -471,7 +472,7 @@ impl Stage<'_, '_> {
             .map_init(Scratch::default, |scratch, s| {
                 let mut matrix = s.matrix.clone();
                 matrix.add_masses(&cloth.pattern, &ones, kappa * (6.0 + damping));
-                factor(cloth, &matrix, scratch)
+                cloth.analysis.factorize(&cloth.pattern, &matrix, scratch)
             })
             .collect();
         let step = self.conjugate_gradients(&systems, &factors, &gradient, damping);
@@ -548,14 +549,6 @@ impl Stage<'_, '_> {
         }
         x
     }
-}
-
-/// Cholesky factor; Gauss-Newton matrices are positive definite by construction.
-fn factor(cloth: &Cloth, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
-    cloth
-        .analysis
-        .definite(&cloth.pattern, matrix, None, scratch)
-        .unwrap_or_else(|| cloth.analysis.indefinite(&cloth.pattern, matrix, scratch))
 }
 
 /// x_{n+1} − 2 x_n + x_{n−1} for n = 1 … N−2, shape [N−2, V].

@@ -23,7 +23,8 @@ impl Adam {
     }
 
     /// Moves `parameters` against `gradient`. Returns whether it did: a gradient that is not finite is skipped.
-    pub fn step(&mut self, parameters: &mut [f64], gradient: &[f64]) -> bool {
+    /// `rate` scales this step.
+    pub fn step(&mut self, parameters: &mut [f64], gradient: &[f64], rate: f64) -> bool {
         assert_eq!(parameters.len(), self.mean.len());
         assert_eq!(gradient.len(), self.mean.len());
         if !finite(gradient) {
@@ -37,7 +38,7 @@ impl Adam {
         {
             *m = b1 * *m + (1.0 - b1) * g;
             *v = b2 * *v + (1.0 - b2) * g * g;
-            *p -= self.learning_rate * (*m / c1) / ((*v / c2).sqrt() + EPSILON);
+            *p -= rate * self.learning_rate * (*m / c1) / ((*v / c2).sqrt() + EPSILON);
         }
         true
     }
@@ -50,7 +51,7 @@ mod tests {
     #[test]
     fn first_step_has_the_length_of_the_learning_rate() {
         let mut p = vec![1.0, 2.0];
-        assert!(Adam::new(2, 0.1).step(&mut p, &[3.0, -1e-3]));
+        assert!(Adam::new(2, 0.1).step(&mut p, &[3.0, -1e-3], 1.0));
         assert!((p[0] - 0.9).abs() < 1e-8 && (p[1] - 2.1).abs() < 1e-5, "{p:?}");
     }
 
@@ -59,7 +60,7 @@ mod tests {
         let (mut p, mut adam) = (vec![1.0, -1.0], Adam::new(2, 0.02));
         for _ in 0..2000 {
             let gradient = [2000.0 * p[0], 2.0 * p[1]];
-            adam.step(&mut p, &gradient);
+            adam.step(&mut p, &gradient, 1.0);
         }
         assert!(p.iter().all(|p| p.abs() < 1e-3), "{p:?}");
     }
@@ -67,7 +68,7 @@ mod tests {
     #[test]
     fn a_gradient_that_is_not_finite_changes_nothing() {
         let (mut p, mut adam) = (vec![1.0], Adam::new(1, 0.1));
-        assert!(!adam.step(&mut p, &[f64::NAN]));
+        assert!(!adam.step(&mut p, &[f64::NAN], 1.0));
         assert_eq!(p, [1.0]);
     }
 }

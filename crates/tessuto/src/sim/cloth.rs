@@ -1,6 +1,7 @@
 //! The cloth as a mechanical system: masses, springs, and sums over them.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::{angle, stretch};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
@@ -11,6 +12,8 @@ use crate::mesh::{Mesh, triangle_area};
 pub const AREA_DENSITY: f64 = 0.1;
 /// Angle pairs whose rest deflection is below this bend, the others shear [rad].
 const BEND_LIMIT: f64 = std::f64::consts::FRAC_PI_4;
+/// Elements of one parallel task; fewer cost more to hand over than to do.
+const TASK: usize = 1000;
 
 /// A spring along a mesh edge.
 #[derive(Debug, Clone, Copy)]
@@ -134,7 +137,7 @@ impl Cloth {
                 [first, first + 1, first + 2]
             })
             .collect();
-        let pattern = BlockPattern::new(x.len(), &pairs);
+        let pattern = BlockPattern::new(x, &pairs);
         let analysis = Analysis::new(&pattern);
         Self { masses, edges, bends, shears, triangle_pairs, pattern, analysis }
     }
@@ -191,16 +194,40 @@ impl Cloth {
         scale: f64,
         matrix: &mut BlockMatrix,
     ) {
-        let (of_edge, of_hinge): (fn(_, _, _) -> _, fn(_, _, _, _) -> _) = match curvature {
-            Curvature::Exact => (stretch::hessian, angle::hessian),
-            Curvature::Projected => (stretch::hessian_projected, angle::hessian_projected),
+        // Two sums, added in the end: the same bits on one thread and on two.
+        let mut second = BlockMatrix::zeros(&self.pattern);
+        let [first_half, second_half] = self.hinge_halves(stiffness);
+        rayon::join(
+            || {
+                let of_edge = match curvature {
+                    Curvature::Exact => stretch::hessian,
+                    Curvature::Projected => stretch::hessian_projected,
+                };
+                for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
+                    let h = of_edge(e.along(x), k * scale, e.rest_length);
+                    e.vertices.iter().for_each(|&v| matrix.add_diagonal(&self.pattern, v as usize, &h));
+                    matrix.add_pair(&self.pattern, e.pair, &-h);
+                }
+                self.add_hinge_hessians(first_half, x, curvature, scale, matrix);
+            },
+            || self.add_hinge_hessians(second_half, x, curvature, scale, &mut second),
+        );
+        matrix.add(&second);
+    }
+
+    fn add_hinge_hessians<'a>(
+        &self,
+        hinges: impl Iterator<Item = (&'a Hinge, f64)>,
+        x: &[DVec3],
+        curvature: Curvature,
+        scale: f64,
+        matrix: &mut BlockMatrix,
+    ) {
+        let of_hinge = match curvature {
+            Curvature::Exact => angle::hessian,
+            Curvature::Projected => angle::hessian_projected,
         };
-        for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-            let h = of_edge(e.along(x), k * scale, e.rest_length);
-            e.vertices.iter().for_each(|&v| matrix.add_diagonal(&self.pattern, v as usize, &h));
-            matrix.add_pair(&self.pattern, e.pair, &-h);
-        }
-        for (hinge, k) in self.hinges(stiffness) {
+        for (hinge, k) in hinges {
             let [u, w] = arms(x, hinge.vertices);
             let h = of_hinge(u, w, k * scale, hinge.rest_angle);
             let [a, o, c] = hinge.vertices.map(|v| v as usize);
@@ -224,13 +251,23 @@ impl Cloth {
         scale: f64,
         out: &mut [DVec3],
     ) {
-        for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-            e.scatter(stretch::third(e.along(x), k * scale, e.rest_length, e.along(a), e.along(b)), out);
-        }
-        for (h, k) in self.hinges(stiffness) {
+        let mut second = vec![DVec3::ZERO; out.len()];
+        let [first_half, second_half] = self.hinge_halves(stiffness);
+        let of_hinge = |(h, k): (&Hinge, f64), out: &mut [DVec3]| {
             let (at, va, vb) = (arms(x, h.vertices), arms(a, h.vertices), arms(b, h.vertices));
             h.scatter(angle::third(at, k * scale, h.rest_angle, va, vb), out);
-        }
+        };
+        rayon::join(
+            || {
+                for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
+                    let third = stretch::third(e.along(x), k * scale, e.rest_length, e.along(a), e.along(b));
+                    e.scatter(third, out);
+                }
+                first_half.for_each(|h| of_hinge(h, out));
+            },
+            || second_half.for_each(|h| of_hinge(h, &mut second)),
+        );
+        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
     }
 
     /// Adds `scale`·λᵀ ∂(∂E/∂x)/∂k to `out` for the stiffness k of every element.
@@ -239,12 +276,12 @@ impl Cloth {
             *out += scale * stretch::gradient(e.along(x), 1.0, e.rest_length).dot(e.along(lambda));
         }
         for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
-            for (h, out) in hinges.iter().zip(out) {
+            hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(h, out)| {
                 let [u, w] = arms(x, h.vertices);
                 let [gu, gw] = angle::gradient(u, w, 1.0, h.rest_angle);
                 let [lu, lw] = arms(lambda, h.vertices);
                 *out += scale * (gu.dot(lu) + gw.dot(lw));
-            }
+            });
         }
     }
 
@@ -260,20 +297,29 @@ impl Cloth {
             *out += scale * e.along(a).dot(stretch::hessian(e.along(x), 1.0, e.rest_length) * e.along(b));
         }
         for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
-            for (hinge, out) in hinges.iter().zip(out) {
+            hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(hinge, out)| {
                 let [u, w] = arms(x, hinge.vertices);
                 let h = angle::hessian(u, w, 1.0, hinge.rest_angle);
                 let ([au, aw], [bu, bw]) = (arms(a, hinge.vertices), arms(b, hinge.vertices));
                 *out += scale
                     * (au.dot(h.uu * bu + h.uw * bw) + aw.dot(h.uw.transpose() * bu) + aw.dot(h.ww * bw));
-            }
+            });
         }
     }
 
     /// Bending, then shearing pairs, each with its stiffness.
-    fn hinges<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a Hinge, f64)> {
+    fn hinges<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a Hinge, f64)> + Send {
         let bends = self.bends.iter().zip(stiffness.bend.iter().copied());
         bends.chain(self.shears.iter().zip(stiffness.shear.iter().copied()))
+    }
+
+    /// [`Self::hinges`] in two halves, always the same.
+    fn hinge_halves<'a>(
+        &'a self,
+        stiffness: &'a Stiffness,
+    ) -> [Box<dyn Iterator<Item = (&'a Hinge, f64)> + Send + 'a>; 2] {
+        let half = usize::midpoint(self.bends.len(), self.shears.len());
+        [Box::new(self.hinges(stiffness).take(half)), Box::new(self.hinges(stiffness).skip(half))]
     }
 }
 

@@ -34,13 +34,12 @@ pub fn step(
     // Displacements d = x' − x keep the precision that positions would lose.
     let mut d: Vec<DVec3> = before.v.iter().map(|v| *v * (h * settings.damping)).collect();
     let potential = Potential { cloth, stiffness, x: &before.x, inertial: &inertial, h };
-    let mut recycled = None;
     let mut value = potential.value(&d);
     for _ in 0..settings.newton_limit {
         let gradient = potential.gradient(&d);
-        let factor = potential.factor(&d, recycled.take(), scratch);
+        let factor = potential.factor(&d, scratch);
         let newton = cloth.analysis.solve(&cloth.pattern, &factor, &gradient, scratch);
-        recycled = Some(factor);
+        scratch.recycle(factor);
         let length = newton.iter().fold(0.0, |m: f64, s| m.max(s.abs().max_element()));
         let slope = -dot(&gradient, &newton);
         if !length.is_finite() || !value.is_finite() {
@@ -104,15 +103,14 @@ impl Potential<'_> {
     }
 
     /// Factor of the Hessian, projected if need be.
-    fn factor(&self, d: &[DVec3], recycled: Option<Factor>, scratch: &mut Scratch) -> Factor {
+    fn factor(&self, d: &[DVec3], scratch: &mut Scratch) -> Factor {
         let x = self.moved(d);
-        let mut assemble = |curvature, recycled| {
-            let matrix = hessian(self.cloth, self.stiffness, &x, self.h, curvature);
-            self.cloth.analysis.definite(&self.cloth.pattern, &matrix, recycled, scratch)
-        };
-        assemble(Curvature::Exact, recycled)
-            .or_else(|| assemble(Curvature::Projected, None))
-            .unwrap_or(Factor::Definite(Vec::new()))
+        let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
+        let exact = hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Exact);
+        analysis.definite(pattern, &exact, scratch).unwrap_or_else(|| {
+            let projected = hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Projected);
+            analysis.factorize(pattern, &projected, scratch)
+        })
     }
 }
 
@@ -139,12 +137,10 @@ pub fn step_vjp(
     let h = settings.step;
     let x = &tape.after.x;
     let matrix = hessian(cloth, stiffness, x, h, Curvature::Exact);
-    let factor = cloth
-        .analysis
-        .definite(&cloth.pattern, &matrix, None, scratch)
-        .unwrap_or_else(|| cloth.analysis.indefinite(&cloth.pattern, &matrix, scratch));
+    let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
     let rhs: Vec<DVec3> = gradients.x.iter().zip(&gradients.v).map(|(x, v)| *x + *v / h).collect();
     let mu = cloth.analysis.solve(&cloth.pattern, &factor, &rhs, scratch);
+    scratch.recycle(factor);
     for i in 0..x.len() {
         let m_mu = mu[i] * cloth.masses[i];
         gradients.x[i] = m_mu / (h * h) - gradients.v[i] / h;

@@ -52,10 +52,7 @@ fn factor(
     let mut matrix = BlockMatrix::zeros(&cloth.pattern);
     cloth.add_hessian(stiffness, &before.x, Curvature::Exact, h * h, &mut matrix);
     matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0);
-    cloth
-        .analysis
-        .definite(&cloth.pattern, &matrix, None, scratch)
-        .unwrap_or_else(|| cloth.analysis.indefinite(&cloth.pattern, &matrix, scratch))
+    cloth.analysis.factorize(&cloth.pattern, &matrix, scratch)
 }
 
 /// Adjoint of [`step`]; see [`super::step::step_vjp`].
@@ -72,16 +69,16 @@ pub fn step_vjp(
 ) {
     let h = settings.step;
     let (x, v_next) = (&tape.before.x, &tape.after.v);
-    let rebuilt;
-    let factor = match &tape.factor {
-        Some(factor) => factor,
+    let rhs: Vec<DVec3> = gradients.v.iter().zip(&gradients.x).map(|(v, x)| *v + *x * h).collect();
+    let lambda = match &tape.factor {
+        Some(factor) => cloth.analysis.solve(&cloth.pattern, factor, &rhs, scratch),
         None => {
-            rebuilt = factor(cloth, settings, stiffness, &tape.before, scratch);
-            &rebuilt
+            let factor = factor(cloth, settings, stiffness, &tape.before, scratch);
+            let lambda = cloth.analysis.solve(&cloth.pattern, &factor, &rhs, scratch);
+            scratch.recycle(factor);
+            lambda
         }
     };
-    let rhs: Vec<DVec3> = gradients.v.iter().zip(&gradients.x).map(|(v, x)| *v + *x * h).collect();
-    let lambda = cloth.analysis.solve(&cloth.pattern, factor, &rhs, scratch);
     // A λ = M λ + h² ∂²E λ = v̄ + h x̄, so −h ∂²E λ = (M λ − v̄)/h − x̄: x̄ cancels.
     for i in 0..x.len() {
         let m_lambda = lambda[i] * cloth.masses[i];

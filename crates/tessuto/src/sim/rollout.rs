@@ -81,7 +81,7 @@ pub fn rollout(
         let mut tape = step(cloth, settings, drive.stiffness, state, &acceleration, &mut scratch)
             .map_err(|e| at_frame(e, k / substeps + 1))?;
         if tapes.len() >= kept {
-            tape.factor = None;
+            tape.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
         }
         state = tape.after.clone();
         if (k + 1) % substeps == 0 {

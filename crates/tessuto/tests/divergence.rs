@@ -1,0 +1,47 @@
+//! A fit that is driven out of its valley comes back, or ends with its best state and says why.
+
+use tessuto::config::{Config, Preset};
+use tessuto::synth::{self, Settings};
+use tessuto::{Reconstruction, reconstruct};
+
+fn run(assignments: &[&str]) -> (Reconstruction, Vec<f64>) {
+    let scene = synth::make(&Settings { frames: 6, grid: [7, 7], size: 64, ..Settings::default() }).unwrap();
+    let mut config = Config::preset(Preset::Saft);
+    for assignment in [&["texture.epochs=20", "texture.size=64"], assignments].concat() {
+        config.set(assignment).unwrap();
+    }
+    let mut totals = Vec::new();
+    let result = reconstruct(&scene, &config, &mut |epoch| {
+        if epoch.stage == "rollout" {
+            totals.push(epoch.losses[0].1);
+        }
+        Ok(())
+    });
+    (result.unwrap(), totals)
+}
+
+fn farthest(result: &Reconstruction) -> f64 {
+    let first = &result.motion[0];
+    let moved = result.motion.iter().flat_map(|x| x.iter().zip(first).map(|(a, b)| a.distance(*b)));
+    moved.fold(0.0, f64::max)
+}
+
+#[test]
+fn too_high_a_rate_is_lowered_until_the_fit_holds() {
+    let (calm, _) = run(&[]);
+    let (result, totals) = run(&["rollout.dynamic_rate=400"]);
+    println!("farthest {} m, at the usual rate {} m; losses {totals:?}", farthest(&result), farthest(&calm));
+    assert!(result.failure.is_none(), "{:?}", result.failure);
+    assert!(farthest(&result) < 2.0 * farthest(&calm) + 0.05);
+    // A driven-out epoch is not recorded; the recorded ones stay in the valley.
+    assert!(totals.windows(2).all(|w| w[1] < 10.0 * w[0] + 1e-2), "{totals:?}");
+}
+
+#[test]
+fn a_hopeless_fit_ends_with_its_best_state_and_the_epoch() {
+    let (result, _) = run(&["rollout.dynamic_rate=1e9", "rollout.patience=3"]);
+    let failure = result.failure.as_ref().expect("a failure").to_string();
+    println!("{failure}");
+    assert!(failure.contains("epoch") && failure.contains("grew"), "{failure}");
+    assert!(farthest(&result) < 0.5, "{}", farthest(&result));
+}
