@@ -81,9 +81,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, observer: &mut Observer) -> R
         }
         Method::Trajectory => {
             let problem = trajectory::Problem::new(scene, &cloth, config.trajectory.clone());
-            let tracked = problem.track(&mut observe)?;
+            let (tracked, lost) = problem.track(&mut observe)?;
             timings.push(("track".to_owned(), lap(&mut clock)));
-            let frames = problem.refine(tracked, &mut observe)?;
+            let (frames, stuck) = problem.refine(tracked, &mut observe)?;
             timings.push(("refine".to_owned(), lap(&mut clock)));
             let mut parameters = fit.start();
             if config.material.fit {
@@ -92,10 +92,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, observer: &mut Observer) -> R
                     fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
             }
             let k = parameters.stiffness();
-            parameters.forces =
-                forces_of_trajectory(&scene.template, &fit.dynamics, k, &frames, &config.tie)?;
+            let (forces, loose) =
+                forces_of_trajectory(&scene.template, &fit.dynamics, k, &frames, &config.tie);
+            parameters.forces = forces;
             timings.push(("forces and stiffnesses".to_owned(), lap(&mut clock)));
-            (parameters, None)
+            (parameters, lost.or(stuck).or(loose))
         }
     };
 

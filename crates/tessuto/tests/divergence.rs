@@ -2,10 +2,14 @@
 
 use tessuto::config::{Config, Preset};
 use tessuto::synth::{self, Settings};
-use tessuto::{Reconstruction, reconstruct};
+use tessuto::{Reconstruction, Scene, reconstruct};
+
+fn scene() -> Scene {
+    synth::make(&Settings { frames: 6, grid: [7, 7], size: 64, ..Settings::default() }).unwrap()
+}
 
 fn run(assignments: &[&str]) -> (Reconstruction, Vec<f64>) {
-    let scene = synth::make(&Settings { frames: 6, grid: [7, 7], size: 64, ..Settings::default() }).unwrap();
+    let scene = scene();
     let mut config = Config::preset(Preset::Saft);
     for assignment in [&["texture.epochs=20", "texture.size=64"], assignments].concat() {
         config.set(assignment).unwrap();
@@ -44,4 +48,17 @@ fn a_hopeless_fit_ends_with_its_best_state_and_the_epoch() {
     println!("{failure}");
     assert!(failure.contains("epoch") && failure.contains("grew"), "{failure}");
     assert!(farthest(&result) < 0.5, "{}", farthest(&result));
+}
+
+#[test]
+fn a_frame_of_numbers_that_are_none_leaves_the_shapes_before_it() {
+    let mut scene = scene();
+    scene.frames[3].rgb.data.fill(f32::NAN);
+    let config = Config::preset(Preset::Default);
+    let result = reconstruct(&scene, &config, &mut |_| Ok(())).unwrap();
+    let failure = result.failure.as_ref().expect("a failure").to_string();
+    println!("{failure}");
+    assert!(failure.contains("frame 3"), "{failure}");
+    assert_eq!(result.motion.len(), 6);
+    assert!(farthest(&result).is_finite() && farthest(&result) > 1e-4, "{}", farthest(&result));
 }

@@ -10,7 +10,7 @@
 use glam::DVec3;
 
 use super::rollout_fit::Dynamics;
-use crate::error::Result;
+use crate::error::Error;
 use crate::math::factor::Scratch;
 use crate::mesh::Mesh;
 use crate::scene::Shape;
@@ -55,17 +55,15 @@ pub fn interpolated(frames: &[Shape], substeps: usize) -> Vec<Shape> {
 }
 
 /// Forces, one entry of D per sub-step, that lead the cloth along `frames`, shape [N, V]. C is the mean
-/// acceleration that the centre of mass needs; D is exact in 32-bit numbers.
-///
-/// # Errors
-/// [`crate::Error::Numerical`] from the simulation.
+/// acceleration that the centre of mass needs; D is exact in 32-bit numbers. Where the simulation fails, D is zero
+/// from that sub-step on and the failure is returned too.
 pub fn forces_of_trajectory(
     template: &Mesh,
     dynamics: &Dynamics,
     stiffness: [f64; 3],
     frames: &[Shape],
     settings: &TieSettings,
-) -> Result<Forces> {
+) -> (Forces, Option<Error>) {
     let (h, damping) = (dynamics.step.step, dynamics.step.damping);
     let kappa = settings.stiffness;
     let targets = interpolated(frames, dynamics.substeps);
@@ -89,15 +87,24 @@ pub fn forces_of_trajectory(
                 (own * (1.0 - share) + (target[i] - state.x[i]) * share - drift) / (h * h)
             })
             .collect();
-        let tape = step(&tied, &dynamics.step, &stiffness, state, &acceleration, &mut scratch)?;
+        let tape = match step(&tied, &dynamics.step, &stiffness, state, &acceleration, &mut scratch) {
+            Ok(tape) => tape,
+            Err(failure) => return (forces, Some(failure)),
+        };
         for (i, d) in dynamic.iter_mut().enumerate() {
             let pull = (target[i] - tape.after.x[i]) * (kappa / cloth.masses[i]);
             *d = pull.as_vec3().as_dvec3();
         }
         let total: Shape = dynamic.iter().map(|d| constant + *d).collect();
-        state = step(&cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)?.after;
+        state = match step(&cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch) {
+            Ok(tape) => tape.after,
+            Err(failure) => {
+                dynamic.fill(DVec3::ZERO);
+                return (forces, Some(failure));
+            }
+        };
     }
-    Ok(forces)
+    (forces, None)
 }
 
 /// Mass-weighted mean of (x_{k+1} − x_k − h δ v_k)/h²; internal forces do not enter it.
@@ -142,8 +149,9 @@ mod tests {
                 .collect()
         };
         let targets: Vec<Shape> = (0..8).map(swing).collect();
-        let forces =
-            forces_of_trajectory(&mesh, &dynamics, k, &targets, &TieSettings { stiffness: 1e3 }).unwrap();
+        let (forces, failure) =
+            forces_of_trajectory(&mesh, &dynamics, k, &targets, &TieSettings { stiffness: 1e3 });
+        assert!(failure.is_none());
         assert!(forces.constant.length() > 1e-3);
         let initial = State { x: targets[0].clone(), v: vec![DVec3::ZERO; 25] };
         let stiffness = Stiffness::uniform(&cloth, k);

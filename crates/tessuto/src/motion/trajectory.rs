@@ -83,6 +83,9 @@ impl Default for TrajectorySettings {
     }
 }
 
+/// Shapes [N, V], and why they are not better if the search failed.
+pub type Fitted = (Vec<Shape>, Option<Error>);
+
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
     scene: &'a Scene,
@@ -174,9 +177,12 @@ impl<'a> Problem<'a> {
 
     /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors.
     ///
+    /// If a frame's objective is no longer finite, the last good shape is held from there on and the failure is
+    /// returned with it.
+    ///
     /// # Errors
-    /// [`Error::Numerical`] if a shape is no longer finite; what `observer` returns.
-    pub fn track(&self, observer: &mut Observer) -> Result<Vec<Shape>> {
+    /// What `observer` returns.
+    pub fn track(&self, observer: &mut Observer) -> Result<Fitted> {
         let mut stages: Vec<_> =
             (self.settings.finest..=self.settings.coarsest).rev().map(|level| self.stage(level)).collect();
         let mut frames = vec![self.scene.template.positions.clone()];
@@ -192,7 +198,14 @@ impl<'a> Problem<'a> {
             for stage in &mut stages {
                 stage.gains[n] = stage.gains[n - 1].clone();
                 stage.neighbours[n] = stage.data(n - 1).observe(&stage.points, None, last);
-                (x, value) = stage.fit_frame(n, x, &predicted, &mut scratch)?;
+                (x, value) = match stage.fit_frame(n, x, &predicted, &mut scratch) {
+                    Ok(fitted) => fitted,
+                    Err(failure) => {
+                        let held = frames[n - 1].clone();
+                        frames.resize(self.scene.frames.len(), held);
+                        return Ok((frames, Some(failure)));
+                    }
+                };
             }
             observer(&Epoch {
                 stage: "track",
@@ -204,14 +217,16 @@ impl<'a> Problem<'a> {
             })?;
             frames.push(x);
         }
-        Ok(frames)
+        Ok((frames, None))
     }
 
     /// Improves all frames together, coarse to fine.
     ///
+    /// If the objective is no longer finite, the shapes before that are returned with the failure.
+    ///
     /// # Errors
-    /// [`Error::Numerical`] if the objective is no longer finite; what `observer` returns.
-    pub fn refine(&self, mut frames: Vec<Shape>, observer: &mut Observer) -> Result<Vec<Shape>> {
+    /// What `observer` returns.
+    pub fn refine(&self, mut frames: Vec<Shape>, observer: &mut Observer) -> Result<Fitted> {
         let levels = self.settings.coarsest + 1 - self.settings.finest;
         let mut steps = 0;
         for level in (self.settings.finest..=self.settings.coarsest).rev() {
@@ -222,7 +237,8 @@ impl<'a> Problem<'a> {
                 stage.update_neighbours(&frames);
                 let (next, value, accepted) = stage.joint_step(&frames, damping);
                 if !value.is_finite() {
-                    return Err(diverged(format!("level {level}, iteration {iteration}"), value));
+                    let failure = diverged(format!("level {level}, iteration {iteration}"), value);
+                    return Ok((frames, Some(failure)));
                 }
                 steps += 1;
                 observer(&Epoch {
@@ -239,7 +255,7 @@ impl<'a> Problem<'a> {
                 }
             }
         }
-        Ok(frames)
+        Ok((frames, None))
     }
 }
 
