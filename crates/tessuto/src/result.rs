@@ -295,23 +295,13 @@ fn report_data(context: &Context, result: &Reconstruction) -> ReportData {
         unit: unit.to_owned(),
         note,
     };
-    let mut key_numbers = vec![
+    // The errors are added by the page.
+    let total: f64 = result.timings.iter().map(|(_, s)| s).sum();
+    let key_numbers = vec![
         KeyNumber::new("frames", result.motion.len().to_string(), ""),
         KeyNumber::new("vertices", scene.template.positions.len().to_string(), ""),
+        KeyNumber::new("time", format!("{total:.0}"), "s"),
     ];
-    if let Some(mean) = context.evaluation.map(|e| &e.mean) {
-        let mut add = |label: &str, value: Option<f64>, scale: f64, unit: &str| {
-            if let Some(v) = value {
-                key_numbers.push(KeyNumber::new(label, format!("{:.2}", v * scale), unit));
-            }
-        };
-        add("Chamfer L1", mean.cd1, 1e3, "mm");
-        add("Chamfer L2", mean.cd2, 1e4, "10⁻⁴ m²");
-        add("depth error δ", mean.depth, 1e3, "mm");
-        add("vertex error", mean.vertex, 1e3, "mm");
-    }
-    let total: f64 = result.timings.iter().map(|(_, s)| s).sum();
-    key_numbers.push(KeyNumber::new("time", format!("{total:.0}"), "s"));
     let row = |(epoch, e): (usize, &Epoch)| HistoryRow {
         epoch,
         active_frames: e.active_frames,
