@@ -15,6 +15,7 @@ pub mod mesh;
 pub mod metrics;
 pub mod motion;
 pub mod optim;
+pub mod pbr;
 pub mod raster;
 pub mod reconstruct;
 pub mod report;

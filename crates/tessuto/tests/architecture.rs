@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 13] = [
+const LAYERS: [&[&str]; 14] = [
     &["math", "error"],
     &["camera", "image", "mesh"],
     &["scene"],
     &["io"],
     &["sim", "raster", "optim", "metrics"],
+    &["pbr"],
     &["motion"],
     &["config"],
     &["reconstruct"],

@@ -45,6 +45,18 @@ impl Rng {
     }
 }
 
+/// Bijection of the 32-bit numbers in which every input bit flips every output bit with a probability near
+/// one half: random numbers by position instead of by sequence (Wellons 2018, "Prospecting for Hash
+/// Functions", lowbias32).
+#[inline]
+pub fn mix32(mut x: u32) -> u32 {
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,0 +1,113 @@
+//! Many points at once: colours to a loss, its derivatives back to maps and light.
+
+use rayon::prelude::*;
+
+use super::material::{CHANNELS, Footprint};
+use super::{Estimate, Point, Shader};
+use crate::math::rng::mix32;
+
+/// Parts into which points are divided, whatever the number of threads: each has sums of its own, which are then
+/// added in their order.
+const PARTS: usize = 4;
+
+/// Derivatives of a loss.
+#[derive(Debug, Clone, Default)]
+pub struct Gradients {
+    /// With respect to the material, one plane per channel as [`Material::to_planes`](super::Material::to_planes).
+    pub material: Vec<f32>,
+    /// With respect to the radiance of the light's texels.
+    pub light: Vec<[f32; 3]>,
+    /// Sum of the losses that the points returned.
+    pub loss: f64,
+    parts: Vec<Sink>,
+}
+
+/// One part's sums.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Sink {
+    material: Vec<[f32; 8]>,
+    light: Vec<[f32; 4]>,
+    loss: f64,
+}
+
+impl Sink {
+    fn clear(&mut self, texels: usize, light: usize) {
+        self.material.clear();
+        self.material.resize(texels, [0.0; 8]);
+        self.light.clear();
+        self.light.resize(light, [0.0; 4]);
+        self.loss = 0.0;
+    }
+
+    #[inline]
+    pub fn add_material(&mut self, footprint: &Footprint, gradient: &[f32; 8]) {
+        for (texel, weight) in footprint.texels.iter().zip(footprint.weights) {
+            let sum = &mut self.material[*texel as usize];
+            sum.iter_mut().zip(gradient).for_each(|(s, g)| *s += weight * g);
+        }
+    }
+
+    #[inline]
+    pub fn add_light(&mut self, texel: u32, [r, g, b]: [f32; 3]) {
+        let sum = &mut self.light[texel as usize];
+        *sum = [sum[0] + r, sum[1] + g, sum[2] + b, 0.0];
+    }
+}
+
+/// Estimates each point's colour twice, independently, and lets `loss` say, for point number i and the two linear
+/// colours, its value and its derivatives with respect to either colour. Replaces `gradients`.
+///
+/// Two estimates give derivatives of a squared error without bias from noise: the error from one, the colour's
+/// derivative from the other.
+pub fn accumulate(
+    shader: &Shader,
+    points: &[Point],
+    seed: u32,
+    passes: usize,
+    loss: impl Fn(usize, &[[f32; 3]; 2]) -> (f32, [[f32; 3]; 2]) + Sync,
+    gradients: &mut Gradients,
+) {
+    let texels = shader.material.texels.len();
+    let [width, height] = shader.light.size();
+    let Gradients { material, light, loss: total, parts } = gradients;
+    parts.resize_with(PARTS, Sink::default);
+    let length = points.len().div_ceil(PARTS).max(1);
+    parts.par_iter_mut().enumerate().for_each(|(part, sink)| {
+        sink.clear(texels, width * height);
+        let mut estimates = [Estimate::default(), Estimate::default()];
+        let range = (part * length).min(points.len())..((part + 1) * length).min(points.len());
+        for i in range {
+            let point = &points[i];
+            let site = shader.site(point);
+            for (k, estimate) in estimates.iter_mut().enumerate() {
+                shader.estimate_at(&site, point, key(seed, i, k as u32), passes, estimate);
+            }
+            let (value, adjoints) = loss(i, &[estimates[0].colour, estimates[1].colour]);
+            sink.loss += f64::from(value);
+            for (estimate, adjoint) in estimates.iter().zip(adjoints) {
+                shader.estimate_vjp(&site, estimate, adjoint, sink);
+            }
+        }
+    });
+    *total = parts.iter().map(|p| p.loss).sum();
+    material.resize(CHANNELS * texels, 0.0);
+    const BLOCK: usize = 1 << 14;
+    for (c, plane) in material.chunks_exact_mut(texels).enumerate() {
+        plane.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
+            for (k, value) in values.iter_mut().enumerate() {
+                *value = parts.iter().map(|p| p.material[block * BLOCK + k][c]).sum();
+            }
+        });
+    }
+    light.resize(width * height, [0.0; 3]);
+    light.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
+        for (k, value) in values.iter_mut().enumerate() {
+            *value = std::array::from_fn(|c| parts.iter().map(|p| p.light[block * BLOCK + k][c]).sum());
+        }
+    });
+}
+
+/// Key of the random numbers of estimate `k` of point `i`.
+pub(super) fn key(seed: u32, i: usize, k: u32) -> u32 {
+    mix32(mix32(seed ^ 0x5bd1_e995).wrapping_add(i as u32).wrapping_mul(2).wrapping_add(k))
+}

@@ -1,0 +1,36 @@
+//! Physically based direct light on a deforming cloth, with derivatives: material maps and a light from all
+//! around → linear colours of surface points, and back.
+//!
+//! The motion is fixed, so everything that depends on geometry alone is made once: [`Geometry`] (per frame a
+//! tree of triangles, per triangle a horizon that the cloth does not rise above) and [`Point`]s (what a pixel
+//! sees). [`Shader`] then estimates the light that leaves a point: in each pass, eight directions drawn from
+//! the [`Light`] and eight from the [`brdf`], combined by the balance heuristic. Each direction is shadowed by
+//! the cloth itself. Directions and their densities are constants to the derivative. [`mod@reference`] is
+//! the same quantity, written plainly.
+//!
+//! Colours are linear; arithmetic is f32, eight directions at a time. Results are the same, bit for bit, for
+//! any number of threads.
+//!
+//! Light that comes from behind the triangle that a pixel sees is blocked, even where the interpolated
+//! normal would accept it: cloth is opaque.
+
+mod accumulate;
+pub mod brdf;
+mod bvh;
+mod environment;
+mod geometry;
+mod horizon;
+mod light;
+mod material;
+pub mod reference;
+mod shader;
+pub mod srgb;
+mod surface;
+
+pub use accumulate::{Gradients, accumulate};
+pub use environment::Environment;
+pub use geometry::Geometry;
+pub use light::Light;
+pub use material::{CHANNELS, Material};
+pub use shader::{Estimate, LANES, Shader};
+pub use surface::{Point, see};
