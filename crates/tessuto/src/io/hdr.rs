@@ -1,0 +1,127 @@
+//! Pictures of linear radiance: OpenEXR (half or float RGB) and Radiance .hdr, told apart by their
+//! content, to linear float images, and EXR back. Colours are linear Rec.709; nothing is encoded.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
+
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io::image::MAX_SIDE;
+use crate::io::{atomic_write, read_bounded};
+
+/// Largest file, and largest decoded picture [bytes]: 8192×4096 pixels of 4 floats have 512 MiB.
+const MAX_BYTES: u64 = 640 << 20;
+/// Largest radiance accepted. The sun in a picture of half floats ends at 65504; beyond this bound
+/// a single pixel would drown the rest in the noise of f32.
+pub const MAX_RADIANCE: f32 = 1e6;
+
+/// Linear colour, shape [height, width, 3]. Values are whatever the file holds, NaN included;
+/// alpha is dropped.
+///
+/// # Errors
+/// [`Error::Input`] naming the file.
+pub fn read_linear(path: &Path) -> Result<Image> {
+    let bytes = read_bounded(path, MAX_BYTES)?;
+    let broken = |problem: String| {
+        Error::input(
+            path.display().to_string(),
+            format!("{problem} (file of {} bytes)", bytes.len()),
+            "give an OpenEXR file with channels R, G, B, or a Radiance .hdr file",
+        )
+    };
+    let format = match ::image::guess_format(&bytes) {
+        Ok(format @ (ImageFormat::OpenExr | ImageFormat::Hdr)) => format,
+        _ => return Err(broken("is neither OpenEXR nor Radiance .hdr".to_owned())),
+    };
+    let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
+    let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), format);
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_alloc = Some(2 * MAX_BYTES);
+    reader.limits(limits);
+    let decoder = reader.into_decoder().map_err(undecodable)?;
+    let (width, height) = decoder.dimensions();
+    if decoder.total_bytes() > MAX_BYTES {
+        return Err(Error::input(
+            path.display().to_string(),
+            format!(
+                "{width}×{height} pixels take {} bytes; at most {MAX_BYTES} are read",
+                decoder.total_bytes()
+            ),
+            "scale the picture down; 1024×512 pixels are plenty for a light",
+        ));
+    }
+    let dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
+    let data = dynamic.into_rgb32f().into_raw();
+    Ok(Image { width: width as usize, height: height as usize, channels: 3, data })
+}
+
+/// An environment map: lat-long picture of linear radiance, shape [H, 2 H, 3], every value finite,
+/// not negative and at most [`MAX_RADIANCE`].
+///
+/// # Errors
+/// [`Error::Input`] naming the file and the first pixel that breaks a rule.
+pub fn read_environment(path: &Path) -> Result<Image> {
+    let image = read_linear(path)?;
+    check_environment(&image, &path.display().to_string())?;
+    Ok(image)
+}
+
+/// The rules of [`read_environment`] for `image` from `place`.
+///
+/// # Errors
+/// [`Error::Input`].
+pub fn check_environment(image: &Image, place: &str) -> Result<()> {
+    let (width, height) = (image.width, image.height);
+    if width != 2 * height || height == 0 {
+        return Err(Error::input(
+            place,
+            format!("is {width}×{height} pixels; an environment map is twice as wide as high"),
+            "give a lat-long (equirectangular) picture of the whole sphere; crop or resize it to 2:1",
+        ));
+    }
+    let wrong = |v: &f32| !(v.is_finite() && (0.0..=MAX_RADIANCE).contains(v));
+    let Some(at) = image.data.iter().position(wrong) else { return Ok(()) };
+    let count = image.data.iter().filter(|v| wrong(v)).count();
+    let (value, pixel) = (image.data[at], at / 3);
+    let (problem, hint) = if !value.is_finite() {
+        ("not finite", "repair the picture: replace NaN and infinity by the pixels around them")
+    } else if value < 0.0 {
+        ("negative", "radiance cannot be negative: clamp the picture at 0, or look for a wrong colour space")
+    } else {
+        ("too large", "clamp or scale the picture: at most 1e6 per channel")
+    };
+    Err(Error::input(
+        place,
+        format!(
+            "{count} of {} values cannot be used; the first, column {}, row {}, channel {}, is {problem}: {value}",
+            image.data.len(),
+            pixel % width,
+            pixel / width,
+            ["R", "G", "B"][at % 3]
+        ),
+        hint,
+    ))
+}
+
+/// Writes linear colour, shape [height, width, 3], as OpenEXR of 32-bit floats.
+///
+/// # Errors
+/// [`Error::Output`].
+pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
+    assert_eq!(image.channels, 3, "EXR files are written with the channels R, G, B");
+    let mut exr = Cursor::new(Vec::new());
+    ::image::write_buffer_with_format(
+        &mut exr,
+        bytemuck::cast_slice(&image.data),
+        image.width as u32,
+        image.height as u32,
+        ExtendedColorType::Rgb32F,
+        ImageFormat::OpenExr,
+    )
+    .map_err(|e| Error::Output { path: path.to_path_buf(), source: std::io::Error::other(e) })?;
+    atomic_write(path, exr.get_ref())
+}
