@@ -28,7 +28,7 @@ enum Command {
     /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
     Check(check::Arguments),
     Demo(demo::Arguments),
-    /// Compare a motion with the scene's ground truth: Chamfer and surface distances, depth, vertices.
+    /// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
     Evaluate(evaluate::Arguments),
     Reconstruct(reconstruct::Arguments),
     Simulate(simulate::Arguments),
