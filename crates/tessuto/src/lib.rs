@@ -7,6 +7,8 @@
 pub mod camera;
 pub mod check;
 pub mod config;
+#[cfg(feature = "decoder")]
+pub mod decoder;
 pub mod error;
 pub mod image;
 pub mod io;

@@ -8,7 +8,7 @@ const LAYERS: [&[&str]; 13] = [
     &["camera", "image", "mesh"],
     &["scene"],
     &["io"],
-    &["sim", "raster", "optim", "metrics"],
+    &["sim", "raster", "optim", "metrics", "decoder"],
     &["motion"],
     &["config"],
     &["reconstruct"],
