@@ -7,7 +7,7 @@
 
 use std::time::Instant;
 
-use tessuto::decoder::{CHANNELS, Decoder, DecoderConfig};
+use tessuto::decoder::{CHANNELS, Decoder, DecoderConfig, LastDoubling};
 
 fn main() {
     let mut config = DecoderConfig::light();
@@ -24,6 +24,9 @@ fn main() {
             "overlap" => config.overlap = number() as usize,
             "latent" => config.latent_edge = number() as usize,
             "channels" => config.channels = value.split(',').map(|n| n.parse().expect("a number")).collect(),
+            "shuffle" => {
+                config.last = if value == "yes" { LastDoubling::Shuffle } else { LastDoubling::Convolution }
+            }
             "rate" => config.learning_rate = number(),
             "beta2" => config.betas[1] = number(),
             "seconds" => seconds = number(),

@@ -10,6 +10,7 @@ pub mod config;
 #[cfg(feature = "decoder")]
 pub mod decoder;
 pub mod error;
+pub mod export;
 pub mod image;
 pub mod io;
 pub mod math;

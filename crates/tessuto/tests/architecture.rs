@@ -14,7 +14,7 @@ const LAYERS: [&[&str]; 13] = [
     &["reconstruct"],
     &["report"],
     &["result"],
-    &["check"],
+    &["check", "export"],
     &["synth"],
     &["lib"],
 ];

@@ -15,6 +15,17 @@ use network::{Graph, Network};
 /// Channels of the maps: diffuse 3, roughness 1, metallic 1.
 pub const CHANNELS: usize = 5;
 
+/// The last doubling of the edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LastDoubling {
+    /// Transposed convolution to the maps' channels, then a convolution at full size, as published.
+    Convolution,
+    /// Convolution to four times the maps' channels at half the size, which are the four pixels of each
+    /// 2×2 block (Shi et al. 2016, "Real-Time Single Image and Video Super-Resolution Using an Efficient
+    /// Sub-Pixel Convolutional Neural Network"): no convolution at full size, which is where most time goes.
+    Shuffle,
+}
+
 /// Size of a decoder and how it is optimised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DecoderConfig {
@@ -27,6 +38,8 @@ pub struct DecoderConfig {
     /// Channels of the latent picture and after each transposed convolution; every one doubles the
     /// edge, and one more doubling leads to the maps.
     pub channels: Vec<usize>,
+    /// How the maps come about.
+    pub last: LastDoubling,
     /// Adam's step.
     pub learning_rate: f64,
     /// Adam's decay rates.
@@ -41,6 +54,7 @@ impl DecoderConfig {
             overlap: 10,
             latent_edge: 4,
             channels: vec![512, 256, 128, 64, 32],
+            last: LastDoubling::Convolution,
             learning_rate: 2e-4,
             betas: [0.9, 0.9999],
         }
@@ -54,7 +68,8 @@ impl DecoderConfig {
             overlap: 0,
             latent_edge: 16,
             channels: vec![64, 64, 32, 32, 16],
-            learning_rate: 5e-3,
+            last: LastDoubling::Shuffle,
+            learning_rate: 1e-2,
             betas: [0.9, 0.99],
         }
     }
@@ -170,6 +185,7 @@ mod tests {
 
     fn small(tiles: usize) -> DecoderConfig {
         DecoderConfig {
+            last: if tiles > 1 { LastDoubling::Convolution } else { LastDoubling::Shuffle },
             tiles,
             overlap: if tiles > 1 { 4 } else { 0 },
             latent_edge: 2,
