@@ -7,14 +7,14 @@ use std::path::PathBuf;
 
 use tessuto::io::npy;
 use tessuto::io::scene::{LoadOptions, load};
-use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate};
+use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate, maps};
 
 /// Arguments of `tessuto evaluate`.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene folder with gt/points/ or gt/vertices.npy.
     scene: PathBuf,
-    /// Result folder (with motion.npy), or a .npy file of shape [frames, vertices, 3] in metres.
+    /// Result folder (with motion.npy, and material/ if it has maps), or a .npy file of shape [frames, vertices, 3] in metres.
     result: PathBuf,
     /// Print JSON instead of a table.
     #[arg(long)]
@@ -44,7 +44,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         _ => &motion[..],
     };
-    let evaluation = evaluate(&Inputs::from(scene), motion, 0..motion.len(), arguments.seed)?;
+    let maps = if arguments.result.is_dir() { maps::evaluate(scene, &arguments.result)? } else { None };
+    let truth = scene.truth.points.is_some() || scene.truth.vertices.is_some();
+    let mut evaluation = if truth || maps.is_none() {
+        evaluate(&Inputs::from(scene), motion, 0..motion.len(), arguments.seed)?
+    } else {
+        Evaluation::default()
+    };
+    evaluation.maps = maps;
     let text =
         if arguments.json { serde_json::to_string_pretty(&evaluation)? + "\n" } else { table(&evaluation) };
     std::io::stdout().write_all(text.as_bytes())?;
@@ -60,23 +67,38 @@ fn frame_range(text: &str) -> Result<Range<usize>, String> {
         .ok_or_else(|| "expected A..B with A < B, such as 0..10".to_string())
 }
 
-/// One line per frame, the means, and what the columns are.
+/// The motion's errors: one line per frame, the means, what the columns are; then one line per value of the maps.
 fn table(evaluation: &Evaluation) -> String {
     let shown: Vec<usize> = (0..QUANTITIES.len())
         .filter(|k| evaluation.frames.iter().any(|f| f.metrics.values()[*k].is_some()))
         .collect();
+    let mut out = if shown.is_empty() { String::new() } else { motion_table(evaluation, &shown) };
+    if let Some(maps) = &evaluation.maps {
+        out.push_str(if shown.is_empty() { "" } else { "\n" });
+        for (key, value, label) in maps.rows() {
+            let _ = writeln!(out, "{key:<20} {value:>10.4}  {label}");
+        }
+        if let Some(scale) = maps.diffuse_scale {
+            let scale = scale.map(|s| format!("{s:.4}")).join(" ");
+            let _ = writeln!(out, "diffuse_scale        {scale}  the factors, red green blue");
+        }
+    }
+    out
+}
+
+fn motion_table(evaluation: &Evaluation, shown: &[usize]) -> String {
     let mut out = String::from("frame");
-    for k in &shown {
+    for k in shown {
         let _ = write!(out, " {:>14}", QUANTITIES[*k].key);
     }
     out.push_str("\n     ");
-    for k in &shown {
+    for k in shown {
         let _ = write!(out, " {:>14}", format!("[{}]", QUANTITIES[*k].unit));
     }
     out.push('\n');
     let mut line = |name: &str, metrics: &Metrics| {
         let _ = write!(out, "{name:>5}");
-        for k in &shown {
+        for k in shown {
             let _ =
                 write!(out, " {:>14}", metrics.values()[*k].map_or("-".to_string(), |v| format!("{v:.4e}")));
         }
@@ -87,7 +109,7 @@ fn table(evaluation: &Evaluation) -> String {
     }
     line("mean", &evaluation.mean);
     out.push('\n');
-    for k in &shown {
+    for k in shown {
         let Quantity { key, label, unit } = QUANTITIES[*k];
         let _ = writeln!(out, "{key:<14}  {label} [{unit}]");
     }

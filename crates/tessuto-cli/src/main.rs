@@ -3,6 +3,7 @@
 mod check;
 mod demo;
 mod evaluate;
+mod export;
 mod frames;
 mod output;
 mod progress;
@@ -28,8 +29,9 @@ enum Command {
     /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
     Check(check::Arguments),
     Demo(demo::Arguments),
-    /// Compare a motion with the scene's ground truth: Chamfer and surface distances, depth, vertices.
+    /// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
     Evaluate(evaluate::Arguments),
+    Export(export::Arguments),
     Reconstruct(reconstruct::Arguments),
     Simulate(simulate::Arguments),
     Synth(synth::Arguments),
@@ -40,6 +42,7 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),

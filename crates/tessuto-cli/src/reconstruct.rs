@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Context as _;
 use clap::Args;
 use tessuto::config::{Config, Preset};
+use tessuto::export::{Clip, Format, export};
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::result::{self, Run};
@@ -119,6 +120,8 @@ pub fn reconstruct_into(
         command: &command,
     };
     result::write(output.partial(), &context, &reconstruction)?;
+    let clip = Clip::read(output.partial())?;
+    export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
     output.publish()?;
     if let Some(e) = &evaluation {
         for (quantity, value) in QUANTITIES.iter().zip(e.mean.values()) {

@@ -76,6 +76,48 @@ fn prints_the_distance_as_table_and_as_json() {
 }
 
 #[test]
+fn maps_and_rerendered_frames_are_compared_where_the_result_has_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    scene(folder.path());
+    for name in ["gt/material", "result/material", "result/rerendered"] {
+        std::fs::create_dir_all(path(name)).unwrap();
+    }
+    io::npy::write(&path("result/motion.npy"), &[FRAMES, 4, 3], &motion(0.0)).unwrap();
+    let before = tessuto(&[".", "result", "--json"], folder.path());
+    let json: serde_json::Value = serde_json::from_slice(&before.stdout).unwrap();
+    assert!(json.get("maps").is_none(), "{json}");
+
+    let grey = |v: f32| Image { width: 16, height: 16, channels: 3, data: vec![v; 768] };
+    io::image::write_png(&path("gt/material/diffuse.png"), &grey(0.4)).unwrap();
+    io::image::write_png(&path("result/material/diffuse.png"), &grey(0.5)).unwrap();
+    let mut frame = io::image::read(&path("rgbs/rgb_001.png")).unwrap();
+    frame.data.iter_mut().for_each(|v| *v += 0.1 * (1.0 - *v));
+    io::image::write_png(&path("result/rerendered/rgb_001.png"), &frame).unwrap();
+    let output = tessuto(&[".", "result", "--json"], folder.path());
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let maps = &json["maps"];
+    assert!((maps["diffuse_psnr"].as_f64().unwrap() - 20.0).abs() < 0.2, "{maps}");
+    assert!(maps["diffuse_psnr_scaled"].as_f64().unwrap() > 60.0, "{maps}");
+    assert_eq!((&maps["frames"], maps.get("roughness_psnr")), (&1.into(), None), "{maps}");
+    assert!((20.0..30.0).contains(&maps["frames_psnr"].as_f64().unwrap()), "{maps}");
+    let text = String::from_utf8(tessuto(&[".", "result"], folder.path()).stdout).unwrap();
+    assert!(text.contains("vertex") && text.contains("frames_psnr"), "{text}");
+
+    io::image::write_png(&path("result/rerendered/rgb_001.png"), &grey(0.5)).unwrap();
+    let refused = tessuto(&[".", "result"], folder.path());
+    let message = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert_eq!(refused.status.code(), Some(3), "{message}");
+    assert!(message.contains("rgb_001.png") && message.contains("hint:"), "{message}");
+
+    // Without any truth of the motion, frames are still compared.
+    std::fs::remove_file(path("gt/vertices.npy")).unwrap();
+    io::image::write_png(&path("result/rerendered/rgb_001.png"), &frame).unwrap();
+    let text = String::from_utf8(tessuto(&[".", "result"], folder.path()).stdout).unwrap();
+    assert!(text.contains("frames_psnr") && !text.contains("vertex"), "{text}");
+}
+
+#[test]
 fn unusable_results_are_named_with_status_3() {
     let folder = tempfile::tempdir().unwrap();
     scene(folder.path());

@@ -7,7 +7,10 @@
 pub mod camera;
 pub mod check;
 pub mod config;
+#[cfg(feature = "decoder")]
+pub mod decoder;
 pub mod error;
+pub mod export;
 pub mod image;
 pub mod io;
 pub mod math;

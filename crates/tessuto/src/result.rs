@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::Image;
+use crate::camera::Camera;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::io;
@@ -74,6 +75,9 @@ struct ParameterFile {
     dynamic_parts: usize,
     area_density: Quantity<f64>,
     frame_rate: Quantity<f64>,
+    /// Camera of the whole picture; results of older versions lack it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    camera: Option<Camera>,
 }
 
 /// A result folder in memory, as far as a simulation needs it.
@@ -87,6 +91,8 @@ pub struct Saved {
     pub parameters: Parameters,
     /// Frames per second.
     pub fps: f64,
+    /// Camera of the whole picture; results of older versions lack it.
+    pub camera: Option<Camera>,
 }
 
 /// What goes into the folder besides the reconstruction.
@@ -119,14 +125,26 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     )?;
     let material = io::obj::Material { library: "mesh.mtl", name: "fabric" };
     io::obj::write(&folder.join("mesh.obj"), &scene.template, Some(material))?;
-    write_json(&folder.join("parameters.json"), &parameter_file(&result.parameters, scene.fps))?;
+    write_json(&folder.join("parameters.json"), &parameter_file(&result.parameters, scene))?;
     write_json(&folder.join("config.json"), context.run)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
-    if let Some(evaluation) = context.evaluation {
-        write_json(&folder.join("metrics.json"), evaluation)?;
-    }
+    write_metrics(folder, scene, context.evaluation)?;
     write_pictures(folder, scene, result)?;
     report::html::write(&folder.join("report.html"), &report_data(context, result))
+}
+
+/// Writes metrics.json: the errors of the motion, and the likeness of the maps where `folder` holds
+/// `material/` or `rerendered/`. Nothing is written where there is neither. Call it again once maps are there.
+///
+/// # Errors
+/// [`Error::Input`] for a map that cannot be read; [`Error::Output`].
+pub fn write_metrics(folder: &Path, scene: &Scene, motion: Option<&Evaluation>) -> Result<()> {
+    let maps = crate::metrics::maps::evaluate(scene, folder)?;
+    if motion.is_none() && maps.is_none() {
+        return Ok(());
+    }
+    let evaluation = Evaluation { maps, ..motion.cloned().unwrap_or_default() };
+    write_json(&folder.join("metrics.json"), &evaluation)
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
@@ -135,7 +153,11 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     io::atomic_write(path, text.as_bytes())
 }
 
-fn parameter_file(p: &Parameters, fps: f64) -> ParameterFile {
+fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
+    let [width, height] = scene.full_size;
+    let (crop, camera) = (scene.crop, scene.camera);
+    let camera =
+        Camera { cx: camera.cx + crop.x0 as f64, cy: camera.cy + crop.y0 as f64, width, height, ..camera };
     let [stretch, bend, shear] = p.stiffness();
     ParameterFile {
         stretch: quantity(stretch, "N/m"),
@@ -146,7 +168,8 @@ fn parameter_file(p: &Parameters, fps: f64) -> ParameterFile {
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
         dynamic_parts: p.forces.parts,
         area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
-        frame_rate: quantity(fps, "1/s"),
+        frame_rate: quantity(scene.fps, "1/s"),
+        camera: Some(camera),
     }
 }
 
@@ -180,7 +203,7 @@ pub fn read(folder: &Path) -> Result<Saved> {
     if parameters.stiffness() != stiffness {
         parameters.log_stiffness = stiffness.map(f64::log10);
     }
-    Ok(Saved { run, mesh, parameters, fps: file.frame_rate.value })
+    Ok(Saved { run, mesh, parameters, fps: file.frame_rate.value, camera: file.camera })
 }
 
 fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {

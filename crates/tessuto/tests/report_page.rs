@@ -125,6 +125,7 @@ fn data(frames: Vec<usize>) -> ReportData {
         evaluation: Some(Evaluation {
             mean: row(0).metrics,
             frames: frames.iter().copied().map(row).collect(),
+            maps: None,
         }),
         timings: vec![("motion".into(), 4000.0), ("report".into(), 1.5)],
         warnings: vec!["a & b".into()],

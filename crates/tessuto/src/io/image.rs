@@ -43,8 +43,19 @@ pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {
     Ok((mask, warning))
 }
 
+/// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured pictures.
+pub fn read_grey(path: &Path) -> Result<Image> {
+    let picture = open(path)?;
+    Ok(grey(picture.floats(picture.full(), false)))
+}
+
 /// Writes an image of 1 or 3 channels as 8-bit PNG; values are clamped to [0, 1] and rounded.
 pub fn write_png(path: &Path, image: &Image) -> Result<()> {
+    atomic_write(path, &encode_png(image))
+}
+
+/// The bytes of an 8-bit PNG of an image of 1 or 3 channels; values are clamped to [0, 1] and rounded.
+pub fn encode_png(image: &Image) -> Vec<u8> {
     let color = match image.channels {
         1 => ExtendedColorType::L8,
         3 => ExtendedColorType::Rgb8,
@@ -60,8 +71,8 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
         color,
         ImageFormat::Png,
     )
-    .map_err(|e| Error::Output { path: path.to_path_buf(), source: std::io::Error::other(e) })?;
-    atomic_write(path, png.get_ref())
+    .expect("a vector takes every byte");
+    png.into_inner()
 }
 
 /// Reads and decodes a PNG or JPEG file.
@@ -142,19 +153,7 @@ impl Picture {
 
     /// Mask values of `region`, shape [height, width, 1].
     pub fn mask(&mut self, region: Rect) -> Image {
-        let mut mask = self.floats(region, false);
-        if mask.channels == 3 {
-            let luminance = |p: &[f32]| {
-                // Grey stays exactly what it is; the weights are those of sRGB's primaries.
-                if p[0] == p[1] && p[1] == p[2] {
-                    p[0]
-                } else {
-                    0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2]
-                }
-            };
-            mask.data = mask.data.chunks_exact(3).map(luminance).collect();
-            mask.channels = 1;
-        }
+        let mut mask = grey(self.floats(region, false));
         let (largest, full_scale) = self.largest();
         if largest == 1.0 {
             self.notes.push("the mask holds 0 and 1; taken as black and white");
@@ -196,6 +195,19 @@ impl Picture {
             other => Layout { channels: 3, ..source }.cut(other.to_rgb32f().as_raw(), |v| v),
         }
     }
+}
+
+/// Luminance of `image`, which may be grey already.
+fn grey(mut image: Image) -> Image {
+    if image.channels == 3 {
+        let luminance = |p: &[f32]| {
+            // Grey stays exactly what it is; the weights are those of sRGB's primaries.
+            if p[0] == p[1] && p[1] == p[2] { p[0] } else { 0.2126 * p[0] + 0.7152 * p[1] + 0.0722 * p[2] }
+        };
+        image.data = image.data.chunks_exact(3).map(luminance).collect();
+        image.channels = 1;
+    }
+    image
 }
 
 /// How decoded values lie in memory, and what is wanted of them.

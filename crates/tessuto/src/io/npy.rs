@@ -118,8 +118,13 @@ fn vectors(path: &Path, array: &Array) -> Result<Vec<DVec3>> {
     Ok(array.data.chunks_exact(3).map(DVec3::from_slice).collect())
 }
 
-/// Writes `data` (f32 or f64, C order) with this shape.
+/// Writes `data` (numbers in C order) with this shape.
 pub fn write<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[usize], data: &[T]) -> Result<()> {
+    atomic_write(path, &encode(shape, data))
+}
+
+/// The bytes of a .npy file of `data` (numbers in C order) with this shape.
+pub fn encode<T: npyz::AutoSerialize + Copy>(shape: &[usize], data: &[T]) -> Vec<u8> {
     assert_eq!(
         shape.iter().product::<usize>(),
         data.len(),
@@ -135,8 +140,8 @@ pub fn write<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[usize], data: 
                 writer.finish()
             },
         );
-    written.map_err(|source| Error::Output { path: path.to_path_buf(), source })?;
-    atomic_write(path, &bytes)
+    written.expect("a vector takes every byte");
+    bytes
 }
 
 /// Writes points [m] as f32, shape [n, 3].

@@ -188,6 +188,11 @@ pub struct Material<'a> {
 
 /// Writes a mesh; numbers are written so that reading gives the same bits back.
 pub fn write(path: &Path, mesh: &Mesh, material: Option<Material<'_>>) -> Result<()> {
+    atomic_write(path, encode(mesh, material).as_bytes())
+}
+
+/// The text that [`write`] writes.
+pub fn encode(mesh: &Mesh, material: Option<Material<'_>>) -> String {
     let mut text = String::new();
     if let Some(material) = material {
         let _ = writeln!(text, "mtllib {}", material.library);
@@ -208,5 +213,5 @@ pub fn write(path: &Path, mesh: &Mesh, material: Option<Material<'_>>) -> Result
         }
         text.push('\n');
     }
-    atomic_write(path, text.as_bytes())
+    text
 }

@@ -1,12 +1,19 @@
 //! How far a motion is from what is known of the true one: Chamfer distance, point-to-surface
-//! distance, depth difference and vertex distance, per frame and as means over the frames.
+//! distance, depth difference and vertex distance, per frame and as means over the frames; and how
+//! good material maps are ([`maps`]).
 
 mod boxes;
 pub mod chamfer;
 pub mod depth;
 mod frame;
+pub mod maps;
 pub mod published;
+mod resample;
+mod similarity;
 pub mod surface;
+
+pub use maps::MapMetrics;
+pub use similarity::{correlation, psnr, ssim};
 
 use std::ops::Range;
 
@@ -132,12 +139,15 @@ pub struct FrameMetrics {
 }
 
 /// Errors of a motion.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// Means over `frames`; absent where any frame lacks the value.
     pub mean: Metrics,
     /// One entry per evaluated frame, ascending.
     pub frames: Vec<FrameMetrics>,
+    /// Material maps and re-rendered frames, where the result has them.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub maps: Option<MapMetrics>,
 }
 
 /// Errors of `motion` against the truth of `inputs`, for the frames `range` (indices into `motion`).
@@ -157,7 +167,7 @@ pub fn evaluate(inputs: &Inputs, motion: &[Shape], range: Range<usize>, seed: u6
             metrics: frame::measure(inputs, &triangles, &motion[k], k, seed),
         })
         .collect();
-    Ok(Evaluation { mean: mean(&frames), frames })
+    Ok(Evaluation { mean: mean(&frames), frames, maps: None })
 }
 
 fn mean(frames: &[FrameMetrics]) -> Metrics {

@@ -1,0 +1,219 @@
+//! What is exported, read from a result folder.
+
+use std::path::Path;
+
+use glam::{DVec3, Vec2, Vec3};
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io;
+use crate::mesh::Mesh;
+use crate::motion::rollout_fit::Parameters;
+use crate::result;
+use crate::scene::Shape;
+
+/// The pictures that make up the look.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    /// Start of the pictures' file names; other programs confuse pictures of equal names.
+    pub name: String,
+    /// Base colour, sRGB-encoded, shape [h, w, 3].
+    pub base_colour: Image,
+    /// Roughness and metallic, linear, shape [h, w, 1] each; without them the fabric is matt.
+    pub roughness_metallic: Option<[Image; 2]>,
+}
+
+impl Material {
+    /// File name of picture `kind`.
+    pub(super) fn file(&self, kind: &str) -> String {
+        format!("{}_{kind}.png", self.name)
+    }
+
+    /// The pictures as files.
+    pub(super) fn files(&self) -> Vec<(String, Vec<u8>)> {
+        let mut files = vec![(self.file("basecolor"), io::image::encode_png(&self.base_colour))];
+        if let Some([roughness, metallic]) = &self.roughness_metallic {
+            files.push((self.file("roughness"), io::image::encode_png(roughness)));
+            files.push((self.file("metallic"), io::image::encode_png(metallic)));
+        }
+        files
+    }
+}
+
+/// A recovered motion with all that other programs can take of it.
+#[derive(Debug, Clone)]
+pub struct Clip {
+    /// Start of all file names: letters, digits, `_` and `-`, no digit first.
+    pub name: String,
+    /// Version of the program that made it.
+    pub version: String,
+    /// The template.
+    pub mesh: Mesh,
+    /// Positions [m], camera frame, shape [N, V].
+    pub motion: Vec<Shape>,
+    /// Frames per second.
+    pub fps: f64,
+    /// Number of the first frame in the video.
+    pub first_frame: usize,
+    /// Camera of the whole picture; results of older versions lack it.
+    pub camera: Option<Camera>,
+    /// The look.
+    pub material: Material,
+    /// Stiffnesses and forces.
+    pub parameters: Parameters,
+}
+
+impl Clip {
+    /// Reads the folder that a reconstruction left; `material/` where it exists, `texture.png` otherwise.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let saved = result::read(folder)?;
+        let path = folder.join("motion.npy");
+        let motion = io::npy::read_shapes(&path)?;
+        let found = motion.first().map_or(0, Vec::len);
+        if motion.is_empty() || found != saved.mesh.positions.len() {
+            return Err(Error::input(
+                path.display().to_string(),
+                format!(
+                    "has {} frames of {found} vertices, mesh.obj has {} vertices",
+                    motion.len(),
+                    saved.mesh.positions.len()
+                ),
+                "use the folder as `tessuto reconstruct` wrote it",
+            ));
+        }
+        let name = identifier(&saved.run.scene);
+        Ok(Self {
+            material: read_material(folder, &name)?,
+            name,
+            version: saved.run.version,
+            mesh: saved.mesh,
+            motion,
+            fps: saved.fps,
+            first_frame: saved.run.frames[0],
+            camera: saved.camera,
+            parameters: saved.parameters,
+        })
+    }
+
+    /// `shape` with y up.
+    pub(super) fn y_up(shape: &Shape) -> Vec<Vec3> {
+        shape.iter().map(|p| Vec3::new(p.x as f32, -p.y as f32, -p.z as f32)).collect()
+    }
+
+    /// Unit vertex normals with y up: means of the triangles' normals, weighted by area; z where there is none.
+    pub(super) fn normals(&self, shape: &Shape) -> Vec<Vec3> {
+        let mut sums = vec![DVec3::ZERO; shape.len()];
+        for [a, b, c] in self.mesh.triangles() {
+            let [p, q, r] = [a, b, c].map(|v| shape[v as usize]);
+            let normal = (q - p).cross(r - p);
+            [a, b, c].into_iter().for_each(|v| sums[v as usize] += normal);
+        }
+        let unit =
+            |n: &DVec3| n.try_normalize().unwrap_or(DVec3::NEG_Z).as_vec3() * Vec3::new(1.0, -1.0, -1.0);
+        sums.iter().map(unit).collect()
+    }
+
+    /// One texture coordinate per vertex, if no vertex has several.
+    pub(super) fn vertex_uvs(&self) -> Option<Vec<Vec2>> {
+        let mut found: Vec<Option<u32>> = vec![None; self.mesh.positions.len()];
+        for face in &self.mesh.faces {
+            for (vertex, uv) in face.vertices.iter().zip(&face.uvs) {
+                let first = *found[*vertex as usize].get_or_insert(*uv);
+                if self.mesh.uvs[first as usize] != self.mesh.uvs[*uv as usize] {
+                    return None;
+                }
+            }
+        }
+        let uv = |k: &Option<u32>| k.map_or(Vec2::ZERO, |k| self.mesh.uvs[k as usize].as_vec2());
+        Some(found.iter().map(uv).collect())
+    }
+}
+
+/// The name of `scene`'s folder, made safe for file names and USD prims.
+fn identifier(scene: &Path) -> String {
+    let whole = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
+    let name = whole.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let safe: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    match safe.chars().next() {
+        Some(c) if !c.is_ascii_digit() && safe.chars().any(|c| c != '_') => safe,
+        _ => format!("fabric{}", if safe.is_empty() { String::new() } else { format!("_{safe}") }),
+    }
+}
+
+fn read_material(folder: &Path, name: &str) -> Result<Material> {
+    let map = |file: &str| folder.join("material").join(file);
+    let diffuse = map("diffuse.png");
+    if !diffuse.is_file() {
+        let base_colour = io::image::read(&folder.join("texture.png"))?;
+        return Ok(Material { name: name.to_owned(), base_colour, roughness_metallic: None });
+    }
+    let scalar = |file: &str| io::image::read_grey(&map(file));
+    let (base_colour, roughness, metallic) =
+        (io::image::read(&diffuse)?, scalar("roughness.png")?, scalar("metallic.png")?);
+    // glTF packs the two into one picture.
+    if (roughness.width, roughness.height) != (metallic.width, metallic.height) {
+        return Err(Error::input(
+            map("metallic.png").display().to_string(),
+            format!(
+                "is {}×{} pixels, roughness.png {}×{}",
+                metallic.width, metallic.height, roughness.width, roughness.height
+            ),
+            "give both maps one size",
+        ));
+    }
+    Ok(Material { name: name.to_owned(), base_colour, roughness_metallic: Some([roughness, metallic]) })
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+    use crate::sim::Forces;
+
+    /// One frame of `mesh`, grey.
+    pub(in super::super) fn clip(mesh: Mesh) -> Clip {
+        let base_colour = Image { width: 2, height: 2, channels: 3, data: vec![0.5; 12] };
+        Clip {
+            name: "cloth".into(),
+            version: "0".into(),
+            motion: vec![mesh.positions.clone()],
+            fps: 25.0,
+            first_frame: 0,
+            camera: None,
+            material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
+            parameters: Parameters {
+                log_stiffness: [2.0, -3.0, -4.0],
+                forces: Forces { constant: DVec3::Y, dynamic: vec![], parts: 1 },
+            },
+            mesh,
+        }
+    }
+
+    #[test]
+    fn names_are_safe_for_files_and_prims() {
+        for (folder, expected) in [
+            ("/a/S1", "S1"),
+            ("/a/my curtain.2", "my_curtain_2"),
+            ("/a/3 flags", "fabric_3_flags"),
+            ("/", "fabric"),
+        ] {
+            assert_eq!(identifier(Path::new(folder)), expected);
+        }
+    }
+
+    #[test]
+    fn normals_are_unit_and_face_the_side_of_the_winding() {
+        let clip = clip(crate::mesh::grid(4, 3, glam::DVec2::new(0.3, 0.2), 1.0));
+        // The grid's polygons run counter-clockwise for the camera's axes, which look along +z.
+        let expected = {
+            let [a, b, c] = clip.mesh.triangles()[0].map(|v| Clip::y_up(&clip.motion[0])[v as usize]);
+            (b - a).cross(c - a).normalize()
+        };
+        for normal in clip.normals(&clip.motion[0]) {
+            assert!((normal - expected).length() < 1e-6);
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! A result for other programs: animated GLB and USD with material, sequences of OBJ and PLY, a PC2
+//! point cache, and NPZ with everything numeric.
+//!
+//! All but NPZ have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
+//! and handedness stay. The camera is at the origin and looks along −z, as glTF and USD have it.
+
+mod clip;
+mod glb;
+mod npz;
+mod pc2;
+mod sequence;
+mod usd;
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::io::atomic_write;
+pub use clip::{Clip, Material};
+
+/// A kind of output.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Format {
+    /// glTF 2.0, binary: one mesh with a morph target per frame.
+    Glb,
+    /// USD as text: points as time samples, material, camera.
+    Usd,
+    /// One OBJ file per frame.
+    Obj,
+    /// One binary PLY file per frame.
+    Ply,
+    /// Point cache, with the mesh it belongs to as OBJ.
+    Pc2,
+    /// NumPy archive of motion, faces, uv, camera, forces and parameters, in the camera frame.
+    Npz,
+}
+
+impl Format {
+    /// All of them.
+    pub const ALL: [Self; 6] = [Self::Glb, Self::Usd, Self::Obj, Self::Ply, Self::Pc2, Self::Npz];
+
+    /// What `--to` calls it.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Glb => "glb",
+            Self::Usd => "usd",
+            Self::Obj => "obj",
+            Self::Ply => "ply",
+            Self::Pc2 => "pc2",
+            Self::Npz => "npz",
+        }
+    }
+}
+
+impl std::str::FromStr for Format {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        Self::ALL
+            .into_iter()
+            .find(|f| f.key() == text.to_ascii_lowercase())
+            .ok_or_else(|| format!("the formats are: {}", Self::ALL.map(Self::key).join(", ")))
+    }
+}
+
+/// What one format leaves in the target folder: a file, or a folder of files. Appears whole or not at all.
+enum Output {
+    File(String, Vec<u8>),
+    Folder(String, Vec<(String, Vec<u8>)>),
+}
+
+impl Output {
+    fn name(&self) -> &str {
+        match self {
+            Self::File(name, _) | Self::Folder(name, _) => name,
+        }
+    }
+}
+
+/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written.
+///
+/// # Errors
+/// [`Error::Input`] if one of the files is there already, unless `force`; nothing is written then.
+/// [`Error::Output`].
+pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Result<Vec<PathBuf>> {
+    let mut formats = formats.to_vec();
+    formats.sort_unstable();
+    formats.dedup();
+    let outputs: Vec<Output> = formats.iter().flat_map(|f| outputs(clip, *f)).collect();
+    let taken: Vec<String> = outputs
+        .iter()
+        .map(|o| folder.join(o.name()))
+        .filter(|path| path.exists())
+        .map(|path| path.display().to_string())
+        .collect();
+    if !taken.is_empty() && !force {
+        return Err(Error::input(
+            taken.join(", "),
+            "there already, and would be replaced",
+            "add --force to replace it, or choose another folder with --out",
+        ));
+    }
+    io(folder, std::fs::create_dir_all(folder))?;
+    outputs.into_iter().map(|output| write(folder, output)).collect()
+}
+
+fn outputs(clip: &Clip, format: Format) -> Vec<Output> {
+    let name = &clip.name;
+    match format {
+        Format::Glb => vec![Output::File(format!("{name}.glb"), glb::encode(clip))],
+        Format::Usd => {
+            let textures = format!("{name}_textures");
+            let text = usd::encode(clip, &textures);
+            vec![Output::Folder(textures, clip.material.files()), Output::File(format!("{name}.usda"), text)]
+        }
+        Format::Obj => vec![Output::Folder(format!("{name}_obj"), sequence::obj(clip))],
+        Format::Ply => vec![Output::Folder(format!("{name}_ply"), sequence::ply(clip))],
+        Format::Pc2 => vec![
+            Output::File(format!("{name}_pc2.obj"), sequence::still(clip)),
+            Output::File(format!("{name}.pc2"), pc2::encode(clip)),
+        ],
+        Format::Npz => vec![Output::File(format!("{name}.npz"), npz::encode(clip))],
+    }
+}
+
+fn write(folder: &Path, output: Output) -> Result<PathBuf> {
+    let target = folder.join(output.name());
+    match output {
+        Output::File(_, bytes) => atomic_write(&target, &bytes)?,
+        Output::Folder(name, files) => {
+            // Fill it under another name, so that a half-written one never looks finished.
+            let partial = folder.join(format!(".{name}.partial"));
+            if partial.exists() {
+                io(&partial, std::fs::remove_dir_all(&partial))?;
+            }
+            io(&partial, std::fs::create_dir(&partial))?;
+            let filled = files.iter().try_for_each(|(file, bytes)| {
+                let path = partial.join(file);
+                io(&path, std::fs::write(&path, bytes))
+            });
+            let published = filled.and_then(|()| {
+                if target.is_dir() {
+                    io(&target, std::fs::remove_dir_all(&target))?;
+                }
+                io(&target, std::fs::rename(&partial, &target))
+            });
+            if published.is_err() {
+                // The first error is the one to report.
+                let _ = std::fs::remove_dir_all(&partial);
+            }
+            published?;
+        }
+    }
+    Ok(target)
+}
+
+fn io<T>(path: &Path, result: std::io::Result<T>) -> Result<T> {
+    result.map_err(|source| Error::Output { path: path.to_path_buf(), source })
+}

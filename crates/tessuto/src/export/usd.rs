@@ -1,0 +1,150 @@
+//! USD as text: the template's polygons with points, normals and extent as time samples, a preview
+//! surface with the maps, and the exact camera.
+//!
+//! Source: Pixar, *USD documentation*, UsdGeomMesh, UsdGeomCamera, *UsdPreviewSurface Specification*.
+
+use std::fmt::Write as _;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::Clip;
+
+/// Width of the camera's film [tenths of a metre, as USD counts it]: that of 35 mm film.
+const FILM_WIDTH: f64 = 0.36;
+
+/// The file; its pictures lie in the folder `textures` beside it.
+pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
+    let (name, last, fps) = (&clip.name, clip.motion.len() - 1, clip.fps);
+    let mut out = format!(
+        "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    doc = \"tessuto {}\"\n    startTimeCode = 0\n    \
+         endTimeCode = {last}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}\n    metersPerUnit = 1\n    \
+         upAxis = \"Y\"\n)\n\ndef Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n",
+        clip.version
+    );
+    mesh(clip, &mut out);
+    material(clip, textures, &mut out);
+    if clip.camera.is_some() {
+        camera(clip, &mut out);
+    }
+    out.push_str("}\n");
+    out.into_bytes()
+}
+
+fn list<T>(values: impl IntoIterator<Item = T>, text: impl Fn(&mut String, T)) -> String {
+    let mut out = String::from("[");
+    for (k, value) in values.into_iter().enumerate() {
+        if k > 0 {
+            out.push_str(", ");
+        }
+        text(&mut out, value);
+    }
+    out.push(']');
+    out
+}
+
+fn vectors(values: &[Vec3]) -> String {
+    list(values, |out, v| {
+        let _ = write!(out, "({}, {}, {})", v.x, v.y, v.z);
+    })
+}
+
+fn integers(values: impl IntoIterator<Item = u32>) -> String {
+    list(values, |out, v| {
+        let _ = write!(out, "{v}");
+    })
+}
+
+fn samples(clip: &Clip, of: impl Fn(usize) -> String + Sync) -> String {
+    let lines: Vec<String> =
+        (0..clip.motion.len()).into_par_iter().map(|n| format!("            {n}: {},\n", of(n))).collect();
+    format!("{{\n{}        }}", lines.concat())
+}
+
+fn mesh(clip: &Clip, out: &mut String) {
+    let (mesh, name) = (&clip.mesh, &clip.name);
+    let counts = integers(mesh.faces.iter().map(|f| f.vertices.len() as u32));
+    let indices = integers(mesh.faces.iter().flat_map(|f| f.vertices.iter().copied()));
+    let uv_indices = integers(mesh.faces.iter().flat_map(|f| f.uvs.iter().copied()));
+    let uvs = list(&mesh.uvs, |out, uv| {
+        let _ = write!(out, "({}, {})", uv.x as f32, uv.y as f32);
+    });
+    let bounds = |shape: &[Vec3]| {
+        let low = shape.iter().copied().reduce(Vec3::min).unwrap_or_default();
+        let high = shape.iter().copied().reduce(Vec3::max).unwrap_or_default();
+        vectors(&[low, high])
+    };
+    let extent = samples(clip, |n| bounds(&Clip::y_up(&clip.motion[n])));
+    let points = samples(clip, |n| vectors(&Clip::y_up(&clip.motion[n])));
+    let normals = samples(clip, |n| vectors(&clip.normals(&clip.motion[n])));
+    let _ = write!(
+        out,
+        "    def Mesh \"Fabric\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{\n        \
+         uniform bool doubleSided = 1\n        uniform token subdivisionScheme = \"none\"\n        \
+         int[] faceVertexCounts = {counts}\n        int[] faceVertexIndices = {indices}\n        \
+         float3[] extent.timeSamples = {extent}\n        point3f[] points.timeSamples = {points}\n        \
+         normal3f[] normals (\n            interpolation = \"vertex\"\n        )\n        \
+         normal3f[] normals.timeSamples = {normals}\n        \
+         texCoord2f[] primvars:st = {uvs} (\n            interpolation = \"faceVarying\"\n        )\n        \
+         int[] primvars:st:indices = {uv_indices}\n        \
+         rel material:binding = </{name}/Materials/Fabric>\n    }}\n\n"
+    );
+}
+
+fn material(clip: &Clip, textures: &str, out: &mut String) {
+    let path = format!("/{}/Materials/Fabric", clip.name);
+    let maps = clip.material.roughness_metallic.is_some();
+    let scalar = |kind: &str, constant: f64| {
+        if maps {
+            format!("float inputs:{kind}.connect = <{path}/{kind}.outputs:r>")
+        } else {
+            format!("float inputs:{kind} = {constant}")
+        }
+    };
+    let _ = write!(
+        out,
+        "    def Scope \"Materials\"\n    {{\n        def Material \"Fabric\"\n        {{\n            \
+         token outputs:surface.connect = <{path}/surface.outputs:surface>\n\n            \
+         def Shader \"surface\"\n            {{\n                uniform token info:id = \"UsdPreviewSurface\"\n                \
+         color3f inputs:diffuseColor.connect = <{path}/basecolor.outputs:rgb>\n                {}\n                {}\n                \
+         float inputs:ior = 1.5\n                int inputs:useSpecularWorkflow = 0\n                \
+         token outputs:surface\n            }}\n\n            \
+         def Shader \"st\"\n            {{\n                uniform token info:id = \"UsdPrimvarReader_float2\"\n                \
+         string inputs:varname = \"st\"\n                float2 outputs:result\n            }}\n",
+        scalar("roughness", 1.0),
+        scalar("metallic", 0.0)
+    );
+    let mut texture = |kind: &str, space: &str, output: &str| {
+        let _ = write!(
+            out,
+            "\n            def Shader \"{kind}\"\n            {{\n                uniform token info:id = \"UsdUVTexture\"\n                \
+             asset inputs:file = @./{textures}/{}@\n                token inputs:sourceColorSpace = \"{space}\"\n                \
+             float2 inputs:st.connect = <{path}/st.outputs:result>\n                token inputs:wrapS = \"clamp\"\n                \
+             token inputs:wrapT = \"clamp\"\n                {output}\n            }}\n",
+            clip.material.file(kind)
+        );
+    };
+    texture("basecolor", "sRGB", "float3 outputs:rgb");
+    if maps {
+        texture("roughness", "raw", "float outputs:r");
+        texture("metallic", "raw", "float outputs:r");
+    }
+    out.push_str("        }\n    }\n");
+}
+
+/// The pinhole at the origin that looks along −z. The film covers the pixels' areas, from −½ to width − ½.
+fn camera(clip: &Clip, out: &mut String) {
+    let Some(c) = &clip.camera else { return };
+    let (w, h) = (c.width as f64, c.height as f64);
+    let focal = c.fx * FILM_WIDTH / w;
+    let film_height = h * focal / c.fy;
+    let offsets = [((w - 1.0) / 2.0 - c.cx) * FILM_WIDTH / w, (c.cy - (h - 1.0) / 2.0) * film_height / h];
+    let _ = write!(
+        out,
+        "\n    def Camera \"Camera\"\n    {{\n        token projection = \"perspective\"\n        \
+         float focalLength = {}\n        float horizontalAperture = {}\n        float verticalAperture = {}\n        \
+         float horizontalApertureOffset = {}\n        float verticalApertureOffset = {}\n        \
+         float2 clippingRange = (0.01, 100)\n        float fStop = 0\n    }}\n",
+        focal as f32, FILM_WIDTH as f32, film_height as f32, offsets[0] as f32, offsets[1] as f32
+    );
+}

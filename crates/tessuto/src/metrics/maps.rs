@@ -1,0 +1,214 @@
+//! How good recovered material maps and re-rendered frames are.
+//!
+//! A result holds `material/{diffuse,roughness,metallic}.png` and `rerendered/rgb_000.png …`; the scene
+//! may hold the true maps in `gt/material/`. Maps are resized to the truth's size and compared where the
+//! template's uv covers them.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::resample::bicubic;
+use super::similarity::{correlation, psnr, ssim};
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io;
+use crate::io::scene::coverage::fill_triangle;
+use crate::mesh::Mesh;
+use crate::scene::{Frame, Scene};
+
+/// Likeness of maps and frames to the truth. What cannot be compared is absent.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct MapMetrics {
+    /// PSNR [dB] of the diffuse map, sRGB-encoded.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diffuse_psnr: Option<f64>,
+    /// SSIM of the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diffuse_ssim: Option<f64>,
+    /// PSNR [dB] of the diffuse map, sRGB-encoded, after the best factor per channel in linear space:
+    /// brightness of light and cloth cannot be told apart.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diffuse_psnr_scaled: Option<f64>,
+    /// SSIM of the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diffuse_ssim_scaled: Option<f64>,
+    /// The factors.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub diffuse_scale: Option<[f64; 3]>,
+    /// PSNR [dB] of the roughness map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness_psnr: Option<f64>,
+    /// SSIM of the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness_ssim: Option<f64>,
+    /// Correlation of the same; absent where truth or estimate is constant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub roughness_corr: Option<f64>,
+    /// PSNR [dB] of the metallic map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metallic_psnr: Option<f64>,
+    /// SSIM of the same.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metallic_ssim: Option<f64>,
+    /// Correlation of the same; absent where truth or estimate is constant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub metallic_corr: Option<f64>,
+    /// Mean over the re-rendered frames of the PSNR [dB] inside the observed mask and the crop.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames_psnr: Option<f64>,
+    /// Number of these frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub frames: Option<usize>,
+}
+
+impl MapMetrics {
+    /// Key, value and meaning of the scalars that are there, for people.
+    pub fn rows(&self) -> Vec<(&'static str, f64, &'static str)> {
+        let all = [
+            ("diffuse_psnr", self.diffuse_psnr, "diffuse map, sRGB [dB]"),
+            ("diffuse_ssim", self.diffuse_ssim, "diffuse map, structural similarity"),
+            ("diffuse_psnr_scaled", self.diffuse_psnr_scaled, "… after the best factor per channel [dB]"),
+            ("diffuse_ssim_scaled", self.diffuse_ssim_scaled, "… after the best factor per channel"),
+            ("roughness_psnr", self.roughness_psnr, "roughness map [dB]"),
+            ("roughness_ssim", self.roughness_ssim, "roughness map, structural similarity"),
+            ("roughness_corr", self.roughness_corr, "roughness map, correlation"),
+            ("metallic_psnr", self.metallic_psnr, "metallic map [dB]"),
+            ("metallic_ssim", self.metallic_ssim, "metallic map, structural similarity"),
+            ("metallic_corr", self.metallic_corr, "metallic map, correlation"),
+            ("frames_psnr", self.frames_psnr, "re-rendered frames inside the masks, mean [dB]"),
+        ];
+        all.into_iter().filter_map(|(key, value, label)| value.map(|v| (key, v, label))).collect()
+    }
+}
+
+/// Likeness of the maps and re-rendered frames in the folder `result` to what `scene` has of them;
+/// None where there is nothing to compare.
+///
+/// # Errors
+/// [`Error::Input`] naming the file.
+pub fn evaluate(scene: &Scene, result: &Path) -> Result<Option<MapMetrics>> {
+    let mut metrics = MapMetrics::default();
+    if let Some((estimate, truth, covered)) = pair(scene, result, "diffuse")? {
+        let likeness =
+            |e: &Image| (psnr(&taken(e, &covered), &taken(&truth, &covered)), ssim(e, &truth, &covered));
+        let (ratio, similarity) = likeness(&estimate);
+        (metrics.diffuse_psnr, metrics.diffuse_ssim) = (Some(ratio), similarity);
+        let scale = best_scale(&estimate, &truth, &covered);
+        let (ratio, similarity) = likeness(&scaled(&estimate, scale));
+        (metrics.diffuse_psnr_scaled, metrics.diffuse_ssim_scaled) = (Some(ratio), similarity);
+        metrics.diffuse_scale = Some(scale);
+    }
+    let scalar = |name: &str| -> Result<[Option<f64>; 3]> {
+        let Some((estimate, truth, covered)) = pair(scene, result, name)? else { return Ok([None; 3]) };
+        let (e, t) = (taken(&estimate, &covered), taken(&truth, &covered));
+        Ok([Some(psnr(&e, &t)), ssim(&estimate, &truth, &covered), correlation(&means(&e), &means(&t))])
+    };
+    [metrics.roughness_psnr, metrics.roughness_ssim, metrics.roughness_corr] = scalar("roughness")?;
+    [metrics.metallic_psnr, metrics.metallic_ssim, metrics.metallic_corr] = scalar("metallic")?;
+    if let Some((ratio, count)) = frames(scene, result)? {
+        (metrics.frames_psnr, metrics.frames) = (Some(ratio), Some(count));
+    }
+    Ok((metrics != MapMetrics::default()).then_some(metrics))
+}
+
+/// Estimate at the truth's size, truth, and which texels count; None unless both files exist.
+fn pair(scene: &Scene, result: &Path, name: &str) -> Result<Option<(Image, Image, Vec<bool>)>> {
+    let file = format!("material/{name}.png");
+    let (estimate, truth) = (result.join(&file), scene.folder.join("gt").join(&file));
+    if !estimate.is_file() || !truth.is_file() {
+        return Ok(None);
+    }
+    let truth_map = io::image::read(&truth)?;
+    let covered = uv_coverage(&scene.template, truth_map.width, truth_map.height);
+    if !covered.contains(&true) {
+        return Err(Error::input(
+            truth.display().to_string(),
+            "the template's uv covers none of its pixels",
+            "uv must lie in [0, 1]: correct template.obj",
+        ));
+    }
+    let estimate_map = bicubic(&io::image::read(&estimate)?, truth_map.width, truth_map.height);
+    Ok(Some((estimate_map, truth_map, covered)))
+}
+
+/// Which texels of a map of `width`×`height` the template uses, shape [height · width]; row 0 is v = 1.
+pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
+    let mut covered = vec![false; width * height];
+    // The corners of the picture are the centres of its corner texels.
+    let scale = glam::DVec2::new(width as f64 - 1.0, height as f64 - 1.0);
+    for triangle in template.triangle_uvs() {
+        let corners = triangle.map(|k| {
+            let uv = template.uvs[k as usize];
+            glam::DVec2::new(uv.x, 1.0 - uv.y) * scale
+        });
+        fill_triangle(corners, [width, height], true, |x, y| covered[y * width + x] = true);
+    }
+    covered
+}
+
+/// The covered pixels' values, shape [covered, channels].
+fn taken(image: &Image, covered: &[bool]) -> Vec<f32> {
+    let pixels = image.data.chunks_exact(image.channels).zip(covered);
+    pixels.filter(|(_, c)| **c).flat_map(|(p, _)| p.iter().copied()).collect()
+}
+
+/// Means of three channels each.
+fn means(values: &[f32]) -> Vec<f32> {
+    values.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect()
+}
+
+fn linear_from_srgb(s: f64) -> f64 {
+    if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+}
+
+fn srgb_from_linear(l: f64) -> f64 {
+    if l <= 0.0031308 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// argmin_k ‖k e − t‖² per channel of linear colour: Σ e t / Σ e².
+fn best_scale(estimate: &Image, truth: &Image, covered: &[bool]) -> [f64; 3] {
+    let (mut et, mut ee) = ([0.0; 3], [0.0; 3]);
+    let pixels = estimate.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).zip(covered);
+    for ((e, t), _) in pixels.filter(|(_, covered)| **covered) {
+        for c in 0..3 {
+            let (e, t) = (linear_from_srgb(e[c].into()), linear_from_srgb(t[c].into()));
+            et[c] += e * t;
+            ee[c] += e * e;
+        }
+    }
+    std::array::from_fn(|c| et[c] / f64::max(ee[c], 1e-12))
+}
+
+fn scaled(image: &Image, scale: [f64; 3]) -> Image {
+    let value = |(k, v): (usize, &f32)| {
+        srgb_from_linear((linear_from_srgb((*v).into()) * scale[k % 3]).clamp(0.0, 1.0)) as f32
+    };
+    Image { data: image.data.iter().enumerate().map(value).collect(), ..*image }
+}
+
+/// Mean PSNR [dB] of the re-rendered frames and their number.
+fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
+    let ratio = |(k, observed): (usize, &Frame)| -> Result<Option<f64>> {
+        let path = result.join(format!("rerendered/rgb_{:03}.png", scene.first_frame + k));
+        if !path.is_file() {
+            return Ok(None);
+        }
+        let picture = io::image::open(&path)?;
+        picture.expect_size(scene.full_size)?;
+        let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m > 0.5).collect();
+        let (a, b) = (taken(&picture.rgb(scene.crop), &covered), taken(&observed.rgb, &covered));
+        Ok((!a.is_empty()).then(|| psnr(&a, &b)))
+    };
+    let ratios: Vec<Option<f64>> = scene
+        .frames
+        .par_iter()
+        .enumerate()
+        .map(ratio)
+        .collect::<Vec<_>>()
+        .into_iter()
+        .collect::<Result<_>>()?;
+    let found: Vec<f64> = ratios.into_iter().flatten().collect();
+    Ok((!found.is_empty()).then(|| (found.iter().sum::<f64>() / found.len() as f64, found.len())))
+}

@@ -1,0 +1,131 @@
+//! How alike two pictures are: PSNR, SSIM and correlation.
+
+use crate::image::Image;
+
+/// Peak signal-to-noise ratio [dB] of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
+pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    let squared = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
+    -10.0 * (squared.sum::<f64>() / a.len() as f64).max(1e-12).log10()
+}
+
+/// Pearson's correlation; None where either is (nearly) constant.
+pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
+    assert_eq!(a.len(), b.len());
+    let count = a.len() as f64;
+    let mean = |v: &[f32]| v.iter().map(|v| f64::from(*v)).sum::<f64>() / count;
+    let (ma, mb) = (mean(a), mean(b));
+    let (mut aa, mut bb, mut ab) = (0.0, 0.0, 0.0);
+    for (a, b) in a.iter().zip(b) {
+        let (da, db) = (f64::from(*a) - ma, f64::from(*b) - mb);
+        aa += da * da;
+        bb += db * db;
+        ab += da * db;
+    }
+    // A quarter of a grey level of 8 bits: less is no variation of a picture.
+    let constant = |sum: f64| (sum / count).sqrt() < 1e-3;
+    (!a.is_empty() && !constant(aa) && !constant(bb)).then(|| ab / (aa * bb).sqrt())
+}
+
+/// Half the width of the window [px].
+const RADIUS: usize = 5;
+
+/// Structural similarity in [−1, 1] of pictures in [0, 1]: mean over channels and over all 11×11
+/// windows that lie wholly in the covered part, weighted by a Gaussian of σ = 1.5 px; None without one.
+///
+/// - `covered`: shape [height · width]
+///
+/// Source: Wang et al. 2004, "Image quality assessment: from error visibility to structural
+/// similarity", eq. 13, K1 = 0.01, K2 = 0.03.
+pub fn ssim(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
+    assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
+    const C1: f64 = 0.01 * 0.01;
+    const C2: f64 = 0.03 * 0.03;
+    let whole = windows(covered, a.width, a.height);
+    let count = whole.iter().filter(|w| **w).count();
+    if count == 0 {
+        return None;
+    }
+    let mut total = 0.0;
+    for c in 0..a.channels {
+        let plane = |of: &dyn Fn(f64, f64) -> f64| {
+            let values = a.data.iter().zip(&b.data).skip(c).step_by(a.channels);
+            blurred(values.map(|(a, b)| of(f64::from(*a), f64::from(*b))).collect(), a.width)
+        };
+        let (ma, mb) = (plane(&|a, _| a), plane(&|_, b| b));
+        let (aa, bb, ab) = (plane(&|a, _| a * a), plane(&|_, b| b * b), plane(&|a, b| a * b));
+        for k in (0..whole.len()).filter(|k| whole[*k]) {
+            let (m2, mab) = (ma[k] * ma[k] + mb[k] * mb[k], ma[k] * mb[k]);
+            let (variances, covariance) = (aa[k] + bb[k] - m2, ab[k] - mab);
+            total += (2.0 * mab + C1) * (2.0 * covariance + C2) / ((m2 + C1) * (variances + C2));
+        }
+    }
+    Some(total / (count * a.channels) as f64)
+}
+
+/// Which pixels are centres of windows that lie wholly in the picture and are wholly covered.
+fn windows(covered: &[bool], width: usize, height: usize) -> Vec<bool> {
+    // How many pixels in a row, up to this one, are covered; then the same down the columns.
+    let mut whole = vec![false; covered.len()];
+    let mut down = vec![0usize; width];
+    for y in 0..height {
+        let mut along = 0;
+        for x in 0..width {
+            along = if covered[y * width + x] { along + 1 } else { 0 };
+            down[x] = if along > 2 * RADIUS { down[x] + 1 } else { 0 };
+            if down[x] > 2 * RADIUS {
+                whole[(y - RADIUS) * width + x - RADIUS] = true;
+            }
+        }
+    }
+    whole
+}
+
+/// `plane` under a Gaussian of σ = 1.5 px; right where [`windows`] is true.
+fn blurred(plane: Vec<f64>, width: usize) -> Vec<f64> {
+    let mut weights: [f64; 2 * RADIUS + 1] = std::array::from_fn(|k| {
+        let x = k as f64 - RADIUS as f64;
+        (-0.5 * (x / 1.5) * (x / 1.5)).exp()
+    });
+    let sum: f64 = weights.iter().sum();
+    weights.iter_mut().for_each(|w| *w /= sum);
+    let along = |plane: &[f64], stride: usize| {
+        let mut out = vec![0.0; plane.len()];
+        let reach = RADIUS * stride;
+        for at in reach..plane.len().saturating_sub(reach) {
+            let taps = weights.iter().enumerate();
+            out[at] = taps.map(|(k, w)| w * plane[at + k * stride - reach]).sum();
+        }
+        out
+    };
+    along(&along(&plane, 1), width)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn similarity_of_constant_pictures_is_the_luminance_term() {
+        let grey = |v: f32| Image { width: 13, height: 12, channels: 3, data: vec![v; 13 * 12 * 3] };
+        let covered = vec![true; 13 * 12];
+        let expected = (2.0 * 0.25 * 0.5 + 1e-4) / (0.0625 + 0.25 + 1e-4);
+        let found = ssim(&grey(0.25), &grey(0.5), &covered).unwrap();
+        assert!((found - expected).abs() < 1e-9, "{found} for {expected}");
+        assert!((ssim(&grey(0.5), &grey(0.5), &covered).unwrap() - 1.0).abs() < 1e-9);
+        let mut holed = covered.clone();
+        holed[5 * 13 + 6] = false;
+        assert_eq!(ssim(&grey(0.5), &grey(0.5), &holed), None);
+    }
+
+    #[test]
+    fn closed_forms_of_psnr_and_correlation() {
+        assert!((psnr(&[0.5, 0.6], &[0.4, 0.7]) - 20.0).abs() < 1e-5);
+        assert_eq!(psnr(&[0.5], &[0.5]), 120.0);
+        let ramp = [0.1, 0.2, 0.3, 0.4];
+        let near = |found: Option<f64>, expected: f64| (found.unwrap() - expected).abs() < 1e-6;
+        assert!(near(correlation(&ramp, &ramp.map(|v| 0.9 - 2.0 * v)), -1.0));
+        assert!(near(correlation(&ramp, &[0.0, 1.0, 1.0, 0.0]), 0.0));
+        assert_eq!(correlation(&ramp, &[0.5; 4]), None);
+    }
+}

@@ -1,0 +1,176 @@
+#!/usr/bin/env python3
+"""Check exported files with the programs they are meant for.
+
+usage: check_exports.py RESULT [--tessuto PROGRAM]
+
+Exports RESULT (a folder of `tessuto reconstruct`) to every format into a temporary folder and checks
+  glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame
+  usd   usd-core: loads, compliance checker, vertices, frame rate, projection by the exported camera; import in Blender
+  obj, ply, pc2, npz   vertices of every frame
+against RESULT/motion.npy. Needs `pip install numpy bpy==5.0.1 usd-core` (Python 3.11) and, where it is run,
+`npm install gltf-validator`. Exit status 0: all passed.
+"""
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+TOLERANCE = 1e-5  # metres
+failures = []
+
+
+def report(what, passed, detail=""):
+    print(f"{'ok  ' if passed else 'FAIL'} {what}{'  ' + detail if detail else ''}", flush=True)
+    if not passed:
+        failures.append(what)
+
+
+def distance(what, found, expected):
+    found, expected = np.asarray(found, float), np.asarray(expected, float)
+    if found.shape != expected.shape:
+        return report(what, False, f"shape {found.shape}, expected {expected.shape}")
+    error = np.abs(found - expected).max()
+    report(what, error <= TOLERANCE, f"largest error {error:.1e} m")
+
+
+def check_npz(folder, name, motion, y_up):
+    data = np.load(folder / f"{name}.npz")
+    report("npz: motion, bit for bit", np.array_equal(data["motion"], motion))
+    report("npz: keys", True, " ".join(f"{k}{list(data[k].shape)}" for k in data))
+
+
+def check_pc2(folder, name, motion, y_up):
+    raw = (folder / f"{name}.pc2").read_bytes()
+    version, vertices = np.frombuffer(raw, "<i4", 2, 12)
+    samples = np.frombuffer(raw, "<i4", 1, 28)[0]
+    report("pc2: header", raw[:12] == b"POINTCACHE2\0" and (version, vertices, samples) == (1, *motion.shape[1::-1]))
+    distance("pc2: vertices", np.frombuffer(raw, "<f4", offset=32).reshape(motion.shape), y_up)
+
+
+def check_sequences(folder, name, motion, y_up):
+    read = lambda p: [[float(w) for w in l.split()[1:]] for l in p.read_text().splitlines() if l.startswith("v ")]
+    distance("obj: vertices of every frame", [read(p) for p in sorted((folder / f"{name}_obj").glob("*.obj"))], y_up)
+    frames = []
+    for path in sorted((folder / f"{name}_ply").glob("*.ply")):
+        raw = path.read_bytes()
+        end = raw.index(b"end_header\n") + 11
+        width = raw[:end].count(b"property float")
+        frames.append(np.frombuffer(raw, "<f4", motion.shape[1] * width, end).reshape(-1, width)[:, :3])
+    distance("ply: vertices of every frame", frames, y_up)
+
+
+def check_validator(folder, name):
+    code = """const v = require('gltf-validator'), fs = require('fs');
+        v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1]))).then(r => console.log(JSON.stringify(r)))"""
+    run = subprocess.run(["node", "-e", code, folder / f"{name}.glb"], capture_output=True, text=True)
+    if run.returncode:
+        return report("glb: validator runs", False, run.stderr.strip().splitlines()[-1] + " (npm install gltf-validator)")
+    issues = json.loads(run.stdout)["issues"]
+    counts = {k: issues[k] for k in ("numErrors", "numWarnings", "numInfos")}
+    report("glb: Khronos validator", not counts["numErrors"] and not counts["numWarnings"], str(counts))
+    for message in {(m["severity"], m["code"], m["message"]) for m in issues["messages"]}:
+        print("     ", *message)
+
+
+def check_usd(folder, name, motion, y_up):
+    from pxr import Gf, Usd, UsdGeom, UsdShade, UsdUtils
+
+    path = str(folder / f"{name}.usda")
+    stage = Usd.Stage.Open(path)
+    checker = UsdUtils.ComplianceChecker(arkit=False, skipARKitRootLayerCheck=True)
+    checker.CheckCompliance(path)
+    problems = checker.GetErrors() + checker.GetFailedChecks() + checker.GetWarnings()
+    report("usd: compliance checker", not problems, "; ".join(problems))
+    try:
+        from pxr import UsdValidation
+
+        found = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators()).Validate(stage)
+        report("usd: UsdValidation", not found, "; ".join(e.GetMessage() for e in found))
+    except ImportError:
+        pass
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/{name}/Fabric"))
+    points = [mesh.GetPointsAttr().Get(n) for n in range(len(motion))]
+    distance("usd: vertices of every frame", points, y_up)
+    normals = np.array([mesh.GetNormalsAttr().Get(n) for n in range(len(motion))])
+    report("usd: unit normals", np.abs(np.linalg.norm(normals, axis=-1) - 1).max() < 1e-5)
+    report("usd: upAxis, unit", UsdGeom.GetStageUpAxis(stage) == "Y" and UsdGeom.GetStageMetersPerUnit(stage) == 1.0)
+    parameters = json.loads((Path(args.result) / "parameters.json").read_text())
+    fps = parameters["frame_rate"]["value"]
+    report("usd: frame rate", stage.GetTimeCodesPerSecond() == fps and stage.GetEndTimeCode() == len(motion) - 1, f"{fps} 1/s")
+    material, _ = UsdShade.MaterialBindingAPI(mesh.GetPrim()).ComputeBoundMaterial()
+    textures = [s for s in Usd.PrimRange(material.GetPrim()) if UsdShade.Shader(s).GetIdAttr().Get() == "UsdUVTexture"] if material else []
+    resolved = [UsdShade.Shader(t).GetInput("file").Get().resolvedPath for t in textures]
+    report("usd: textures resolve", bool(resolved) and all(resolved), " ".join(Path(r).name for r in resolved))
+    camera = parameters.get("camera")
+    if camera:
+        frustum = UsdGeom.Camera(stage.GetPrimAtPath(f"/{name}/Camera")).GetCamera(0).frustum
+        ndc = np.array([frustum.ComputeViewMatrix().Transform(Gf.Vec3d(*map(float, p))) for p in points[0]])
+        ndc = np.array([frustum.ComputeProjectionMatrix().Transform(Gf.Vec3d(*p)) for p in ndc])
+        w, h = camera["width"], camera["height"]
+        pixel = np.stack([(ndc[:, 0] + 1) / 2 * w - 0.5, (1 - ndc[:, 1]) / 2 * h - 0.5], 1)
+        x, y, z = motion[0].T.astype(float)
+        expected = np.stack([camera["fx"] * x / z + camera["cx"], camera["fy"] * y / z + camera["cy"]], 1)
+        error = np.abs(pixel - expected).max()
+        report("usd: projection by the camera", error < 1e-2, f"largest error {error:.1e} px")
+
+
+def check_blender(folder, name, motion, fps):
+    import bpy
+
+    blender = lambda m: np.stack([m[..., 0], m[..., 2], -m[..., 1]], -1)  # z up
+    for kind in ("glb", "usda"):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        scene = bpy.context.scene
+        scene.render.fps, scene.render.fps_base = round(fps), round(fps) / fps
+        start = time.time()
+        if kind == "glb":
+            bpy.ops.import_scene.gltf(filepath=str(folder / f"{name}.glb"))
+        else:
+            bpy.ops.wm.usd_import(filepath=str(folder / f"{name}.usda"))
+        seconds = time.time() - start
+        meshes = [o for o in scene.objects if o.type == "MESH"]
+        # glTF times start at frame 0 here: keys are at time · fps.
+        frames = []
+        for n in range(len(motion)):
+            scene.frame_set(n)
+            graph = bpy.context.evaluated_depsgraph_get()
+            visible = [o for o in meshes if o.evaluated_get(graph).matrix_world.determinant() > 1e-6]
+            obj = visible[0].evaluated_get(graph)
+            mesh = obj.to_mesh()
+            values = np.empty(3 * len(mesh.vertices))
+            mesh.vertices.foreach_get("co", values)
+            world = np.array(obj.matrix_world)
+            frames.append(values.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
+            obj.to_mesh_clear()
+        distance(f"{kind}: vertices of every frame in Blender {bpy.app.version_string}", frames, blender(motion))
+        images = [i.name for i in bpy.data.images if i.size[0]]
+        report(f"{kind}: material and pictures in Blender", bool(images) and bool(meshes[0].material_slots), f"{images}, import {seconds:.2f} s")
+        cameras = [o for o in scene.objects if o.type == "CAMERA"]
+        report(f"{kind}: camera in Blender", bool(cameras))
+
+
+parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+parser.add_argument("result")
+parser.add_argument("--tessuto", default=Path(__file__).parent / "../target/release/tessuto")
+args = parser.parse_args()
+motion = np.load(Path(args.result) / "motion.npy")
+y_up = motion * [1, -1, -1]
+with tempfile.TemporaryDirectory() as temporary:
+    folder = Path(temporary)
+    start = time.time()
+    subprocess.run([args.tessuto, "export", args.result, "--to", "glb,usd,obj,ply,pc2,npz", "--out", folder], check=True, stdout=subprocess.DEVNULL)
+    report("export to all formats", True, f"{time.time() - start:.2f} s, {sum(p.stat().st_size for p in folder.rglob('*') if p.is_file()) / 1e6:.1f} MB")
+    name = next(folder.glob("*.glb")).stem
+    check_npz(folder, name, motion, y_up)
+    check_pc2(folder, name, motion, y_up)
+    check_sequences(folder, name, motion, y_up)
+    check_validator(folder, name)
+    check_usd(folder, name, motion, y_up)
+    check_blender(folder, name, motion, json.loads((Path(args.result) / "parameters.json").read_text())["frame_rate"]["value"])
+print(f"{len(failures)} failures" if failures else "all passed")
+sys.exit(bool(failures))
