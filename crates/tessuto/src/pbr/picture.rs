@@ -1,0 +1,66 @@
+//! Pictures of the cloth under a light.
+
+use rayon::prelude::*;
+
+use super::{Estimate, Geometry, Light, Material, Shader, see, srgb};
+use crate::camera::Camera;
+use crate::image::Image;
+use crate::math::rng::mix32;
+use crate::raster::{Rasterizer, Rendering};
+use crate::scene::Shape;
+
+/// What a picture shows.
+#[derive(Debug, Clone, Copy)]
+pub struct Cloth<'a> {
+    /// The template's rasteriser.
+    pub rasterizer: &'a Rasterizer,
+    /// The whole motion.
+    pub geometry: &'a Geometry,
+    /// Its material.
+    pub material: &'a Material,
+    /// The light.
+    pub light: &'a Light,
+}
+
+/// Draws frame `frame`, whose vertices are at `shape`, as `camera` sees it from the origin, with `passes` passes of
+/// eight samples per pixel: sRGB in 0…1 on black, shape [height, width, 3].
+pub fn picture(cloth: &Cloth, camera: &Camera, (frame, shape): (usize, &Shape), passes: usize) -> Image {
+    let mut rendering = Rendering::new();
+    let seen = see(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering);
+    let shader = Shader { geometry: cloth.geometry, material: cloth.material, light: cloth.light };
+    let seed = mix32(frame as u32 ^ 0x7e55_0170);
+    let colours: Vec<[f32; 3]> = seen
+        .par_iter()
+        .with_min_len(256)
+        .map_init(Estimate::default, |estimate, (pixel, point)| {
+            shader.estimate(point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
+            estimate.colour
+        })
+        .collect();
+    let (width, height) = (camera.width, camera.height);
+    let mut linear: Vec<Option<[f32; 3]>> = vec![None; width * height];
+    for ((pixel, _), colour) in seen.iter().zip(colours) {
+        linear[*pixel as usize] = Some(colour);
+    }
+    let mut picture = Image::new(width, height, 3);
+    for y in 0..height {
+        for x in 0..width {
+            let coverage = rendering.rgba[y * width + x][3].clamp(0.0, 1.0);
+            if coverage == 0.0 {
+                continue;
+            }
+            // A pixel whose centre just misses the cloth has a neighbour's colour.
+            let candidates =
+                [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+            let near = candidates
+                .into_iter()
+                .filter(|&(x, y)| x < width && y < height)
+                .find_map(|(x, y)| linear[y * width + x]);
+            if let Some(colour) = near {
+                let value = colour.map(|l| srgb::encode(l * coverage).clamp(0.0, 1.0));
+                picture.pixel_mut(x, y).copy_from_slice(&value);
+            }
+        }
+    }
+    picture
+}

@@ -1,0 +1,174 @@
+//! Cameras that move about the fabric.
+
+use glam::{DMat3, DVec3};
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::pbr::Environment;
+use crate::scene::Shape;
+
+/// Margin around the fabric, as a share of the picture.
+const MARGIN: f64 = 0.05;
+/// Nearest that a vertex may come to the camera [m].
+const NEAREST: f64 = 0.05;
+
+/// A camera somewhere: a point x of the recording camera's frame is at R x + t in this one's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Viewpoint {
+    /// R, axes as in OpenCV.
+    pub rotation: DMat3,
+    /// t [m].
+    pub translation: DVec3,
+    /// Intrinsics.
+    pub camera: Camera,
+}
+
+impl Viewpoint {
+    /// Where the recording camera was.
+    pub fn original(camera: Camera) -> Self {
+        Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO, camera }
+    }
+
+    /// Turned about the middle of the fabric by `left` and `up` [rad] as seen from the recording camera, looking at
+    /// that middle, and as near as the whole `motion`, shape [N, V], fits into the picture.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] unless |`up`| < 90°.
+    pub fn about(motion: &[Shape], camera: Camera, left: f64, up: f64) -> Result<Self> {
+        if !left.is_finite() || !(up.abs() < std::f64::consts::FRAC_PI_2) {
+            let angles = format!("camera {}° to the left, {}° up", left.to_degrees(), up.to_degrees());
+            return Err(Error::usage(angles, "up must lie between -90 and 90"));
+        }
+        let vertices = || motion.iter().flatten().copied();
+        let low = vertices().reduce(DVec3::min).unwrap_or(DVec3::ZERO);
+        let high = vertices().reduce(DVec3::max).unwrap_or(DVec3::ZERO);
+        let middle = (low + high) / 2.0;
+        let right = DVec3::new(left.cos(), 0.0, -left.sin());
+        let level = DVec3::new(left.sin(), 0.0, left.cos());
+        let forward = level * up.cos() + DVec3::Y * up.sin();
+        let down = forward.cross(right);
+        let rotation = DMat3::from_cols(right, down, forward).transpose();
+        let (width, height) = (camera.width as f64, camera.height as f64);
+        let camera = Camera { cx: (width - 1.0) / 2.0, cy: (height - 1.0) / 2.0, ..camera };
+        let room = [width, height].map(|n| n * (0.5 - MARGIN));
+        let distance = vertices()
+            .map(|x| {
+                let q = rotation * (x - middle);
+                let [across, along] = [camera.fx * q.x.abs() / room[0], camera.fy * q.y.abs() / room[1]];
+                across.max(along).max(NEAREST) - q.z
+            })
+            .fold(NEAREST, f64::max);
+        Ok(Self { rotation, translation: DVec3::Z * distance - rotation * middle, camera })
+    }
+
+    /// The same view in a picture of `size` pixels: as large as it fits.
+    #[must_use]
+    pub fn sized(self, [width, height]: [usize; 2]) -> Self {
+        let c = self.camera;
+        let scale = f64::min(width as f64 / c.width as f64, height as f64 / c.height as f64);
+        // Pixel centres are at whole numbers, so the picture's middle is at (n − 1)/2.
+        let moved = |at: f64, old: usize, new: usize| {
+            (at - (old as f64 - 1.0) / 2.0) * scale + (new as f64 - 1.0) / 2.0
+        };
+        let camera = Camera {
+            fx: c.fx * scale,
+            fy: c.fy * scale,
+            cx: moved(c.cx, c.width, width),
+            cy: moved(c.cy, c.height, height),
+            width,
+            height,
+        };
+        Self { camera, ..self }
+    }
+
+    /// `shape` in this camera's frame.
+    pub fn shape(&self, shape: &Shape) -> Shape {
+        shape.iter().map(|x| self.rotation * *x + self.translation).collect()
+    }
+
+    /// `environment` in this camera's frame, each texel the mean of four directions of the old one.
+    pub fn environment(&self, environment: &Environment) -> Environment {
+        if self.rotation == DMat3::IDENTITY {
+            return environment.clone();
+        }
+        let fine = Environment::uniform(2 * environment.width, 2 * environment.height, [0.0; 3]);
+        let back = self.rotation.transpose();
+        let mut turned = Environment::uniform(environment.width, environment.height, [0.0; 3]);
+        for row in 0..fine.height {
+            for column in 0..fine.width {
+                let from = environment.texels[environment.texel_of(back * fine.direction(column, row))];
+                let texel = &mut turned.texels[row / 2 * environment.width + column / 2];
+                texel.iter_mut().zip(from).for_each(|(t, f)| *t += 0.25 * f);
+            }
+        }
+        turned
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CAMERA: Camera = Camera { fx: 500.0, fy: 480.0, cx: 330.0, cy: 230.0, width: 640, height: 480 };
+
+    fn motion() -> Vec<Shape> {
+        let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
+        vec![
+            vec![corner(-0.3, -0.2, 1.0), corner(0.3, 0.2, 1.0)],
+            vec![corner(-0.3, -0.2, 1.2), corner(0.3, 0.2, 1.1)],
+        ]
+    }
+
+    #[test]
+    fn the_whole_motion_is_seen_and_fills_the_picture() {
+        for (left, up) in [(45f64, 0f64), (-80.0, 30.0), (180.0, -60.0)] {
+            let view = Viewpoint::about(&motion(), CAMERA, left.to_radians(), up.to_radians()).unwrap();
+            let pixels: Vec<_> =
+                motion().iter().flat_map(|s| view.shape(s)).map(|x| (x.z, view.camera.project(x))).collect();
+            assert!(pixels.iter().all(|(z, p)| *z > 0.0
+                && (0.0..639.0).contains(&p.x)
+                && (0.0..479.0).contains(&p.y)));
+            let reach = |f: fn(&glam::DVec2) -> f64, n: f64| {
+                pixels.iter().map(|(_, p)| (f(p) / n - 0.5).abs()).fold(0.0, f64::max)
+            };
+            let widest = reach(|p| p.x, 639.0).max(reach(|p| p.y, 479.0));
+            assert!((0.4..0.46).contains(&widest), "{left} {up}: {widest}");
+        }
+    }
+
+    #[test]
+    fn to_the_left_means_that_the_left_border_comes_nearer() {
+        let view = Viewpoint::about(&motion(), CAMERA, 45f64.to_radians(), 0.0).unwrap();
+        let x = view.shape(&motion()[0]);
+        assert!(x[0].z < x[1].z && x[0].x < x[1].x, "{x:?}");
+        assert!((view.rotation.determinant() - 1.0).abs() < 1e-12);
+        assert!(Viewpoint::about(&motion(), CAMERA, 0.0, 2.0).is_err());
+    }
+
+    #[test]
+    fn the_light_turns_with_the_camera() {
+        let mut sky = Environment::uniform(64, 32, [0.0; 3]);
+        let up = sky.texel_of(-DVec3::Y + 1e-3 * DVec3::Z);
+        let right = sky.texel_of(DVec3::X);
+        sky.texels[up] = [7.0; 3];
+        sky.texels[right] = [5.0; 3];
+        let view = Viewpoint::about(&motion(), CAMERA, 90f64.to_radians(), 0.0).unwrap();
+        let turned = view.environment(&sky);
+        // From the left border, looking to the right: what was at the right is ahead.
+        let ahead = turned.texels[turned.texel_of(DVec3::new(0.05, 0.05, 1.0).normalize())];
+        let power = |e: &Environment| -> f64 {
+            let rows = e.texels.chunks_exact(e.width).enumerate();
+            rows.map(|(r, t)| t.iter().map(|t| f64::from(t[0])).sum::<f64>() * e.solid_angle(r)).sum()
+        };
+        assert!(ahead[0] > 0.5, "{ahead:?}");
+        assert!((power(&turned) / power(&sky) - 1.0).abs() < 0.3);
+    }
+
+    #[test]
+    fn another_size_shows_the_same() {
+        let view = Viewpoint::original(CAMERA).sized([1280, 960]);
+        let p = DVec3::new(0.1, -0.05, 1.0);
+        let (small, large) = (CAMERA.project(p), view.camera.project(p));
+        assert!((large - (small * 2.0 + glam::DVec2::splat(0.5))).length() < 1e-9);
+    }
+}
