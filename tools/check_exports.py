@@ -6,7 +6,7 @@ usage: check_exports.py RESULT [--tessuto PROGRAM]
 Exports RESULT (a folder of `tessuto reconstruct`) to every format into a temporary folder and checks
   glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame
   usd   usd-core: loads, compliance checker, vertices, frame rate, projection by the exported camera; import in Blender
-  obj, ply, pc2, npz   vertices of every frame
+  obj, ply, pc2, npz   vertices of every frame; pc2 in Blender too
 against RESULT/motion.npy. Needs `pip install numpy bpy==5.0.1 usd-core` (Python 3.11) and, where it is run,
 `npm install gltf-validator`. Exit status 0: all passed.
 """
@@ -38,7 +38,7 @@ def distance(what, found, expected):
     report(what, error <= TOLERANCE, f"largest error {error:.1e} m")
 
 
-def check_npz(folder, name, motion, y_up):
+def check_npz(folder, name, motion):
     data = np.load(folder / f"{name}.npz")
     report("npz: motion, bit for bit", np.array_equal(data["motion"], motion))
     report("npz: keys", True, " ".join(f"{k}{list(data[k].shape)}" for k in data))
@@ -53,7 +53,9 @@ def check_pc2(folder, name, motion, y_up):
 
 
 def check_sequences(folder, name, motion, y_up):
-    read = lambda p: [[float(w) for w in l.split()[1:]] for l in p.read_text().splitlines() if l.startswith("v ")]
+    def read(path):
+        return [[float(w) for w in line.split()[1:]] for line in path.read_text().splitlines() if line.startswith("v ")]
+
     distance("obj: vertices of every frame", [read(p) for p in sorted((folder / f"{name}_obj").glob("*.obj"))], y_up)
     frames = []
     for path in sorted((folder / f"{name}_ply").glob("*.ply")):
@@ -82,17 +84,17 @@ def check_usd(folder, name, motion, y_up):
 
     path = str(folder / f"{name}.usda")
     stage = Usd.Stage.Open(path)
-    checker = UsdUtils.ComplianceChecker(arkit=False, skipARKitRootLayerCheck=True)
-    checker.CheckCompliance(path)
-    problems = checker.GetErrors() + checker.GetFailedChecks() + checker.GetWarnings()
-    report("usd: compliance checker", not problems, "; ".join(problems))
-    try:
+    # The compliance checker: UsdUtils.ComplianceChecker up to 26.05, the validation framework since.
+    if hasattr(UsdUtils, "ComplianceChecker"):
+        checker = UsdUtils.ComplianceChecker(arkit=False)
+        checker.CheckCompliance(path)
+        problems = checker.GetErrors() + checker.GetFailedChecks() + checker.GetWarnings()
+    else:
         from pxr import UsdValidation
 
-        found = UsdValidation.ValidationContext(UsdValidation.ValidationRegistry().GetOrLoadAllValidators()).Validate(stage)
-        report("usd: UsdValidation", not found, "; ".join(e.GetMessage() for e in found))
-    except ImportError:
-        pass
+        validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+        problems = [e.GetMessage() for e in UsdValidation.ValidationContext(validators).Validate(stage)]
+    report("usd: compliance checker", not problems, "; ".join(problems))
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/{name}/Fabric"))
     points = [mesh.GetPointsAttr().Get(n) for n in range(len(motion))]
     distance("usd: vertices of every frame", points, y_up)
@@ -122,7 +124,7 @@ def check_usd(folder, name, motion, y_up):
 def check_blender(folder, name, motion, fps):
     import bpy
 
-    blender = lambda m: np.stack([m[..., 0], m[..., 2], -m[..., 1]], -1)  # z up
+    z_up = np.stack([motion[..., 0], motion[..., 2], -motion[..., 1]], -1)
     for kind in ("glb", "usda"):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         scene = bpy.context.scene
@@ -147,11 +149,38 @@ def check_blender(folder, name, motion, fps):
             world = np.array(obj.matrix_world)
             frames.append(values.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
             obj.to_mesh_clear()
-        distance(f"{kind}: vertices of every frame in Blender {bpy.app.version_string}", frames, blender(motion))
+        distance(f"{kind}: vertices of every frame in Blender {bpy.app.version_string}", frames, z_up)
+        arrays = np.load(folder / f"{name}.npz")
+        if len(arrays["uv"]) == motion.shape[1] and np.array_equal(arrays["face_uvs"], arrays["face_vertices"]):
+            mesh = meshes[0].data
+            found, corner = np.empty(2 * len(mesh.loops)), np.empty(len(mesh.loops), int)
+            mesh.uv_layers[0].data.foreach_get("uv", found)
+            mesh.loops.foreach_get("vertex_index", corner)
+            error = np.abs(found.reshape(-1, 2) - arrays["uv"][corner]).max()
+            report(f"{kind}: uv in Blender, v = 0 below", error < 1e-6, f"largest error {error:.1e}")
         images = [i.name for i in bpy.data.images if i.size[0]]
         report(f"{kind}: material and pictures in Blender", bool(images) and bool(meshes[0].material_slots), f"{images}, import {seconds:.2f} s")
         cameras = [o for o in scene.objects if o.type == "CAMERA"]
         report(f"{kind}: camera in Blender", bool(cameras))
+
+
+def check_cache(folder, name, motion):
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.obj_import(filepath=str(folder / f"{name}_pc2.obj"))
+    cloth = bpy.context.object
+    cache = cloth.modifiers.new("motion", "MESH_CACHE")
+    cache.cache_format, cache.filepath = "PC2", str(folder / f"{name}.pc2")
+    frames = []
+    for n in range(len(motion)):
+        bpy.context.scene.frame_set(n)
+        obj = cloth.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        values = np.array([obj.matrix_world @ v.co for v in obj.to_mesh().vertices])
+        frames.append(values)
+        obj.to_mesh_clear()
+    z_up = np.stack([motion[..., 0], motion[..., 2], -motion[..., 1]], -1)
+    distance(f"pc2: vertices of every frame in Blender {bpy.app.version_string}", frames, z_up)
 
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -166,11 +195,12 @@ with tempfile.TemporaryDirectory() as temporary:
     subprocess.run([args.tessuto, "export", args.result, "--to", "glb,usd,obj,ply,pc2,npz", "--out", folder], check=True, stdout=subprocess.DEVNULL)
     report("export to all formats", True, f"{time.time() - start:.2f} s, {sum(p.stat().st_size for p in folder.rglob('*') if p.is_file()) / 1e6:.1f} MB")
     name = next(folder.glob("*.glb")).stem
-    check_npz(folder, name, motion, y_up)
+    check_npz(folder, name, motion)
     check_pc2(folder, name, motion, y_up)
     check_sequences(folder, name, motion, y_up)
     check_validator(folder, name)
     check_usd(folder, name, motion, y_up)
     check_blender(folder, name, motion, json.loads((Path(args.result) / "parameters.json").read_text())["frame_rate"]["value"])
+    check_cache(folder, name, motion)
 print(f"{len(failures)} failures" if failures else "all passed")
 sys.exit(bool(failures))

@@ -53,7 +53,14 @@ fn same_bytes_for_any_threads(settings: &[&str]) -> TempDir {
         arguments.extend(settings);
         succeed(&arguments);
     }
-    for name in ["motion.npy", "forces.npy", "parameters.json", "texture.png"] {
+    for name in [
+        "motion.npy",
+        "forces.npy",
+        "parameters.json",
+        "texture.png",
+        "export/scene.glb",
+        "export/scene.usda",
+    ] {
         let read = |threads| std::fs::read(folder.path().join(threads).join(name)).unwrap();
         assert!(read("1") == read("2"), "{name} depends on the number of threads ({settings:?})");
     }
@@ -79,6 +86,32 @@ fn default_preset_repeats_for_any_threads_and_simulate_replays_it() {
 
     let table = succeed(&["evaluate", text(&scene()), text(&result)]);
     assert!(table.contains("vertex"), "{table}");
+}
+
+#[test]
+fn export_writes_every_format_and_replaces_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("result");
+    succeed(&[
+        "reconstruct",
+        text(&scene()),
+        "--out",
+        text(&out),
+        "--frames",
+        "0..2",
+        "--set",
+        "texture.size=32",
+    ]);
+    let said = fail(3, &["export", text(&out), "--to", "npz,usd"]);
+    assert!(said.contains("scene.usda") && said.contains("--force"), "{said}");
+    assert!(!out.join("export/scene.npz").exists());
+    let listed = succeed(&["export", text(&out), "--to", "glb,usd,obj,ply,pc2,npz", "--force"]);
+    for path in listed.lines() {
+        assert!(Path::new(path).exists(), "{path}");
+    }
+    assert_eq!(listed.lines().count(), 8, "{listed}");
+    fail(2, &["export", text(&out), "--to", "fbx"]);
+    fail(3, &["export", text(&scene()), "--to", "glb"]);
 }
 
 #[test]

@@ -1,17 +1,17 @@
-//! Fits the untrained decoder to a picture and prints seconds per step and PSNR against time.
+//! Fits the untrained decoder to a picture and prints PSNR and seconds per step.
 //!
 //! ```sh
-//! cargo run --release -p tessuto --example decoder_fit -- picture=diffuse.png config=published seconds=60
-//! cargo run --release -p tessuto --example decoder_fit -- tiles=1 latent=16 channels=64,64,32 rate=5e-3
+//! cargo run --release -p tessuto --example decoder_fit -- picture=diffuse.png config=published steps=100
+//! cargo run --release -p tessuto --example decoder_fit -- tiles=1 latent=16 channels=64,64,32 rate=5e-3 steps=200
 //! ```
 
 use std::time::Instant;
 
-use tessuto::decoder::{CHANNELS, Decoder, DecoderConfig, LastDoubling};
+use tessuto::decoder::{CHANNELS, Decoder, DecoderConfig};
 
 fn main() {
     let mut config = DecoderConfig::light();
-    let (mut seconds, mut picture) = (4.0, None);
+    let (mut last, mut picture) = (40, None);
     for argument in std::env::args().skip(1) {
         let (key, value) = argument.split_once('=').expect("arguments are key=value");
         let number = || value.parse::<f64>().expect("a number");
@@ -24,12 +24,9 @@ fn main() {
             "overlap" => config.overlap = number() as usize,
             "latent" => config.latent_edge = number() as usize,
             "channels" => config.channels = value.split(',').map(|n| n.parse().expect("a number")).collect(),
-            "shuffle" => {
-                config.last = if value == "yes" { LastDoubling::Shuffle } else { LastDoubling::Convolution }
-            }
             "rate" => config.learning_rate = number(),
             "beta2" => config.betas[1] = number(),
-            "seconds" => seconds = number(),
+            "steps" => last = number() as usize,
             "picture" => picture = Some(tessuto::io::image::read(value.as_ref()).expect("a picture")),
             _ => panic!("{key}: no such argument"),
         }
@@ -49,24 +46,17 @@ fn main() {
         })
         .collect();
     let diffuse = 3 * edge * edge;
-    let (start, mut steps, mut next, mut ratio) = (Instant::now(), 0, 0.0, 0.0);
-    loop {
+    let (start, mut next, mut ratio) = (Instant::now(), 1.0, 0.0);
+    for step in 0..=last {
         let maps = decoder.maps();
-        ratio = f64::max(ratio, tessuto::metrics::psnr(&maps[..diffuse], &target[..diffuse]));
-        let spent = start.elapsed().as_secs_f64();
-        if spent >= next || spent >= seconds {
-            println!(
-                "{spent:6.1} s  {steps:5} steps  {:.3} s a step  {ratio:.2} dB",
-                spent / f64::from(steps.max(1))
-            );
-            next = f64::max(1.0, spent * 1.6);
-        }
-        if spent >= seconds {
-            break;
+        ratio = tessuto::metrics::psnr(&maps[..diffuse], &target[..diffuse]);
+        if step as f64 >= next || step == last {
+            let spent = start.elapsed().as_secs_f64();
+            println!("{step:5} steps  {ratio:5.2} dB  {:.3} s a step", spent / step as f64);
+            next *= 1.5;
         }
         let gradient: Vec<f32> = maps.iter().zip(&target).map(|(m, t)| m - t).collect();
         assert!(decoder.step(&gradient), "the gradient is finite");
-        steps += 1;
     }
     assert!(ratio > 12.0, "the decoder fits: {ratio} dB");
 }

@@ -15,17 +15,6 @@ use network::{Graph, Network};
 /// Channels of the maps: diffuse 3, roughness 1, metallic 1.
 pub const CHANNELS: usize = 5;
 
-/// The last doubling of the edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LastDoubling {
-    /// Transposed convolution to the maps' channels, then a convolution at full size, as published.
-    Convolution,
-    /// Convolution to four times the maps' channels at half the size, which are the four pixels of each
-    /// 2×2 block (Shi et al. 2016, "Real-Time Single Image and Video Super-Resolution Using an Efficient
-    /// Sub-Pixel Convolutional Neural Network"): no convolution at full size, which is where most time goes.
-    Shuffle,
-}
-
 /// Size of a decoder and how it is optimised.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DecoderConfig {
@@ -38,8 +27,6 @@ pub struct DecoderConfig {
     /// Channels of the latent picture and after each transposed convolution; every one doubles the
     /// edge, and one more doubling leads to the maps.
     pub channels: Vec<usize>,
-    /// How the maps come about.
-    pub last: LastDoubling,
     /// Adam's step.
     pub learning_rate: f64,
     /// Adam's decay rates.
@@ -54,21 +41,19 @@ impl DecoderConfig {
             overlap: 10,
             latent_edge: 4,
             channels: vec![512, 256, 128, 64, 32],
-            last: LastDoubling::Convolution,
             learning_rate: 2e-4,
             betas: [0.9, 0.9999],
         }
     }
 
-    /// One tile of 512² px and few channels: the same maps at a small part of the cost
+    /// One tile of 256² px and fewer channels: a fifth of the time per step and far fewer steps
     /// (docs/experiments/appearance-decoder.md).
     pub fn light() -> Self {
         Self {
             tiles: 1,
             overlap: 0,
             latent_edge: 16,
-            channels: vec![64, 64, 32, 32, 16],
-            last: LastDoubling::Shuffle,
+            channels: vec![64, 64, 32, 32],
             learning_rate: 1e-2,
             betas: [0.9, 0.99],
         }
@@ -185,7 +170,6 @@ mod tests {
 
     fn small(tiles: usize) -> DecoderConfig {
         DecoderConfig {
-            last: if tiles > 1 { LastDoubling::Convolution } else { LastDoubling::Shuffle },
             tiles,
             overlap: if tiles > 1 { 4 } else { 0 },
             latent_edge: 2,
@@ -199,7 +183,7 @@ mod tests {
     fn sizes_are_the_published_ones() {
         let config = DecoderConfig::published();
         assert_eq!((config.tile_edge(), config.edge()), (128, 472));
-        assert_eq!(DecoderConfig::light().edge(), 512);
+        assert_eq!(DecoderConfig::light().edge(), 256);
         let mut decoder = Decoder::new(&small(2), 3);
         let edge = decoder.edge();
         assert_eq!(edge, 2 * (16 - 4));

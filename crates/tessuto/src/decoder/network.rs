@@ -5,7 +5,7 @@ use burn::tensor::module::{conv_transpose2d, conv2d};
 use burn::tensor::ops::{ConvOptions, ConvTransposeOptions};
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::{CHANNELS, DecoderConfig, LastDoubling};
+use super::{CHANNELS, DecoderConfig};
 use crate::math::rng::Rng;
 
 /// Slope of the rectifiers for negative values.
@@ -72,15 +72,8 @@ impl Network {
             pairs.map(|p| Layer { inputs: p[0], outputs: p[1], kind: Kind::Double }).collect();
         let last = *config.channels.last().expect("a decoder has channels");
         layers.push(Layer { inputs: last, outputs: last, kind: Kind::Smooth });
-        match config.last {
-            LastDoubling::Convolution => {
-                layers.push(Layer { inputs: last, outputs: CHANNELS, kind: Kind::Double });
-                layers.push(Layer { inputs: CHANNELS, outputs: CHANNELS, kind: Kind::Smooth });
-            }
-            LastDoubling::Shuffle => {
-                layers.push(Layer { inputs: last, outputs: 4 * CHANNELS, kind: Kind::Smooth });
-            }
-        }
+        layers.push(Layer { inputs: last, outputs: CHANNELS, kind: Kind::Double });
+        layers.push(Layer { inputs: CHANNELS, outputs: CHANNELS, kind: Kind::Smooth });
         let latent_shape =
             [config.tiles * config.tiles, config.channels[0], config.latent_edge, config.latent_edge];
         let count = latent_shape.iter().product();
@@ -130,12 +123,6 @@ impl Network {
                 }
                 Kind::Smooth => conv2d(x, w, Some(b), ConvOptions::new([1, 1], [1, 1], [1, 1], 1)),
             };
-        }
-        let [tiles, channels, h, w] = x.dims();
-        if channels != CHANNELS {
-            // Channel 4 c + 2 dy + dx is pixel (dy, dx) of the block of map c.
-            let blocks = x.reshape([tiles, CHANNELS, 2, 2, h, w]).permute([0, 1, 4, 2, 5, 3]);
-            x = blocks.reshape([tiles, CHANNELS, 2 * h, 2 * w]);
         }
         Graph { leaves, output: sigmoid(x) }
     }
