@@ -4,6 +4,7 @@
 //! metres, seconds and kilograms; the centre of pixel (column i, row j) is at (i, j); images hold
 //! sRGB-encoded colour in [0, 1].
 
+pub mod appearance;
 pub mod camera;
 pub mod check;
 pub mod config;

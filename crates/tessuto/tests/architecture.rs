@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 14] = [
+const LAYERS: [&[&str]; 15] = [
     &["math", "error"],
     &["camera", "image", "mesh"],
     &["scene"],
@@ -11,6 +11,7 @@ const LAYERS: [&[&str]; 14] = [
     &["sim", "raster", "optim", "metrics"],
     &["pbr"],
     &["motion"],
+    &["appearance"],
     &["config"],
     &["reconstruct"],
     &["report"],
