@@ -1,5 +1,6 @@
 //! `tessuto`: one subcommand, one file.
 
+mod appearance;
 mod check;
 mod demo;
 mod evaluate;
@@ -8,6 +9,7 @@ mod frames;
 mod output;
 mod progress;
 mod reconstruct;
+mod render;
 mod simulate;
 mod synth;
 mod threads;
@@ -26,6 +28,7 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Command {
+    Appearance(appearance::Arguments),
     /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
     Check(check::Arguments),
     Demo(demo::Arguments),
@@ -33,17 +36,20 @@ enum Command {
     Evaluate(evaluate::Arguments),
     Export(export::Arguments),
     Reconstruct(reconstruct::Arguments),
+    Render(render::Arguments),
     Simulate(simulate::Arguments),
     Synth(synth::Arguments),
 }
 
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
+        Command::Appearance(arguments) => appearance::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),
     };

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::appearance::AppearanceSettings;
 use crate::error::{Error, Result};
 use crate::motion::material_fit::MaterialSettings;
 use crate::motion::rollout_fit::{Dynamics, RolloutSettings, StiffnessRange};
@@ -89,6 +90,9 @@ pub struct Config {
     pub tie: TieSettings,
     /// Stiffnesses of a trajectory.
     pub material: MaterialSettings,
+    /// Material maps and light; the settings of results without them.
+    #[serde(default)]
+    pub appearance: AppearanceSettings,
 }
 
 impl Config {
@@ -119,6 +123,7 @@ impl Config {
             trajectory: TrajectorySettings::default(),
             tie: TieSettings::default(),
             material: MaterialSettings::default(),
+            appearance: AppearanceSettings::default(),
         }
     }
 
@@ -192,7 +197,7 @@ impl Config {
             ("material.spread", self.material.spread, 1e-3, 1e3),
             ("tie.stiffness", self.tie.stiffness, 1e-6, 1e9),
         ];
-        for (key, value, low, high) in checks {
+        for (key, value, low, high) in checks.into_iter().chain(self.appearance.ranges()) {
             if !(low..=high).contains(&value) {
                 return Err(Error::usage(
                     format!("setting {key} = {value}"),

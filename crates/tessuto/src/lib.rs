@@ -4,6 +4,7 @@
 //! metres, seconds and kilograms; the centre of pixel (column i, row j) is at (i, j); images hold
 //! sRGB-encoded colour in [0, 1].
 
+pub mod appearance;
 pub mod camera;
 pub mod check;
 pub mod config;
@@ -26,6 +27,7 @@ pub mod result;
 pub mod scene;
 pub mod sim;
 pub mod synth;
+pub mod view;
 
 pub use camera::{Camera, Rect};
 pub use config::Config;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 14] = [
+const LAYERS: [&[&str]; 15] = [
     &["math", "error"],
     &["camera", "image", "mesh"],
     &["scene"],
@@ -11,11 +11,12 @@ const LAYERS: [&[&str]; 14] = [
     &["sim", "raster", "optim", "metrics", "decoder"],
     &["pbr"],
     &["motion"],
+    &["appearance"],
     &["config"],
     &["reconstruct"],
     &["report"],
     &["result"],
-    &["check", "export"],
+    &["check", "export", "view"],
     &["synth"],
     &["lib"],
 ];

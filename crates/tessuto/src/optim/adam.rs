@@ -22,6 +22,11 @@ impl Adam {
         Self { learning_rate, betas: [0.9, 0.999], steps: 0, mean: zeros.clone(), mean_square: zeros }
     }
 
+    /// Changes the learning rate of the following steps.
+    pub fn set_learning_rate(&mut self, learning_rate: f64) {
+        self.learning_rate = learning_rate;
+    }
+
     /// Moves `parameters` against `gradient`. Returns whether it did: a gradient that is not finite is skipped.
     /// `rate` scales this step.
     pub fn step(&mut self, parameters: &mut [f64], gradient: &[f64], rate: f64) -> bool {

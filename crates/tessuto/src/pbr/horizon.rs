@@ -145,7 +145,7 @@ impl Site<'_> {
         }
         let middle = (corners[0] + corners[1] + corners[2]).truncate() / 3.0;
         let radius = corners.iter().map(|c| c.truncate().distance(middle)).fold(0.0, f64::max);
-        if middle.length() > 3.0 * (radius + self.radius) {
+        if middle.length() > 2.0 * (radius + self.radius) {
             self.far(middle, radius, top);
         } else {
             self.near(&corners);

@@ -1,0 +1,166 @@
+//! `tessuto appearance`.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use anyhow::Context as _;
+use clap::{Args, ValueEnum};
+use tessuto::appearance::{self, AppearanceSettings};
+use tessuto::io::scene::{LoadOptions, load};
+use tessuto::pbr::Geometry;
+use tessuto::raster::Rasterizer;
+use tessuto::{Error, Scene, Shape, io, result};
+
+use crate::output::OutputFolder;
+use crate::progress::{Progress, stop_on_interrupt};
+
+/// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
+#[derive(Args)]
+#[command(after_help = "\
+Writes into RESULT: material/ (maps, light, and a note that tells their conventions) and rerendered/ (frames, psnr.csv).
+
+Examples:
+  tessuto appearance scenes/curtain results/curtain
+  tessuto appearance scenes/curtain results/curtain --motion gt
+  tessuto appearance scenes/curtain results/curtain --set appearance.steps=2000")]
+pub struct Arguments {
+    /// Scene folder: scene.json, template.obj, rgbs/, masks/.
+    scene: PathBuf,
+    /// Result folder of `tessuto reconstruct` for this scene; with --motion gt, any folder.
+    result: PathBuf,
+    /// Whose motion: the result's, or the scene's true vertices.
+    #[arg(long, value_enum, default_value_t = Motion::Result)]
+    motion: Motion,
+    /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    set: Vec<String>,
+    /// Threads [default: all cores]. The result does not depend on it.
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// Seed of everything random.
+    #[arg(long)]
+    seed: Option<u64>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Motion {
+    /// motion.npy of RESULT.
+    Result,
+    /// gt/vertices.npy of SCENE.
+    Gt,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let folder = &arguments.result;
+    let saved = folder.join("config.json").is_file().then(|| result::read(folder)).transpose()?;
+    if saved.is_none() && arguments.motion == Motion::Result {
+        return Err(Error::input(
+            folder.display().to_string(),
+            "there is no config.json, so this is no result of a reconstruction",
+            "give the folder that `tessuto reconstruct` wrote, or --motion gt",
+        )
+        .into());
+    }
+    let frames = saved.as_ref().map(|s| s.run.frames[0]..s.run.frames[1]);
+    let mut config = saved.map_or_else(
+        || tessuto::Config::preset(tessuto::config::Preset::Default),
+        |saved| saved.run.settings,
+    );
+    for assignment in &arguments.set {
+        config.set(assignment)?;
+    }
+    config.seed = arguments.seed.unwrap_or(config.seed);
+    crate::threads::use_threads(arguments.threads)?;
+    let loaded = load(&arguments.scene, &LoadOptions { frames })?;
+    loaded.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    let scene = &loaded.scene;
+    let motion = match arguments.motion {
+        Motion::Result => io::npy::read_shapes(&folder.join("motion.npy"))?,
+        Motion::Gt => scene.truth.vertices.clone().ok_or_else(|| {
+            Error::input(
+                arguments.scene.join("gt/vertices.npy").display().to_string(),
+                "the scene has no true vertices",
+                "leave --motion gt out",
+            )
+        })?,
+    };
+    stop_on_interrupt().context("cannot listen for Ctrl-C")?;
+    let mut progress = Progress::new();
+    let outputs = Outputs::prepare(folder)?;
+    let table = outputs.compute(scene, &motion, &config.appearance, config.seed, &mut progress)?;
+    outputs.publish()?;
+    print!("{table}");
+    println!("{}", folder.join("material").display());
+    println!("{}", folder.join("rerendered").display());
+    Ok(())
+}
+
+/// The folders that the estimate is written into.
+pub struct Outputs {
+    material: OutputFolder,
+    rerendered: OutputFolder,
+}
+
+impl Outputs {
+    /// Starts both inside `folder`; older ones stay until [`publish`](Self::publish).
+    pub fn prepare(folder: &Path) -> Result<Self, Error> {
+        let has = |name: &'static str| move |f: &Path| f.join(name).is_file();
+        Ok(Self {
+            material: OutputFolder::prepare_if(&folder.join("material"), has("environment.exr"))?,
+            rerendered: OutputFolder::prepare_if(&folder.join("rerendered"), has("psnr.csv"))?,
+        })
+    }
+
+    /// Estimates, draws all frames again and writes everything; returns a table for the user.
+    pub fn compute(
+        &self,
+        scene: &Scene,
+        motion: &[Shape],
+        settings: &AppearanceSettings,
+        seed: u64,
+        progress: &mut Progress,
+    ) -> Result<String, Error> {
+        let start = Instant::now();
+        if let Some(n) = motion.iter().position(|shape| shape.len() != scene.template.positions.len()) {
+            return Err(Error::input(
+                format!("motion for {}, frame {n}", scene.folder.display()),
+                format!("{} vertices, template.obj has {}", motion[n].len(), scene.template.positions.len()),
+                "give a result of this scene",
+            ));
+        }
+        let geometry = Geometry::new(&scene.template, motion);
+        let found = appearance::fit(scene, motion, &geometry, settings, seed, &mut |e| progress.step(e))?;
+        progress.finish();
+        let fitted = start.elapsed().as_secs_f64();
+        appearance::write_material(self.material.partial(), &found)?;
+        let rasterizer = Rasterizer::new(&scene.template);
+        let mut csv = String::from("frame,psnr_db\n");
+        let mut sum = 0.0;
+        for (n, shape) in motion.iter().enumerate() {
+            let passes = settings.render_passes;
+            let drawn = appearance::rerender(scene, &rasterizer, &geometry, (n, shape), &found, passes);
+            let frame = scene.first_frame + n;
+            let name = format!("rgb_{frame:03}.png");
+            io::image::write_png(&self.rerendered.partial().join(name), &drawn.rgb)?;
+            let _ = writeln!(csv, "{frame},{:.3}", drawn.psnr);
+            sum += drawn.psnr;
+        }
+        io::atomic_write(&self.rerendered.partial().join("psnr.csv"), csv.as_bytes())?;
+        let mean = sum / motion.len().max(1) as f64;
+        Ok(format!(
+            "{:<16} {mean:.2} dB\n{:<16} {fitted:.0} s\n{:<16} {:.0} s\n",
+            "re-rendered PSNR",
+            "material, light",
+            "drawing",
+            start.elapsed().as_secs_f64() - fitted
+        ))
+    }
+
+    /// Puts the finished folders in their places.
+    pub fn publish(self) -> Result<(), Error> {
+        self.material.publish()?;
+        self.rerendered.publish()
+    }
+}

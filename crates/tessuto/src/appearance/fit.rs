@@ -1,0 +1,166 @@
+//! The estimation.
+
+use super::AppearanceSettings;
+use super::loss::loss;
+use super::observations::observe;
+use super::sky::Sky;
+use super::texels::{Maps, Texels, splat};
+use crate::error::{Error, Result};
+use crate::math::rng::mix32;
+use crate::motion::progress::{Epoch, Observer};
+use crate::pbr::{Environment, Geometry, Gradients, Light, Material, Shader, accumulate, srgb};
+use crate::raster::Rasterizer;
+use crate::scene::{Scene, Shape};
+
+/// Steps after which directions are drawn from the present light.
+const REDRAW: usize = 10;
+
+/// What the cloth is made of, and what shines on it.
+#[derive(Debug, Clone)]
+pub struct Appearance {
+    /// Diffuse, roughness and metallic maps.
+    pub material: Material,
+    /// The light.
+    pub environment: Environment,
+    /// Every step.
+    pub history: Vec<Epoch>,
+}
+
+/// Estimates material and light from the frames of `scene`, moving as `motion`, shape [N, V].
+///
+/// # Errors
+/// [`Error::Input`] if the motion does not fit the scene or is not seen; [`Error::Numerical`]; whatever `observer`
+/// returns.
+pub fn fit(
+    scene: &Scene,
+    motion: &[Shape],
+    geometry: &Geometry,
+    settings: &AppearanceSettings,
+    seed: u64,
+    observer: &mut Observer,
+) -> Result<Appearance> {
+    check(scene, motion)?;
+    let seed = mix32(seed as u32 ^ mix32((seed >> 32) as u32));
+    let rasterizer = Rasterizer::new(&scene.template);
+    let seen = observe(scene, &rasterizer, geometry, motion, settings.most_pixels, seed);
+    if seen.points.is_empty() {
+        return Err(Error::input(
+            scene.folder.display().to_string(),
+            "no pixel shows the cloth where the motion puts it",
+            "look at the scene with `tessuto check`, and at pictures/ of the result",
+        ));
+    }
+
+    // Start: under a uniform light L, an unshadowed diffuse surface has the colour T_D L.
+    let size = settings.map_size;
+    let uvs = seen.points.iter().map(|p| p.uv);
+    let linear: Vec<[f32; 3]> = seen.colours.iter().map(|c| c.map(srgb::decode)).collect();
+    let mut planes = splat(size, uvs, &linear);
+    drop(linear);
+    let scale = (1.0 / settings.light_start) as f32;
+    planes.iter_mut().for_each(|v| *v = (*v * scale).clamp(0.02, 0.98));
+    planes.resize(4 * size * size, settings.roughness_start as f32);
+    planes.resize(5 * size * size, settings.metallic_start as f32);
+    let (diffuse, surface) = (settings.diffuse_smoothness, settings.surface_smoothness);
+    let mut maps = Texels::new(size, &planes, [diffuse, diffuse, diffuse, surface, surface]);
+    let mut sky = Sky::new(settings.light_coarsest, settings.light_start);
+
+    let mut history = Vec::new();
+    let mut gradients = Gradients::default();
+    let mut light = None;
+    let mut batch = Vec::with_capacity(settings.batch);
+    let mut observed = Vec::with_capacity(settings.batch);
+    for step in 0..settings.steps {
+        let at = step as f64 / settings.steps as f64;
+        let rows = rows_at(settings, at);
+        if rows != sky.rows() {
+            sky.refine(rows);
+        }
+        let span = (settings.colour_from - settings.grey_until).max(1e-9);
+        let colour = ((at - settings.grey_until) / span).clamp(0.0, 1.0);
+        let environment = sky.environment(settings.light_rows, colour);
+        let light = match &mut light {
+            Some(light) if step % REDRAW != 0 => light,
+            other => other.insert(Light::new(&environment, settings.uniform_share)),
+        };
+        light.set_radiance(&environment);
+        let material = Material::from_planes(size, size, &maps.maps());
+
+        let step_seed = mix32(seed.wrapping_add(step as u32));
+        batch.clear();
+        observed.clear();
+        for k in 0..settings.batch {
+            let number = u64::from(mix32(step_seed.wrapping_add(k as u32)));
+            let i = (number * seen.points.len() as u64 >> 32) as usize;
+            batch.push(seen.points[i]);
+            observed.push(seen.colours[i]);
+        }
+        let shader = Shader { geometry, material: &material, light };
+        let scale = 1.0 / (3 * settings.batch) as f32;
+        let mean = |i: usize, estimates: &[[f32; 3]; 2]| {
+            let (value, adjoints) = loss(observed[i], estimates);
+            (value * scale, adjoints.map(|a| a.map(|a| a * scale)))
+        };
+        accumulate(&shader, &batch, !step_seed, settings.passes, mean, &mut gradients);
+        if !gradients.loss.is_finite() {
+            return Err(Error::numerical(
+                format!("appearance, step {}", step + 1),
+                "the loss is not finite",
+                "try smaller appearance.map_rate and appearance.light_rate",
+            ));
+        }
+        let fall = settings.final_rate.powf((2.0 * at - 1.0).max(0.0));
+        maps.step(&gradients.material, settings.map_rate * fall);
+        let smoothness = settings.light_smoothness;
+        sky.step(settings.light_rows, &gradients.light, colour, smoothness, settings.light_rate * fall);
+        let epoch = Epoch {
+            stage: "appearance",
+            step: step + 1,
+            of: settings.steps,
+            active_frames: motion.len(),
+            losses: vec![("colour", gradients.loss)],
+            parameters: vec![("light_rows", rows as f64), ("light_colour", colour)],
+        };
+        observer(&epoch)?;
+        history.push(epoch);
+    }
+    let material = Material::from_planes(size, size, &maps.maps());
+    let colour = if settings.steps == 0 { 0.0 } else { 1.0 };
+    Ok(Appearance { material, environment: sky.environment(settings.light_rows, colour), history })
+}
+
+/// Rows of the light's grid after a share `at` of the steps; the finest has the last two of the equal shares.
+fn rows_at(settings: &AppearanceSettings, at: f64) -> usize {
+    let levels = (settings.light_finest as f64 / settings.light_coarsest as f64).log2().ceil() as u32;
+    let level = ((at * f64::from(levels + 2)) as u32).min(levels);
+    (settings.light_coarsest << level).min(settings.light_finest)
+}
+
+fn check(scene: &Scene, motion: &[Shape]) -> Result<()> {
+    let place = || format!("motion for {}", scene.folder.display());
+    let vertices = scene.template.positions.len();
+    if motion.len() != scene.frames.len() {
+        return Err(Error::input(
+            place(),
+            format!("{} frames, the scene has {}", motion.len(), scene.frames.len()),
+            "give a result of the same frames of this scene",
+        ));
+    }
+    for (n, shape) in motion.iter().enumerate() {
+        if shape.len() != vertices {
+            return Err(Error::input(
+                format!("{}, frame {n}", place()),
+                format!("{} vertices, template.obj has {vertices}", shape.len()),
+                "give a result of this scene",
+            ));
+        }
+        if let Some(v) = shape.iter().position(|p| !(p.is_finite() && p.length() < 1e4)) {
+            return Err(Error::input(
+                format!("{}, frame {n}", place()),
+                format!("vertex {v} is at {}", shape[v]),
+                "positions are metres in the camera's frame; reconstruct the motion again",
+            ));
+        }
+    }
+    Ok(())
+}

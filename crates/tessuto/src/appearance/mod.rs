@@ -1,0 +1,24 @@
+//! Material and light from a video whose motion is known.
+//!
+//! [`fit`] goes through the files here: `observations` (what the pixels see, once), `texels` (the maps as they are
+//! optimised) and `sky` (the light as it is optimised), with `loss` between them. [`rerender`] draws the frames
+//! again.
+//!
+//! Only the product of brightness of cloth and light is in the pictures: the light starts at a given radiance, and
+//! the maps follow.
+
+mod fit;
+mod loss;
+mod observations;
+mod read;
+mod rerender;
+mod settings;
+mod sky;
+mod texels;
+mod write;
+
+pub use fit::{Appearance, fit};
+pub use read::read_material;
+pub use rerender::{Rerendered, rerender};
+pub use settings::AppearanceSettings;
+pub use write::write_material;

@@ -1,0 +1,47 @@
+//! The frames as the estimate explains them.
+
+use super::Appearance;
+use crate::image::Image;
+use crate::pbr::{Cloth, Geometry, Light, picture};
+use crate::raster::Rasterizer;
+use crate::scene::{Scene, Shape};
+
+/// A frame drawn again.
+#[derive(Debug, Clone)]
+pub struct Rerendered {
+    /// sRGB colour on black, the size of the full frame, shape [height, width, 3].
+    pub rgb: Image,
+    /// Peak signal-to-noise ratio [dB] against the video where its mask is above one half, inside the crop.
+    pub psnr: f64,
+}
+
+/// Draws frame `frame` with `passes` passes of eight samples per pixel.
+pub fn rerender(
+    scene: &Scene,
+    rasterizer: &Rasterizer,
+    geometry: &Geometry,
+    (frame, shape): (usize, &Shape),
+    appearance: &Appearance,
+    passes: usize,
+) -> Rerendered {
+    let light = &Light::new(&appearance.environment, 0.05);
+    let cloth = Cloth { rasterizer, geometry, material: &appearance.material, light };
+    let drawn = picture(&cloth, &scene.camera, (frame, shape), passes);
+    let [full_width, full_height] = scene.full_size;
+    let mut rgb = Image::new(full_width, full_height, 3);
+    let observed = &scene.frames[frame];
+    let (mut squares, mut count) = (0.0, 0);
+    for y in 0..drawn.height {
+        for x in 0..drawn.width {
+            let value = drawn.pixel(x, y);
+            rgb.pixel_mut(x + scene.crop.x0, y + scene.crop.y0).copy_from_slice(value);
+            if observed.mask.pixel(x, y)[0] > 0.5 {
+                let differences = value.iter().zip(observed.rgb.pixel(x, y));
+                squares += differences.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+                count += 3;
+            }
+        }
+    }
+    let psnr = -10.0 * (squares / f64::from(count.max(1))).max(1e-12).log10();
+    Rerendered { rgb, psnr }
+}
