@@ -52,8 +52,7 @@ pub fn rerender(
     for y in 0..height {
         for x in 0..width {
             let coverage = rendering.rgba[y * width + x][3].clamp(0.0, 1.0);
-            let candidates =
-                [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+            let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
             // A pixel whose centre just misses the cloth has a neighbour's colour.
             let near = candidates
                 .into_iter()

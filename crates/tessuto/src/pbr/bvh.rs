@@ -81,7 +81,8 @@ impl Bvh {
             let (low, high) = ((node.low - origin).to_array(), (node.high - origin).to_array());
             let (mut near, mut far) = (zero, f32x8::splat(f32::MAX));
             for axis in 0..3 {
-                let (a, b) = (f32x8::splat(low[axis]) * inverse[axis], f32x8::splat(high[axis]) * inverse[axis]);
+                let (a, b) =
+                    (f32x8::splat(low[axis]) * inverse[axis], f32x8::splat(high[axis]) * inverse[axis]);
                 near = near.fast_max(a.fast_min(b));
                 far = far.fast_min(a.fast_max(b));
             }
@@ -139,8 +140,7 @@ fn bounds(t: &Triangle) -> [Vec3; 2] {
 
 fn build(items: &mut [Triangle], first: usize, nodes: &mut Vec<Node>) {
     let empty = [Vec3::INFINITY, Vec3::NEG_INFINITY];
-    let [low, high] =
-        items.iter().map(bounds).fold(empty, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+    let [low, high] = items.iter().map(bounds).fold(empty, |a, b| [a[0].min(b[0]), a[1].max(b[1])]);
     // Above the rounding of the slab test, so that no triangle on the box's face is missed.
     let margin = (high - low).max_element() * 1e-4 + 1e-7;
     let at = nodes.len();

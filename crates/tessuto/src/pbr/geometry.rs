@@ -81,7 +81,8 @@ impl Geometry {
             let right = y.simd_lt(f32x8::ZERO).select(s + f32x8::splat(4.0), s);
             let angle = x.simd_lt(f32x8::ZERO).select(f32x8::splat(2.0) - s, right);
             let sectors = (angle * f32x8::splat(SECTORS as f32 / 4.0)).trunc_int().to_array();
-            let slopes: [f32; 8] = std::array::from_fn(|k| patch.horizon[sectors[k].clamp(0, SECTORS as i32 - 1) as usize]);
+            let slopes: [f32; 8] =
+                std::array::from_fn(|k| patch.horizon[sectors[k].clamp(0, SECTORS as i32 - 1) as usize]);
             let clear = z.simd_gt(f32x8::from(slopes) * (x * x + y * y).sqrt());
             doubtful[n] = (wanted[n] & !clear).to_bitmask();
         }

@@ -97,8 +97,7 @@ pub(super) fn horizon(
     let flat = corners.map(|c| DVec2::new((c - centre).dot(axes[0]), (c - centre).dot(axes[1])));
     let radius = flat.iter().map(|c| c.length()).fold(0.0, f64::max);
     let slopes = [0.0; SECTORS];
-    let mut site =
-        Site { sectors, triangles, shape, bvh, own, centre, axes, corners: flat, radius, slopes };
+    let mut site = Site { sectors, triangles, shape, bvh, own, centre, axes, corners: flat, radius, slopes };
     if !normal.is_finite() || normal == DVec3::ZERO {
         return [f32::INFINITY; SECTORS];
     }

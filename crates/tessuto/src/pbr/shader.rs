@@ -105,8 +105,7 @@ impl Shader<'_> {
             let local_brdf = brdf.sample(unit(lobe), unit(u), unit(v));
             let from_brdf = rotate_back(&site.axes, &local_brdf);
             let brdf_texels = self.light.texels_of(&from_brdf);
-            let mut wanted =
-                [local_light[2].simd_gt(f32x8::ZERO), local_brdf[2].simd_gt(f32x8::ZERO)];
+            let mut wanted = [local_light[2].simd_gt(f32x8::ZERO), local_brdf[2].simd_gt(f32x8::ZERO)];
             self.geometry.keep_visible(point, &[from_light, from_brdf], &mut wanted);
             for (texels, local, wanted) in
                 [(light_texels, local_light, wanted[0]), (brdf_texels, local_brdf, wanted[1])]
@@ -171,9 +170,7 @@ fn add(brdf: &Brdf, e: &Eval, w: f32x8, light: &[f32x8; 4], sums: &mut [[f32x8; 
 #[inline]
 fn additive(offset: u32, step: u32, pass: usize) -> u32x8 {
     let first = offset.wrapping_add(step.wrapping_mul((pass * LANES) as u32));
-    u32x8::from(std::array::from_fn::<u32, 8, _>(|lane| {
-        first.wrapping_add(step.wrapping_mul(lane as u32))
-    }))
+    u32x8::from(std::array::from_fn::<u32, 8, _>(|lane| first.wrapping_add(step.wrapping_mul(lane as u32))))
 }
 
 /// In [0, 1), from the upper 24 bits.
@@ -199,8 +196,5 @@ fn tangents(n: Vec3) -> [Vec3; 2] {
     let sign = 1f32.copysign(n.z);
     let a = -1.0 / (sign + n.z);
     let b = n.x * n.y * a;
-    [
-        Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x),
-        Vec3::new(b, sign + n.y * n.y * a, -n.y),
-    ]
+    [Vec3::new(1.0 + sign * n.x * n.x * a, sign * b, -sign * n.x), Vec3::new(b, sign + n.y * n.y * a, -n.y)]
 }
