@@ -40,8 +40,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     println!("2. check of the scene");
     crate::check::check(&scene, None)?;
     println!("3. reconstruction from the pictures and the first frame's shape");
-    let evaluation =
-        crate::reconstruct::reconstruct_into(&scene, None, Config::preset(Preset::Default), &result)?;
+    let config = Config::preset(Preset::Default);
+    let evaluation = crate::reconstruct::reconstruct_into(&scene, None, config, false, &result)?;
     println!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
     if let Some(mean) = evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
         let largest = largest_displacement(&scene)?;

@@ -11,6 +11,7 @@ use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::result::{self, Run};
 use tessuto::{Error, Scene};
 
+use crate::appearance::Outputs;
 use crate::output::OutputFolder;
 use crate::progress::{Progress, stop_on_interrupt};
 
@@ -66,7 +67,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     crate::threads::use_threads(arguments.threads)?;
     let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));
-    reconstruct_into(&arguments.scene, arguments.frames.clone(), config, &out)?;
+    let appearance = !arguments.no_appearance;
+    reconstruct_into(&arguments.scene, arguments.frames.clone(), config, appearance, &out)?;
     Ok(())
 }
 
@@ -75,11 +77,13 @@ fn default_out(scene: &Path) -> PathBuf {
     Path::new("tessuto-out").join(name.unwrap_or_else(|| "scene".into()))
 }
 
-/// Loads, reconstructs, evaluates and writes; returns the metrics where there is truth.
+/// Loads, reconstructs, evaluates, estimates material and light if `appearance` is set, and writes; returns the
+/// metrics where there is truth.
 pub fn reconstruct_into(
     scene_folder: &Path,
     frames: Option<std::ops::Range<usize>>,
     config: Config,
+    appearance: bool,
     out: &Path,
 ) -> anyhow::Result<Option<Evaluation>> {
     let output = OutputFolder::prepare(out)?;
@@ -111,7 +115,10 @@ pub fn reconstruct_into(
         frames: [first, first + scene.frames.len()],
         settings: config,
     };
-    let command = repeat_command(&run, out);
+    let mut command = repeat_command(&run, out);
+    if !appearance {
+        command.push_str(" --no-appearance");
+    }
     let context = result::Context {
         scene,
         run: &run,
@@ -120,6 +127,17 @@ pub fn reconstruct_into(
         command: &command,
     };
     result::write(output.partial(), &context, &reconstruction)?;
+    let table = if appearance && reconstruction.failure.is_none() {
+        let outputs = Outputs::prepare(output.partial())?;
+        let settings = &run.settings;
+        let motion = &reconstruction.motion;
+        let table = outputs.compute(scene, motion, &settings.appearance, settings.seed, &mut progress)?;
+        outputs.publish()?;
+        result::write_metrics(output.partial(), scene, evaluation.as_ref())?;
+        table
+    } else {
+        String::new()
+    };
     let clip = Clip::read(output.partial())?;
     export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
     output.publish()?;
@@ -130,6 +148,7 @@ pub fn reconstruct_into(
             }
         }
     }
+    print!("{table}");
     println!("{}", out.display());
     println!("  look at {}", out.join("report.html").display());
     println!("  and at  {}", out.join("pictures/contact_sheet.png").display());

@@ -50,6 +50,8 @@ fn same_bytes_for_any_threads(settings: &[&str]) -> TempDir {
     for threads in ["1", "2"] {
         let out = folder.path().join(threads);
         let mut arguments = vec!["reconstruct", text(&scene), "--out", text(&out), "--threads", threads];
+        arguments.extend(["--set", "appearance.steps=4", "--set", "appearance.batch=500"]);
+        arguments.extend(["--set", "appearance.map_size=32", "--set", "appearance.render_passes=1"]);
         arguments.extend(settings);
         succeed(&arguments);
     }
@@ -60,6 +62,9 @@ fn same_bytes_for_any_threads(settings: &[&str]) -> TempDir {
         "texture.png",
         "export/scene.glb",
         "export/scene.usda",
+        "material/diffuse.png",
+        "material/environment.exr",
+        "rerendered/rgb_005.png",
     ] {
         let read = |threads| std::fs::read(folder.path().join(threads).join(name)).unwrap();
         assert!(read("1") == read("2"), "{name} depends on the number of threads ({settings:?})");
@@ -167,4 +172,20 @@ fn a_template_that_is_not_finite_is_an_input_error_and_leaves_no_folder() {
     assert!(message.contains("template.obj"), "{message}");
     let left: Vec<_> = folder.path().read_dir().unwrap().map(|e| e.unwrap().file_name()).collect();
     assert_eq!(left, ["bad"], "no output folder, not even a partial one");
+}
+
+#[test]
+fn appearance_refuses_what_is_no_result_and_leaves_it_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = scene();
+    let message = fail(3, &["appearance", text(&scene), text(folder.path())]);
+    assert!(message.contains("config.json"), "{message}");
+    // A folder of the user's own is not replaced.
+    let own = folder.path().join("material");
+    std::fs::create_dir(&own).unwrap();
+    std::fs::write(own.join("notes.txt"), "mine").unwrap();
+    let message = fail(2, &["appearance", text(&scene), text(folder.path()), "--motion", "gt"]);
+    assert!(message.contains("did not write"), "{message}");
+    assert_eq!(std::fs::read_to_string(own.join("notes.txt")).unwrap(), "mine");
+    assert!(!folder.path().join("rerendered").exists());
 }

@@ -66,7 +66,13 @@ fn flat() -> (Geometry, Point) {
     (geometry, *middle.unwrap())
 }
 
-fn colour(geometry: &Geometry, point: &Point, material: &Material, sky: &Environment, passes: usize) -> [f32; 3] {
+fn colour(
+    geometry: &Geometry,
+    point: &Point,
+    material: &Material,
+    sky: &Environment,
+    passes: usize,
+) -> [f32; 3] {
     let light = Light::new(sky, 0.1);
     let shader = Shader { geometry, material, light: &light };
     let mut out = Estimate::default();
@@ -113,8 +119,14 @@ fn in_a_white_furnace_mirrors_keep_energy_and_lose_little() {
         let sky = Environment::uniform(64, 32, [1.0; 3]);
         let got = colour(&geometry, &point, &material, &sky, 2000)[0];
         // A single bounce off a rough layer loses what would bounce twice.
-        let least = if roughness < 0.5 { 0.97 } else { 0.5 };
-        assert!(got < 1.003 && got > least, "roughness {roughness}: {got}");
+        let (n, o) = (DVec3::NEG_Z, -point.position.as_dvec3().normalize());
+        let texel = [1.0, 1.0, 1.0, f64::from(roughness), 1.0];
+        let expected = integral(|i| reference::brdf(texel, n, o, i).x * n.dot(i).max(0.0));
+        eprintln!("roughness {roughness}: {got:.4}, integral {expected:.4}");
+        assert!(got < 1.003 && got > 0.25, "roughness {roughness}: {got}");
+        // The narrowest lobe slips through the integral's grid.
+        let tolerance = if roughness < 0.3 { 0.1 } else { 0.01 };
+        assert!((f64::from(got) - expected).abs() < tolerance, "{got} {expected}");
     }
 }
 
@@ -132,7 +144,10 @@ fn one_texel_of_light_gives_its_cosine_and_both_sides_are_alike() {
         let expected = f * n.dot(i).max(0.0) * sky.solid_angle(row) * 50.0;
         let got = f64::from(colour(&geometry, &point, &material, &sky, 500)[0]);
         assert_eq!(lit, expected > 0.0);
-        assert!((got - expected).abs() < 0.01 * expected + 1e-6, "texel {column} {row}: {got} for {expected}");
+        assert!(
+            (got - expected).abs() < 0.01 * expected + 1e-6,
+            "texel {column} {row}: {got} for {expected}"
+        );
     }
     // The same triangles, wound the other way.
     let mut mesh = grid(2, 2, DVec2::splat(0.5), 1.0);
@@ -141,10 +156,8 @@ fn one_texel_of_light_gives_its_cosine_and_both_sides_are_alike() {
     let turned = crate::geometry(&mesh);
     let sky = random_sky(64, 8);
     let same = points(&mesh, &turned).into_iter().find(|p| p.position == point.position).unwrap();
-    let (a, b) = (
-        colour(&geometry, &point, &material, &sky, 2000),
-        colour(&turned, &same, &material, &sky, 2000),
-    );
+    let (a, b) =
+        (colour(&geometry, &point, &material, &sky, 2000), colour(&turned, &same, &material, &sky, 2000));
     assert!((a[0] - b[0]).abs() < 0.01 * a[0], "{a:?} {b:?}");
 }
 
@@ -235,7 +248,8 @@ fn directions_from_the_brdf_follow_their_density() {
         let (rows, columns, fine) = (24, 24, 24);
         let cell = |z: f64, azimuth: f64| {
             let row = (z * f64::from(rows)) as i32;
-            row.clamp(0, rows - 1) * columns + ((azimuth / TAU * f64::from(columns)) as i32).clamp(0, columns - 1)
+            row.clamp(0, rows - 1) * columns
+                + ((azimuth / TAU * f64::from(columns)) as i32).clamp(0, columns - 1)
         };
         let draws = 400_000;
         let mut expected = vec![0.0; (rows * columns) as usize];
@@ -254,7 +268,8 @@ fn directions_from_the_brdf_follow_their_density() {
         let mut counts = vec![0.0; (rows * columns) as usize];
         let mut above = 0.0;
         for _ in 0..draws / 8 {
-            let d = brdf.sample(uniforms(&mut rng), uniforms(&mut rng), uniforms(&mut rng)).map(f32x8::to_array);
+            let d =
+                brdf.sample(uniforms(&mut rng), uniforms(&mut rng), uniforms(&mut rng)).map(f32x8::to_array);
             for k in 0..8 {
                 if d[2][k] > 0.0 {
                     above += 1.0;
@@ -345,7 +360,8 @@ fn gradients_match_central_differences() {
     // The densities are constants to the derivative, so they stay those of the unchanged light.
     let light = Light::new(&sky, 0.1);
     let mut rng = Rng::new(31, 0);
-    let adjoints: Vec<[[f32; 3]; 2]> = points.iter().map(|_| [(); 2].map(|()| [(); 3].map(|()| rng.signed() as f32))).collect();
+    let adjoints: Vec<[[f32; 3]; 2]> =
+        points.iter().map(|_| [(); 2].map(|()| [(); 3].map(|()| rng.signed() as f32))).collect();
     let run = |material: &Material, light: &Light| {
         let shader = Shader { geometry: &geometry, material, light };
         let mut gradients = Gradients::default();
@@ -377,7 +393,8 @@ fn gradients_match_central_differences() {
     let planes = material.to_planes();
     let mut worst = 0.0f64;
     for channel in 0..5 {
-        let step = 0.02;
+        // All but roughness enter linearly; a long step drowns the noise of directions drawn anew.
+        let step = if channel == 3 { 0.01 } else { 0.1 };
         let moved = |s: f32| {
             let mut planes = planes.clone();
             planes[channel * 64..(channel + 1) * 64].iter_mut().for_each(|v| *v += s * step);

@@ -58,7 +58,7 @@ impl Default for AppearanceSettings {
             light_coarsest: 8,
             light_finest: 64,
             steps: 800,
-            batch: 40_000,
+            batch: 25_000,
             passes: 1,
             most_pixels: 3_000_000,
             map_rate: 0.01,
@@ -67,13 +67,13 @@ impl Default for AppearanceSettings {
             grey_until: 0.4,
             colour_from: 0.6,
             light_start: 1.5,
-            roughness_start: 0.6,
-            metallic_start: 0.1,
+            roughness_start: 0.5,
+            metallic_start: 0.4,
             light_smoothness: 5e-5,
             diffuse_smoothness: 3e-4,
             surface_smoothness: 1e-3,
             uniform_share: 0.25,
-            render_passes: 6,
+            render_passes: 8,
         }
     }
 }

@@ -1,5 +1,7 @@
 //! Material maps, one parameter per texel and channel.
 
+use rayon::prelude::*;
+
 use crate::optim::Adam;
 use crate::pbr::CHANNELS;
 
@@ -43,15 +45,10 @@ impl Maps for Texels {
     fn step(&mut self, gradient: &[f32], rate: f64) {
         let n = self.size * self.size;
         let mut total: Vec<f64> = gradient.iter().copied().map(f64::from).collect();
-        for c in 0..CHANNELS {
-            let plane = c * n..(c + 1) * n;
-            add_variation_gradient(
-                self.size,
-                &self.values[plane.clone()],
-                self.smoothness[c] / n as f64,
-                &mut total[plane],
-            );
-        }
+        let planes = self.values.par_chunks_exact(n).zip(total.par_chunks_exact_mut(n));
+        planes.zip(&self.smoothness[..]).for_each(|((plane, total), smoothness)| {
+            add_variation_gradient(self.size, plane, smoothness / n as f64, total);
+        });
         self.adam.set_learning_rate(rate);
         self.adam.step(&mut self.values, &total, 1.0);
         for (plane, [low, high]) in self.values.chunks_exact_mut(n).zip(LIMITS) {
