@@ -54,7 +54,7 @@ impl DecoderConfig {
             overlap: 0,
             latent_edge: 16,
             channels: vec![64, 64, 32, 32],
-            learning_rate: 1e-2,
+            learning_rate: 5e-3,
             betas: [0.9, 0.99],
         }
     }
