@@ -91,7 +91,7 @@ pub fn fit(
         observed.clear();
         for k in 0..settings.batch {
             let number = u64::from(mix32(step_seed.wrapping_add(k as u32)));
-            let i = (number * seen.points.len() as u64 >> 32) as usize;
+            let i = ((number * seen.points.len() as u64) >> 32) as usize;
             batch.push(seen.points[i]);
             observed.push(seen.colours[i]);
         }
