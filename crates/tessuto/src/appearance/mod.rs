@@ -14,9 +14,11 @@ mod rerender;
 mod settings;
 mod sky;
 mod texels;
+mod window;
 mod write;
 
 pub use fit::{Appearance, fit};
 pub use rerender::{Rerendered, rerender};
 pub use settings::AppearanceSettings;
+pub use window::Window;
 pub use write::write_material;

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Appearance;
 use crate::image::Image;
 use crate::math::rng::mix32;
-use crate::pbr::{Estimate, Geometry, Light, Shader, see, srgb};
+use crate::pbr::{Estimate, Geometry, Light, Point, Shader, see, srgb};
 use crate::raster::{Rasterizer, Rendering};
 use crate::scene::{Scene, Shape};
 
@@ -36,7 +36,8 @@ pub fn rerender(
         .par_iter()
         .with_min_len(256)
         .map_init(Estimate::default, |estimate, (pixel, point)| {
-            shader.estimate(point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
+            let point = Point { uv: appearance.window.inside(point.uv), ..*point };
+            shader.estimate(&point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
             estimate.colour
         })
         .collect();
