@@ -136,11 +136,19 @@ impl Outputs {
         let fitted = start.elapsed().as_secs_f64();
         appearance::write_material(self.material.partial(), &found)?;
         let rasterizer = Rasterizer::new(&scene.template);
+        let maps = found.maps();
         let mut csv = String::from("frame,psnr_db\n");
         let mut sum = 0.0;
         for (n, shape) in motion.iter().enumerate() {
             let passes = settings.render_passes;
-            let drawn = appearance::rerender(scene, &rasterizer, &geometry, (n, shape), &found, passes);
+            let drawn = appearance::rerender(
+                scene,
+                &rasterizer,
+                &geometry,
+                (n, shape),
+                (&maps, &found.environment),
+                passes,
+            );
             let frame = scene.first_frame + n;
             let name = format!("rgb_{frame:03}.png");
             io::image::write_png(&self.rerendered.partial().join(name), &drawn.rgb)?;

@@ -167,9 +167,7 @@ fn viewpoint(arguments: &Arguments, motion: &[Shape], camera: Camera) -> Result<
     let sized = arguments.size.map_or(original, |size| original.sized(size));
     match arguments.camera {
         View::Original => Ok(sized),
-        View::About(left, up) => {
-            Viewpoint::about(motion, sized.camera, left.to_radians(), up.to_radians())
-        }
+        View::About(left, up) => Viewpoint::about(motion, sized.camera, left.to_radians(), up.to_radians()),
     }
 }
 

@@ -1,10 +1,10 @@
 //! The estimation.
 
-use super::AppearanceSettings;
 use super::loss::loss;
 use super::observations::observe;
 use super::sky::Sky;
 use super::texels::{Maps, Texels, splat};
+use super::{AppearanceSettings, Window};
 use crate::error::{Error, Result};
 use crate::math::rng::mix32;
 use crate::motion::progress::{Epoch, Observer};
@@ -18,12 +18,21 @@ const REDRAW: usize = 10;
 /// What the cloth is made of, and what shines on it.
 #[derive(Debug, Clone)]
 pub struct Appearance {
-    /// Diffuse, roughness and metallic maps.
+    /// Diffuse, roughness and metallic maps, on `window`.
     pub material: Material,
+    /// The part of uv space that the maps cover.
+    pub window: Window,
     /// The light.
     pub environment: Environment,
     /// Every step.
     pub history: Vec<Epoch>,
+}
+
+impl Appearance {
+    /// The maps on all of uv space.
+    pub fn maps(&self) -> Material {
+        self.window.spread(&self.material)
+    }
 }
 
 /// Estimates material and light from the frames of `scene`, moving as `motion`, shape [N, V].
@@ -42,7 +51,8 @@ pub fn fit(
     check(scene, motion)?;
     let seed = mix32(seed as u32 ^ mix32((seed >> 32) as u32));
     let rasterizer = Rasterizer::new(&scene.template);
-    let seen = observe(scene, &rasterizer, geometry, motion, settings.most_pixels, seed);
+    let window = Window::of(&scene.template);
+    let seen = observe(scene, &rasterizer, geometry, motion, window, settings.most_pixels, seed);
     if seen.points.is_empty() {
         return Err(Error::input(
             scene.folder.display().to_string(),
@@ -126,7 +136,7 @@ pub fn fit(
     }
     let material = Material::from_planes(size, size, &maps.maps());
     let colour = if settings.steps == 0 { 0.0 } else { 1.0 };
-    Ok(Appearance { material, environment: sky.environment(settings.light_rows, colour), history })
+    Ok(Appearance { material, window, environment: sky.environment(settings.light_rows, colour), history })
 }
 
 /// Rows of the light's grid after a share `at` of the steps; the finest has the last two of the equal shares.

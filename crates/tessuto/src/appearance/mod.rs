@@ -15,10 +15,12 @@ mod rerender;
 mod settings;
 mod sky;
 mod texels;
+mod window;
 mod write;
 
 pub use fit::{Appearance, fit};
 pub use read::read_material;
 pub use rerender::{Rerendered, rerender};
 pub use settings::AppearanceSettings;
+pub use window::Window;
 pub use write::write_material;

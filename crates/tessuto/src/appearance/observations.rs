@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::Window;
 use crate::math::rng::mix32;
 use crate::pbr::{Geometry, Point, see};
 use crate::raster::{Rasterizer, Rendering};
@@ -15,12 +16,13 @@ pub(super) struct Observations {
     pub colours: Vec<[f32; 3]>,
 }
 
-/// Draws about `most` of the pixels whose 3×3 neighbourhood is cloth both in the video and as rendered.
+/// The texture coordinates of their points are those within `window`. Draws about `most` of the pixels whose 3×3 neighbourhood is cloth both in the video and as rendered.
 pub(super) fn observe(
     scene: &Scene,
     rasterizer: &Rasterizer,
     geometry: &Geometry,
     motion: &[Shape],
+    window: Window,
     most: usize,
     seed: u32,
 ) -> Observations {
@@ -40,7 +42,8 @@ pub(super) fn observe(
             };
             seen.into_iter()
                 .filter(|(pixel, _)| inside(*pixel))
-                .map(|(pixel, point)| {
+                .map(|(pixel, mut point)| {
+                    point.uv = window.inside(point.uv);
                     let rgb = frame.rgb.pixel(pixel as usize % width, pixel as usize / width);
                     (point, [rgb[0], rgb[1], rgb[2]])
                 })

@@ -37,8 +37,9 @@ pub fn read_material(folder: &Path) -> Result<Material> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::appearance::{Appearance, write_material};
+    use crate::appearance::{Appearance, Window, write_material};
     use crate::image::Image;
+    use crate::mesh::grid;
     use crate::pbr::Environment;
 
     #[test]
@@ -46,7 +47,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let mut material = Material::uniform(5, 3, [0.1, 0.4, 0.9], 0.3, 0.0);
         material.texels[7] = [0.9, 0.2, 0.05, 0.8, 1.0, 0.0, 0.0, 0.0];
-        let written = Appearance { material, environment: Environment::uniform(8, 4, [1.0; 3]) };
+        let window = Window::of(&grid(2, 2, glam::DVec2::ONE, 1.0));
+        let written = Appearance {
+            material,
+            window,
+            environment: Environment::uniform(8, 4, [1.0; 3]),
+            history: Vec::new(),
+        };
         write_material(folder.path(), &written).unwrap();
         let read = read_material(folder.path()).unwrap();
         for (a, b) in read.texels.iter().flatten().zip(written.material.texels.iter().flatten()) {

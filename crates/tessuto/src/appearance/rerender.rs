@@ -1,8 +1,7 @@
 //! The frames as the estimate explains them.
 
-use super::Appearance;
 use crate::image::Image;
-use crate::pbr::{Cloth, Geometry, Light, picture};
+use crate::pbr::{Cloth, Environment, Geometry, Light, Material, picture};
 use crate::raster::Rasterizer;
 use crate::scene::{Scene, Shape};
 
@@ -15,17 +14,17 @@ pub struct Rerendered {
     pub psnr: f64,
 }
 
-/// Draws frame `frame` with `passes` passes of eight samples per pixel.
+/// Draws frame `frame` with the maps on all of uv space, the light, and `passes` passes of eight samples per pixel.
 pub fn rerender(
     scene: &Scene,
     rasterizer: &Rasterizer,
     geometry: &Geometry,
     (frame, shape): (usize, &Shape),
-    appearance: &Appearance,
+    (maps, environment): (&Material, &Environment),
     passes: usize,
 ) -> Rerendered {
-    let light = &Light::new(&appearance.environment, 0.05);
-    let cloth = Cloth { rasterizer, geometry, material: &appearance.material, light };
+    let light = &Light::new(environment, 0.05);
+    let cloth = Cloth { rasterizer, geometry, material: maps, light };
     let drawn = picture(&cloth, &scene.camera, (frame, shape), passes);
     let [full_width, full_height] = scene.full_size;
     let mut rgb = Image::new(full_width, full_height, 3);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AppearanceSettings {
-    /// Width and height of the maps [texel].
+    /// Width and height of the maps [texel], over the part of uv space that the template uses.
     pub map_size: usize,
     /// Rows of the light [texel]; it has twice as many columns.
     pub light_rows: usize,

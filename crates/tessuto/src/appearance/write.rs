@@ -26,7 +26,7 @@ Only brightness of cloth times brightness of light is known: both may be scaled 
 /// # Errors
 /// [`Error::Output`](crate::Error::Output).
 pub fn write_material(folder: &Path, appearance: &Appearance) -> Result<()> {
-    let material = &appearance.material;
+    let material = appearance.maps();
     let (width, height) = (material.width, material.height);
     let map = |channels: usize, value: &dyn Fn(&[f32; 8], usize) -> f32| Image {
         width,

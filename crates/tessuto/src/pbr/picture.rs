@@ -50,8 +50,7 @@ pub fn picture(cloth: &Cloth, camera: &Camera, (frame, shape): (usize, &Shape), 
                 continue;
             }
             // A pixel whose centre just misses the cloth has a neighbour's colour.
-            let candidates =
-                [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+            let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
             let near = candidates
                 .into_iter()
                 .filter(|&(x, y)| x < width && y < height)

@@ -125,9 +125,11 @@ mod tests {
             let view = Viewpoint::about(&motion(), CAMERA, left.to_radians(), up.to_radians()).unwrap();
             let pixels: Vec<_> =
                 motion().iter().flat_map(|s| view.shape(s)).map(|x| (x.z, view.camera.project(x))).collect();
-            assert!(pixels.iter().all(|(z, p)| *z > 0.0
-                && (0.0..639.0).contains(&p.x)
-                && (0.0..479.0).contains(&p.y)));
+            assert!(
+                pixels
+                    .iter()
+                    .all(|(z, p)| *z > 0.0 && (0.0..639.0).contains(&p.x) && (0.0..479.0).contains(&p.y))
+            );
             let reach = |f: fn(&glam::DVec2) -> f64, n: f64| {
                 pixels.iter().map(|(_, p)| (f(p) / n - 0.5).abs()).fold(0.0, f64::max)
             };
