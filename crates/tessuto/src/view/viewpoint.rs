@@ -35,7 +35,7 @@ impl Viewpoint {
     /// # Errors
     /// [`Error::Usage`] unless |`up`| < 90°.
     pub fn about(motion: &[Shape], camera: Camera, left: f64, up: f64) -> Result<Self> {
-        if !left.is_finite() || !(up.abs() < std::f64::consts::FRAC_PI_2) {
+        if !left.is_finite() || !up.is_finite() || up.abs() >= std::f64::consts::FRAC_PI_2 {
             let angles = format!("camera {}° to the left, {}° up", left.to_degrees(), up.to_degrees());
             return Err(Error::usage(angles, "up must lie between -90 and 90"));
         }
