@@ -9,7 +9,7 @@ use tessuto::export::{Clip, Format, export};
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::result::{self, Run};
-use tessuto::{Error, Scene};
+use tessuto::{Error, Scene, Shape};
 
 use crate::appearance::Outputs;
 use crate::output::OutputFolder;
@@ -127,17 +127,19 @@ pub fn reconstruct_into(
         command: &command,
     };
     result::write(output.partial(), &context, &reconstruction)?;
-    let table = if appearance && reconstruction.failure.is_none() {
-        let outputs = Outputs::prepare(output.partial())?;
-        let settings = &run.settings;
+    // The motion is finished work: whatever happens to the appearance, it is written.
+    let mut unseen = None;
+    let mut table = String::new();
+    if appearance && reconstruction.failure.is_none() {
         let motion = &reconstruction.motion;
-        let table = outputs.compute(scene, motion, &settings.appearance, settings.seed, &mut progress)?;
-        outputs.publish()?;
-        result::write_metrics(output.partial(), scene, evaluation.as_ref())?;
-        table
-    } else {
-        String::new()
-    };
+        match add_appearance(output.partial(), scene, motion, &run.settings, &mut progress) {
+            Ok(rows) => {
+                table = rows;
+                result::write_metrics(output.partial(), scene, evaluation.as_ref())?;
+            }
+            Err(error) => unseen = Some(error),
+        }
+    }
     let clip = Clip::read(output.partial())?;
     export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
     output.publish()?;
@@ -152,10 +154,24 @@ pub fn reconstruct_into(
     println!("{}", out.display());
     println!("  look at {}", out.join("report.html").display());
     println!("  and at  {}", out.join("pictures/contact_sheet.png").display());
-    match reconstruction.failure {
+    match reconstruction.failure.or(unseen) {
         Some(failure) => Err(failure.into()),
         None => Ok(evaluation),
     }
+}
+
+/// Material and light into the result at `folder`; returns a table for the user.
+fn add_appearance(
+    folder: &Path,
+    scene: &Scene,
+    motion: &[Shape],
+    settings: &Config,
+    progress: &mut Progress,
+) -> Result<String, Error> {
+    let outputs = Outputs::prepare(folder)?;
+    let table = outputs.compute(scene, motion, &settings.appearance, settings.seed, progress)?;
+    outputs.publish()?;
+    Ok(table)
 }
 
 fn evaluate(scene: &Scene, motion: &[tessuto::Shape], seed: u64) -> Result<Option<Evaluation>, Error> {
