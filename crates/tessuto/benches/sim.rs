@@ -43,9 +43,11 @@ fn bench(c: &mut Criterion) {
                         (start(), gradients)
                     },
                     |(s, mut gradients)| {
-                        let tape =
+                        let mut tape =
                             step(&cloth, &settings, &stiffness, s, &acceleration, &mut scratch).unwrap();
                         step_vjp(&cloth, &settings, &stiffness, &tape, &mut gradients, &mut scratch);
+                        // As a rollout does whose factors do not fit into memory.
+                        tape.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
                         (tape, gradients)
                     },
                     BatchSize::LargeInput,

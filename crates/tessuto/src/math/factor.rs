@@ -120,8 +120,8 @@ impl Analysis {
         matrix: &BlockMatrix,
         scratch: &mut Scratch,
     ) -> Result<(Factor, usize), Vec<f64>> {
-        let mut values = scratch.spare.take().unwrap_or_default();
-        values.resize(self.fronts.len(), 0.0);
+        let len = self.fronts.len();
+        let mut values = scratch.spare.take().filter(|v| v.len() == len).unwrap_or_else(|| vec![0.0; len]);
         if scratch.work.len() < self.fronts.work_len() {
             scratch.work.resize(self.fronts.work_len(), 0.0);
         }

@@ -16,6 +16,7 @@ use faer::linalg::triangular_solve::{
     solve_unit_lower_triangular_in_place, solve_unit_upper_triangular_in_place,
 };
 use faer::{Accum, MatMut, MatRef, Par, Spec};
+use rayon::prelude::*;
 
 use super::dissection::Part;
 
@@ -184,25 +185,32 @@ impl Fronts {
     }
 
     /// (largest |d| max(1, |l|)², number of negative pivots) over all columns: rounding errors of the factor
-    /// are of the size of the first times 10⁻¹⁶. Not finite if a value is not.
+    /// are of the size of the first times 10⁻¹⁶. Infinite if a value is not finite.
     pub(super) fn growth(&self, values: &[f64]) -> (f64, usize) {
-        let (mut growth, mut negative) = (0.0, 0);
-        for front in &self.fronts {
-            let height = front.height();
-            for (j, column) in
-                values[front.values[1]..][..front.len()].chunks_exact(height.max(1)).enumerate()
-            {
-                let pivot = column[j];
-                let largest = column[j + 1..].iter().fold(1.0, |m: f64, l| m.max(l.abs()));
-                let size = pivot.abs() * largest * largest;
-                if !size.is_finite() {
-                    return (f64::NAN, 0);
+        let of_front = |front: &Front| {
+            let (mut growth, mut negative) = (0.0, 0);
+            let columns = values[front.values[1]..][..front.len()].chunks_exact(front.height().max(1));
+            for (j, column) in columns.enumerate() {
+                let (pivot, below) = (column[j], &column[j + 1..]);
+                // Eight running maxima, so that the comparisons need not wait for each other.
+                let mut largest = [1.0f64; 8];
+                let octets = below.chunks_exact(8);
+                octets.remainder().iter().zip(&mut largest).for_each(|(l, m)| *m = m.max(l.abs()));
+                for octet in octets {
+                    octet
+                        .iter()
+                        .zip(&mut largest)
+                        .for_each(|(l, m)| *m = if l.abs() > *m { l.abs() } else { *m });
                 }
-                growth = f64::max(growth, size);
+                let largest = largest.into_iter().fold(1.0, f64::max);
+                let size = pivot.abs() * largest * largest;
+                growth = if size.is_finite() { f64::max(growth, size) } else { f64::INFINITY };
                 negative += usize::from(pivot < 0.0);
             }
-        }
-        (growth, negative)
+            (growth, negative)
+        };
+        let worse = |a: (f64, usize), b: (f64, usize)| (a.0.max(b.0), a.1 + b.1);
+        self.fronts.par_iter().with_min_len(16).map(of_front).reduce(|| (0.0, 0), worse)
     }
 
     /// Solves L D Lᵀ x = b in place; `x` in elimination order, `work` of at least as many numbers.
