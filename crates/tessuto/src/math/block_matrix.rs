@@ -158,6 +158,11 @@ impl BlockMatrix {
         Self { values: vec![0.0; pattern.row.len()] }
     }
 
+    /// Whether it is of this pattern's size.
+    pub(super) fn fits(&self, pattern: &BlockPattern) -> bool {
+        self.values.len() == pattern.row.len()
+    }
+
     /// Sets every value to zero.
     pub fn clear(&mut self) {
         self.values.fill(0.0);

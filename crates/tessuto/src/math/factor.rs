@@ -35,6 +35,7 @@ pub struct Scratch {
     work: Vec<f64>,
     rhs: Vec<f64>,
     spare: Option<Vec<f64>>,
+    matrices: Vec<BlockMatrix>,
 }
 
 impl Scratch {
@@ -51,6 +52,22 @@ impl Scratch {
         if let Factor::Plain(values) = factor {
             self.spare = Some(values);
         }
+    }
+
+    /// The zero matrix, in the memory of an earlier one if there is any: fresh memory costs more than its use.
+    pub fn zero_matrix(&mut self, pattern: &BlockPattern) -> BlockMatrix {
+        match self.matrices.pop().filter(|m| m.fits(pattern)) {
+            Some(mut matrix) => {
+                matrix.clear();
+                matrix
+            }
+            None => BlockMatrix::zeros(pattern),
+        }
+    }
+
+    /// Keeps the memory of a matrix that is no longer needed.
+    pub fn recycle_matrix(&mut self, matrix: BlockMatrix) {
+        self.matrices.push(matrix);
     }
 }
 
@@ -171,8 +188,8 @@ impl Analysis {
         pattern.gather(field, &mut rhs);
         match factor {
             Factor::Plain(values) => {
-                if scratch.work.len() < n {
-                    scratch.work.resize(n, 0.0);
+                if scratch.work.len() < self.fronts.loads_len() {
+                    scratch.work.resize(self.fronts.loads_len(), 0.0);
                 }
                 self.fronts.solve(values, &mut rhs, &mut scratch.work);
             }

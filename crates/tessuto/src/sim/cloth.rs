@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::{angle, stretch};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
-use crate::math::factor::Analysis;
+use crate::math::factor::{Analysis, Scratch};
 use crate::mesh::{Mesh, triangle_area};
 
 /// Area density ρ [kg/m²]. Only force per mass can be seen in a video, so its value sets a scale only.
@@ -176,13 +176,22 @@ impl Cloth {
 
     /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` [N], shape [V].
     pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
-        for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-            e.scatter(stretch::gradient(e.along(x), k, e.rest_length) * scale, out);
-        }
-        for (h, k) in self.hinges(stiffness) {
+        let mut second = vec![DVec3::ZERO; out.len()];
+        let [first_half, second_half] = self.hinge_halves(stiffness);
+        let of_hinge = |(h, k): (&Hinge, f64), out: &mut [DVec3]| {
             let [u, w] = arms(x, h.vertices);
             h.scatter(angle::gradient(u, w, k, h.rest_angle).map(|g| g * scale), out);
-        }
+        };
+        rayon::join(
+            || {
+                for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
+                    e.scatter(stretch::gradient(e.along(x), k, e.rest_length) * scale, out);
+                }
+                first_half.for_each(|h| of_hinge(h, out));
+            },
+            || second_half.for_each(|h| of_hinge(h, &mut second)),
+        );
+        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
     }
 
     /// Adds `scale`·∂²E/∂x² of [`energy`](Self::energy) to `matrix` [N/m].
@@ -193,9 +202,10 @@ impl Cloth {
         curvature: Curvature,
         scale: f64,
         matrix: &mut BlockMatrix,
+        scratch: &mut Scratch,
     ) {
         // Two sums, added in the end: the same bits on one thread and on two.
-        let mut second = BlockMatrix::zeros(&self.pattern);
+        let mut second = scratch.zero_matrix(&self.pattern);
         let [first_half, second_half] = self.hinge_halves(stiffness);
         rayon::join(
             || {
@@ -213,6 +223,7 @@ impl Cloth {
             || self.add_hinge_hessians(second_half, x, curvature, scale, &mut second),
         );
         matrix.add(&second);
+        scratch.recycle_matrix(second);
     }
 
     fn add_hinge_hessians<'a>(

@@ -106,18 +106,29 @@ impl Potential<'_> {
     fn factor(&self, d: &[DVec3], scratch: &mut Scratch) -> Factor {
         let x = self.moved(d);
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
-        let exact = hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Exact);
-        analysis.definite(pattern, &exact, scratch).unwrap_or_else(|| {
-            let projected = hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Projected);
-            analysis.factorize(pattern, &projected, scratch)
+        let exact = hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Exact, scratch);
+        let factor = analysis.definite(pattern, &exact, scratch);
+        scratch.recycle_matrix(exact);
+        factor.unwrap_or_else(|| {
+            let projected = hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Projected, scratch);
+            let factor = analysis.factorize(pattern, &projected, scratch);
+            scratch.recycle_matrix(projected);
+            factor
         })
     }
 }
 
 /// ∂²Φ = M/h² + ∂²E.
-fn hessian(cloth: &Cloth, stiffness: &Stiffness, x: &[DVec3], h: f64, curvature: Curvature) -> BlockMatrix {
-    let mut matrix = BlockMatrix::zeros(&cloth.pattern);
-    cloth.add_hessian(stiffness, x, curvature, 1.0, &mut matrix);
+fn hessian(
+    cloth: &Cloth,
+    stiffness: &Stiffness,
+    x: &[DVec3],
+    h: f64,
+    curvature: Curvature,
+    scratch: &mut Scratch,
+) -> BlockMatrix {
+    let mut matrix = scratch.zero_matrix(&cloth.pattern);
+    cloth.add_hessian(stiffness, x, curvature, 1.0, &mut matrix, scratch);
     matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0 / (h * h));
     matrix
 }
@@ -136,8 +147,9 @@ pub fn step_vjp(
 ) {
     let h = settings.step;
     let x = &tape.after.x;
-    let matrix = hessian(cloth, stiffness, x, h, Curvature::Exact);
+    let matrix = hessian(cloth, stiffness, x, h, Curvature::Exact, scratch);
     let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
+    scratch.recycle_matrix(matrix);
     let rhs: Vec<DVec3> = gradients.x.iter().zip(&gradients.v).map(|(x, v)| *x + *v / h).collect();
     let mu = cloth.analysis.solve(&cloth.pattern, &factor, &rhs, scratch);
     scratch.recycle(factor);

@@ -10,7 +10,6 @@ use glam::DVec3;
 use super::cloth::{Cloth, Curvature, Stiffness};
 use super::step::{State, StepGradients, StepSettings, StepTape};
 use crate::error::{Error, Result};
-use crate::math::block_matrix::BlockMatrix;
 use crate::math::factor::{Factor, Scratch};
 
 /// One step; see the module for the formulas and [`super::step::step`] for the arguments.
@@ -49,10 +48,12 @@ fn factor(
     scratch: &mut Scratch,
 ) -> Factor {
     let h = settings.step;
-    let mut matrix = BlockMatrix::zeros(&cloth.pattern);
-    cloth.add_hessian(stiffness, &before.x, Curvature::Exact, h * h, &mut matrix);
+    let mut matrix = scratch.zero_matrix(&cloth.pattern);
+    cloth.add_hessian(stiffness, &before.x, Curvature::Exact, h * h, &mut matrix, scratch);
     matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0);
-    cloth.analysis.factorize(&cloth.pattern, &matrix, scratch)
+    let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
+    scratch.recycle_matrix(matrix);
+    factor
 }
 
 /// Adjoint of [`step`]; see [`super::step::step_vjp`].

@@ -1,0 +1,186 @@
+//! Multifrontal L D Lᵀ of symmetric block matrices: dense eliminations along a dissection tree.
+//!
+//! Every part of the tree owns a dense *front*: its own vertices and the later ones they are coupled to (its boundary).
+//! Eliminating the own vertices leaves an update of the boundary, which is added into the parent's front. Halves are
+//! independent and run in parallel; every number is computed by the same operations in the same order on
+//! any number of threads. Source: Duff and Reid, "The multifrontal solution of indefinite sparse symmetric
+//! linear equations", 1983; the dense kernels are faer's.
+
+mod eliminate;
+mod solve;
+
+use faer::MatRef;
+
+use super::dissection::Part;
+
+/// Shape of one front. Vertices are counted in elimination order; sizes in scalars are three times those in vertices.
+///
+/// What a subtree owns of any array ends with what its topmost front owns, so that halves split it.
+#[derive(Debug)]
+struct Front {
+    /// First own vertex.
+    first: usize,
+    /// Number of own vertices.
+    own: usize,
+    /// Later vertices coupled to the subtree, ascending.
+    boundary: Vec<u32>,
+    children: Vec<Child>,
+    /// First vertex of the subtree.
+    first_of_subtree: usize,
+    /// Start of the subtree's values and of the own ones.
+    values: [usize; 2],
+    /// Start of the subtree's loads (see [`solve`]) and of the own ones.
+    loads: [usize; 2],
+    /// Numbers of working memory that the subtree's elimination takes.
+    work: usize,
+    /// Multiplications of the subtree.
+    flops: f64,
+}
+
+/// A half, and where its boundary lies in its parent's front.
+#[derive(Debug)]
+struct Child {
+    front: usize,
+    /// Ascending, each wholly among the parent's own vertices or wholly in its boundary.
+    runs: Vec<Run>,
+    /// Number of runs among the own vertices.
+    own_runs: usize,
+}
+
+/// Neighbouring scalars of a child's boundary that are neighbours in the parent's front too.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    from: usize,
+    to: usize,
+    len: usize,
+}
+
+impl Front {
+    fn height(&self) -> usize {
+        3 * (self.own + self.boundary.len())
+    }
+
+    fn width(&self) -> usize {
+        3 * self.own
+    }
+
+    fn len(&self) -> usize {
+        self.height() * self.width()
+    }
+
+    /// Side of the update matrix.
+    fn update(&self) -> usize {
+        3 * self.boundary.len()
+    }
+
+    /// Scalars of the whole subtree's vertices.
+    fn subtree(&self) -> usize {
+        3 * (self.first + self.own - self.first_of_subtree)
+    }
+
+    /// Place of a vertex in the front.
+    fn local(&self, vertex: usize) -> usize {
+        match vertex < self.first + self.own {
+            true => vertex - self.first,
+            false => {
+                let at = self.boundary.binary_search(&(vertex as u32));
+                self.own + at.expect("coupled vertices are in the boundary")
+            }
+        }
+    }
+
+    /// The front's columns.
+    fn columns<'a>(&self, values: &'a [f64]) -> MatRef<'a, f64> {
+        MatRef::from_column_major_slice(&values[self.values[1]..][..self.len()], self.height(), self.width())
+    }
+
+    fn child(&self, front: usize, boundary: &[u32]) -> Child {
+        let mut runs: Vec<Run> = Vec::new();
+        for (k, &v) in boundary.iter().enumerate() {
+            let (from, to) = (3 * k, 3 * self.local(v as usize));
+            match runs.last_mut() {
+                Some(run) if run.to + run.len == to && to != self.width() => run.len += 3,
+                _ => runs.push(Run { from, to, len: 3 }),
+            }
+        }
+        let own_runs = runs.partition_point(|run| run.to < self.width());
+        Child { front, runs, own_runs }
+    }
+}
+
+/// The fronts of a pattern.
+#[derive(Debug)]
+pub(super) struct Fronts {
+    /// In elimination order; the root is the last.
+    fronts: Vec<Front>,
+    /// For every value of the matrix its place in its front.
+    places: Vec<u32>,
+}
+
+/// Lower triangle in compressed columns: starts and rows.
+pub(super) type Columns<'a> = (&'a [usize], &'a [usize]);
+
+impl Fronts {
+    /// Fronts of the matrix whose vertices are numbered in the elimination order of `part`.
+    pub(super) fn new(part: &Part, columns: Columns) -> Self {
+        let mut fronts = Vec::new();
+        add_front(part, columns, &mut fronts);
+        let mut places = vec![0; columns.1.len()];
+        for f in &fronts {
+            for column in 3 * f.first..3 * (f.first + f.own) {
+                for p in columns.0[column]..columns.0[column + 1] {
+                    let local = f.local(columns.1[p] / 3) * 3 + columns.1[p] % 3;
+                    places[p] = ((column - 3 * f.first) * f.height() + local) as u32;
+                }
+            }
+        }
+        Self { fronts, places }
+    }
+
+    /// Number of values of a factor.
+    pub(super) fn len(&self) -> usize {
+        self.fronts.iter().map(Front::len).sum()
+    }
+
+    fn root(&self) -> usize {
+        self.fronts.len() - 1
+    }
+}
+
+/// Adds the fronts of `part`, halves first; returns its index.
+fn add_front(part: &Part, columns: Columns, fronts: &mut Vec<Front>) -> usize {
+    let end = |fronts: &[Front]| {
+        let last = fronts.last();
+        let vertex = last.map_or(0, |f| f.first + f.own);
+        (vertex, last.map_or(0, |f| f.values[1] + f.len()), last.map_or(0, |f| f.loads[1] + f.update()))
+    };
+    let subtree = end(fronts);
+    let halves: Vec<usize> = part.halves.iter().map(|half| add_front(half, columns, fronts)).collect();
+    let start = end(fronts);
+    let (first, own) = (start.0, part.vertices.len());
+    let mut boundary: Vec<u32> = (3 * first..3 * (first + own))
+        .step_by(3)
+        .flat_map(|c| columns.1[columns.0[c]..columns.0[c + 1]].iter().map(|row| (row / 3) as u32))
+        .chain(halves.iter().flat_map(|&h| fronts[h].boundary.iter().copied()))
+        .filter(|&v| v as usize >= first + own)
+        .collect();
+    boundary.sort_unstable();
+    boundary.dedup();
+    let (k, n) = (3.0 * own as f64, 3.0 * boundary.len() as f64);
+    let mut front = Front {
+        first,
+        own,
+        boundary,
+        children: Vec::new(),
+        first_of_subtree: subtree.0,
+        values: [subtree.1, start.1],
+        loads: [subtree.2, start.2],
+        work: 0,
+        flops: k * (k * k / 6.0 + k * n / 2.0 + n * n / 2.0)
+            + halves.iter().map(|&h| fronts[h].flops).sum::<f64>(),
+    };
+    front.children = halves.iter().map(|&h| front.child(h, &fronts[h].boundary)).collect();
+    front.work = eliminate::work_len(&front, &halves.iter().map(|&h| &fronts[h]).collect::<Vec<_>>());
+    fronts.push(front);
+    fronts.len() - 1
+}
