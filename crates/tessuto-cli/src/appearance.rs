@@ -18,7 +18,8 @@ use crate::progress::{Progress, stop_on_interrupt};
 /// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
 #[derive(Args)]
 #[command(after_help = "\
-Writes into RESULT: material/ (maps, light, and a note that tells their conventions) and rerendered/ (frames, psnr.csv).
+Writes into RESULT: material/ (maps, light, and a note that tells their conventions) and rerendered/ (frames,
+differences from the video, psnr.csv).
 
 Examples:
   tessuto appearance scenes/curtain results/curtain
@@ -91,6 +92,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let outputs = Outputs::prepare(folder)?;
     let table = outputs.compute(scene, &motion, &config.appearance, config.seed, &mut progress)?;
     outputs.publish()?;
+    // The motion's errors stay what they were.
+    let evaluation = result::read_metrics(folder)?;
+    result::write_metrics(folder, scene, &motion, evaluation.as_ref())?;
     print!("{table}");
     println!("{}", folder.join("material").display());
     println!("{}", folder.join("rerendered").display());
@@ -150,8 +154,9 @@ impl Outputs {
                 passes,
             );
             let frame = scene.first_frame + n;
-            let name = format!("rgb_{frame:03}.png");
-            io::image::write_png(&self.rerendered.partial().join(name), &drawn.rgb)?;
+            let file = |kind: &str| self.rerendered.partial().join(format!("{kind}_{frame:03}.png"));
+            io::image::write_png(&file("rgb"), &drawn.rgb)?;
+            io::image::write_png(&file("difference"), &drawn.difference)?;
             let _ = writeln!(csv, "{frame},{:.3}", drawn.psnr);
             sum += drawn.psnr;
         }

@@ -5,9 +5,10 @@ use std::io::Write as _;
 use std::ops::Range;
 use std::path::PathBuf;
 
+use tessuto::appearance;
 use tessuto::io::npy;
 use tessuto::io::scene::{LoadOptions, load};
-use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate, maps};
+use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate};
 
 /// Arguments of `tessuto evaluate`.
 #[derive(clap::Args)]
@@ -44,7 +45,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
         _ => &motion[..],
     };
-    let maps = if arguments.result.is_dir() { maps::evaluate(scene, &arguments.result)? } else { None };
+    let folder = Some(&arguments.result).filter(|r| r.is_dir());
+    let maps = folder.map_or(Ok(None), |folder| appearance::evaluate(scene, folder, motion))?;
     let truth = scene.truth.points.is_some() || scene.truth.vertices.is_some();
     let mut evaluation = if truth || maps.is_none() {
         evaluate(&Inputs::from(scene), motion, 0..motion.len(), arguments.seed)?

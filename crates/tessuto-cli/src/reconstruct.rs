@@ -135,7 +135,7 @@ pub fn reconstruct_into(
         match add_appearance(output.partial(), scene, motion, &run.settings, &mut progress) {
             Ok(rows) => {
                 table = rows;
-                result::write_metrics(output.partial(), scene, evaluation.as_ref())?;
+                result::write_metrics(output.partial(), scene, motion, evaluation.as_ref())?;
             }
             Err(error) => unseen = Some(error),
         }

@@ -10,7 +10,7 @@ use std::time::Instant;
 use tessuto::decoder::{CHANNELS, Decoder, DecoderConfig};
 
 fn main() {
-    let mut config = DecoderConfig::light();
+    let mut config = DecoderConfig::light(256);
     let (mut last, mut picture) = (40, None);
     for argument in std::env::args().skip(1) {
         let (key, value) = argument.split_once('=').expect("arguments are key=value");
@@ -18,7 +18,7 @@ fn main() {
         match key {
             "config" => {
                 config =
-                    if value == "published" { DecoderConfig::published() } else { DecoderConfig::light() }
+                    if value == "published" { DecoderConfig::published() } else { DecoderConfig::light(256) }
             }
             "tiles" => config.tiles = number() as usize,
             "overlap" => config.overlap = number() as usize,

@@ -31,7 +31,7 @@ use crate::reconstruct::Reconstruction;
 use crate::report::pictures::{FramePictures, Kind, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
 use crate::report::{self, HistoryRow, KeyNumber, Parameter, ReportData};
-use crate::scene::Scene;
+use crate::scene::{Scene, Shape};
 use crate::sim::Forces;
 
 /// Which run it was.
@@ -128,23 +128,48 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     write_json(&folder.join("parameters.json"), &parameter_file(&result.parameters, scene))?;
     write_json(&folder.join("config.json"), context.run)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
-    write_metrics(folder, scene, context.evaluation)?;
+    write_metrics(folder, scene, &result.motion, context.evaluation)?;
     write_pictures(folder, scene, result)?;
     report::html::write(&folder.join("report.html"), &report_data(context, result))
 }
 
-/// Writes metrics.json: the errors of the motion, and the likeness of the maps where `folder` holds
+/// Writes metrics.json: the errors of the motion `shapes`, shape [N, V], and the likeness of the maps where `folder` holds
 /// `material/` or `rerendered/`. Nothing is written where there is neither. Call it again once maps are there.
 ///
 /// # Errors
 /// [`Error::Input`] for a map that cannot be read; [`Error::Output`].
-pub fn write_metrics(folder: &Path, scene: &Scene, motion: Option<&Evaluation>) -> Result<()> {
-    let maps = crate::metrics::maps::evaluate(scene, folder)?;
+pub fn write_metrics(
+    folder: &Path,
+    scene: &Scene,
+    shapes: &[Shape],
+    motion: Option<&Evaluation>,
+) -> Result<()> {
+    let maps = crate::appearance::evaluate(scene, folder, shapes)?;
     if motion.is_none() && maps.is_none() {
         return Ok(());
     }
     let evaluation = Evaluation { maps, ..motion.cloned().unwrap_or_default() };
     write_json(&folder.join("metrics.json"), &evaluation)
+}
+
+/// metrics.json of a result folder, where there is one.
+///
+/// # Errors
+/// [`Error::Input`] if it cannot be read.
+pub fn read_metrics(folder: &Path) -> Result<Option<Evaluation>> {
+    let path = folder.join("metrics.json");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let fail = |problem: String| {
+        Error::input(
+            path.display().to_string(),
+            problem,
+            "delete the file, or restore it; it is written anew",
+        )
+    };
+    let text = std::fs::read_to_string(&path).map_err(|e| fail(e.to_string()))?;
+    serde_json::from_str(&text).map(Some).map_err(|e| fail(e.to_string()))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {

@@ -4,7 +4,9 @@ use super::loss::loss;
 use super::observations::observe;
 use super::sky::Sky;
 use super::texels::{Maps, Texels, splat};
-use super::{AppearanceSettings, Window};
+use super::{AppearanceSettings, MapPrior, Window};
+#[cfg(feature = "decoder")]
+use crate::decoder::DecoderConfig;
 use crate::error::{Error, Result};
 use crate::math::rng::mix32;
 use crate::motion::progress::{Epoch, Observer};
@@ -71,8 +73,7 @@ pub fn fit(
     planes.iter_mut().for_each(|v| *v = (*v * scale).clamp(0.02, 0.98));
     planes.resize(4 * size * size, settings.roughness_start as f32);
     planes.resize(5 * size * size, settings.metallic_start as f32);
-    let (diffuse, surface) = (settings.diffuse_smoothness, settings.surface_smoothness);
-    let mut maps = Texels::new(size, &planes, [diffuse, diffuse, diffuse, surface, surface]);
+    let mut maps = maps(settings, &planes, seed)?;
     let mut sky = Sky::new(settings.light_coarsest, settings.light_start);
 
     let mut history = Vec::new();
@@ -137,6 +138,37 @@ pub fn fit(
     let material = Material::from_planes(size, size, &maps.maps());
     let colour = if settings.steps == 0 { 0.0 } else { 1.0 };
     Ok(Appearance { material, window, environment: sky.environment(settings.light_rows, colour), history })
+}
+
+/// The maps that start from `planes`.
+fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<dyn Maps>> {
+    let size = settings.map_size;
+    match settings.prior {
+        MapPrior::Smooth => {
+            let (diffuse, surface) = (settings.diffuse_smoothness, settings.surface_smoothness);
+            Ok(Box::new(Texels::new(size, planes, [diffuse, diffuse, diffuse, surface, surface])))
+        }
+        #[cfg(feature = "decoder")]
+        MapPrior::Decoder if !size.is_multiple_of(DecoderConfig::LIGHT_STEP) => Err(Error::usage(
+            format!(
+                "appearance.map_size is {size}; the decoder makes maps of multiples of {}",
+                DecoderConfig::LIGHT_STEP
+            ),
+            "set appearance.map_size=256, or appearance.prior=smooth",
+        )),
+        #[cfg(feature = "decoder")]
+        MapPrior::Decoder => {
+            Ok(Box::new(super::decoded::Decoded::new(size, planes, settings.map_rate, u64::from(seed))))
+        }
+        #[cfg(not(feature = "decoder"))]
+        MapPrior::Decoder => {
+            let _ = seed;
+            Err(Error::usage(
+                "appearance.prior=decoder, but this build has no decoder",
+                "build with --features decoder, or set appearance.prior=smooth",
+            ))
+        }
+    }
 }
 
 /// Rows of the light's grid after a share `at` of the steps; the finest has the last two of the equal shares.

@@ -10,6 +10,8 @@ use crate::scene::{Scene, Shape};
 pub struct Rerendered {
     /// sRGB colour on black, the size of the full frame, shape [height, width, 3].
     pub rgb: Image,
+    /// |drawn − video| inside the mask, four times as bright, shape [crop height, crop width, 3].
+    pub difference: Image,
     /// Peak signal-to-noise ratio [dB] against the video where its mask is above one half, inside the crop.
     pub psnr: f64,
 }
@@ -29,18 +31,22 @@ pub fn rerender(
     let [full_width, full_height] = scene.full_size;
     let mut rgb = Image::new(full_width, full_height, 3);
     let observed = &scene.frames[frame];
+    let mut difference = Image::new(drawn.width, drawn.height, 3);
     let (mut squares, mut count) = (0.0, 0);
     for y in 0..drawn.height {
         for x in 0..drawn.width {
             let value = drawn.pixel(x, y);
             rgb.pixel_mut(x + scene.crop.x0, y + scene.crop.y0).copy_from_slice(value);
             if observed.mask.pixel(x, y)[0] > 0.5 {
-                let differences = value.iter().zip(observed.rgb.pixel(x, y));
-                squares += differences.map(|(a, b)| f64::from(a - b).powi(2)).sum::<f64>();
+                let pairs = value.iter().zip(observed.rgb.pixel(x, y));
+                for ((a, b), shown) in pairs.zip(difference.pixel_mut(x, y)) {
+                    squares += f64::from(a - b).powi(2);
+                    *shown = (4.0 * (a - b).abs()).min(1.0);
+                }
                 count += 3;
             }
         }
     }
     let psnr = -10.0 * (squares / f64::from(count.max(1))).max(1e-12).log10();
-    Rerendered { rgb, psnr }
+    Rerendered { rgb, difference, psnr }
 }

@@ -2,10 +2,23 @@
 
 use serde::{Deserialize, Serialize};
 
+/// What keeps the maps from following noise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MapPrior {
+    /// Every texel is a parameter; neighbours are drawn to each other.
+    Smooth,
+    /// The maps are what an untrained convolutional decoder puts out; its weights are the parameters. Needs the cargo
+    /// feature `decoder`.
+    Decoder,
+}
+
 /// How material and light are found.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[serde(default, deny_unknown_fields)]
 pub struct AppearanceSettings {
+    /// How the maps are made: smooth or decoder.
+    pub prior: MapPrior,
     /// Width and height of the maps [texel], over the part of uv space that the template uses.
     pub map_size: usize,
     /// Rows of the light [texel]; it has twice as many columns.
@@ -53,6 +66,7 @@ pub struct AppearanceSettings {
 impl Default for AppearanceSettings {
     fn default() -> Self {
         Self {
+            prior: MapPrior::Smooth,
             map_size: 512,
             light_rows: 256,
             light_coarsest: 8,

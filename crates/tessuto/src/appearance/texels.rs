@@ -6,7 +6,7 @@ use crate::optim::Adam;
 use crate::pbr::CHANNELS;
 
 /// Limits of the channels: diffuse, roughness, metallic.
-const LIMITS: [[f64; 2]; CHANNELS] = [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0], [0.2, 1.0], [0.0, 1.0]];
+pub(super) const LIMITS: [[f64; 2]; CHANNELS] = [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0], [0.2, 1.0], [0.0, 1.0]];
 
 /// Where the total variation turns from linear to quadratic.
 const SOFT: f32 = 0.01;
@@ -14,7 +14,7 @@ const SOFT: f32 = 0.01;
 /// Something that makes material maps and learns from their gradient.
 pub(super) trait Maps {
     /// The maps, one plane per channel, shape [[`CHANNELS`], size, size], within their limits.
-    fn maps(&self) -> Vec<f32>;
+    fn maps(&mut self) -> Vec<f32>;
 
     /// Moves the parameters against a gradient of a loss with respect to the maps.
     fn step(&mut self, gradient: &[f32], rate: f64);
@@ -38,7 +38,7 @@ impl Texels {
 }
 
 impl Maps for Texels {
-    fn maps(&self) -> Vec<f32> {
+    fn maps(&mut self) -> Vec<f32> {
         self.values.iter().map(|v| *v as f32).collect()
     }
 

@@ -46,13 +46,17 @@ impl DecoderConfig {
         }
     }
 
-    /// One tile of 256² px and fewer channels: a fifth of the time per step and far fewer steps
-    /// (docs/experiments/appearance-decoder.md).
-    pub fn light() -> Self {
+    /// Edges of [`light`](Self::light) decoders are multiples of this.
+    pub const LIGHT_STEP: usize = 16;
+
+    /// One tile of `edge`² px, a multiple of [`LIGHT_STEP`](Self::LIGHT_STEP), and fewer channels: at 256 px a fifth of
+    /// the time per step and far fewer steps (docs/experiments/appearance-decoder.md).
+    pub fn light(edge: usize) -> Self {
+        assert!(edge > 0 && edge.is_multiple_of(Self::LIGHT_STEP), "edge {edge}");
         Self {
             tiles: 1,
             overlap: 0,
-            latent_edge: 16,
+            latent_edge: edge / Self::LIGHT_STEP,
             channels: vec![64, 64, 32, 32],
             learning_rate: 5e-3,
             betas: [0.9, 0.99],
@@ -183,7 +187,7 @@ mod tests {
     fn sizes_are_the_published_ones() {
         let config = DecoderConfig::published();
         assert_eq!((config.tile_edge(), config.edge()), (128, 472));
-        assert_eq!(DecoderConfig::light().edge(), 256);
+        assert_eq!(DecoderConfig::light(256).edge(), 256);
         let mut decoder = Decoder::new(&small(2), 3);
         let edge = decoder.edge();
         assert_eq!(edge, 2 * (16 - 4));

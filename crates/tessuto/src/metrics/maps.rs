@@ -58,7 +58,13 @@ pub struct MapMetrics {
     /// Mean over the re-rendered frames of the PSNR [dB] inside the observed mask and the crop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames_psnr: Option<f64>,
-    /// Number of these frames.
+    /// PSNR [dB] of the cloth under another light, drawn with the maps, against the same with the true maps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relit_psnr: Option<f64>,
+    /// The same after the best factor per channel of the linear colours.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub relit_psnr_scaled: Option<f64>,
+    /// Number of the re-rendered frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
 }
@@ -78,6 +84,8 @@ impl MapMetrics {
             ("metallic_ssim", self.metallic_ssim, "metallic map, structural similarity"),
             ("metallic_corr", self.metallic_corr, "metallic map, correlation"),
             ("frames_psnr", self.frames_psnr, "re-rendered frames inside the masks, mean [dB]"),
+            ("relit_psnr", self.relit_psnr, "relit frames against the true maps' [dB]"),
+            ("relit_psnr_scaled", self.relit_psnr_scaled, "… after the best factor per channel [dB]"),
         ];
         all.into_iter().filter_map(|(key, value, label)| value.map(|v| (key, v, label))).collect()
     }

@@ -9,7 +9,7 @@ mod frame;
 pub mod maps;
 pub mod published;
 mod resample;
-mod similarity;
+pub mod similarity;
 pub mod surface;
 
 pub use maps::MapMetrics;

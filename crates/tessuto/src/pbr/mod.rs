@@ -17,6 +17,7 @@
 mod accumulate;
 pub mod brdf;
 mod bvh;
+mod denoise;
 mod environment;
 mod geometry;
 mod horizon;

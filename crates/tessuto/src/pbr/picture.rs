@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::denoise::{Lit, RADIUS, denoise};
 use super::{Estimate, Geometry, Light, Material, Shader, see, srgb};
 use crate::camera::Camera;
 use crate::image::Image;
@@ -23,24 +24,40 @@ pub struct Cloth<'a> {
 }
 
 /// Draws frame `frame`, whose vertices are at `shape`, as `camera` sees it from the origin, with `passes` passes of
-/// eight samples per pixel: sRGB in 0…1 on black, shape [height, width, 3].
+/// eight samples per pixel, which neighbours share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
 pub fn picture(cloth: &Cloth, camera: &Camera, (frame, shape): (usize, &Shape), passes: usize) -> Image {
     let mut rendering = Rendering::new();
     let seen = see(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering);
     let shader = Shader { geometry: cloth.geometry, material: cloth.material, light: cloth.light };
     let seed = mix32(frame as u32 ^ 0x7e55_0170);
-    let colours: Vec<[f32; 3]> = seen
+    let estimated: Vec<(Lit, [[f32; 3]; 2])> = seen
         .par_iter()
         .with_min_len(256)
         .map_init(Estimate::default, |estimate, (pixel, point)| {
-            shader.estimate(point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
-            estimate.colour
+            let site = shader.site(point);
+            shader.estimate_at(&site, point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
+            let brdf = &site.brdf;
+            let lit = Lit {
+                position: point.position,
+                normal: point.normal,
+                roughness: brdf.roughness,
+                metallic: brdf.metallic,
+                parts: estimate.parts(brdf),
+            };
+            (lit, [brdf.diffuse, brdf.f0])
         })
         .collect();
     let (width, height) = (camera.width, camera.height);
+    let mut lit = vec![None; width * height];
+    for ((pixel, _), (light, _)) in seen.iter().zip(&estimated) {
+        lit[*pixel as usize] = Some(*light);
+    }
+    let pixel_size = (1.0 / camera.fx.max(camera.fy)) as f32;
+    let smooth = denoise(&lit, width, pixel_size, RADIUS);
     let mut linear: Vec<Option<[f32; 3]>> = vec![None; width * height];
-    for ((pixel, _), colour) in seen.iter().zip(colours) {
-        linear[*pixel as usize] = Some(colour);
+    for ((pixel, _), (_, [diffuse, f0])) in seen.iter().zip(&estimated) {
+        let [e, s, r] = smooth[*pixel as usize];
+        linear[*pixel as usize] = Some(std::array::from_fn(|c| diffuse[c] * e[c] + f0[c] * s[c] + r[c]));
     }
     let mut picture = Image::new(width, height, 3);
     for y in 0..height {

@@ -52,6 +52,15 @@ pub struct Estimate {
     records: Vec<Record>,
 }
 
+impl Estimate {
+    /// Irradiance over π, the microfacets' share by F0, and the rest: colour = diffuse · E + F0 · S + R.
+    pub(super) fn parts(&self, brdf: &Brdf) -> [[f32; 3]; 3] {
+        let e = self.irradiance.map(|i| i * std::f32::consts::FRAC_1_PI);
+        let of = |c: usize| self.colour[c] - brdf.diffuse[c] * e[c] - brdf.f0[c] * self.by_f0[c];
+        [e, self.by_f0, [0, 1, 2].map(of)]
+    }
+}
+
 /// The point's own quantities, the same for all directions.
 pub(super) struct Site {
     pub brdf: Brdf,

@@ -1,0 +1,122 @@
+//! How good maps are for what they are made for: the cloth under another light, against the true maps under it.
+
+use std::path::Path;
+
+use super::read_material;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::mesh::Mesh;
+use crate::metrics::maps::{self, MapMetrics};
+use crate::metrics::similarity::psnr;
+use crate::pbr::{Cloth, Environment, Geometry, Light, Material, picture, srgb};
+use crate::raster::Rasterizer;
+use crate::scene::{Scene, Shape};
+
+/// Frames that are compared, spread over the motion.
+const FRAMES: usize = 3;
+/// Passes of eight samples per pixel.
+const PASSES: usize = 4;
+
+/// [`maps::evaluate`], and where the scene has true maps the PSNR of relit frames of `motion`, shape [N, V].
+///
+/// # Errors
+/// [`Error::Input`](crate::Error::Input) naming the file.
+pub fn evaluate(scene: &Scene, result: &Path, motion: &[Shape]) -> Result<Option<MapMetrics>> {
+    let Some(mut metrics) = maps::evaluate(scene, result)? else { return Ok(None) };
+    let (estimate, truth) = (result.join("material"), scene.folder.join("gt/material"));
+    let complete = |folder: &Path| {
+        ["diffuse.png", "roughness.png", "metallic.png"].iter().all(|file| folder.join(file).is_file())
+    };
+    if complete(&estimate) && complete(&truth) && !motion.is_empty() {
+        let [as_is, scaled] = relit_psnr(
+            &scene.template,
+            &scene.camera,
+            motion,
+            [&read_material(&estimate)?, &read_material(&truth)?],
+        );
+        (metrics.relit_psnr, metrics.relit_psnr_scaled) = (Some(as_is), Some(scaled));
+    }
+    Ok(Some(metrics))
+}
+
+/// PSNR [dB] over the cloth of frames with the two materials under [`studio`]: as they are, and after the best factor
+/// per channel of the linear colours. Both are drawn with the same random numbers.
+pub fn relit_psnr(
+    template: &Mesh,
+    camera: &Camera,
+    motion: &[Shape],
+    [estimate, truth]: [&Material; 2],
+) -> [f64; 2] {
+    let rasterizer = &Rasterizer::new(template);
+    let count = FRAMES.min(motion.len());
+    let chosen: Vec<Shape> =
+        (0..count).map(|k| motion[(motion.len() - 1) * k / (count - 1).max(1)].clone()).collect();
+    let geometry = &Geometry::new(template, &chosen);
+    let light = &Light::new(&studio(), 0.1);
+    let (mut a, mut b) = (Vec::new(), Vec::new());
+    for (n, shape) in chosen.iter().enumerate() {
+        let [drawn, expected] = [estimate, truth].map(|material| {
+            picture(&Cloth { rasterizer, geometry, material, light }, camera, (n, shape), PASSES)
+        });
+        let pixels = drawn.data.chunks_exact(3).zip(expected.data.chunks_exact(3));
+        for (x, y) in pixels.filter(|(_, y)| y.iter().any(|v| *v > 0.0)) {
+            a.extend_from_slice(x);
+            b.extend_from_slice(y);
+        }
+    }
+    let mut factors = [0.0f32; 3];
+    for (c, factor) in factors.iter_mut().enumerate() {
+        let pairs = a.iter().zip(&b).skip(c).step_by(3).map(|(x, y)| (srgb::decode(*x), srgb::decode(*y)));
+        let (xy, xx) = pairs.fold((0.0f64, 1e-12f64), |(xy, xx), (x, y)| {
+            (xy + f64::from(x) * f64::from(y), xx + f64::from(x).powi(2))
+        });
+        *factor = (xy / xx) as f32;
+    }
+    let scale = |(k, x): (usize, &f32)| srgb::encode(srgb::decode(*x) * factors[k % 3]).clamp(0.0, 1.0);
+    let scaled: Vec<f32> = a.iter().enumerate().map(scale).collect();
+    [psnr(&a, &b), psnr(&scaled, &b)]
+}
+
+/// A light that no scene was recorded in: a warm lamp at the upper left in front of the cloth, a cold one at the right, and
+/// a dim room.
+pub fn studio() -> Environment {
+    let mut light = Environment::uniform(128, 64, [0.25; 3]);
+    let lamps = [
+        (glam::DVec3::new(-0.6, -0.6, -0.5).normalize(), 0.93, [7.0, 6.0, 4.5]),
+        (glam::DVec3::new(0.9, 0.1, -0.3).normalize(), 0.9, [1.5, 2.0, 3.0]),
+    ];
+    for row in 0..light.height {
+        for column in 0..light.width {
+            let direction = light.direction(column, row);
+            let lamp = lamps.iter().find(|(at, cosine, _)| at.dot(direction) > *cosine);
+            if let Some((_, _, radiance)) = lamp {
+                light.texels[row * light.width + column] = *radiance;
+            }
+        }
+    }
+    light
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::grid;
+
+    #[test]
+    fn the_true_maps_are_perfect_and_a_factor_is_forgiven() {
+        let template = grid(3, 3, glam::DVec2::splat(0.5), 1.0);
+        let camera = Camera { fx: 40.0, fy: 40.0, cx: 15.5, cy: 15.5, width: 32, height: 32 };
+        let motion = vec![template.positions.clone(); 2];
+        let compare = |estimate: &Material, truth: &Material| {
+            relit_psnr(&template, &camera, &motion, [estimate, truth])
+        };
+        let truth = Material::uniform(4, 4, [0.5, 0.3, 0.4], 0.6, 0.0);
+        let [same, _] = compare(&truth, &truth);
+        assert_eq!(same, 120.0);
+        let brighter = Material::uniform(4, 4, [0.6, 0.3, 0.4], 0.6, 0.0);
+        let [as_is, scaled] = compare(&brighter, &truth);
+        let rough = Material::uniform(4, 4, [0.5, 0.3, 0.4], 0.25, 0.0);
+        let [_, other] = compare(&rough, &truth);
+        assert!(as_is < 35.0 && scaled > as_is + 8.0 && other < scaled, "{as_is} {scaled} {other}");
+    }
+}
