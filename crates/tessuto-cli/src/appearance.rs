@@ -65,10 +65,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         .into());
     }
     let frames = saved.as_ref().map(|s| s.run.frames[0]..s.run.frames[1]);
-    let mut config = saved.map_or_else(
-        || tessuto::Config::preset(tessuto::config::Preset::Default),
-        |saved| saved.run.settings,
-    );
+    let default = || tessuto::Config::preset(tessuto::config::Preset::Default);
+    let mut config = saved.as_ref().map_or_else(default, |saved| saved.run.settings.clone());
+    let saved = saved.is_some();
     for assignment in &arguments.set {
         config.set(assignment)?;
     }
@@ -90,15 +89,54 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     stop_on_interrupt().context("cannot listen for Ctrl-C")?;
     let mut progress = Progress::new();
     let outputs = Outputs::prepare(folder)?;
-    let table = outputs.compute(scene, &motion, &config.appearance, config.seed, &mut progress)?;
+    let summary = outputs.compute(scene, &motion, &config.appearance, config.seed, &mut progress)?;
     outputs.publish()?;
     // The motion's errors stay what they were.
     let evaluation = result::read_metrics(folder)?;
     result::write_metrics(folder, scene, &motion, evaluation.as_ref())?;
-    print!("{table}");
+    if saved {
+        let mut log = result::Log::read(folder)?;
+        summary.times.iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
+        log.set_command(&repeat_command(arguments));
+        log.write(folder)?;
+        result::write_page(folder)?;
+    }
+    print!("{}", summary.table);
     println!("{}", folder.join("material").display());
     println!("{}", folder.join("rerendered").display());
+    if saved {
+        println!("{}", folder.join("report.html").display());
+    }
     Ok(())
+}
+
+/// The command line that repeats this one.
+fn repeat_command(arguments: &Arguments) -> String {
+    let mut command =
+        format!("tessuto appearance {} {}", quoted(&arguments.scene), quoted(&arguments.result));
+    if arguments.motion == Motion::Gt {
+        command.push_str(" --motion gt");
+    }
+    for assignment in &arguments.set {
+        let _ = write!(command, " --set {assignment}");
+    }
+    if let Some(seed) = arguments.seed {
+        let _ = write!(command, " --seed {seed}");
+    }
+    command
+}
+
+/// A path for a shell.
+pub fn quoted(path: &Path) -> String {
+    format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
+}
+
+/// What an estimate tells the user.
+pub struct Summary {
+    /// Lines to print.
+    pub table: String,
+    /// Stage and its wall time [s].
+    pub times: [(&'static str, f64); 2],
 }
 
 /// The folders that the estimate is written into.
@@ -117,7 +155,7 @@ impl Outputs {
         })
     }
 
-    /// Estimates, draws all frames again and writes everything; returns a table for the user.
+    /// Estimates, draws all frames again and writes everything; returns what to tell the user.
     pub fn compute(
         &self,
         scene: &Scene,
@@ -125,7 +163,7 @@ impl Outputs {
         settings: &AppearanceSettings,
         seed: u64,
         progress: &mut Progress,
-    ) -> Result<String, Error> {
+    ) -> Result<Summary, Error> {
         let start = Instant::now();
         if let Some(n) = motion.iter().position(|shape| shape.len() != scene.template.positions.len()) {
             return Err(Error::input(
@@ -135,10 +173,13 @@ impl Outputs {
             ));
         }
         let geometry = Geometry::new(&scene.template, motion);
-        let found = appearance::fit(scene, motion, &geometry, settings, seed, &mut |e| progress.step(e))?;
+        let found =
+            appearance::fit(scene, motion, &geometry, settings, seed, &mut |e, m| progress.step(e, m))?;
         progress.finish();
         let fitted = start.elapsed().as_secs_f64();
         appearance::write_material(self.material.partial(), &found)?;
+        let history = result::history_csv(&found.history);
+        io::atomic_write(&self.material.partial().join("history.csv"), history.as_bytes())?;
         let rasterizer = Rasterizer::new(&scene.template);
         let maps = found.maps();
         let mut csv = String::from("frame,psnr_db\n");
@@ -162,13 +203,13 @@ impl Outputs {
         }
         io::atomic_write(&self.rerendered.partial().join("psnr.csv"), csv.as_bytes())?;
         let mean = sum / motion.len().max(1) as f64;
-        Ok(format!(
-            "{:<16} {mean:.2} dB\n{:<16} {fitted:.0} s\n{:<16} {:.0} s\n",
-            "re-rendered PSNR",
-            "material, light",
-            "drawing",
-            start.elapsed().as_secs_f64() - fitted
-        ))
+        let times =
+            [("material and light", fitted), ("drawing again", start.elapsed().as_secs_f64() - fitted)];
+        let mut table = format!("{:<16} {mean:.2} dB\n", "re-rendered PSNR");
+        for (stage, seconds) in times {
+            let _ = writeln!(table, "{stage:<18} {seconds:.0} s");
+        }
+        Ok(Summary { table, times })
     }
 
     /// Puts the finished folders in their places.

@@ -7,6 +7,8 @@ use clap::Args;
 use tessuto::config::{Config, Preset};
 use tessuto::synth::Settings;
 
+use crate::reconstruct::Extras;
+
 /// See it work: make a small scene, recover its motion from the pictures alone, compare with the truth.
 #[derive(Args)]
 #[command(after_help = "\
@@ -41,7 +43,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     crate::check::check(&scene, None)?;
     println!("3. reconstruction from the pictures and the first frame's shape");
     let config = Config::preset(Preset::Default);
-    let evaluation = crate::reconstruct::reconstruct_into(&scene, None, config, false, &result)?;
+    let evaluation = crate::reconstruct::reconstruct_into(&scene, None, config, Extras::default(), &result)?;
     println!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
     if let Some(mean) = evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
         let largest = largest_displacement(&scene)?;

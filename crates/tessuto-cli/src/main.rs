@@ -6,10 +6,12 @@ mod demo;
 mod evaluate;
 mod export;
 mod frames;
+mod live;
 mod output;
 mod progress;
 mod reconstruct;
 mod render;
+mod report;
 mod simulate;
 mod synth;
 mod threads;
@@ -37,6 +39,7 @@ enum Command {
     Export(export::Arguments),
     Reconstruct(reconstruct::Arguments),
     Render(render::Arguments),
+    Report(report::Arguments),
     Simulate(simulate::Arguments),
     Synth(synth::Arguments),
 }
@@ -50,6 +53,7 @@ fn main() -> ExitCode {
         Command::Export(arguments) => export::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),
     };

@@ -6,7 +6,9 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use tessuto::motion::progress::Epoch;
-use tessuto::{Error, Result};
+use tessuto::{Error, Result, Shape};
+
+use crate::live::Live;
 
 /// Set by Ctrl-C and SIGTERM.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -27,26 +29,31 @@ pub struct Progress {
     stage: &'static str,
     started: Instant,
     last_line: Instant,
+    /// A page that shows the same.
+    pub live: Option<Live>,
 }
 
 impl Progress {
     /// Nothing shown yet.
     pub fn new() -> Self {
         let now = Instant::now();
-        Self { bar: None, stage: "", started: now, last_line: now }
+        Self { bar: None, stage: "", started: now, last_line: now, live: None }
     }
 
-    /// Shows a finished step.
+    /// Shows a finished step, and the motion so far where there is a page for it.
     ///
     /// # Errors
     /// [`Error::Interrupted`] if the user asked to stop.
-    pub fn step(&mut self, epoch: &Epoch) -> Result<()> {
+    pub fn step(&mut self, epoch: &Epoch, motion: &[Shape]) -> Result<()> {
         if STOP.load(Ordering::SeqCst) {
             self.finish();
             return Err(Error::Interrupted(format!(
                 "stopped in stage {}, step {} of {}; nothing was written",
                 epoch.stage, epoch.step, epoch.of
             )));
+        }
+        if let Some(live) = &mut self.live {
+            live.step(epoch, motion);
         }
         if self.stage != epoch.stage {
             self.begin(epoch);

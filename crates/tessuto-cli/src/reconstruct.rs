@@ -11,7 +11,8 @@ use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::result::{self, Run};
 use tessuto::{Error, Scene, Shape};
 
-use crate::appearance::Outputs;
+use crate::appearance::{Outputs, quoted};
+use crate::live::Server;
 use crate::output::OutputFolder;
 use crate::progress::{Progress, stop_on_interrupt};
 
@@ -21,7 +22,8 @@ use crate::progress::{Progress, stop_on_interrupt};
 Examples:
   tessuto reconstruct scenes/curtain
   tessuto reconstruct scenes/curtain --preset saft --out results/curtain-saft
-  tessuto reconstruct scenes/curtain --frames 0..20 --set trajectory.finest=1")]
+  tessuto reconstruct scenes/curtain --frames 0..20 --set trajectory.finest=1
+  tessuto reconstruct scenes/curtain --live")]
 pub struct Arguments {
     /// Scene folder: scene.json, template.obj, rgbs/, masks/.
     scene: PathBuf,
@@ -46,6 +48,18 @@ pub struct Arguments {
     /// Motion only; material and light are not estimated.
     #[arg(long)]
     no_appearance: bool,
+    /// Show the work in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
+    live: Option<u16>,
+}
+
+/// What to do besides the motion.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Extras {
+    /// Estimate material and light.
+    pub appearance: bool,
+    /// Serve a page that shows the work, at this port; 0 is any free one.
+    pub live: Option<u16>,
 }
 
 fn parse_preset(text: &str) -> Result<Preset, String> {
@@ -67,8 +81,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     crate::threads::use_threads(arguments.threads)?;
     let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));
-    let appearance = !arguments.no_appearance;
-    reconstruct_into(&arguments.scene, arguments.frames.clone(), config, appearance, &out)?;
+    let extras = Extras { appearance: !arguments.no_appearance, live: arguments.live };
+    reconstruct_into(&arguments.scene, arguments.frames.clone(), config, extras, &out)?;
     Ok(())
 }
 
@@ -77,16 +91,17 @@ fn default_out(scene: &Path) -> PathBuf {
     Path::new("tessuto-out").join(name.unwrap_or_else(|| "scene".into()))
 }
 
-/// Loads, reconstructs, evaluates, estimates material and light if `appearance` is set, and writes; returns the
-/// metrics where there is truth.
+/// Loads, reconstructs, evaluates, estimates material and light if asked to, and writes; returns the metrics where
+/// there is truth.
 pub fn reconstruct_into(
     scene_folder: &Path,
     frames: Option<std::ops::Range<usize>>,
     config: Config,
-    appearance: bool,
+    extras: Extras,
     out: &Path,
 ) -> anyhow::Result<Option<Evaluation>> {
     let output = OutputFolder::prepare(out)?;
+    let server = extras.live.map(Server::bind).transpose()?;
     let loaded = load(scene_folder, &LoadOptions { frames })?;
     let scene = &loaded.scene;
     let mut warnings = loaded.warnings;
@@ -100,14 +115,6 @@ pub fn reconstruct_into(
         scene.camera.height,
         scene.template.positions.len()
     );
-    let mut progress = Progress::new();
-    let outcome = tessuto::reconstruct(scene, &config, &mut |epoch| progress.step(epoch));
-    progress.finish();
-    let reconstruction = outcome?;
-    if let Some(failure) = &reconstruction.failure {
-        warnings.push(failure.to_string());
-    }
-    let evaluation = evaluate(scene, &reconstruction.motion, config.seed)?;
     let first = scene.first_frame;
     let run = Run {
         version: env!("CARGO_PKG_VERSION").to_owned(),
@@ -116,9 +123,22 @@ pub fn reconstruct_into(
         settings: config,
     };
     let mut command = repeat_command(&run, out);
-    if !appearance {
+    if !extras.appearance {
         command.push_str(" --no-appearance");
     }
+    let mut progress = Progress::new();
+    if let Some(server) = server {
+        eprintln!("live at {}", server.address());
+        progress.live = Some(server.start(result::live_page(scene, &run, &command)?));
+    }
+    let outcome =
+        tessuto::reconstruct(scene, &run.settings, &mut |epoch, motion| progress.step(epoch, motion));
+    progress.finish();
+    let reconstruction = outcome?;
+    if let Some(failure) = &reconstruction.failure {
+        warnings.push(failure.to_string());
+    }
+    let evaluation = evaluate(scene, &reconstruction.motion, run.settings.seed)?;
     let context = result::Context {
         scene,
         run: &run,
@@ -130,7 +150,7 @@ pub fn reconstruct_into(
     // The motion is finished work: whatever happens to the appearance, it is written.
     let mut unseen = None;
     let mut table = String::new();
-    if appearance && reconstruction.failure.is_none() {
+    if extras.appearance && reconstruction.failure.is_none() {
         let motion = &reconstruction.motion;
         match add_appearance(output.partial(), scene, motion, &run.settings, &mut progress) {
             Ok(rows) => {
@@ -142,7 +162,13 @@ pub fn reconstruct_into(
     }
     let clip = Clip::read(output.partial())?;
     export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
+    // A page that cannot be made must not cost the result either.
+    let page = result::write_page(output.partial());
     output.publish()?;
+    page?;
+    if let Some(live) = progress.live.take() {
+        live.finish(&out.join("report.html"));
+    }
     if let Some(e) = &evaluation {
         for (quantity, value) in QUANTITIES.iter().zip(e.mean.values()) {
             if let Some(value) = value {
@@ -169,9 +195,12 @@ fn add_appearance(
     progress: &mut Progress,
 ) -> Result<String, Error> {
     let outputs = Outputs::prepare(folder)?;
-    let table = outputs.compute(scene, motion, &settings.appearance, settings.seed, progress)?;
+    let summary = outputs.compute(scene, motion, &settings.appearance, settings.seed, progress)?;
     outputs.publish()?;
-    Ok(table)
+    let mut log = result::Log::read(folder)?;
+    summary.times.iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
+    log.write(folder)?;
+    Ok(summary.table)
 }
 
 fn evaluate(scene: &Scene, motion: &[tessuto::Shape], seed: u64) -> Result<Option<Evaluation>, Error> {
@@ -187,7 +216,6 @@ fn repeat_command(run: &Run, out: &Path) -> String {
         Preset::Saft => "saft",
         Preset::Default => "default",
     };
-    let quoted = |p: &Path| format!("'{}'", p.display().to_string().replace('\'', "'\\''"));
     let mut command = format!(
         "tessuto reconstruct {} --out {} --preset {preset} --frames {}..{}",
         quoted(&run.scene),

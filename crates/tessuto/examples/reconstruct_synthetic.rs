@@ -18,7 +18,7 @@ fn main() -> tessuto::Result<()> {
     config.set("texture.size=128")?;
 
     let mut last_stage = "";
-    let result = reconstruct(&scene, &config, &mut |epoch| {
+    let result = reconstruct(&scene, &config, &mut |epoch, _| {
         if epoch.stage != last_stage {
             last_stage = epoch.stage;
             println!("{last_stage}");

@@ -39,9 +39,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, observer: &mut Observer) -> R
     config.validate()?;
     let mut history = Vec::new();
     let mut timings = Vec::new();
-    let mut observe = |epoch: &Epoch| {
+    let mut observe = |epoch: &Epoch, motion: &[Shape]| {
         history.push(epoch.clone());
-        observer(epoch)
+        observer(epoch, motion)
     };
     let cloth = Cloth::new(&scene.template);
     let rasterizer = Rasterizer::new(&scene.template);
@@ -53,14 +53,15 @@ pub fn reconstruct(scene: &Scene, config: &Config, observer: &mut Observer) -> R
     let frame = &scene.frames[0];
     let texture =
         fit_texture(&rasterizer, &scene.camera, template, frame, &config.texture, |step, colour| {
-            observe(&Epoch {
+            let epoch = Epoch {
                 stage: "texture",
                 step: step + 1,
                 of: epochs,
                 active_frames: 1,
                 losses: vec![("colour", colour)],
                 parameters: Vec::new(),
-            })
+            };
+            observe(&epoch, &[])
         })?;
     timings.push(("texture".to_owned(), lap(&mut clock)));
 

@@ -132,7 +132,7 @@ pub fn fit(
             losses: vec![("colour", gradients.loss)],
             parameters: vec![("light_rows", rows as f64), ("light_colour", colour)],
         };
-        observer(&epoch)?;
+        observer(&epoch, &[])?;
         history.push(epoch);
     }
     let material = Material::from_planes(size, size, &maps.maps());

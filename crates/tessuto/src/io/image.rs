@@ -33,6 +33,11 @@ pub fn read(path: &Path) -> Result<Image> {
     Ok(picture.rgb(picture.full()))
 }
 
+/// sRGB-encoded colour as bytes.
+pub fn read_bytes(path: &Path) -> Result<::image::RgbImage> {
+    Ok(open(path)?.dynamic.into_rgb8())
+}
+
 /// A mask in [0, 1] (luminance over the largest value of the format), shape [height, width, 1],
 /// and a warning where its values were unusual; masks of zeros and ones are scaled.
 pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {

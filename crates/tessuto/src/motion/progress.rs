@@ -1,6 +1,7 @@
 //! What a running reconstruction tells its caller.
 
 use crate::error::Result;
+use crate::scene::Shape;
 
 /// One finished step of a stage.
 #[derive(Debug, Clone, Default, PartialEq, serde::Serialize)]
@@ -19,5 +20,6 @@ pub struct Epoch {
     pub parameters: Vec<(&'static str, f64)>,
 }
 
-/// Receives every finished step; an error it returns ends the reconstruction with that error.
-pub type Observer<'a> = dyn FnMut(&Epoch) -> Result<()> + 'a;
+/// Receives every finished step, and the motion so far of the first frames (empty from stages that do not change
+/// it); an error it returns ends the reconstruction with that error.
+pub type Observer<'a> = dyn FnMut(&Epoch, &[Shape]) -> Result<()> + 'a;

@@ -149,6 +149,8 @@ pub struct LossAndGradients {
     pub constant: DVec3,
     /// ∂total/∂D.
     pub dynamic: Vec<Shape>,
+    /// The motion they belong to, shape [active frames, V].
+    pub motion: Vec<Shape>,
 }
 
 /// One group of parameters: its clipping and its Adam state.
@@ -253,7 +255,8 @@ impl RolloutFit<'_> {
                 let before = state.parameters.stiffness();
                 let constant = state.parameters.forces.constant;
                 self.descend(&mut state, &gradients, guard.rate);
-                observer(&self.epoch_record(epoch, active, &gradients, before, constant, guard.rate))?;
+                let record = self.epoch_record(epoch, active, &gradients, before, constant, guard.rate);
+                observer(&record, &gradients.motion)?;
             }
         }
         Ok((best.map_or(state.parameters, |(_, parameters)| parameters), None))
@@ -396,7 +399,8 @@ impl RolloutFit<'_> {
         if !finite(&log_stiffness) || !constant.is_finite() {
             return Err(Error::numerical("adjoint", "a gradient is not finite", "lower the learning rates"));
         }
-        Ok(LossAndGradients { losses, total, by_frame, log_stiffness, constant, dynamic })
+        let motion = motion.frames;
+        Ok(LossAndGradients { losses, total, by_frame, log_stiffness, constant, dynamic, motion })
     }
 
     fn frame_loss(

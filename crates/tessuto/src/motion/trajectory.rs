@@ -207,15 +207,16 @@ impl<'a> Problem<'a> {
                     }
                 };
             }
-            observer(&Epoch {
+            frames.push(x);
+            let epoch = Epoch {
                 stage: "track",
                 step: n,
                 of: self.scene.frames.len() - 1,
                 active_frames: n + 1,
                 losses: vec![("total", value)],
                 parameters: Vec::new(),
-            })?;
-            frames.push(x);
+            };
+            observer(&epoch, &frames)?;
         }
         Ok((frames, None))
     }
@@ -241,14 +242,15 @@ impl<'a> Problem<'a> {
                     return Ok((frames, Some(failure)));
                 }
                 steps += 1;
-                observer(&Epoch {
+                let epoch = Epoch {
                     stage: "refine",
                     step: steps,
                     of: levels * self.settings.iterations,
                     active_frames: frames.len(),
                     losses: std::iter::once(("total", value)).chain(stage.terms(&frames)).collect(),
                     parameters: vec![("level", level as f64)],
-                })?;
+                };
+                observer(&epoch, &frames)?;
                 damping = if accepted { f64::max(damping * 0.3, 1e-6) } else { damping * 8.0 };
                 if accepted {
                     frames = next;

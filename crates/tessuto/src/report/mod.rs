@@ -1,17 +1,23 @@
 //! What a person looks at after a reconstruction: pictures of every frame, a contact sheet and one
-//! static page with numbers, curves and the command that repeats it.
+//! self-contained page with the moving fabric, the video, numbers, curves and the command that repeats it.
 
+pub mod chart;
 pub mod colour;
-pub mod curves;
+pub mod embed;
+pub mod film;
 mod font;
-pub mod html;
 mod legend;
+pub mod page;
 pub mod pictures;
 pub mod sheet;
 
+pub use chart::Chart;
+pub use embed::{Field, Motion, Surface};
+pub use film::Film;
 pub use pictures::{FramePictures, Kind, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
 
+use crate::camera::Camera;
 use crate::metrics::Evaluation;
 
 /// Everything the page says.
@@ -25,16 +31,16 @@ pub struct ReportData {
     pub command: String,
     /// Numbers shown first, large.
     pub key_numbers: Vec<KeyNumber>,
-    /// Numbers, in the scene folder, of the frames that have pictures.
-    pub frames: Vec<usize>,
-    /// Kinds of pictures that were written.
-    pub kinds: Vec<Kind>,
-    /// Folder of the pictures, relative to the page; empty: no pictures.
-    pub pictures: String,
-    /// Contact sheet, relative to the page; empty: none.
-    pub contact_sheet: String,
-    /// One row per epoch, ascending.
-    pub history: Vec<HistoryRow>,
+    /// The moving fabric.
+    pub cloth: Option<ClothData>,
+    /// The video and the drawn frames.
+    pub film: Film,
+    /// Texture and material maps.
+    pub maps: Vec<Map>,
+    /// The light.
+    pub light: Option<LightData>,
+    /// Line charts besides those of `evaluation`.
+    pub charts: Vec<Chart>,
     /// What was recovered besides the motion.
     pub parameters: Vec<Parameter>,
     /// Comparison with the truth, where there is any.
@@ -45,6 +51,52 @@ pub struct ReportData {
     pub warnings: Vec<String>,
     /// The complete configuration, as text.
     pub config: String,
+    /// Whether the page belongs to a run that goes on; its script then asks `state` beside it for news.
+    pub live: bool,
+}
+
+/// The moving fabric, for the 3D view.
+#[derive(Debug, Clone, Default, serde::Serialize)]
+pub struct ClothData {
+    /// Frames per second.
+    pub fps: f64,
+    /// Number of the first frame in the video.
+    pub first_frame: usize,
+    /// Frames of the video; the motion of a running reconstruction may have fewer.
+    pub frame_count: usize,
+    /// Camera of the whole picture; results of older versions lack it.
+    pub camera: Option<Camera>,
+    /// Topology.
+    pub surface: Surface,
+    /// Positions.
+    pub motion: Motion,
+    /// What it can be coloured by.
+    pub fields: Vec<Field>,
+}
+
+/// A picture on the fabric's surface.
+#[derive(Debug, Clone)]
+pub struct Map {
+    /// Key, for the script: `texture`, `diffuse`, `roughness` or `metallic`.
+    pub key: &'static str,
+    /// What it is, for people.
+    pub label: &'static str,
+    /// JPEG, base64.
+    pub picture: String,
+}
+
+/// The light as a lat-long picture; its middle is where the camera looks, the top row is up.
+#[derive(Debug, Clone, Default, serde::Serialize)]
+pub struct LightData {
+    /// Width [px].
+    pub width: usize,
+    /// Height [px].
+    pub height: usize,
+    /// Linear radiance, f32 [height, width, 3], base64.
+    pub radiance: String,
+    /// The same for looking at, JPEG, base64.
+    #[serde(skip)]
+    pub picture: String,
 }
 
 /// A number with its name and unit.
@@ -80,11 +132,13 @@ pub struct Parameter {
     pub note: String,
 }
 
-/// What one epoch of the optimisation left behind.
+/// What one step of the optimisation left behind.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct HistoryRow {
-    /// Its number.
-    pub epoch: usize,
+    /// Its stage.
+    pub stage: String,
+    /// Steps finished in this stage.
+    pub step: usize,
     /// How many frames took part.
     pub active_frames: usize,
     /// Losses by name.

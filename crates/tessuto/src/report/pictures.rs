@@ -110,7 +110,7 @@ impl Scales {
 }
 
 /// The next of 1, 2, 5, 10, 20, 50 … (times powers of ten).
-fn rounded_up(value: f64) -> f64 {
+pub(super) fn rounded_up(value: f64) -> f64 {
     let power = 10f64.powf(value.log10().floor());
     [1.0, 2.0, 5.0, 10.0].map(|s| s * power).into_iter().find(|s| *s >= value * 0.999).unwrap_or(10.0 * power)
 }

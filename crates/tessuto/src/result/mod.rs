@@ -7,30 +7,35 @@
 //! parameters.json                 stiffnesses and constant force with units, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
 //! texture.png      history.csv    metrics.json (where there is truth)
+//! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
+//! log.json                        commands, times, warnings
 //! pictures/        report.html
 //! ```
 
-use std::fmt::Write as _;
+mod history;
+mod live;
+mod log;
+mod page;
+mod pictures;
+
+pub use history::history_csv;
+pub use live::{live_page, live_state};
+pub use log::Log;
+pub use page::write_page;
+
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::Image;
-use crate::camera::Camera;
+use crate::camera::{Camera, Rect};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::Mesh;
 use crate::metrics::Evaluation;
-use crate::motion::progress::Epoch;
 use crate::motion::rollout_fit::Parameters;
-use crate::raster::{Rasterizer, Rendering};
 use crate::reconstruct::Reconstruction;
-use crate::report::pictures::{FramePictures, Kind, Scales, measured_depth_image};
-use crate::report::sheet::{chosen_frames, contact_sheet};
-use crate::report::{self, HistoryRow, KeyNumber, Parameter, ReportData};
 use crate::scene::{Scene, Shape};
 use crate::sim::Forces;
 
@@ -78,6 +83,9 @@ struct ParameterFile {
     /// Camera of the whole picture; results of older versions lack it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     camera: Option<Camera>,
+    /// The part of the whole picture that was used; results of older versions lack it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    crop: Option<Rect>,
 }
 
 /// A result folder in memory, as far as a simulation needs it.
@@ -93,6 +101,8 @@ pub struct Saved {
     pub fps: f64,
     /// Camera of the whole picture; results of older versions lack it.
     pub camera: Option<Camera>,
+    /// The part of the whole picture that was used; results of older versions lack it.
+    pub crop: Option<Rect>,
 }
 
 /// What goes into the folder besides the reconstruction.
@@ -109,7 +119,7 @@ pub struct Context<'a> {
     pub command: &'a str,
 }
 
-/// Writes everything into the existing `folder`.
+/// Writes everything but the page into the existing `folder`; call [`write_page`] once it is complete.
 ///
 /// # Errors
 /// [`Error::Output`].
@@ -129,8 +139,13 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     write_json(&folder.join("config.json"), context.run)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
     write_metrics(folder, scene, &result.motion, context.evaluation)?;
-    write_pictures(folder, scene, result)?;
-    report::html::write(&folder.join("report.html"), &report_data(context, result))
+    pictures::write(folder, scene, result)?;
+    let log = Log {
+        commands: vec![context.command.to_owned()],
+        warnings: context.warnings.to_vec(),
+        timings: result.timings.clone(),
+    };
+    log.write(folder)
 }
 
 /// Writes metrics.json: the errors of the motion `shapes`, shape [N, V], and the likeness of the maps where `folder` holds
@@ -195,6 +210,7 @@ fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
         area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
         frame_rate: quantity(scene.fps, "1/s"),
         camera: Some(camera),
+        crop: Some(crop),
     }
 }
 
@@ -228,7 +244,7 @@ pub fn read(folder: &Path) -> Result<Saved> {
     if parameters.stiffness() != stiffness {
         parameters.log_stiffness = stiffness.map(f64::log10);
     }
-    Ok(Saved { run, mesh, parameters, fps: file.frame_rate.value, camera: file.camera })
+    Ok(Saved { run, mesh, parameters, fps: file.frame_rate.value, camera: file.camera, crop: file.crop })
 }
 
 fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
@@ -242,144 +258,4 @@ fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
     })?;
     serde_json::from_str(&text)
         .map_err(|e| Error::input(place(), e.to_string(), "give a folder of this version of tessuto"))
-}
-
-/// One row per step; columns are the union of all names.
-fn history_csv(history: &[Epoch]) -> String {
-    let mut columns: Vec<&str> = Vec::new();
-    for epoch in history {
-        for (name, _) in epoch.losses.iter().chain(&epoch.parameters) {
-            if !columns.contains(name) {
-                columns.push(name);
-            }
-        }
-    }
-    let mut out = format!("stage,step,active_frames,{}\n", columns.join(","));
-    for epoch in history {
-        let _ = write!(out, "{},{},{}", epoch.stage, epoch.step, epoch.active_frames);
-        for column in &columns {
-            let value = epoch.losses.iter().chain(&epoch.parameters).find(|(name, _)| name == column);
-            let _ = match value {
-                Some((_, value)) => write!(out, ",{value:e}"),
-                None => write!(out, ","),
-            };
-        }
-        out.push('\n');
-    }
-    out
-}
-
-/// Images of one frame of the result.
-struct Rendered {
-    rgb: Image,
-    mask: Image,
-    depth: Image,
-    measured: Option<Image>,
-}
-
-fn render(scene: &Scene, result: &Reconstruction) -> Vec<Rendered> {
-    let rasterizer = Rasterizer::new(&scene.template);
-    let of = |rendering: &mut Rendering, (n, shape): (usize, &crate::Shape)| {
-        rasterizer.render(&scene.camera, shape, &result.texture, rendering);
-        let (width, height) = (rendering.width, rendering.height);
-        let channel = |range: std::ops::Range<usize>| Image {
-            width,
-            height,
-            channels: range.len(),
-            data: rendering.rgba.iter().flat_map(|c| c[range.clone()].to_vec()).collect(),
-        };
-        let points = scene.truth.points.as_ref();
-        Rendered {
-            rgb: channel(0..3),
-            mask: channel(3..4),
-            depth: rendering.depth_image(),
-            measured: points.map(|p| measured_depth_image(&p[n], &scene.camera)),
-        }
-    };
-    result.motion.par_iter().enumerate().map_init(Rendering::new, of).collect()
-}
-
-fn write_pictures(folder: &Path, scene: &Scene, result: &Reconstruction) -> Result<()> {
-    let rendered = render(scene, result);
-    let scales = Scales::fitting(rendered.iter().map(|r| (&r.depth, r.measured.as_ref())));
-    let pictures: Vec<FramePictures> = rendered
-        .iter()
-        .zip(&scene.frames)
-        .map(|(r, observed)| FramePictures {
-            rgb: &r.rgb,
-            mask: &r.mask,
-            depth: &r.depth,
-            observed,
-            measured_depth: r.measured.as_ref(),
-        })
-        .collect();
-    let target = folder.join("pictures");
-    pictures
-        .par_iter()
-        .enumerate()
-        .map(|(n, p)| p.write(&target, scene.first_frame + n, &scales))
-        .collect::<Result<Vec<()>>>()?;
-    let chosen: Vec<_> =
-        chosen_frames(pictures.len()).into_iter().map(|n| (scene.first_frame + n, pictures[n])).collect();
-    io::image::write_png(&target.join("contact_sheet.png"), &contact_sheet(&chosen, &scales))
-}
-
-fn report_data(context: &Context, result: &Reconstruction) -> ReportData {
-    let scene = context.scene;
-    let settings = &context.run.settings;
-    let [stretch, bend, shear] = result.parameters.stiffness();
-    let c = result.parameters.forces.constant;
-    let note = |k: usize| {
-        let d = &settings.dynamics;
-        let range = [d.stretch, d.bend, d.shear][k];
-        let value = result.parameters.log_stiffness[k];
-        let at = |bound: f64| (value - bound).abs() < 1e-9;
-        if at(range.low) || at(range.high) { "at its bound".to_owned() } else { String::new() }
-    };
-    let parameter = |name: &str, label: &str, value, unit: &str, note| Parameter {
-        name: name.to_owned(),
-        label: label.to_owned(),
-        value,
-        unit: unit.to_owned(),
-        note,
-    };
-    // The errors are added by the page.
-    let total: f64 = result.timings.iter().map(|(_, s)| s).sum();
-    let key_numbers = vec![
-        KeyNumber::new("frames", result.motion.len().to_string(), ""),
-        KeyNumber::new("vertices", scene.template.positions.len().to_string(), ""),
-        KeyNumber::new("time", format!("{total:.0}"), "s"),
-    ];
-    let row = |(epoch, e): (usize, &Epoch)| HistoryRow {
-        epoch,
-        active_frames: e.active_frames,
-        losses: e.losses.iter().map(|(n, v)| (format!("{} {n}", e.stage), *v)).collect(),
-        parameters: e.parameters.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect(),
-    };
-    ReportData {
-        title: scene.name.clone(),
-        subtitle: format!("{:?} preset, tessuto {}", settings.preset, context.run.version),
-        command: context.command.to_owned(),
-        key_numbers,
-        frames: (scene.first_frame..scene.first_frame + result.motion.len()).collect(),
-        kinds: Kind::ALL
-            .into_iter()
-            .filter(|k| *k != Kind::DepthDifference || scene.truth.points.is_some())
-            .collect(),
-        pictures: "pictures".to_owned(),
-        contact_sheet: "pictures/contact_sheet.png".to_owned(),
-        history: result.history.iter().enumerate().map(row).collect(),
-        parameters: vec![
-            parameter("stretch", "stretch stiffness", stretch, "N/m", note(0)),
-            parameter("bend", "bend stiffness", bend, "J/rad²", note(1)),
-            parameter("shear", "shear stiffness", shear, "J/rad²", note(2)),
-            parameter("constant_x", "constant force per mass, x (right)", c.x, "m/s²", String::new()),
-            parameter("constant_y", "constant force per mass, y (down)", c.y, "m/s²", String::new()),
-            parameter("constant_z", "constant force per mass, z (away)", c.z, "m/s²", String::new()),
-        ],
-        evaluation: context.evaluation.cloned(),
-        timings: result.timings.clone(),
-        warnings: context.warnings.to_vec(),
-        config: serde_json::to_string_pretty(context.run).expect("plain data"),
-    }
 }

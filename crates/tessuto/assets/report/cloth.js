@@ -1,0 +1,376 @@
+"use strict";
+/** The moving fabric in 3D. y is up here: (x, −y, −z) of the recording camera's axes; that camera is at the origin. */
+tessuto.ClothView = class {
+  /** `elements`: canvas, box, legend…; `data`: what the page embeds about the fabric; `images`: maps by key. */
+  constructor(elements, data, light, images) {
+    this.elements = elements;
+    this.data = data;
+    this.images = images;
+    this.lightData = light;
+    this.surface = new tessuto.Surface(data.surface);
+    this.frame = 0;
+    this.renderer = new THREE.WebGLRenderer({ canvas: elements.canvas, antialias: true, alpha: true });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer.toneMapping = THREE.NoToneMapping;
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(40, 1, 0.01, 100);
+    this.scene.add(this.camera);
+    // π: a white matt surface that faces the light is white.
+    this.lights = [new THREE.AmbientLight(0xffffff, 0.62 * Math.PI), new THREE.DirectionalLight(0xffffff, 0.42 * Math.PI)];
+    this.lights[1].position.set(0.3, 0.5, 1);
+    this.scene.add(this.lights[0]);
+    this.camera.add(this.lights[1], this.lights[1].target);
+    this.lights[1].target.position.set(0, 0, -1);
+    this.controls = new THREE.OrbitControls(this.camera, elements.canvas);
+    this.controls.enableDamping = true;
+    this.controls.addEventListener("change", () => this.draw());
+    this.controls.addEventListener("start", () => this.leaveCamera());
+    this.build();
+    this.setMotion(data.motion);
+    new ResizeObserver(() => this.resize()).observe(elements.box);
+    elements.canvas.addEventListener("pointermove", event => this.probe(event));
+    elements.canvas.addEventListener("pointerleave", () => { elements.probe.textContent = ""; });
+  }
+
+  build() {
+    const { corners, uvs, triangles, edges } = this.surface;
+    const geometry = this.geometry = new THREE.BufferGeometry();
+    const attribute = size => new THREE.BufferAttribute(new Float32Array(corners.length * size), size);
+    geometry.setAttribute("position", attribute(3));
+    geometry.setAttribute("normal", attribute(3));
+    geometry.setAttribute("color", attribute(3));
+    geometry.setAttribute("uv", new THREE.BufferAttribute(uvs, 2));
+    geometry.setIndex(new THREE.BufferAttribute(triangles, 1));
+    this.materials = this.makeMaterials();
+    this.mesh = new THREE.Mesh(geometry, this.materials.plain);
+    this.mesh.frustumCulled = false;
+    const lines = new THREE.BufferGeometry();
+    this.linePositions = new THREE.BufferAttribute(new Float32Array(3 * this.surface.vertexCount), 3);
+    lines.setAttribute("position", this.linePositions);
+    lines.setIndex(new THREE.BufferAttribute(edges, 1));
+    this.lines = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ transparent: true, opacity: 0.5 }));
+    this.lines.frustumCulled = false;
+    this.lines.visible = false;
+    this.scene.add(this.mesh, this.lines);
+  }
+
+  makeMaterials() {
+    // Threads are drawn over the surface, not into it.
+    const offset = this.offset = { side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 };
+    const materials = {
+      plain: new THREE.MeshLambertMaterial({ ...offset, color: 0xb9bec6 }),
+      value: new THREE.MeshLambertMaterial({ ...offset, vertexColors: true }),
+    };
+    for (const key of Object.keys(this.images)) {
+      const map = this.texture(key, THREE.SRGBColorSpace);
+      const Kind = key === "texture" ? THREE.MeshLambertMaterial : THREE.MeshBasicMaterial;
+      materials[key] = new Kind({ ...offset, map });
+    }
+    return materials;
+  }
+
+  texture(key, space) {
+    const image = this.images[key], map = new THREE.Texture(image);
+    map.colorSpace = space;
+    map.anisotropy = this.renderer.capabilities.getMaxAnisotropy();
+    // Texture coordinates beyond 0…1 mean repetition; then the maps are whole.
+    map.wrapS = map.wrapT = THREE.RepeatWrapping;
+    const ready = () => {
+      map.needsUpdate = true;
+      this.draw();
+    };
+    if (image.complete && image.naturalWidth > 0) ready();
+    else image.addEventListener("load", ready, { once: true });
+    return map;
+  }
+
+  /** Whether material and light were recovered. */
+  get canBeLit() {
+    return Boolean(this.images.diffuse && this.images.roughness && this.images.metallic && this.lightData);
+  }
+
+  /** The recovered material in the recovered light; made when first wanted, filtering the light takes a while. */
+  litMaterial() {
+    if (!this.materials.lit) {
+      this.environment = this.makeEnvironment();
+      this.materials.lit = new THREE.MeshStandardMaterial({
+        ...this.offset,
+        map: this.materials.diffuse.map,
+        roughnessMap: this.texture("roughness", THREE.NoColorSpace),
+        metalnessMap: this.texture("metallic", THREE.NoColorSpace),
+        roughness: 1,
+        metalness: 1,
+        envMap: this.environment.filtered,
+      });
+    }
+    return this.materials.lit;
+  }
+
+  /** The recovered light: as a picture for the background, and filtered for the material. */
+  makeEnvironment() {
+    const { width, height } = this.lightData;
+    const radiance = tessuto.numbers(Float32Array, this.lightData.radiance);
+    const texels = new Float32Array(4 * width * height);
+    for (let row = 0; row < height; row++) {
+      for (let column = 0; column < width; column++) {
+        // Ours has the camera's view in its middle and up in row 0; three.js has −x there, and down in row 0.
+        const to = 4 * ((height - 1 - row) * width + (column + width - Math.floor(width / 4)) % width);
+        const from = 3 * (row * width + column);
+        texels.set(radiance.subarray(from, from + 3), to);
+        texels[to + 3] = 1;
+      }
+    }
+    const picture = new THREE.DataTexture(texels, width, height, THREE.RGBAFormat, THREE.FloatType);
+    picture.mapping = THREE.EquirectangularReflectionMapping;
+    picture.minFilter = picture.magFilter = THREE.LinearFilter;
+    picture.wrapS = THREE.RepeatWrapping;
+    picture.needsUpdate = true;
+    const generator = new THREE.PMREMGenerator(this.renderer);
+    const filtered = generator.fromEquirectangular(picture).texture;
+    generator.dispose();
+    return { picture, filtered };
+  }
+
+  /** Takes another motion, such as that of a later step. */
+  setMotion(raw) {
+    const first = !this.motion;
+    this.motion = new tessuto.Motion(raw, this.surface.vertexCount);
+    const fields = this.data.fields.map(f => new tessuto.Field(f, this.surface.vertexCount));
+    if (this.motion.frames > 0) fields.push(new tessuto.Strain(this.surface, this.motion));
+    this.fields = Object.fromEntries(fields.map(f => [f.key, f]));
+    const { centre: [x, y, z], radius } = this.motion.extent();
+    this.centre = new THREE.Vector3(x, -y, -z);
+    this.radius = radius;
+    if (first && this.motion.frames > 0) this.orbitView();
+    if (!this.motion.frames) this.motion = null;
+    if (this.motion) this.show(this.frame);
+  }
+
+  /** What the fabric can look like: groups of [key, label]. */
+  looks() {
+    const of = pairs => pairs.filter(([key]) => key in this.materials || (key === "lit" && this.canBeLit));
+    const values = Object.values(this.fields).map(f => [f.key, `${f.label} [${f.unit}]`]);
+    return [
+      ["Look", of([["texture", "recovered print"], ["lit", "recovered material and light"], ["plain", "plain"]])],
+      ["Map", of([["diffuse", "diffuse"], ["roughness", "roughness"], ["metallic", "metallic"]])],
+      ["Value", values],
+    ].filter(([, members]) => members.length > 0);
+  }
+
+  setLook(key) {
+    this.look = key;
+    this.field = this.fields[key];
+    const { value, plain } = this.materials;
+    this.mesh.material = this.field ? value : key === "lit" ? this.litMaterial() : this.materials[key] ?? plain;
+    for (const light of this.lights) light.visible = key !== "lit";
+    const { legend } = this.elements;
+    legend.root.hidden = !this.field;
+    if (this.field) {
+      const { label, unit, range: [low, high], diverging } = this.field;
+      const number = v => (diverging && v > 0 ? "+" : "") + tessuto.readable(v).replace("-", "−");
+      legend.title.textContent = label;
+      legend.low.textContent = number(low);
+      legend.middle.textContent = number((low + high) / 2);
+      legend.high.textContent = `${number(high)} ${unit}`;
+      this.paintLegend(tessuto.scales[diverging ? "diverging" : "sequential"]);
+    }
+    this.setBackground(this.background);
+    if (this.motion) this.show(this.frame);
+  }
+
+  paintLegend(scale) {
+    const bar = this.elements.legend.bar, pen = bar.getContext("2d");
+    for (let x = 0; x < bar.width; x++) {
+      pen.fillStyle = `rgb(${tessuto.colourAt(scale, x / (bar.width - 1)).join(" ")})`;
+      pen.fillRect(x, 0, 1, 1);
+    }
+  }
+
+  setBackground(on) {
+    this.background = on;
+    this.scene.background = on && this.look === "lit" ? this.environment.picture : null;
+    this.draw();
+  }
+
+  setWireframe(on) {
+    this.lines.visible = on;
+    this.draw();
+  }
+
+  setDark(dark) {
+    this.lines.material.color.set(dark ? 0xffffff : 0x101418);
+    this.draw();
+  }
+
+  /** Shows frame `frame`. */
+  show(frame) {
+    this.frame = frame;
+    if (!this.motion) return;
+    const p = this.motion.at(frame), shown = this.linePositions.array;
+    for (let i = 0; i < p.length; i += 3) {
+      shown[i] = p[i];
+      shown[i + 1] = -p[i + 1];
+      shown[i + 2] = -p[i + 2];
+    }
+    this.linePositions.needsUpdate = true;
+    this.spread("position", shown);
+    this.spread("normal", this.normals(shown));
+    if (this.field) this.paint(frame);
+    this.draw();
+  }
+
+  /** Copies a value per vertex to its corners. */
+  spread(name, values) {
+    const attribute = this.geometry.getAttribute(name), { corners } = this.surface;
+    for (let c = 0; c < corners.length; c++) {
+      for (let k = 0; k < 3; k++) attribute.array[3 * c + k] = values[3 * corners[c] + k];
+    }
+    attribute.needsUpdate = true;
+  }
+
+  /** Means of the triangles' normals, weighted by area; not normalised, the shader does that. */
+  normals(p) {
+    const { corners, triangles } = this.surface;
+    const out = this.normalSums ??= new Float32Array(p.length);
+    out.fill(0);
+    for (let t = 0; t < triangles.length; t += 3) {
+      const [a, b, c] = [0, 1, 2].map(k => 3 * corners[triangles[t + k]]);
+      const ux = p[b] - p[a], uy = p[b + 1] - p[a + 1], uz = p[b + 2] - p[a + 2];
+      const vx = p[c] - p[a], vy = p[c + 1] - p[a + 1], vz = p[c + 2] - p[a + 2];
+      const nx = uy * vz - uz * vy, ny = uz * vx - ux * vz, nz = ux * vy - uy * vx;
+      for (const v of [a, b, c]) {
+        out[v] += nx;
+        out[v + 1] += ny;
+        out[v + 2] += nz;
+      }
+    }
+    // Sums of square metres are tiny; the shader's division wants numbers near 1.
+    let largest = 0;
+    for (const v of out) largest = Math.max(largest, Math.abs(v));
+    if (largest > 0) for (let i = 0; i < out.length; i++) out[i] /= largest;
+    return out;
+  }
+
+  paint(frame) {
+    const { range: [low, high], diverging } = this.field;
+    const scale = tessuto.scales[diverging ? "diverging" : "sequential"];
+    const values = this.shownValues = this.field.at(frame);
+    const colour = new THREE.Color(), colours = new Float32Array(3 * values.length);
+    for (let v = 0; v < values.length; v++) {
+      const rgb = isNaN(values[v]) ? tessuto.scales.none : tessuto.colourAt(scale, (values[v] - low) / (high - low));
+      colour.setRGB(rgb[0] / 255, rgb[1] / 255, rgb[2] / 255, THREE.SRGBColorSpace).toArray(colours, 3 * v);
+    }
+    this.spread("color", colours);
+  }
+
+  /** Tells the value under the pointer. */
+  probe(event) {
+    const { canvas, probe } = this.elements;
+    if (!this.motion || event.buttons !== 0) return;
+    const box = canvas.getBoundingClientRect();
+    const pointer = new THREE.Vector2((event.clientX - box.left) / box.width * 2 - 1, 1 - (event.clientY - box.top) / box.height * 2);
+    const caster = new THREE.Raycaster();
+    caster.setFromCamera(pointer, this.camera);
+    this.geometry.boundingSphere = null;
+    const hit = caster.intersectObject(this.mesh, false)[0];
+    if (!hit) {
+      probe.textContent = "";
+      return;
+    }
+    const corner = [hit.face.a, hit.face.b, hit.face.c];
+    const p = this.geometry.getAttribute("position").array;
+    const distance = c => hit.point.distanceTo(new THREE.Vector3().fromArray(p, 3 * c));
+    const vertex = this.surface.corners[corner.sort((a, b) => distance(a) - distance(b))[0]];
+    const value = this.field
+      ? isNaN(this.shownValues[vertex]) ? " · not measured here" : ` · ${tessuto.readable(this.shownValues[vertex])} ${this.field.unit}`
+      : ` · ${tessuto.readable(-hit.point.z)} m from the camera`;
+    probe.textContent = `vertex ${vertex}${value}`;
+  }
+
+  /** From the left and above, so that the relief is seen. */
+  orbitView() {
+    this.inCamera = this.throughLens = false;
+    this.camera.clearViewOffset();
+    this.camera.fov = 32;
+    const distance = this.radius / Math.sin(this.camera.fov * Math.PI / 360) * 0.92;
+    const [left, up] = [-0.5, 0.25];
+    const to = new THREE.Vector3(Math.sin(left) * Math.cos(up), Math.sin(up), Math.cos(left) * Math.cos(up));
+    this.camera.position.copy(this.centre).addScaledVector(to, distance);
+    this.aim();
+  }
+
+  /** Through the recording camera. */
+  cameraView() {
+    this.inCamera = this.throughLens = true;
+    this.camera.position.set(0, 0, 0);
+    this.aim();
+    this.fitLens();
+  }
+
+  aim() {
+    this.camera.near = this.radius / 50;
+    this.camera.far = this.radius * 100;
+    this.controls.target.copy(this.inCamera ? new THREE.Vector3(0, 0, this.centre.z) : this.centre);
+    this.camera.updateProjectionMatrix();
+    this.controls.update();
+    this.draw();
+  }
+
+  /** The recording camera's field of view, or that of the film's part of it, in the middle of the view. */
+  fitLens() {
+    const lens = this.lens ?? this.data.camera;
+    const { width, height } = this.size;
+    if (!lens) return;
+    const scale = Math.min(width / lens.width, height / lens.height);
+    // A picture whose middle is the principal point, of which the view shows the lens's part.
+    const full = {
+      width: 2 * Math.max(lens.cx + 0.5, lens.width - lens.cx - 0.5),
+      height: 2 * Math.max(lens.cy + 0.5, lens.height - lens.cy - 0.5),
+    };
+    this.camera.fov = 2 * Math.atan(full.height / 2 / lens.fy) * 180 / Math.PI;
+    const left = full.width / 2 - lens.cx - 0.5, top = full.height / 2 - lens.cy - 0.5;
+    const marginX = (width / scale - lens.width) / 2, marginY = (height / scale - lens.height) / 2;
+    this.camera.setViewOffset(full.width, full.height, left - marginX, top - marginY, width / scale, height / scale);
+    this.camera.aspect = full.width / lens.fx / (full.height / lens.fy);
+    this.camera.updateProjectionMatrix();
+  }
+
+  leaveCamera() {
+    if (!this.inCamera) return;
+    this.inCamera = false;
+    this.onLeaveCamera?.();
+  }
+
+  toggleCamera() {
+    if (this.inCamera) this.orbitView();
+    else this.cameraView();
+    this.resize();
+    return this.inCamera;
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.elements.box;
+    if (!width || !height) return;
+    this.size = { width, height };
+    this.renderer.setSize(width, height, false);
+    if (this.throughLens) this.fitLens();
+    else {
+      this.camera.aspect = width / height;
+      this.camera.updateProjectionMatrix();
+    }
+    this.drawNow();
+  }
+
+  draw() {
+    if (this.pending || !this.size) return;
+    this.pending = requestAnimationFrame(() => this.drawNow());
+  }
+
+  drawNow() {
+    cancelAnimationFrame(this.pending);
+    this.pending = 0;
+    this.controls.update();
+    this.renderer.render(this.scene, this.camera);
+    this.drawn = (this.drawn ?? 0) + 1;
+  }
+};

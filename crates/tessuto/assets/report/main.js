@@ -1,0 +1,140 @@
+"use strict";
+/** Puts the page together; runs once, at its end. */
+(() => {
+  const byId = id => document.getElementById(id);
+  const data = JSON.parse(byId("data").textContent);
+  byId("data").remove();
+  const { cloth, film, light } = data;
+  const hasFilm = film.layers.length > 0;
+  const player = new tessuto.Player({
+    frameCount: cloth?.frame_count ?? film.layers[0]?.frames.length ?? 1,
+    fps: cloth?.fps ?? 25,
+    first: cloth?.first_frame ?? 0,
+  });
+  byId("views").hidden = !cloth && !hasFilm;
+  player.bind({ bar: byId("transport"), play: byId("play"), scrub: byId("scrub"), output: byId("frame"), speed: byId("speed") });
+
+  /** Fills a select with pairs [key, label]. */
+  const fill = (select, pairs) => select.append(...pairs.map(([key, label]) => new Option(label, key)));
+
+  let view = null;
+  if (cloth) {
+    byId("cloth-panel").hidden = false;
+    const elements = {
+      canvas: byId("cloth"),
+      box: byId("cloth-box"),
+      probe: byId("probe"),
+      legend: { root: byId("legend"), title: byId("legend-title"), bar: byId("legend-bar"), low: byId("legend-low"), middle: byId("legend-middle"), high: byId("legend-high") },
+    };
+    // Pictures of their own: those in the page have the size of their layout for three.js, not that of their pixels.
+    const images = {};
+    for (const shown of document.querySelectorAll("img[id^=map-]")) {
+      const image = images[shown.id.slice(4)] = new Image();
+      image.src = shown.src;
+    }
+    try {
+      view = new tessuto.ClothView(elements, cloth, light, images);
+    } catch (error) {
+      // Without WebGL all the rest still works.
+      elements.box.classList.add("without");
+      elements.box.dataset.reason = `The 3D view needs WebGL: ${error.message}`;
+      console.warn(error);
+    }
+  }
+  if (view) bindView(view);
+
+  function bindView(view) {
+    if (hasFilm) view.lens = film.camera;
+    const look = byId("look");
+    const list = () => {
+      const chosen = look.value;
+      look.replaceChildren(...view.looks().map(([label, members]) => {
+        const group = document.createElement("optgroup");
+        group.label = label;
+        fill(group, members);
+        return group;
+      }));
+      if ([...look.options].some(o => o.value === chosen)) look.value = chosen;
+    };
+    const choose = () => {
+      byId("background-label").hidden = look.value !== "lit";
+      view.setLook(look.value);
+    };
+    list();
+    choose();
+    look.addEventListener("change", choose);
+    const wireframe = byId("wireframe"), background = byId("background");
+    wireframe.addEventListener("change", () => view.setWireframe(wireframe.checked));
+    background.addEventListener("change", () => view.setBackground(background.checked));
+    const button = byId("reset-view");
+    button.disabled = !(view.lens ?? cloth.camera);
+    button.addEventListener("click", () => button.classList.toggle("on", view.toggleCamera()));
+    view.onLeaveCamera = () => button.classList.remove("on");
+    view.setDark(tessuto.darkness.matches);
+    tessuto.darkness.addEventListener("change", () => view.setDark(tessuto.darkness.matches));
+    player.listen(frame => view.show(frame));
+    view.refreshLooks = () => {
+      list();
+      choose();
+    };
+  }
+
+  let wipe = null;
+  if (hasFilm) {
+    byId("film-panel").hidden = false;
+    const mesh = view && (frame => ({ positions: view.motion.at(frame), edges: view.surface.edges }));
+    const elements = { canvas: byId("film"), box: byId("film-box"), handle: byId("handle") };
+    wipe = new tessuto.Wipe(elements, film, mesh);
+    const layer = byId("layer"), slider = byId("wipe");
+    fill(layer, wipe.choices());
+    if (data.live) layer.value = "mesh";
+    const choose = () => {
+      byId("layer-tag").textContent = layer.selectedOptions[0]?.textContent ?? "";
+      wipe.setLayer(layer.value);
+    };
+    choose();
+    layer.addEventListener("change", choose);
+    slider.addEventListener("input", () => wipe.setShare(slider.value / 1000));
+    wipe.onShare = share => { slider.value = Math.round(1000 * share); };
+    player.listen(frame => wipe.show(frame));
+  }
+
+  const charts = new tessuto.Charts({
+    main: document.querySelector("main"),
+    frames: byId("frame-charts"),
+    steps: byId("step-charts"),
+    framesSection: byId("frame-charts-section"),
+    stepsSection: byId("step-charts-section"),
+  }, player);
+  player.listen(() => charts.mark());
+  player.refresh();
+  // The curves can wait until the first frame is on the screen.
+  setTimeout(() => charts.set(data.charts), 50);
+
+  const about = [];
+  if (view?.motion) about.push(`positions to ±${(1e6 * view.motion.precision).toFixed(0)} µm`);
+  if (hasFilm) about.push(`pictures ${film.width} × ${film.height} px, JPEG quality ${film.quality}`);
+  if (about.length) byId("about").textContent = `In this page: ${about.join(", ")}. The full data are in the folder beside it.`;
+
+  addEventListener("keydown", event => {
+    const field = event.target.closest?.("select, summary, #wipe, a");
+    if (event.ctrlKey || event.metaKey || event.altKey || (field && event.key !== "Escape")) return;
+    const actions = { w: () => byId("wireframe").click(), c: () => byId("reset-view").click() };
+    // A focused button would take the space for a click.
+    const button = event.target.closest?.("button, input[type=checkbox]");
+    if (button && event.key === " " && button.id !== "play") return;
+    if (actions[event.key.toLowerCase()]) actions[event.key.toLowerCase()]();
+    else if (player.key(event)) event.preventDefault();
+  });
+  byId("copy")?.addEventListener("click", async () => {
+    const text = byId("command").textContent;
+    // file:// pages may have no clipboard; then the text is selected for the user.
+    try {
+      await navigator.clipboard.writeText(text);
+      byId("copy").textContent = "copied";
+    } catch {
+      getSelection().selectAllChildren(byId("command"));
+    }
+  });
+  Object.assign(tessuto, { page: { player, view, wipe, charts, data } });
+})();

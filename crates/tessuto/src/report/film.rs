@@ -1,0 +1,234 @@
+//! The video and the drawn frames as small JPEG pictures that fit into a number of bytes.
+
+use ::image::RgbImage;
+use ::image::codecs::jpeg::JpegEncoder;
+use ::image::imageops::{crop_imm, thumbnail};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::embed::base64;
+use crate::camera::{Camera, Rect};
+use crate::error::Result;
+
+/// Largest side [px] and JPEG quality, best first.
+const CHOICES: [(u32, u8); 12] = [
+    (800, 80),
+    (800, 72),
+    (720, 72),
+    (640, 74),
+    (640, 66),
+    (560, 68),
+    (480, 68),
+    (480, 56),
+    (400, 58),
+    (320, 60),
+    (240, 55),
+    (160, 50),
+];
+/// Frames looked at before the choice is made.
+const SAMPLES: usize = 5;
+/// Values up to this are background.
+const BLACK: u8 = 8;
+
+/// Gives the picture of frame n (from 0), at the size of the others.
+pub type Load<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
+
+/// One way to see the frames.
+pub struct Source<'a> {
+    /// Key, for the script.
+    pub key: &'static str,
+    /// What it is, for people.
+    pub label: &'static str,
+    /// Pictures.
+    pub load: Load<'a>,
+}
+
+/// One way to see the frames, encoded.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Layer {
+    /// As in [`Source`].
+    pub key: &'static str,
+    /// As in [`Source`].
+    pub label: &'static str,
+    /// JPEG of every frame, base64.
+    pub frames: Vec<String>,
+}
+
+/// Pictures of all frames, cut to where there is something to see.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct Film {
+    /// Width [px].
+    pub width: u32,
+    /// Height [px].
+    pub height: u32,
+    /// JPEG quality.
+    pub quality: u8,
+    /// Camera of these pictures.
+    pub camera: Option<Camera>,
+    /// What there is to see.
+    pub layers: Vec<Layer>,
+}
+
+impl Film {
+    /// The pictures of `frame_count` frames that together take at most `budget` bytes of base64, as large and good as
+    /// that allows; a budget below that of the smallest choice is exceeded.
+    ///
+    /// - `camera`: of the sources' pictures
+    /// - `shown`: pixels that must stay in sight
+    ///
+    /// # Errors
+    /// What a source returns.
+    pub fn new(
+        sources: &[Source],
+        frame_count: usize,
+        camera: &Camera,
+        shown: Option<Rect>,
+        budget: usize,
+    ) -> Result<Self> {
+        if sources.is_empty() || frame_count == 0 {
+            return Ok(Self::default());
+        }
+        let count = frame_count.min(SAMPLES);
+        let spread = |k: usize| k * (frame_count - 1) / (count - 1).max(1);
+        let pairs: Vec<(usize, usize)> =
+            (0..sources.len()).flat_map(|s| (0..count).map(move |k| (s, spread(k)))).collect();
+        let samples: Vec<RgbImage> =
+            pairs.par_iter().map(|(s, n)| (sources[*s].load)(*n)).collect::<Result<_>>()?;
+        let region = region(&samples, camera, shown);
+        let fits = |(side, quality): &(u32, u8)| {
+            let bytes: usize = samples.par_iter().map(|p| jpeg(p, region, *side, *quality).len()).sum();
+            // Frames between the samples may be richer.
+            bytes as f64 / samples.len() as f64 * 4.0 / 3.0 * 1.04 * (frame_count * sources.len()) as f64
+                <= budget as f64
+        };
+        let mut choice = CHOICES.iter().position(fits).unwrap_or(CHOICES.len() - 1);
+        loop {
+            let (side, quality) = CHOICES[choice];
+            let layers = encode(sources, frame_count, region, side, quality)?;
+            let bytes: usize = layers.iter().flat_map(|l| &l.frames).map(String::len).sum();
+            if bytes <= budget || choice + 1 == CHOICES.len() {
+                let [width, height] = size(region, side);
+                let camera = Some(scaled(camera, region, [width, height]));
+                return Ok(Self { width, height, quality, camera, layers });
+            }
+            choice += 1;
+        }
+    }
+}
+
+fn encode(
+    sources: &[Source],
+    frame_count: usize,
+    region: Rect,
+    side: u32,
+    quality: u8,
+) -> Result<Vec<Layer>> {
+    let layer = |source: &Source| {
+        let frame = |n| Ok(base64(&jpeg(&(source.load)(n)?, region, side, quality)));
+        let frames = (0..frame_count).into_par_iter().map(frame).collect::<Result<_>>()?;
+        Ok(Layer { key: source.key, label: source.label, frames })
+    };
+    sources.iter().map(layer).collect()
+}
+
+/// The part of the pictures that is not black in any of `samples`, with `shown` and a margin.
+fn region(samples: &[RgbImage], camera: &Camera, shown: Option<Rect>) -> Rect {
+    let (width, height) = (camera.width, camera.height);
+    let mut view = shown.unwrap_or(Rect { x0: width, y0: height, x1: 0, y1: 0 });
+    for picture in samples {
+        for (x, y, pixel) in picture.enumerate_pixels() {
+            if pixel.0.iter().any(|v| *v > BLACK) {
+                let (x, y) = (x as usize, y as usize);
+                view = Rect {
+                    x0: view.x0.min(x),
+                    y0: view.y0.min(y),
+                    x1: view.x1.max(x + 1),
+                    y1: view.y1.max(y + 1),
+                };
+            }
+        }
+    }
+    if view.x0 >= view.x1 || view.y0 >= view.y1 {
+        return Rect { x0: 0, y0: 0, x1: width, y1: height };
+    }
+    let margin = view.width().max(view.height()) / 16 + 4;
+    Rect {
+        x0: view.x0.saturating_sub(margin),
+        y0: view.y0.saturating_sub(margin),
+        x1: (view.x1 + margin).min(width),
+        y1: (view.y1 + margin).min(height),
+    }
+}
+
+/// Size [px] of `region` with sides of at most `side`, never enlarged.
+fn size(region: Rect, side: u32) -> [u32; 2] {
+    let (width, height) = (region.width() as f64, region.height() as f64);
+    let scale = (f64::from(side) / width.max(height)).min(1.0);
+    [width, height].map(|s| ((s * scale).round() as u32).max(1))
+}
+
+fn jpeg(picture: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
+    let [x, y, w, h] = [region.x0, region.y0, region.width(), region.height()].map(|v| v as u32);
+    let [width, height] = size(region, side);
+    let cut = crop_imm(picture, x, y, w, h);
+    let small = if (w, h) == (width, height) { cut.to_image() } else { thumbnail(&*cut, width, height) };
+    jpeg_of(&small, quality)
+}
+
+/// `picture` as JPEG.
+pub fn jpeg_of(picture: &RgbImage, quality: u8) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, quality)
+        .encode_image(picture)
+        .expect("a vector takes every byte");
+    bytes
+}
+
+/// Camera of the part `region` at this size [px].
+fn scaled(camera: &Camera, region: Rect, [width, height]: [u32; 2]) -> Camera {
+    let cut = camera.cropped(region);
+    let (sx, sy) = (f64::from(width) / cut.width as f64, f64::from(height) / cut.height as f64);
+    // Pixel centres are at whole numbers, so it is the pixels' corners that scale.
+    Camera {
+        fx: cut.fx * sx,
+        fy: cut.fy * sy,
+        cx: (cut.cx + 0.5) * sx - 0.5,
+        cy: (cut.cy + 0.5) * sy - 0.5,
+        width: width as usize,
+        height: height as usize,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::*;
+
+    /// Noise in a square whose left border is at column `x`, black around it.
+    fn frame(x: u32) -> RgbImage {
+        let mut rng = crate::math::rng::Rng::new(u64::from(x), 0);
+        RgbImage::from_fn(400, 300, |i, j| {
+            let inside = (x..x + 100).contains(&i) && (50..150).contains(&j);
+            let bright =
+                |v: DVec3| v.abs().to_array().map(|c| if inside { (c * 99.0) as u8 + 50 } else { 0 });
+            ::image::Rgb(bright(rng.vector()))
+        })
+    }
+
+    #[test]
+    fn film_keeps_to_its_budget_and_to_the_fabric() {
+        let camera = Camera { fx: 500.0, fy: 500.0, cx: 200.0, cy: 150.0, width: 400, height: 300 };
+        let source = || Source { key: "a", label: "", load: Box::new(|n| Ok(frame(100 + 4 * n as u32))) };
+        let film = |budget| Film::new(&[source(), source()], 6, &camera, None, budget).unwrap();
+        let bytes = |f: &Film| f.layers.iter().flat_map(|l| &l.frames).map(String::len).sum::<usize>();
+        let (large, small) = (film(1 << 20), film(40_000));
+        assert_eq!((large.width, large.quality), (144, 80));
+        assert!(bytes(&small) <= 40_000 && bytes(&small) > 10_000, "{}", bytes(&small));
+        assert!(small.quality < large.quality && small.layers.iter().all(|l| l.frames.len() == 6));
+        // A point is seen at the same place of the fabric.
+        let p = DVec3::new(0.0, -0.05, 1.0);
+        let (whole, cut) = (camera.project(p), large.camera.unwrap().project(p));
+        assert!((whole - cut - glam::DVec2::new(88.0, 38.0)).length() < 1e-9, "{whole} {cut}");
+    }
+}

@@ -1,0 +1,88 @@
+//! The page of a reconstruction that goes on, and the news that its script asks for.
+
+use serde::Serialize;
+
+use super::{Run, history, page};
+use crate::config::Preset;
+use crate::error::Result;
+use crate::motion::progress::Epoch;
+use crate::report::embed::Window;
+use crate::report::film::{Film, Source};
+use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
+use crate::scene::{Scene, Shape};
+
+/// Bytes for the video.
+const FILM_BUDGET: usize = 4 << 20;
+
+/// The page as it is before the first step: the video, the template and the settings.
+///
+/// # Errors
+/// None that a scene in memory can cause.
+pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
+    let template = [scene.template.positions.clone()];
+    let bytes = |n: usize| {
+        let frame = &scene.frames[n].rgb;
+        let values = frame.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
+        Ok(::image::RgbImage::from_raw(frame.width as u32, frame.height as u32, values)
+            .expect("three channels"))
+    };
+    let source = Source { key: "observed", label: "video", load: Box::new(bytes) };
+    let shown = page::in_sight(&template, &scene.camera);
+    let data = ReportData {
+        title: page::name_of(&run.scene),
+        subtitle: subtitle(run),
+        command: command.to_owned(),
+        key_numbers: vec![
+            KeyNumber::new("frames", scene.frames.len().to_string(), ""),
+            KeyNumber::new("vertices", scene.template.positions.len().to_string(), ""),
+        ],
+        cloth: Some(ClothData {
+            fps: scene.fps,
+            first_frame: scene.first_frame,
+            frame_count: scene.frames.len(),
+            camera: Some(scene.camera),
+            surface: Surface::new(&scene.template, Window::WHOLE),
+            motion: Motion::new(&template),
+            fields: Vec::new(),
+        }),
+        film: Film::new(&[source], scene.frames.len(), &scene.camera, shown, FILM_BUDGET)?,
+        config: serde_json::to_string_pretty(run).expect("plain data"),
+        live: true,
+        ..ReportData::default()
+    };
+    Ok(report::render(&data))
+}
+
+/// What the page's script reads while it runs.
+#[derive(Serialize)]
+struct State {
+    stage: Option<&'static str>,
+    step: usize,
+    of: usize,
+    charts: Vec<crate::report::Chart>,
+    motion: Option<Motion>,
+}
+
+/// The curves so far and, if there is one, the motion so far, as JSON.
+pub fn live_state(epochs: &[Epoch], motion: Option<&[Shape]>) -> String {
+    let rows: Vec<_> = epochs.iter().map(history::row).collect();
+    let last = epochs.last();
+    let state = State {
+        stage: last.map(|e| e.stage),
+        step: last.map_or(0, |e| e.step),
+        of: last.map_or(1, |e| e.of),
+        charts: chart::of_history(&rows, &[]),
+        motion: motion.map(Motion::new),
+    };
+    serde_json::to_string(&state).expect("plain data")
+}
+
+/// What was done, with which preset and version.
+pub(super) fn subtitle(run: &Run) -> String {
+    let preset = match run.settings.preset {
+        Preset::Saft => "saft",
+        Preset::Default => "default",
+    };
+    let [first, end] = run.frames;
+    format!("frames {first} to {}, preset {preset}, tessuto {}", end.saturating_sub(1), run.version)
+}

@@ -1,0 +1,180 @@
+#!/usr/bin/env node
+// Checks a report page in headless Chromium, as a user would: no error in the console, nothing asked of the network,
+// the 3D view and the video are not blank, playing advances the frame, slider, keys and wipe move, every look draws.
+//
+// usage: node tools/check_report.mjs REPORT.html [--shots FOLDER] [--no-truth]
+//
+// Needs `npm install puppeteer-core` where it is run, and Chromium (CHROMIUM=program, default /usr/bin/chromium).
+// --shots also writes pictures of the page at 1280 and 800 px, light and dark. Exit status 0: all passed.
+import { createRequire } from "node:module";
+import { mkdirSync } from "node:fs";
+import { resolve } from "node:path";
+import { pathToFileURL } from "node:url";
+
+const puppeteer = createRequire(pathToFileURL(resolve("package.json")))("puppeteer-core");
+const [report, ...options] = process.argv.slice(2);
+const shots = options.includes("--shots") ? options[options.indexOf("--shots") + 1] : null;
+const address = /^https?:/.test(report) ? report : pathToFileURL(resolve(report)).href;
+
+let failures = 0;
+const check = (what, passed, detail = "") => {
+  console.log(`${passed ? "ok  " : "FAIL"} ${what}${detail === "" ? "" : `  ${detail}`}`);
+  if (!passed) failures++;
+};
+const pause = ms => new Promise(done => setTimeout(done, ms));
+
+const browser = await puppeteer.launch({
+  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+  args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+});
+const page = await browser.newPage();
+const complaints = [], requests = [];
+// The driver's own remarks on reading pixels back are none of the page's.
+const ofDriver = text => /GPU stall due to ReadPixels|GL Driver Message/.test(text);
+page.on("console", m => { if (["error", "warn"].includes(m.type()) && !ofDriver(m.text())) complaints.push(m.text()); });
+page.on("pageerror", e => complaints.push(String(e)));
+page.on("request", r => { if (/^(https?|wss?|ftp):/.test(r.url())) requests.push(r.url()); });
+await page.setViewport({ width: 1280, height: 900 });
+
+const started = performance.now();
+await page.goto(address, { waitUntil: "domcontentloaded" });
+await page.waitForFunction(() => tessuto.page?.view?.drawn > 0 && tessuto.page.wipe.drawn > 0, { polling: 20 });
+const first = (performance.now() - started) / 1000;
+check("first frame within 2 s", first <= 2, `${first.toFixed(2)} s`);
+await page.waitForFunction(() => tessuto.page.charts.plots.length > 0);
+await pause(300);
+
+/** Number of different colours that a part of the page shows. */
+const colours = async selector => {
+  const shot = await (await page.$(selector)).screenshot({ encoding: "base64" });
+  return page.evaluate(async text => {
+    const image = new Image();
+    image.src = `data:image/png;base64,${text}`;
+    await image.decode();
+    const canvas = new OffscreenCanvas(image.width, image.height), pen = canvas.getContext("2d");
+    pen.drawImage(image, 0, 0);
+    const { data } = pen.getImageData(0, 0, image.width, image.height);
+    const seen = new Set();
+    for (let i = 0; i < data.length; i += 4) seen.add(data[i] >> 3 << 10 | data[i + 1] >> 3 << 5 | data[i + 2] >> 3);
+    return seen.size;
+  }, shot);
+};
+const frame = () => page.evaluate(() => tessuto.page.player.frame);
+const value = id => page.$eval(`#${id}`, e => Number(e.value));
+
+check("the 3D view is not blank", await colours("#cloth") > 60, `${await colours("#cloth")} colours`);
+check("the video is not blank", await colours("#film") > 60, `${await colours("#film")} colours`);
+const count = await page.evaluate(() => tessuto.page.player.frameCount);
+
+await page.click("#play");
+await pause(900);
+await page.click("#play");
+const played = await frame();
+check("playing advances the frame", played > 0, `frame ${played} of ${count}`);
+await pause(200);
+check("… and stops", await frame() === played);
+await page.$eval("#scrub", (e, v) => { e.value = v; e.dispatchEvent(new Event("input")); }, count - 1);
+check("the slider moves the frame", await frame() === count - 1 && (await page.$eval("#frame", e => e.textContent)).includes(String(count - 1)));
+await page.evaluate(() => document.activeElement.blur());
+await page.keyboard.press("Home");
+await page.keyboard.press("ArrowRight");
+check("keys move the frame and the slider", await frame() === 1 && await value("scrub") === 1);
+await page.keyboard.press("Space");
+await pause(300);
+await page.keyboard.press("Space");
+check("space plays", await frame() > 1);
+
+const box = await (await page.$("#film-box")).boundingBox();
+await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
+await page.mouse.down();
+await page.mouse.move(box.x + box.width * 0.4, box.y + box.height / 2, { steps: 4 });
+await page.mouse.up();
+check("the wipe follows the pointer", await value("wipe") < 480, `${await value("wipe")} of 1000`);
+
+const canvas = await (await page.$("#cloth")).boundingBox();
+const place = () => page.evaluate(() => tessuto.page.view.camera.position.toArray());
+const before = await place();
+await page.mouse.move(canvas.x + canvas.width / 2, canvas.y + canvas.height / 2);
+await page.mouse.down();
+await page.mouse.move(canvas.x + canvas.width * 0.7, canvas.y + canvas.height * 0.6, { steps: 4 });
+await page.mouse.up();
+await pause(300);
+const after = await place();
+check("dragging turns the view", Math.hypot(...before.map((v, i) => v - after[i])) > 0.05);
+await page.mouse.move(canvas.x + canvas.width / 2, canvas.y + canvas.height / 2, { steps: 3 });
+await pause(100);
+check("the pointer tells a value", (await page.$eval("#probe", e => e.textContent)).includes("vertex"), await page.$eval("#probe", e => e.textContent));
+
+const looks = await page.$$eval("#look option", all => all.map(o => o.value));
+for (const look of looks) {
+  await page.select("#look", look);
+  await pause(150);
+  const seen = await colours("#cloth");
+  check(`look: ${look}`, seen > 40, `${seen} colours`);
+}
+for (const name of ["strain", "force"].concat(options.includes("--no-truth") ? [] : ["depth_error"])) {
+  check(`there is a look for ${name}`, looks.includes(name));
+}
+for (const layer of await page.$$eval("#layer option", all => all.map(o => o.value))) {
+  const drawn = await page.evaluate(() => tessuto.page.wipe.drawn);
+  await page.select("#layer", layer);
+  await page.waitForFunction(n => tessuto.page.wipe.drawn > n, { timeout: 3000 }, drawn);
+  check(`video against ${layer}`, await colours("#film") > 60);
+}
+await page.select("#look", looks[0]);
+await page.evaluate(() => document.activeElement.blur());
+const plain = await page.evaluate(() => tessuto.page.view.drawn);
+await page.keyboard.press("w");
+await page.waitForFunction(n => tessuto.page.view.drawn > n, { timeout: 3000 }, plain).catch(() => {});
+check("W shows the threads", await page.evaluate(() => tessuto.page.view.lines.visible && tessuto.page.view.drawn) > plain);
+await page.keyboard.press("w");
+await page.evaluate(() => document.activeElement.blur());
+
+// A click into the middle of a curve over the frames goes there.
+const plot = await page.$("#frame-charts .u-over");
+if (plot) {
+  await page.keyboard.press("Home");
+  await plot.click();
+  check("a click on a curve goes to its frame", await frame() > 0, `frame ${await frame()}`);
+  const legend = await page.$eval("#frame-charts .u-legend", e => e.textContent);
+  check("curves tell the values of a frame", /\d/.test(legend.replace(/[^\d]/g, "")), legend.replace(/\s+/g, " ").trim());
+}
+
+for (const width of [1280, 800]) {
+  for (const scheme of ["light", "dark"]) {
+    await page.setViewport({ width, height: 900 });
+    await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
+    await pause(500);
+    const [inner, outer] = await page.evaluate(() => [document.documentElement.scrollWidth, document.documentElement.clientWidth]);
+    check(`nothing sticks out at ${width} px, ${scheme}`, inner <= outer, `${inner} of ${outer} px`);
+    if (shots) {
+      mkdirSync(shots, { recursive: true });
+      await page.evaluate(() => scrollTo(0, 0));
+      await page.screenshot({ path: `${shots}/${width}-${scheme}.png` });
+      await page.screenshot({ path: `${shots}/${width}-${scheme}-all.png`, fullPage: true });
+    }
+  }
+}
+if (shots) {
+  await page.setViewport({ width: 1280, height: 900 });
+  await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: "light" }]);
+  for (const look of looks) {
+    await page.select("#look", look);
+    await pause(200);
+    await (await page.$("#cloth-panel")).screenshot({ path: `${shots}/look-${look}.png` });
+  }
+  for (const layer of await page.$$eval("#layer option", all => all.map(o => o.value))) {
+    await page.select("#layer", layer);
+    await pause(200);
+    await (await page.$("#film-panel")).screenshot({ path: `${shots}/film-${layer.replace(":", "-")}.png` });
+  }
+  await page.select("#look", looks[0]);
+  await page.click("#reset-view");
+  await page.$eval("#scrub", e => { e.value = 30; e.dispatchEvent(new Event("input")); });
+  await pause(300);
+  await page.screenshot({ path: `${shots}/camera.png` });
+}
+check("no complaint in the console", complaints.length === 0, complaints.join(" | "));
+check("nothing asked of the network", requests.filter(r => !r.startsWith(address)).length === 0, requests.join(" "));
+await browser.close();
+process.exit(failures > 0 ? 1 : 0);
