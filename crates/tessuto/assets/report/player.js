@@ -33,8 +33,9 @@ tessuto.Player = class {
     if (!playing) return;
     let start = performance.now(), from = this.frame;
     let speed = this.speed;
-    const tick = now => {
+    const tick = () => {
       if (!this.playing) return;
+      const now = performance.now();
       if (speed !== this.speed) [start, from, speed] = [now, this.frame, this.speed];
       const passed = Math.floor((now - start) / 1000 * this.fps * speed);
       this.seek((from + Math.max(passed, 0)) % this.frameCount);
