@@ -11,12 +11,11 @@ use crate::camera::{Camera, Rect};
 use crate::error::Result;
 
 /// Largest side [px] and JPEG quality, best first.
-const CHOICES: [(u32, u8); 12] = [
-    (800, 80),
-    (800, 72),
+const CHOICES: [(u32, u8); 11] = [
+    (800, 74),
     (720, 72),
-    (640, 74),
-    (640, 66),
+    (640, 72),
+    (640, 64),
     (560, 68),
     (480, 68),
     (480, 56),
@@ -223,7 +222,7 @@ mod tests {
         let film = |budget| Film::new(&[source(), source()], 6, &camera, None, budget).unwrap();
         let bytes = |f: &Film| f.layers.iter().flat_map(|l| &l.frames).map(String::len).sum::<usize>();
         let (large, small) = (film(1 << 20), film(40_000));
-        assert_eq!((large.width, large.quality), (144, 80));
+        assert_eq!((large.width, large.quality), (144, 74));
         assert!(bytes(&small) <= 40_000 && bytes(&small) > 10_000, "{}", bytes(&small));
         assert!(small.quality < large.quality && small.layers.iter().all(|l| l.frames.len() == 6));
         // A point is seen at the same place of the fabric.
