@@ -10,6 +10,7 @@ use tessuto::appearance::{self, AppearanceSettings};
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
+use tessuto::session::Session;
 use tessuto::{Error, Scene, Shape, io, result};
 
 use crate::output::OutputFolder;
@@ -89,7 +90,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     stop_on_interrupt().context("cannot listen for Ctrl-C")?;
     let mut progress = Progress::new();
     let outputs = Outputs::prepare(folder)?;
-    let summary = outputs.compute(scene, &motion, &config.appearance, config.seed, &mut progress)?;
+    let session = &mut Session::new(|epoch, motion| progress.step(epoch, motion));
+    let summary = outputs.compute(scene, &motion, &config.appearance, config.seed, session)?;
     outputs.publish()?;
     // The motion's errors stay what they were.
     let evaluation = result::read_metrics(folder)?;
@@ -162,7 +164,7 @@ impl Outputs {
         motion: &[Shape],
         settings: &AppearanceSettings,
         seed: u64,
-        progress: &mut Progress,
+        session: &mut Session,
     ) -> Result<Summary, Error> {
         let start = Instant::now();
         if let Some(n) = motion.iter().position(|shape| shape.len() != scene.template.positions.len()) {
@@ -173,9 +175,7 @@ impl Outputs {
             ));
         }
         let geometry = Geometry::new(&scene.template, motion);
-        let found =
-            appearance::fit(scene, motion, &geometry, settings, seed, &mut |e, m| progress.step(e, m))?;
-        progress.finish();
+        let found = appearance::fit(scene, motion, &geometry, settings, seed, session)?;
         let fitted = start.elapsed().as_secs_f64();
         appearance::write_material(self.material.partial(), &found)?;
         let history = result::history_csv(&found.history);

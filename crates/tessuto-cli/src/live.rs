@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use tessuto::motion::progress::Epoch;
+use tessuto::session::Epoch;
 use tessuto::{Error, Result, Shape, result};
 
 /// Longest request head that is read [bytes].

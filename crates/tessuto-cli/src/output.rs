@@ -31,9 +31,7 @@ impl OutputFolder {
                 "choose another folder, or move it away",
             ));
         }
-        let mut name = target.file_name().unwrap_or_else(|| "result".as_ref()).to_owned();
-        name.push(".partial");
-        let partial = target.with_file_name(name);
+        let partial = beside(target, ".partial");
         if partial.exists() {
             io(&partial, |p| std::fs::remove_dir_all(p))?;
         }
@@ -63,6 +61,13 @@ impl Drop for OutputFolder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.partial);
     }
+}
+
+/// The folder beside `target` with `suffix` added to its name.
+pub fn beside(target: &Path, suffix: &str) -> PathBuf {
+    let mut name = target.file_name().unwrap_or_else(|| "result".as_ref()).to_owned();
+    name.push(suffix);
+    target.with_file_name(name)
 }
 
 fn io(path: &Path, f: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use tessuto::motion::progress::Epoch;
+use tessuto::session::Epoch;
 use tessuto::{Error, Result, Shape};
 
 use crate::live::Live;
@@ -48,7 +48,7 @@ impl Progress {
         if STOP.load(Ordering::SeqCst) {
             self.finish();
             return Err(Error::Interrupted(format!(
-                "stopped in stage {}, step {} of {}; nothing was written",
+                "stopped in stage {}, step {} of {}",
                 epoch.stage, epoch.step, epoch.of
             )));
         }

@@ -1,6 +1,8 @@
 //! `tessuto reconstruct`.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use anyhow::Context as _;
 use clap::Args;
@@ -9,11 +11,12 @@ use tessuto::export::{Clip, Format, export};
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::result::{self, Run};
+use tessuto::session::{Checkpoints, Session, identity};
 use tessuto::{Error, Scene, Shape};
 
 use crate::appearance::{Outputs, quoted};
 use crate::live::Server;
-use crate::output::OutputFolder;
+use crate::output::{OutputFolder, beside};
 use crate::progress::{Progress, stop_on_interrupt};
 
 /// Recover motion, stiffnesses, forces and texture from a scene folder.
@@ -48,6 +51,12 @@ pub struct Arguments {
     /// Motion only; material and light are not estimated.
     #[arg(long)]
     no_appearance: bool,
+    /// Go on where an interrupted run of the same command was. The result is the same, byte for byte.
+    #[arg(long)]
+    resume: bool,
+    /// Seconds between checkpoints, which are kept beside the result folder until it is finished.
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = parse_seconds)]
+    checkpoint: f64,
     /// Show the work in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     live: Option<u16>,
@@ -60,6 +69,15 @@ pub struct Extras {
     pub appearance: bool,
     /// Serve a page that shows the work, at this port; 0 is any free one.
     pub live: Option<u16>,
+    /// Go on from checkpoints.
+    pub resume: bool,
+    /// Least time between checkpoints; none are written without.
+    pub checkpoint: Option<Duration>,
+}
+
+fn parse_seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|s| (0.0..=1e6).contains(s));
+    value.ok_or_else(|| "expected seconds, 0 to 1000000".to_owned())
 }
 
 fn parse_preset(text: &str) -> Result<Preset, String> {
@@ -81,7 +99,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     crate::threads::use_threads(arguments.threads)?;
     let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));
-    let extras = Extras { appearance: !arguments.no_appearance, live: arguments.live };
+    let extras = Extras {
+        appearance: !arguments.no_appearance,
+        live: arguments.live,
+        resume: arguments.resume,
+        checkpoint: Some(Duration::from_secs_f64(arguments.checkpoint)),
+    };
     reconstruct_into(&arguments.scene, arguments.frames.clone(), config, extras, &out)?;
     Ok(())
 }
@@ -126,15 +149,16 @@ pub fn reconstruct_into(
     if !extras.appearance {
         command.push_str(" --no-appearance");
     }
-    let mut progress = Progress::new();
+    let progress = RefCell::new(Progress::new());
     if let Some(server) = server {
         eprintln!("live at {}", server.address());
-        progress.live = Some(server.start(result::live_page(scene, &run, &command)?));
+        progress.borrow_mut().live = Some(server.start(result::live_page(scene, &run, &command)?));
     }
-    let outcome =
-        tessuto::reconstruct(scene, &run.settings, &mut |epoch, motion| progress.step(epoch, motion));
-    progress.finish();
-    let reconstruction = outcome?;
+    let session = &mut Session::new(|epoch, motion| progress.borrow_mut().step(epoch, motion));
+    let checkpoints = keep_checkpoints(session, scene, &run.settings, out, extras)?;
+    let outcome = tessuto::reconstruct(scene, &run.settings, session);
+    progress.borrow_mut().finish();
+    let reconstruction = outcome.inspect_err(|e| say_how_to_go_on(e, &command, extras))?;
     if let Some(failure) = &reconstruction.failure {
         warnings.push(failure.to_string());
     }
@@ -152,7 +176,14 @@ pub fn reconstruct_into(
     let mut table = String::new();
     if extras.appearance && reconstruction.failure.is_none() {
         let motion = &reconstruction.motion;
-        match add_appearance(output.partial(), scene, motion, &run.settings, &mut progress) {
+        let rows = add_appearance(output.partial(), scene, motion, &run.settings, session);
+        progress.borrow_mut().finish();
+        match rows {
+            // Nothing is lost: it goes on from the checkpoint.
+            Err(error @ Error::Interrupted(_)) if checkpoints.is_some() => {
+                say_how_to_go_on(&error, &command, extras);
+                return Err(error.into());
+            }
             Ok(rows) => {
                 table = rows;
                 result::write_metrics(output.partial(), scene, motion, evaluation.as_ref())?;
@@ -165,8 +196,9 @@ pub fn reconstruct_into(
     // A page that cannot be made must not cost the result either.
     let page = result::write_page(output.partial());
     output.publish()?;
+    checkpoints.iter().try_for_each(Checkpoints::remove)?;
     page?;
-    if let Some(live) = progress.live.take() {
+    if let Some(live) = progress.borrow_mut().live.take() {
         live.finish(&out.join("report.html"));
     }
     if let Some(e) = &evaluation {
@@ -186,16 +218,57 @@ pub fn reconstruct_into(
     }
 }
 
+/// Lets `session` keep its states beside `out`, and go on from those that are there if that is asked for.
+fn keep_checkpoints(
+    session: &mut Session,
+    scene: &Scene,
+    settings: &Config,
+    out: &Path,
+    extras: Extras,
+) -> Result<Option<Checkpoints>, Error> {
+    let Some(interval) = extras.checkpoint else { return Ok(None) };
+    let folder = beside(out, ".checkpoints");
+    let text = serde_json::to_string(settings).expect("plain data");
+    let identity = identity(scene, &text);
+    let open = || Checkpoints::open(&folder, identity.clone(), interval);
+    let found = match extras.resume {
+        true => open().newest(&mut |problem| eprintln!("warning: {problem}"))?,
+        false => None,
+    };
+    match &found {
+        Some(found) => eprintln!("going on after {}", found.reached),
+        None if extras.resume => {
+            eprintln!("no checkpoint in {}: starting from the beginning", folder.display())
+        }
+        None if folder.exists() => {
+            eprintln!(
+                "note: {} of an earlier run is replaced; --resume would go on from it",
+                folder.display()
+            );
+            open().remove()?;
+        }
+        None => {}
+    }
+    session.keep_in(open(), found)?;
+    Ok(Some(open()))
+}
+
+fn say_how_to_go_on(error: &Error, command: &str, extras: Extras) {
+    if matches!(error, Error::Interrupted(_)) && extras.checkpoint.is_some() {
+        eprintln!("go on with: {command} --resume");
+    }
+}
+
 /// Material and light into the result at `folder`; returns a table for the user.
 fn add_appearance(
     folder: &Path,
     scene: &Scene,
     motion: &[Shape],
     settings: &Config,
-    progress: &mut Progress,
+    session: &mut Session,
 ) -> Result<String, Error> {
     let outputs = Outputs::prepare(folder)?;
-    let summary = outputs.compute(scene, motion, &settings.appearance, settings.seed, progress)?;
+    let summary = outputs.compute(scene, motion, &settings.appearance, settings.seed, session)?;
     outputs.publish()?;
     let mut log = result::Log::read(folder)?;
     summary.times.iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));

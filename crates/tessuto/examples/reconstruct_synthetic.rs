@@ -4,6 +4,7 @@
 
 use tessuto::config::{Config, Preset};
 use tessuto::metrics::{Inputs, evaluate};
+use tessuto::session::Session;
 use tessuto::{reconstruct, synth};
 
 fn main() -> tessuto::Result<()> {
@@ -18,13 +19,14 @@ fn main() -> tessuto::Result<()> {
     config.set("texture.size=128")?;
 
     let mut last_stage = "";
-    let result = reconstruct(&scene, &config, &mut |epoch, _| {
+    let mut session = Session::new(|epoch, _| {
         if epoch.stage != last_stage {
             last_stage = epoch.stage;
             println!("{last_stage}");
         }
         Ok(())
-    })?;
+    });
+    let result = reconstruct(&scene, &config, &mut session)?;
 
     let error = |motion| -> tessuto::Result<f64> {
         let evaluation = evaluate(&Inputs::from(&scene), motion, 0..scene.frames.len(), 0)?;

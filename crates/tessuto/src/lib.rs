@@ -25,6 +25,7 @@ pub mod reconstruct;
 pub mod report;
 pub mod result;
 pub mod scene;
+pub mod session;
 pub mod sim;
 pub mod synth;
 pub mod view;

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 15] = [
+const LAYERS: [&[&str]; 16] = [
     &["math", "error"],
     &["camera", "image", "mesh"],
     &["scene"],
     &["io"],
+    &["session"],
     &["sim", "raster", "optim", "metrics", "decoder"],
     &["pbr"],
     &["motion"],

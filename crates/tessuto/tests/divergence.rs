@@ -1,6 +1,7 @@
 //! A fit that is driven out of its valley comes back, or ends with its best state and says why.
 
 use tessuto::config::{Config, Preset};
+use tessuto::session::Session;
 use tessuto::synth::{self, Settings};
 use tessuto::{Reconstruction, Scene, reconstruct};
 
@@ -15,12 +16,14 @@ fn run(assignments: &[&str]) -> (Reconstruction, Vec<f64>) {
         config.set(assignment).unwrap();
     }
     let mut totals = Vec::new();
-    let result = reconstruct(&scene, &config, &mut |epoch, _| {
+    let mut session = Session::new(|epoch, _| {
         if epoch.stage == "rollout" {
             totals.push(epoch.losses[0].1);
         }
         Ok(())
     });
+    let result = reconstruct(&scene, &config, &mut session);
+    drop(session);
     (result.unwrap(), totals)
 }
 
@@ -55,7 +58,7 @@ fn a_frame_of_numbers_that_are_none_leaves_the_shapes_before_it() {
     let mut scene = scene();
     scene.frames[3].rgb.data.fill(f32::NAN);
     let config = Config::preset(Preset::Default);
-    let result = reconstruct(&scene, &config, &mut |_, _| Ok(())).unwrap();
+    let result = reconstruct(&scene, &config, &mut Session::new(|_, _| Ok(()))).unwrap();
     let failure = result.failure.as_ref().expect("a failure").to_string();
     println!("{failure}");
     assert!(failure.contains("frame 3"), "{failure}");

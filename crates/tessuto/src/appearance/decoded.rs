@@ -1,10 +1,14 @@
 //! Material maps as an untrained decoder's output: its weights are the parameters, its structure is the prior.
 
-use super::texels::{LIMITS, Maps};
+use super::texels::{LIMITS, MapState, Maps, other_maps};
 use crate::decoder::{Decoder, DecoderConfig};
+use crate::error::Result;
 
 /// Steps that bring the decoder to the maps it starts from; they cost no rendering.
 const WARM_UP: usize = 100;
+
+/// Steps of its weights are this much shorter than those of texels: at the same length it dies.
+const RATE: f64 = 0.3;
 
 /// Maps made by a [`Decoder`].
 pub(super) struct Decoded(Decoder);
@@ -32,12 +36,23 @@ impl Maps for Decoded {
         maps
     }
 
+    fn save(&self) -> MapState {
+        MapState::Decoder(self.0.state())
+    }
+
+    fn restore(&mut self, state: &MapState) -> Result<()> {
+        match state {
+            MapState::Decoder(state) if self.0.set_state(state) => Ok(()),
+            _ => Err(other_maps()),
+        }
+    }
+
     fn step(&mut self, gradient: &[f32], rate: f64) {
         let mut gradient = gradient.to_vec();
         for (plane, [low, high]) in planes(&mut gradient) {
             plane.iter_mut().for_each(|g| *g *= high - low);
         }
-        self.0.set_learning_rate(rate);
+        self.0.set_learning_rate(rate * RATE);
         self.0.step(&gradient);
     }
 }

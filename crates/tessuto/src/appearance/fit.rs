@@ -1,21 +1,31 @@
 //! The estimation.
 
+use serde::{Deserialize, Serialize};
+
 use super::loss::loss;
 use super::observations::observe;
 use super::sky::Sky;
-use super::texels::{Maps, Texels, splat};
+use super::texels::{MapState, Maps, Texels, splat};
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
 use crate::error::{Error, Result};
 use crate::math::rng::mix32;
-use crate::motion::progress::{Epoch, Observer};
 use crate::pbr::{Environment, Geometry, Gradients, Light, Material, Shader, accumulate, srgb};
 use crate::raster::Rasterizer;
 use crate::scene::{Scene, Shape};
+use crate::session::{Epoch, Session};
 
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
+
+/// What [`fit`] goes on from.
+#[derive(Serialize, Deserialize)]
+struct State {
+    steps: usize,
+    maps: MapState,
+    sky: Sky,
+}
 
 /// What the cloth is made of, and what shines on it.
 #[derive(Debug, Clone)]
@@ -40,15 +50,15 @@ impl Appearance {
 /// Estimates material and light from the frames of `scene`, moving as `motion`, shape [N, V].
 ///
 /// # Errors
-/// [`Error::Input`] if the motion does not fit the scene or is not seen; [`Error::Numerical`]; whatever `observer`
-/// returns.
+/// [`Error::Input`] if the motion does not fit the scene or is not seen; [`Error::Numerical`]; whatever the session's
+/// observer returns.
 pub fn fit(
     scene: &Scene,
     motion: &[Shape],
     geometry: &Geometry,
     settings: &AppearanceSettings,
     seed: u64,
-    observer: &mut Observer,
+    session: &mut Session,
 ) -> Result<Appearance> {
     check(scene, motion)?;
     let seed = mix32(seed as u32 ^ mix32((seed >> 32) as u32));
@@ -76,12 +86,17 @@ pub fn fit(
     let mut maps = maps(settings, &planes, seed)?;
     let mut sky = Sky::new(settings.light_coarsest, settings.light_start);
 
-    let mut history = Vec::new();
+    let state: Option<State> = session.restore("appearance")?;
+    let first = state.as_ref().map_or(0, |s| s.steps);
+    if let Some(state) = state {
+        maps.restore(&state.maps)?;
+        sky = state.sky;
+    }
     let mut gradients = Gradients::default();
     let mut light = None;
     let mut batch = Vec::with_capacity(settings.batch);
     let mut observed = Vec::with_capacity(settings.batch);
-    for step in 0..settings.steps {
+    for step in first..settings.steps {
         let at = step as f64 / settings.steps as f64;
         let rows = rows_at(settings, at);
         if rows != sky.rows() {
@@ -132,11 +147,17 @@ pub fn fit(
             losses: vec![("colour", gradients.loss)],
             parameters: vec![("light_rows", rows as f64), ("light_colour", colour)],
         };
-        observer(&epoch, &[])?;
-        history.push(epoch);
+        // The directions are drawn anew where the next run would draw them too.
+        let saved = ((step + 1) % REDRAW == 0 && session.wants_state()).then(|| State {
+            steps: step + 1,
+            maps: maps.save(),
+            sky: sky.clone(),
+        });
+        session.step(&epoch, &[], saved.as_ref())?;
     }
     let material = Material::from_planes(size, size, &maps.maps());
     let colour = if settings.steps == 0 { 0.0 } else { 1.0 };
+    let history = session.history_of(&["appearance"]);
     Ok(Appearance { material, window, environment: sky.environment(settings.light_rows, colour), history })
 }
 

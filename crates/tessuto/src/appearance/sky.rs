@@ -1,9 +1,12 @@
 //! The light as it is optimised: the logarithm of the radiance on a coarse grid, later on finer ones.
 
+use serde::{Deserialize, Serialize};
+
 use crate::optim::Adam;
 use crate::pbr::Environment;
 
 /// Radiance on the fine grid is the bilinear interpolation of exp(parameters), partly made grey.
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Sky {
     rows: usize,
     /// Logarithm of the radiance, shape [rows, 2·rows, 3].

@@ -1,7 +1,11 @@
 //! Material maps, one parameter per texel and channel.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
+#[cfg(feature = "decoder")]
+use crate::decoder::DecoderState;
+use crate::error::{Error, Result};
 use crate::optim::Adam;
 use crate::pbr::CHANNELS;
 
@@ -16,8 +20,25 @@ pub(super) trait Maps {
     /// The maps, one plane per channel, shape [[`CHANNELS`], size, size], within their limits.
     fn maps(&mut self) -> Vec<f32>;
 
+    /// What [`restore`](Self::restore) goes on from.
+    fn save(&self) -> MapState;
+
+    /// Takes back what [`save`](Self::save) gave.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it was of other maps.
+    fn restore(&mut self, state: &MapState) -> Result<()>;
+
     /// Moves the parameters against a gradient of a loss with respect to the maps.
     fn step(&mut self, gradient: &[f32], rate: f64);
+}
+
+/// Parameters and optimiser of maps.
+#[derive(Serialize, Deserialize)]
+pub(super) enum MapState {
+    Texels(Vec<f64>, Adam),
+    #[cfg(feature = "decoder")]
+    Decoder(DecoderState),
 }
 
 /// The maps themselves are the parameters.
@@ -42,6 +63,21 @@ impl Maps for Texels {
         self.values.iter().map(|v| *v as f32).collect()
     }
 
+    fn save(&self) -> MapState {
+        MapState::Texels(self.values.clone(), self.adam.clone())
+    }
+
+    fn restore(&mut self, state: &MapState) -> Result<()> {
+        match state {
+            MapState::Texels(values, adam) if values.len() == self.values.len() => {
+                self.values.clone_from(values);
+                self.adam = adam.clone();
+                Ok(())
+            }
+            _ => Err(other_maps()),
+        }
+    }
+
     fn step(&mut self, gradient: &[f32], rate: f64) {
         let n = self.size * self.size;
         let mut total: Vec<f64> = gradient.iter().copied().map(f64::from).collect();
@@ -55,6 +91,11 @@ impl Maps for Texels {
             plane.iter_mut().for_each(|v| *v = v.clamp(low, high));
         }
     }
+}
+
+/// The checkpoint is of other maps.
+pub(super) fn other_maps() -> Error {
+    Error::input("checkpoint, appearance", "it has maps of another kind or size", "start without --resume")
 }
 
 /// Adds `weight` times the gradient of Σ √(d² + `SOFT`²) over the differences d of neighbours in `plane`.

@@ -8,6 +8,8 @@
 mod blend;
 mod network;
 
+use serde::{Deserialize, Serialize};
+
 use crate::math::rng::Rng;
 use blend::Blend;
 use network::{Graph, Network};
@@ -123,6 +125,21 @@ impl Decoder {
         self.adam.step(&mut self.weights, &weights)
     }
 
+    /// Weights and optimiser.
+    pub fn state(&self) -> DecoderState {
+        DecoderState { weights: self.weights.clone(), adam: self.adam.clone() }
+    }
+
+    /// Takes back a [`state`](Self::state); returns whether it is of a decoder of this size.
+    pub fn set_state(&mut self, state: &DecoderState) -> bool {
+        let fits = state.weights.len() == self.weights.len();
+        if fits {
+            (self.weights, self.adam) = (state.weights.clone(), state.adam.clone());
+            self.graph = None;
+        }
+        fits
+    }
+
     /// The next steps' length.
     pub fn set_learning_rate(&mut self, learning_rate: f64) {
         self.adam.learning_rate = learning_rate;
@@ -135,7 +152,15 @@ impl Decoder {
     }
 }
 
+/// What [`Decoder::set_state`] goes on from.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct DecoderState {
+    weights: Vec<f32>,
+    adam: Adam,
+}
+
 /// Adam in single precision, as the weights are (Kingma and Ba 2015, alg. 1).
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct Adam {
     learning_rate: f64,
     betas: [f64; 2],

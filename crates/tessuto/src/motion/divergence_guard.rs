@@ -3,12 +3,15 @@
 //! A simulation can fail without a number that is not finite: the linearised step throws cloth metres away where its
 //! matrix is nearly singular. The sign of it is a loss that grows on frames that were fitted better before.
 
+use serde::{Deserialize, Serialize};
+
 /// Growth of the loss over the same frames that counts as divergence.
 const GROWTH: f64 = 2.0;
 /// After this many epochs the reference is renewed even if the loss did not fall: new frames may cost old ones.
 const RENEWAL: usize = 11;
 
 /// The last state that was sound, and how often it had to be gone back to.
+#[derive(Serialize, Deserialize)]
 pub(super) struct DivergenceGuard<S> {
     reference: Option<Reference<S>>,
     /// Failed epochs since the reference was last renewed.
@@ -17,6 +20,7 @@ pub(super) struct DivergenceGuard<S> {
     pub rate: f64,
 }
 
+#[derive(Serialize, Deserialize)]
 struct Reference<S> {
     state: S,
     frames: usize,

@@ -6,7 +6,6 @@ mod divergence_guard;
 pub mod loss;
 pub mod material_fit;
 pub mod photometry;
-pub mod progress;
 pub mod pyramid;
 pub mod rollout_fit;
 pub mod strain;

@@ -5,21 +5,22 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::divergence_guard::DivergenceGuard;
 use super::loss::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
-use super::progress::{Epoch, Observer};
 use crate::error::{Error, Result};
 use crate::math::{finite, flat, vectors};
 use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Shape};
+use crate::session::{Epoch, Session};
 use crate::sim::{
     Cloth, Drive, DriveGradients, Forces, Rollout, State, StepSettings, Stiffness, rollout, rollout_vjp,
 };
 
 /// One uniform stiffness: start and bounds as log10.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct StiffnessRange {
     /// log10 of the start.
@@ -31,7 +32,7 @@ pub struct StiffnessRange {
 }
 
 /// Settings of the rollout fit.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RolloutSettings {
     /// Frames of the first epochs.
@@ -103,7 +104,7 @@ pub struct Dynamics {
 }
 
 /// What moves the cloth.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
     /// log10 of stretch [N/m], bend [J/rad²], shear [J/rad²].
     pub log_stiffness: [f64; 3],
@@ -154,7 +155,7 @@ pub struct LossAndGradients {
 }
 
 /// One group of parameters: its clipping and its Adam state.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 struct Group {
     clip: GradientClip,
     adam: Adam,
@@ -173,12 +174,23 @@ impl Group {
 }
 
 /// What an epoch changes.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 struct FitState {
     parameters: Parameters,
     stiffness: [Group; 3],
     constant: Group,
     dynamic: Group,
+}
+
+/// What [`RolloutFit::run`] goes on from.
+#[derive(Serialize, Deserialize)]
+struct Run {
+    /// Epochs done.
+    epochs: usize,
+    state: FitState,
+    guard: DivergenceGuard<FitState>,
+    /// Lowest loss over all frames and where it was.
+    best: Option<(f64, Parameters)>,
 }
 
 impl FitState {
@@ -218,48 +230,51 @@ impl RolloutFit<'_> {
     /// diverges for good it ends early, with the last sound parameters and the failure.
     ///
     /// # Errors
-    /// What `observer` returns.
-    pub fn run(
-        &self,
-        parameters: Parameters,
-        observer: &mut Observer,
-    ) -> Result<(Parameters, Option<Error>)> {
-        let mut state = FitState::new(self, parameters);
-        let mut guard = DivergenceGuard::new();
-        let mut best: Option<(f64, Parameters)> = None;
+    /// What the session's observer returns.
+    pub fn run(&self, parameters: Parameters, session: &mut Session) -> Result<(Parameters, Option<Error>)> {
+        let start = || Run {
+            epochs: 0,
+            state: FitState::new(self, parameters),
+            guard: DivergenceGuard::new(),
+            best: None,
+        };
+        let mut run: Run = session.restore("rollout")?.unwrap_or_else(start);
         // One epoch more looks at the last step.
-        for epoch in 0..=self.epoch_count() {
+        while run.epochs <= self.epoch_count() {
+            let Run { epochs, state, guard, best } = &mut run;
+            let epoch = *epochs;
+            *epochs += 1;
             let active = self.active_frames(epoch);
             self.move_mean_to_constant(&mut state.parameters.forces, active);
             let evaluated = self.loss_and_gradients(&state.parameters, active).and_then(|gradients| {
-                let verdict = guard.judge(&state, &gradients.by_frame);
+                let verdict = guard.judge(state, &gradients.by_frame);
                 verdict.map_err(|problem| Error::numerical("loss", problem, "")).map(|()| gradients)
             });
             let gradients = match evaluated {
                 Ok(gradients) => gradients,
                 Err(failure) => {
-                    let Some(sound) = guard.back() else {
-                        return Ok((state.parameters, Some(divergence(epoch, &failure))));
-                    };
-                    state = sound;
-                    if guard.failures > self.settings.patience {
-                        return Ok((state.parameters, Some(divergence(epoch, &failure))));
+                    let sound = guard.back();
+                    let known = sound.is_some();
+                    *state = sound.unwrap_or_else(|| state.clone());
+                    if !known || guard.failures > self.settings.patience {
+                        return Ok((run.state.parameters, Some(divergence(epoch, &failure))));
                     }
                     continue;
                 }
             };
             if active == self.scene.frames.len() && best.as_ref().is_none_or(|b| gradients.total < b.0) {
-                best = Some((gradients.total, state.parameters.clone()));
+                *best = Some((gradients.total, state.parameters.clone()));
             }
             if epoch < self.epoch_count() {
                 let before = state.parameters.stiffness();
                 let constant = state.parameters.forces.constant;
-                self.descend(&mut state, &gradients, guard.rate);
+                self.descend(state, &gradients, guard.rate);
                 let record = self.epoch_record(epoch, active, &gradients, before, constant, guard.rate);
-                observer(&record, &gradients.motion)?;
+                session.step(&record, &gradients.motion, Some(&run))?;
             }
         }
-        Ok((best.map_or(state.parameters, |(_, parameters)| parameters), None))
+        session.finish("rollout", &run);
+        Ok((run.best.map_or(run.state.parameters, |(_, parameters)| parameters), None))
     }
 
     /// One step of every group against `gradients`.

@@ -6,6 +6,7 @@ use crate::math::finite;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::scene::{Frame, Shape};
+use crate::session::{Epoch, Session};
 
 use super::loss::{LossWeights, image_loss};
 
@@ -33,14 +34,14 @@ impl Default for TextureSettings {
 /// Source: [SAFT] §2.3 phase 1, §2.5.1.
 ///
 /// # Errors
-/// Whatever `progress` (epoch, colour loss) returns, to stop.
+/// What the session's observer returns.
 pub fn fit_texture(
     rasterizer: &Rasterizer,
     camera: &Camera,
     shape: &Shape,
     frame: &Frame,
     settings: &TextureSettings,
-    mut progress: impl FnMut(usize, f64) -> Result<()>,
+    session: &mut Session,
 ) -> Result<Texture> {
     let weights =
         LossWeights { colour: 1.0, silhouette: 0.0, energy: 0.0, force: 0.0, force_smoothness: 0.0 };
@@ -69,7 +70,14 @@ pub fn fit_texture(
                 texel[c] = p[c] as f32;
             }
         }
-        progress(epoch, colour)?;
+        session.tell(&Epoch {
+            stage: "texture",
+            step: epoch + 1,
+            of: settings.epochs,
+            active_frames: 1,
+            losses: vec![("colour", colour)],
+            parameters: Vec::new(),
+        })?;
     }
     Ok(texture)
 }

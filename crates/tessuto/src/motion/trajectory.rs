@@ -10,11 +10,11 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::contour::Contour;
 use super::curvature::CurvaturePrior;
 use super::photometry::{DataTerm, Local, Points, Reference, fit_gain};
-use super::progress::{Epoch, Observer};
 use super::pyramid::{Level, pyramid};
 use super::strain::StrainPrior;
 use super::surface::{EdgePoint, boundary_points, interior_points};
@@ -23,10 +23,11 @@ use crate::math::block_matrix::BlockMatrix;
 use crate::math::dot;
 use crate::math::factor::{Factor, Scratch};
 use crate::scene::{Scene, Shape};
+use crate::session::{Epoch, Session};
 use crate::sim::{Cloth, Curvature, Stiffness};
 
 /// Strictness of every term. A term with spread σ contributes ½ (residual/σ)².
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TrajectorySettings {
     /// Spread of the strain of an edge.
@@ -85,6 +86,26 @@ impl Default for TrajectorySettings {
 
 /// Shapes [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Shape>, Option<Error>);
+
+/// What [`Problem::track`] goes on from.
+#[derive(Serialize, Deserialize)]
+struct Tracked {
+    /// Shapes so far.
+    frames: Vec<Shape>,
+    /// Brightness of the last of them, by resolution.
+    gains: Vec<Vec<[f32; 3]>>,
+}
+
+/// What [`Problem::refine`] goes on from.
+#[derive(Serialize, Deserialize)]
+struct Refined {
+    frames: Vec<Shape>,
+    /// Iterations so far, over all levels.
+    steps: usize,
+    damping: f64,
+    /// Brightness at the present level.
+    gains: Vec<Vec<[f32; 3]>>,
+}
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -181,13 +202,17 @@ impl<'a> Problem<'a> {
     /// returned with it.
     ///
     /// # Errors
-    /// What `observer` returns.
-    pub fn track(&self, observer: &mut Observer) -> Result<Fitted> {
+    /// What the session's observer returns.
+    pub fn track(&self, session: &mut Session) -> Result<Fitted> {
         let mut stages: Vec<_> =
             (self.settings.finest..=self.settings.coarsest).rev().map(|level| self.stage(level)).collect();
-        let mut frames = vec![self.scene.template.positions.clone()];
+        let mut tracked = session.restore("track")?.unwrap_or_else(|| Tracked {
+            frames: vec![self.scene.template.positions.clone()],
+            gains: stages.iter().map(|stage| stage.gains[0].clone()).collect(),
+        });
         let mut scratch = Scratch::default();
-        for n in 1..self.scene.frames.len() {
+        for n in tracked.frames.len()..self.scene.frames.len() {
+            let frames = &mut tracked.frames;
             let last = &frames[n - 1];
             let predicted: Shape = match n.checked_sub(2) {
                 Some(k) => last.iter().zip(&frames[k]).map(|(x, old)| *x + (*x - *old) * 0.9).collect(),
@@ -195,17 +220,18 @@ impl<'a> Problem<'a> {
             };
             let mut x = predicted.clone();
             let mut value = 0.0;
-            for stage in &mut stages {
-                stage.gains[n] = stage.gains[n - 1].clone();
+            for (stage, gains) in stages.iter_mut().zip(&mut tracked.gains) {
+                stage.gains[n].clone_from(gains);
                 stage.neighbours[n] = stage.data(n - 1).observe(&stage.points, None, last);
                 (x, value) = match stage.fit_frame(n, x, &predicted, &mut scratch) {
                     Ok(fitted) => fitted,
                     Err(failure) => {
                         let held = frames[n - 1].clone();
                         frames.resize(self.scene.frames.len(), held);
-                        return Ok((frames, Some(failure)));
+                        return Ok((tracked.frames, Some(failure)));
                     }
                 };
+                gains.clone_from(&stage.gains[n]);
             }
             frames.push(x);
             let epoch = Epoch {
@@ -216,9 +242,10 @@ impl<'a> Problem<'a> {
                 losses: vec![("total", value)],
                 parameters: Vec::new(),
             };
-            observer(&epoch, &frames)?;
+            session.step(&epoch, &tracked.frames, Some(&tracked))?;
         }
-        Ok((frames, None))
+        session.finish("track", &tracked);
+        Ok((tracked.frames, None))
     }
 
     /// Improves all frames together, coarse to fine.
@@ -226,38 +253,50 @@ impl<'a> Problem<'a> {
     /// If the objective is no longer finite, the shapes before that are returned with the failure.
     ///
     /// # Errors
-    /// What `observer` returns.
-    pub fn refine(&self, mut frames: Vec<Shape>, observer: &mut Observer) -> Result<Fitted> {
+    /// What the session's observer returns.
+    pub fn refine(&self, frames: Vec<Shape>, session: &mut Session) -> Result<Fitted> {
         let levels = self.settings.coarsest + 1 - self.settings.finest;
-        let mut steps = 0;
-        for level in (self.settings.finest..=self.settings.coarsest).rev() {
+        let start = || Refined { frames, steps: 0, damping: 0.0, gains: Vec::new() };
+        let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
+        let iterations = self.settings.iterations;
+        for (k, level) in (self.settings.finest..=self.settings.coarsest).rev().enumerate() {
+            if refined.steps >= (k + 1) * iterations {
+                continue;
+            }
             let mut stage = self.stage(level);
-            let mut damping = 1e-3;
-            for iteration in 0..self.settings.iterations {
-                stage.update_gains(&frames);
-                stage.update_neighbours(&frames);
-                let (next, value, accepted) = stage.joint_step(&frames, damping);
+            let first = refined.steps - k * iterations;
+            match first {
+                0 => refined.damping = 1e-3,
+                _ => stage.gains = std::mem::take(&mut refined.gains),
+            }
+            for iteration in first..iterations {
+                stage.update_gains(&refined.frames);
+                stage.update_neighbours(&refined.frames);
+                let (next, value, accepted) = stage.joint_step(&refined.frames, refined.damping);
                 if !value.is_finite() {
                     let failure = diverged(format!("level {level}, iteration {iteration}"), value);
-                    return Ok((frames, Some(failure)));
+                    return Ok((refined.frames, Some(failure)));
                 }
-                steps += 1;
+                refined.steps += 1;
                 let epoch = Epoch {
                     stage: "refine",
-                    step: steps,
-                    of: levels * self.settings.iterations,
-                    active_frames: frames.len(),
-                    losses: std::iter::once(("total", value)).chain(stage.terms(&frames)).collect(),
+                    step: refined.steps,
+                    of: levels * iterations,
+                    active_frames: refined.frames.len(),
+                    losses: std::iter::once(("total", value)).chain(stage.terms(&refined.frames)).collect(),
                     parameters: vec![("level", level as f64)],
                 };
-                observer(&epoch, &frames)?;
-                damping = if accepted { f64::max(damping * 0.3, 1e-6) } else { damping * 8.0 };
+                let damping = refined.damping;
+                refined.damping = if accepted { f64::max(damping * 0.3, 1e-6) } else { damping * 8.0 };
                 if accepted {
-                    frames = next;
+                    refined.frames = next;
                 }
+                refined.gains.clone_from(&stage.gains);
+                session.step(&epoch, &refined.frames, Some(&refined))?;
             }
         }
-        Ok((frames, None))
+        session.finish("refine", &refined);
+        Ok((refined.frames, None))
     }
 }
 

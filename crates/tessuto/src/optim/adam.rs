@@ -3,7 +3,7 @@
 use crate::math::finite;
 
 /// State of one group of parameters (Kingma and Ba 2015, "Adam: A Method for Stochastic Optimization", alg. 1).
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct Adam {
     learning_rate: f64,
     betas: [f64; 2],

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 
 /// Clips to a fixed norm, then to a quantile of the recent norms
 /// (Seetharaman et al. 2020, "AutoClip: Adaptive Gradient Clipping for Source Separation Networks").
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, serde::Serialize, serde::Deserialize)]
 pub struct GradientClip {
     limit: f64,
     quantile: f64,

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::motion::progress::Epoch;
 use crate::report::HistoryRow;
+use crate::session::Epoch;
 
 /// Columns that are parameters in any stage, and those that are in stage `rollout` but losses elsewhere.
 const PARAMETERS: [&str; 7] =

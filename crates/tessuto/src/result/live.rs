@@ -5,11 +5,11 @@ use serde::Serialize;
 use super::{Run, history, page};
 use crate::config::Preset;
 use crate::error::Result;
-use crate::motion::progress::Epoch;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Source};
 use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
 use crate::scene::{Scene, Shape};
+use crate::session::Epoch;
 
 /// Bytes for the video.
 const FILM_BUDGET: usize = 4 << 20;

@@ -12,7 +12,7 @@ use crate::scene::Shape;
 const FACTOR_MEMORY: usize = 700 << 20;
 
 /// External accelerations [m/s²]: f/m = `constant` + `dynamic`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Forces {
     /// C, the same in space and time.
     pub constant: DVec3,
