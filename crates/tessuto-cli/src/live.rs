@@ -14,8 +14,9 @@ use tessuto::{Error, Result, Shape, result};
 
 /// Longest request head that is read [bytes].
 const LONGEST_HEAD: usize = 16 << 10;
-/// A client that says nothing for this long is left.
-const PATIENCE: Duration = Duration::from_secs(5);
+/// A client that says nothing for this long is left, and one that takes nothing; a page of megabytes may wait for a busy
+/// browser.
+const PATIENCE: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(120)];
 /// Copies of the motion are at least this far apart.
 const BETWEEN_MOTIONS: Duration = Duration::from_millis(500);
 /// A page that asked no longer ago than this is open.
@@ -140,8 +141,8 @@ impl Live {
 }
 
 fn serve(mut stream: TcpStream, port: u16, shared: &Mutex<Shared>) {
-    let _ = stream.set_read_timeout(Some(PATIENCE));
-    let _ = stream.set_write_timeout(Some(PATIENCE));
+    let _ = stream.set_read_timeout(Some(PATIENCE[0]));
+    let _ = stream.set_write_timeout(Some(PATIENCE[1]));
     let Some(head) = read_head(&mut stream) else { return };
     let (status, kind, body) = answer(&head, port, shared);
     let header = format!(

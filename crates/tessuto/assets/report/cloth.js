@@ -15,9 +15,8 @@ tessuto.ClothView = class {
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(40, 1, 0.01, 100);
     this.scene.add(this.camera);
-    // π: a white matt surface that faces the light is white.
-    this.lights = [new THREE.AmbientLight(0xffffff, 0.62 * Math.PI), new THREE.DirectionalLight(0xffffff, 0.42 * Math.PI)];
-    this.lights[1].position.set(0.3, 0.5, 1);
+    this.lights = [new THREE.AmbientLight(0xffffff), new THREE.DirectionalLight(0xffffff)];
+    this.lights[1].position.set(-0.6, 0.7, 1);
     this.scene.add(this.lights[0]);
     this.camera.add(this.lights[1], this.lights[1].target);
     this.lights[1].target.position.set(0, 0, -1);
@@ -163,6 +162,10 @@ tessuto.ClothView = class {
     const { value, plain } = this.materials;
     this.mesh.material = this.field ? value : key === "lit" ? this.litMaterial() : this.materials[key] ?? plain;
     for (const light of this.lights) light.visible = key !== "lit";
+    // π: a white matt surface that faces the light is white. Relief counts where there is nothing else to see.
+    const [around, ahead] = this.mesh.material === plain ? [0.3, 0.78] : [0.62, 0.42];
+    this.lights[0].intensity = around * Math.PI;
+    this.lights[1].intensity = ahead * Math.PI;
     const { legend } = this.elements;
     legend.root.hidden = !this.field;
     if (this.field) {

@@ -47,6 +47,7 @@ struct Page<'a> {
     /// JSON for the script.
     embedded: String,
     has_truth: bool,
+    has_published: bool,
 }
 
 /// What the script reads.
@@ -106,6 +107,7 @@ fn page(data: &ReportData) -> Page<'_> {
         scripts: SCRIPTS,
         key_numbers,
         parameters: data.parameters.iter().map(parameter_row).collect(),
+        has_published: errors.iter().any(|e| e.name.contains("published")),
         has_truth: !errors.is_empty(),
         errors,
         timings: timings.collect(),
@@ -146,7 +148,7 @@ fn parameter_row(p: &Parameter) -> Row {
 
 fn error_rows(evaluation: &Evaluation) -> Vec<Row> {
     let rows = QUANTITIES.iter().zip(evaluation.mean.values()).enumerate();
-    rows.filter_map(|(k, (quantity, mean))| {
+    let of_motion = rows.filter_map(|(k, (quantity, mean))| {
         let worst = evaluation
             .frames
             .iter()
@@ -158,8 +160,14 @@ fn error_rows(evaluation: &Evaluation) -> Vec<Row> {
             unit: quantity.unit.to_string(),
             note: format!("{:.3e} in frame {}", worst.1, worst.0),
         })
-    })
-    .collect()
+    });
+    let of_maps = evaluation.maps.iter().flat_map(|m| m.rows()).map(|(_, value, label)| Row {
+        name: label.to_string(),
+        value: format!("{value:.3}"),
+        unit: String::new(),
+        note: String::new(),
+    });
+    of_motion.chain(of_maps).collect()
 }
 
 fn duration(seconds: f64) -> String {
