@@ -102,6 +102,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         log.set_command(&repeat_command(arguments));
         log.write(folder)?;
         result::write_page(folder)?;
+        let new = ["material/", "rerendered/", "metrics.json", "log.json", "report.html"];
+        result::refresh_manifest(folder, &new)?;
     }
     print!("{}", summary.table);
     println!("{}", folder.join("material").display());

@@ -195,6 +195,7 @@ pub fn reconstruct_into(
     export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
     // A page that cannot be made must not cost the result either.
     let page = result::write_page(output.partial());
+    result::write_manifest(output.partial())?;
     output.publish()?;
     checkpoints.iter().try_for_each(Checkpoints::remove)?;
     page?;

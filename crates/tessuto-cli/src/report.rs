@@ -22,6 +22,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     crate::threads::use_threads(arguments.threads)?;
     result::write_page(&arguments.result)?;
+    result::refresh_manifest(&arguments.result, &["report.html"])?;
     println!("{}", arguments.result.join("report.html").display());
     Ok(())
 }

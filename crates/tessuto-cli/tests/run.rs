@@ -76,6 +76,7 @@ fn same_bytes_for_any_threads(settings: &[&str]) -> TempDir {
 fn default_preset_repeats_for_any_threads_and_simulate_replays_it() {
     let folder = same_bytes_for_any_threads(&["--set", "texture.size=64"]);
     let result = folder.path().join("1");
+    assert!(succeed(&["verify", text(&result)]).contains("all as they were written"));
     for name in ["mesh.obj", "config.json", "history.csv", "metrics.json", "report.html"] {
         assert!(result.join(name).is_file(), "{name}");
     }

@@ -10,17 +10,20 @@
 //! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
 //! log.json                        commands, times, warnings
 //! pictures/        report.html
+//! manifest.json                   sizes and hashes of all of these, written last
 //! ```
 
 mod history;
 mod live;
 mod log;
+mod manifest;
 mod page;
 mod pictures;
 
 pub use history::history_csv;
 pub use live::{live_page, live_state};
 pub use log::Log;
+pub use manifest::{Verified, refresh_manifest, verify, write_manifest};
 pub use page::write_page;
 
 use std::path::{Path, PathBuf};

@@ -1,0 +1,38 @@
+//! `tessuto verify`.
+
+use std::path::PathBuf;
+
+use tessuto::{Error, result};
+
+/// Check that a result folder is complete and unchanged.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Compares every file with its size and SHA-256 in manifest.json, which is written last. Files that are not in it are named but
+are no fault.")]
+pub struct Arguments {
+    /// Result folder.
+    result: PathBuf,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let verified = result::verify(&arguments.result)?;
+    for name in &verified.unknown {
+        println!("not in the manifest: {name}");
+    }
+    if let Some((name, problem)) = verified.wrong.first() {
+        verified.wrong.iter().for_each(|(name, problem)| println!("{name}: {problem}"));
+        return Err(Error::input(
+            arguments.result.join(name).display().to_string(),
+            format!(
+                "{problem} ({} of {} files are wrong)",
+                verified.wrong.len(),
+                verified.sound + verified.wrong.len()
+            ),
+            "copy the folder anew, or repeat the command in its log.json",
+        )
+        .into());
+    }
+    println!("{} files, all as they were written", verified.sound);
+    Ok(())
+}
