@@ -87,7 +87,7 @@ impl Default for AppearanceSettings {
             diffuse_smoothness: 3e-4,
             surface_smoothness: 1e-3,
             uniform_share: 0.25,
-            render_passes: 8,
+            render_passes: 3,
         }
     }
 }
