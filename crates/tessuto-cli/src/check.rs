@@ -40,6 +40,18 @@ pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
     verdict(scene, &report)
 }
 
+/// Checks a scene that lacks its template only, and says how to make one.
+pub fn check_without_template(scene: &Path) -> anyhow::Result<()> {
+    let mut report = check_folder(scene, &LoadOptions::default());
+    report.findings.retain(|f| !(f.level == Level::Error && Path::new(&f.what) == scene.join("template.obj")));
+    print(&table(&report.findings))?;
+    print("next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:\n")?;
+    for options in ["--flat WIDTHxHEIGHTm --from-mask", "--remesh 32 --from MESH.obj"] {
+        print(&format!("  tessuto template {} {options}\n", scene.display()))?;
+    }
+    verdict(scene, &report)
+}
+
 fn verdict(scene: &Path, report: &CheckReport) -> anyhow::Result<()> {
     match report.count(Level::Error) {
         0 => Ok(()),

@@ -6,6 +6,8 @@ mod demo;
 mod evaluate;
 mod export;
 mod frames;
+mod import;
+mod lens;
 mod live;
 mod output;
 mod progress;
@@ -38,6 +40,7 @@ enum Command {
     /// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
     Evaluate(evaluate::Arguments),
     Export(export::Arguments),
+    Import(import::Arguments),
     Reconstruct(reconstruct::Arguments),
     Render(render::Arguments),
     Report(report::Arguments),
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),

@@ -13,6 +13,7 @@ pub mod decoder;
 pub mod error;
 pub mod export;
 pub mod image;
+pub mod import;
 pub mod io;
 pub mod math;
 pub mod mesh;

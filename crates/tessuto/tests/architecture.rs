@@ -17,7 +17,7 @@ const LAYERS: [&[&str]; 16] = [
     &["reconstruct"],
     &["report"],
     &["result"],
-    &["check", "export", "view"],
+    &["check", "export", "import", "template", "view"],
     &["synth"],
     &["lib"],
 ];
