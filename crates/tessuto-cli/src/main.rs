@@ -16,6 +16,7 @@ mod render;
 mod report;
 mod simulate;
 mod synth;
+mod template;
 mod threads;
 mod verify;
 
@@ -46,6 +47,7 @@ enum Command {
     Report(report::Arguments),
     Simulate(simulate::Arguments),
     Synth(synth::Arguments),
+    Template(template::Arguments),
     Verify(verify::Arguments),
 }
 
@@ -62,6 +64,7 @@ fn main() -> ExitCode {
         Command::Report(arguments) => report::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),
+        Command::Template(arguments) => template::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
     };
     match result {

@@ -29,6 +29,7 @@ pub mod scene;
 pub mod session;
 pub mod sim;
 pub mod synth;
+pub mod template;
 pub mod view;
 
 pub use camera::{Camera, Rect};

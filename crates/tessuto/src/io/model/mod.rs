@@ -6,14 +6,13 @@
 mod gltf;
 mod ply;
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
 use super::{obj, read_bounded};
 use crate::error::{Error, Result};
-use crate::mesh::{Face, Mesh};
+use crate::mesh::{Face, Mesh, weld};
 
 /// Largest file [bytes].
 const MAX_BYTES: u64 = 1 << 30;
@@ -95,41 +94,17 @@ impl Split {
             let problem = format!("has {} vertices but no face", self.positions.len());
             return Err(Error::input(place, problem, "export the mesh with its faces; a point cloud is no template"));
         }
-        let mut index = HashMap::new();
-        let mut positions = Vec::new();
-        let merged: Vec<u32> = self
-            .positions
-            .iter()
-            .map(|p| {
-                // −0 and 0 are one place.
-                let key = p.to_array().map(|v| (v + 0.0).to_bits());
-                *index.entry(key).or_insert_with(|| {
-                    positions.push(*p);
-                    positions.len() as u32 - 1
-                })
-            })
-            .collect();
-        let mut notes = Vec::new();
-        if positions.len() < self.positions.len() {
-            let count = self.positions.len() - positions.len();
-            notes.push(format!("{count} vertices split at seams were merged again"));
-        }
-        let mut faces = Vec::with_capacity(self.faces.len());
-        let mut collapsed = 0;
-        for corners in self.faces {
-            let vertices: Vec<u32> = corners.iter().map(|v| merged[*v as usize]).collect();
-            let mut sorted = vertices.clone();
-            sorted.sort_unstable();
-            if sorted.windows(2).any(|p| p[0] == p[1]) {
-                collapsed += 1;
-            } else {
-                faces.push(Face { vertices, uvs: corners });
-            }
-        }
-        if collapsed > 0 {
-            notes.push(format!("{collapsed} faces that name one place twice were left out"));
-        }
         let has_uv = !self.uvs.is_empty();
-        Ok(Model { mesh: Mesh { positions, uvs: self.uvs, faces }, has_uv, notes })
+        let faces = self.faces.into_iter().map(|f| Face { vertices: f.clone(), uvs: f }).collect();
+        let mut mesh = Mesh { positions: self.positions, uvs: self.uvs, faces };
+        let [vertices, faces] = weld(&mut mesh);
+        let mut notes = Vec::new();
+        if vertices > 0 {
+            notes.push(format!("{vertices} vertices split at seams were merged again"));
+        }
+        if faces > 0 {
+            notes.push(format!("{faces} faces that name one place twice were left out"));
+        }
+        Ok(Model { mesh, has_uv, notes })
     }
 }
