@@ -44,20 +44,30 @@ pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
 /// Checks a scene that lacks its template only, and says how to make one.
 pub fn check_without_template(scene: &Path) -> anyhow::Result<()> {
     let mut report = check_folder(scene, &LoadOptions::default());
-    report.findings.retain(|f| !(f.level == Level::Error && Path::new(&f.what) == scene.join("template.obj")));
+    report
+        .findings
+        .retain(|f| !(f.level == Level::Error && Path::new(&f.what) == scene.join("template.obj")));
     print(&table(&report.findings))?;
-    print("next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:\n")?;
+    print(
+        "next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:\n",
+    )?;
     for options in ["--flat WIDTHxHEIGHTm --from-mask", "--remesh 32 --from MESH.obj"] {
-        print(&format!("  tessuto template {} {options}\n", scene.display()))?;
+        print(&format!("  tessuto template {} {options}\n", quoted(scene)))?;
     }
     verdict(scene, &report)
+}
+
+/// The path as a shell takes it.
+pub fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.contains(' ') { format!("\"{text}\"") } else { text }
 }
 
 fn verdict(scene: &Path, report: &CheckReport) -> anyhow::Result<()> {
     match report.count(Level::Error) {
         0 => {
             if report.iou.is_some() {
-                print(&format!("next: tessuto reconstruct {}\n", scene.display()))?;
+                print(&format!("next: tessuto reconstruct {}\n", quoted(scene)))?;
             }
             Ok(())
         }
@@ -136,4 +146,9 @@ fn print(text: &str) -> anyhow::Result<()> {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }
+}
+
+/// A line on standard output; a reader that has gone, or a full disk behind it, must not stop the work.
+pub fn tell(line: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stdout().lock(), "{line}");
 }

@@ -8,6 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tessuto::import::{Masks, Settings, import};
 use tessuto::{Error, Result};
 
+use crate::check::tell;
 use crate::lens::{Lens, ffmpeg};
 use crate::output::OutputFolder;
 
@@ -85,7 +86,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let name = out.canonicalize().unwrap_or_else(|_| out.clone());
     let name = name.file_name().map_or_else(|| "scene".to_owned(), |n| n.to_string_lossy().into_owned());
-    let output = OutputFolder::prepare_if(out, |folder| arguments.force && folder.join("scene.json").is_file())?;
+    let output =
+        OutputFolder::prepare_if(out, |folder| arguments.force && folder.join("scene.json").is_file())?;
     let imported = {
         let (bar, count) = (bar(), AtomicUsize::new(0));
         import(&settings, &name, output.partial(), &|written| {
@@ -95,16 +97,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     output.publish()?;
     for note in &imported.notes {
-        println!("note: {note}");
+        tell(format_args!("note: {note}"));
     }
-    println!(
+    tell(format_args!(
         "{}: {} frames of {}×{} px, {} per second",
         out.display(),
         imported.frames,
         imported.camera.width,
         imported.camera.height,
         (imported.fps * 1e4).round() / 1e4
-    );
+    ));
     if settings.template.is_some() {
         return crate::check::check(out, None);
     }

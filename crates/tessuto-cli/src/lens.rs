@@ -32,7 +32,13 @@ pub struct Lens {
     #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
     fov: Option<f64>,
     /// Lens distortion as OpenCV has it, to be removed from the frames.
-    #[arg(long, value_name = "K1,K2,P1,P2,K3", value_delimiter = ',', allow_negative_numbers = true, conflicts_with = "camera")]
+    #[arg(
+        long,
+        value_name = "K1,K2,P1,P2,K3",
+        value_delimiter = ',',
+        allow_negative_numbers = true,
+        conflicts_with = "camera"
+    )]
     distortion: Vec<f64>,
 }
 
@@ -49,7 +55,10 @@ impl Lens {
             (Some(fx), _) => Focal::Pixels([fx, self.fy.unwrap_or(fx)]),
             (None, Some(fov)) if fov > 0.0 && fov < 179.0 => Focal::Angle(fov.to_radians()),
             (None, Some(fov)) => {
-                return Err(Error::usage(format!("--fov is {fov}"), "give the horizontal field of view in degrees, above 0 and below 179"));
+                return Err(Error::usage(
+                    format!("--fov is {fov}"),
+                    "give the horizontal field of view in degrees, above 0 and below 179",
+                ));
             }
             (None, None) => {
                 return Err(Error::usage(

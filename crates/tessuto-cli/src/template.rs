@@ -13,6 +13,7 @@ use tessuto::template::remesh::{Over, Resolution, remesh};
 use tessuto::template::{hem::hem, overlap_with_mask};
 use tessuto::{Camera, Error, Image, Mesh, Result};
 
+use crate::check::tell;
 use crate::lens::Lens;
 
 /// A point [px] or a size.
@@ -85,14 +86,17 @@ fn parse_size(text: &str) -> std::result::Result<Pair, String> {
     let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)];
     let (number, scale) = units.iter().find_map(|(u, s)| Some((text.strip_suffix(u)?, *s))).ok_or(hint)?;
     let (w, h) = number.split_once('x').ok_or(hint)?;
-    let side = |text: &str| text.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| *v > 0.0 && *v < 1e3);
+    let side =
+        |text: &str| text.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| *v > 0.0 && *v < 1e3);
     Ok([side(w).ok_or(hint)?, side(h).ok_or(hint)?])
 }
 
 /// `X,Y`.
 fn parse_point(text: &str) -> std::result::Result<Pair, String> {
     let parsed = text.split_once(',').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
-    parsed.filter(|p: &Pair| p.iter().all(|v| v.is_finite())).ok_or_else(|| "write column,row in pixels, such as 312,208".to_owned())
+    parsed
+        .filter(|p: &Pair| p.iter().all(|v| v.is_finite()))
+        .ok_or_else(|| "write column,row in pixels, such as 312,208".to_owned())
 }
 
 /// `N` or `CxR`.
@@ -107,7 +111,11 @@ fn parse_resolution(text: &str) -> std::result::Result<Resolution, String> {
 /// Letters among x, y, z.
 fn parse_axes(text: &str) -> std::result::Result<[bool; 3], String> {
     let known = !text.is_empty() && text.chars().all(|c| "xyz".contains(c));
-    if known { Ok(["x", "y", "z"].map(|axis| text.contains(axis))) } else { Err("name axes, such as y or yz".to_owned()) }
+    if known {
+        Ok(["x", "y", "z"].map(|axis| text.contains(axis)))
+    } else {
+        Err("name axes, such as y or yz".to_owned())
+    }
 }
 
 /// What the template is for.
@@ -125,13 +133,20 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         (Some(out), _) => out.clone(),
         (None, true) => arguments.target.join("template.obj"),
         (None, false) => {
-            let problem = format!("{} is no scene folder, and --out is not given", arguments.target.display());
-            return Err(Error::usage(problem, "name a scene folder, or a picture with --mask FILE, a camera and --out FILE.obj").into());
+            let problem =
+                format!("{} is no scene folder, and --out is not given", arguments.target.display());
+            return Err(Error::usage(
+                problem,
+                "name a scene folder, or a picture with --mask FILE, a camera and --out FILE.obj",
+            )
+            .into());
         }
     };
     if out.exists() && !arguments.force {
         let hint = "add --force to replace it, or write elsewhere with --out";
-        return Err(Error::input(out.display().to_string(), "is there already, and would be replaced", hint).into());
+        return Err(
+            Error::input(out.display().to_string(), "is there already, and would be replaced", hint).into()
+        );
     }
     let view = view(arguments, scene)?;
     let mut mesh = match arguments.flat {
@@ -140,13 +155,19 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     obj::write(&out, &mesh, None)?;
     mesh.positions.iter_mut().for_each(|p| *p *= view.metres);
-    println!("{}: {} vertices, {} faces", out.display(), mesh.positions.len(), mesh.faces.len());
+    tell(format_args!("{}: {} vertices, {} faces", out.display(), mesh.positions.len(), mesh.faces.len()));
     if let Some((mask, _)) = &view.mask {
         let overlap = overlap_with_mask(&mesh, &view.camera, mask);
-        println!("overlap with the mask of the first frame: {overlap:.3}{}", if overlap < 0.85 { ", 0.85 expected" } else { "" });
+        tell(format_args!(
+            "overlap with the mask of the first frame: {overlap:.3}{}",
+            if overlap < 0.85 { ", 0.85 expected" } else { "" }
+        ));
     }
     if scene {
-        println!("next: tessuto check {} --picture check.png", arguments.target.display());
+        tell(format_args!(
+            "next: tessuto check {} --picture check.png",
+            crate::check::quoted(&arguments.target)
+        ));
     }
     Ok(())
 }
@@ -154,7 +175,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     if scene {
         let first = first_frame(&arguments.target)?;
-        return Ok(View { camera: first.camera, mask: Some((first.mask, first.mask_path)), metres: first.metres });
+        return Ok(View {
+            camera: first.camera,
+            mask: Some((first.mask, first.mask_path)),
+            metres: first.metres,
+        });
     }
     let size = image::size(&arguments.target)?;
     let calibration = arguments.lens.calibration()?;
@@ -168,7 +193,8 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     let mask = arguments.mask.as_ref().map(|path| {
         let (mask, _) = image::read_mask(path)?;
         if [mask.width, mask.height] != size {
-            let problem = format!("is {}×{} pixels, but the picture {}×{}", mask.width, mask.height, size[0], size[1]);
+            let problem =
+                format!("is {}×{} pixels, but the picture {}×{}", mask.width, mask.height, size[0], size[1]);
             return Err(Error::input(path.display().to_string(), problem, "give the mask of this picture"));
         }
         Ok((mask, path.clone()))
@@ -177,7 +203,7 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
 }
 
 fn say(notes: &[String]) {
-    notes.iter().for_each(|note| println!("note: {note}"));
+    notes.iter().for_each(|note| tell(format_args!("note: {note}")));
 }
 
 /// A rectangle of fabric of `size` [m].
@@ -186,7 +212,12 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
     let grid = arguments.grid.grid(size)?;
     let outline = match (&view.mask, arguments.from_mask) {
         (Some((mask, path)), true) => Some(Outline::new(mask, &path.display().to_string())?),
-        (None, true) => return Err(Error::usage("--from-mask without a mask", "add --mask FILE, or give the corners with --corners")),
+        (None, true) => {
+            return Err(Error::usage(
+                "--from-mask without a mask",
+                "add --mask FILE, or give the corners with --corners",
+            ));
+        }
         _ => None,
     };
     let corners = match &outline {
@@ -195,22 +226,32 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
             outline.corners()
         }
         None => <[Pair; 4]>::try_from(&arguments.corners[..])
-            .map_err(|_| Error::usage("the corners are not given", "add --corners X,Y X,Y X,Y X,Y (clockwise from the upper left), or --from-mask"))?
+            .map_err(|_| {
+                Error::usage(
+                    "the corners are not given",
+                    "add --corners X,Y X,Y X,Y X,Y (clockwise from the upper left), or --from-mask",
+                )
+            })?
             .map(Into::into),
     };
     let found = locate(&view.camera, size, corners)?;
-    println!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" "));
-    println!(
+    tell(format_args!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" ")));
+    tell(format_args!(
         "distances of the corners: {}; {}",
         found.positions.map(|p| format!("{:.3} m", p.length())).join(", "),
         if found.rigid {
             format!("a plane rectangle fits them to {:.2} px", found.rigid_error)
         } else {
-            format!("no plane rectangle fits (off by {:.1} px): taken for a sheet that sags or bends", found.rigid_error)
+            format!(
+                "no plane rectangle fits (off by {:.1} px): taken for a sheet that sags or bends",
+                found.rigid_error
+            )
         }
-    );
+    ));
     if found.ambiguous {
-        println!("note: the rectangle tilted the other way fits nearly as well: look at check --picture, and measure the size exactly");
+        tell(format_args!(
+            "note: the rectangle tilted the other way fits nearly as well: look at check --picture, and measure the size exactly"
+        ));
     }
     let mut mesh = patch(found.positions, grid);
     if let (Some(outline), false) = (&outline, arguments.straight) {
@@ -222,7 +263,11 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
 
 /// A given mesh, changed.
 fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
-    let nothing = arguments.remesh.is_none() && !arguments.weld && arguments.scale.is_none() && arguments.flip.is_none() && arguments.swap.is_none();
+    let nothing = arguments.remesh.is_none()
+        && !arguments.weld
+        && arguments.scale.is_none()
+        && arguments.flip.is_none()
+        && arguments.swap.is_none();
     let path = match &arguments.from {
         Some(path) => path.clone(),
         None if nothing => {
@@ -241,7 +286,7 @@ fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
     fix.apply_to(&mut model.mesh);
     if arguments.weld {
         let [gone, _] = weld(&mut model.mesh);
-        println!("merged {gone} vertices that lay on others");
+        tell(format_args!("merged {gone} vertices that lay on others"));
     }
     let Some(resolution) = arguments.remesh else {
         return if model.has_uv { Ok(model.mesh) } else { Err(without_uv(&path)) };
@@ -251,9 +296,12 @@ fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
         Over::Uv => "texture coordinates",
         Over::Border => "border, between its four corners",
     };
-    println!("a grid of {}×{} vertices over the {over}", made.grid[0], made.grid[1]);
+    tell(format_args!("a grid of {}×{} vertices over the {over}", made.grid[0], made.grid[1]));
     if made.in_holes > 0 {
-        println!("note: {} vertices lie in holes of the mesh and were put on their rims", made.in_holes);
+        tell(format_args!(
+            "note: {} vertices lie in holes of the mesh and were put on their rims",
+            made.in_holes
+        ));
     }
     Ok(made.mesh)
 }

@@ -202,7 +202,10 @@ fn empty_and_inverted_masks() {
 fn template_that_cannot_be_read() {
     let scene = TinyScene::new();
     std::fs::remove_file(scene.path("template.obj")).unwrap();
-    refused(&scene, &["template.obj", "cannot be read", "--flat WIDTHxHEIGHTm --from-mask", "5 ok, 0 warnings, 1 errors"]);
+    refused(
+        &scene,
+        &["template.obj", "cannot be read", "--flat WIDTHxHEIGHTm --from-mask", "5 ok, 0 warnings, 1 errors"],
+    );
     obj_refused("v -0.2 -0.2 1", "v nan -0.2 1", &["template.obj:1 ", "\"nan\" is not a number"]);
     obj_refused("v -0.2 -0.2 1", "v 1e99 -0.2 1", &["template.obj:1 ", "\"1e99\""]);
     obj_refused("f 1/1 6/6", "f 1 6", &["template.obj:51 ", "no texture coordinate", "uv"]);
@@ -333,7 +336,11 @@ fn pieces_of_the_template() {
     obj::write(&scene.path("template.obj"), &mesh, None).unwrap();
     accepted(
         &scene,
-        &["warning pieces 2 separate pieces, of 8 to 8 faces", "5 vertices lie on another one", "--weld --force"],
+        &[
+            "warning pieces 2 separate pieces, of 8 to 8 faces",
+            "5 vertices lie on another one",
+            "--weld --force",
+        ],
     );
     let scene = TinyScene::new();
     let mut mesh = template();
@@ -348,7 +355,15 @@ fn flipped_axes_are_named() {
     let scene = TinyScene::new();
     scene.edit("scene.json", "\"cy\": 13.5", "\"cy\": 5.5");
     scene.move_template(|[x, y, z]| [x, -(y + 0.2), z]);
-    refused(&scene, &["far from the mask", "axes look different", "y negated, from a frame with y up", "--flip y --force"]);
+    refused(
+        &scene,
+        &[
+            "far from the mask",
+            "axes look different",
+            "y negated, from a frame with y up",
+            "--flip y --force",
+        ],
+    );
     // In millimetres besides.
     scene.move_template(|[x, y, z]| [1000.0 * x, -1000.0 * (y + 0.2), -1000.0 * z]);
     refused(&scene, &["write \"units\": \"mm\"", "--scale 0.001 --force", "--flip yz --scale 0.001 --force"]);

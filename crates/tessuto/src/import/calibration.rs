@@ -64,7 +64,11 @@ impl Calibration {
             ));
         }
         let text = String::from_utf8(read_bounded(path, 256 << 20)?).map_err(|e| {
-            Error::input(&place, format!("is not text: {e}"), "give transforms.json, cameras.txt, or OpenCV YAML or JSON")
+            Error::input(
+                &place,
+                format!("is not text: {e}"),
+                "give transforms.json, cameras.txt, or OpenCV YAML or JSON",
+            )
         })?;
         let text = text.trim_start_matches('\u{feff}');
         let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -72,10 +76,20 @@ impl Calibration {
             "txt" => colmap::parse(text, &place, camera_id),
             "yml" | "yaml" => opencv::parse_yaml(text, &place),
             "json" => {
-                let value: serde_json::Value = serde_json::from_str(text)
-                    .map_err(|e| Error::input(format!("{place}:{}", e.line()), format!("is not valid JSON: {e}"), "correct this line"))?;
-                let nerfstudio = ["frames", "fl_x", "camera_angle_x"].iter().any(|key| value.get(key).is_some());
-                if nerfstudio { nerfstudio::parse(&value, &place) } else { opencv::parse_json(&value, &place) }
+                let value: serde_json::Value = serde_json::from_str(text).map_err(|e| {
+                    Error::input(
+                        format!("{place}:{}", e.line()),
+                        format!("is not valid JSON: {e}"),
+                        "correct this line",
+                    )
+                })?;
+                let nerfstudio =
+                    ["frames", "fl_x", "camera_angle_x"].iter().any(|key| value.get(key).is_some());
+                if nerfstudio {
+                    nerfstudio::parse(&value, &place)
+                } else {
+                    opencv::parse_json(&value, &place)
+                }
             }
             _ => Err(Error::input(
                 place,
@@ -102,7 +116,10 @@ impl Calibration {
                 let turned = own[0].abs_diff(own[1]) > 0 && (own[0] > own[1]) != (size[0] > size[1]);
                 return Err(Error::input(
                     &self.place,
-                    format!("is for pictures of {}×{} pixels, but the frames have {}×{}", own[0], own[1], size[0], size[1]),
+                    format!(
+                        "is for pictures of {}×{} pixels, but the frames have {}×{}",
+                        own[0], own[1], size[0], size[1]
+                    ),
                     if turned {
                         "the video is turned by 90° against the calibration: calibrate with pictures held alike, or give fx fy cx cy of the turned picture"
                     } else {
@@ -133,7 +150,8 @@ impl Calibration {
             height: size[1],
         };
         let sane = |v: f64| v.is_finite() && v.abs() < 1e6;
-        if !(camera.fx > 0.0 && camera.fy > 0.0) || ![camera.fx, camera.fy, camera.cx, camera.cy].into_iter().all(sane) {
+        let all_sane = [camera.fx, camera.fy, camera.cx, camera.cy].into_iter().all(sane);
+        if !(all_sane && camera.fx > 0.0 && camera.fy > 0.0) {
             return Err(Error::input(
                 &self.place,
                 format!("fx {fx}, fy {fy}, centre {centre:?} is no camera"),

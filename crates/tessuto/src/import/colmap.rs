@@ -28,18 +28,30 @@ pub(super) fn parse(text: &str, place: &str, camera_id: Option<u32>) -> Result<C
             Some(id) => format!("has no camera {id}; there are: {}", ids.join(", ")),
             None => "holds no camera".to_owned(),
         };
-        return Err(Error::input(place, problem, "each camera is a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMS"));
+        return Err(Error::input(
+            place,
+            problem,
+            "each camera is a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMS",
+        ));
     };
     camera(words, &format!("{place}:{line}"))
 }
 
 fn camera(words: &[&str], place: &str) -> Result<Calibration> {
-    let bad = |problem: String| Error::input(place, problem, "each camera is a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMS");
-    let number = |word: &&str| word.parse::<f64>().ok().filter(|v| v.is_finite()).ok_or_else(|| bad(format!("\"{word}\" is not a number")));
+    let bad = |problem: String| {
+        Error::input(place, problem, "each camera is a line: CAMERA_ID MODEL WIDTH HEIGHT PARAMS")
+    };
+    let number = |word: &&str| {
+        word.parse::<f64>()
+            .ok()
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| bad(format!("\"{word}\" is not a number")))
+    };
     if words.len() < 4 {
         return Err(bad(format!("has {} words", words.len())));
     }
-    let side = |word: &str| word.parse::<usize>().map_err(|_| bad(format!("\"{word}\" is not a width or height")));
+    let side =
+        |word: &str| word.parse::<usize>().map_err(|_| bad(format!("\"{word}\" is not a width or height")));
     let size = [side(words[2])?, side(words[3])?];
     let p: Vec<f64> = words[4..].iter().map(number).collect::<Result<_>>()?;
     let expected = match words[1] {

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
+use super::Settings;
 use super::pictures::{Colours, Stage};
 use super::video::Video;
-use super::Settings;
 use crate::error::{Error, Result};
 use crate::io::image;
 
@@ -68,7 +68,9 @@ impl Source {
                 let chosen = choose(settings, pictures.len())?;
                 let size = image::size(&pictures[chosen[0]])?;
                 let colours = Colours::new(settings, size, chosen.len(), notes)?;
-                in_order(chosen.into_par_iter().enumerate(), |(k, n)| stage.colour_file(&colours, k, &pictures[n]))?;
+                in_order(chosen.into_par_iter().enumerate(), |(k, n)| {
+                    stage.colour_file(&colours, k, &pictures[n])
+                })?;
                 Ok(colours)
             }
             Kind::Video(video) => {
@@ -79,10 +81,14 @@ impl Source {
                 let mut colours = Colours::new(settings, first.size, 0, notes)?;
                 let begin = settings.frames.as_ref().map_or(0, |r| r.start);
                 let mut count = 0;
-                let frames = std::iter::once(Ok(first)).chain(&mut stream).enumerate().inspect(|_| count += 1);
-                let chosen = frames.filter(|(n, _)| *n >= begin && (n - begin).is_multiple_of(settings.stride));
+                let frames =
+                    std::iter::once(Ok(first)).chain(&mut stream).enumerate().inspect(|_| count += 1);
+                let chosen =
+                    frames.filter(|(n, _)| *n >= begin && (n - begin).is_multiple_of(settings.stride));
                 // One thread at a time reads; all of them undistort and compress.
-                let written = in_order(chosen.enumerate().par_bridge(), |(k, (_, frame))| stage.colour(&colours, k, frame?))?;
+                let written = in_order(chosen.enumerate().par_bridge(), |(k, (_, frame))| {
+                    stage.colour(&colours, k, frame?)
+                })?;
                 colours.frames = 0..written;
                 notes.extend(stream.complaints());
                 choose(settings, count)?;
@@ -119,7 +125,11 @@ pub(super) fn choose(settings: &Settings, count: usize) -> Result<Vec<usize>> {
 /// The pictures in `folder`, by number where their names have one.
 pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     let unreadable = |e: std::io::Error| {
-        Error::input(folder.display().to_string(), format!("cannot be read: {e}"), "check the path and its permissions")
+        Error::input(
+            folder.display().to_string(),
+            format!("cannot be read: {e}"),
+            "check the path and its permissions",
+        )
     };
     let mut found = Vec::new();
     let mut foreign = None;
@@ -157,7 +167,9 @@ pub(super) fn name(path: &Path) -> String {
 pub(super) fn number(path: &Path) -> Option<(String, usize)> {
     let stem = path.file_stem()?.to_string_lossy().into_owned();
     let end = stem.rfind(|c: char| c.is_ascii_digit())? + 1;
-    let start = stem[..end].rfind(|c: char| !c.is_ascii_digit()).map_or(0, |k| k + stem[k..].chars().next().map_or(1, char::len_utf8));
+    let start = stem[..end]
+        .rfind(|c: char| !c.is_ascii_digit())
+        .map_or(0, |k| k + stem[k..].chars().next().map_or(1, char::len_utf8));
     Some((stem[..start].to_owned(), stem[start..end].parse().ok()?))
 }
 
@@ -202,11 +214,16 @@ fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> R
                 name(&pictures[k]),
                 name(&pictures[k + 1])
             ),
-            format!("add what is missing, take a part without gap (--frames 0..{}), or --allow-gaps if they are evenly spaced in time", k + 1),
+            format!(
+                "add what is missing, take a part without gap (--frames 0..{}), or --allow-gaps if they are evenly spaced in time",
+                k + 1
+            ),
         ));
     }
     if step > 1 {
-        notes.push(format!("pictures are numbered in steps of {step}; --fps must be the rate of the pictures that are there"));
+        notes.push(format!(
+            "pictures are numbered in steps of {step}; --fps must be the rate of the pictures that are there"
+        ));
     }
     Ok(())
 }

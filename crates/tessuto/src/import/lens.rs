@@ -134,7 +134,8 @@ mod tests {
     fn a_distorted_picture_is_straightened() {
         let lens = Distortion { k1: -0.2, k2: 0.05, k3: -0.01, p1: 0.01, p2: -0.005 };
         // A smooth pattern on the plane z = 1, seen through the lens: invert the formula by fixed points.
-        let pattern = |p: DVec2| (128.0 + 60.0 * (4.0 * p.x).sin() + 50.0 * (5.0 * p.y + p.x).cos()).round() as u8;
+        let pattern =
+            |p: DVec2| (128.0 + 60.0 * (4.0 * p.x).sin() + 50.0 * (5.0 * p.y + p.x).cos()).round() as u8;
         let mut filmed = vec![0u8; 80 * 60];
         let mut pinhole = vec![0u8; 80 * 60];
         for row in 0..60 {

@@ -17,7 +17,13 @@ use crate::io::image;
 const TRACES: f32 = 0.1;
 
 /// Writes a mask for every frame.
-pub(super) fn write(settings: &Settings, source: &Source, stage: &Stage, colours: &Colours, notes: &mut Vec<String>) -> Result<()> {
+pub(super) fn write(
+    settings: &Settings,
+    source: &Source,
+    stage: &Stage,
+    colours: &Colours,
+    notes: &mut Vec<String>,
+) -> Result<()> {
     let start = settings.frames.as_ref().map_or(0, |r| r.start);
     // Numbers, in the input, of the frames that were written.
     let wanted: Vec<usize> = colours.frames.clone().map(|k| start + k * settings.stride).collect();
@@ -26,7 +32,8 @@ pub(super) fn write(settings: &Settings, source: &Source, stage: &Stage, colours
             let files = wanted.iter().map(|n| pictures[*n].clone()).enumerate();
             in_order(files.collect::<Vec<_>>().into_par_iter(), |(k, path)| {
                 let mask = image::open(&path)?.alpha().ok_or_else(|| {
-                    let hint = "give the masks with --masks, or write the frames as PNG with transparency (alpha)";
+                    let hint =
+                        "give the masks with --masks, or write the frames as PNG with transparency (alpha)";
                     Error::input(path.display().to_string(), "has no alpha channel", hint)
                 })?;
                 if mask.data.iter().all(|v| *v >= 0.5) {
@@ -51,7 +58,10 @@ pub(super) fn write(settings: &Settings, source: &Source, stage: &Stage, colours
             })?;
             let resized = resized.into_inner();
             if resized > 0 {
-                notes.push(format!("{}: {resized} masks have another size than the frames and were scaled", path.display()));
+                notes.push(format!(
+                    "{}: {resized} masks have another size than the frames and were scaled",
+                    path.display()
+                ));
             }
         }
         (Masks::Path(path), _) => from_video(path, settings, source, stage, colours, &wanted, notes)?,
@@ -82,7 +92,8 @@ fn from_video(
     };
     let mut stream = video.stream(wanted.last().map(|n| n + 1))?;
     let mut count = 0;
-    let chosen = (&mut stream).enumerate().inspect(|_| count += 1).filter(|(n, _)| wanted.binary_search(n).is_ok());
+    let chosen =
+        (&mut stream).enumerate().inspect(|_| count += 1).filter(|(n, _)| wanted.binary_search(n).is_ok());
     let scaled = std::sync::atomic::AtomicBool::new(false);
     let written = in_order(chosen.enumerate().par_bridge(), |(k, (_, frame))| {
         let frame = frame?;
@@ -100,7 +111,8 @@ fn from_video(
         ));
     }
     if scaled.into_inner() {
-        notes.push(format!("{}: the masks have another size than the frames and were scaled", path.display()));
+        notes
+            .push(format!("{}: the masks have another size than the frames and were scaled", path.display()));
     }
     Ok(())
 }
@@ -116,7 +128,8 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
                 named
             } else {
                 let numbers = by_number(&files, folder)?;
-                let own = |n: &usize| number(&pictures[*n]).and_then(|(_, number)| numbers.get(&number).copied());
+                let own =
+                    |n: &usize| number(&pictures[*n]).and_then(|(_, number)| numbers.get(&number).copied());
                 wanted.iter().map(own).collect()
             }
         }
@@ -124,7 +137,10 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
             let numbers = by_number(&files, folder)?;
             let offset = usize::from(!numbers.contains_key(&0) && numbers.contains_key(&1));
             if offset == 1 {
-                notes.push(format!("{}: masks are numbered from 1; mask 1 belongs to the first frame", folder.display()));
+                notes.push(format!(
+                    "{}: masks are numbered from 1; mask 1 belongs to the first frame",
+                    folder.display()
+                ));
             }
             wanted.iter().map(|n| numbers.get(&(n + offset)).copied()).collect()
         }
@@ -213,7 +229,10 @@ fn resize(mask: Image, [width, height]: [usize; 2], path: &Path) -> Result<Image
     if (scale[0] / scale[1] - 1.0).abs() > 1.5 / width.min(height).min(mask.width).min(mask.height) as f64 {
         return Err(Error::input(
             path.display().to_string(),
-            format!("is {}×{} pixels, but the frames {width}×{height}: another shape", mask.width, mask.height),
+            format!(
+                "is {}×{} pixels, but the frames {width}×{height}: another shape",
+                mask.width, mask.height
+            ),
             "make masks of the frames' size; segmenters that cut or pad pictures must put them back",
         ));
     }
@@ -249,7 +268,8 @@ mod tests {
 
     #[test]
     fn a_mask_of_half_the_size_is_scaled() {
-        let small = Image { width: 4, height: 2, channels: 1, data: vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0] };
+        let small =
+            Image { width: 4, height: 2, channels: 1, data: vec![0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 1.0, 1.0] };
         let large = resize(small.clone(), [8, 4], Path::new("m.png")).unwrap();
         assert_eq!(large.data[..8], [0.0, 0.0, 0.0, 0.25, 0.75, 1.0, 1.0, 1.0]);
         assert!(resize(small, [8, 8], Path::new("m.png")).is_err());

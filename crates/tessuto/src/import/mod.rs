@@ -78,7 +78,12 @@ pub struct Imported {
 ///
 /// # Errors
 /// [`Error::Usage`], [`Error::Input`], [`Error::Output`].
-pub fn import(settings: &Settings, name: &str, folder: &Path, progress: &(dyn Fn(&str) + Sync)) -> Result<Imported> {
+pub fn import(
+    settings: &Settings,
+    name: &str,
+    folder: &Path,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Imported> {
     validate(settings)?;
     let mut notes = Vec::new();
     if let Some(path) = &settings.template {

@@ -7,7 +7,8 @@ use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
 use crate::error::{Error, Result};
 
-const MATRIX: [&str; 7] = ["camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "K", "mtx", "intrinsic_matrix"];
+const MATRIX: [&str; 7] =
+    ["camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "K", "mtx", "intrinsic_matrix"];
 const COEFFICIENTS: [&str; 10] = [
     "distortion_coefficients",
     "Distortion_Coefficients",
@@ -23,9 +24,16 @@ const COEFFICIENTS: [&str; 10] = [
 
 /// The camera in a YAML text; the header `%YAML:1.0` of OpenCV is not YAML and skipped.
 pub(super) fn parse_yaml(text: &str, place: &str) -> Result<Calibration> {
-    let body: String = text.lines().map(|l| if l.starts_with("%YAML") { "\n".to_owned() } else { format!("{l}\n") }).collect();
+    let body: String = text
+        .lines()
+        .map(|l| if l.starts_with("%YAML") { "\n".to_owned() } else { format!("{l}\n") })
+        .collect();
     let documents = YamlLoader::load_from_str(&body).map_err(|e| {
-        Error::input(format!("{place}:{}", e.marker().line()), format!("is not valid YAML: {e}"), "correct this line")
+        Error::input(
+            format!("{place}:{}", e.marker().line()),
+            format!("is not valid YAML: {e}"),
+            "correct this line",
+        )
     })?;
     parse_json(&documents.first().map_or(Value::Null, to_json), place)
 }
@@ -61,10 +69,16 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
         return Err(Error::input(place, problem, "give fx 0 cx, 0 fy cy, 0 0 1, row by row"));
     }
     if m[1].abs() > 1e-3 * m[0].abs() {
-        return Err(Error::input(place, format!("its camera matrix has a skew of {}", m[1]), "a skew is not supported: calibrate without"));
+        return Err(Error::input(
+            place,
+            format!("its camera matrix has a skew of {}", m[1]),
+            "a skew is not supported: calibrate without",
+        ));
     }
     for key in ["distortion_model", "camera_model", "model"] {
-        if let Some(model) = file[key].as_str().filter(|m| !["plumb_bob", "opencv", "pinhole", "radtan", "brown"].contains(&m.to_lowercase().as_str())) {
+        if let Some(model) = file[key].as_str().filter(|m| {
+            !["plumb_bob", "opencv", "pinhole", "radtan", "brown"].contains(&m.to_lowercase().as_str())
+        }) {
             return Err(Error::input(
                 place,
                 format!("the camera model {model} is not read"),
@@ -73,11 +87,19 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
         }
     }
     if file["fisheye_model"].as_i64().or(file["fisheye"].as_i64()).is_some_and(|v| v != 0) {
-        return Err(Error::input(place, "the camera model fisheye is not read", "undistort the pictures first, e.g. with cv2.fisheye.undistortImage"));
+        return Err(Error::input(
+            place,
+            "the camera model fisheye is not read",
+            "undistort the pictures first, e.g. with cv2.fisheye.undistortImage",
+        ));
     }
     let k = found(&COEFFICIENTS).map(numbers).unwrap_or_default();
     if k.iter().any(|v| !v.is_finite()) {
-        return Err(Error::input(place, "its distortion coefficients are not all numbers", "give k1 k2 p1 p2 k3"));
+        return Err(Error::input(
+            place,
+            "its distortion coefficients are not all numbers",
+            "give k1 k2 p1 p2 k3",
+        ));
     }
     if let Some(j) = (5..k.len()).find(|j| k[*j] != 0.0) {
         return Err(Error::input(
@@ -87,7 +109,8 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
         ));
     }
     let side = |keys: &[&str]| found(keys).and_then(Value::as_u64).map(|v| v as usize);
-    let size = side(&["image_width", "image_Width", "width"]).zip(side(&["image_height", "image_Height", "height"]));
+    let size =
+        side(&["image_width", "image_Width", "width"]).zip(side(&["image_height", "image_Height", "height"]));
     let listed = found(&["image_size", "img_size"]).map(numbers).filter(|s| s.len() == 2);
     Ok(Calibration {
         centre: Some([m[2], m[5]]),

@@ -3,9 +3,9 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use super::Settings;
 use super::lens::Undistortion;
 use super::video::Raw;
-use super::Settings;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -38,12 +38,18 @@ impl Colours {
             ));
         }
         if size.iter().any(|n| n % factor != 0) {
-            notes.push(format!("{}×{} pixels are no multiple of {factor}: the last columns or rows are left out", size[0], size[1]));
+            notes.push(format!(
+                "{}×{} pixels are no multiple of {factor}: the last columns or rows are left out",
+                size[0], size[1]
+            ));
         }
         let camera = settings.calibration.fit(size, notes)?;
         let lens = &settings.calibration.distortion;
-        let undistortion =
-            if lens.is_none() { None } else { Some(Undistortion::new(&camera, lens, &settings.calibration.place)?) };
+        let undistortion = if lens.is_none() {
+            None
+        } else {
+            Some(Undistortion::new(&camera, lens, &settings.calibration.place)?)
+        };
         if let Some(undistortion) = &undistortion {
             let lost = 100.0 * (1.0 - undistortion.seen);
             notes.push(format!("lens distortion removed; {lost:.1} % of the straightened pictures lie outside the recorded ones and are black"));

@@ -50,18 +50,23 @@ impl Video {
             .output()
             .map_err(|e| missing(&place, ffmpeg, &e))?;
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let Some(stream) = said.lines().find(|l| l.contains("Video:") && l.contains("Stream #") && !l.contains("attached pic")) else {
-            let last = said.lines().rev().find(|l| !l.trim().is_empty() && !l.contains("At least one output"));
+        let Some(stream) = said
+            .lines()
+            .find(|l| l.contains("Video:") && l.contains("Stream #") && !l.contains("attached pic"))
+        else {
+            let last =
+                said.lines().rev().find(|l| !l.trim().is_empty() && !l.contains("At least one output"));
             return Err(Error::input(
                 place,
                 format!("ffmpeg finds no video in it: {}", last.unwrap_or("nothing said").trim()),
                 "name a video file, or a folder of PNG or JPEG pictures",
             ));
         };
-        if let Some(turn) = said.split("rotation of ").nth(1).and_then(|t| t.split(" degrees").next()) {
-            if turn.trim().parse::<f64>().is_ok_and(|t| t != 0.0) {
-                notes.push(format!("{place}: the recording is marked as turned by {turn}°; frames are written upright"));
-            }
+        let turn = said.split("rotation of ").nth(1).and_then(|t| t.split(" degrees").next());
+        if let Some(turn) = turn.filter(|t| t.trim().parse::<f64>().is_ok_and(|t| t != 0.0)) {
+            notes.push(format!(
+                "{place}: the recording is marked as turned by {turn}°; frames are written upright"
+            ));
         }
         if stream.contains("smpte2084") || stream.contains("arib-std-b67") {
             notes.push(format!("{place}: high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or convert it first"));
@@ -78,7 +83,11 @@ impl Video {
         let Some(mean) = mean.or(nominal).filter(|v| *v > 0.0) else {
             return match fps {
                 Some(fps) => Ok(Self::new(path, ffmpeg, fps, true)),
-                None => Err(Error::input(place, "does not tell its frame rate", "add --fps, its frames per second")),
+                None => Err(Error::input(
+                    place,
+                    "does not tell its frame rate",
+                    "add --fps, its frames per second",
+                )),
             };
         };
         let nominal = nominal.filter(|v| *v > 0.0).unwrap_or(mean);
@@ -100,7 +109,11 @@ impl Video {
     fn new(path: &Path, ffmpeg: &Path, fps: f64, resampled: bool) -> Self {
         // ffmpeg wants whole numbers where a decimal fraction would drift.
         let ntsc = (fps * 1.001).round();
-        let rate = if (fps - ntsc / 1.001).abs() < 1e-6 { format!("{}/1001", ntsc * 1000.0) } else { fps.to_string() };
+        let rate = if (fps - ntsc / 1.001).abs() < 1e-6 {
+            format!("{}/1001", ntsc * 1000.0)
+        } else {
+            fps.to_string()
+        };
         Self { path: path.to_path_buf(), ffmpeg: ffmpeg.to_path_buf(), fps, rate, resampled }
     }
 
@@ -148,12 +161,22 @@ impl Video {
             let _ = stderr.as_mut().map(|s| s.read_to_end(&mut text));
             String::from_utf8_lossy(&text).into_owned()
         });
-        Ok(Stream { place, child, frames: stdout.map(BufReader::new), said: Some(said), complaints: Vec::new() })
+        Ok(Stream {
+            place,
+            child,
+            frames: stdout.map(BufReader::new),
+            said: Some(said),
+            complaints: Vec::new(),
+        })
     }
 
     /// The error of a video without frames.
     pub fn empty(&self) -> Error {
-        Error::input(self.path.display().to_string(), "holds no frame that ffmpeg can decode", "play it to see whether it is whole; copy it again")
+        Error::input(
+            self.path.display().to_string(),
+            "holds no frame that ffmpeg can decode",
+            "play it to see whether it is whole; copy it again",
+        )
     }
 }
 
@@ -177,7 +200,11 @@ fn url(path: &Path) -> OsString {
 }
 
 fn missing(place: &str, ffmpeg: &Path, error: &std::io::Error) -> Error {
-    Error::input(place, format!("needs the program ffmpeg; {} cannot be started: {error}", ffmpeg.display()), INSTALL)
+    Error::input(
+        place,
+        format!("needs the program ffmpeg; {} cannot be started: {error}", ffmpeg.display()),
+        INSTALL,
+    )
 }
 
 /// Frames as they are decoded.
@@ -200,12 +227,17 @@ impl Stream {
         self.frames = None;
         let status = self.child.wait();
         let said = self.said.take().and_then(|t| t.join().ok()).unwrap_or_default();
-        self.complaints = said.lines().filter(|l| !l.trim().is_empty()).take(MAX_COMPLAINTS).map(str::to_owned).collect();
+        self.complaints =
+            said.lines().filter(|l| !l.trim().is_empty()).take(MAX_COMPLAINTS).map(str::to_owned).collect();
         if status.is_ok_and(|s| s.success()) {
             return Ok(());
         }
         let last = self.complaints.last().map_or("nothing said", String::as_str);
-        Err(Error::input(&self.place, format!("ffmpeg cannot decode it: {last}"), "play it to see whether it is whole; copy it again"))
+        Err(Error::input(
+            &self.place,
+            format!("ffmpeg cannot decode it: {last}"),
+            "play it to see whether it is whole; copy it again",
+        ))
     }
 
     /// The next frame; `None` at the end.
@@ -218,7 +250,8 @@ impl Stream {
                 return Ok(None);
             }
         }
-        let bad = || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not a picture: {header:?}"));
+        let bad =
+            || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not a picture: {header:?}"));
         let words: Vec<&str> = header.split_ascii_whitespace().collect();
         let ["P6", width, height, "255"] = words[..] else { return Err(bad()) };
         let side = |text: &str| text.parse::<usize>().ok().filter(|n| (2..=MAX_SIDE).contains(n));
@@ -243,7 +276,11 @@ impl Iterator for Stream {
             Ok(None) => self.finish().err().map(Err),
             Err(e) => {
                 self.frames = None;
-                Some(Err(Error::input(&self.place, format!("what ffmpeg sends cannot be read: {e}"), INSTALL)))
+                Some(Err(Error::input(
+                    &self.place,
+                    format!("what ffmpeg sends cannot be read: {e}"),
+                    INSTALL,
+                )))
             }
         }
     }

@@ -75,15 +75,8 @@ pub(crate) fn encode_png_bytes(pixels: &[u8], [width, height]: [usize; 2], chann
         n => panic!("an image of {n} channels cannot be written as PNG"),
     };
     let mut png = Cursor::new(Vec::new());
-    ::image::write_buffer_with_format(
-        &mut png,
-        pixels,
-        width as u32,
-        height as u32,
-        color,
-        ImageFormat::Png,
-    )
-    .expect("a vector takes every byte");
+    ::image::write_buffer_with_format(&mut png, pixels, width as u32, height as u32, color, ImageFormat::Png)
+        .expect("a vector takes every byte");
     png.into_inner()
 }
 

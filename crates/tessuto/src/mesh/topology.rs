@@ -60,7 +60,8 @@ mod tests {
         let mut mesh = grid(4, 4, glam::DVec2::ONE, 1.0);
         assert_eq!((pieces(&mesh), pinched(&mesh)), (vec![9], vec![]));
         // Two opposite quads at vertex 5 go: the other two meet there only.
-        mesh.faces.retain(|f| !(f.vertices.contains(&0) || f.vertices.contains(&10) && f.vertices.contains(&5)));
+        mesh.faces
+            .retain(|f| !(f.vertices.contains(&0) || f.vertices.contains(&10) && f.vertices.contains(&5)));
         assert_eq!((pieces(&mesh), pinched(&mesh)), (vec![7], vec![5]));
         let far: Vec<u32> = (16..19).collect();
         mesh.positions.extend([glam::DVec3::ONE; 3]);

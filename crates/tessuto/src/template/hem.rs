@@ -128,7 +128,8 @@ mod tests {
         hem(&mut mesh, [25, 21], found.positions, &camera, &outline, corners);
         let hemmed = overlap_with_mask(&mesh, &camera, &mask);
         assert!(overlap < 0.95 && hemmed > 0.985, "{overlap} before, {hemmed} after");
-        let error = mesh.positions.iter().zip(&truth.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        let error =
+            mesh.positions.iter().zip(&truth.positions).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
         assert!(error < 0.01, "{error} m");
     }
 }

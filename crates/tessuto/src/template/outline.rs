@@ -35,7 +35,11 @@ impl Outline {
         let size = [mask.width, mask.height];
         let (inside, pieces) = largest_piece(mask);
         let Some(first) = inside.iter().position(|i| *i) else {
-            return Err(Error::input(place, "the mask is empty", "white is fabric; give the mask of the first frame"));
+            return Err(Error::input(
+                place,
+                "the mask is empty",
+                "white is fabric; give the mask of the first frame",
+            ));
         };
         let mut notes = Vec::new();
         if pieces > 1 {
@@ -48,7 +52,9 @@ impl Outline {
         };
         let border = (0..inside.len()).filter(|k| inside[*k] && touches(*k)).count();
         if border * 100 > (count as f64).sqrt() as usize * 5 {
-            notes.push(format!("{place}: the fabric reaches the border of the picture; corners outside it cannot be found"));
+            notes.push(format!(
+                "{place}: the fabric reaches the border of the picture; corners outside it cannot be found"
+            ));
         }
         let points = contour(&inside, size, first);
         Ok(Self { points, inside, size, notes })
@@ -70,7 +76,8 @@ impl Outline {
         if in_picture && self.inside[y as usize * self.size[0] + x as usize] {
             return p;
         }
-        let nearest = self.points.iter().min_by(|a, b| a.distance_squared(p).total_cmp(&b.distance_squared(p)));
+        let nearest =
+            self.points.iter().min_by(|a, b| a.distance_squared(p).total_cmp(&b.distance_squared(p)));
         nearest.copied().unwrap_or(p)
     }
 
@@ -78,7 +85,9 @@ impl Outline {
     pub fn overlap(&self, quad: [DVec2; 4]) -> f64 {
         let mut covered = vec![false; self.inside.len()];
         for triangle in [[0, 1, 2], [0, 2, 3]] {
-            fill_triangle(triangle.map(|k| quad[k]), self.size, true, |x, y| covered[y * self.size[0] + x] = true);
+            fill_triangle(triangle.map(|k| quad[k]), self.size, true, |x, y| {
+                covered[y * self.size[0] + x] = true
+            });
         }
         let both = covered.iter().zip(&self.inside).filter(|(a, b)| **a && **b).count();
         let either = covered.iter().zip(&self.inside).filter(|(a, b)| **a || **b).count();
@@ -88,7 +97,8 @@ impl Outline {
     /// The quadrilateral with the lines through the outline in place of its sides, where that is straight: single
     /// pixels at a corner count for less then.
     fn refined(&self, quad: [DVec2; 4]) -> [DVec2; 4] {
-        let lines: Vec<Option<(DVec2, DVec2)>> = (0..4).map(|k| self.side_line(quad[k], quad[(k + 1) % 4])).collect();
+        let lines: Vec<Option<(DVec2, DVec2)>> =
+            (0..4).map(|k| self.side_line(quad[k], quad[(k + 1) % 4])).collect();
         let mean: f64 = (0..4).map(|k| quad[k].distance(quad[(k + 1) % 4])).sum::<f64>() / 4.0;
         std::array::from_fn(|k| {
             let (Some((a, d)), Some((b, e))) = (lines[(k + 3) % 4], lines[k]) else { return quad[k] };
@@ -153,7 +163,12 @@ fn largest_piece(mask: &Image) -> (Vec<bool>, usize) {
         while let Some(k) = stack.pop() {
             count += 1;
             let (x, y) = (k % w, k / w);
-            let neighbours = [(x > 0).then(|| k - 1), (x + 1 < w).then_some(k + 1), (y > 0).then(|| k - w), (y + 1 < h).then_some(k + w)];
+            let neighbours = [
+                (x > 0).then(|| k - 1),
+                (x + 1 < w).then_some(k + 1),
+                (y > 0).then(|| k - w),
+                (y + 1 < h).then_some(k + w),
+            ];
             for n in neighbours.into_iter().flatten() {
                 if mask.data[n] >= 0.5 && label[n] == 0 {
                     label[n] = pieces;
@@ -222,7 +237,9 @@ fn hull(points: &[DVec2]) -> Vec<DVec2> {
 fn simplified(mut polygon: Vec<DVec2>, count: usize) -> Vec<DVec2> {
     while polygon.len() > count.max(4) {
         let n = polygon.len();
-        let cut = |k: usize| (polygon[k] - polygon[(k + n - 1) % n]).perp_dot(polygon[(k + 1) % n] - polygon[k]).abs();
+        let cut = |k: usize| {
+            (polygon[k] - polygon[(k + n - 1) % n]).perp_dot(polygon[(k + 1) % n] - polygon[k]).abs()
+        };
         let least = (0..n).min_by(|a, b| cut(*a).total_cmp(&cut(*b))).expect("not empty");
         polygon.remove(least);
     }
@@ -242,8 +259,11 @@ pub(super) fn widest_quad_indices(polygon: &[DVec2]) -> [usize; 4] {
     for i in 0..n {
         for k in i + 2..n {
             let area = |j: usize| (polygon[k] - polygon[i]).perp_dot(polygon[j] - polygon[i]).abs();
-            let widest = |range: &mut dyn Iterator<Item = usize>| range.max_by(|a, b| area(*a).total_cmp(&area(*b)));
-            let (Some(j), Some(l)) = (widest(&mut (i + 1..k)), widest(&mut (k + 1..n).chain(0..i))) else { continue };
+            let widest =
+                |range: &mut dyn Iterator<Item = usize>| range.max_by(|a, b| area(*a).total_cmp(&area(*b)));
+            let (Some(j), Some(l)) = (widest(&mut (i + 1..k)), widest(&mut (k + 1..n).chain(0..i))) else {
+                continue;
+            };
             if area(j) + area(l) > best.0 {
                 let mut corners = [i, j, k, l];
                 corners.sort_unstable();
@@ -287,7 +307,8 @@ mod tests {
 
     #[test]
     fn corners_of_a_quadrilateral_with_a_pin_and_crumbs() {
-        let quad = [(40.3, 30.2), (161.7, 21.4), (170.1, 130.6), (31.8, 121.9)].map(|(x, y)| DVec2::new(x, y));
+        let quad =
+            [(40.3, 30.2), (161.7, 21.4), (170.1, 130.6), (31.8, 121.9)].map(|(x, y)| DVec2::new(x, y));
         // A pin that sticks out of a corner, and pieces elsewhere.
         let crumbs = |x: usize, y: usize| (160..164).contains(&x) && (16..24).contains(&y) || x < 3 && y < 3;
         let outline = Outline::new(&painted(quad, crumbs), "mask").unwrap();
@@ -309,7 +330,8 @@ mod tests {
         assert_eq!(outline.points.len(), 12);
         assert_eq!(outline.points[0], DVec2::new(0.5, 0.5));
         let n = outline.points.len();
-        let area: f64 = (0..n).map(|k| outline.points[k].perp_dot(outline.points[(k + 1) % n])).sum::<f64>() / 2.0;
+        let area: f64 =
+            (0..n).map(|k| outline.points[k].perp_dot(outline.points[(k + 1) % n])).sum::<f64>() / 2.0;
         assert_eq!(area, 5.0);
         assert!(Outline::new(&Image::new(3, 3, 1), "mask").is_err());
     }

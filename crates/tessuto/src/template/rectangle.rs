@@ -37,12 +37,16 @@ pub struct Corners {
 /// # Errors
 /// [`Error::Usage`] if the four points are no convex quadrilateral in this order.
 pub fn locate(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> Result<Corners> {
-    let turn = |k: usize| (p_pixel[(k + 1) % 4] - p_pixel[k]).perp_dot(p_pixel[(k + 2) % 4] - p_pixel[(k + 1) % 4]);
+    let turn =
+        |k: usize| (p_pixel[(k + 1) % 4] - p_pixel[k]).perp_dot(p_pixel[(k + 2) % 4] - p_pixel[(k + 1) % 4]);
     let side = (0..4).map(|k| p_pixel[k].distance(p_pixel[(k + 1) % 4])).sum::<f64>() / 4.0;
     // A tenth of a square pixel is no corner but a line.
     if !(0..4).all(|k| turn(k) > 0.1) {
         return Err(Error::usage(
-            format!("the corners {} are no quadrilateral clockwise from the upper left", p_pixel.map(|p| format!("{:.0},{:.0}", p.x, p.y)).join(" ")),
+            format!(
+                "the corners {} are no quadrilateral clockwise from the upper left",
+                p_pixel.map(|p| format!("{:.0},{:.0}", p.x, p.y)).join(" ")
+            ),
             "give upper left, upper right, lower right, lower left, as seen in the picture",
         ));
     }
@@ -52,15 +56,22 @@ pub fn locate(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> Result<Corne
     // A weak perspective hardly tells a pose from the one tilted the other way.
     let view = first.translation.normalize();
     let half_turn = DMat3::from_axis_angle(view, std::f64::consts::PI);
-    let other = Pose { rotation: half_turn * first.rotation * DMat3::from_rotation_z(std::f64::consts::PI), ..first };
+    let other =
+        Pose { rotation: half_turn * first.rotation * DMat3::from_rotation_z(std::f64::consts::PI), ..first };
     let mut poses = [first, other].map(|pose| refine(pose, camera, model, p_pixel));
     poses.sort_by(|a, b| a.1.total_cmp(&b.1));
     let (pose, rigid_error) = poses[0];
     let turned_away = (poses[1].0.rotation.z_axis - pose.rotation.z_axis).length() > 0.05;
     let rigid_positions = model.map(|c| pose.apply(c));
     let rigid = rigid_error < RIGID * side;
-    let positions = if rigid { rigid_positions } else { by_distances(rays, size, rigid_positions.map(|p| p.z)) };
-    Ok(Corners { positions, rigid_error, rigid, ambiguous: turned_away && poses[1].1 < 1.5 * rigid_error + 0.2 })
+    let positions =
+        if rigid { rigid_positions } else { by_distances(rays, size, rigid_positions.map(|p| p.z)) };
+    Ok(Corners {
+        positions,
+        rigid_error,
+        rigid,
+        ambiguous: turned_away && poses[1].1 < 1.5 * rigid_error + 0.2,
+    })
 }
 
 /// The regular grid on the patch between four corners; uv and order as in [`grid`].
@@ -95,7 +106,8 @@ fn from_homography(model: [DVec2; 4], rays: [DVec2; 4]) -> Pose {
         rows.push([0.0, 0.0, 0.0, m.x, m.y, 1.0, -r.y * m.x, -r.y * m.y, r.y]);
     }
     let h = solve(rows);
-    let (h1, h2, h3) = (DVec3::new(h[0], h[3], h[6]), DVec3::new(h[1], h[4], h[7]), DVec3::new(h[2], h[5], 1.0));
+    let (h1, h2, h3) =
+        (DVec3::new(h[0], h[3], h[6]), DVec3::new(h[1], h[4], h[7]), DVec3::new(h[2], h[5], 1.0));
     let length = 0.5 * (h1.length() + h2.length());
     // The nearest orthonormal pair: equal shares of what is not perpendicular.
     let (a, b) = (h1.normalize(), h2.normalize());
@@ -108,7 +120,8 @@ fn from_homography(model: [DVec2; 4], rays: [DVec2; 4]) -> Pose {
 fn solve<const N: usize>(mut rows: Vec<[f64; N]>) -> Vec<f64> {
     let n = N - 1;
     for c in 0..n {
-        let pivot = (c..n).max_by(|a, b| rows[*a][c].abs().total_cmp(&rows[*b][c].abs())).expect("rows remain");
+        let pivot =
+            (c..n).max_by(|a, b| rows[*a][c].abs().total_cmp(&rows[*b][c].abs())).expect("rows remain");
         rows.swap(c, pivot);
         for r in 0..n {
             if r != c && rows[c][c] != 0.0 {
@@ -129,9 +142,12 @@ fn refine(mut pose: Pose, camera: &Camera, model: [DVec2; 4], p_pixel: [DVec2; 4
         let in_front = points.iter().all(|p| p.z > 1e-6);
         in_front.then(|| std::array::from_fn(|k| camera.project(points[k]) - p_pixel[k]))
     };
-    let cost = |pose: &Pose| residuals(pose).map_or(f64::INFINITY, |r| r.iter().map(|r| r.length_squared()).sum::<f64>());
+    let cost = |pose: &Pose| {
+        residuals(pose).map_or(f64::INFINITY, |r| r.iter().map(|r| r.length_squared()).sum::<f64>())
+    };
     let moved = |pose: &Pose, step: &[f64]| Pose {
-        rotation: DMat3::from_quat(glam::DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2]))) * pose.rotation,
+        rotation: DMat3::from_quat(glam::DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2])))
+            * pose.rotation,
         translation: pose.translation + DVec3::new(step[3], step[4], step[5]),
     };
     let (mut current, mut damping) = (cost(&pose), 1e-3);
@@ -175,7 +191,14 @@ fn refine(mut pose: Pose, camera: &Camera, model: [DVec2; 4], p_pixel: [DVec2; 4
 
 /// Points on the `rays` whose distances fit those of a rectangle of `size`, from the depths `z` on.
 fn by_distances(rays: [DVec2; 4], size: DVec2, mut z: [f64; 4]) -> [DVec3; 4] {
-    let pairs = [(0, 1, size.x), (1, 2, size.y), (2, 3, size.x), (3, 0, size.y), (0, 2, size.length()), (1, 3, size.length())];
+    let pairs = [
+        (0, 1, size.x),
+        (1, 2, size.y),
+        (2, 3, size.x),
+        (3, 0, size.y),
+        (0, 2, size.length()),
+        (1, 3, size.length()),
+    ];
     let at = |z: &[f64; 4]| -> [DVec3; 4] { std::array::from_fn(|k| rays[k].extend(1.0) * z[k]) };
     let misfit = |z: &[f64; 4]| -> [f64; 7] {
         let p = at(z);
@@ -188,7 +211,15 @@ fn by_distances(rays: [DVec2; 4], size: DVec2, mut z: [f64; 4]) -> [DVec3; 4] {
     // Sums of absolute strains, by reweighted squares: the distances that are taut count, those that sag do not.
     for _ in 0..400 {
         let r = misfit(&z);
-        let share = |k: usize| if k == 6 { LIFT } else if r[k] < 0.0 { SHORT } else { 1.0 };
+        let share = |k: usize| {
+            if k == 6 {
+                LIFT
+            } else if r[k] < 0.0 {
+                SHORT
+            } else {
+                1.0
+            }
+        };
         let weights: [f64; 7] = std::array::from_fn(|k| share(k) / r[k].abs().max(1e-4));
         let mut rows = vec![[0.0; 5]; 4];
         let columns: [[f64; 7]; 4] = std::array::from_fn(|j| {
@@ -249,7 +280,8 @@ mod tests {
     fn fabric_with_a_sagging_side_keeps_its_depth() {
         // The upper corners are 2.5 % nearer to each other than the fabric is wide.
         let size = DVec2::new(0.55, 0.56);
-        let truth = [[-0.268, -0.3], [0.268, -0.3], [0.275, 0.26], [-0.275, 0.26]].map(|[x, y]| DVec3::new(x, y, 1.35));
+        let truth = [[-0.268, -0.3], [0.268, -0.3], [0.275, 0.26], [-0.275, 0.26]]
+            .map(|[x, y]| DVec3::new(x, y, 1.35));
         let found = locate(&CAMERA, size, truth.map(|p| CAMERA.project(p))).unwrap();
         assert!(!found.rigid);
         for k in 0..4 {

@@ -77,7 +77,9 @@ pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) ->
     let vertex_uvs = if has_uv { vertex_uvs(mesh) } else { None };
     // A chart that folds back over itself is no map of the sheet.
     let chart = vertex_uvs.filter(|uvs| one_sided(mesh, uvs));
-    let area = |uvs: &[DVec2]| mesh.triangles().iter().map(|t| doubled_area(t.map(|v| uvs[v as usize])).abs() / 2.0).sum::<f64>();
+    let area = |uvs: &[DVec2]| {
+        mesh.triangles().iter().map(|t| doubled_area(t.map(|v| uvs[v as usize])).abs() / 2.0).sum::<f64>()
+    };
     let full = chart.as_ref().filter(|uvs| {
         let (low, high) = bounds(uvs);
         area(uvs) > FULL * (high - low).x * (high - low).y
@@ -86,7 +88,10 @@ pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) ->
         Some(uvs) => {
             let (low, high) = bounds(uvs);
             // Rows go down, v goes up.
-            (Over::Uv, uvs.iter().map(|uv| (*uv - low) / (high - low)).map(|p| DVec2::new(p.x, 1.0 - p.y)).collect())
+            (
+                Over::Uv,
+                uvs.iter().map(|uv| (*uv - low) / (high - low)).map(|p| DVec2::new(p.x, 1.0 - p.y)).collect(),
+            )
         }
         None => (Over::Border, over_border(mesh, &border, chart.as_deref())),
     };
@@ -124,7 +129,11 @@ fn border(mesh: &Mesh, place: &str) -> Result<Vec<u32>> {
         }
     }
     if longest.1.len() < 4 {
-        return Err(Error::input(place, "is closed: it has no border", "a template is a sheet: cut it open, or delete its back"));
+        return Err(Error::input(
+            place,
+            "is closed: it has no border",
+            "a template is a sheet: cut it open, or delete its back",
+        ));
     }
     let pieces = pieces(mesh).len();
     if pieces > 1 {
@@ -166,7 +175,10 @@ fn one_sided(mesh: &Mesh, uvs: &[DVec2]) -> bool {
 }
 
 fn bounds(points: &[DVec2]) -> (DVec2, DVec2) {
-    (points.iter().copied().fold(DVec2::INFINITY, DVec2::min), points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max))
+    (
+        points.iter().copied().fold(DVec2::INFINITY, DVec2::min),
+        points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max),
+    )
 }
 
 /// A map to the unit square, rows down: the border goes to its border, evenly between the corners, and what is inside
@@ -195,7 +207,8 @@ fn over_border(mesh: &Mesh, ring: &[u32], chart: Option<&[DVec2]>) -> Vec<DVec2>
         let total: f64 = (0..count).map(|k| at(k).distance(at(k + 1))).sum();
         let mut length = 0.0;
         for k in 0..count {
-            square[ring[(from + k) % n] as usize] = Some(ends[side].lerp(ends[(side + 1) % 4], length / total));
+            square[ring[(from + k) % n] as usize] =
+                Some(ends[side].lerp(ends[(side + 1) % 4], length / total));
             length += at(k).distance(at(k + 1));
         }
     }
@@ -207,12 +220,15 @@ fn corners_of(outline: &[DVec2]) -> [usize; 4] {
     // The search is cubic; every so-manyth point of a long outline is near enough to find the right neighbourhood.
     let step = outline.len().div_ceil(160);
     let coarse: Vec<usize> = (0..outline.len()).step_by(step).collect();
-    let mut corners = widest_quad_indices(&coarse.iter().map(|k| outline[*k]).collect::<Vec<_>>()).map(|k| coarse[k]);
+    let mut corners =
+        widest_quad_indices(&coarse.iter().map(|k| outline[*k]).collect::<Vec<_>>()).map(|k| coarse[k]);
     let middle = corners.iter().map(|k| outline[*k]).sum::<DVec2>() / 4.0;
     let n = outline.len();
     for corner in &mut corners {
         let near = (0..=2 * step).map(|k| (*corner + n + k - step) % n);
-        *corner = near.max_by(|a, b| outline[*a].distance(middle).total_cmp(&outline[*b].distance(middle))).unwrap_or(*corner);
+        *corner = near
+            .max_by(|a, b| outline[*a].distance(middle).total_cmp(&outline[*b].distance(middle)))
+            .unwrap_or(*corner);
     }
     corners.sort_unstable();
     let height = |k: usize| (outline[corners[k]] + outline[corners[(k + 1) % 4]]).y;
@@ -234,7 +250,8 @@ fn harmonic(mesh: &Mesh, fixed: &[Option<DVec2>]) -> Vec<DVec2> {
             let o = triangle[(k + 2) % 3];
             let (u, v) = (p(a) - p(o), p(b) - p(o));
             // Blunt angles have negative cotangents, which would fold the map; a small weight does not.
-            let weight = (u.dot(v) / u.cross(v).length().max(1e-12 * u.length() * v.length())).clamp(0.02, 50.0);
+            let weight =
+                (u.dot(v) / u.cross(v).length().max(1e-12 * u.length() * v.length())).clamp(0.02, 50.0);
             let block = DMat3::IDENTITY * weight;
             matrix.add_diagonal(&pattern, a as usize, &block);
             matrix.add_diagonal(&pattern, b as usize, &block);
@@ -255,17 +272,26 @@ fn harmonic(mesh: &Mesh, fixed: &[Option<DVec2>]) -> Vec<DVec2> {
 }
 
 /// The grid whose vertex (s, t) is where the mesh has the parameter (s, t).
-fn sample(mesh: &Mesh, has_uv: bool, params: &[DVec2], over: Over, resolution: Resolution) -> Result<Remeshed> {
+fn sample(
+    mesh: &Mesh,
+    has_uv: bool,
+    params: &[DVec2],
+    over: Over,
+    resolution: Resolution,
+) -> Result<Remeshed> {
     let (triangles, triangle_uvs) = (mesh.triangles(), mesh.triangle_uvs());
     let finder = Finder::new(&triangles, params);
     // The sheet's own measure: along its middle row and column.
     let at = |s: f64, t: f64| finder.find(DVec2::new(s, t)).1.position(mesh, &triangles);
-    let length = |f: &dyn Fn(f64) -> DVec3| (0..32).map(|k| f(f64::from(k) / 32.0).distance(f(f64::from(k + 1) / 32.0))).sum();
+    let length = |f: &dyn Fn(f64) -> DVec3| {
+        (0..32).map(|k| f(f64::from(k) / 32.0).distance(f(f64::from(k + 1) / 32.0))).sum()
+    };
     let [columns, rows] = resolution.grid(DVec2::new(length(&|s| at(s, 0.5)), length(&|t| at(0.5, t))))?;
     let mut out = grid(columns, rows, DVec2::ONE, 1.0);
     let mut in_holes = 0;
     for k in 0..out.positions.len() {
-        let q = DVec2::new((k % columns) as f64 / (columns - 1) as f64, (k / columns) as f64 / (rows - 1) as f64);
+        let q =
+            DVec2::new((k % columns) as f64 / (columns - 1) as f64, (k / columns) as f64 / (rows - 1) as f64);
         let (outside, place) = finder.find(q);
         // A tenth of a cell beyond the border is rounding of its corners.
         in_holes += usize::from(outside > 0.1 / (columns.max(rows) - 1) as f64);
@@ -348,7 +374,8 @@ impl Finder {
 fn nearest(q: DVec2, [a, b, c]: [DVec2; 3]) -> (f64, [f64; 3]) {
     let area = doubled_area([a, b, c]);
     if area != 0.0 {
-        let weights = [doubled_area([q, b, c]) / area, doubled_area([a, q, c]) / area, doubled_area([a, b, q]) / area];
+        let weights =
+            [doubled_area([q, b, c]) / area, doubled_area([a, q, c]) / area, doubled_area([a, b, q]) / area];
         if weights.iter().all(|w| *w >= -1e-9) {
             return (0.0, weights);
         }
@@ -429,8 +456,10 @@ mod tests {
         }
         // Cells are of one size, nearly: the map does not crowd.
         let edges = made.mesh.edges();
-        let lengths: Vec<f64> =
-            edges.iter().map(|e| made.mesh.positions[e[0] as usize].distance(made.mesh.positions[e[1] as usize])).collect();
+        let lengths: Vec<f64> = edges
+            .iter()
+            .map(|e| made.mesh.positions[e[0] as usize].distance(made.mesh.positions[e[1] as usize]))
+            .collect();
         let (low, high) = lengths.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), v| (l.min(*v), h.max(*v)));
         assert!(low > 0.012 && high < 0.03, "{low} to {high} m");
     }
@@ -440,7 +469,11 @@ mod tests {
         let mut mesh = wavy(0.0);
         let shift = mesh.positions.len() as u32;
         mesh.positions.extend(mesh.positions.clone().iter().map(|p| *p + DVec3::X));
-        let more: Vec<Face> = mesh.faces.iter().map(|f| Face { vertices: f.vertices.iter().map(|v| v + shift).collect(), uvs: f.uvs.clone() }).collect();
+        let more: Vec<Face> = mesh
+            .faces
+            .iter()
+            .map(|f| Face { vertices: f.vertices.iter().map(|v| v + shift).collect(), uvs: f.uvs.clone() })
+            .collect();
         mesh.faces.extend(more);
         let text = remesh(&mesh, true, Resolution::Longer(20), "mesh").unwrap_err().to_string();
         assert!(text.contains("2 separate pieces"), "{text}");

@@ -25,20 +25,27 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Model> {
     let place = path.display().to_string();
     let fail = |(problem, hint): Fault| Error::input(&place, problem, hint);
     let (json, chunk) = open(bytes).map_err(fail)?;
-    let document: Value = serde_json::from_slice(json).map_err(|e| fail((format!("is not valid JSON: {e}"), AGAIN)))?;
+    let document: Value =
+        serde_json::from_slice(json).map_err(|e| fail((format!("is not valid JSON: {e}"), AGAIN)))?;
     let used = document["extensionsRequired"].as_array().into_iter().flatten().filter_map(Value::as_str);
     let known = |e: &&str| !matches!(*e, "KHR_texture_transform" | "KHR_materials_unlit");
     if let Some(extension) = used.into_iter().find(known) {
         return Err(fail((format!("needs the extension {extension}, which is not read"), AGAIN)));
     }
     let buffers = buffers(&document, chunk, path)?;
-    let mut reader = Reader { document: &document, buffers, split: Split { positions: vec![], uvs: vec![], faces: vec![] }, bare: false };
+    let mut reader = Reader {
+        document: &document,
+        buffers,
+        split: Split { positions: vec![], uvs: vec![], faces: vec![] },
+        bare: false,
+    };
     let scene = document["scene"].as_u64().unwrap_or(0) as usize;
     let mut roots: Vec<usize> = indices(&document["scenes"][scene]["nodes"]);
     if roots.is_empty() {
         // Without a scene, all nodes that are nobody's child.
         let nodes = document["nodes"].as_array().map_or(0, Vec::len);
-        let children: Vec<usize> = (0..nodes).flat_map(|n| indices(&document["nodes"][n]["children"])).collect();
+        let children: Vec<usize> =
+            (0..nodes).flat_map(|n| indices(&document["nodes"][n]["children"])).collect();
         roots = (0..nodes).filter(|n| !children.contains(n)).collect();
     }
     // y up and looking along −z becomes y down and looking along z.
@@ -59,7 +66,8 @@ fn open(bytes: &[u8]) -> Outcome<(&[u8], Option<&[u8]>)> {
     if !bytes.starts_with(b"glTF") {
         return Ok((bytes, None));
     }
-    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    let word =
+        |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
     let truncated = || ("is a truncated .glb file".to_owned(), AGAIN);
     if word(4) != Some(2) {
         return Err((format!("is glTF version {:?}; 2 is read", word(4).unwrap_or(0)), AGAIN));
@@ -86,7 +94,8 @@ fn buffers(document: &Value, chunk: Option<&[u8]>, path: &Path) -> Result<Vec<Ve
         None => Ok(chunk.unwrap_or_default().to_vec()),
         Some(uri) if uri.starts_with("data:") => {
             let text = uri.split_once(";base64,").map(|(_, text)| text);
-            text.and_then(base64).ok_or_else(|| Error::input(&place, "holds a buffer that is not base64", AGAIN))
+            text.and_then(base64)
+                .ok_or_else(|| Error::input(&place, "holds a buffer that is not base64", AGAIN))
         }
         Some(uri) => {
             // A template must not make the program read files from elsewhere.
@@ -120,7 +129,8 @@ impl Reader<'_> {
         let transform = parent * local(node);
         if let Some(mesh) = node["mesh"].as_u64() {
             let document = self.document;
-            for primitive in document["meshes"][mesh as usize]["primitives"].as_array().into_iter().flatten() {
+            for primitive in document["meshes"][mesh as usize]["primitives"].as_array().into_iter().flatten()
+            {
                 self.primitive(primitive, transform)?;
             }
         }
@@ -135,7 +145,11 @@ impl Reader<'_> {
         let attributes = &primitive["attributes"];
         let positions = self.accessor(&attributes["POSITION"], 3)?;
         let count = positions.len() / 3;
-        let uvs = if attributes["TEXCOORD_0"].is_null() { None } else { Some(self.accessor(&attributes["TEXCOORD_0"], 2)?) };
+        let uvs = if attributes["TEXCOORD_0"].is_null() {
+            None
+        } else {
+            Some(self.accessor(&attributes["TEXCOORD_0"], 2)?)
+        };
         let corners: Vec<u32> = match &primitive["indices"] {
             Value::Null => (0..count as u32).collect(),
             accessor => self.accessor(accessor, 1)?.into_iter().map(|v| v as u32).collect(),
@@ -144,7 +158,8 @@ impl Reader<'_> {
             return Err((format!("names vertex {v} of {count}"), AGAIN));
         }
         let first = self.split.positions.len() as u32;
-        let points = positions.chunks_exact(3).map(|p| transform.transform_point3(DVec3::new(p[0], p[1], p[2])));
+        let points =
+            positions.chunks_exact(3).map(|p| transform.transform_point3(DVec3::new(p[0], p[1], p[2])));
         self.split.positions.extend(points);
         self.bare |= uvs.as_ref().is_none_or(|uvs| uvs.len() != 2 * count);
         // Row 0 of a glTF texture is v = 0, here it is v = 1.
@@ -179,18 +194,24 @@ impl Reader<'_> {
             5125 | 5126 => 4,
             _ => return Err((format!("accessor {index} has the component type {kind}"), AGAIN)),
         };
-        let view = &self.document["bufferViews"][accessor["bufferView"].as_u64().ok_or_else(|| lacks("a buffer view"))? as usize];
+        let view = &self.document["bufferViews"]
+            [accessor["bufferView"].as_u64().ok_or_else(|| lacks("a buffer view"))? as usize];
         let number = |v: &Value| v.as_u64().unwrap_or(0) as usize;
         let buffer = self.buffers.get(number(&view["buffer"])).ok_or_else(|| lacks("a buffer"))?;
         let start = number(&view["byteOffset"]).saturating_add(number(&accessor["byteOffset"]));
         let stride = if view["byteStride"].is_null() { size * width } else { number(&view["byteStride"]) };
-        let end = start.saturating_add(stride.saturating_mul(count.saturating_sub(1))).saturating_add(size * width);
+        let end =
+            start.saturating_add(stride.saturating_mul(count.saturating_sub(1))).saturating_add(size * width);
         if stride < size * width || end > buffer.len() && count > 0 {
             let problem = format!("accessor {index} reaches to byte {end} of a buffer of {}", buffer.len());
             return Err((problem, "the file is truncated: copy or export it again"));
         }
         let normalized = accessor["normalized"].as_bool() == Some(true);
-        let scale = if normalized { [127.0, 255.0, 32_767.0, 65_535.0][(kind as usize).min(5123) - 5120] } else { 1.0 };
+        let scale = if normalized {
+            [127.0, 255.0, 32_767.0, 65_535.0][(kind as usize).min(5123) - 5120]
+        } else {
+            1.0
+        };
         let value = |b: &[u8]| match kind {
             5120 => f64::from(b[0] as i8),
             5121 => f64::from(b[0]),
@@ -199,7 +220,8 @@ impl Reader<'_> {
             5125 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
             _ => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
         };
-        let item = |k: usize| buffer[start + k * stride..start + k * stride + size * width].chunks_exact(size);
+        let item =
+            |k: usize| buffer[start + k * stride..start + k * stride + size * width].chunks_exact(size);
         Ok((0..count).flat_map(item).map(|b| value(b) / scale).collect())
     }
 }
@@ -215,8 +237,14 @@ fn local(node: &Value) -> DMat4 {
     let three = |key: &str, default: DVec3| {
         numbers(key).and_then(|v| <[f64; 3]>::try_from(v).ok()).map_or(default, DVec3::from_array)
     };
-    let rotation = numbers("rotation").and_then(|v| <[f64; 4]>::try_from(v).ok()).map_or(DQuat::IDENTITY, DQuat::from_array);
-    DMat4::from_scale_rotation_translation(three("scale", DVec3::ONE), rotation, three("translation", DVec3::ZERO))
+    let rotation = numbers("rotation")
+        .and_then(|v| <[f64; 4]>::try_from(v).ok())
+        .map_or(DQuat::IDENTITY, DQuat::from_array);
+    DMat4::from_scale_rotation_translation(
+        three("scale", DVec3::ONE),
+        rotation,
+        three("translation", DVec3::ZERO),
+    )
 }
 
 /// Standard base64; `None` if a character is foreign.

@@ -92,7 +92,11 @@ impl Split {
         }
         if self.faces.is_empty() {
             let problem = format!("has {} vertices but no face", self.positions.len());
-            return Err(Error::input(place, problem, "export the mesh with its faces; a point cloud is no template"));
+            return Err(Error::input(
+                place,
+                problem,
+                "export the mesh with its faces; a point cloud is no template",
+            ));
         }
         let has_uv = !self.uvs.is_empty();
         let faces = self.faces.into_iter().map(|f| Face { vertices: f.clone(), uvs: f }).collect();

@@ -112,19 +112,40 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Model> {
     let (mut vertices, mut polygons) = (Vec::new(), Vec::new());
     for element in header.elements.values() {
         if element.count > MAX_COUNT {
-            let problem = format!("promises {} of element \"{}\"; at most {MAX_COUNT} are read", element.count, element.name);
+            let problem = format!(
+                "promises {} of element \"{}\"; at most {MAX_COUNT} are read",
+                element.count, element.name
+            );
             return Err(Error::input(place, problem, "reduce the mesh"));
         }
         match element.name.as_str() {
-            "vertex" => vertices = Parser::<Vertex>::new().read_payload_for_element(&mut reader, element, &header).map_err(broken)?,
-            "face" => polygons = Parser::<Polygon>::new().read_payload_for_element(&mut reader, element, &header).map_err(broken)?,
-            _ => drop(Parser::<Skipped>::new().read_payload_for_element(&mut reader, element, &header).map_err(broken)?),
+            "vertex" => {
+                vertices = Parser::<Vertex>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(broken)?
+            }
+            "face" => {
+                polygons = Parser::<Polygon>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(broken)?
+            }
+            _ => drop(
+                Parser::<Skipped>::new()
+                    .read_payload_for_element(&mut reader, element, &header)
+                    .map_err(broken)?,
+            ),
         }
     }
     for (k, polygon) in polygons.iter().enumerate() {
         let outside = polygon.vertices.iter().find(|v| **v as usize >= vertices.len());
         if polygon.vertices.len() < 3 || outside.is_some() {
-            let problem = format!("face {} of {} has the vertices {:?}; {} exist", k + 1, polygons.len(), polygon.vertices, vertices.len());
+            let problem = format!(
+                "face {} of {} has the vertices {:?}; {} exist",
+                k + 1,
+                polygons.len(),
+                polygon.vertices,
+                vertices.len()
+            );
             return Err(Error::input(place, problem, "remove this face or export the mesh again"));
         }
     }

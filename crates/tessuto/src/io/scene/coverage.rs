@@ -120,7 +120,8 @@ pub(crate) fn axis_variants(mesh: &Mesh, camera: &Camera, mask: &Image) -> [Vari
 
 /// What `tessuto template` is told for variant `k`.
 fn options(k: usize, backwards: bool) -> String {
-    let axes: String = [(2, "x"), (1, "y")].iter().filter(|(bit, _)| k & bit != 0).map(|(_, axis)| *axis).collect();
+    let axes: String =
+        [(2, "x"), (1, "y")].iter().filter(|(bit, _)| k & bit != 0).map(|(_, axis)| *axis).collect();
     let axes = axes + if backwards { "z" } else { "" };
     let flip = if axes.is_empty() { String::new() } else { format!("--flip {axes}") };
     format!("{} {flip}", if k & 4 != 0 { "--swap xy" } else { "" }).trim().to_owned()

@@ -76,26 +76,27 @@ pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
 
     let template_missing = mesh.is_none();
     let stand_in = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
-    let loaded = Some(mesh.unwrap_or(stand_in)).zip(video).map(|(template, frames::Video { crop, frames })| {
-        let scene = Scene {
-            name: manifest.name.clone(),
-            folder: folder.to_path_buf(),
-            fps: manifest.fps,
-            camera: manifest.camera().cropped(crop),
-            crop,
-            full_size: [manifest.camera().width, manifest.camera().height],
-            first_frame: range.start,
-            template,
-            frames,
-            truth,
-        };
-        intrinsics_warnings(&manifest, &mut warnings);
-        // A template behind the camera, say, cannot be projected; its own error is enough.
-        if errors.is_empty() {
-            errors.extend(template::check_overlap(&scene, &mut warnings).err());
-        }
-        Loaded { scene, warnings }
-    });
+    let loaded =
+        Some(mesh.unwrap_or(stand_in)).zip(video).map(|(template, frames::Video { crop, frames })| {
+            let scene = Scene {
+                name: manifest.name.clone(),
+                folder: folder.to_path_buf(),
+                fps: manifest.fps,
+                camera: manifest.camera().cropped(crop),
+                crop,
+                full_size: [manifest.camera().width, manifest.camera().height],
+                first_frame: range.start,
+                template,
+                frames,
+                truth,
+            };
+            intrinsics_warnings(&manifest, &mut warnings);
+            // A template behind the camera, say, cannot be projected; its own error is enough.
+            if errors.is_empty() {
+                errors.extend(template::check_overlap(&scene, &mut warnings).err());
+            }
+            Loaded { scene, warnings }
+        });
     Attempt { loaded, template_missing, errors }
 }
 

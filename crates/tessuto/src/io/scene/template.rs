@@ -44,8 +44,11 @@ pub(crate) fn read(
     };
     mesh.positions.iter_mut().for_each(|p| *p *= manifest.units.scale());
     let place = path.display().to_string();
-    let checks =
-        [check_depth(&mesh, &place, folder), check_scale(&mesh, manifest.units, &place, folder), check_faces(&mesh, &place)];
+    let checks = [
+        check_depth(&mesh, &place, folder),
+        check_scale(&mesh, manifest.units, &place, folder),
+        check_faces(&mesh, &place),
+    ];
     errors.extend(checks.into_iter().filter_map(Result::err));
     if let Err(error) = check_edges(&mesh, &place, warnings) {
         errors.push(error);
@@ -81,7 +84,8 @@ fn check_depth(mesh: &Mesh, place: &str, folder: &Path) -> Result<()> {
             command(folder, "--flip yz --force")
         )
     } else {
-        "vertices are in camera coordinates: x right, y down, z forward; move the mesh to where it was filmed".into()
+        "vertices are in camera coordinates: x right, y down, z forward; move the mesh to where it was filmed"
+            .into()
     };
     let count = depths().filter(|z| *z <= 0.0).count();
     Err(Error::input(
@@ -182,7 +186,12 @@ fn check_edges(mesh: &Mesh, place: &str, warnings: &mut Vec<String>) -> Result<(
 fn check_pieces(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
     let pieces = pieces(mesh);
     if pieces.len() > 1 {
-        let found = format!("{} separate pieces, of {} to {} faces", pieces.len(), pieces[pieces.len() - 1], pieces[0]);
+        let found = format!(
+            "{} separate pieces, of {} to {} faces",
+            pieces.len(),
+            pieces[pieces.len() - 1],
+            pieces[0]
+        );
         let hint = format!(
             "one piece of fabric is expected: remove the others, or, if they touch, {}",
             command(folder, "--weld --force")
@@ -191,8 +200,16 @@ fn check_pieces(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
     }
     let pinched = pinched(mesh);
     if let Some(first) = pinched.first() {
-        let found = format!("faces meet at {} vertices without sharing an edge there, first vertex {}", pinched.len(), first + 1);
-        warnings.push(warning("pieces", &found, "a fabric is a surface: remove such faces, or split the vertices"));
+        let found = format!(
+            "faces meet at {} vertices without sharing an edge there, first vertex {}",
+            pinched.len(),
+            first + 1
+        );
+        warnings.push(warning(
+            "pieces",
+            &found,
+            "a fabric is a surface: remove such faces, or split the vertices",
+        ));
     }
 }
 
@@ -215,7 +232,10 @@ fn check_vertices(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
             pair[0] + 1,
             pair[1] + 1
         );
-        let hint = format!("merge them, or the fabric comes apart at this seam: {}", command(folder, "--weld --force"));
+        let hint = format!(
+            "merge them, or the fabric comes apart at this seam: {}",
+            command(folder, "--weld --force")
+        );
         warnings.push(warning("vertices", &found, &hint));
     }
 }
