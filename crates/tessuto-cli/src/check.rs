@@ -1,7 +1,7 @@
 //! `tessuto check`: what is right and wrong with a scene, before anything is computed.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
+use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use tessuto::Error;
@@ -14,7 +14,8 @@ use tessuto::io::scene::LoadOptions;
 pub struct Arguments {
     /// Scene folder (holds scene.json, template.obj, rgbs/, masks/).
     scene: PathBuf,
-    /// Write the first frame with the template's edges (cyan) and the mask's outline (yellow) to this PNG file.
+    /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges (cyan),
+    /// to this PNG file.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 }
@@ -33,16 +34,43 @@ pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
             write_png(path, picture)?;
             let _ = writeln!(text, "picture: {}", path.display());
         }
-        (Some(_), None) => text.push_str("picture: not written, template or frames cannot be read\n"),
+        (Some(_), None) => text.push_str("picture: not written, frames cannot be read\n"),
         (None, _) => {}
     }
     print(&text)?;
     verdict(scene, &report)
 }
 
+/// Checks a scene that lacks its template only, and says how to make one.
+pub fn check_without_template(scene: &Path) -> anyhow::Result<()> {
+    let mut report = check_folder(scene, &LoadOptions::default());
+    report
+        .findings
+        .retain(|f| !(f.level == Level::Error && Path::new(&f.what) == scene.join("template.obj")));
+    print(&table(&report.findings))?;
+    print(
+        "next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:\n",
+    )?;
+    for options in ["--flat WIDTHxHEIGHTm --from-mask", "--remesh 32 --from MESH.obj"] {
+        print(&format!("  tessuto template {} {options}\n", quoted(scene)))?;
+    }
+    verdict(scene, &report)
+}
+
+/// The path as a shell takes it.
+pub fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    if text.contains(' ') { format!("\"{text}\"") } else { text }
+}
+
 fn verdict(scene: &Path, report: &CheckReport) -> anyhow::Result<()> {
     match report.count(Level::Error) {
-        0 => Ok(()),
+        0 => {
+            if report.iou.is_some() {
+                print(&format!("next: tessuto reconstruct {}\n", quoted(scene)))?;
+            }
+            Ok(())
+        }
         count => {
             let problem = format!("{count} {} found", if count == 1 { "error was" } else { "errors were" });
             let hint = "follow the hints of the table above, then check again";
@@ -51,20 +79,32 @@ fn verdict(scene: &Path, report: &CheckReport) -> anyhow::Result<()> {
     }
 }
 
-/// One line a finding, topics in a column; hints below what they answer.
+/// Widest line [characters].
+const WIDTH: usize = 100;
+/// Widest topic that shares its line with what was found; places of errors are long paths.
+const TOPIC: usize = 14;
+
+/// Level and topic in columns, what was found and the way out beside them, wrapped.
 fn table(findings: &[Finding]) -> String {
-    // Places of errors are long paths; they must not push all figures to the right.
-    let width = findings.iter().map(|f| f.what.chars().count()).filter(|w| *w <= 16).max().unwrap_or(0);
+    let colour = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
     let mut text = String::new();
     for finding in findings {
-        let level = match finding.level {
-            Level::Ok => "ok",
-            Level::Warning => "warning",
-            Level::Error => "error",
+        let (level, code) = match finding.level {
+            Level::Ok => ("ok", 32),
+            Level::Warning => ("warning", 33),
+            Level::Error => ("error", 31),
         };
-        let _ = writeln!(text, "{level:<7}  {:<width$}  {}", finding.what, finding.detail);
+        let level = if colour { format!("\x1b[{code}m{level:<7}\x1b[0m") } else { format!("{level:<7}") };
+        let _ = write!(text, "{level}  ");
+        if finding.what.chars().count() > TOPIC {
+            let _ = write!(text, "{}\n{:9}", finding.what, "");
+        }
+        let topic = if finding.what.chars().count() > TOPIC { "" } else { &finding.what };
+        let _ = write!(text, "{topic:<TOPIC$}  ");
+        wrap(&mut text, &finding.detail);
         if !finding.hint.is_empty() {
-            let _ = writeln!(text, "{:<7}  {:<width$}  hint: {}", "", "", finding.hint);
+            let _ = write!(text, "{:1$}hint: ", "", TOPIC + 11);
+            wrap(&mut text, &finding.hint);
         }
     }
     let count = |level| findings.iter().filter(|f| f.level == level).count();
@@ -78,10 +118,37 @@ fn table(findings: &[Finding]) -> String {
     text
 }
 
+/// Adds `words` after what stands in the last line of `text`, in lines of at most [`WIDTH`] characters.
+fn wrap(text: &mut String, words: &str) {
+    let escapes = |line: &str| line.matches('\x1b').count() / 2 * 9;
+    let last = text.rsplit('\n').next().unwrap_or_default();
+    let mut column = last.chars().count() - escapes(last);
+    let mut first = true;
+    for word in words.split_whitespace() {
+        let length = word.chars().count();
+        if !first && column + 1 + length > WIDTH {
+            let _ = write!(text, "\n{:1$}", "", TOPIC + 11);
+            column = TOPIC + 11;
+        } else if !first {
+            text.push(' ');
+            column += 1;
+        }
+        text.push_str(word);
+        column += length;
+        first = false;
+    }
+    text.push('\n');
+}
+
 /// Prints to standard output; that its reader has gone (`| head`) is no error.
 fn print(text: &str) -> anyhow::Result<()> {
     match std::io::stdout().lock().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
         _ => Ok(()),
     }
+}
+
+/// A line on standard output; a reader that has gone, or a full disk behind it, must not stop the work.
+pub fn tell(line: impl std::fmt::Display) {
+    let _ = writeln!(std::io::stdout().lock(), "{line}");
 }

@@ -6,6 +6,8 @@ mod demo;
 mod evaluate;
 mod export;
 mod frames;
+mod import;
+mod lens;
 mod live;
 mod output;
 mod progress;
@@ -14,6 +16,7 @@ mod render;
 mod report;
 mod simulate;
 mod synth;
+mod template;
 mod threads;
 mod verify;
 
@@ -38,11 +41,13 @@ enum Command {
     /// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
     Evaluate(evaluate::Arguments),
     Export(export::Arguments),
+    Import(import::Arguments),
     Reconstruct(reconstruct::Arguments),
     Render(render::Arguments),
     Report(report::Arguments),
     Simulate(simulate::Arguments),
     Synth(synth::Arguments),
+    Template(template::Arguments),
     Verify(verify::Arguments),
 }
 
@@ -53,11 +58,13 @@ fn main() -> ExitCode {
         Command::Demo(arguments) => demo::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
+        Command::Import(arguments) => import::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),
+        Command::Template(arguments) => template::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
     };
     match result {

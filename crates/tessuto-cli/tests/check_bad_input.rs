@@ -19,6 +19,21 @@ fn check(scene: &TinyScene, more: &[&str], working_folder: &std::path::Path) -> 
         .unwrap()
 }
 
+/// The text in one line: the table is wrapped.
+fn unwrapped(text: &str) -> String {
+    text.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Asserts lines of 100 characters at most (but for long paths, which stand alone), and all `fragments`.
+fn shows(table: &[u8], fragments: &[&str]) {
+    let text = std::str::from_utf8(table).unwrap();
+    let words = |line: &str| line.split_whitespace().count();
+    assert!(text.lines().all(|line| line.chars().count() <= 100 || words(line) <= 2), "{text}");
+    for fragment in fragments {
+        assert!(unwrapped(text).contains(&unwrapped(fragment)), "{fragment:?} is missing in:\n{text}");
+    }
+}
+
 /// Asserts status 3, all `fragments` in the table, a hint, and that no file was touched.
 fn refused(scene: &TinyScene, fragments: &[&str]) {
     let before = scene.contents();
@@ -27,9 +42,7 @@ fn refused(scene: &TinyScene, fragments: &[&str]) {
     let text = String::from_utf8(output.stdout).unwrap();
     let complaint = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(3), "{text}\n{complaint}");
-    for fragment in fragments {
-        assert!(text.contains(fragment), "{fragment:?} is missing in:\n{text}");
-    }
+    shows(text.as_bytes(), fragments);
     assert!(text.contains("error") && text.contains("hint: "), "{text}");
     assert!(complaint.starts_with("error: ") && complaint.contains("hint: "), "{complaint}");
     assert_eq!(scene.contents(), before);
@@ -43,9 +56,7 @@ fn accepted(scene: &TinyScene, fragments: &[&str]) {
     let output = check(scene, &[], working_folder.path());
     let text = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(0), "{text}");
-    for fragment in fragments {
-        assert!(text.contains(fragment), "{fragment:?} is missing in:\n{text}");
-    }
+    shows(text.as_bytes(), fragments);
     assert_eq!(scene.contents(), before);
     assert_eq!(contents(working_folder.path()), []);
 }
@@ -77,8 +88,8 @@ fn picture_is_written_only_where_asked() {
     let output = check(&scene, &["--picture", "p.png"], working_folder.path());
     assert_eq!(output.status.code(), Some(0));
     let picture = tessuto::io::image::read(&working_folder.path().join("p.png")).unwrap();
-    // The crop: 16 pixels and a margin of 4 on each side, as far as the picture reaches.
-    assert_eq!((picture.width, picture.height), (24, 22));
+    // Three times the crop (16 pixels and a margin of 4 on each side, as far as the picture reaches), 4 pixels between.
+    assert_eq!((picture.width, picture.height), (3 * 24 + 2 * 4, 22));
     assert_eq!(contents(working_folder.path()).len(), 1);
     assert_eq!(scene.contents(), before);
     let output = check(&scene, &["--picture", "no/such/folder/p.png"], working_folder.path());
@@ -191,7 +202,10 @@ fn empty_and_inverted_masks() {
 fn template_that_cannot_be_read() {
     let scene = TinyScene::new();
     std::fs::remove_file(scene.path("template.obj")).unwrap();
-    refused(&scene, &["template.obj", "cannot be read"]);
+    refused(
+        &scene,
+        &["template.obj", "cannot be read", "--flat WIDTHxHEIGHTm --from-mask", "5 ok, 0 warnings, 1 errors"],
+    );
     obj_refused("v -0.2 -0.2 1", "v nan -0.2 1", &["template.obj:1 ", "\"nan\" is not a number"]);
     obj_refused("v -0.2 -0.2 1", "v 1e99 -0.2 1", &["template.obj:1 ", "\"1e99\""]);
     obj_refused("f 1/1 6/6", "f 1 6", &["template.obj:51 ", "no texture coordinate", "uv"]);
@@ -207,7 +221,7 @@ fn template_that_cannot_be_used() {
     refused(&scene, &["template.obj", "25 of 25 vertices are behind the camera, first vertex 1"]);
     let scene = TinyScene::new();
     scene.move_template(|[x, y, z]| [x, -y, -z]);
-    refused(&scene, &["behind the camera", "OpenGL", "negate y and z"]);
+    refused(&scene, &["behind the camera", "OpenGL", "negate y and z", "--flip yz --force"]);
     let scene = TinyScene::new();
     scene.move_template(|[x, y, z]| [x + 0.4, y, z]);
     refused(&scene, &["the template is far from the mask", "overlap with the mask of frame 0 is 0.0"]);
@@ -310,12 +324,49 @@ fn doubts_are_warnings() {
 }
 
 #[test]
+fn pieces_of_the_template() {
+    let scene = TinyScene::new();
+    let mut mesh = template();
+    // The right half gets vertices of its own along the middle column: the same place, another vertex.
+    let shift = mesh.positions.len() as u32;
+    for face in mesh.faces.iter_mut().filter(|f| f.vertices.iter().any(|v| v % 5 > 2)) {
+        face.vertices.iter_mut().filter(|v| **v % 5 == 2).for_each(|v| *v = shift + *v / 5);
+    }
+    mesh.positions.extend((0..5).map(|r| template().positions[5 * r + 2]));
+    obj::write(&scene.path("template.obj"), &mesh, None).unwrap();
+    accepted(
+        &scene,
+        &[
+            "warning pieces 2 separate pieces, of 8 to 8 faces",
+            "5 vertices lie on another one",
+            "--weld --force",
+        ],
+    );
+    let scene = TinyScene::new();
+    let mut mesh = template();
+    mesh.faces.retain(|f| !(f.vertices.contains(&0) || f.vertices.contains(&6) && f.vertices.contains(&12)));
+    obj::write(&scene.path("template.obj"), &mesh, None).unwrap();
+    accepted(&scene, &["warning pieces", "faces meet at 1 vertices", "first vertex 7"]);
+}
+
+#[test]
 fn flipped_axes_are_named() {
     // Fabric in the lower left; the template's y points up.
     let scene = TinyScene::new();
     scene.edit("scene.json", "\"cy\": 13.5", "\"cy\": 5.5");
     scene.move_template(|[x, y, z]| [x, -(y + 0.2), z]);
-    refused(&scene, &["far from the mask", "axes look different", "y negated, from a frame with y up"]);
+    refused(
+        &scene,
+        &[
+            "far from the mask",
+            "axes look different",
+            "y negated, from a frame with y up",
+            "--flip y --force",
+        ],
+    );
+    // In millimetres besides.
+    scene.move_template(|[x, y, z]| [1000.0 * x, -1000.0 * (y + 0.2), -1000.0 * z]);
+    refused(&scene, &["write \"units\": \"mm\"", "--scale 0.001 --force", "--flip yz --scale 0.001 --force"]);
 }
 
 #[test]

@@ -44,7 +44,8 @@ pub struct CheckReport {
     pub findings: Vec<Finding>,
     /// Overlap of the template with the first mask (intersection over union), where both are readable.
     pub iou: Option<f64>,
-    /// The first frame's crop with the template's edges (cyan) and the mask's outline (yellow), where readable.
+    /// The crops of the first, middle and last frame with the masks' outlines (yellow), the first with the template's
+    /// edges (cyan), where readable.
     pub picture: Option<Image>,
 }
 
@@ -60,13 +61,22 @@ pub fn check(loaded: &Loaded) -> CheckReport {
     let scene = &loaded.scene;
     let covered = template_coverage(&scene.template, &scene.template.positions, &scene.camera);
     let iou = overlap(&covered, &scene.frames[0].mask);
-    CheckReport { findings: findings::all(loaded, iou), iou: Some(iou), picture: Some(picture::draw(scene)) }
+    let findings = findings::of_video(scene).into_iter().chain(findings::of_template(scene, iou)).collect();
+    let findings = findings::with_warnings(findings, &loaded.warnings);
+    CheckReport { findings, iou: Some(iou), picture: Some(picture::draw(scene)) }
+}
+
+/// Checks what is there of a scene whose template cannot be read.
+fn check_video(loaded: &Loaded) -> CheckReport {
+    let findings = findings::with_warnings(findings::of_video(&loaded.scene), &loaded.warnings);
+    CheckReport { findings, iou: None, picture: Some(picture::draw(&loaded.scene)) }
 }
 
 /// Checks the scene in `folder`, whether or not it can be loaded.
 pub fn check_folder(folder: &Path, options: &LoadOptions) -> CheckReport {
     let attempt = attempt(folder, options);
     let mut report = match &attempt.loaded {
+        Some(loaded) if attempt.template_missing => check_video(loaded),
         Some(loaded) => check(loaded),
         None => CheckReport { findings: Vec::new(), iou: None, picture: None },
     };

@@ -13,6 +13,7 @@ pub mod decoder;
 pub mod error;
 pub mod export;
 pub mod image;
+pub mod import;
 pub mod io;
 pub mod math;
 pub mod mesh;
@@ -28,6 +29,7 @@ pub mod scene;
 pub mod session;
 pub mod sim;
 pub mod synth;
+pub mod template;
 pub mod view;
 
 pub use camera::{Camera, Rect};

@@ -9,7 +9,7 @@ const LAYERS: [&[&str]; 16] = [
     &["scene"],
     &["io"],
     &["session"],
-    &["sim", "raster", "optim", "metrics", "decoder"],
+    &["sim", "raster", "optim", "metrics", "decoder", "template"],
     &["pbr"],
     &["motion"],
     &["appearance"],
@@ -17,7 +17,7 @@ const LAYERS: [&[&str]; 16] = [
     &["reconstruct"],
     &["report"],
     &["result"],
-    &["check", "export", "view"],
+    &["check", "export", "import", "view"],
     &["synth"],
     &["lib"],
 ];

@@ -230,3 +230,69 @@ fn a_folder_that_is_no_result_is_refused() {
     assert_eq!(error.exit_code(), 3);
     assert!(error.to_string().contains("config.json"), "{error}");
 }
+
+/// What other programs are given comes back as a template: merged at the seam, with its texture coordinates.
+#[test]
+fn exports_are_read_back_as_templates() {
+    let folder = tempfile::tempdir().unwrap();
+    let clip = clip(false);
+    export(&clip, &[Format::Glb, Format::Obj, Format::Ply], folder.path(), false).unwrap();
+    let still = |path: &str| io::model::read(&folder.path().join(path)).unwrap();
+    let [glb, obj, ply] = ["cloth.glb", "cloth_obj/cloth_0007.obj", "cloth_ply/cloth_0007.ply"].map(still);
+    assert!(
+        glb.has_uv && obj.has_uv && !ply.has_uv,
+        "PLY has one texture coordinate a vertex: none at seams"
+    );
+    assert!(glb.notes.iter().any(|n| n.contains("3 vertices split at seams")), "{:?}", glb.notes);
+    // glTF says that y is up; OBJ and PLY do not say.
+    let y_down = |p: &DVec3| DVec3::new(p.x, -p.y, -p.z);
+    let shapes = [
+        glb.mesh.positions.clone(),
+        obj.mesh.positions.iter().map(y_down).collect(),
+        ply.mesh.positions.iter().map(y_down).collect(),
+    ];
+    for shape in shapes {
+        assert_eq!(shape.len(), clip.mesh.positions.len());
+        let nearest = |p: &DVec3| shape.iter().map(|q| q.distance(*p)).fold(f64::INFINITY, f64::min);
+        assert!(clip.motion[0].iter().all(|p| nearest(p) < 1e-6));
+    }
+    let mut uvs: Vec<_> = clip.mesh.uvs.iter().map(|uv| uv.as_vec2()).collect();
+    let mut found: Vec<_> = glb.mesh.uvs.iter().map(|uv| uv.as_vec2()).collect();
+    for list in [&mut uvs, &mut found] {
+        list.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    }
+    assert!(uvs.iter().zip(&found).all(|(a, b)| a.distance(*b) < 1e-6) && uvs.len() == found.len());
+    assert_eq!(glb.mesh.faces.len(), 2 * clip.mesh.faces.len());
+}
+
+#[test]
+fn models_that_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let cases: [(&str, Vec<u8>, &str); 8] = [
+        ("a.ply", format!("{header}0 0 1\n1 0 1\n0 1 1\n3 0 1 7\n").into(), "has the vertices [0, 1, 7]; 3 exist"),
+        ("a.ply", format!("{header}0 0 1\n1 0 1\n").into(), "a.ply"),
+        ("a.ply", format!("{header}0 0 1\n1 nan 1\n0 1 1\n3 0 1 2\n").into(), "vertex 2 of 3"),
+        ("a.ply", header.replace("vertex 3", "vertex 4000000000").into(), "promises 4000000000"),
+        ("a.glb", b"glTF\x02\0\0\0\x40\0\0\0\xff\xff\0\0JSON{}".to_vec(), "truncated"),
+        ("a.gltf", b"{\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0}], \"meshes\": [{\"primitives\": [{}]}]}".to_vec(), "lacks positions"),
+        ("a.gltf", b"{\"extensionsRequired\": [\"KHR_draco_mesh_compression\"]}".to_vec(), "KHR_draco_mesh_compression"),
+        ("a.gltf", b"{\"buffers\": [{\"uri\": \"../secret.bin\"}]}".to_vec(), "is not beside it"),
+    ];
+    for (name, bytes, fragment) in cases {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let error = io::model::read(&path).unwrap_err();
+        assert!(
+            error.to_string().contains(fragment) && error.exit_code() == 3,
+            "{fragment:?} is missing in: {error}"
+        );
+    }
+    // A triangle of its own, ASCII, with texture coordinates at the corners of the face.
+    let cornered = header.replace("end_header", "property list uchar float texcoord\nend_header");
+    let path = folder.path().join("b.ply");
+    std::fs::write(&path, format!("{cornered}0 0 1\n1 0 1\n0 1 1\n3 0 1 2 6 0 0 1 0 0 1\n")).unwrap();
+    let model = io::model::read(&path).unwrap();
+    assert!(model.has_uv);
+    assert_eq!(model.mesh.uvs, [DVec2::ZERO, DVec2::X, DVec2::Y]);
+}

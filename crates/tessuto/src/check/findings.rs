@@ -1,30 +1,26 @@
 //! The figures of a check, one function a topic.
 
 use super::{Finding, Level};
-use crate::io::scene::Loaded;
-use crate::io::scene::coverage::{VARIANT_GAIN, axis_variants, fill_triangle};
-use crate::io::scene::template::diagonal;
+use crate::io::scene::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
+use crate::io::scene::template::{DIAGONAL, command, diagonal};
 use crate::scene::Scene;
 
 /// Columns and rows of the raster on which overlapping uv is measured.
 const UV_RASTER: usize = 512;
 
-/// Every finding of a loaded scene; `iou` is the overlap of the template with the first mask.
-pub(super) fn all(loaded: &Loaded, iou: f64) -> Vec<Finding> {
-    let scene = &loaded.scene;
-    let mut findings = vec![
-        frames(scene),
-        masks(scene),
-        motion(scene),
-        intrinsics(scene),
-        scale(scene),
-        template_overlap(scene, iou),
-        orientation(scene, iou),
-        uv(scene),
-        truth(scene),
-    ];
-    // What loading already doubted replaces the good word on the same topic.
-    let warnings: Vec<Finding> = loaded.warnings.iter().map(|w| from_warning(w)).collect();
+/// Findings about frames, masks, camera and truth.
+pub(super) fn of_video(scene: &Scene) -> Vec<Finding> {
+    vec![frames(scene), masks(scene), motion(scene), intrinsics(scene), truth(scene)]
+}
+
+/// Findings about the template; `iou` is its overlap with the first mask.
+pub(super) fn of_template(scene: &Scene, iou: f64) -> Vec<Finding> {
+    vec![scale(scene), template_overlap(scene, iou), orientation(scene, iou), uv(scene)]
+}
+
+/// The findings and what loading already doubted, which replaces the good word on the same topic.
+pub(super) fn with_warnings(mut findings: Vec<Finding>, warnings: &[String]) -> Vec<Finding> {
+    let warnings: Vec<Finding> = warnings.iter().map(|w| from_warning(w)).collect();
     findings.retain(|f| f.level != Level::Ok || warnings.iter().all(|w| w.what != f.what));
     findings.extend(warnings);
     findings
@@ -152,20 +148,32 @@ fn template_overlap(scene: &Scene, iou: f64) -> Finding {
 }
 
 fn orientation(scene: &Scene, own: f64) -> Finding {
-    let variants = axis_variants(&scene.template, &scene.camera, &scene.frames[0].mask);
-    let best = variants.iter().fold(variants[0], |best, v| if v.iou > best.iou { *v } else { best });
+    let best = best_variant(axis_variants(&scene.template, &scene.camera, &scene.frames[0].mask));
     if best.iou > own + VARIANT_GAIN {
         let detail = format!(
             "the template fits the mask better with {} ({:.2} instead of {own:.2})",
             best.name, best.iou
         );
-        return doubt(
-            "orientation",
-            detail,
-            "template.obj must have x right, y down, z forward; change its axes so",
+        let hint = format!(
+            "template.obj must have x right, y down, z forward: {}",
+            command(&scene.folder, &format!("{}{} --force", best.options, rescaling(scene)))
         );
+        return doubt("orientation", detail, &hint);
     }
     ok("orientation", format!("no flip or swap of axes fits better by {VARIANT_GAIN} (best {:.2})", best.iou))
+}
+
+/// The option that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
+/// changes no picture.
+fn rescaling(scene: &Scene) -> String {
+    let length = diagonal(&scene.template.positions);
+    if DIAGONAL.contains(&length) {
+        return String::new();
+    }
+    let factors = [0.001, 0.01, 10.0, 100.0, 1000.0].into_iter().filter(|f| DIAGONAL.contains(&(f * length)));
+    let strangeness = |f: &f64| (f * length / 0.7).ln().abs();
+    let best = factors.min_by(|a, b| strangeness(a).total_cmp(&strangeness(b)));
+    best.map_or_else(String::new, |factor| format!(" --scale {factor}"))
 }
 
 fn uv(scene: &Scene) -> Finding {

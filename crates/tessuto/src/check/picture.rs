@@ -3,14 +3,44 @@
 use glam::DVec2;
 
 use crate::image::Image;
-use crate::scene::Scene;
+use crate::scene::{Frame, Scene};
 
 const TEMPLATE: [f32; 3] = [0.0, 0.9, 1.0];
 const OUTLINE: [f32; 3] = [1.0, 0.85, 0.0];
 
-/// The first frame's crop with the outline of its mask and the edges of the template.
+const GAP: f32 = 0.25;
+/// Between two frames [px].
+const GAP_WIDTH: usize = 4;
+
+/// The crops of the first, middle and last frame side by side, with the outlines of their masks; the first with the
+/// edges of the template.
 pub(super) fn draw(scene: &Scene) -> Image {
-    let frame = &scene.frames[0];
+    let last = scene.frames.len() - 1;
+    let mut shown = vec![0, last / 2, last];
+    shown.dedup();
+    let mut pictures: Vec<Image> = shown.into_iter().map(|n| outlined(&scene.frames[n])).collect();
+    let mesh = &scene.template;
+    for edge in mesh.edges() {
+        let ends = edge.map(|v| mesh.positions[v as usize]);
+        if ends.iter().all(|p| p.z > 0.0) {
+            let [a, b] = ends.map(|p| scene.camera.project(p));
+            line(&mut pictures[0], a, b);
+        }
+    }
+    let (w, h) = (pictures[0].width, pictures[0].height);
+    let mut sheet = Image::new(pictures.len() * (w + GAP_WIDTH) - GAP_WIDTH, h, 3);
+    sheet.data.fill(GAP);
+    for (k, picture) in pictures.iter().enumerate() {
+        for (y, row) in picture.data.chunks_exact(3 * w).enumerate() {
+            let start = 3 * (y * sheet.width + k * (w + GAP_WIDTH));
+            sheet.data[start..start + 3 * w].copy_from_slice(row);
+        }
+    }
+    sheet
+}
+
+/// A frame with the outline of its mask.
+fn outlined(frame: &Frame) -> Image {
     let mut picture = frame.rgb.clone();
     let (w, h) = (picture.width, picture.height);
     let fabric = |x: usize, y: usize| frame.mask.pixel(x, y)[0] >= 0.5;
@@ -22,14 +52,6 @@ pub(super) fn draw(scene: &Scene) -> Image {
             if border(1, 0) || border(0, 1) {
                 picture.pixel_mut(x, y).copy_from_slice(&OUTLINE);
             }
-        }
-    }
-    let mesh = &scene.template;
-    for edge in mesh.edges() {
-        let ends = edge.map(|v| mesh.positions[v as usize]);
-        if ends.iter().all(|p| p.z > 0.0) {
-            let [a, b] = ends.map(|p| scene.camera.project(p));
-            line(&mut picture, a, b);
         }
     }
     picture

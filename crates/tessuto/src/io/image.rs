@@ -23,6 +23,8 @@ const MAX_BYTES: u64 = 256 << 20;
 pub(crate) struct Picture {
     path: PathBuf,
     dynamic: DynamicImage,
+    /// Whether a reader that knows nothing of orientation and transparency sees the same picture.
+    pub plain: bool,
     /// What was unusual about the file, for a warning.
     pub notes: Vec<&'static str>,
 }
@@ -61,23 +63,27 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
 
 /// The bytes of an 8-bit PNG of an image of 1 or 3 channels; values are clamped to [0, 1] and rounded.
 pub fn encode_png(image: &Image) -> Vec<u8> {
-    let color = match image.channels {
+    let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+    encode_png_bytes(&bytes, [image.width, image.height], image.channels)
+}
+
+/// The bytes of an 8-bit PNG of `pixels`, shape [height, width, channels] with 1 or 3 channels.
+pub(crate) fn encode_png_bytes(pixels: &[u8], [width, height]: [usize; 2], channels: usize) -> Vec<u8> {
+    let color = match channels {
         1 => ExtendedColorType::L8,
         3 => ExtendedColorType::Rgb8,
         n => panic!("an image of {n} channels cannot be written as PNG"),
     };
-    let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
     let mut png = Cursor::new(Vec::new());
-    ::image::write_buffer_with_format(
-        &mut png,
-        &bytes,
-        image.width as u32,
-        image.height as u32,
-        color,
-        ImageFormat::Png,
-    )
-    .expect("a vector takes every byte");
+    ::image::write_buffer_with_format(&mut png, pixels, width as u32, height as u32, color, ImageFormat::Png)
+        .expect("a vector takes every byte");
     png.into_inner()
+}
+
+/// Width and height of a picture as [`read`] gives it [px].
+pub fn size(path: &Path) -> Result<[usize; 2]> {
+    let full = open(path)?.full();
+    Ok([full.x1, full.y1])
 }
 
 /// Reads and decodes a PNG or JPEG file.
@@ -127,9 +133,10 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
         _ => {}
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
+    let plain = orientation == Orientation::NoTransforms && !decoder.color_type().has_alpha();
     let mut dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     dynamic.apply_orientation(orientation);
-    Ok(Picture { path: path.to_path_buf(), dynamic, notes })
+    Ok(Picture { path: path.to_path_buf(), dynamic, plain, notes })
 }
 
 impl Picture {
@@ -167,6 +174,23 @@ impl Picture {
             self.notes.push("the mask's brightest value is below half of white");
         }
         mask
+    }
+
+    /// 8-bit colour, shape [height, width, 3].
+    pub fn into_rgb8(self) -> Vec<u8> {
+        self.dynamic.into_rgb8().into_raw()
+    }
+
+    /// Opacity in [0, 1], shape [height, width, 1], where the picture has any.
+    pub fn alpha(&self) -> Option<Image> {
+        let color = self.dynamic.color();
+        if !color.has_alpha() {
+            return None;
+        }
+        let full = self.full();
+        let rgba = self.dynamic.to_rgba16();
+        let data = rgba.pixels().map(|p| f32::from(p.0[3]) / 65_535.0).collect();
+        Some(Image { width: full.x1, height: full.y1, channels: 1, data })
     }
 
     /// The largest value in the file, and the largest its format can hold.

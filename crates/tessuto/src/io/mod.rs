@@ -3,6 +3,7 @@
 mod atomic;
 pub mod hdr;
 pub mod image;
+pub mod model;
 pub mod npy;
 pub mod obj;
 pub mod scene;
@@ -14,7 +15,7 @@ use std::path::Path;
 use crate::error::{Error, Result};
 
 /// The whole file at `path`, refused above `limit` bytes.
-fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
+pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let unreadable = |source: std::io::Error| {
         Error::input(
             path.display().to_string(),

@@ -27,7 +27,14 @@ pub fn read(path: &Path) -> Result<Mesh> {
 
 /// Reads a mesh from the bytes of an OBJ file; `name` stands in error messages.
 pub fn parse(bytes: &[u8], name: &str) -> Result<Mesh> {
+    parse_with(bytes, name, true)
+}
+
+/// [`parse`]; unless `uv_needed`, corners may lack texture coordinates: if one does, `uvs` is empty and no index into it
+/// means anything.
+pub(crate) fn parse_with(bytes: &[u8], name: &str, uv_needed: bool) -> Result<Mesh> {
     let mut mesh = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
+    let mut bare = None;
     let mut joined = Vec::new();
     for (index, raw) in bytes.split(|b| *b == b'\n').enumerate() {
         let fail = |fault: Fault| Error::input(format!("{name}:{}", index + 1), fault.problem, fault.hint);
@@ -42,16 +49,25 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Mesh> {
             continue;
         }
         if joined.is_empty() {
-            statement(raw, &mut mesh).map_err(fail)?;
+            statement(raw, &mut mesh, &mut bare).map_err(fail)?;
         } else {
             joined.extend_from_slice(raw);
-            statement(&joined, &mut mesh).map_err(fail)?;
+            statement(&joined, &mut mesh, &mut bare).map_err(fail)?;
             joined.clear();
+        }
+        if let (true, Some(corner)) = (uv_needed, &bare) {
+            return Err(fail(Fault::new(
+                format!("corner \"{corner}\" has no texture coordinate"),
+                "unwrap the mesh and export it with its texture coordinates (uv), or let tessuto template --remesh make them",
+            )));
         }
     }
     if mesh.faces.is_empty() {
         let problem = format!("has {} vertices but no face", mesh.positions.len());
         return Err(Error::input(name, problem, "export the mesh with its faces as Wavefront OBJ"));
+    }
+    if bare.is_some() {
+        mesh.uvs.clear();
     }
     Ok(mesh)
 }
@@ -68,8 +84,9 @@ impl Fault {
     }
 }
 
-/// Adds what one line states to `mesh`. Comments may be in any encoding.
-fn statement(line: &[u8], mesh: &mut Mesh) -> std::result::Result<(), Fault> {
+/// Adds what one line states to `mesh`, and its first corner without texture
+/// coordinate to `bare`. Comments may be in any encoding.
+fn statement(line: &[u8], mesh: &mut Mesh, bare: &mut Option<String>) -> std::result::Result<(), Fault> {
     let line = line.split(|b| *b == b'#').next().unwrap_or_default();
     let mut words = line.split(u8::is_ascii_whitespace).filter(|w| !w.is_empty());
     match words.next() {
@@ -83,7 +100,7 @@ fn statement(line: &[u8], mesh: &mut Mesh) -> std::result::Result<(), Fault> {
             push(&mut mesh.uvs, DVec2::new(u, v), "texture coordinates")
         }
         Some(b"f") => {
-            let face = face(words, mesh.positions.len(), mesh.uvs.len())?;
+            let face = face(words, mesh.positions.len(), mesh.uvs.len(), bare)?;
             push(&mut mesh.faces, face, "faces")
         }
         _ => Ok(()),
@@ -118,11 +135,12 @@ fn numbers<'a, const N: usize>(
     Ok(values)
 }
 
-/// A face of the forms `v/vt` and `v/vt/vn`, given the numbers of vertices and uvs defined so far.
+/// A face of the forms `v/vt`, `v/vt/vn`, `v` and `v//vn`, given the numbers of vertices and uvs defined so far.
 fn face<'a>(
     words: impl Iterator<Item = &'a [u8]>,
     vertex_count: usize,
     uv_count: usize,
+    bare: &mut Option<String>,
 ) -> std::result::Result<Face, Fault> {
     let mut face = Face { vertices: Vec::new(), uvs: Vec::new() };
     for word in words {
@@ -131,10 +149,8 @@ fn face<'a>(
         match parts.next() {
             Some(uv) if !uv.is_empty() => face.uvs.push(index(uv, uv_count, "texture coordinate")?),
             _ => {
-                return Err(Fault::new(
-                    format!("corner \"{}\" has no texture coordinate", show(word)),
-                    "unwrap the mesh and export it with its texture coordinates (uv)",
-                ));
+                face.uvs.push(0);
+                bare.get_or_insert_with(|| show(word));
             }
         }
     }

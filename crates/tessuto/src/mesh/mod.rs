@@ -1,6 +1,12 @@
 //! Polygon mesh: the template of the first frame, whose edges are the threads of the cloth.
 
+mod topology;
+mod weld;
+
 use glam::{DVec2, DVec3};
+
+pub use topology::{pieces, pinched};
+pub use weld::weld;
 
 /// One polygon: corner k has vertex `vertices[k]` and texture coordinate `uvs[k]`.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -68,10 +68,12 @@ pub(crate) fn overlap(covered: &[bool], mask: &Image) -> f64 {
 }
 
 /// The template with other signs or order of x and y, and how well it fits the mask.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Variant {
     /// What is done to the file's coordinates.
     pub name: &'static str,
+    /// The options of `tessuto template` that do it.
+    pub options: String,
     /// Overlap with the mask, in [0, 1].
     pub iou: f64,
 }
@@ -112,8 +114,23 @@ pub(crate) fn axis_variants(mesh: &Mesh, camera: &Camera, mask: &Image) -> [Vari
         };
         let positions: Vec<DVec3> = mesh.positions.iter().map(change).collect();
         let iou = overlap(&template_coverage(mesh, &positions, camera), mask);
-        Variant { name: names[k], iou }
+        Variant { name: names[k], options: options(k, backwards), iou }
     })
+}
+
+/// What `tessuto template` is told for variant `k`.
+fn options(k: usize, backwards: bool) -> String {
+    let axes: String =
+        [(2, "x"), (1, "y")].iter().filter(|(bit, _)| k & bit != 0).map(|(_, axis)| *axis).collect();
+    let axes = axes + if backwards { "z" } else { "" };
+    let flip = if axes.is_empty() { String::new() } else { format!("--flip {axes}") };
+    format!("{} {flip}", if k & 4 != 0 { "--swap xy" } else { "" }).trim().to_owned()
+}
+
+/// The variant that fits best; the file's own unless another is better.
+pub(crate) fn best_variant(variants: [Variant; 8]) -> Variant {
+    let better = |best: Variant, v: Variant| if v.iou > best.iou { v } else { best };
+    variants.into_iter().reduce(better).expect("eight variants")
 }
 
 #[cfg(test)]
@@ -141,8 +158,8 @@ mod tests {
         let flipped =
             Mesh { positions: mesh.positions.iter().map(|p| DVec3::new(-p.x, -p.y, p.z)).collect(), ..mesh };
         let variants = axis_variants(&flipped, &camera, &mask);
-        let best = variants.iter().max_by(|a, b| a.iou.total_cmp(&b.iou)).unwrap();
-        assert_eq!((best.iou, best.name.contains("PyTorch3D")), (1.0, true));
         assert!(variants[0].iou < 0.3);
+        let best = best_variant(variants);
+        assert_eq!((best.iou, best.name.contains("PyTorch3D"), &*best.options), (1.0, true, "--flip xy"));
     }
 }

@@ -19,7 +19,7 @@ use crate::scene::Frame;
 const MAX_BYTES: usize = 8 << 30;
 /// Colour and mask of one pixel [bytes].
 const PIXEL_BYTES: usize = 16;
-const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
+pub(super) const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 pub(crate) struct Video {
     pub crop: Rect,

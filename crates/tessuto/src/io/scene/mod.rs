@@ -8,6 +8,7 @@
 //! ```
 
 pub(crate) mod coverage;
+mod first_frame;
 mod frames;
 mod listing;
 mod manifest;
@@ -18,7 +19,9 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::mesh::Mesh;
 use crate::scene::Scene;
+pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 
 /// What to load.
@@ -39,7 +42,7 @@ pub struct Loaded {
 
 /// Reads the scene in `folder`; the first of its errors, in a fixed order, where it has any.
 pub fn load(folder: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let Attempt { loaded, errors } = attempt(folder, options);
+    let Attempt { loaded, errors, .. } = attempt(folder, options);
     match (errors.into_iter().next(), loaded) {
         (None, Some(loaded)) => Ok(loaded),
         (Some(error), _) => Err(error),
@@ -49,8 +52,10 @@ pub fn load(folder: &Path, options: &LoadOptions) -> Result<Loaded> {
 
 /// All that can be said of a folder.
 pub(crate) struct Attempt {
-    /// The scene, if template and frames are readable; it may still have errors.
+    /// The scene, if its frames are readable; it may still have errors.
     pub loaded: Option<Loaded>,
+    /// The template cannot be read: `loaded` has one without vertices in its place.
+    pub template_missing: bool,
     /// Errors in the order of manifest, template, frames, truth, overlap.
     pub errors: Vec<Error>,
 }
@@ -60,7 +65,7 @@ pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let start = Manifest::read(folder).and_then(|m| Ok((frame_range(&m, options)?, m)));
     let (range, manifest) = match start {
         Ok(start) => start,
-        Err(error) => return Attempt { loaded: None, errors: vec![error] },
+        Err(error) => return Attempt { loaded: None, template_missing: true, errors: vec![error] },
     };
     let mut errors = Vec::new();
     let mut warnings = Vec::new();
@@ -69,27 +74,30 @@ pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let video = video.map_err(|e| errors.push(e)).ok();
     let truth = truth::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut errors);
 
-    let loaded = mesh.zip(video).map(|(template, frames::Video { crop, frames })| {
-        let scene = Scene {
-            name: manifest.name.clone(),
-            folder: folder.to_path_buf(),
-            fps: manifest.fps,
-            camera: manifest.camera().cropped(crop),
-            crop,
-            full_size: [manifest.camera().width, manifest.camera().height],
-            first_frame: range.start,
-            template,
-            frames,
-            truth,
-        };
-        intrinsics_warnings(&manifest, &mut warnings);
-        // A template behind the camera, say, cannot be projected; its own error is enough.
-        if errors.is_empty() {
-            errors.extend(template::check_overlap(&scene, &mut warnings).err());
-        }
-        Loaded { scene, warnings }
-    });
-    Attempt { loaded, errors }
+    let template_missing = mesh.is_none();
+    let stand_in = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
+    let loaded =
+        Some(mesh.unwrap_or(stand_in)).zip(video).map(|(template, frames::Video { crop, frames })| {
+            let scene = Scene {
+                name: manifest.name.clone(),
+                folder: folder.to_path_buf(),
+                fps: manifest.fps,
+                camera: manifest.camera().cropped(crop),
+                crop,
+                full_size: [manifest.camera().width, manifest.camera().height],
+                first_frame: range.start,
+                template,
+                frames,
+                truth,
+            };
+            intrinsics_warnings(&manifest, &mut warnings);
+            // A template behind the camera, say, cannot be projected; its own error is enough.
+            if errors.is_empty() {
+                errors.extend(template::check_overlap(&scene, &mut warnings).err());
+            }
+            Loaded { scene, warnings }
+        });
+    Attempt { loaded, template_missing, errors }
 }
 
 /// The frames asked for, which must exist.

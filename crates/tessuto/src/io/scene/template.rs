@@ -5,16 +5,16 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::coverage::{VARIANT_GAIN, axis_variants, overlap, template_coverage};
+use super::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use super::manifest::{Manifest, Units};
 use super::{inside, warning};
 use crate::error::{Error, Result};
 use crate::io::obj;
-use crate::mesh::{Mesh, triangle_area};
+use crate::mesh::{Mesh, pieces, pinched, triangle_area};
 use crate::scene::Scene;
 
 /// Sizes of cloth taken seriously: length of the bounding box's diagonal [m].
-const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
+pub(crate) const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
 /// Overlap with the first mask below which the template is refused, and below which it is doubted.
 const OVERLAP_REFUSED: f64 = 0.3;
 const OVERLAP_DOUBTED: f64 = 0.85;
@@ -27,6 +27,14 @@ pub(crate) fn read(
     warnings: &mut Vec<String>,
 ) -> Option<Mesh> {
     let path = folder.join("template.obj");
+    if !path.exists() {
+        let hint = format!(
+            "make it with {} (a rectangle of fabric), or --remesh 32 --from MESH (any mesh in camera coordinates)",
+            command(folder, "--flat WIDTHxHEIGHTm --from-mask")
+        );
+        errors.push(Error::input(path.display().to_string(), "cannot be read: it does not exist", hint));
+        return None;
+    }
     let mut mesh = match inside(folder, &path).and_then(|p| obj::read(&p)) {
         Ok(mesh) => mesh,
         Err(error) => {
@@ -36,14 +44,27 @@ pub(crate) fn read(
     };
     mesh.positions.iter_mut().for_each(|p| *p *= manifest.units.scale());
     let place = path.display().to_string();
-    let checks =
-        [check_depth(&mesh, &place), check_scale(&mesh, manifest.units, &place), check_faces(&mesh, &place)];
+    let checks = [
+        check_depth(&mesh, &place, folder),
+        check_scale(&mesh, manifest.units, &place, folder),
+        check_faces(&mesh, &place),
+    ];
     errors.extend(checks.into_iter().filter_map(Result::err));
     if let Err(error) = check_edges(&mesh, &place, warnings) {
         errors.push(error);
     }
-    check_vertices(&mesh, warnings);
+    check_vertices(&mesh, folder, warnings);
+    check_pieces(&mesh, folder, warnings);
     Some(mesh)
+}
+
+/// What to type to mend the template of `folder`.
+pub(crate) fn command(folder: &Path, options: &str) -> String {
+    let path = folder.display().to_string();
+    let plain = path.chars().all(|c| c.is_alphanumeric() || "/\\._-+:".contains(c));
+    // A quote in a path is rarer than a space; the command is advice, not a script.
+    let quoted = if plain { path } else { format!("\"{path}\"") };
+    format!("tessuto template {quoted} {options}")
 }
 
 /// Diagonal of the bounding box [m].
@@ -53,14 +74,18 @@ pub(crate) fn diagonal(positions: &[DVec3]) -> f64 {
     (high - low).length()
 }
 
-fn check_depth(mesh: &Mesh, place: &str) -> Result<()> {
+fn check_depth(mesh: &Mesh, place: &str, folder: &Path) -> Result<()> {
     let Some(vertex) = mesh.positions.iter().position(|p| p.z <= 0.0) else { return Ok(()) };
     let depths = || mesh.positions.iter().map(|p| p.z);
     let (low, high) = (depths().fold(f64::INFINITY, f64::min), depths().fold(f64::NEG_INFINITY, f64::max));
     let hint = if high < 0.0 {
-        "looks like OpenGL axes (y up, z backwards): negate y and z of every vertex"
+        format!(
+            "looks like OpenGL axes (y up, z backwards): negate y and z of every vertex, {}",
+            command(folder, "--flip yz --force")
+        )
     } else {
         "vertices are in camera coordinates: x right, y down, z forward; move the mesh to where it was filmed"
+            .into()
     };
     let count = depths().filter(|z| *z <= 0.0).count();
     Err(Error::input(
@@ -74,7 +99,7 @@ fn check_depth(mesh: &Mesh, place: &str) -> Result<()> {
     ))
 }
 
-fn check_scale(mesh: &Mesh, units: Units, place: &str) -> Result<()> {
+fn check_scale(mesh: &Mesh, units: Units, place: &str, folder: &Path) -> Result<()> {
     let length = diagonal(&mesh.positions);
     if DIAGONAL.contains(&length) {
         return Ok(());
@@ -84,10 +109,11 @@ fn check_scale(mesh: &Mesh, units: Units, place: &str) -> Result<()> {
     let guess = Units::ALL.into_iter().min_by(|a, b| strangeness(a).total_cmp(&strangeness(b)));
     let hint = match guess {
         Some(guess) if guess != units && DIAGONAL.contains(&(raw * guess.scale())) => format!(
-            "the unit looks like {}: write \"units\": \"{}\" in scene.json ({:.2} m then)",
+            "the unit looks like {}: write \"units\": \"{}\" in scene.json ({:.2} m then), or {}",
             guess.key(),
             guess.key(),
-            raw * guess.scale()
+            raw * guess.scale(),
+            command(folder, &format!("--scale {} --force", guess.scale() / units.scale()))
         ),
         _ => "scale the template (and the truth, if any) to metres".to_string(),
     };
@@ -156,7 +182,38 @@ fn check_edges(mesh: &Mesh, place: &str, warnings: &mut Vec<String>) -> Result<(
     Ok(())
 }
 
-fn check_vertices(mesh: &Mesh, warnings: &mut Vec<String>) {
+/// Doubts templates of several pieces, and faces that meet in a point.
+fn check_pieces(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
+    let pieces = pieces(mesh);
+    if pieces.len() > 1 {
+        let found = format!(
+            "{} separate pieces, of {} to {} faces",
+            pieces.len(),
+            pieces[pieces.len() - 1],
+            pieces[0]
+        );
+        let hint = format!(
+            "one piece of fabric is expected: remove the others, or, if they touch, {}",
+            command(folder, "--weld --force")
+        );
+        warnings.push(warning("pieces", &found, &hint));
+    }
+    let pinched = pinched(mesh);
+    if let Some(first) = pinched.first() {
+        let found = format!(
+            "faces meet at {} vertices without sharing an edge there, first vertex {}",
+            pinched.len(),
+            first + 1
+        );
+        warnings.push(warning(
+            "pieces",
+            &found,
+            "a fabric is a surface: remove such faces, or split the vertices",
+        ));
+    }
+}
+
+fn check_vertices(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
     let mut used = vec![false; mesh.positions.len()];
     mesh.faces.iter().flat_map(|f| &f.vertices).for_each(|v| used[*v as usize] = true);
     if let Some(first) = used.iter().position(|u| !u) {
@@ -175,7 +232,11 @@ fn check_vertices(mesh: &Mesh, warnings: &mut Vec<String>) {
             pair[0] + 1,
             pair[1] + 1
         );
-        warnings.push(warning("vertices", &found, "merge them, or the fabric comes apart at this seam"));
+        let hint = format!(
+            "merge them, or the fabric comes apart at this seam: {}",
+            command(folder, "--weld --force")
+        );
+        warnings.push(warning("vertices", &found, &hint));
     }
 }
 
@@ -214,12 +275,13 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
 /// Why the template may not lie on the mask.
 fn way_out(scene: &Scene, iou: f64) -> String {
     let (mesh, camera, mask) = (&scene.template, &scene.camera, &scene.frames[0].mask);
-    let variants = axis_variants(mesh, camera, mask);
-    let best = variants.iter().fold(variants[0], |best, v| if v.iou > best.iou { *v } else { best });
+    let best = best_variant(axis_variants(mesh, camera, mask));
     if best.iou > iou + VARIANT_GAIN {
         return format!(
-            "axes look different: {} it overlaps by {:.2}; change template.obj so",
-            best.name, best.iou
+            "axes look different: {} it overlaps by {:.2}; {}",
+            best.name,
+            best.iou,
+            command(&scene.folder, &format!("{} --force", best.options))
         );
     }
     let mut inverse = mask.clone();

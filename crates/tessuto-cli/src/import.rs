@@ -1,0 +1,155 @@
+//! `tessuto import`.
+
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressStyle};
+use tessuto::import::{Masks, Settings, import};
+use tessuto::{Error, Result};
+
+use crate::check::tell;
+use crate::lens::{Lens, ffmpeg};
+use crate::output::OutputFolder;
+
+/// Make a scene folder from a video or pictures, masks and a camera, and check it.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto import clip.mp4 scenes/curtain --masks masks.mp4 --fov 63 --template curtain.obj
+  tessuto import frames/ scenes/flag --fps 25 --alpha --camera colmap/cameras.txt --downscale 2
+  tessuto import clip.mov scenes/towel --masks masks/ --camera calibration.yml --frames 120..180
+  tessuto template scenes/towel --flat 0.7x0.5m --from-mask     (if there is no template yet)
+
+Videos are decoded by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask is
+fabric; masks pair with frames by name, else by number; a video of masks pairs frame by frame.")]
+pub struct Arguments {
+    /// Video file, or folder of PNG or JPEG pictures.
+    input: PathBuf,
+    /// Scene folder to write.
+    out: PathBuf,
+    /// Masks: folder of pictures, or a video; white is fabric.
+    #[arg(long, value_name = "PATH", required_unless_present = "alpha", conflicts_with = "alpha")]
+    masks: Option<PathBuf>,
+    /// Take the masks from the transparency (alpha) of the pictures.
+    #[arg(long)]
+    alpha: bool,
+    /// Black is fabric in the masks.
+    #[arg(long)]
+    invert_masks: bool,
+    /// The fabric in the first frame: OBJ, PLY or glTF, camera axes, metres, with uv.
+    #[arg(long, value_name = "FILE")]
+    template: Option<PathBuf>,
+    /// Frames per second; needed for pictures. A video of another rate is resampled.
+    #[arg(long)]
+    fps: Option<f64>,
+    /// Only frames A to B − 1 of the input.
+    #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
+    frames: Option<std::ops::Range<usize>>,
+    /// Every so-manyth frame.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    stride: usize,
+    /// So many pixels, in each direction, become one.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    downscale: usize,
+    /// Take numbered pictures with gaps for evenly spaced in time.
+    #[arg(long)]
+    allow_gaps: bool,
+    /// Replace a scene folder that is there; its template is kept where no other is given.
+    #[arg(long)]
+    force: bool,
+    /// Threads [default: all cores].
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    #[command(flatten)]
+    lens: Lens,
+}
+
+/// Runs the command: writes the scene, prints what was changed and what `check` finds.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    crate::threads::use_threads(arguments.threads)?;
+    let out = &arguments.out;
+    check_target(arguments)?;
+    let kept = out.join("template.obj");
+    let settings = Settings {
+        input: arguments.input.clone(),
+        masks: arguments.masks.clone().map_or(Masks::Alpha, Masks::Path),
+        invert_masks: arguments.invert_masks,
+        calibration: arguments.lens.calibration()?,
+        fps: arguments.fps,
+        frames: arguments.frames.clone(),
+        stride: arguments.stride,
+        downscale: arguments.downscale,
+        allow_gaps: arguments.allow_gaps,
+        template: arguments.template.clone().or_else(|| kept.is_file().then(|| kept.clone())),
+        ffmpeg: ffmpeg(),
+    };
+    let name = out.canonicalize().unwrap_or_else(|_| out.clone());
+    let name = name.file_name().map_or_else(|| "scene".to_owned(), |n| n.to_string_lossy().into_owned());
+    let output =
+        OutputFolder::prepare_if(out, |folder| arguments.force && folder.join("scene.json").is_file())?;
+    let imported = {
+        let (bar, count) = (bar(), AtomicUsize::new(0));
+        import(&settings, &name, output.partial(), &|written| {
+            let count = count.fetch_add(1, Ordering::Relaxed) + 1;
+            bar.set_message(format!("{count} files, {written}"));
+        })?
+    };
+    output.publish()?;
+    for note in &imported.notes {
+        tell(format_args!("note: {note}"));
+    }
+    tell(format_args!(
+        "{}: {} frames of {}×{} px, {} per second",
+        out.display(),
+        imported.frames,
+        imported.camera.width,
+        imported.camera.height,
+        (imported.fps * 1e4).round() / 1e4
+    ));
+    if settings.template.is_some() {
+        return crate::check::check(out, None);
+    }
+    crate::check::check_without_template(out)
+}
+
+/// A line that counts on a terminal, nothing elsewhere.
+fn bar() -> ProgressBar {
+    let style = ProgressStyle::with_template("{spinner} {msg}").expect("a valid template");
+    ProgressBar::new_spinner().with_style(style)
+}
+
+/// Refuses a target that would cost the user something.
+fn check_target(arguments: &Arguments) -> Result<()> {
+    let out = &arguments.out;
+    let there = out.join("scene.json").is_file();
+    if there && !arguments.force {
+        return Err(Error::input(
+            out.display().to_string(),
+            "a scene is there already, and would be replaced",
+            "add --force to replace it, or choose another folder",
+        ));
+    }
+    let inside = |path: &Path| match (path.canonicalize(), out.canonicalize()) {
+        (Ok(path), Ok(out)) => path.starts_with(out),
+        _ => false,
+    };
+    let sources = [Some(&arguments.input), arguments.masks.as_ref(), arguments.template.as_ref()];
+    if let Some(source) = sources.into_iter().flatten().find(|path| there && inside(path)) {
+        return Err(Error::input(
+            source.display().to_string(),
+            format!("lies in {}, which would be replaced", out.display()),
+            "choose another folder for the scene",
+        ));
+    }
+    let ours = ["scene.json", "template.obj", "rgbs", "masks"];
+    let others = out.read_dir().into_iter().flatten().flatten().map(|entry| entry.file_name());
+    if let Some(other) = others.into_iter().find(|name| there && !ours.iter().any(|o| name == o)) {
+        return Err(Error::input(
+            out.join(other).display().to_string(),
+            "is not part of an imported scene, and would be lost",
+            "move it away, or choose another folder for the scene",
+        ));
+    }
+    Ok(())
+}

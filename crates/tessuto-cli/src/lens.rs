@@ -1,0 +1,89 @@
+//! The camera on the command line, for the commands that make scenes.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use tessuto::Error;
+use tessuto::import::{Calibration, Distortion, Focal};
+
+/// Options that describe the camera.
+#[derive(Args)]
+#[command(next_help_heading = "Camera")]
+pub struct Lens {
+    /// Camera file: nerfstudio transforms.json, COLMAP cameras.txt, or an OpenCV calibration (YAML, JSON).
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["fx", "fov"])]
+    camera: Option<PathBuf>,
+    /// Which camera of a COLMAP file that holds several.
+    #[arg(long, value_name = "N", requires = "camera")]
+    camera_id: Option<u32>,
+    /// Focal length along x, in pixels of the input.
+    #[arg(long, value_name = "PX", conflicts_with = "fov", allow_negative_numbers = true)]
+    fx: Option<f64>,
+    /// Focal length along y [default: fx].
+    #[arg(long, value_name = "PX", requires = "fx", allow_negative_numbers = true)]
+    fy: Option<f64>,
+    /// Principal point, column [default: the middle]; the centre of the first pixel is 0.
+    #[arg(long, value_name = "PX", requires = "cy", allow_negative_numbers = true)]
+    cx: Option<f64>,
+    /// Principal point, row.
+    #[arg(long, value_name = "PX", requires = "cx", allow_negative_numbers = true)]
+    cy: Option<f64>,
+    /// Horizontal field of view, instead of a focal length [degrees].
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true)]
+    fov: Option<f64>,
+    /// Lens distortion as OpenCV has it, to be removed from the frames.
+    #[arg(
+        long,
+        value_name = "K1,K2,P1,P2,K3",
+        value_delimiter = ',',
+        allow_negative_numbers = true,
+        conflicts_with = "camera"
+    )]
+    distortion: Vec<f64>,
+}
+
+impl Lens {
+    /// The calibration asked for.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] if there is none, or if its values cannot be; [`Error::Input`] of its file.
+    pub fn calibration(&self) -> tessuto::Result<Calibration> {
+        if let Some(path) = &self.camera {
+            return Calibration::read(path, self.camera_id);
+        }
+        let focal = match (self.fx, self.fov) {
+            (Some(fx), _) => Focal::Pixels([fx, self.fy.unwrap_or(fx)]),
+            (None, Some(fov)) if fov > 0.0 && fov < 179.0 => Focal::Angle(fov.to_radians()),
+            (None, Some(fov)) => {
+                return Err(Error::usage(
+                    format!("--fov is {fov}"),
+                    "give the horizontal field of view in degrees, above 0 and below 179",
+                ));
+            }
+            (None, None) => {
+                return Err(Error::usage(
+                    "the camera is not given",
+                    "add --camera FILE (COLMAP, nerfstudio, OpenCV), --fx PX (and --fy, --cx, --cy), or --fov DEGREES; \
+                     a phone's main camera held upright or across sees 50 to 70 degrees along its longer side",
+                ));
+            }
+        };
+        if !matches!(self.distortion.len(), 0 | 2 | 4 | 5) || self.distortion.iter().any(|k| !k.is_finite()) {
+            return Err(Error::usage(
+                format!("--distortion has {} numbers", self.distortion.len()),
+                "give k1,k2 or k1,k2,p1,p2 or k1,k2,p1,p2,k3, as OpenCV orders them",
+            ));
+        }
+        Ok(Calibration {
+            centre: self.cx.zip(self.cy).map(|(x, y)| [x, y]),
+            distortion: Distortion::from_opencv(&self.distortion),
+            ..Calibration::new("the camera options", focal)
+        })
+    }
+}
+
+/// The program that decodes videos: TESSUTO_FFMPEG, or ffmpeg in the search path.
+pub fn ffmpeg() -> PathBuf {
+    let set = std::env::var_os("TESSUTO_FFMPEG").filter(|path| !path.is_empty());
+    set.map_or_else(|| Path::new("ffmpeg").to_path_buf(), PathBuf::from)
+}

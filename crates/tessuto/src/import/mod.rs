@@ -1,0 +1,164 @@
+//! A scene folder from what people have: a video or a folder of pictures, masks from a segmenter, a camera from
+//! anywhere. What is written is what the rest of the program reads: a pinhole camera, numbered frames and masks.
+
+mod calibration;
+mod colmap;
+mod frames;
+mod lens;
+mod masks;
+mod nerfstudio;
+mod opencv;
+mod pictures;
+mod video;
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use serde_json::json;
+
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::io::{atomic_write, model, obj};
+use frames::Source;
+use pictures::Stage;
+
+pub use calibration::{Calibration, Focal};
+pub use lens::Distortion;
+
+/// Where the masks come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Masks {
+    /// A folder of pictures, or a video; white is fabric.
+    Path(PathBuf),
+    /// The alpha channel of the frames.
+    Alpha,
+}
+
+/// What to import, and how.
+#[derive(Debug, Clone)]
+pub struct Settings {
+    /// A video file, or a folder of PNG and JPEG pictures.
+    pub input: PathBuf,
+    /// Where the fabric is.
+    pub masks: Masks,
+    /// Black is fabric.
+    pub invert_masks: bool,
+    /// The lens.
+    pub calibration: Calibration,
+    /// Frames per second; a video is resampled to it. Needed for pictures.
+    pub fps: Option<f64>,
+    /// Only these frames of the input, counted from 0.
+    pub frames: Option<Range<usize>>,
+    /// Every so-manyth of them.
+    pub stride: usize,
+    /// Pixels of the input, in each direction, that become one.
+    pub downscale: usize,
+    /// Take numbered pictures with gaps for evenly spaced in time.
+    pub allow_gaps: bool,
+    /// The fabric in the first frame, in camera coordinates: OBJ, PLY or glTF.
+    pub template: Option<PathBuf>,
+    /// The program that decodes videos.
+    pub ffmpeg: PathBuf,
+}
+
+/// What was imported.
+#[derive(Debug, Clone)]
+pub struct Imported {
+    /// Number of frames.
+    pub frames: usize,
+    /// Frames per second.
+    pub fps: f64,
+    /// The pinhole camera of the written frames.
+    pub camera: Camera,
+    /// What was changed or assumed.
+    pub notes: Vec<String>,
+}
+
+/// Writes the scene `name` into the existing, empty `folder`; `progress` is told what has just been written.
+///
+/// # Errors
+/// [`Error::Usage`], [`Error::Input`], [`Error::Output`].
+pub fn import(
+    settings: &Settings,
+    name: &str,
+    folder: &Path,
+    progress: &(dyn Fn(&str) + Sync),
+) -> Result<Imported> {
+    validate(settings)?;
+    let mut notes = Vec::new();
+    if let Some(path) = &settings.template {
+        write_template(path, folder, &mut notes)?;
+    }
+    for sub in ["rgbs", "masks"] {
+        let path = folder.join(sub);
+        std::fs::create_dir_all(&path).map_err(|source| Error::Output { path, source })?;
+    }
+    let source = Source::open(settings, &mut notes)?;
+    let stage = Stage::new(settings, folder, progress);
+    let colours = source.write(&stage, &mut notes)?;
+    masks::write(settings, &source, &stage, &colours, &mut notes)?;
+
+    let fps = source.fps / settings.stride as f64;
+    let camera = colours.camera.downsampled(settings.downscale);
+    let manifest = json!({
+        "name": name,
+        "fps": fps,
+        "n_frames": colours.frames.len(),
+        "width": camera.width,
+        "height": camera.height,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "units": "m",
+        "notes": {
+            "generator": "tessuto import",
+            "input": settings.input.file_name().map(|n| n.to_string_lossy()),
+            "frames": [colours.frames.start, colours.frames.end * settings.stride],
+            "stride": settings.stride,
+            "downscale": settings.downscale,
+            "undistorted": !settings.calibration.distortion.is_none(),
+        },
+    });
+    let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
+    atomic_write(&folder.join("scene.json"), text.as_bytes())?;
+    Ok(Imported { frames: colours.frames.len(), fps, camera, notes })
+}
+
+fn validate(settings: &Settings) -> Result<()> {
+    let demand = |ok: bool, option: &str, value: String, hint: &str| {
+        if ok { Ok(()) } else { Err(Error::usage(format!("{option} is {value}"), hint)) }
+    };
+    demand(settings.stride >= 1, "--stride", settings.stride.to_string(), "give 1 or more")?;
+    demand(
+        (1..=64).contains(&settings.downscale),
+        "--downscale",
+        settings.downscale.to_string(),
+        "give a whole number from 1 to 64: so many pixels become one in each direction",
+    )?;
+    if let Some(fps) = settings.fps {
+        demand(fps > 0.0 && fps <= 100_000.0, "--fps", fps.to_string(), "give frames per second, above 0")?;
+    }
+    if settings.masks == Masks::Alpha && !settings.input.is_dir() {
+        return Err(Error::usage(
+            format!("--alpha with {}, which is no folder", settings.input.display()),
+            "transparency is read from PNG pictures: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
+        ));
+    }
+    Ok(())
+}
+
+/// Copies or converts the mesh at `path` to template.obj.
+fn write_template(path: &Path, folder: &Path, notes: &mut Vec<String>) -> Result<()> {
+    let model = model::read(path)?;
+    let place = path.display();
+    if !model.has_uv {
+        return Err(Error::input(
+            place.to_string(),
+            "has no texture coordinates (uv), which a template needs",
+            "unwrap it in a modelling program; or import without --template, then: tessuto template SCENE --remesh 32 --from MESH",
+        ));
+    }
+    notes.extend(model.notes.iter().map(|n| format!("{place}: {n}")));
+    obj::write(&folder.join("template.obj"), &model.mesh, None)
+}

@@ -1,0 +1,289 @@
+//! glTF 2.0, as .glb or .gltf: the triangles of all meshes in the scene's nodes, with their first texture coordinates.
+//!
+//! Read from the JSON itself: the crate `gltf` panics on some files that lack what the standard demands.
+
+use std::path::Path;
+
+use glam::{DMat4, DQuat, DVec2, DVec3};
+use serde_json::Value;
+
+use super::{MAX_BYTES, MAX_COUNT, Model, Split};
+use crate::error::{Error, Result};
+use crate::io::read_bounded;
+
+/// Deepest nesting of nodes.
+const MAX_DEPTH: usize = 64;
+
+/// What is wrong with a file, and the way out.
+type Fault = (String, &'static str);
+type Outcome<T> = std::result::Result<T, Fault>;
+
+const AGAIN: &str = "export the mesh again as glTF 2.0 without compression, or as OBJ";
+
+/// Reads the meshes in the bytes of the file at `path`.
+pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Model> {
+    let place = path.display().to_string();
+    let fail = |(problem, hint): Fault| Error::input(&place, problem, hint);
+    let (json, chunk) = open(bytes).map_err(fail)?;
+    let document: Value =
+        serde_json::from_slice(json).map_err(|e| fail((format!("is not valid JSON: {e}"), AGAIN)))?;
+    let used = document["extensionsRequired"].as_array().into_iter().flatten().filter_map(Value::as_str);
+    let known = |e: &&str| !matches!(*e, "KHR_texture_transform" | "KHR_materials_unlit");
+    if let Some(extension) = used.into_iter().find(known) {
+        return Err(fail((format!("needs the extension {extension}, which is not read"), AGAIN)));
+    }
+    let buffers = buffers(&document, chunk, path)?;
+    let mut reader = Reader {
+        document: &document,
+        buffers,
+        split: Split { positions: vec![], uvs: vec![], faces: vec![] },
+        bare: false,
+    };
+    let scene = document["scene"].as_u64().unwrap_or(0) as usize;
+    let mut roots: Vec<usize> = indices(&document["scenes"][scene]["nodes"]);
+    if roots.is_empty() {
+        // Without a scene, all nodes that are nobody's child.
+        let nodes = document["nodes"].as_array().map_or(0, Vec::len);
+        let children: Vec<usize> =
+            (0..nodes).flat_map(|n| indices(&document["nodes"][n]["children"])).collect();
+        roots = (0..nodes).filter(|n| !children.contains(n)).collect();
+    }
+    // y up and looking along −z becomes y down and looking along z.
+    let axes = DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0));
+    roots.into_iter().try_for_each(|n| reader.node(n, axes, 0)).map_err(fail)?;
+    if reader.bare {
+        reader.split.uvs.clear();
+    }
+    let mut model = reader.split.merged(&place)?;
+    if document["animations"].as_array().is_some_and(|a| !a.is_empty()) {
+        model.notes.push("animation is not read: the mesh is taken at rest".into());
+    }
+    Ok(model)
+}
+
+/// The JSON text, and the binary chunk of a .glb.
+fn open(bytes: &[u8]) -> Outcome<(&[u8], Option<&[u8]>)> {
+    if !bytes.starts_with(b"glTF") {
+        return Ok((bytes, None));
+    }
+    let word =
+        |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+    let truncated = || ("is a truncated .glb file".to_owned(), AGAIN);
+    if word(4) != Some(2) {
+        return Err((format!("is glTF version {:?}; 2 is read", word(4).unwrap_or(0)), AGAIN));
+    }
+    let length = word(12).ok_or_else(truncated)?;
+    let json = bytes.get(20..20 + length).ok_or_else(truncated)?;
+    let at = 20 + length;
+    let chunk = match word(at) {
+        Some(length) => Some(bytes.get(at + 8..at + 8 + length).ok_or_else(truncated)?),
+        None => None,
+    };
+    Ok((json, chunk))
+}
+
+fn indices(list: &Value) -> Vec<usize> {
+    list.as_array().into_iter().flatten().filter_map(|v| v.as_u64().map(|n| n as usize)).collect()
+}
+
+/// The bytes of every buffer: the chunk of a .glb, a data URI, or a file beside `path`.
+fn buffers(document: &Value, chunk: Option<&[u8]>, path: &Path) -> Result<Vec<Vec<u8>>> {
+    let place = path.display().to_string();
+    let list = document["buffers"].as_array().map_or(&[][..], Vec::as_slice);
+    let one = |buffer: &Value| match buffer["uri"].as_str() {
+        None => Ok(chunk.unwrap_or_default().to_vec()),
+        Some(uri) if uri.starts_with("data:") => {
+            let text = uri.split_once(";base64,").map(|(_, text)| text);
+            text.and_then(base64)
+                .ok_or_else(|| Error::input(&place, "holds a buffer that is not base64", AGAIN))
+        }
+        Some(uri) => {
+            // A template must not make the program read files from elsewhere.
+            let name = percent_decoded(uri);
+            let plain = Path::new(&name).components().all(|c| matches!(c, std::path::Component::Normal(_)));
+            if !plain || name.contains("://") {
+                let problem = format!("its buffer \"{name}\" is not beside it");
+                return Err(Error::input(&place, problem, "export as .glb, which is one file"));
+            }
+            read_bounded(&path.with_file_name("").join(name), MAX_BYTES)
+        }
+    };
+    list.iter().map(one).collect()
+}
+
+struct Reader<'a> {
+    document: &'a Value,
+    buffers: Vec<Vec<u8>>,
+    split: Split,
+    /// Whether a primitive has no texture coordinates.
+    bare: bool,
+}
+
+impl Reader<'_> {
+    /// Adds the meshes of a node and its children, with positions multiplied by `parent` and the node's own transform.
+    fn node(&mut self, index: usize, parent: DMat4, depth: usize) -> Outcome<()> {
+        let node = &self.document["nodes"][index];
+        if depth > MAX_DEPTH {
+            return Err((format!("nests nodes deeper than {MAX_DEPTH}"), AGAIN));
+        }
+        let transform = parent * local(node);
+        if let Some(mesh) = node["mesh"].as_u64() {
+            let document = self.document;
+            for primitive in document["meshes"][mesh as usize]["primitives"].as_array().into_iter().flatten()
+            {
+                self.primitive(primitive, transform)?;
+            }
+        }
+        indices(&node["children"]).into_iter().try_for_each(|child| self.node(child, transform, depth + 1))
+    }
+
+    fn primitive(&mut self, primitive: &Value, transform: DMat4) -> Outcome<()> {
+        let mode = primitive["mode"].as_u64().unwrap_or(4);
+        if mode != 4 {
+            return Err((format!("has a primitive of mode {mode}; triangles (mode 4) are read"), AGAIN));
+        }
+        let attributes = &primitive["attributes"];
+        let positions = self.accessor(&attributes["POSITION"], 3)?;
+        let count = positions.len() / 3;
+        let uvs = if attributes["TEXCOORD_0"].is_null() {
+            None
+        } else {
+            Some(self.accessor(&attributes["TEXCOORD_0"], 2)?)
+        };
+        let corners: Vec<u32> = match &primitive["indices"] {
+            Value::Null => (0..count as u32).collect(),
+            accessor => self.accessor(accessor, 1)?.into_iter().map(|v| v as u32).collect(),
+        };
+        if let Some(v) = corners.iter().find(|v| **v as usize >= count) {
+            return Err((format!("names vertex {v} of {count}"), AGAIN));
+        }
+        let first = self.split.positions.len() as u32;
+        let points =
+            positions.chunks_exact(3).map(|p| transform.transform_point3(DVec3::new(p[0], p[1], p[2])));
+        self.split.positions.extend(points);
+        self.bare |= uvs.as_ref().is_none_or(|uvs| uvs.len() != 2 * count);
+        // Row 0 of a glTF texture is v = 0, here it is v = 1.
+        let uvs = uvs.unwrap_or_else(|| vec![0.0; 2 * count]);
+        self.split.uvs.extend(uvs.chunks_exact(2).take(count).map(|t| DVec2::new(t[0], 1.0 - t[1])));
+        self.split.faces.extend(corners.chunks_exact(3).map(|c| c.iter().map(|v| first + v).collect()));
+        Ok(())
+    }
+
+    /// The numbers of an accessor with `width` components, one item after the other.
+    fn accessor(&self, index: &Value, width: usize) -> Outcome<Vec<f64>> {
+        let lacks = |what: &str| (format!("lacks {what}"), AGAIN);
+        let index = index.as_u64().ok_or_else(|| lacks("positions or indices of a primitive"))? as usize;
+        let accessor = &self.document["accessors"][index];
+        let count = accessor["count"].as_u64().ok_or_else(|| lacks("an accessor it names"))? as usize;
+        let components = match accessor["type"].as_str() {
+            Some("SCALAR") => 1,
+            Some("VEC2") => 2,
+            Some("VEC3") => 3,
+            _ => 0,
+        };
+        if components != width || count > 3 * MAX_COUNT {
+            return Err((format!("accessor {index} has {count} items of type {}", accessor["type"]), AGAIN));
+        }
+        if !accessor["sparse"].is_null() {
+            return Err((format!("accessor {index} is sparse, which is not read"), AGAIN));
+        }
+        let kind = accessor["componentType"].as_u64().unwrap_or(0);
+        let size = match kind {
+            5120 | 5121 => 1,
+            5122 | 5123 => 2,
+            5125 | 5126 => 4,
+            _ => return Err((format!("accessor {index} has the component type {kind}"), AGAIN)),
+        };
+        let view = &self.document["bufferViews"]
+            [accessor["bufferView"].as_u64().ok_or_else(|| lacks("a buffer view"))? as usize];
+        let number = |v: &Value| v.as_u64().unwrap_or(0) as usize;
+        let buffer = self.buffers.get(number(&view["buffer"])).ok_or_else(|| lacks("a buffer"))?;
+        let start = number(&view["byteOffset"]).saturating_add(number(&accessor["byteOffset"]));
+        let stride = if view["byteStride"].is_null() { size * width } else { number(&view["byteStride"]) };
+        let end =
+            start.saturating_add(stride.saturating_mul(count.saturating_sub(1))).saturating_add(size * width);
+        if stride < size * width || end > buffer.len() && count > 0 {
+            let problem = format!("accessor {index} reaches to byte {end} of a buffer of {}", buffer.len());
+            return Err((problem, "the file is truncated: copy or export it again"));
+        }
+        let normalized = accessor["normalized"].as_bool() == Some(true);
+        let scale = if normalized {
+            [127.0, 255.0, 32_767.0, 65_535.0][(kind as usize).min(5123) - 5120]
+        } else {
+            1.0
+        };
+        let value = |b: &[u8]| match kind {
+            5120 => f64::from(b[0] as i8),
+            5121 => f64::from(b[0]),
+            5122 => f64::from(i16::from_le_bytes([b[0], b[1]])),
+            5123 => f64::from(u16::from_le_bytes([b[0], b[1]])),
+            5125 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            _ => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+        };
+        let item =
+            |k: usize| buffer[start + k * stride..start + k * stride + size * width].chunks_exact(size);
+        Ok((0..count).flat_map(item).map(|b| value(b) / scale).collect())
+    }
+}
+
+/// A node's own transform: its matrix (column-major), or translation · rotation · scale.
+fn local(node: &Value) -> DMat4 {
+    let numbers = |key: &str| -> Option<Vec<f64>> {
+        node[key].as_array()?.iter().map(Value::as_f64).collect::<Option<Vec<f64>>>()
+    };
+    if let Some(matrix) = numbers("matrix").and_then(|m| <[f64; 16]>::try_from(m).ok()) {
+        return DMat4::from_cols_array(&matrix);
+    }
+    let three = |key: &str, default: DVec3| {
+        numbers(key).and_then(|v| <[f64; 3]>::try_from(v).ok()).map_or(default, DVec3::from_array)
+    };
+    let rotation = numbers("rotation")
+        .and_then(|v| <[f64; 4]>::try_from(v).ok())
+        .map_or(DQuat::IDENTITY, DQuat::from_array);
+    DMat4::from_scale_rotation_translation(
+        three("scale", DVec3::ONE),
+        rotation,
+        three("translation", DVec3::ZERO),
+    )
+}
+
+/// Standard base64; `None` if a character is foreign.
+fn base64(text: &str) -> Option<Vec<u8>> {
+    let digit = |c: u8| match c {
+        b'A'..=b'Z' => Some(c - b'A'),
+        b'a'..=b'z' => Some(c - b'a' + 26),
+        b'0'..=b'9' => Some(c - b'0' + 52),
+        b'+' => Some(62),
+        b'/' => Some(63),
+        _ => None,
+    };
+    let (mut bits, mut held, mut out) = (0u32, 0, Vec::with_capacity(text.len() / 4 * 3));
+    for c in text.trim_end_matches('=').bytes() {
+        bits = bits << 6 | u32::from(digit(c)?);
+        held += 6;
+        if held >= 8 {
+            held -= 8;
+            out.push((bits >> held) as u8);
+        }
+    }
+    Some(out)
+}
+
+/// `%20` and the like as the bytes they stand for.
+fn percent_decoded(uri: &str) -> String {
+    let (bytes, mut out, mut k) = (uri.as_bytes(), Vec::new(), 0);
+    while k < bytes.len() {
+        let hex = uri.get(k + 1..k + 3).and_then(|h| u8::from_str_radix(h, 16).ok());
+        match (bytes[k], hex) {
+            (b'%', Some(byte)) => {
+                out.push(byte);
+                k += 3;
+            }
+            (byte, _) => {
+                out.push(byte);
+                k += 1;
+            }
+        }
+    }
+    String::from_utf8_lossy(&out).into_owned()
+}

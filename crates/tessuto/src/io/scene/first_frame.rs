@@ -1,0 +1,39 @@
+//! What a scene folder says of its first frame, template or not: enough to make a template from.
+
+use std::path::{Path, PathBuf};
+
+use super::frames::ENDINGS;
+use super::listing::numbered;
+use super::manifest::Manifest;
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::image::Image;
+use crate::io::image;
+
+/// Camera and mask of the first frame.
+#[derive(Debug, Clone)]
+pub struct FirstFrame {
+    /// Camera of the full picture.
+    pub camera: Camera,
+    /// Share of each pixel that is fabric, shape [height, width, 1].
+    pub mask: Image,
+    /// The file of the mask.
+    pub mask_path: PathBuf,
+    /// Metres in one unit of template.obj.
+    pub metres: f64,
+}
+
+/// Reads camera and first mask of the scene in `folder`.
+///
+/// # Errors
+/// [`Error::Input`](crate::Error::Input), as when the scene is loaded.
+pub fn first_frame(folder: &Path) -> Result<FirstFrame> {
+    let manifest = Manifest::read(folder)?;
+    let camera = manifest.camera();
+    let numbers = (0..1, manifest.n_frames);
+    let mask_path = numbered(folder, "masks", "mask_", &ENDINGS, numbers, &mut Vec::new())?.remove(0);
+    let mut picture = image::open(&mask_path)?;
+    picture.expect_size([camera.width, camera.height])?;
+    let mask = picture.mask(picture.full());
+    Ok(FirstFrame { camera, mask, mask_path, metres: manifest.units.scale() })
+}

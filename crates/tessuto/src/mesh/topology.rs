@@ -1,0 +1,71 @@
+//! How the faces of a mesh hang together.
+
+use std::collections::HashMap;
+
+use super::Mesh;
+
+/// Number of faces of each connected piece, the largest first.
+pub fn pieces(mesh: &Mesh) -> Vec<usize> {
+    fn root(parent: &mut [u32], mut v: u32) -> u32 {
+        while parent[v as usize] != v {
+            parent[v as usize] = parent[parent[v as usize] as usize];
+            v = parent[v as usize];
+        }
+        v
+    }
+    let mut parent: Vec<u32> = (0..mesh.positions.len() as u32).collect();
+    for face in &mesh.faces {
+        for pair in face.vertices.windows(2) {
+            let (a, b) = (root(&mut parent, pair[0]), root(&mut parent, pair[1]));
+            parent[a as usize] = b;
+        }
+    }
+    let mut counts: HashMap<u32, usize> = HashMap::new();
+    for face in &mesh.faces {
+        *counts.entry(root(&mut parent, face.vertices[0])).or_default() += 1;
+    }
+    let mut counts: Vec<usize> = counts.into_values().collect();
+    counts.sort_unstable_by(|a, b| b.cmp(a));
+    counts
+}
+
+/// Vertices at which faces meet that share no edge there, as at the tip of two cones; ascending.
+pub fn pinched(mesh: &Mesh) -> Vec<u32> {
+    // Per vertex, the neighbours along the two edges of each of its faces.
+    let mut around: Vec<Vec<[u32; 2]>> = vec![Vec::new(); mesh.positions.len()];
+    for face in &mesh.faces {
+        let n = face.vertices.len();
+        for (k, v) in face.vertices.iter().enumerate() {
+            around[*v as usize].push([face.vertices[(k + n - 1) % n], face.vertices[(k + 1) % n]]);
+        }
+    }
+    let one_fan = |faces: &Vec<[u32; 2]>| {
+        let mut left = faces.clone();
+        let Some(mut reached) = left.pop().map(|f| f.to_vec()) else { return true };
+        while let Some(k) = left.iter().position(|f| reached.contains(&f[0]) || reached.contains(&f[1])) {
+            reached.extend(left.swap_remove(k));
+        }
+        left.is_empty()
+    };
+    (0..mesh.positions.len() as u32).filter(|v| !one_fan(&around[*v as usize])).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::{Face, grid};
+
+    #[test]
+    fn pieces_and_pinches() {
+        let mut mesh = grid(4, 4, glam::DVec2::ONE, 1.0);
+        assert_eq!((pieces(&mesh), pinched(&mesh)), (vec![9], vec![]));
+        // Two opposite quads at vertex 5 go: the other two meet there only.
+        mesh.faces
+            .retain(|f| !(f.vertices.contains(&0) || f.vertices.contains(&10) && f.vertices.contains(&5)));
+        assert_eq!((pieces(&mesh), pinched(&mesh)), (vec![7], vec![5]));
+        let far: Vec<u32> = (16..19).collect();
+        mesh.positions.extend([glam::DVec3::ONE; 3]);
+        mesh.faces.push(Face { vertices: far, uvs: vec![0, 1, 2] });
+        assert_eq!(pieces(&mesh), vec![7, 1]);
+    }
+}

@@ -1,0 +1,21 @@
+//! Templates: the fabric in the first frame, made from what people have.
+//!
+//! - a flat or nearly flat rectangle of known size: [`outline`], [`rectangle`], [`hem`](mod@hem)
+//! - any textured mesh, as a regular grid of quads: [`remesh`]
+//! - a mesh in another unit or with other axes: [`fix`]
+
+pub mod fix;
+pub mod hem;
+pub mod outline;
+pub mod rectangle;
+pub mod remesh;
+
+use crate::camera::Camera;
+use crate::image::Image;
+use crate::io::scene::coverage::{overlap, template_coverage};
+use crate::mesh::Mesh;
+
+/// Intersection over union of a mesh [m], as `camera` sees it, and a mask of the same size.
+pub fn overlap_with_mask(mesh: &Mesh, camera: &Camera, mask: &Image) -> f64 {
+    overlap(&template_coverage(mesh, &mesh.positions, camera), mask)
+}
