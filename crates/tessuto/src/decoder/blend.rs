@@ -97,7 +97,7 @@ mod tests {
                 overlap,
                 latent_edge: 2,
                 channels: vec![1, 1, 1],
-                ..DecoderConfig::light()
+                ..DecoderConfig::light(256)
             };
             let blend = Blend::new(&config);
             let ones = vec![1.0; tiles * tiles * CHANNELS * 16 * 16];
