@@ -310,7 +310,7 @@ mod tests {
         let quad =
             [(40.3, 30.2), (161.7, 21.4), (170.1, 130.6), (31.8, 121.9)].map(|(x, y)| DVec2::new(x, y));
         // A pin that sticks out of a corner, and pieces elsewhere.
-        let crumbs = |x: usize, y: usize| (160..164).contains(&x) && (16..24).contains(&y) || x < 3 && y < 3;
+        let crumbs = |x: usize, y: usize| (160..163).contains(&x) && (19..24).contains(&y) || x < 3 && y < 3;
         let outline = Outline::new(&painted(quad, crumbs), "mask").unwrap();
         assert_eq!(outline.notes.len(), 1, "{:?}", outline.notes);
         let found = outline.corners();

@@ -40,6 +40,7 @@ impl Resolution {
     pub fn grid(self, size: DVec2) -> Result<[usize; 2]> {
         let grid = match self {
             Self::Grid(grid) => grid,
+            Self::Longer(n) if n < 3 => [n, n],
             Self::Longer(n) => {
                 let cells = n.saturating_sub(1) as f64;
                 size.to_array().map(|side| (side / size.max_element() * cells).round().max(2.0) as usize + 1)

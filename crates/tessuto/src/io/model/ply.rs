@@ -104,7 +104,7 @@ pub(super) fn parse(bytes: &[u8], place: &str) -> Result<Model> {
     let broken = |e: ParseError| {
         let text = e.to_string();
         let line = e.line().map(|l| format!(":{l}")).unwrap_or_default();
-        let first: String = text.lines().next().unwrap_or_default().chars().take(160).collect();
+        let first: String = text.split_whitespace().collect::<Vec<_>>().join(" ").chars().take(200).collect();
         Error::input(format!("{place}{line}"), first, "export the mesh again as PLY (ASCII or binary) or OBJ")
     };
     let mut reader = Reader::new(bytes);
