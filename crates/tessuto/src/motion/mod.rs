@@ -13,3 +13,4 @@ pub mod surface;
 pub mod texture_fit;
 pub mod tied_simulation;
 pub mod trajectory;
+mod trajectory_settings;
