@@ -105,6 +105,7 @@ fn export_writes_every_format_and_replaces_nothing() {
         text(&out),
         "--frames",
         "0..2",
+        "--no-appearance",
         "--set",
         "texture.size=32",
     ]);
