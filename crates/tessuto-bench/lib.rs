@@ -1,0 +1,1 @@
+//! Benchmarks of tessuto; run `cargo bench -p tessuto-bench`.
