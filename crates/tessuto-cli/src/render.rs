@@ -19,7 +19,7 @@ const UNIFORM_SHARE: f64 = 0.05;
 /// Draw a recovered fabric from another place, under another light, plain or by depth.
 #[derive(Args)]
 #[command(after_help = "\
-Writes frame_000.png … and, where the program ffmpeg is installed, video.mp4.
+Writes frame_000.png … and, where the program ffmpeg is installed (or named by TESSUTO_FFMPEG), video.mp4.
 
 Examples:
   tessuto render results/curtain                               from 45° to the left
@@ -234,7 +234,7 @@ impl Painter {
 
 /// `frame_*.png` in `folder` to `video.mp4`, by the program ffmpeg.
 fn encode(folder: &Path, fps: f64) -> Result<(), String> {
-    let status = Command::new("ffmpeg")
+    let status = Command::new(crate::lens::ffmpeg())
         .current_dir(folder)
         .args(["-v", "error", "-y", "-framerate", &fps.to_string(), "-i", "frame_%03d.png"])
         // H.264 wants even sides.
@@ -244,7 +244,7 @@ fn encode(folder: &Path, fps: f64) -> Result<(), String> {
     match status {
         Ok(status) if status.success() => Ok(()),
         Ok(status) => Err(format!("ffmpeg ended with {status}")),
-        Err(_) => Err("the program ffmpeg is not installed".to_owned()),
+        Err(_) => Err("the program ffmpeg is not installed; TESSUTO_FFMPEG may name it".to_owned()),
     }
 }
 

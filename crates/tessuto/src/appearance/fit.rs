@@ -6,6 +6,7 @@ use super::loss::loss;
 use super::observations::observe;
 use super::sky::Sky;
 use super::texels::{MapState, Maps, Texels, splat};
+use super::trust::Trust;
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
@@ -25,6 +26,7 @@ struct State {
     steps: usize,
     maps: MapState,
     sky: Sky,
+    trust: Trust,
 }
 
 /// What the cloth is made of, and what shines on it.
@@ -86,11 +88,13 @@ pub fn fit(
     let mut maps = maps(settings, &planes, seed)?;
     let mut sky = Sky::new(settings.light_coarsest, settings.light_start);
 
+    let mut trust = Trust::new(motion.len(), rasterizer.triangles().len());
     let state: Option<State> = session.restore("appearance")?;
     let first = state.as_ref().map_or(0, |s| s.steps);
     if let Some(state) = state {
         maps.restore(&state.maps)?;
         sky = state.sky;
+        trust = state.trust;
     }
     let mut gradients = Gradients::default();
     let mut light = None;
@@ -110,6 +114,9 @@ pub fn fit(
             other => other.insert(Light::new(&environment, settings.uniform_share)),
         };
         light.set_radiance(&environment);
+        if step % REDRAW == 0 && at >= settings.trust_from {
+            trust.update();
+        }
         let material = Material::from_planes(size, size, &maps.maps());
 
         let step_seed = mix32(seed.wrapping_add(step as u32));
@@ -125,9 +132,13 @@ pub fn fit(
         let scale = 1.0 / (3 * settings.batch) as f32;
         let mean = |i: usize, estimates: &[[f32; 3]; 2]| {
             let (value, adjoints) = loss(observed[i], estimates);
-            (value * scale, adjoints.map(|a| a.map(|a| a * scale)))
+            let weight = scale * trust.weight(batch[i].patch);
+            (value, adjoints.map(|a| a.map(|a| a * weight)))
         };
         accumulate(&shader, &batch, !step_seed, settings.passes, mean, &mut gradients);
+        if at >= settings.grey_until {
+            batch.iter().zip(&gradients.losses).for_each(|(point, error)| trust.note(point.patch, *error));
+        }
         if !gradients.loss.is_finite() {
             return Err(Error::numerical(
                 format!("appearance, step {}", step + 1),
@@ -144,7 +155,7 @@ pub fn fit(
             step: step + 1,
             of: settings.steps,
             active_frames: motion.len(),
-            losses: vec![("colour", gradients.loss)],
+            losses: vec![("colour", gradients.loss * f64::from(scale))],
             parameters: vec![("light_rows", rows as f64), ("light_colour", colour)],
         };
         // The directions are drawn anew where the next run would draw them too.
@@ -152,6 +163,7 @@ pub fn fit(
             steps: step + 1,
             maps: maps.save(),
             sky: sky.clone(),
+            trust: trust.clone(),
         });
         session.step(&epoch, &[], saved.as_ref())?;
     }
@@ -167,7 +179,8 @@ fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<
     match settings.prior {
         MapPrior::Smooth => {
             let (diffuse, surface) = (settings.diffuse_smoothness, settings.surface_smoothness);
-            Ok(Box::new(Texels::new(size, planes, [diffuse, diffuse, diffuse, surface, surface])))
+            let pull = [0.0, 0.0, 0.0, 0.0, settings.metallic_pull];
+            Ok(Box::new(Texels::new(size, planes, [diffuse, diffuse, diffuse, surface, surface], pull)))
         }
         #[cfg(feature = "decoder")]
         MapPrior::Decoder if !size.is_multiple_of(DecoderConfig::LIGHT_STEP) => Err(Error::usage(

@@ -1,7 +1,7 @@
 //! Material and light from a video whose motion is known.
 //!
 //! [`fit`] goes through the files here: `observations` (what the pixels see, once), `texels` or `decoded` (the maps as they
-//! are optimised) and `sky` (the light as it is optimised), with `loss` between them. [`rerender`] draws the frames
+//! are optimised) and `sky` (the light as it is optimised), with `loss` between them, weighted by `trust`. [`rerender`] draws the frames
 //! again.
 //!
 //! Only the product of brightness of cloth and light is in the pictures: the light starts at a given radiance, and
@@ -18,6 +18,7 @@ mod rerender;
 mod settings;
 mod sky;
 mod texels;
+mod trust;
 mod window;
 mod write;
 

@@ -57,6 +57,10 @@ pub struct AppearanceSettings {
     pub diffuse_smoothness: f64,
     /// Weight of the mean absolute differences between neighbouring texels of roughness and metallic.
     pub surface_smoothness: f64,
+    /// Weight of the mean of the metallic map: what no highlight shows to be metal is paint.
+    pub metallic_pull: f64,
+    /// Share of the steps from which on patches with large errors count less; 1: all count alike to the end.
+    pub trust_from: f64,
     /// Share of the directions to the light that are drawn uniformly.
     pub uniform_share: f64,
     /// Passes of eight samples for each pixel of the final pictures.
@@ -86,6 +90,8 @@ impl Default for AppearanceSettings {
             light_smoothness: 5e-5,
             diffuse_smoothness: 3e-4,
             surface_smoothness: 1e-3,
+            metallic_pull: 0.0,
+            trust_from: 0.6,
             uniform_share: 0.25,
             render_passes: 3,
         }
@@ -115,6 +121,8 @@ impl AppearanceSettings {
             ("appearance.light_smoothness", self.light_smoothness, 0.0, 1e3),
             ("appearance.diffuse_smoothness", self.diffuse_smoothness, 0.0, 1e3),
             ("appearance.surface_smoothness", self.surface_smoothness, 0.0, 1e3),
+            ("appearance.metallic_pull", self.metallic_pull, 0.0, 1e3),
+            ("appearance.trust_from", self.trust_from, 0.0, 1.0),
             ("appearance.uniform_share", self.uniform_share, 0.0, 1.0),
             ("appearance.render_passes", self.render_passes as f64, 1.0, 1e4),
         ]

@@ -48,13 +48,15 @@ pub(super) struct Texels {
     adam: Adam,
     /// Weights of the prior, by channel.
     smoothness: [f64; CHANNELS],
+    /// Weight of the mean of each channel.
+    pull: [f64; CHANNELS],
 }
 
 impl Texels {
     /// Starts from `planes`.
-    pub fn new(size: usize, planes: &[f32], smoothness: [f64; CHANNELS]) -> Self {
+    pub fn new(size: usize, planes: &[f32], smoothness: [f64; CHANNELS], pull: [f64; CHANNELS]) -> Self {
         let values: Vec<f64> = planes.iter().copied().map(f64::from).collect();
-        Self { size, adam: Adam::new(values.len(), 1.0), values, smoothness }
+        Self { size, adam: Adam::new(values.len(), 1.0), values, smoothness, pull }
     }
 }
 
@@ -82,9 +84,12 @@ impl Maps for Texels {
         let n = self.size * self.size;
         let mut total: Vec<f64> = gradient.iter().copied().map(f64::from).collect();
         let planes = self.values.par_chunks_exact(n).zip(total.par_chunks_exact_mut(n));
-        planes.zip(&self.smoothness[..]).for_each(|((plane, total), smoothness)| {
-            add_variation_gradient(self.size, plane, smoothness / n as f64, total);
-        });
+        planes.zip(self.smoothness.par_iter().zip(&self.pull[..])).for_each(
+            |((plane, total), (smoothness, pull))| {
+                total.iter_mut().for_each(|g| *g += pull / n as f64);
+                add_variation_gradient(self.size, plane, smoothness / n as f64, total);
+            },
+        );
         self.adam.set_learning_rate(rate);
         self.adam.step(&mut self.values, &total, 1.0);
         for (plane, [low, high]) in self.values.chunks_exact_mut(n).zip(LIMITS) {

@@ -19,6 +19,8 @@ pub struct Gradients {
     pub light: Vec<[f32; 3]>,
     /// Sum of the losses that the points returned.
     pub loss: f64,
+    /// The loss that each point returned.
+    pub losses: Vec<f32>,
     parts: Vec<Sink>,
 }
 
@@ -69,20 +71,24 @@ pub fn accumulate(
 ) {
     let texels = shader.material.texels.len();
     let [width, height] = shader.light.size();
-    let Gradients { material, light, loss: total, parts } = gradients;
+    let Gradients { material, light, loss: total, losses, parts } = gradients;
     parts.resize_with(PARTS, Sink::default);
     let length = points.len().div_ceil(PARTS).max(1);
-    parts.par_iter_mut().enumerate().for_each(|(part, sink)| {
+    losses.clear();
+    losses.resize(points.len(), 0.0);
+    let shares = points.par_chunks(length).zip(losses.par_chunks_mut(length));
+    parts[shares.len()..].iter_mut().for_each(|sink| sink.clear(texels, width * height));
+    parts.par_iter_mut().zip(shares).enumerate().for_each(|(part, (sink, (points, losses)))| {
         sink.clear(texels, width * height);
         let mut estimates = [Estimate::default(), Estimate::default()];
-        let range = (part * length).min(points.len())..((part + 1) * length).min(points.len());
-        for i in range {
-            let point = &points[i];
+        for (k, (point, own)) in points.iter().zip(losses).enumerate() {
+            let i = part * length + k;
             let site = shader.site(point);
             for (k, estimate) in estimates.iter_mut().enumerate() {
                 shader.estimate_at(&site, point, key(seed, i, k as u32), passes, estimate);
             }
             let (value, adjoints) = loss(i, &[estimates[0].colour, estimates[1].colour]);
+            *own = value;
             sink.loss += f64::from(value);
             for (estimate, adjoint) in estimates.iter().zip(adjoints) {
                 shader.estimate_vjp(&site, estimate, adjoint, sink);
