@@ -132,7 +132,9 @@ pub fn fit(
         let scale = 1.0 / (3 * settings.batch) as f32;
         let mean = |i: usize, estimates: &[[f32; 3]; 2]| {
             let (value, adjoints) = loss(observed[i], estimates);
-            let weight = scale * trust.weight(batch[i].patch);
+            // The more obliquely a surface is seen, the farther the same error of the motion shifts the print.
+            let cosine = batch[i].normal.dot(batch[i].position.normalize());
+            let weight = scale * trust.weight(batch[i].patch) * cosine * cosine;
             (value, adjoints.map(|a| a.map(|a| a * weight)))
         };
         accumulate(&shader, &batch, !step_seed, settings.passes, mean, &mut gradients);

@@ -18,7 +18,8 @@ use serde_json::json;
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::io::{atomic_write, model, obj};
+use crate::io::scene::write_manifest;
+use crate::io::{model, obj};
 use frames::Source;
 use pictures::Stage;
 
@@ -100,28 +101,15 @@ pub fn import(
 
     let fps = source.fps / settings.stride as f64;
     let camera = colours.camera.downsampled(settings.downscale);
-    let manifest = json!({
-        "name": name,
-        "fps": fps,
-        "n_frames": colours.frames.len(),
-        "width": camera.width,
-        "height": camera.height,
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "units": "m",
-        "notes": {
-            "generator": "tessuto import",
-            "input": settings.input.file_name().map(|n| n.to_string_lossy()),
-            "frames": [colours.frames.start, colours.frames.end * settings.stride],
-            "stride": settings.stride,
-            "downscale": settings.downscale,
-            "undistorted": !settings.calibration.distortion.is_none(),
-        },
+    let origin = json!({
+        "generator": "tessuto import",
+        "input": settings.input.file_name().map(|n| n.to_string_lossy()),
+        "frames": [colours.frames.start, colours.frames.end * settings.stride],
+        "stride": settings.stride,
+        "downscale": settings.downscale,
+        "undistorted": !settings.calibration.distortion.is_none(),
     });
-    let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
-    atomic_write(&folder.join("scene.json"), text.as_bytes())?;
+    write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
     Ok(Imported { frames: colours.frames.len(), fps, camera, notes })
 }
 

@@ -21,22 +21,8 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         let path = folder.join(name);
         std::fs::create_dir_all(&path).map_err(|source| Error::Output { path, source })?;
     }
-    let camera = &scene.camera;
-    let manifest = json!({
-        "name": scene.name,
-        "fps": scene.fps,
-        "n_frames": scene.frames.len(),
-        "width": camera.width,
-        "height": camera.height,
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "units": "m",
-        "notes": { "generator": GENERATOR, "settings": settings },
-    });
-    let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
-    io::atomic_write(&folder.join("scene.json"), text.as_bytes())?;
+    let notes = json!({ "generator": GENERATOR, "settings": settings });
+    io::scene::write_manifest(folder, &scene.name, scene.fps, scene.frames.len(), &scene.camera, notes)?;
     io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
     for (k, frame) in scene.frames.iter().enumerate() {
         io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), &frame.rgb)?;

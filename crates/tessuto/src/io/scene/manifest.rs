@@ -1,13 +1,14 @@
-//! scene.json: strictly read, every value checked.
+//! scene.json: strictly read, every value checked; and written.
 
 use std::path::Path;
 
 use serde::Deserialize;
+use serde_json::{Value, json};
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io::image::MAX_SIDE;
-use crate::io::read_bounded;
+use crate::io::{atomic_write, read_bounded};
 
 const KNOWN: [&str; 12] =
     ["name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "notes"];
@@ -36,6 +37,35 @@ pub(crate) struct Manifest {
     /// Anything; not read.
     #[serde(default, rename = "notes")]
     _notes: serde::de::IgnoredAny,
+}
+
+/// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be anything.
+///
+/// # Errors
+/// [`Error::Output`].
+pub fn write_manifest(
+    folder: &Path,
+    name: &str,
+    fps: f64,
+    frames: usize,
+    camera: &Camera,
+    notes: Value,
+) -> Result<()> {
+    let manifest = json!({
+        "name": name,
+        "fps": fps,
+        "n_frames": frames,
+        "width": camera.width,
+        "height": camera.height,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "units": "m",
+        "notes": notes,
+    });
+    let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
+    atomic_write(&folder.join("scene.json"), text.as_bytes())
 }
 
 /// Unit of every length in the folder's files.

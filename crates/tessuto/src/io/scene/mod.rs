@@ -23,6 +23,7 @@ use crate::mesh::Mesh;
 use crate::scene::Scene;
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
+pub use manifest::write_manifest;
 
 /// What to load.
 #[derive(Debug, Clone, Default)]
