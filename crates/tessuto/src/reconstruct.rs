@@ -9,7 +9,7 @@ use crate::motion::tied_simulation::{forces_of_trajectory, interpolated};
 use crate::motion::trajectory;
 use crate::raster::{Rasterizer, Texture};
 use crate::scene::{Scene, Shape};
-use crate::session::{Epoch, Session};
+use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{Cloth, Drive, State, Stiffness, rollout};
 
 /// What a video tells about the fabric.
@@ -32,15 +32,20 @@ pub struct Reconstruction {
 /// Recovers the motion of the fabric in `scene`. `session` hears of every finished step; it may know of earlier ones.
 ///
 /// # Errors
-/// [`Error::Numerical`] if not even a first state is finite; whatever the session's observer returns.
+/// [`Error::Input`] for a scene that cannot be computed on; [`Error::Numerical`] if not even a first state is finite;
+/// whatever the session's observer returns.
 pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Result<Reconstruction> {
     config.validate()?;
+    scene.check()?;
     let cloth = Cloth::new(&scene.template);
     let rasterizer = Rasterizer::new(&scene.template);
     let template = &scene.template.positions;
 
     // What the fabric looks like, from the first frame.
+    let side = config.texture.size;
+    let fits = |t: &Texture| [t.width, t.height, t.texels.len()] == [side, side, side * side];
     let texture = match session.restore("texture")? {
+        Some(texture) if !fits(&texture) => return Err(foreign_state("texture")),
         Some(texture) => texture,
         None => {
             fit_texture(&rasterizer, &scene.camera, template, &scene.frames[0], &config.texture, session)?

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use glam::DVec3;
 
 use crate::camera::{Camera, Rect};
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::mesh::Mesh;
 
@@ -52,4 +53,78 @@ pub struct Scene {
     pub frames: Vec<Frame>,
     /// Ground truth, where the folder has it, of the same frames.
     pub truth: Truth,
+}
+
+impl Scene {
+    /// Refuses a scene that cannot be computed on. Folders are checked when they are read; this is for scenes made in
+    /// memory.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first thing that is wrong.
+    pub fn check(&self) -> Result<()> {
+        let camera = &self.camera;
+        let fail = |place: String, problem: String, hint: &str| Err(Error::input(place, problem, hint));
+        let intrinsics = [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)];
+        for (key, value) in intrinsics {
+            if !value.is_finite() || (key.starts_with('f') && value <= 0.0) {
+                let hint = "focal lengths are in pixels and above 0, the principal point is in pixels";
+                return fail("camera".into(), format!("{key} is {value}"), hint);
+            }
+        }
+        if !(self.fps.is_finite() && self.fps > 0.0) {
+            return fail("scene".into(), format!("fps is {}", self.fps), "give the frames per second");
+        }
+        if self.frames.is_empty() {
+            return fail("scene".into(), "it has no frames".into(), "give one frame at least");
+        }
+        for (k, frame) in self.frames.iter().enumerate() {
+            for (what, image, channels) in [("colour", &frame.rgb, 3), ("mask", &frame.mask, 1)] {
+                if [image.width, image.height, image.channels] != [camera.width, camera.height, channels] {
+                    let found = format!("{}×{} px of {} channels", image.width, image.height, image.channels);
+                    let expected = format!("{}×{} px of {channels}", camera.width, camera.height);
+                    let place = format!("frame {}, {what}", self.first_frame + k);
+                    return fail(
+                        place,
+                        format!("{found}, expected {expected}"),
+                        "give all pictures one size",
+                    );
+                }
+            }
+        }
+        self.check_template()
+    }
+
+    fn check_template(&self) -> Result<()> {
+        let mesh = &self.template;
+        let fail = |problem: String, hint: &str| Err(Error::input("template", problem, hint));
+        if let Some(k) = mesh.positions.iter().position(|p| !p.is_finite() || p.z <= 0.0) {
+            let problem = format!("vertex {k} is {}, not in front of the camera", mesh.positions[k]);
+            return fail(problem, "give camera coordinates in metres: x right, y down, z forward");
+        }
+        if let Some(k) = mesh.uvs.iter().position(|uv| !uv.is_finite()) {
+            return fail(format!("texture coordinate {k} is {}", mesh.uvs[k]), "unwrap the mesh again");
+        }
+        if mesh.faces.is_empty() {
+            return fail("it has no face".into(), "give a mesh with faces");
+        }
+        for (k, face) in mesh.faces.iter().enumerate() {
+            let beyond =
+                |corners: &[u32], count: usize| corners.iter().find(|c| **c as usize >= count).copied();
+            let found = beyond(&face.vertices, mesh.positions.len()).or(beyond(&face.uvs, mesh.uvs.len()));
+            if let Some(index) = found {
+                return fail(
+                    format!("face {k} names corner {index}, which does not exist"),
+                    "correct the face",
+                );
+            }
+            if face.vertices.len() < 3 || face.vertices.len() != face.uvs.len() {
+                let (n, m) = (face.vertices.len(), face.uvs.len());
+                return fail(
+                    format!("face {k} has {n} corners and {m} texture coordinates"),
+                    "correct the face",
+                );
+            }
+        }
+        Ok(())
+    }
 }

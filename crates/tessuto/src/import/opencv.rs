@@ -1,7 +1,8 @@
 //! Calibrations that OpenCV's FileStorage, its samples and ROS write: camera matrix and distortion, YAML or JSON.
 
 use serde_json::{Map, Value};
-use yaml_rust2::{Yaml, YamlLoader};
+use yaml_rust2::parser::{Event, Parser};
+use yaml_rust2::{ScanError, Yaml, YamlLoader};
 
 use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
@@ -28,14 +29,40 @@ pub(super) fn parse_yaml(text: &str, place: &str) -> Result<Calibration> {
         .lines()
         .map(|l| if l.starts_with("%YAML") { "\n".to_owned() } else { format!("{l}\n") })
         .collect();
-    let documents = YamlLoader::load_from_str(&body).map_err(|e| {
+    let invalid = |e: ScanError| {
         Error::input(
             format!("{place}:{}", e.marker().line()),
             format!("is not valid YAML: {e}"),
             "correct this line",
         )
-    })?;
+    };
+    if let Some(problem) = unbounded(&body).map_err(invalid)? {
+        return Err(Error::input(place, problem, "give the file as OpenCV writes it"));
+    }
+    let documents = YamlLoader::load_from_str(&body).map_err(invalid)?;
     parse_json(&documents.first().map_or(Value::Null, to_json), place)
+}
+
+/// Deepest nesting of lists and maps; the loader calls itself at every level.
+const MAX_DEPTH: usize = 32;
+
+/// Why loading `text` could take memory or stack without bound, if it could: a few aliases of aliases stand for millions
+/// of values.
+fn unbounded(text: &str) -> std::result::Result<Option<String>, ScanError> {
+    let mut parser = Parser::new_from_str(text);
+    let mut depth = 0;
+    loop {
+        match parser.next_token()?.0 {
+            Event::SequenceStart(..) | Event::MappingStart(..) => depth += 1,
+            Event::SequenceEnd | Event::MappingEnd => depth -= 1,
+            Event::Alias(_) => return Ok(Some("uses aliases (*name)".to_owned())),
+            Event::StreamEnd => return Ok(None),
+            _ => {}
+        }
+        if depth > MAX_DEPTH {
+            return Ok(Some(format!("nests lists deeper than {MAX_DEPTH}")));
+        }
+    }
 }
 
 fn to_json(yaml: &Yaml) -> Value {

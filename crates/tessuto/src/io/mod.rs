@@ -14,6 +14,16 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+/// Largest JSON or CSV file of a result [bytes].
+const MAX_TEXT: u64 = 256 << 20;
+
+/// The text in the file at `path`.
+pub(crate) fn read_text(path: &Path) -> Result<String> {
+    String::from_utf8(read_bounded(path, MAX_TEXT)?).map_err(|e| {
+        Error::input(path.display().to_string(), format!("is not UTF-8 text: {e}"), "save it as UTF-8")
+    })
+}
+
 /// The whole file at `path`, refused above `limit` bytes.
 pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let unreadable = |source: std::io::Error| {

@@ -17,6 +17,7 @@ pub use similarity::{correlation, psnr, ssim};
 
 use std::ops::Range;
 
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -235,11 +236,33 @@ fn validate(inputs: &Inputs, motion: &[Shape], range: &Range<usize>) -> Result<(
             ));
         }
     }
+    check_scale("gt/vertices.npy", truth.vertices.as_ref(), motion, 2)?;
+    check_scale("gt/points", truth.points.as_ref(), motion, 20)?;
     let area = template.area();
     if area <= 0.0 || !area.is_finite() {
         return Err(Error::input("template", format!("its area is {area} m²"), "give a mesh with faces"));
     }
     Ok(())
+}
+
+/// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
+fn check_scale(place: &str, truth: Option<&Vec<Shape>>, motion: &[Shape], least: usize) -> Result<()> {
+    let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
+    let diagonal = |shape: &Shape| {
+        let low = shape.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = shape.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        (high - low).length()
+    };
+    let ratio = diagonal(first) / diagonal(&motion[0]);
+    if (0.1..=10.0).contains(&ratio) || !ratio.is_finite() {
+        return Ok(());
+    }
+    let problem = format!("in the first frame it is {ratio:.3e} times as large as the motion");
+    Err(Error::input(
+        place,
+        problem,
+        "give the truth in the unit of the template, see \"units\" in scene.json",
+    ))
 }
 
 fn check_shape(place: &str, shape: &Shape, count: usize) -> Result<()> {

@@ -1,7 +1,7 @@
 //! The texture that the first frame shows.
 
 use crate::camera::Camera;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::math::finite;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
@@ -34,7 +34,7 @@ impl Default for TextureSettings {
 /// Source: [SAFT] §2.3 phase 1, §2.5.1.
 ///
 /// # Errors
-/// What the session's observer returns.
+/// [`Error::Numerical`] if the loss is not finite; what the session's observer returns.
 pub fn fit_texture(
     rasterizer: &Rasterizer,
     camera: &Camera,
@@ -53,6 +53,9 @@ pub fn fit_texture(
     for epoch in 0..settings.epochs {
         rasterizer.render(camera, shape, &texture, &mut rendering);
         let [colour, _] = image_loss(&rendering.rgba, frame, &weights, 1.0, &mut grad_rgba);
+        if !colour.is_finite() {
+            return Err(not_finite(epoch + 1, colour, frame));
+        }
         gradients.clear();
         rasterizer.render_vjp(camera, shape, &texture, &rendering, &grad_rgba, None, &mut gradients);
         let mut gradient: Vec<f64> = gradients
@@ -80,6 +83,20 @@ pub fn fit_texture(
         })?;
     }
     Ok(texture)
+}
+
+fn not_finite(step: usize, loss: f64, frame: &Frame) -> Error {
+    let first = frame.rgb.data.iter().position(|v| !v.is_finite());
+    let cause = first.map_or(String::new(), |k| {
+        let pixel = k / 3;
+        let (x, y) = (pixel % frame.rgb.width, pixel / frame.rgb.width);
+        format!("; its colour is not finite, first at column {x}, row {y}")
+    });
+    Error::numerical(
+        format!("texture, step {step}, frame 0"),
+        format!("colour loss {loss}{cause}"),
+        "check frame 0 and its mask with `tessuto check`",
+    )
 }
 
 /// Adds the gradient of `weight`·(mean |∂_u T| + mean |∂_v T|), forward differences.

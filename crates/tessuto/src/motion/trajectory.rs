@@ -24,7 +24,7 @@ use crate::math::block_matrix::BlockMatrix;
 use crate::math::dot;
 use crate::math::factor::{Factor, Scratch};
 use crate::scene::{Scene, Shape};
-use crate::session::{Epoch, Session};
+use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{Cloth, Curvature, Stiffness};
 
 /// Shapes [N, V], and why they are not better if the search failed.
@@ -120,6 +120,13 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Whether shapes and brightnesses have this cloth's vertices.
+    fn fit(&self, frames: &[Shape], gains: &[Vec<[f32; 3]>]) -> bool {
+        let count = self.cloth.vertex_count();
+        frames.iter().all(|x| x.len() == count && x.iter().all(|p| p.is_finite()))
+            && gains.iter().all(|g| g.len() == count)
+    }
+
     fn stage(&self, level: usize) -> Stage<'_, 'a> {
         let template = &self.scene.template;
         let camera = &self.levels[0][level].camera;
@@ -145,7 +152,7 @@ impl<'a> Problem<'a> {
     /// returned with it.
     ///
     /// # Errors
-    /// What the session's observer returns.
+    /// [`Error::Input`] if it is to go on from a state that does not fit; what the session's observer returns.
     pub fn track(&self, session: &mut Session) -> Result<Fitted> {
         let mut stages: Vec<_> =
             (self.settings.finest..=self.settings.coarsest).rev().map(|level| self.stage(level)).collect();
@@ -153,6 +160,12 @@ impl<'a> Problem<'a> {
             frames: vec![self.scene.template.positions.clone()],
             gains: stages.iter().map(|stage| stage.gains[0].clone()).collect(),
         });
+        let fits = tracked.frames.len() <= self.scene.frames.len()
+            && tracked.gains.len() == stages.len()
+            && self.fit(&tracked.frames, &tracked.gains);
+        if tracked.frames.is_empty() || !fits {
+            return Err(foreign_state("track"));
+        }
         let mut scratch = Scratch::default();
         for n in tracked.frames.len()..self.scene.frames.len() {
             let frames = &mut tracked.frames;
@@ -202,6 +215,12 @@ impl<'a> Problem<'a> {
         let start = || Refined { frames, steps: 0, damping: 0.0, gains: Vec::new() };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
         let iterations = self.settings.iterations;
+        let count = self.scene.frames.len();
+        let started = !refined.steps.is_multiple_of(iterations.max(1));
+        let gains = refined.gains.len() == count || (!started && refined.gains.is_empty());
+        if refined.frames.len() != count || !gains || !self.fit(&refined.frames, &refined.gains) {
+            return Err(foreign_state("refine"));
+        }
         for (k, level) in (self.settings.finest..=self.settings.coarsest).rev().enumerate() {
             if refined.steps >= (k + 1) * iterations {
                 continue;

@@ -48,7 +48,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<HistoryRow>> {
     let fail = |line: usize, problem: String| {
         Error::input(format!("{}:{line}", path.display()), problem, "use the file as tessuto wrote it")
     };
-    let text = std::fs::read_to_string(path).map_err(|e| fail(0, format!("cannot be read: {e}")))?;
+    let text = crate::io::read_text(path)?;
     let columns: Vec<&str> = text.lines().next().unwrap_or_default().split(',').skip(3).collect();
     let row = |(n, line): (usize, &str)| {
         let cells: Vec<&str> = line.split(',').collect();

@@ -48,12 +48,17 @@ use crate::sim::Forces;
 pub struct Run {
     /// Version of this program.
     pub version: String,
-    /// The scene's folder, as it was given.
+    /// The scene's folder, as it was given. Bytes of the path that are no UTF-8 are written as �.
+    #[serde(serialize_with = "as_text")]
     pub scene: PathBuf,
     /// First frame and one past the last.
     pub frames: [usize; 2],
     /// All settings.
     pub settings: Config,
+}
+
+fn as_text<S: serde::Serializer>(path: &Path, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.to_string_lossy())
 }
 
 /// A number with its unit.
@@ -186,7 +191,7 @@ pub fn read_metrics(folder: &Path) -> Result<Option<Evaluation>> {
             "delete the file, or restore it; it is written anew",
         )
     };
-    let text = std::fs::read_to_string(&path).map_err(|e| fail(e.to_string()))?;
+    let text = io::read_text(&path)?;
     serde_json::from_str(&text).map(Some).map_err(|e| fail(e.to_string()))
 }
 
@@ -224,6 +229,13 @@ fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
 pub fn read(folder: &Path) -> Result<Saved> {
     let run: Run = read_json(&folder.join("config.json"))?;
     let file: ParameterFile = read_json(&folder.join("parameters.json"))?;
+    run.settings.validate().map_err(|e| {
+        Error::input(
+            folder.join("config.json").display().to_string(),
+            e.to_string().replace("\n  hint: ", "; "),
+            "restore the file, or run the command in log.json again",
+        )
+    })?;
     let mesh = io::obj::read(&folder.join("mesh.obj"))?;
     let path = folder.join("forces.npy");
     let dynamic = io::npy::read_shapes(&path)?;
@@ -237,6 +249,7 @@ pub fn read(folder: &Path) -> Result<Saved> {
     if stiffness.iter().any(|k| !k.is_finite() || *k <= 0.0) || file.dynamic_parts == 0 {
         return Err(bad(format!("stiffnesses {stiffness:?}, parts {}", file.dynamic_parts)));
     }
+    check_view(&file, &folder.join("parameters.json"))?;
     let constant = DVec3::from_array(file.constant_force.value);
     if !constant.is_finite() || dynamic.iter().flatten().any(|d| !d.is_finite()) {
         return Err(bad("a force is not finite".to_owned()));
@@ -250,15 +263,36 @@ pub fn read(folder: &Path) -> Result<Saved> {
     Ok(Saved { run, mesh, parameters, fps: file.frame_rate.value, camera: file.camera, crop: file.crop })
 }
 
+/// Refuses a frame rate, camera or crop that no video has.
+fn check_view(file: &ParameterFile, path: &Path) -> Result<()> {
+    let fail = |problem: String| {
+        let hint = "use the folder as `tessuto reconstruct` wrote it";
+        Err(Error::input(path.display().to_string(), problem, hint))
+    };
+    let fps = file.frame_rate.value;
+    if !(fps > 0.0 && fps <= 1e5) {
+        return fail(format!("the frame rate is {fps} per second"));
+    }
+    let Some(c) = &file.camera else { return Ok(()) };
+    let sides = [c.width, c.height].iter().all(|n| (1..=io::image::MAX_SIDE).contains(n));
+    if !sides || [c.fx, c.fy].iter().any(|f| *f <= 0.0) {
+        return fail(format!("the camera has {}×{} px, fx {}, fy {}", c.width, c.height, c.fx, c.fy));
+    }
+    match file.crop {
+        Some(r) if r.x0 >= r.x1 || r.y0 >= r.y1 || r.x1 > c.width || r.y1 > c.height => {
+            fail(format!("the crop is {r:?} of {}×{} px", c.width, c.height))
+        }
+        _ => Ok(()),
+    }
+}
+
 fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
     let place = || path.display().to_string();
-    let text = std::fs::read_to_string(path).map_err(|e| {
-        Error::input(
-            place(),
-            format!("cannot be read: {e}"),
-            "give the folder that `tessuto reconstruct` wrote",
-        )
-    })?;
+    if !path.exists() {
+        let hint = "give the folder that `tessuto reconstruct` wrote";
+        return Err(Error::input(place(), "cannot be read: it does not exist", hint));
+    }
+    let text = io::read_text(path)?;
     serde_json::from_str(&text)
         .map_err(|e| Error::input(place(), e.to_string(), "give a folder of this version of tessuto"))
 }

@@ -10,12 +10,14 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
-use crate::io::atomic_write;
+use crate::io::{atomic_write, read_bounded};
 
 /// Says what the file is, and in which layout.
 const FORMAT: &str = "tessuto checkpoint 1";
 /// Files kept: if the newest turns out damaged, the one before is used.
 const KEPT: usize = 2;
+/// Largest file that is read [bytes].
+const MAX_BYTES: u64 = 8 << 30;
 /// Longest header that is read.
 const HEADER_LIMIT: usize = 1 << 16;
 
@@ -163,7 +165,7 @@ impl Checkpoints {
 
 /// Header and parts of a file, or what is wrong with it.
 fn read(path: &Path) -> std::result::Result<(Header, BTreeMap<String, Vec<u8>>), String> {
-    let bytes = std::fs::read(path).map_err(|e| e.to_string())?;
+    let bytes = read_bounded(path, MAX_BYTES).map_err(|e| e.to_string().replace("\n  hint: ", "; "))?;
     parse(&bytes)
 }
 

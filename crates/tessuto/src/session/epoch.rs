@@ -33,9 +33,22 @@ struct Record {
     parameters: Vec<(String, f64)>,
 }
 
+/// Most different names in a history, and the longest of them [bytes]; there are a dozen short ones.
+const MAX_NAMES: usize = 200;
+const MAX_NAME: usize = 64;
+
 /// Epochs from MessagePack.
-pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<Epoch>, rmp_serde::decode::Error> {
-    let records: Vec<Record> = rmp_serde::from_slice(bytes)?;
+pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<Epoch>, String> {
+    let records: Vec<Record> = rmp_serde::from_slice(bytes).map_err(|e| e.to_string())?;
+    // Names are kept for good, so a file must not bring any number of them.
+    let of = |r: &'_ Record| {
+        let pairs = r.losses.iter().chain(&r.parameters).map(|(name, _)| name.clone());
+        pairs.chain([r.stage.clone()]).collect::<Vec<_>>()
+    };
+    let names: BTreeSet<String> = records.iter().flat_map(of).collect();
+    if names.len() > MAX_NAMES || names.iter().any(|name| name.len() > MAX_NAME) {
+        return Err(format!("{} names of losses and parameters, or one that is too long", names.len()));
+    }
     let named = |pairs: Vec<(String, f64)>| pairs.into_iter().map(|(name, v)| (name_of(name), v)).collect();
     let epoch = |r: Record| Epoch {
         stage: name_of(r.stage),

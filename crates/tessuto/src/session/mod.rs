@@ -147,6 +147,11 @@ fn to_bytes(value: &impl Serialize) -> Vec<u8> {
     rmp_serde::to_vec_named(value).expect("plain data in memory")
 }
 
+/// The error of a state of `stage` that is of another computation, whatever the checkpoint's header says.
+pub fn foreign_state(stage: &str) -> Error {
+    unreadable(stage, &"it has other frames, vertices or sizes than this computation")
+}
+
 fn unreadable(stage: &str, error: &dyn std::fmt::Display) -> Error {
     Error::input(
         format!("checkpoint, {stage}"),

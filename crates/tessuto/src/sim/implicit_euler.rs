@@ -9,7 +9,7 @@
 use glam::DVec3;
 
 use super::cloth::{Cloth, Curvature, Stiffness};
-use super::step::{State, StepGradients, StepSettings, StepTape};
+use super::step::{State, StepGradients, StepSettings, StepTape, check_finite};
 use crate::error::{Error, Result};
 use crate::math::block_matrix::BlockMatrix;
 use crate::math::dot;
@@ -28,6 +28,7 @@ pub fn step(
     scratch: &mut Scratch,
 ) -> Result<StepTape> {
     let h = settings.step;
+    check_finite("implicit Euler step", &before, acceleration)?;
     let inertial: Vec<DVec3> = (0..cloth.vertex_count())
         .map(|i| before.v[i] * (h * settings.damping) + acceleration[i] * (h * h))
         .collect();
@@ -63,7 +64,10 @@ pub fn step(
             break;
         }
     }
-    let v = d.iter().map(|d| *d / h).collect();
+    let v: Vec<DVec3> = d.iter().map(|d| *d / h).collect();
+    if let Some(vertex) = v.iter().position(|v| !v.is_finite()) {
+        return Err(diverged(format!("velocity {} m/s of vertex {vertex}", v[vertex])));
+    }
     let x = before.x.iter().zip(&d).map(|(x, d)| *x + *d).collect();
     Ok(StepTape { before, after: State { x, v }, factor: None })
 }

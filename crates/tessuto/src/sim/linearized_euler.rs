@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::cloth::{Cloth, Curvature, Stiffness};
-use super::step::{State, StepGradients, StepSettings, StepTape};
+use super::step::{State, StepGradients, StepSettings, StepTape, check_finite};
 use crate::error::{Error, Result};
 use crate::math::factor::{Factor, Scratch};
 
@@ -22,6 +22,7 @@ pub fn step(
     scratch: &mut Scratch,
 ) -> Result<StepTape> {
     let h = settings.step;
+    check_finite("linearised Euler step", &before, acceleration)?;
     let mut rhs = vec![DVec3::ZERO; cloth.vertex_count()];
     cloth.add_gradient(stiffness, &before.x, -h, &mut rhs);
     for (i, rhs) in rhs.iter_mut().enumerate() {
@@ -36,7 +37,7 @@ pub fn step(
             "use the implicit_euler integrator, more sub-steps or smaller forces",
         ));
     }
-    let x = before.x.iter().zip(&v).map(|(x, v)| *x + *v * h).collect();
+    let x: Vec<DVec3> = before.x.iter().zip(&v).map(|(x, v)| *x + *v * h).collect();
     Ok(StepTape { before, after: State { x, v }, factor: Some(factor) })
 }
 

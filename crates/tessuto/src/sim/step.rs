@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::cloth::{Cloth, Stiffness};
 use super::{implicit_euler, linearized_euler};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::math::factor::{Factor, Scratch};
 use crate::scene::Shape;
 
@@ -80,6 +80,26 @@ impl StepGradients {
             rest_lengths: vec![0.0; cloth.edges.len()],
         }
     }
+}
+
+/// Refuses a step, named `place`, from numbers that are none: they would spread over the whole cloth in one solve, and
+/// nothing would tell any more where they came from.
+pub(super) fn check_finite(place: &str, before: &State, acceleration: &[DVec3]) -> Result<()> {
+    let fields = [
+        ("position", "m", &before.x[..]),
+        ("velocity", "m/s", &before.v),
+        ("acceleration", "m/s²", acceleration),
+    ];
+    for (what, unit, field) in fields {
+        if let Some(vertex) = field.iter().position(|v| !v.is_finite()) {
+            return Err(Error::numerical(
+                format!("{place}, vertex {vertex}"),
+                format!("{what} {} {unit}", field[vertex]),
+                "check the forces and the first shape; smaller forces or more sub-steps may help",
+            ));
+        }
+    }
+    Ok(())
 }
 
 /// Takes one sub-step under external `acceleration` [m/s²], shape [V].

@@ -2,6 +2,8 @@
 //!
 //! Read from the JSON itself: the crate `gltf` panics on some files that lack what the standard demands.
 
+use std::borrow::Cow;
+use std::collections::HashSet;
 use std::path::Path;
 
 use glam::{DMat4, DQuat, DVec2, DVec3};
@@ -13,6 +15,8 @@ use crate::io::read_bounded;
 
 /// Deepest nesting of nodes.
 const MAX_DEPTH: usize = 64;
+/// Most nodes visited: a few lines can name each other's children over and over, twice as often at every depth.
+const MAX_NODES: usize = 100_000;
 
 /// What is wrong with a file, and the way out.
 type Fault = (String, &'static str);
@@ -38,13 +42,14 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Model> {
         buffers,
         split: Split { positions: vec![], uvs: vec![], faces: vec![] },
         bare: false,
+        visited: 0,
     };
     let scene = document["scene"].as_u64().unwrap_or(0) as usize;
     let mut roots: Vec<usize> = indices(&document["scenes"][scene]["nodes"]);
     if roots.is_empty() {
         // Without a scene, all nodes that are nobody's child.
         let nodes = document["nodes"].as_array().map_or(0, Vec::len);
-        let children: Vec<usize> =
+        let children: HashSet<usize> =
             (0..nodes).flat_map(|n| indices(&document["nodes"][n]["children"])).collect();
         roots = (0..nodes).filter(|n| !children.contains(n)).collect();
     }
@@ -87,14 +92,15 @@ fn indices(list: &Value) -> Vec<usize> {
 }
 
 /// The bytes of every buffer: the chunk of a .glb, a data URI, or a file beside `path`.
-fn buffers(document: &Value, chunk: Option<&[u8]>, path: &Path) -> Result<Vec<Vec<u8>>> {
+fn buffers<'a>(document: &Value, chunk: Option<&'a [u8]>, path: &Path) -> Result<Vec<Cow<'a, [u8]>>> {
     let place = path.display().to_string();
     let list = document["buffers"].as_array().map_or(&[][..], Vec::as_slice);
     let one = |buffer: &Value| match buffer["uri"].as_str() {
-        None => Ok(chunk.unwrap_or_default().to_vec()),
+        None => Ok(Cow::Borrowed(chunk.unwrap_or_default())),
         Some(uri) if uri.starts_with("data:") => {
             let text = uri.split_once(";base64,").map(|(_, text)| text);
             text.and_then(base64)
+                .map(Cow::Owned)
                 .ok_or_else(|| Error::input(&place, "holds a buffer that is not base64", AGAIN))
         }
         Some(uri) => {
@@ -105,18 +111,32 @@ fn buffers(document: &Value, chunk: Option<&[u8]>, path: &Path) -> Result<Vec<Ve
                 let problem = format!("its buffer \"{name}\" is not beside it");
                 return Err(Error::input(&place, problem, "export as .glb, which is one file"));
             }
-            read_bounded(&path.with_file_name("").join(name), MAX_BYTES)
+            read_bounded(&path.with_file_name("").join(name), MAX_BYTES).map(Cow::Owned)
         }
     };
-    list.iter().map(one).collect()
+    // The same file named a hundred times is a hundred times its memory.
+    let mut total = 0;
+    let mut read = Vec::new();
+    for buffer in list {
+        let bytes = one(buffer)?;
+        total += if matches!(bytes, Cow::Owned(_)) { bytes.len() as u64 } else { 0 };
+        if total > MAX_BYTES {
+            let problem = format!("its buffers have more than {MAX_BYTES} bytes together");
+            return Err(Error::input(&place, problem, "reduce the mesh"));
+        }
+        read.push(bytes);
+    }
+    Ok(read)
 }
 
 struct Reader<'a> {
     document: &'a Value,
-    buffers: Vec<Vec<u8>>,
+    buffers: Vec<Cow<'a, [u8]>>,
     split: Split,
     /// Whether a primitive has no texture coordinates.
     bare: bool,
+    /// Nodes so far.
+    visited: usize,
 }
 
 impl Reader<'_> {
@@ -125,6 +145,13 @@ impl Reader<'_> {
         let node = &self.document["nodes"][index];
         if depth > MAX_DEPTH {
             return Err((format!("nests nodes deeper than {MAX_DEPTH}"), AGAIN));
+        }
+        self.visited += 1;
+        if self.visited > MAX_NODES {
+            return Err((
+                format!("has more than {MAX_NODES} nodes, or nodes that are each other's children"),
+                AGAIN,
+            ));
         }
         let transform = parent * local(node);
         if let Some(mesh) = node["mesh"].as_u64() {
@@ -156,6 +183,14 @@ impl Reader<'_> {
         };
         if let Some(v) = corners.iter().find(|v| **v as usize >= count) {
             return Err((format!("names vertex {v} of {count}"), AGAIN));
+        }
+        if self.split.positions.len() + count > MAX_COUNT
+            || self.split.faces.len() + corners.len() / 3 > MAX_COUNT
+        {
+            return Err((
+                format!("has more than {MAX_COUNT} vertices or triangles in all"),
+                "reduce the mesh",
+            ));
         }
         let first = self.split.positions.len() as u32;
         let points =

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
@@ -51,7 +52,16 @@ pub(crate) fn read(
         check_memory(crop, range.len())?;
     }
 
-    let masks = in_order(&masks, |path| read_mask(path, size, manifest.crop))?;
+    // White pictures of any size are small files: count what they take as they come.
+    let held = AtomicUsize::new(0);
+    let masks = in_order(&masks, |path| {
+        let mask = read_mask(path, size, manifest.crop)?;
+        let taken = size_of_val(&mask.image.data[..]);
+        if held.fetch_add(taken, Ordering::Relaxed) + taken > MAX_BYTES {
+            return Err(too_large(range.len(), mask.region, MAX_BYTES as f64));
+        }
+        Ok(mask)
+    })?;
     let crop = manifest.crop.unwrap_or_else(|| crop_around(&masks, size));
     check_memory(crop, range.len())?;
     let pictures: Vec<(&PathBuf, &Mask)> = colours.iter().zip(&masks).collect();
@@ -226,17 +236,21 @@ fn check_memory(crop: Rect, count: usize) -> Result<()> {
     if bytes <= MAX_BYTES {
         return Ok(());
     }
-    Err(Error::input(
+    Err(too_large(count, crop, bytes as f64))
+}
+
+fn too_large(count: usize, crop: Rect, bytes: f64) -> Error {
+    Error::input(
         "scene.json",
         format!(
-            "{count} frames of {}×{} pixels take {:.1} GiB of memory; at most {} GiB are used",
+            "{count} frames of {}×{} pixels take {:.1} GiB of memory or more; at most {} GiB are used",
             crop.width(),
             crop.height(),
-            bytes as f64 / f64::from(1 << 30),
+            bytes / f64::from(1 << 30),
             MAX_BYTES >> 30
         ),
         "use a part with --frames A..B, make the crop smaller, or scale pictures and camera down",
-    ))
+    )
 }
 
 /// One warning for each kind of note, with its count and first frame.

@@ -1,0 +1,201 @@
+//! Numbers that are none, forces beyond all measure, cameras that see nothing: each is answered by an error that names
+//! stage, place and a way out, or by finite numbers; never by a panic or by NaN in the answer.
+
+use glam::DVec3;
+use tessuto::config::{Config, Preset};
+use tessuto::math::factor::Scratch;
+use tessuto::mesh::{Face, grid};
+use tessuto::session::Session;
+use tessuto::sim::step::step;
+use tessuto::sim::{Cloth, Drive, Forces, Integrator, State, StepSettings, Stiffness, rollout};
+use tessuto::synth;
+use tessuto::{Error, Reconstruction, Scene, reconstruct};
+
+use super::crumpled;
+
+const INTEGRATORS: [Integrator; 2] = [Integrator::ImplicitEuler, Integrator::LinearizedEuler];
+
+fn settings(integrator: Integrator) -> StepSettings {
+    StepSettings { integrator, step: 0.004, damping: 1.0, tolerance: 1e-8, newton_limit: 40 }
+}
+
+/// A numerical error with a place, a cause and a hint, all `fragments` among them.
+fn names(error: &Error, fragments: &[&str]) {
+    let text = error.to_string();
+    assert_eq!(error.exit_code(), 4, "{text}");
+    assert!(text.contains("hint: "), "{text}");
+    for fragment in fragments {
+        assert!(text.contains(fragment), "{fragment:?} is missing in: {text}");
+    }
+}
+
+#[test]
+fn a_step_from_numbers_that_are_none_names_the_vertex() {
+    let (mesh, x) = crumpled(1, 1e-3);
+    let cloth = Cloth::new(&mesh);
+    let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
+    let still = vec![DVec3::ZERO; x.len()];
+    let broken = |field: &[DVec3], value: f64| {
+        let mut field = field.to_vec();
+        field[7].y = value;
+        field[11].x = value;
+        field
+    };
+    for integrator in INTEGRATORS {
+        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let cases = [
+                ("position", broken(&x, value), still.clone(), still.clone()),
+                ("velocity", x.clone(), broken(&still, value), still.clone()),
+                ("acceleration", x.clone(), still.clone(), broken(&still, value)),
+            ];
+            for (what, x, v, acceleration) in cases {
+                let before = State { x, v };
+                let settings = settings(integrator);
+                let scratch = &mut Scratch::default();
+                let error = step(&cloth, &settings, &stiffness, before, &acceleration, scratch).unwrap_err();
+                names(&error, &["Euler step", "vertex 7", what]);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_rollout_names_the_frame_in_which_a_force_is_none() {
+    let (mesh, x) = crumpled(1, 1e-3);
+    let cloth = Cloth::new(&mesh);
+    let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
+    let initial = State { v: vec![DVec3::ZERO; x.len()], x };
+    for integrator in INTEGRATORS {
+        let mut forces = Forces::zeros(5, 1, mesh.positions.len());
+        forces.dynamic[2][3].z = f64::NAN;
+        let drive = Drive { initial: &initial, forces: &forces, stiffness: &stiffness };
+        let error = rollout(&cloth, &settings(integrator), 4, 5, &drive).unwrap_err();
+        names(&error, &["frame 3", "vertex 3"]);
+    }
+}
+
+#[test]
+fn huge_forces_give_finite_shapes_or_an_error() {
+    let (mesh, x) = crumpled(1, 1e-3);
+    let cloth = Cloth::new(&mesh);
+    for integrator in INTEGRATORS {
+        for size in [1e6, 1e12, 1e100, 1e200, 1e300, f64::MAX] {
+            for stiffness in [[200.0, 1e-3, 5e-4], [1e12, 1e12, 1e12], [0.0; 3], [f64::MAX; 3]] {
+                let stiffness = Stiffness::uniform(&cloth, stiffness);
+                let mut force = vec![DVec3::ZERO; x.len()];
+                force[0] = DVec3::splat(size);
+                let before = State { x: x.clone(), v: vec![DVec3::ZERO; x.len()] };
+                let scratch = &mut Scratch::default();
+                match step(&cloth, &settings(integrator), &stiffness, before, &force, scratch) {
+                    Ok(tape) => {
+                        let after = tape.after.x.iter().chain(&tape.after.v);
+                        assert!(after.clone().all(|p| p.is_finite()), "{integrator:?} {size:e}");
+                    }
+                    Err(error) => names(&error, &["Euler step"]),
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn faces_without_area_give_finite_shapes_or_an_error() {
+    let mut mesh = grid(4, 4, glam::DVec2::new(0.2, 0.2), 1.0);
+    // A vertex of its own that hangs on by two faces without area: it has no mass.
+    let far = mesh.positions[0] * 1.2;
+    mesh.positions.push(far);
+    let corners = vec![0, 16, 0];
+    mesh.faces.push(Face { vertices: corners.clone(), uvs: corners });
+    // And a face whose corners are one place.
+    mesh.positions[5] = mesh.positions[6];
+    mesh.positions[9] = mesh.positions[6];
+    let cloth = Cloth::new(&mesh);
+    let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
+    for integrator in INTEGRATORS {
+        let before = State { x: mesh.positions.clone(), v: vec![DVec3::ZERO; 17] };
+        let force = vec![DVec3::new(0.0, 9.8, 0.0); 17];
+        match step(&cloth, &settings(integrator), &stiffness, before, &force, &mut Scratch::default()) {
+            Ok(tape) => assert!(tape.after.x.iter().all(|p| p.is_finite()), "{integrator:?}"),
+            Err(error) => names(&error, &["Euler step"]),
+        }
+    }
+}
+
+#[test]
+fn a_crushed_cloth_has_no_definite_matrix_and_still_a_finite_step() {
+    let (mesh, _) = crumpled(1, 0.0);
+    let cloth = Cloth::new(&mesh);
+    // Stiff, and pressed to a third of its size: the exact second derivative is indefinite.
+    let stiffness = Stiffness::uniform(&cloth, [1e5, 1e-3, 5e-4]);
+    let x: Vec<DVec3> = mesh.positions.iter().map(|p| *p * 0.3).collect();
+    let mut matrix = tessuto::math::block_matrix::BlockMatrix::zeros(&cloth.pattern);
+    let mut scratch = Scratch::default();
+    cloth.add_hessian(&stiffness, &x, tessuto::sim::Curvature::Exact, 1.0, &mut matrix, &mut scratch);
+    matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0 / 0.004f64.powi(2));
+    assert!(cloth.analysis.definite(&cloth.pattern, &matrix, &mut scratch).is_none());
+    for integrator in INTEGRATORS {
+        let before = State { x: x.clone(), v: vec![DVec3::ZERO; x.len()] };
+        let none = vec![DVec3::ZERO; x.len()];
+        let tape = step(&cloth, &settings(integrator), &stiffness, before, &none, &mut scratch).unwrap();
+        assert!(tape.after.x.iter().chain(&tape.after.v).all(|p| p.is_finite()));
+    }
+}
+
+fn scene() -> Scene {
+    synth::make(&synth::Settings { frames: 3, grid: [5, 5], size: 48, ..Default::default() }).unwrap()
+}
+
+fn run(scene: &Scene) -> tessuto::Result<Reconstruction> {
+    let mut config = Config::preset(Preset::Default);
+    for assignment in ["texture.epochs=5", "texture.size=16", "trajectory.iterations=3"] {
+        config.set(assignment).unwrap();
+    }
+    reconstruct(scene, &config, &mut Session::new(|_, _| Ok(())))
+}
+
+#[test]
+fn a_scene_that_cannot_be_seen_is_refused_before_anything_is_computed() {
+    assert!(run(&scene()).unwrap().failure.is_none());
+    let refused = |change: &dyn Fn(&mut Scene), fragments: &[&str]| {
+        let mut scene = scene();
+        change(&mut scene);
+        let error = run(&scene).unwrap_err();
+        let text = error.to_string();
+        assert_eq!(error.exit_code(), 3, "{text}");
+        assert!(text.contains("hint: "), "{text}");
+        fragments.iter().for_each(|f| assert!(text.contains(f), "{f:?} is missing in: {text}"));
+    };
+    refused(&|s| s.camera.fx = 0.0, &["camera", "fx", "0"]);
+    refused(&|s| s.camera.fy = f64::NAN, &["camera", "fy", "NaN"]);
+    refused(&|s| s.camera.cx = f64::INFINITY, &["camera", "cx", "inf"]);
+    refused(&|s| s.fps = 0.0, &["fps", "0"]);
+    refused(&|s| s.frames.clear(), &["frames"]);
+    refused(&|s| s.frames[1].rgb = tessuto::Image::new(9, 9, 3), &["frame 1", "9×9"]);
+    refused(&|s| s.frames[2].mask = tessuto::Image::new(9, 9, 1), &["frame 2", "9×9"]);
+    refused(&|s| s.template.positions.iter_mut().for_each(|p| p.z = -p.z), &["template", "vertex 0"]);
+    refused(&|s| s.template.positions[4].x = f64::NAN, &["template", "vertex 4", "NaN"]);
+    refused(&|s| s.template.faces.clear(), &["template", "face"]);
+    refused(&|s| s.template.faces[3].vertices[1] = 99, &["template", "face 3", "99"]);
+    refused(&|s| s.template.uvs[2].x = f64::NAN, &["template", "texture coordinate 2"]);
+}
+
+#[test]
+fn a_first_frame_of_numbers_that_are_none_is_named() {
+    let mut broken = scene();
+    *broken.frames[0].rgb.pixel_mut(24, 24).first_mut().unwrap() = f32::NAN;
+    names(&run(&broken).unwrap_err(), &["texture", "frame 0"]);
+}
+
+#[test]
+fn one_frame_has_a_shape_and_a_texture() {
+    let mut still = scene();
+    still.frames.truncate(1);
+    for preset in [Preset::Default, Preset::Saft] {
+        let mut config = Config::preset(preset);
+        config.set("texture.epochs=5").unwrap();
+        config.set("texture.size=16").unwrap();
+        let result = reconstruct(&still, &config, &mut Session::new(|_, _| Ok(()))).unwrap();
+        assert!(result.failure.is_none(), "{:?}", result.failure);
+        assert_eq!(result.motion, [still.template.positions.clone()]);
+    }
+}
