@@ -39,7 +39,7 @@ impl OutputFolder {
         let lock = lock(&partial)?;
         // From here on what is there is ours, and is removed if anything fails.
         let output = Self { target: target.to_path_buf(), partial: partial.clone(), _lock: lock };
-        io(&partial, |p| clear(p))?;
+        io(&partial, clear)?;
         // Find out now, not after an hour of computing, that nothing can be written there.
         let probe = partial.join("probe");
         io(&probe, |p| std::fs::write(p, b"can be written").and_then(|()| std::fs::remove_file(p)))?;

@@ -156,6 +156,31 @@ fn a_video_of_one_frame_gives_a_result() {
     assert_eq!((motion.len(), motion[0].len()), (1, 25));
 }
 
+/// What `tessuto check` says of a scene that it accepts.
+fn doubts(scene: &TinyScene) -> String {
+    let output = Command::new(PROGRAM).arg("check").arg(scene.folder()).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stdout));
+    String::from_utf8_lossy(&output.stdout).split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+#[test]
+fn full_masks_and_mixed_winding_are_doubted() {
+    let scene = TinyScene::new();
+    for frame in 0..4 {
+        let white = scene_maker::paint(1, |_, _, _| 1.0);
+        tessuto::io::image::write_png(&scene.path(&format!("masks/mask_00{frame}.png")), &white).unwrap();
+    }
+    let said = doubts(&scene);
+    assert!(said.contains("warning masks") && said.contains("often inverted"), "{said}");
+    let scene = TinyScene::new();
+    let mut mesh = scene_maker::template();
+    mesh.faces[5].vertices.reverse();
+    mesh.faces[5].uvs.reverse();
+    tessuto::io::obj::write(&scene.path("template.obj"), &mesh, None).unwrap();
+    let said = doubts(&scene);
+    assert!(said.contains("warning winding 4 edges"), "{said}");
+}
+
 #[test]
 fn more_frames_than_memory_are_refused_before_any_is_read() {
     let scene = TinyScene::new();

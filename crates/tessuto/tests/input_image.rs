@@ -187,3 +187,28 @@ fn written_png_is_read_back() {
     write_png(&copy, &image).unwrap();
     assert_eq!(read(&copy).unwrap(), image);
 }
+
+#[test]
+fn the_camera_says_how_it_was_held() {
+    let folder = Folder::new();
+    // Wider than high, and bright on the left.
+    let lying = RgbImage::from_fn(16, 8, |x, _| image::Rgb([if x < 8 { 250 } else { 5 }; 3]));
+    let mut jpeg = Cursor::new(Vec::new());
+    DynamicImage::from(lying).write_to(&mut jpeg, ImageFormat::Jpeg).unwrap();
+    let jpeg = jpeg.into_inner();
+    let held = |orientation: u8| {
+        // An Exif segment behind the start marker: one entry, the orientation, as a short.
+        let entry = [0x12, 0x01, 3, 0, 1, 0, 0, 0, orientation, 0, 0, 0];
+        let body = [&b"Exif\0\0II*\0\x08\0\0\0\x01\0"[..], &entry, &[0; 4]].concat();
+        let length = (body.len() as u16 + 2).to_be_bytes();
+        let file = [&jpeg[..2], &[0xFF, 0xE1], &length, &body, &jpeg[2..]].concat();
+        read(&folder.put("held.jpg", &file)).unwrap()
+    };
+    let usual = held(1);
+    assert_eq!((usual.width, usual.height), (16, 8));
+    assert!(usual.pixel(1, 4)[0] > 0.9 && usual.pixel(14, 4)[0] < 0.1);
+    // Turned by 90° to the right: what was left is up.
+    let turned = held(6);
+    assert_eq!((turned.width, turned.height), (8, 16));
+    assert!(turned.pixel(4, 1)[0] > 0.9 && turned.pixel(4, 14)[0] < 0.1);
+}

@@ -103,7 +103,7 @@ fn damaged(seed: &[u8], rng: &mut Rng) -> Vec<u8> {
                 let part = bytes[at.min(end)..end].to_vec();
                 drop(bytes.splice(at..at, part));
             }
-            _ if rng.next_u32() % 4 == 0 => bytes.truncate(at),
+            _ if rng.next_u32().is_multiple_of(4) => bytes.truncate(at),
             _ => {}
         }
     }

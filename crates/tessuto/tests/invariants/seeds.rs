@@ -92,7 +92,7 @@ fn glb() -> Vec<u8> {
     // The same document with its buffer as a chunk.
     let end = GLTF[text..].find('"').expect("the end of the uri") + text;
     let mut json = format!("{}{}", &GLTF[..text].replace(",\"uri\":\"", ""), &GLTF[end + 1..]).into_bytes();
-    while json.len() % 4 > 0 {
+    while !json.len().is_multiple_of(4) {
         json.push(b' ');
     }
     let mut chunk = Vec::new();
