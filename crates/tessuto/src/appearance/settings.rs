@@ -75,7 +75,7 @@ impl Default for AppearanceSettings {
             light_rows: 256,
             light_coarsest: 8,
             light_finest: 64,
-            steps: 800,
+            steps: 400,
             batch: 25_000,
             passes: 1,
             most_pixels: 3_000_000,
