@@ -104,3 +104,10 @@ fn a_file_that_is_no_linear_picture_is_refused() {
         refused(&path, &["cannot be decoded"]);
     }
 }
+
+#[test]
+fn a_tile_far_larger_than_the_picture_is_refused_before_it_takes_memory() {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/invariants/regressions/radiance/tile_of_a_gigabyte.exr");
+    refused(&path, &["tile_of_a_gigabyte.exr", "tiles of 64×3625024 pixels"]);
+}

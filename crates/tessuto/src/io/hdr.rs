@@ -13,6 +13,13 @@ use crate::io::{atomic_write, read_bounded};
 
 /// Largest file, and largest decoded picture [bytes]: 8192×4096 pixels of 4 floats have 512 MiB.
 const MAX_BYTES: u64 = 640 << 20;
+/// Decoded bytes beyond these that each byte of the file may stand for: a few bytes of a header must not take the memory of
+/// the largest picture. Compression of a uniform sky reaches a little more, of any other far less.
+const MAX_RATIO: u64 = 500;
+/// Decoded bytes that any file may have.
+const ALWAYS_BYTES: u64 = 64 << 20;
+/// Largest side of a tile [px]; usual are 32 to 1024.
+const MAX_TILE: u32 = 4096;
 /// Largest radiance accepted. The sun in a picture of half floats ends at 65504; beyond this bound
 /// a single pixel would drown the rest in the noise of f32.
 pub const MAX_RADIANCE: f32 = 1e6;
@@ -35,6 +42,9 @@ pub fn read_linear(path: &Path) -> Result<Image> {
         Ok(format @ (ImageFormat::OpenExr | ImageFormat::Hdr)) => format,
         _ => return Err(broken("is neither OpenEXR nor Radiance .hdr".to_owned())),
     };
+    if let Some([width, height]) = huge_tile(&bytes) {
+        return Err(broken(format!("has tiles of {width}×{height} pixels; {MAX_TILE} a side are read")));
+    }
     let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
     let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), format);
     let mut limits = Limits::default();
@@ -44,12 +54,14 @@ pub fn read_linear(path: &Path) -> Result<Image> {
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
-    if decoder.total_bytes() > MAX_BYTES {
+    let most = MAX_BYTES.min(ALWAYS_BYTES + MAX_RATIO * bytes.len() as u64);
+    if decoder.total_bytes() > most {
         return Err(Error::input(
             path.display().to_string(),
             format!(
-                "{width}×{height} pixels take {} bytes; at most {MAX_BYTES} are read",
-                decoder.total_bytes()
+                "{width}×{height} pixels take {} bytes; at most {most} are read from a file of {}",
+                decoder.total_bytes(),
+                bytes.len()
             ),
             "scale the picture down; 1024×512 pixels are plenty for a light",
         ));
@@ -57,6 +69,19 @@ pub fn read_linear(path: &Path) -> Result<Image> {
     let dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     let data = dynamic.into_rgb32f().into_raw();
     Ok(Image { width: width as usize, height: height as usize, channels: 3, data })
+}
+
+/// The size of a tile in an OpenEXR file that is larger than [`MAX_TILE`]. The decoder takes memory for a whole tile, however
+/// small the picture is.
+fn huge_tile(bytes: &[u8]) -> Option<[u32; 2]> {
+    // Name, type and length of the attribute; two sizes and a mode follow.
+    const ATTRIBUTE: &[u8] = b"tiles\0tiledesc\0\x09\0\0\0";
+    let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
+    bytes.windows(ATTRIBUTE.len()).enumerate().filter(|(_, w)| *w == ATTRIBUTE).find_map(|(at, _)| {
+        let start = at + ATTRIBUTE.len();
+        let size = [word(start)?, word(start + 4)?];
+        size.iter().any(|n| *n > MAX_TILE).then_some(size)
+    })
 }
 
 /// An environment map: lat-long picture of linear radiance, shape [H, 2 H, 3], every value finite,

@@ -5,7 +5,7 @@ use glam::DVec3;
 use tessuto::config::{Config, Preset};
 use tessuto::math::factor::Scratch;
 use tessuto::mesh::{Face, grid};
-use tessuto::session::Session;
+use tessuto::session::{Checkpoints, Epoch, Session};
 use tessuto::sim::step::step;
 use tessuto::sim::{Cloth, Drive, Forces, Integrator, State, StepSettings, Stiffness, rollout};
 use tessuto::synth;
@@ -145,12 +145,16 @@ fn scene() -> Scene {
     synth::make(&synth::Settings { frames: 3, grid: [5, 5], size: 48, ..Default::default() }).unwrap()
 }
 
-fn run(scene: &Scene) -> tessuto::Result<Reconstruction> {
+fn config() -> Config {
     let mut config = Config::preset(Preset::Default);
     for assignment in ["texture.epochs=5", "texture.size=16", "trajectory.iterations=3"] {
         config.set(assignment).unwrap();
     }
-    reconstruct(scene, &config, &mut Session::new(|_, _| Ok(())))
+    config
+}
+
+fn run(scene: &Scene) -> tessuto::Result<Reconstruction> {
+    reconstruct(scene, &config(), &mut Session::new(|_, _| Ok(())))
 }
 
 #[test]
@@ -197,5 +201,29 @@ fn one_frame_has_a_shape_and_a_texture() {
         let result = reconstruct(&still, &config, &mut Session::new(|_, _| Ok(()))).unwrap();
         assert!(result.failure.is_none(), "{:?}", result.failure);
         assert_eq!(result.motion, [still.template.positions.clone()]);
+    }
+}
+
+#[test]
+fn states_of_another_cloth_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let open = || Checkpoints::open(folder.path(), "scene".into(), std::time::Duration::ZERO);
+    let three = serde_json::json!([[[0.0, 0.0, 1.0], [0.1, 0.0, 1.0], [0.0, 0.1, 1.0]]]);
+    let states = [
+        ("texture", serde_json::json!({"width": 16, "height": 16, "texels": [[0.5, 0.5, 0.5, 1.0]]})),
+        ("track", serde_json::json!({"frames": three, "gains": []})),
+        ("track", serde_json::json!({"frames": [], "gains": []})),
+        ("refine", serde_json::json!({"frames": three, "steps": 2, "damping": 1.0, "gains": []})),
+    ];
+    for (stage, state) in states {
+        let mut session = Session::new(|_, _| Ok(()));
+        session.keep_in(open(), None).unwrap();
+        session.step(&Epoch { stage, ..Epoch::default() }, &[], Some(&state)).unwrap();
+        let mut session = Session::new(|_, _| Ok(()));
+        session.keep_in(open(), open().newest(&mut |_| panic!()).unwrap()).unwrap();
+        let error = reconstruct(&scene(), &config(), &mut session).unwrap_err();
+        let text = error.to_string();
+        assert_eq!(error.exit_code(), 3, "{text}");
+        assert!(text.contains(&format!("checkpoint, {stage}")) && text.contains("hint: "), "{text}");
     }
 }
