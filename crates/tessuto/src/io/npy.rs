@@ -31,6 +31,9 @@ pub fn read(path: &Path) -> Result<Array> {
             "write it again with numpy.save(path, array.astype(\"float32\"))",
         )
     };
+    if nesting(&bytes) > MAX_NESTING {
+        return Err(fail("has a header of nested lists".to_owned()));
+    }
     let mut rest = &bytes[..];
     let header = npyz::NpyHeader::from_reader(&mut rest)
         .map_err(|e| fail(format!("is not a readable .npy file of {} bytes: {e}", bytes.len())))?;
@@ -59,6 +62,29 @@ pub fn read(path: &Path) -> Result<Array> {
     let data = data.map_err(|e| fail(format!("cannot be decoded: {e}")))?;
     let data = if fortran { c_order(&shape, &data) } else { data };
     Ok(Array { shape, data })
+}
+
+/// Deepest nesting of brackets in the header's text. Arrays of numbers need two; the parser's time doubles with each.
+const MAX_NESTING: usize = 8;
+
+/// How deep the brackets are nested in the header of a file.
+fn nesting(bytes: &[u8]) -> usize {
+    // Magic, version, length: 2 bytes in version 1, 4 in later ones.
+    let length = match bytes.get(6..12) {
+        Some([1, _, a, b, ..]) => usize::from(u16::from_le_bytes([*a, *b])) + 10,
+        Some([_, _, a, b, c, d]) => (u32::from_le_bytes([*a, *b, *c, *d]) as usize).saturating_add(12),
+        _ => 0,
+    };
+    let (mut depth, mut deepest) = (0_usize, 0);
+    for byte in &bytes[..length.min(bytes.len())] {
+        match byte {
+            b'[' | b'(' | b'{' => depth += 1,
+            b']' | b')' | b'}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        deepest = deepest.max(depth);
+    }
+    deepest
 }
 
 /// `data`, stored with the first axis running fastest, in C order.
