@@ -56,8 +56,9 @@ impl Level {
     }
 }
 
-/// `count` levels of `frame`, each half the size of the one before; level 0 has the frame's size.
-pub fn pyramid(frame: &Frame, camera: &Camera, count: usize) -> Vec<Level> {
+/// Levels 0 to `coarsest` of `frame`, each half the size of the one before; level 0 has the frame's size. Those finer
+/// than `finest` have no colours, which would take most of the memory.
+pub fn pyramid(frame: &Frame, camera: &Camera, [finest, coarsest]: [usize; 2]) -> Vec<Level> {
     let mut camera = *camera;
     let mut weighted: Vec<[f32; 4]> = frame
         .rgb
@@ -66,8 +67,8 @@ pub fn pyramid(frame: &Frame, camera: &Camera, count: usize) -> Vec<Level> {
         .zip(&frame.mask.data)
         .map(|(c, &m)| [c[0] * m, c[1] * m, c[2] * m, m])
         .collect();
-    let mut levels = Vec::with_capacity(count);
-    for level in 0..count {
+    let mut levels = Vec::with_capacity(coarsest + 1);
+    for level in 0..=coarsest {
         if level > 0 {
             weighted = halved(&weighted, camera.width, camera.height);
             camera = camera.downsampled(2);
@@ -77,7 +78,8 @@ pub fn pyramid(frame: &Frame, camera: &Camera, count: usize) -> Vec<Level> {
             let s = 1.0 / t[3].max(1e-6);
             [t[0] * s, t[1] * s, t[2] * s, t[3]]
         };
-        levels.push(Level { camera, texels: weighted.iter().map(normalised).collect() });
+        let texels = if level < finest { Vec::new() } else { weighted.iter().map(normalised).collect() };
+        levels.push(Level { camera, texels });
     }
     levels
 }

@@ -95,7 +95,7 @@ impl<'a> Problem<'a> {
         let levels = scene
             .frames
             .par_iter()
-            .map(|frame| pyramid(frame, &scene.camera, settings.coarsest + 1))
+            .map(|frame| pyramid(frame, &scene.camera, [settings.finest, settings.coarsest]))
             .collect();
         let contours = scene.frames.par_iter().map(|frame| Contour::new(&frame.mask)).collect();
         let template = &scene.template;
