@@ -4,6 +4,9 @@ use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
 use crate::error::{Error, Result};
 
+/// Cameras that a message names at most.
+const LISTED: usize = 5;
+
 /// The camera in `text`; the only one, or the one of `camera_id`.
 pub(super) fn parse(text: &str, place: &str, camera_id: Option<u32>) -> Result<Calibration> {
     let lines = text.lines().enumerate().map(|(k, l)| (k + 1, l.trim()));
@@ -11,7 +14,10 @@ pub(super) fn parse(text: &str, place: &str, camera_id: Option<u32>) -> Result<C
         .filter(|(_, l)| !l.is_empty() && !l.starts_with('#'))
         .map(|(k, l)| (k, l.split_whitespace().collect()))
         .collect();
-    let ids: Vec<&str> = cameras.iter().map(|(_, words)| words[0]).collect();
+    let mut ids: Vec<&str> = cameras.iter().take(LISTED).map(|(_, words)| words[0]).collect();
+    if cameras.len() > LISTED {
+        ids.push("…");
+    }
     let chosen = match camera_id {
         Some(id) => cameras.iter().find(|(_, words)| words[0].parse() == Ok(id)),
         None if cameras.len() > 1 => {
