@@ -22,7 +22,7 @@ fn pbr(criterion: &mut Criterion) {
     }
     let geometry = Geometry::new(&mesh, std::slice::from_ref(&mesh.positions));
     let rasterizer = Rasterizer::new(&mesh);
-    let seen = see(&rasterizer, &camera, &geometry, 0, &mesh.positions, &mut Rendering::new());
+    let seen = see(&rasterizer, &camera, &geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| true);
     let points: Vec<_> = seen.into_iter().map(|(_, point)| point).collect();
     let planes: Vec<f32> = (0..5 * 512 * 512).map(|_| 0.2 + 0.6 * rng.uniform() as f32).collect();
     let material = Material::from_planes(512, 512, &planes);

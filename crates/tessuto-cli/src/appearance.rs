@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     config.seed = arguments.seed.unwrap_or(config.seed);
     crate::threads::use_threads(arguments.threads)?;
-    let loaded = load(&arguments.scene, &LoadOptions { frames })?;
+    let loaded = load(&arguments.scene, &LoadOptions { frames, ..LoadOptions::default() })?;
     loaded.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
     let scene = &loaded.scene;
     let motion = match arguments.motion {
@@ -195,7 +195,7 @@ impl Outputs {
                 (n, shape),
                 (&maps, &found.environment),
                 passes,
-            );
+            )?;
             let frame = scene.first_frame + n;
             let file = |kind: &str| self.rerendered.partial().join(format!("{kind}_{frame:03}.png"));
             io::image::write_png(&file("rgb"), &drawn.rgb)?;

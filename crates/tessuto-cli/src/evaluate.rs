@@ -33,7 +33,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let file = &arguments.result;
     let file = if file.is_dir() { file.join("motion.npy") } else { file.clone() };
     let motion = npy::read_shapes(&file)?;
-    let loaded = load(&arguments.scene, &LoadOptions { frames: arguments.frames.clone() })?;
+    let loaded =
+        load(&arguments.scene, &LoadOptions { frames: arguments.frames.clone(), ..LoadOptions::default() })?;
     for warning in &loaded.warnings {
         eprintln!("warning: {warning}");
     }

@@ -125,7 +125,7 @@ pub fn reconstruct_into(
 ) -> anyhow::Result<Option<Evaluation>> {
     let output = OutputFolder::prepare(out)?;
     let server = extras.live.map(Server::bind).transpose()?;
-    let loaded = load(scene_folder, &LoadOptions { frames })?;
+    let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
     let scene = &loaded.scene;
     let mut warnings = loaded.warnings;
     warnings.iter().for_each(|w| eprintln!("warning: {w}"));
@@ -230,7 +230,7 @@ fn keep_checkpoints(
     let Some(interval) = extras.checkpoint else { return Ok(None) };
     let folder = beside(out, ".checkpoints");
     let text = serde_json::to_string(settings).expect("plain data");
-    let identity = identity(scene, &text);
+    let identity = identity(scene, &text)?;
     let open = || Checkpoints::open(&folder, identity.clone(), interval);
     let found = match extras.resume {
         true => open().newest(&mut |problem| eprintln!("warning: {problem}"))?,

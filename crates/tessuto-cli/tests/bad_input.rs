@@ -182,13 +182,13 @@ fn full_masks_and_mixed_winding_are_doubted() {
 }
 
 #[test]
-fn more_frames_than_memory_are_refused_before_any_is_read() {
+fn frames_larger_than_memory_are_refused_before_any_is_read() {
     let scene = TinyScene::new();
     scene.edit("scene.json", "\"width\": 24", "\"width\": 16384");
     scene.edit("scene.json", "\"height\": 24", "\"height\": 16384");
     scene.edit("scene.json", "\"name\"", "\"crop\": {\"x0\":0,\"y0\":0,\"x1\":16384,\"y1\":16384}, \"name\"");
     let out = scene.path("out");
-    fail(3, &mut quick(scene.folder(), &out), &["GiB of memory", "--frames A..B", "hint: "]);
+    fail(3, &mut quick(scene.folder(), &out), &["16384×16384", "GiB of memory", "--downscale", "hint: "]);
     assert!(!out.exists());
 }
 

@@ -8,7 +8,7 @@ mod picture;
 
 use std::path::Path;
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::scene::coverage::{overlap, template_coverage};
 use crate::io::scene::{LoadOptions, Loaded, attempt};
@@ -57,29 +57,39 @@ impl CheckReport {
 }
 
 /// Checks a scene that has been loaded.
-pub fn check(loaded: &Loaded) -> CheckReport {
+///
+/// # Errors
+/// Those of reading its frames once more.
+pub fn check(loaded: &Loaded) -> Result<CheckReport> {
     let scene = &loaded.scene;
     let covered = template_coverage(&scene.template, &scene.template.positions, &scene.camera);
-    let iou = overlap(&covered, &scene.frames[0].mask);
-    let findings = findings::of_video(scene).into_iter().chain(findings::of_template(scene, iou)).collect();
+    let first = scene.frames.frame(0)?;
+    let iou = overlap(&covered, &first.mask);
+    let findings = findings::of_video(scene)?
+        .into_iter()
+        .chain(findings::of_template(scene, &first.mask, iou))
+        .collect();
     let findings = findings::with_warnings(findings, &loaded.warnings);
-    CheckReport { findings, iou: Some(iou), picture: Some(picture::draw(scene)) }
+    Ok(CheckReport { findings, iou: Some(iou), picture: Some(picture::draw(scene)?) })
 }
 
 /// Checks what is there of a scene whose template cannot be read.
-fn check_video(loaded: &Loaded) -> CheckReport {
-    let findings = findings::with_warnings(findings::of_video(&loaded.scene), &loaded.warnings);
-    CheckReport { findings, iou: None, picture: Some(picture::draw(&loaded.scene)) }
+fn check_video(loaded: &Loaded) -> Result<CheckReport> {
+    let findings = findings::with_warnings(findings::of_video(&loaded.scene)?, &loaded.warnings);
+    Ok(CheckReport { findings, iou: None, picture: Some(picture::draw(&loaded.scene)?) })
 }
 
 /// Checks the scene in `folder`, whether or not it can be loaded.
 pub fn check_folder(folder: &Path, options: &LoadOptions) -> CheckReport {
     let attempt = attempt(folder, options);
-    let mut report = match &attempt.loaded {
+    let nothing = CheckReport { findings: Vec::new(), iou: None, picture: None };
+    let checked = match &attempt.loaded {
         Some(loaded) if attempt.template_missing => check_video(loaded),
         Some(loaded) => check(loaded),
-        None => CheckReport { findings: Vec::new(), iou: None, picture: None },
+        None => Ok(nothing.clone()),
     };
+    let mut report =
+        checked.unwrap_or_else(|error| CheckReport { findings: vec![error_finding(&error)], ..nothing });
     report.findings.splice(0..0, attempt.errors.iter().map(error_finding));
     report
 }

@@ -30,6 +30,7 @@ pub mod session;
 pub mod sim;
 pub mod synth;
 pub mod template;
+pub mod video;
 pub mod view;
 
 pub use camera::{Camera, Rect};
@@ -38,4 +39,5 @@ pub use error::{Error, Result};
 pub use image::Image;
 pub use mesh::Mesh;
 pub use reconstruct::{Reconstruction, reconstruct};
-pub use scene::{Frame, Scene, Shape, Truth};
+pub use scene::{Scene, Shape, Truth};
+pub use video::{Frame, Video};

@@ -47,9 +47,14 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let texture = match session.restore("texture")? {
         Some(texture) if !fits(&texture) => return Err(foreign_state("texture")),
         Some(texture) => texture,
-        None => {
-            fit_texture(&rasterizer, &scene.camera, template, &scene.frames[0], &config.texture, session)?
-        }
+        None => fit_texture(
+            &rasterizer,
+            &scene.camera,
+            template,
+            &*scene.frames.frame(0)?,
+            &config.texture,
+            session,
+        )?,
     };
     session.finish("texture", &texture);
     session.lap("texture");
@@ -70,7 +75,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             fitted
         }
         Method::Trajectory => {
-            let problem = trajectory::Problem::new(scene, &cloth, config.trajectory.clone());
+            let problem = trajectory::Problem::new(scene, &cloth, config.trajectory.clone())?;
             let (tracked, lost) = problem.track(session)?;
             session.lap("track");
             let (frames, stuck) = problem.refine(tracked, session)?;

@@ -6,20 +6,11 @@ use glam::DVec3;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::image::Image;
 use crate::mesh::Mesh;
+use crate::video::Video;
 
 /// Vertex positions [m] of one moment, camera frame, shape [V].
 pub type Shape = Vec<DVec3>;
-
-/// One video frame, cut to the scene's crop.
-#[derive(Debug, Clone)]
-pub struct Frame {
-    /// sRGB-encoded colour in [0, 1], shape [height, width, 3]; black where there is no fabric.
-    pub rgb: Image,
-    /// Share of the pixel that is fabric, in [0, 1], shape [height, width, 1].
-    pub mask: Image,
-}
 
 /// What is known of the true motion; used by evaluation only.
 #[derive(Debug, Clone, Default)]
@@ -45,12 +36,12 @@ pub struct Scene {
     pub crop: Rect,
     /// Full image width and height [px].
     pub full_size: [usize; 2],
-    /// Index, in the folder, of `frames[0]`.
+    /// Index, in the folder, of the first of `frames`.
     pub first_frame: usize,
     /// The fabric in frame `first_frame`.
     pub template: Mesh,
-    /// The video, shape [N].
-    pub frames: Vec<Frame>,
+    /// The video, N frames.
+    pub frames: Video,
     /// Ground truth, where the folder has it, of the same frames.
     pub truth: Truth,
 }
@@ -77,7 +68,8 @@ impl Scene {
         if self.frames.is_empty() {
             return fail("scene".into(), "it has no frames".into(), "give one frame at least");
         }
-        for (k, frame) in self.frames.iter().enumerate() {
+        // Frames that are not held have been checked when they were read.
+        for (k, frame) in self.frames.held().unwrap_or_default().iter().enumerate() {
             for (what, image, channels) in [("colour", &frame.rgb, 3), ("mask", &frame.mask, 1)] {
                 if [image.width, image.height, image.channels] != [camera.width, camera.height, channels] {
                     let found = format!("{}×{} px of {} channels", image.width, image.height, image.channels);

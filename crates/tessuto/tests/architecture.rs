@@ -3,9 +3,10 @@
 use std::path::{Path, PathBuf};
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 16] = [
+const LAYERS: [&[&str]; 17] = [
     &["math", "error"],
     &["camera", "image", "mesh"],
+    &["video"],
     &["scene"],
     &["io"],
     &["session"],

@@ -56,7 +56,7 @@ fn a_hopeless_fit_ends_with_its_best_state_and_the_epoch() {
 #[test]
 fn a_frame_of_numbers_that_are_none_leaves_the_shapes_before_it() {
     let mut scene = scene();
-    scene.frames[3].rgb.data.fill(f32::NAN);
+    scene.frames.held_mut().unwrap()[3].rgb.data.fill(f32::NAN);
     let config = Config::preset(Preset::Default);
     let result = reconstruct(&scene, &config, &mut Session::new(|_, _| Ok(()))).unwrap();
     let failure = result.failure.as_ref().expect("a failure").to_string();

@@ -58,7 +58,7 @@ fn scene(rasterizer: &Rasterizer, template: &tessuto::Mesh, texture: &Texture) -
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template: template.clone(),
-        frames: (0..FRAMES).map(frame).collect(),
+        frames: (0..FRAMES).map(frame).collect::<Vec<_>>().into(),
         truth: Truth::default(),
     }
 }

@@ -25,7 +25,10 @@ fn recorded_scene_loads_whole() {
     assert_eq!((scene.frames.len(), scene.template.positions.len()), (50, 1024));
     assert_eq!((scene.crop.x0, scene.crop.y1, scene.full_size), (300, 800, [1920, 1080]));
     assert!((scene.camera.cx - (962.134 - 300.0)).abs() < 1e-9);
-    assert_eq!((scene.frames[49].rgb.width, scene.frames[49].mask.height), (800, 700));
+    assert_eq!(
+        (scene.frames.frame(49).unwrap().rgb.width, scene.frames.frame(49).unwrap().mask.height),
+        (800, 700)
+    );
     assert_eq!(scene.truth.points.as_ref().map(Vec::len), Some(50));
     assert!(scene.truth.vertices.is_none());
 }
@@ -36,12 +39,13 @@ fn a_part_of_a_rendered_scene_is_the_same_part_of_the_whole() {
         let Some(folder) = scene(name) else { return };
         let whole = load(&folder, &LoadOptions::default()).unwrap();
         println!("{name}: crop {:?}, warnings: {:#?}", whole.scene.crop, whole.warnings);
-        let part = load(&folder, &LoadOptions { frames: Some(5..8) }).unwrap().scene;
+        let part =
+            load(&folder, &LoadOptions { frames: Some(5..8), ..LoadOptions::default() }).unwrap().scene;
         let whole = whole.scene;
         assert_eq!((part.first_frame, part.frames.len()), (5, 3));
         // The crop follows the masks that are loaded, so compare what does not depend on it.
         for k in 0..3 {
-            let (a, b) = (&part.frames[k].mask, &whole.frames[5 + k].mask);
+            let (a, b) = (&part.frames.frame(k).unwrap().mask, &whole.frames.frame(5 + k).unwrap().mask);
             assert_eq!(a.data.iter().sum::<f32>(), b.data.iter().sum::<f32>());
         }
         let (a, b) = (part.truth.vertices.unwrap(), whole.truth.vertices.unwrap());

@@ -21,7 +21,8 @@ fn everything_arrives() {
     // 16 pixels of fabric and 4 on each side, as far as the picture reaches.
     assert_eq!(scene.crop, Rect { x0: 0, y0: 2, x1: 24, y1: 24 });
     assert_eq!((scene.camera.cx, scene.camera.cy, scene.camera.height), (11.5, 11.5, 22));
-    for (n, frame) in scene.frames.iter().enumerate() {
+    for n in 0..scene.frames.len() {
+        let frame = scene.frames.frame(n).unwrap();
         assert_eq!(frame.rgb.data, colour(n).data[2 * SIZE * 3..]);
         assert_eq!(frame.mask.data, mask().data[2 * SIZE..]);
     }
@@ -36,7 +37,7 @@ fn crop_of_scene_json_is_kept() {
     tiny.edit("scene.json", "\"name\"", "\"crop\": {\"x0\": 2, \"y0\": 5, \"x1\": 21, \"y1\": 23}, \"name\"");
     let scene = load_all(&tiny).scene;
     assert_eq!(scene.crop, Rect { x0: 2, y0: 5, x1: 21, y1: 23 });
-    let rgb = &scene.frames[1].rgb;
+    let rgb = &scene.frames.frame(1).unwrap().rgb;
     assert_eq!((rgb.width, rgb.height), (19, 18));
     assert_eq!(rgb.pixel(3, 4), colour(1).pixel(5, 9));
 }
@@ -45,13 +46,15 @@ fn crop_of_scene_json_is_kept() {
 fn a_range_of_frames() {
     let tiny = TinyScene::with_truth();
     std::fs::remove_file(tiny.path("rgbs/rgb_000.png")).unwrap();
-    let scene = load(tiny.folder(), &LoadOptions { frames: Some(1..3) }).unwrap().scene;
+    let scene =
+        load(tiny.folder(), &LoadOptions { frames: Some(1..3), ..LoadOptions::default() }).unwrap().scene;
     assert_eq!((scene.first_frame, scene.frames.len()), (1, 2));
-    assert_eq!(scene.frames[0].rgb.data, colour(1).data[2 * SIZE * 3..]);
+    assert_eq!(scene.frames.frame(0).unwrap().rgb.data, colour(1).data[2 * SIZE * 3..]);
     assert_eq!(scene.truth.vertices.unwrap().len(), 2);
     #[expect(clippy::reversed_empty_ranges, reason = "a user can type it")]
     for range in [0..5, 2..2, 3..1] {
-        let error = load(tiny.folder(), &LoadOptions { frames: Some(range) }).unwrap_err();
+        let error =
+            load(tiny.folder(), &LoadOptions { frames: Some(range), ..LoadOptions::default() }).unwrap_err();
         assert_eq!(error.exit_code(), 2, "{error}");
     }
 }
@@ -78,7 +81,7 @@ fn jpeg_frames() {
         std::fs::remove_file(png).unwrap();
     }
     let scene = load_all(&tiny).scene;
-    let (found, expected) = (&scene.frames[2].rgb.data, colour(2));
+    let (found, expected) = (&scene.frames.frame(2).unwrap().rgb.data, colour(2));
     let apart = found.iter().zip(&expected.data[2 * SIZE * 3..]).map(|(a, b)| (a - b).abs());
     let mean = apart.sum::<f32>() / found.len() as f32;
     assert!(mean < 0.1, "JPEG differs by {mean} on average");
@@ -97,7 +100,7 @@ fn bright_background_becomes_black_and_dark_specks_stay() {
     }
     let Loaded { scene, warnings } = load_all(&tiny);
     assert!(warnings.len() == 1 && warnings[0].starts_with("background: "), "{warnings:?}");
-    assert_eq!(scene.frames[2].rgb.data, colour(2).data[2 * SIZE * 3..]);
+    assert_eq!(scene.frames.frame(2).unwrap().rgb.data, colour(2).data[2 * SIZE * 3..]);
 
     // A frame that is black but for the pixels next to the fabric is kept as it is.
     let tiny = TinyScene::new();
@@ -109,7 +112,7 @@ fn bright_background_becomes_black_and_dark_specks_stay() {
     let Loaded { scene, warnings } = load_all(&tiny);
     assert_eq!(warnings, Vec::<String>::new());
     assert_eq!(
-        scene.frames[0].rgb.data,
+        scene.frames.frame(0).unwrap().rgb.data,
         tessuto::io::image::read(&tiny.path("rgbs/rgb_000.png")).unwrap().data[2 * SIZE * 3..]
     );
 }
@@ -123,7 +126,7 @@ fn masks_of_zeros_and_ones_are_understood() {
         write_png(&tiny.path(&format!("masks/mask_{n:03}.png")), &dim).unwrap();
     }
     let Loaded { scene, warnings } = load_all(&tiny);
-    assert_eq!(scene.frames[0].mask.data, mask().data[2 * SIZE..]);
+    assert_eq!(scene.frames.frame(0).unwrap().mask.data, mask().data[2 * SIZE..]);
     assert!(warnings.len() == 1 && warnings[0].contains("holds 0 and 1"), "{warnings:?}");
     assert!(warnings[0].contains("in 4 files, first in frame 0"), "{warnings:?}");
 }

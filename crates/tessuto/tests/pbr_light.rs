@@ -29,7 +29,7 @@ fn folded() -> Mesh {
 
 fn points(mesh: &Mesh, geometry: &Geometry) -> Vec<Point> {
     let rasterizer = Rasterizer::new(mesh);
-    let seen = see(&rasterizer, &CAMERA, geometry, 0, &mesh.positions, &mut Rendering::new());
+    let seen = see(&rasterizer, &CAMERA, geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| true);
     seen.into_iter().map(|(_, point)| point).collect()
 }
 

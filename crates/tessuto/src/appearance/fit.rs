@@ -15,7 +15,7 @@ use crate::math::rng::mix32;
 use crate::pbr::{Environment, Geometry, Gradients, Light, Material, Shader, accumulate, srgb};
 use crate::raster::Rasterizer;
 use crate::scene::{Scene, Shape};
-use crate::session::{Epoch, Session};
+use crate::session::{Epoch, Session, foreign_state};
 
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
@@ -66,7 +66,7 @@ pub fn fit(
     let seed = mix32(seed as u32 ^ mix32((seed >> 32) as u32));
     let rasterizer = Rasterizer::new(&scene.template);
     let window = Window::of(&scene.template);
-    let seen = observe(scene, &rasterizer, geometry, motion, window, settings.most_pixels, seed);
+    let seen = observe(scene, &rasterizer, geometry, motion, window, settings.most_pixels, seed)?;
     if seen.points.is_empty() {
         return Err(Error::input(
             scene.folder.display().to_string(),
@@ -92,6 +92,9 @@ pub fn fit(
     let state: Option<State> = session.restore("appearance")?;
     let first = state.as_ref().map_or(0, |s| s.steps);
     if let Some(state) = state {
+        if !(state.sky.fits() && state.trust.fits(&trust)) {
+            return Err(foreign_state("appearance"));
+        }
         maps.restore(&state.maps)?;
         sky = state.sky;
         trust = state.trust;

@@ -1,11 +1,11 @@
 //! What the pixels of all frames see, and their colours.
 
-use rayon::prelude::*;
-
 use super::Window;
+use crate::error::Result;
+use crate::image::Image;
 use crate::math::rng::mix32;
 use crate::pbr::{Geometry, Point, see};
-use crate::raster::{Rasterizer, Rendering};
+use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Shape};
 
 /// Pixels of all frames that certainly show cloth.
@@ -16,7 +16,11 @@ pub(super) struct Observations {
     pub colours: Vec<[f32; 3]>,
 }
 
-/// The texture coordinates of their points are those within `window`. Draws about `most` of the pixels whose 3×3 neighbourhood is cloth both in the video and as rendered.
+/// Draws about `most` of the pixels whose 3×3 neighbourhood is cloth both in the video and as rendered. The texture
+/// coordinates of their points are those within `window`.
+///
+/// # Errors
+/// Those of reading the frames.
 pub(super) fn observe(
     scene: &Scene,
     rasterizer: &Rasterizer,
@@ -25,36 +29,48 @@ pub(super) fn observe(
     window: Window,
     most: usize,
     seed: u32,
-) -> Observations {
-    let frames: Vec<Vec<(Point, [f32; 3])>> = (0..motion.len())
-        .into_par_iter()
-        .map_init(Rendering::new, |rendering, n| {
-            let seen = see(rasterizer, &scene.camera, geometry, n, &motion[n], rendering);
-            let frame = &scene.frames[n];
-            let (width, height) = (scene.camera.width, scene.camera.height);
-            let cloth = |x: usize, y: usize| {
-                frame.mask.pixel(x, y)[0] > 0.5 && rendering.triangle[y * width + x] != Rendering::NO_TRIANGLE
-            };
-            let inside = |pixel: u32| {
-                let (x, y) = (pixel as usize % width, pixel as usize / width);
-                let border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
-                !border && (y - 1..=y + 1).all(|y| (x - 1..=x + 1).all(|x| cloth(x, y)))
-            };
-            seen.into_iter()
-                .filter(|(pixel, _)| inside(*pixel))
-                .map(|(pixel, mut point)| {
-                    point.uv = window.inside(point.uv);
-                    let rgb = frame.rgb.pixel(pixel as usize % width, pixel as usize / width);
-                    (point, [rgb[0], rgb[1], rgb[2]])
-                })
-                .collect()
-        })
-        .collect();
-    let total: usize = frames.iter().map(Vec::len).sum();
+) -> Result<Observations> {
+    // Count first: the points of all pixels of a long video would not fit into memory.
+    let blank = Texture::uniform(1, 1, [0.0; 3]);
+    let counts = scene.frames.map(0..motion.len(), Rendering::new, |rendering, n| {
+        let frame = scene.frames.frame(n)?;
+        rasterizer.render(&scene.camera, &motion[n], &blank, rendering);
+        Ok((0..rendering.triangle.len()).filter(|pixel| inside(&frame.mask, rendering, *pixel)).count())
+    })?;
+    let total: usize = counts.iter().sum();
+    let starts: Vec<usize> =
+        counts.iter().scan(0, |sum, count| Some(std::mem::replace(sum, *sum + count))).collect();
     let share = (most as f64 / total.max(1) as f64).min(1.0);
     let limit = (share * f64::from(u32::MAX)) as u32;
-    let kept = frames.into_iter().flatten().enumerate();
-    let kept = kept.filter(|(i, _)| share >= 1.0 || mix32(mix32(seed).wrapping_add(*i as u32)) < limit);
-    let (points, colours) = kept.map(|(_, pair)| pair).unzip();
-    Observations { points, colours }
+    let drawn = |i: usize| share >= 1.0 || mix32(mix32(seed).wrapping_add(i as u32)) < limit;
+    let frames = scene.frames.map(0..motion.len(), Rendering::new, |rendering, n| {
+        let frame = scene.frames.frame(n)?;
+        let mut next = starts[n];
+        let wanted = |rendering: &Rendering, pixel: usize| {
+            let inside = inside(&frame.mask, rendering, pixel);
+            next += usize::from(inside);
+            inside && drawn(next - 1)
+        };
+        let seen = see(rasterizer, &scene.camera, geometry, n, &motion[n], rendering, wanted);
+        let observation = |(pixel, mut point): (u32, Point)| {
+            point.uv = window.inside(point.uv);
+            let width = scene.camera.width;
+            let rgb = frame.rgb.pixel(pixel as usize % width, pixel as usize / width);
+            (point, [rgb[0], rgb[1], rgb[2]])
+        };
+        Ok(seen.into_iter().map(observation).collect::<Vec<_>>())
+    })?;
+    let (points, colours) = frames.into_iter().flatten().unzip();
+    Ok(Observations { points, colours })
+}
+
+/// Whether the 3×3 pixels around `pixel` are cloth both in `mask` and as rendered.
+fn inside(mask: &Image, rendering: &Rendering, pixel: usize) -> bool {
+    let (width, height) = (mask.width, mask.height);
+    let cloth = |x: usize, y: usize| {
+        mask.pixel(x, y)[0] > 0.5 && rendering.triangle[y * width + x] != Rendering::NO_TRIANGLE
+    };
+    let (x, y) = (pixel % width, pixel / width);
+    let border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+    !border && (y - 1..=y + 1).all(|y| (x - 1..=x + 1).all(|x| cloth(x, y)))
 }

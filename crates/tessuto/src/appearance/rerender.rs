@@ -1,5 +1,6 @@
 //! The frames as the estimate explains them.
 
+use crate::error::Result;
 use crate::image::Image;
 use crate::pbr::{Cloth, Environment, Geometry, Light, Material, picture};
 use crate::raster::Rasterizer;
@@ -17,6 +18,9 @@ pub struct Rerendered {
 }
 
 /// Draws frame `frame` with the maps on all of uv space, the light, and `passes` passes of eight samples per pixel.
+///
+/// # Errors
+/// Those of reading the frame.
 pub fn rerender(
     scene: &Scene,
     rasterizer: &Rasterizer,
@@ -24,13 +28,13 @@ pub fn rerender(
     (frame, shape): (usize, &Shape),
     (maps, environment): (&Material, &Environment),
     passes: usize,
-) -> Rerendered {
+) -> Result<Rerendered> {
     let light = &Light::new(environment, 0.05);
     let cloth = Cloth { rasterizer, geometry, material: maps, light };
     let drawn = picture(&cloth, &scene.camera, (frame, shape), passes);
     let [full_width, full_height] = scene.full_size;
     let mut rgb = Image::new(full_width, full_height, 3);
-    let observed = &scene.frames[frame];
+    let observed = scene.frames.frame(frame)?;
     let mut difference = Image::new(drawn.width, drawn.height, 3);
     let (mut squares, mut count) = (0.0, 0);
     for y in 0..drawn.height {
@@ -48,5 +52,5 @@ pub fn rerender(
         }
     }
     let psnr = -10.0 * (squares / f64::from(count.max(1))).max(1e-12).log10();
-    Rerendered { rgb, difference, psnr }
+    Ok(Rerendered { rgb, difference, psnr })
 }

@@ -21,6 +21,12 @@ impl Sky {
         Self { rows, adam: Adam::new(logs.len(), 1.0), logs }
     }
 
+    /// Whether its values are those of its grid.
+    pub fn fits(&self) -> bool {
+        let len = self.rows.checked_mul(self.rows).and_then(|n| n.checked_mul(6));
+        len == Some(self.logs.len()) && self.adam.fits(self.logs.len())
+    }
+
     /// Rows of the present grid.
     pub fn rows(&self) -> usize {
         self.rows

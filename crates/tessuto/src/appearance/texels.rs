@@ -71,7 +71,9 @@ impl Maps for Texels {
 
     fn restore(&mut self, state: &MapState) -> Result<()> {
         match state {
-            MapState::Texels(values, adam) if values.len() == self.values.len() => {
+            MapState::Texels(values, adam)
+                if values.len() == self.values.len() && adam.fits(values.len()) =>
+            {
                 self.values.clone_from(values);
                 self.adam = adam.clone();
                 Ok(())

@@ -26,6 +26,14 @@ impl Trust {
         Self { triangles, errors: vec![(0.0, 0.0); frames * triangles], weights: Vec::new() }
     }
 
+    /// Whether it speaks of as many patches as `other`.
+    pub fn fits(&self, other: &Self) -> bool {
+        let count = other.errors.len();
+        self.triangles == other.triangles
+            && self.errors.len() == count
+            && (self.weights.is_empty() || self.weights.len() == count)
+    }
+
     /// Notes the squared error of a pixel that shows `patch`, not weighted; one estimate of it may be negative.
     pub fn note(&mut self, patch: u32, error: f32) {
         let (sum, count) = &mut self.errors[patch as usize];

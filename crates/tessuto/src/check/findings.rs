@@ -1,6 +1,10 @@
 //! The figures of a check, one function a topic.
 
+use sha2::{Digest, Sha256};
+
 use super::{Finding, Level};
+use crate::error::Result;
+use crate::image::Image;
 use crate::io::scene::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::io::scene::template::{DIAGONAL, command, diagonal};
 use crate::scene::Scene;
@@ -9,13 +13,35 @@ use crate::scene::Scene;
 const UV_RASTER: usize = 512;
 
 /// Findings about frames, masks, camera and truth.
-pub(super) fn of_video(scene: &Scene) -> Vec<Finding> {
-    vec![frames(scene), masks(scene), motion(scene), intrinsics(scene), truth(scene)]
+///
+/// # Errors
+/// Those of reading the frames.
+pub(super) fn of_video(scene: &Scene) -> Result<Vec<Finding>> {
+    let looked_at = scene.frames.map(0..scene.frames.len(), || (), |(), n| Glance::at(scene, n))?;
+    let video = [frames(scene), masks(scene, &looked_at), motion(scene, &looked_at)];
+    Ok(video.into_iter().chain([intrinsics(scene), truth(scene)]).collect())
 }
 
-/// Findings about the template; `iou` is its overlap with the first mask.
-pub(super) fn of_template(scene: &Scene, iou: f64) -> Vec<Finding> {
-    vec![scale(scene), template_overlap(scene, iou), orientation(scene, iou), uv(scene)]
+/// What is kept of a frame to compare it with others.
+struct Glance {
+    /// Share of the full picture that is fabric.
+    share: f64,
+    /// Of the colours.
+    digest: [u8; 32],
+}
+
+impl Glance {
+    fn at(scene: &Scene, n: usize) -> Result<Self> {
+        let frame = scene.frames.frame(n)?;
+        let full = (scene.full_size[0] * scene.full_size[1]) as f64;
+        let share = frame.mask.data.iter().filter(|v| **v >= 0.5).count() as f64 / full;
+        Ok(Self { share, digest: Sha256::digest(bytemuck::cast_slice(&frame.rgb.data)).into() })
+    }
+}
+
+/// Findings about the template; `mask` is that of the first frame, `iou` the overlap with it.
+pub(super) fn of_template(scene: &Scene, mask: &Image, iou: f64) -> Vec<Finding> {
+    vec![scale(scene), template_overlap(scene, iou), orientation(scene, mask, iou), uv(scene)]
 }
 
 /// The findings and what loading already doubted, which replaces the good word on the same topic.
@@ -61,10 +87,8 @@ fn frames(scene: &Scene) -> Finding {
     }
 }
 
-fn masks(scene: &Scene) -> Finding {
-    let full = (scene.full_size[0] * scene.full_size[1]) as f64;
-    let share = |n: usize| scene.frames[n].mask.data.iter().filter(|v| **v >= 0.5).count() as f64 / full;
-    let shares: Vec<f64> = (0..scene.frames.len()).map(share).collect();
+fn masks(scene: &Scene, looked_at: &[Glance]) -> Finding {
+    let shares: Vec<f64> = looked_at.iter().map(|glance| glance.share).collect();
     let (mut low, mut high) = (0, 0);
     for (n, share) in shares.iter().enumerate() {
         low = if *share < shares[low] { n } else { low };
@@ -96,9 +120,9 @@ fn masks(scene: &Scene) -> Finding {
     }
 }
 
-fn motion(scene: &Scene) -> Finding {
-    let same = |n: &usize| scene.frames[*n].rgb == scene.frames[*n + 1].rgb;
-    let repeats: Vec<usize> = (0..scene.frames.len() - 1).filter(same).collect();
+fn motion(scene: &Scene, looked_at: &[Glance]) -> Finding {
+    let same = |n: &usize| looked_at[*n].digest == looked_at[*n + 1].digest;
+    let repeats: Vec<usize> = (0..looked_at.len() - 1).filter(same).collect();
     match repeats.first() {
         Some(n) => {
             let frame = scene.first_frame + n;
@@ -147,8 +171,8 @@ fn template_overlap(scene: &Scene, iou: f64) -> Finding {
     )
 }
 
-fn orientation(scene: &Scene, own: f64) -> Finding {
-    let best = best_variant(axis_variants(&scene.template, &scene.camera, &scene.frames[0].mask));
+fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {
+    let best = best_variant(axis_variants(&scene.template, &scene.camera, mask));
     if best.iou > own + VARIANT_GAIN {
         let detail = format!(
             "the template fits the mask better with {} ({:.2} instead of {own:.2})",

@@ -2,8 +2,10 @@
 
 use glam::DVec2;
 
+use crate::error::Result;
 use crate::image::Image;
-use crate::scene::{Frame, Scene};
+use crate::scene::Scene;
+use crate::video::Frame;
 
 const TEMPLATE: [f32; 3] = [0.0, 0.9, 1.0];
 const OUTLINE: [f32; 3] = [1.0, 0.85, 0.0];
@@ -14,11 +16,15 @@ const GAP_WIDTH: usize = 4;
 
 /// The crops of the first, middle and last frame side by side, with the outlines of their masks; the first with the
 /// edges of the template.
-pub(super) fn draw(scene: &Scene) -> Image {
+///
+/// # Errors
+/// Those of reading the frames.
+pub(super) fn draw(scene: &Scene) -> Result<Image> {
     let last = scene.frames.len() - 1;
     let mut shown = vec![0, last / 2, last];
     shown.dedup();
-    let mut pictures: Vec<Image> = shown.into_iter().map(|n| outlined(&scene.frames[n])).collect();
+    let mut pictures: Vec<Image> =
+        shown.into_iter().map(|n| Ok(outlined(&*scene.frames.frame(n)?))).collect::<Result<_>>()?;
     let mesh = &scene.template;
     for edge in mesh.edges() {
         let ends = edge.map(|v| mesh.positions[v as usize]);
@@ -36,7 +42,7 @@ pub(super) fn draw(scene: &Scene) -> Image {
             sheet.data[start..start + 3 * w].copy_from_slice(row);
         }
     }
-    sheet
+    Ok(sheet)
 }
 
 /// A frame with the outline of its mask.

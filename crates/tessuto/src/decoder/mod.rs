@@ -132,7 +132,9 @@ impl Decoder {
 
     /// Takes back a [`state`](Self::state); returns whether it is of a decoder of this size.
     pub fn set_state(&mut self, state: &DecoderState) -> bool {
-        let fits = state.weights.len() == self.weights.len();
+        let count = self.weights.len();
+        let fits =
+            [&state.weights, &state.adam.mean, &state.adam.mean_square].iter().all(|v| v.len() == count);
         if fits {
             (self.weights, self.adam) = (state.weights.clone(), state.adam.clone());
             self.graph = None;

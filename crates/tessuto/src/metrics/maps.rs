@@ -6,7 +6,6 @@
 
 use std::path::Path;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::resample::bicubic;
@@ -16,7 +15,7 @@ use crate::image::Image;
 use crate::io;
 use crate::io::scene::coverage::fill_triangle;
 use crate::mesh::Mesh;
-use crate::scene::{Frame, Scene};
+use crate::scene::Scene;
 
 /// Likeness of maps and frames to the truth. What cannot be compared is absent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -198,25 +197,19 @@ fn scaled(image: &Image, scale: [f64; 3]) -> Image {
 
 /// Mean PSNR [dB] of the re-rendered frames and their number.
 fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
-    let ratio = |(k, observed): (usize, &Frame)| -> Result<Option<f64>> {
+    let ratio = |(): &mut (), k: usize| -> Result<Option<f64>> {
         let path = result.join(format!("rerendered/rgb_{:03}.png", scene.first_frame + k));
         if !path.is_file() {
             return Ok(None);
         }
         let picture = io::image::open(&path)?;
         picture.expect_size(scene.full_size)?;
+        let observed = scene.frames.frame(k)?;
         let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m > 0.5).collect();
         let (a, b) = (taken(&picture.rgb(scene.crop), &covered), taken(&observed.rgb, &covered));
         Ok((!a.is_empty()).then(|| psnr(&a, &b)))
     };
-    let ratios: Vec<Option<f64>> = scene
-        .frames
-        .par_iter()
-        .enumerate()
-        .map(ratio)
-        .collect::<Vec<_>>()
-        .into_iter()
-        .collect::<Result<_>>()?;
+    let ratios = scene.frames.map(0..scene.frames.len(), || (), ratio)?;
     let found: Vec<f64> = ratios.into_iter().flatten().collect();
     Ok((!found.is_empty()).then(|| (found.iter().sum::<f64>() / found.len() as f64, found.len())))
 }

@@ -7,34 +7,42 @@ use crate::image::Image;
 /// Signed distance [px] to the outline of a mask: positive on the fabric. Zero gradient far away.
 #[derive(Debug, Clone)]
 pub struct Contour {
+    /// Pixels of the mask along one pixel of `distance`.
+    scale: usize,
     width: usize,
     height: usize,
-    /// Shape [height, width].
+    /// In pixels of the mask, shape [height, width].
     distance: Vec<f32>,
 }
 
 /// Distances beyond this [px] are cut: what is farther does not pull.
 pub const REACH: f32 = 40.0;
-/// The outline within this distance [px] of the image border may be cut by it and does not count.
+/// The outline within this distance of the image border, in pixels of the distances, may be cut by it and does not count.
 const BORDER: f64 = 3.0;
 
 impl Contour {
-    /// Signed distance of `mask` (threshold ½). The image border is not an outline.
-    pub fn new(mask: &Image) -> Self {
+    /// Signed distance of `mask` (threshold ½), kept for one of `scale`×`scale` pixels. The image border is not an
+    /// outline.
+    pub fn new(mask: &Image, scale: usize) -> Self {
+        let small = (scale > 1).then(|| mask.downsampled(scale));
+        let mask = small.as_ref().unwrap_or(mask);
         let (w, h) = (mask.width, mask.height);
         let inside: Vec<bool> = mask.data.iter().map(|&m| m >= 0.5).collect();
         let to_background = distance(&inside, false, w, h);
         let to_fabric = distance(&inside, true, w, h);
         // Pixel centres on both sides of the outline are half a pixel from it.
+        let cut = |distance: f32| ((distance - 0.5) * scale as f32).min(REACH);
         let signed = |i: usize| match inside[i] {
-            true => (to_background[i] - 0.5).min(REACH),
-            false => -(to_fabric[i] - 0.5).min(REACH),
+            true => cut(to_background[i]),
+            false => -cut(to_fabric[i]),
         };
-        Self { width: w, height: h, distance: (0..w * h).map(signed).collect() }
+        Self { scale, width: w, height: h, distance: (0..w * h).map(signed).collect() }
     }
 
-    /// Distance and its gradient at pixel position `p`; `None` near the image border and beyond reach.
+    /// Distance and its gradient at pixel position `p` of the mask; `None` near the image border and beyond reach.
     pub fn sample(&self, p: DVec2) -> Option<(f64, DVec2)> {
+        let scale = self.scale as f64;
+        let p = (p - 0.5 * (scale - 1.0)) / scale;
         let (w, h) = (self.width, self.height);
         let inside =
             p.x >= BORDER && p.y >= BORDER && p.x < (w - 1) as f64 - BORDER && p.y < (h - 1) as f64 - BORDER;
@@ -46,7 +54,8 @@ impl Contour {
         let at = |x: usize, y: usize| f64::from(self.distance[y * w + x]);
         let [a, b, c, d] = [at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1)];
         let value = (a + s * (b - a)) * (1.0 - t) + (c + s * (d - c)) * t;
-        let gradient = DVec2::new((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s);
+        let gradient =
+            DVec2::new((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s) / scale;
         (value.abs() < f64::from(REACH) - 1.0).then_some((value, gradient))
     }
 }
@@ -134,9 +143,12 @@ mod tests {
                 mask.pixel_mut(x, y)[0] = 1.0;
             }
         }
-        let (value, gradient) = Contour::new(&mask).sample(DVec2::new(22.25, 20.0)).unwrap();
+        let (value, gradient) = Contour::new(&mask, 1).sample(DVec2::new(22.25, 20.0)).unwrap();
         assert!((value - 2.75).abs() < 1e-6 && (gradient - DVec2::X).length() < 1e-6, "{value} {gradient}");
-        let (value, _) = Contour::new(&mask).sample(DVec2::new(19.5, 20.0)).unwrap();
+        let (value, _) = Contour::new(&mask, 1).sample(DVec2::new(19.5, 20.0)).unwrap();
         assert!(value.abs() < 1e-6, "{value}");
+        // A coarser one speaks of the same pixels.
+        let (value, gradient) = Contour::new(&mask, 4).sample(DVec2::new(22.25, 20.0)).unwrap();
+        assert!((value - 2.75).abs() < 1e-6 && (gradient - DVec2::X).length() < 1e-6, "{value} {gradient}");
     }
 }

@@ -34,6 +34,11 @@ impl<S: Clone> DivergenceGuard<S> {
         Self { reference: None, failures: 0, rate: 1.0 }
     }
 
+    /// Whether the state to go back to, if there is one, is what `fits` says, of at most `frames` frames.
+    pub fn fits(&self, frames: usize, fits: impl Fn(&S) -> bool) -> bool {
+        self.reference.as_ref().is_none_or(|r| (1..=frames).contains(&r.frames) && fits(&r.state))
+    }
+
     /// Judges `state` by its losses per frame (two frames or more): how it fails, if it does. A sound state may
     /// become the one to go back to.
     pub fn judge(&mut self, state: &S, losses: &[f64]) -> Result<(), String> {

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use crate::scene::{Frame, Shape};
+use crate::scene::Shape;
 use crate::sim::Forces;
+use crate::video::Frame;
 
 /// Weights of the losses.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]

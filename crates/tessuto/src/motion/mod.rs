@@ -5,6 +5,7 @@ pub mod curvature;
 mod divergence_guard;
 pub mod loss;
 pub mod material_fit;
+pub mod observed;
 pub mod photometry;
 pub mod pyramid;
 pub mod rollout_fit;

@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use crate::camera::Camera;
-use crate::scene::Frame;
+use crate::video::Frame;
 
 /// Share of fabric a pixel of the pyramid needs for its colour to count.
 const MIN_COVERAGE: f32 = 0.5;

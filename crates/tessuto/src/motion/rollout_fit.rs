@@ -4,7 +4,6 @@
 //! Source: [SAFT] §1.3-1.4, §2.2-2.3 and Table 1.
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::divergence_guard::DivergenceGuard;
@@ -14,10 +13,11 @@ use crate::math::{finite, flat, vectors};
 use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Shape};
-use crate::session::{Epoch, Session};
+use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{
     Cloth, Drive, DriveGradients, Forces, Rollout, State, StepSettings, Stiffness, rollout, rollout_vjp,
 };
+use crate::video::Frame;
 
 /// One uniform stiffness: start and bounds as log10.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -204,6 +204,25 @@ impl FitState {
             dynamic: Group::new(s, dynamic_len, s.dynamic_rate),
         }
     }
+
+    /// Whether this is a state of `fit`, and not of other frames, vertices or forces.
+    fn fits(&self, fit: &RolloutFit) -> bool {
+        let forces = &self.parameters.forces;
+        let len = 3 * fit.cloth.vertex_count() * forces.dynamic.len();
+        forces.fit(&fit.start().forces)
+            && self.stiffness.iter().all(|group| group.adam.fits(1))
+            && self.constant.adam.fits(3)
+            && self.dynamic.adam.fits(len)
+    }
+}
+
+impl Run {
+    fn fits(&self, fit: &RolloutFit) -> bool {
+        let active = fit.active_frames(self.epochs.saturating_sub(1));
+        self.state.fits(fit)
+            && self.guard.fits(active, |state| state.fits(fit))
+            && self.best.as_ref().is_none_or(|(_, p)| p.forces.fit(&fit.start().forces))
+    }
 }
 
 impl RolloutFit<'_> {
@@ -230,7 +249,7 @@ impl RolloutFit<'_> {
     /// diverges for good it ends early, with the last sound parameters and the failure.
     ///
     /// # Errors
-    /// What the session's observer returns.
+    /// [`Error::Input`] if it is to go on from a state that does not fit; what the session's observer returns.
     pub fn run(&self, parameters: Parameters, session: &mut Session) -> Result<(Parameters, Option<Error>)> {
         let start = || Run {
             epochs: 0,
@@ -239,6 +258,9 @@ impl RolloutFit<'_> {
             best: None,
         };
         let mut run: Run = session.restore("rollout")?.unwrap_or_else(start);
+        if !run.fits(self) {
+            return Err(foreign_state("rollout"));
+        }
         // One epoch more looks at the last step.
         while run.epochs <= self.epoch_count() {
             let Run { epochs, state, guard, best } = &mut run;
@@ -360,20 +382,16 @@ impl RolloutFit<'_> {
     /// The losses over the first `active` frames and their gradients.
     ///
     /// # Errors
-    /// [`Error::Numerical`] from the simulation.
+    /// [`Error::Numerical`] from the simulation; those of reading the frames.
     pub fn loss_and_gradients(&self, parameters: &Parameters, active: usize) -> Result<LossAndGradients> {
         let s = self.settings;
         let motion = self.simulate(parameters, active)?;
         let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
         let share = 1.0 / active as f64;
-        let frames: Vec<FrameLoss> = motion
-            .frames
-            .par_iter()
-            .zip(&self.scene.frames)
-            .map_init(FrameScratch::default, |scratch, (x, frame)| {
-                self.frame_loss(scratch, x, frame, &stiffness, share)
-            })
-            .collect();
+        let frames = self.scene.frames.map(0..active, FrameScratch::default, |scratch, n| {
+            let frame = self.scene.frames.frame(n)?;
+            Ok(self.frame_loss(scratch, &motion.frames[n], &frame, &stiffness, share))
+        })?;
         let mut losses = Losses::default();
         for f in &frames {
             losses.colour += f.colour * share;
@@ -422,7 +440,7 @@ impl RolloutFit<'_> {
         &self,
         scratch: &mut FrameScratch,
         x: &Shape,
-        frame: &crate::scene::Frame,
+        frame: &Frame,
         stiffness: &Stiffness,
         share: f64,
     ) -> FrameLoss {

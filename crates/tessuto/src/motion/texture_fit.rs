@@ -5,8 +5,9 @@ use crate::error::{Error, Result};
 use crate::math::finite;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::scene::{Frame, Shape};
+use crate::scene::Shape;
 use crate::session::{Epoch, Session};
+use crate::video::Frame;
 
 use super::loss::{LossWeights, image_loss};
 

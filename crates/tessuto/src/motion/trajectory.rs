@@ -12,10 +12,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::contour::Contour;
 use super::curvature::CurvaturePrior;
+use super::observed::Observed;
 use super::photometry::{DataTerm, Local, Points, Reference, fit_gain};
-use super::pyramid::{Level, pyramid};
 use super::strain::StrainPrior;
 use super::surface::{EdgePoint, boundary_points, interior_points};
 pub use super::trajectory_settings::TrajectorySettings;
@@ -62,9 +61,7 @@ pub struct Problem<'a> {
     triangles: Vec<[u32; 3]>,
     neighbours: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
-    contours: Vec<Contour>,
-    /// Shape [N][levels].
-    levels: Vec<Vec<Level>>,
+    observed: Observed,
 }
 
 /// State of the search at one resolution.
@@ -89,17 +86,14 @@ struct System {
 }
 
 impl<'a> Problem<'a> {
-    /// Prepares pyramids and outlines of every frame.
-    pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: TrajectorySettings) -> Self {
+    /// Looks at every frame.
+    ///
+    /// # Errors
+    /// Those of reading the frames.
+    pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: TrajectorySettings) -> Result<Self> {
         let prior = Stiffness::uniform(cloth, [0.0, settings.bend.powi(-2), settings.shear.powi(-2)]);
-        let levels = scene
-            .frames
-            .par_iter()
-            .map(|frame| pyramid(frame, &scene.camera, [settings.finest, settings.coarsest]))
-            .collect();
-        let contours = scene.frames.par_iter().map(|frame| Contour::new(&frame.mask)).collect();
         let template = &scene.template;
-        Self {
+        Ok(Self {
             scene,
             cloth,
             prior,
@@ -114,10 +108,9 @@ impl<'a> Problem<'a> {
             triangles: template.triangles(),
             neighbours: template.neighbours(),
             boundary: boundary_points(template, &template.positions, &scene.camera, 4.0),
-            contours,
-            levels,
+            observed: Observed::new(scene, [settings.finest, settings.coarsest])?,
             settings,
-        }
+        })
     }
 
     /// Whether shapes and brightnesses have this cloth's vertices.
@@ -129,7 +122,7 @@ impl<'a> Problem<'a> {
 
     fn stage(&self, level: usize) -> Stage<'_, 'a> {
         let template = &self.scene.template;
-        let camera = &self.levels[0][level].camera;
+        let camera = &self.observed.levels[0][level].camera;
         let points = interior_points(template, &template.positions, camera, 1.0);
         let points = Points::new(&self.triangles, points, &self.boundary);
         let gains = vec![vec![[1.0; 3]; template.positions.len()]; self.scene.frames.len()];
@@ -154,8 +147,7 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// [`Error::Input`] if it is to go on from a state that does not fit; what the session's observer returns.
     pub fn track(&self, session: &mut Session) -> Result<Fitted> {
-        let mut stages: Vec<_> =
-            (self.settings.finest..=self.settings.coarsest).rev().map(|level| self.stage(level)).collect();
+        let mut stages: Vec<_> = self.observed.coarse_to_fine().map(|level| self.stage(level)).collect();
         let mut tracked = session.restore("track")?.unwrap_or_else(|| Tracked {
             frames: vec![self.scene.template.positions.clone()],
             gains: stages.iter().map(|stage| stage.gains[0].clone()).collect(),
@@ -188,6 +180,7 @@ impl<'a> Problem<'a> {
                     }
                 };
                 gains.clone_from(&stage.gains[n]);
+                stage.neighbours[n] = Vec::new();
             }
             frames.push(x);
             let epoch = Epoch {
@@ -211,7 +204,7 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// What the session's observer returns.
     pub fn refine(&self, frames: Vec<Shape>, session: &mut Session) -> Result<Fitted> {
-        let levels = self.settings.coarsest + 1 - self.settings.finest;
+        let levels = self.observed.coarse_to_fine().count();
         let start = || Refined { frames, steps: 0, damping: 0.0, gains: Vec::new() };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
         let iterations = self.settings.iterations;
@@ -221,7 +214,7 @@ impl<'a> Problem<'a> {
         if refined.frames.len() != count || !gains || !self.fit(&refined.frames, &refined.gains) {
             return Err(foreign_state("refine"));
         }
-        for (k, level) in (self.settings.finest..=self.settings.coarsest).rev().enumerate() {
+        for (k, level) in self.observed.coarse_to_fine().enumerate() {
             if refined.steps >= (k + 1) * iterations {
                 continue;
             }
@@ -275,9 +268,9 @@ impl Stage<'_, '_> {
         let p = self.problem;
         let s = &p.settings;
         DataTerm {
-            level: &p.levels[frame][self.level],
+            level: &p.observed.levels[frame][self.level],
             scale: (1 << self.level) as f64,
-            contour: &p.contours[frame],
+            contour: &p.observed.contours[frame],
             camera: &p.scene.camera,
             colour_sigma: s.colour,
             contour_sigma: s.contour,
@@ -338,6 +331,7 @@ impl Stage<'_, '_> {
         if self.problem.settings.neighbour_weight == 0.0 {
             return;
         }
+        self.neighbours.clear();
         let observed: Vec<Reference> =
             frames.par_iter().enumerate().map(|(n, x)| self.data(n).observe(&self.points, None, x)).collect();
         let mean = |a: &Option<[f32; 3]>, b: &Option<[f32; 3]>| match (a, b) {

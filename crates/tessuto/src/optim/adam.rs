@@ -22,6 +22,11 @@ impl Adam {
         Self { learning_rate, betas: [0.9, 0.999], steps: 0, mean: zeros.clone(), mean_square: zeros }
     }
 
+    /// Whether it is the state of `len` parameters.
+    pub fn fits(&self, len: usize) -> bool {
+        self.mean.len() == len && self.mean_square.len() == len && self.steps >= 0
+    }
+
     /// Changes the learning rate of the following steps.
     pub fn set_learning_rate(&mut self, learning_rate: f64) {
         self.learning_rate = learning_rate;

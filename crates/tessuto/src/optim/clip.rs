@@ -39,7 +39,7 @@ impl GradientClip {
     fn quantile(&self) -> f64 {
         let mut sorted: Vec<f64> = self.history.iter().copied().collect();
         sorted.sort_by(f64::total_cmp);
-        let at = self.quantile * (sorted.len() - 1) as f64;
+        let at = self.quantile.clamp(0.0, 1.0) * (sorted.len() - 1) as f64;
         let low = at as usize;
         let high = (low + 1).min(sorted.len() - 1);
         sorted[low] + (at - low as f64) * (sorted[high] - sorted[low])

@@ -27,7 +27,7 @@ pub struct Cloth<'a> {
 /// eight samples per pixel, which neighbours share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
 pub fn picture(cloth: &Cloth, camera: &Camera, (frame, shape): (usize, &Shape), passes: usize) -> Image {
     let mut rendering = Rendering::new();
-    let seen = see(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering);
+    let seen = see(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering, |_, _| true);
     let shader = Shader { geometry: cloth.geometry, material: cloth.material, light: cloth.light };
     let seed = mix32(frame as u32 ^ 0x7e55_0170);
     let estimated: Vec<(Lit, [[f32; 3]; 2])> = seen

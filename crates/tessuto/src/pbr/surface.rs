@@ -19,8 +19,8 @@ pub struct Point {
     pub patch: u32,
 }
 
-/// The points that the pixels of `camera` see of frame `frame` of `geometry` with vertices at `shape` [m], with
-/// their pixel indices, in the order of rows.
+/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `shape` [m] for which
+/// `wanted` says so, with their pixel indices, in the order of rows.
 pub fn see(
     rasterizer: &Rasterizer,
     camera: &Camera,
@@ -28,13 +28,14 @@ pub fn see(
     frame: usize,
     shape: &[DVec3],
     rendering: &mut Rendering,
+    mut wanted: impl FnMut(&Rendering, usize) -> bool,
 ) -> Vec<(u32, Point)> {
     rasterizer.render(camera, shape, &Texture::uniform(1, 1, [0.0; 3]), rendering);
     let normals = vertex_normals(rasterizer.triangles(), shape);
     let first = frame * rasterizer.triangles().len();
     let mut points = Vec::new();
     for (pixel, &t) in rendering.triangle.iter().enumerate() {
-        if t == Rendering::NO_TRIANGLE {
+        if t == Rendering::NO_TRIANGLE || !wanted(rendering, pixel) {
             continue;
         }
         let t = t as usize;

@@ -94,7 +94,7 @@ impl Field {
         }
         let rank = (magnitudes.len() - 1) * 98 / 100;
         let high = f64::from(*magnitudes.select_nth_unstable_by(rank, f32::total_cmp).1);
-        let high = super::pictures::rounded_up(high.max(1e-9));
+        let high = rounded_up(high.max(1e-9));
         let low = if diverging { -high } else { 0.0 };
         let step = |v: &f32| match v.is_finite() {
             true => 1 + (254.0 * ((f64::from(*v) - low) / (high - low)).clamp(0.0, 1.0)).round() as u8,
@@ -195,6 +195,12 @@ impl Surface {
             edges: base64_of(&edges),
         }
     }
+}
+
+/// The next of 1, 2, 5, 10, 20, 50 … (times powers of ten).
+fn rounded_up(value: f64) -> f64 {
+    let power = 10f64.powf(value.log10().floor());
+    [1.0, 2.0, 5.0, 10.0].map(|s| s * power).into_iter().find(|s| *s >= value * 0.999).unwrap_or(10.0 * power)
 }
 
 #[cfg(test)]

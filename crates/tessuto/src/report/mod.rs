@@ -14,7 +14,7 @@ pub mod sheet;
 pub use chart::Chart;
 pub use embed::{Field, Motion, Surface};
 pub use film::Film;
-pub use pictures::{FramePictures, Kind, Scales, measured_depth_image};
+pub use pictures::{FramePictures, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
 
 use crate::camera::Camera;

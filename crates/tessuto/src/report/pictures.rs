@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
-use crate::scene::Frame;
+use crate::video::Frame;
 
 /// Sorts of pictures; each has a folder of its own, so that a viewer's arrow keys play the video.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,38 +81,54 @@ pub struct Scales {
     pub colour_difference: f64,
 }
 
+/// What the scales must cover of one frame.
+#[derive(Debug, Clone, Copy)]
+pub struct Ranges {
+    /// Least and largest depth [m]; the first is larger where there is none.
+    depth: [f64; 2],
+    /// Number of pixels for which each of the [`STEPS`] is the first to cover the depth difference.
+    differences: [usize; STEPS.len()],
+}
+
+/// Ends that a scale of depth differences may have [m].
+const STEPS: [f64; 13] = [1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
+
+impl Ranges {
+    /// Of a depth image and, where there is one, a measured one [m]; 0 is no depth.
+    pub fn of(depth: &Image, measured: Option<&Image>) -> Self {
+        let mut out = Self { depth: [f64::INFINITY, f64::NEG_INFINITY], differences: [0; STEPS.len()] };
+        for z in depth.data.iter().filter(|z| **z > 0.0).map(|z| f64::from(*z)) {
+            out.depth = [out.depth[0].min(z), out.depth[1].max(z)];
+        }
+        let measured = measured.map_or(&[][..], |m| &m.data);
+        for (a, b) in depth.data.iter().zip(measured).filter(|(a, b)| **a > 0.0 && **b > 0.0) {
+            let difference = f64::from((a - b).abs());
+            let step = STEPS.iter().position(|s| difference <= *s).unwrap_or(STEPS.len() - 1);
+            out.differences[step] += 1;
+        }
+        out
+    }
+}
+
 impl Scales {
-    /// Scales that fit the frames' depth images and, where there are any, measured ones [m].
-    pub fn fitting<'a>(frames: impl IntoIterator<Item = (&'a Image, Option<&'a Image>)>) -> Self {
+    /// Scales that fit all frames: whole centimetres of depth, and a depth difference that 95 % of the pixels stay below.
+    pub fn fitting(frames: impl IntoIterator<Item = Ranges>) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut differences: Vec<f32> = Vec::new();
-        for (depth, measured) in frames {
-            for z in depth.data.iter().filter(|z| **z > 0.0).map(|z| f64::from(*z)) {
-                (low, high) = (low.min(z), high.max(z));
-            }
-            if let Some(measured) = measured {
-                let pairs = depth.data.iter().zip(&measured.data).filter(|(a, b)| **a > 0.0 && **b > 0.0);
-                differences.extend(pairs.map(|(a, b)| (a - b).abs()));
-            }
+        let mut differences = [0; STEPS.len()];
+        for frame in frames {
+            (low, high) = (low.min(frame.depth[0]), high.max(frame.depth[1]));
+            differences.iter_mut().zip(frame.differences).for_each(|(sum, n)| *sum += n);
         }
         if low > high {
             (low, high) = (0.0, 1.0);
         }
-        // Whole centimetres; the difference that 95 % of the pixels stay below, rounded up.
         let depth = [(low * 100.0).floor() / 100.0, (high * 100.0).floor() / 100.0 + 0.01];
-        let rank = differences.len() * 95 / 100;
-        let typical = match differences.len() {
-            0 => 0.01,
-            _ => f64::from(*differences.select_nth_unstable_by(rank, f32::total_cmp).1),
-        };
-        Self { depth, depth_difference: rounded_up(typical.max(1e-3)), colour_difference: 0.3 }
+        let count: usize = differences.iter().sum();
+        let within = |k: &usize| 20 * differences[..=*k].iter().sum::<usize>() >= 19 * count;
+        let step = (0..STEPS.len()).find(within).unwrap_or(STEPS.len() - 1);
+        let depth_difference = if count == 0 { 1e-2 } else { STEPS[step] };
+        Self { depth, depth_difference, colour_difference: 0.3 }
     }
-}
-
-/// The next of 1, 2, 5, 10, 20, 50 … (times powers of ten).
-pub(super) fn rounded_up(value: f64) -> f64 {
-    let power = 10f64.powf(value.log10().floor());
-    [1.0, 2.0, 5.0, 10.0].map(|s| s * power).into_iter().find(|s| *s >= value * 0.999).unwrap_or(10.0 * power)
 }
 
 /// One frame's images, all of the crop's size.

@@ -17,11 +17,11 @@ const FILM_BUDGET: usize = 4 << 20;
 /// The page as it is before the first step: the video, the template and the settings.
 ///
 /// # Errors
-/// None that a scene in memory can cause.
+/// Those of reading the frames.
 pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let template = [scene.template.positions.clone()];
     let bytes = |n: usize| {
-        let frame = &scene.frames[n].rgb;
+        let frame = &scene.frames.frame(n)?.rgb;
         let values = frame.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
         Ok(::image::RgbImage::from_raw(frame.width as u32, frame.height as u32, values)
             .expect("three channels"))

@@ -131,6 +131,12 @@ impl Forces {
         let dynamic = vec![vec![DVec3::ZERO; vertex_count]; frame_count.saturating_sub(1) * parts];
         Self { constant: DVec3::ZERO, dynamic, parts }
     }
+
+    /// Whether they are for as many frames, parts and vertices as `other`.
+    pub fn fit(&self, other: &Self) -> bool {
+        let sizes = |f: &Self| f.dynamic.iter().map(Vec::len).collect::<Vec<_>>();
+        self.parts == other.parts && sizes(self) == sizes(other)
+    }
 }
 
 fn at_frame(error: crate::Error, frame: usize) -> crate::Error {

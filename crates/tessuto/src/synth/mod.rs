@@ -15,7 +15,8 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::scene::{Frame, Scene, Shape, Truth};
+use crate::scene::{Scene, Shape, Truth};
+use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 
 /// Side of the print [texel].
 const PRINT_SIZE: usize = 512;
@@ -110,11 +111,25 @@ pub fn make(settings: &Settings) -> Result<Scene> {
     let texture = Texture::from_image(&print::print(PRINT_SIZE, settings.seed));
     let camera = settings.camera();
     let rasterizer = Rasterizer::new(&mesh);
-    let draw = |rendering: &mut Rendering, shape: &Shape| {
-        view(&rasterizer, &camera, &texture, settings.shading, shape, rendering)
+    let template = Mesh { positions: motion[0].clone(), ..mesh };
+    let (shapes, shading) = (motion.clone(), settings.shading);
+    let draw = move |rendering: &mut Rendering, n: usize| {
+        view(&rasterizer, &camera, &texture, shading, &shapes[n], rendering)
     };
-    let views: Vec<(Frame, Vec<DVec3>)> = motion.par_iter().map_init(Rendering::new, draw).collect();
-    let (frames, points) = views.into_iter().unzip();
+    let held = motion.len() * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
+    let views: Vec<(Option<Frame>, Vec<DVec3>)> = (0..motion.len())
+        .into_par_iter()
+        .map_init(Rendering::new, |rendering, n| {
+            let (frame, points) = draw(rendering, n);
+            (held.then_some(frame), points)
+        })
+        .collect();
+    let (frames, points): (Vec<_>, _) = views.into_iter().unzip();
+    let again = move |n: usize| Ok(draw(&mut Rendering::new(), n).0);
+    let frames = match held {
+        true => frames.into_iter().flatten().collect(),
+        false => Video::streamed(motion.len(), camera.width * camera.height, again),
+    };
     Ok(Scene {
         name: format!("synthetic cloth {}", settings.seed),
         folder: PathBuf::new(),
@@ -123,7 +138,7 @@ pub fn make(settings: &Settings) -> Result<Scene> {
         crop: Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height },
         full_size: [camera.width, camera.height],
         first_frame: 0,
-        template: Mesh { positions: motion[0].clone(), ..mesh },
+        template,
         frames,
         truth: Truth { points: Some(points), vertices: Some(motion) },
     })
@@ -186,10 +201,11 @@ mod tests {
     fn the_same_seed_makes_the_same_scene_and_the_cloth_moves_in_view() {
         let settings = Settings { frames: 4, size: 64, grid: [7, 7], ..Settings::default() };
         let (a, b) = (make(&settings).unwrap(), make(&settings).unwrap());
-        assert_eq!(a.frames[3].rgb, b.frames[3].rgb);
+        let colours = |scene: &Scene, n| scene.frames.frame(n).unwrap().into_owned().rgb;
+        assert_eq!(colours(&a, 3), colours(&b, 3));
         assert_eq!(a.truth.vertices, b.truth.vertices);
         let other = make(&Settings { seed: 1, ..settings }).unwrap();
-        assert_ne!(a.frames[0].rgb, other.frames[0].rgb);
+        assert_ne!(colours(&a, 0), colours(&other, 0));
         let vertices = a.truth.vertices.unwrap();
         assert!(vertices[3].iter().zip(&vertices[0]).any(|(p, q)| p.distance(*q) > 1e-3));
         for p in vertices.iter().flatten() {

@@ -24,7 +24,8 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
     let notes = json!({ "generator": GENERATOR, "settings": settings });
     io::scene::write_manifest(folder, &scene.name, scene.fps, scene.frames.len(), &scene.camera, notes)?;
     io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
-    for (k, frame) in scene.frames.iter().enumerate() {
+    for k in 0..scene.frames.len() {
+        let frame = scene.frames.frame(k)?;
         io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), &frame.rgb)?;
         io::image::write_png(&folder.join(format!("masks/mask_{k:03}.png")), &frame.mask)?;
     }

@@ -31,7 +31,7 @@ pub fn draw_shaded(
 ) -> Image {
     let mut rendering = Rendering::new();
     let mut picture = Image::new(camera.width, camera.height, 3);
-    for (pixel, point) in see(rasterizer, camera, geometry, frame, shape, &mut rendering) {
+    for (pixel, point) in see(rasterizer, camera, geometry, frame, shape, &mut rendering, |_, _| true) {
         let facing = point.normal.dot(-point.position.normalize()).max(0.0);
         let coverage = rendering.rgba[pixel as usize][3].clamp(0.0, 1.0);
         let value = srgb::encode(GREY * (AMBIENT + (1.0 - AMBIENT) * facing) * coverage);

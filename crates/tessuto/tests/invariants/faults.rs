@@ -2,9 +2,11 @@
 //! stage, place and a way out, or by finite numbers; never by a panic or by NaN in the answer.
 
 use glam::DVec3;
+use tessuto::appearance::{self, AppearanceSettings, MapPrior};
 use tessuto::config::{Config, Preset};
 use tessuto::math::factor::Scratch;
 use tessuto::mesh::{Face, grid};
+use tessuto::pbr::Geometry;
 use tessuto::session::{Checkpoints, Epoch, Session};
 use tessuto::sim::step::step;
 use tessuto::sim::{Cloth, Drive, Forces, Integrator, State, StepSettings, Stiffness, rollout};
@@ -157,6 +159,10 @@ fn run(scene: &Scene) -> tessuto::Result<Reconstruction> {
     reconstruct(scene, &config(), &mut Session::new(|_, _| Ok(())))
 }
 
+fn held(scene: &mut tessuto::Scene) -> &mut [tessuto::Frame] {
+    scene.frames.held_mut().unwrap()
+}
+
 #[test]
 fn a_scene_that_cannot_be_seen_is_refused_before_anything_is_computed() {
     assert!(run(&scene()).unwrap().failure.is_none());
@@ -173,9 +179,9 @@ fn a_scene_that_cannot_be_seen_is_refused_before_anything_is_computed() {
     refused(&|s| s.camera.fy = f64::NAN, &["camera", "fy", "NaN"]);
     refused(&|s| s.camera.cx = f64::INFINITY, &["camera", "cx", "inf"]);
     refused(&|s| s.fps = 0.0, &["fps", "0"]);
-    refused(&|s| s.frames.clear(), &["frames"]);
-    refused(&|s| s.frames[1].rgb = tessuto::Image::new(9, 9, 3), &["frame 1", "9×9"]);
-    refused(&|s| s.frames[2].mask = tessuto::Image::new(9, 9, 1), &["frame 2", "9×9"]);
+    refused(&|s| s.frames = Vec::new().into(), &["frames"]);
+    refused(&|s| held(s)[1].rgb = tessuto::Image::new(9, 9, 3), &["frame 1", "9×9"]);
+    refused(&|s| held(s)[2].mask = tessuto::Image::new(9, 9, 1), &["frame 2", "9×9"]);
     refused(&|s| s.template.positions.iter_mut().for_each(|p| p.z = -p.z), &["template", "vertex 0"]);
     refused(&|s| s.template.positions[4].x = f64::NAN, &["template", "vertex 4", "NaN"]);
     refused(&|s| s.template.faces.clear(), &["template", "face"]);
@@ -186,14 +192,14 @@ fn a_scene_that_cannot_be_seen_is_refused_before_anything_is_computed() {
 #[test]
 fn a_first_frame_of_numbers_that_are_none_is_named() {
     let mut broken = scene();
-    *broken.frames[0].rgb.pixel_mut(24, 24).first_mut().unwrap() = f32::NAN;
+    held(&mut broken)[0].rgb.pixel_mut(24, 24)[0] = f32::NAN;
     names(&run(&broken).unwrap_err(), &["texture", "frame 0"]);
 }
 
 #[test]
 fn one_frame_has_a_shape_and_a_texture() {
     let mut still = scene();
-    still.frames.truncate(1);
+    still.frames = held(&mut still)[..1].to_vec().into();
     for preset in [Preset::Default, Preset::Saft] {
         let mut config = Config::preset(preset);
         config.set("texture.epochs=5").unwrap();
@@ -225,5 +231,56 @@ fn states_of_another_cloth_are_refused() {
         let text = error.to_string();
         assert_eq!(error.exit_code(), 3, "{text}");
         assert!(text.contains(&format!("checkpoint, {stage}")) && text.contains("hint: "), "{text}");
+    }
+}
+
+/// A session that goes on from what `begin` left behind.
+fn after(folder: &std::path::Path, begin: impl FnOnce(&mut Session)) -> Session<'static> {
+    let open = || Checkpoints::open(folder, "scene".into(), std::time::Duration::ZERO);
+    let mut session = Session::new(|_, _| Ok(()));
+    session.keep_in(open(), None).unwrap();
+    begin(&mut session);
+    let mut session = Session::new(|_, _| Ok(()));
+    session.keep_in(open(), open().newest(&mut |_| panic!()).unwrap()).unwrap();
+    session
+}
+
+#[test]
+fn states_of_another_rollout_or_material_are_refused() {
+    let small = |frames, grid| {
+        synth::make(&synth::Settings { frames, grid, size: 48, ..synth::Settings::default() }).unwrap()
+    };
+    let scene = small(4, [5, 5]);
+    let refused = |error: Error, stage: &str| {
+        let text = error.to_string();
+        assert_eq!(error.exit_code(), 3, "{text}");
+        assert!(text.contains(&format!("checkpoint, {stage}")) && text.contains("hint: "), "{text}");
+    };
+    let mut config = Config::preset(Preset::Saft);
+    for assignment in ["texture.epochs=2", "texture.size=16", "rollout.last_epochs=1"] {
+        config.set(assignment).unwrap();
+    }
+    for other in [small(4, [5, 6]), small(5, [5, 5])] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = after(folder.path(), |s| drop(reconstruct(&other, &config, s).unwrap()));
+        refused(reconstruct(&scene, &config, &mut session).unwrap_err(), "rollout");
+    }
+
+    let settings = |map_size| AppearanceSettings {
+        map_size,
+        steps: 24,
+        batch: 32,
+        prior: MapPrior::Smooth,
+        ..AppearanceSettings::default()
+    };
+    let estimate = |scene: &Scene, map_size, session: &mut Session| {
+        let motion = scene.truth.vertices.clone().unwrap();
+        let geometry = Geometry::new(&scene.template, &motion);
+        appearance::fit(scene, &motion, &geometry, &settings(map_size), 0, session)
+    };
+    for (other, map_size) in [(small(4, [5, 6]), 32), (small(5, [5, 5]), 32), (small(4, [5, 5]), 16)] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = after(folder.path(), |session| drop(estimate(&other, map_size, session).unwrap()));
+        refused(estimate(&scene, 32, &mut session).unwrap_err(), "appearance");
     }
 }

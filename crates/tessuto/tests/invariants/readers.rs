@@ -86,7 +86,7 @@ fn file(name: &str, bytes: &[u8]) -> PathBuf {
 
 fn scene_json(bytes: &[u8]) -> Result<()> {
     file("scene/scene.json", bytes);
-    load(&folder().join("scene"), &LoadOptions { frames: Some(0..1) }).map(drop)
+    load(&folder().join("scene"), &LoadOptions { frames: Some(0..1), ..LoadOptions::default() }).map(drop)
 }
 
 fn read_obj(bytes: &[u8]) -> Result<()> {

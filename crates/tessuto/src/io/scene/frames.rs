@@ -1,9 +1,10 @@
-//! The video: colour and mask of every frame, cut to the crop. Only the crop is kept in memory.
+//! The video: colour and mask of every frame, cut to the crop. Every file is read and checked once; a short video stays
+//! in memory, of a long one each frame is read again when it is needed.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::SystemTime;
 
 use rayon::prelude::*;
 
@@ -14,71 +15,100 @@ use crate::camera::Rect;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::image;
-use crate::scene::Frame;
+use crate::video::{Frame, PIXEL_BYTES, Video};
 
-/// Most memory [bytes] the video may take.
-const MAX_BYTES: usize = 8 << 30;
-/// Colour and mask of one pixel [bytes].
-const PIXEL_BYTES: usize = 16;
+/// Most memory [bytes] that one frame may take.
+const MAX_FRAME_BYTES: usize = 1 << 30;
 pub(super) const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 
-pub(crate) struct Video {
-    pub crop: Rect,
-    pub frames: Vec<Frame>,
-}
-
-/// Mask of a part of the picture, and what was unusual about its file. Black elsewhere.
+/// What is known of a mask file once it has been read.
 struct Mask {
+    /// The mask is black outside this part of the picture.
     region: Rect,
-    image: Image,
-    /// Where the mask is ≥ ½ in the full picture.
+    /// Where it is ≥ ½ in the full picture.
     bounds: Rect,
+    /// What was unusual about the file.
     notes: Vec<&'static str>,
 }
 
-/// Reads the frames `range`, on all cores; of several errors, that of the lowest frame is returned.
+/// One frame's files, and what both looked like when they were read first.
+struct Files {
+    colour: PathBuf,
+    mask: PathBuf,
+    /// Part of the picture that the mask is not black in.
+    region: Rect,
+    stamps: [Stamp; 2],
+}
+
+/// Length and time of the last change.
+type Stamp = Option<(u64, SystemTime)>;
+
+fn stamp(path: &Path) -> Stamp {
+    let data = std::fs::metadata(path).ok()?;
+    Some((data.len(), data.modified().ok()?))
+}
+
+/// Reads the frames `range` on all cores, and the crop; holds frames of at most `held_bytes` in all. Of several errors,
+/// that of the lowest frame is returned.
 pub(crate) fn read(
     folder: &Path,
     manifest: &Manifest,
     range: Range<usize>,
+    held_bytes: usize,
     warnings: &mut Vec<String>,
-) -> Result<Video> {
+) -> Result<(Rect, Video)> {
     let camera = manifest.camera();
     let size = [camera.width, camera.height];
     let numbers = (range.clone(), manifest.n_frames);
     let colours = numbered(folder, "rgbs", "rgb_", &ENDINGS, numbers.clone(), warnings)?;
     let masks = numbered(folder, "masks", "mask_", &ENDINGS, numbers, warnings)?;
     if let Some(crop) = manifest.crop {
-        check_memory(crop, range.len())?;
+        check_memory(crop)?;
     }
+    let found = in_order(&masks, |path| look_at_mask(path, size, manifest.crop))?;
+    let crop = manifest.crop.unwrap_or_else(|| crop_around(&found, size));
+    check_memory(crop)?;
 
-    // White pictures of any size are small files: count what they take as they come.
-    let held = AtomicUsize::new(0);
-    let masks = in_order(&masks, |path| {
-        let mask = read_mask(path, size, manifest.crop)?;
-        let taken = size_of_val(&mask.image.data[..]);
-        if held.fetch_add(taken, Ordering::Relaxed) + taken > MAX_BYTES {
-            return Err(too_large(range.len(), mask.region, MAX_BYTES as f64));
+    let of_frame = |((colour, mask), found): ((PathBuf, PathBuf), &Mask)| Files {
+        stamps: [stamp(&colour), stamp(&mask)],
+        region: found.region,
+        colour,
+        mask,
+    };
+    let files: Vec<Files> = colours.into_iter().zip(masks).zip(&found).map(of_frame).collect();
+    let held = crop.width() * crop.height() * PIXEL_BYTES <= held_bytes / range.len();
+    let read = in_order(&files, |files| {
+        let mut read = read_frame(files, size, crop)?;
+        if !held {
+            read.frame = None;
         }
-        Ok(mask)
+        Ok(read)
     })?;
-    let crop = manifest.crop.unwrap_or_else(|| crop_around(&masks, size));
-    check_memory(crop, range.len())?;
-    let pictures: Vec<(&PathBuf, &Mask)> = colours.iter().zip(&masks).collect();
-    let mut read = in_order(&pictures, |(path, mask)| read_frame(path, mask, size, crop))?;
-
-    let notes = masks.iter().zip(&read).enumerate();
+    let notes = found.iter().zip(&read).enumerate();
     notes_as_warnings(notes.map(|(k, (mask, frame))| (range.start + k, &mask.notes, &frame.notes)), warnings);
     // Decide for the whole video, so that the background cannot flicker.
     let (sum, count) =
         read.iter().fold((0.0, 0), |(sum, count), f| (sum + f.background.0, count + f.background.1));
     let mean = sum / f64::from(count.max(1) as u32);
-    if mean > 1.0 / 255.0 {
-        read.par_iter_mut().for_each(|f| composite_over_black(&mut f.frame));
+    let filmed_background = mean > 1.0 / 255.0;
+    if filmed_background {
         let found = format!("outside the masks the frames are not black (mean {:.1} of 255)", mean * 255.0);
         warnings.push(warning("background", &found, "none needed: frames were multiplied by their masks"));
     }
-    Ok(Video { crop, frames: read.into_iter().map(|f| f.frame).collect() })
+    let finished = move |mut frame: Frame| {
+        if filmed_background {
+            composite_over_black(&mut frame);
+        }
+        frame
+    };
+    let video = match held {
+        true => read.into_par_iter().filter_map(|f| f.frame).map(finished).collect::<Vec<_>>().into(),
+        false => {
+            let again = move |n: usize| Ok(finished(read_again(&files[n], size, crop)?));
+            Video::streamed(range.len(), crop.width() * crop.height(), again)
+        }
+    };
+    Ok((crop, video))
 }
 
 /// `f` of every item on all cores; the first error in the order of the items.
@@ -87,7 +117,7 @@ fn in_order<T: Sync, U: Send>(items: &[T], f: impl Fn(&T) -> Result<U> + Send + 
     results.into_iter().collect()
 }
 
-fn read_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
+fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
     let mut picture = image::open(path)?;
     picture.expect_size(size)?;
     let full = picture.full();
@@ -105,29 +135,44 @@ fn read_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> 
     };
     let notes = std::mem::take(&mut picture.notes);
     Ok(match crop {
-        Some(region) => Mask { region, image, bounds: shifted(found, region), notes },
-        None => {
-            // Keep a margin, so that soft edges below ½ survive.
-            let region = grown(found, size);
-            Mask { region, image: cut(&image, full, region), bounds: found, notes }
-        }
+        Some(region) => Mask { region, bounds: shifted(found, region), notes },
+        // Keep a margin, so that soft edges below ½ survive.
+        None => Mask { region: grown(found, size), bounds: found, notes },
     })
 }
 
 /// A frame, its picture file's oddities, and sum and number of its background values.
 struct Read {
-    frame: Frame,
+    frame: Option<Frame>,
     notes: Vec<&'static str>,
     background: (f64, usize),
 }
 
-fn read_frame(path: &Path, mask: &Mask, size: [usize; 2], crop: Rect) -> Result<Read> {
-    let picture = image::open(path)?;
+fn read_frame(files: &Files, size: [usize; 2], crop: Rect) -> Result<Read> {
+    let picture = image::open(&files.colour)?;
     picture.expect_size(size)?;
     let rgb = picture.rgb(crop);
-    let mask = if mask.region == crop { mask.image.clone() } else { cut(&mask.image, mask.region, crop) };
+    let notes = picture.notes;
+    let mut picture = image::open(&files.mask)?;
+    picture.expect_size(size)?;
+    let mask = picture.mask(files.region);
+    let mask = if files.region == crop { mask } else { cut(&mask, files.region, crop) };
     let background = background(&rgb, &mask);
-    Ok(Read { frame: Frame { rgb, mask }, notes: picture.notes, background })
+    Ok(Read { frame: Some(Frame { rgb, mask }), notes, background })
+}
+
+fn read_again(files: &Files, size: [usize; 2], crop: Rect) -> Result<Frame> {
+    let read = read_frame(files, size, crop)?;
+    for (path, before) in [&files.colour, &files.mask].into_iter().zip(&files.stamps) {
+        if stamp(path) != *before {
+            return Err(Error::input(
+                path.display().to_string(),
+                "changed while it was in use",
+                "leave the scene folder alone while it is worked on, and start again",
+            ));
+        }
+    }
+    Ok(read.frame.expect("read_frame reads one"))
 }
 
 /// Sum and number of the colour values farther than 2 px from any fabric.
@@ -231,26 +276,22 @@ fn cut(image: &Image, from: Rect, to: Rect) -> Image {
     out
 }
 
-fn check_memory(crop: Rect, count: usize) -> Result<()> {
-    let bytes = (crop.width() * crop.height() * PIXEL_BYTES).saturating_mul(count);
-    if bytes <= MAX_BYTES {
+fn check_memory(crop: Rect) -> Result<()> {
+    let bytes = crop.width() * crop.height() * PIXEL_BYTES;
+    if bytes <= MAX_FRAME_BYTES {
         return Ok(());
     }
-    Err(too_large(count, crop, bytes as f64))
-}
-
-fn too_large(count: usize, crop: Rect, bytes: f64) -> Error {
-    Error::input(
+    Err(Error::input(
         "scene.json",
         format!(
-            "{count} frames of {}×{} pixels take {:.1} GiB of memory or more; at most {} GiB are used",
+            "a frame of {}×{} pixels takes {:.1} GiB of memory; at most {} GiB are used",
             crop.width(),
             crop.height(),
-            bytes / f64::from(1 << 30),
-            MAX_BYTES >> 30
+            bytes as f64 / f64::from(1 << 30),
+            MAX_FRAME_BYTES >> 30
         ),
-        "use a part with --frames A..B, make the crop smaller, or scale pictures and camera down",
-    )
+        "make the crop smaller, or scale pictures and camera down (tessuto import --downscale)",
+    ))
 }
 
 /// One warning for each kind of note, with its count and first frame.

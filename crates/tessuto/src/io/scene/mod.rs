@@ -21,15 +21,24 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
+use crate::video::HELD_BYTES;
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 pub use manifest::write_manifest;
 
 /// What to load.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct LoadOptions {
     /// Only these frames of the folder; all where `None`.
     pub frames: Option<Range<usize>>,
+    /// Frames of more bytes than this in all are not held in memory, but read from their files each time.
+    pub held_bytes: usize,
+}
+
+impl Default for LoadOptions {
+    fn default() -> Self {
+        Self { frames: None, held_bytes: HELD_BYTES }
+    }
 }
 
 /// A scene, and what is odd but bearable about its files.
@@ -71,33 +80,32 @@ pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let mut errors = Vec::new();
     let mut warnings = Vec::new();
     let mesh = template::read(folder, &manifest, &mut errors, &mut warnings);
-    let video = frames::read(folder, &manifest, range.clone(), &mut warnings);
+    let video = frames::read(folder, &manifest, range.clone(), options.held_bytes, &mut warnings);
     let video = video.map_err(|e| errors.push(e)).ok();
     let truth = truth::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut errors);
 
     let template_missing = mesh.is_none();
     let stand_in = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
-    let loaded =
-        Some(mesh.unwrap_or(stand_in)).zip(video).map(|(template, frames::Video { crop, frames })| {
-            let scene = Scene {
-                name: manifest.name.clone(),
-                folder: folder.to_path_buf(),
-                fps: manifest.fps,
-                camera: manifest.camera().cropped(crop),
-                crop,
-                full_size: [manifest.camera().width, manifest.camera().height],
-                first_frame: range.start,
-                template,
-                frames,
-                truth,
-            };
-            intrinsics_warnings(&manifest, &mut warnings);
-            // A template behind the camera, say, cannot be projected; its own error is enough.
-            if errors.is_empty() {
-                errors.extend(template::check_overlap(&scene, &mut warnings).err());
-            }
-            Loaded { scene, warnings }
-        });
+    let loaded = Some(mesh.unwrap_or(stand_in)).zip(video).map(|(template, (crop, frames))| {
+        let scene = Scene {
+            name: manifest.name.clone(),
+            folder: folder.to_path_buf(),
+            fps: manifest.fps,
+            camera: manifest.camera().cropped(crop),
+            crop,
+            full_size: [manifest.camera().width, manifest.camera().height],
+            first_frame: range.start,
+            template,
+            frames,
+            truth,
+        };
+        intrinsics_warnings(&manifest, &mut warnings);
+        // A template behind the camera, say, cannot be projected; its own error is enough.
+        if errors.is_empty() {
+            errors.extend(template::check_overlap(&scene, &mut warnings).err());
+        }
+        Loaded { scene, warnings }
+    });
     Attempt { loaded, template_missing, errors }
 }
 

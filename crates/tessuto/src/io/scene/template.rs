@@ -9,6 +9,7 @@ use super::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, templa
 use super::manifest::{Manifest, Units};
 use super::{inside, warning};
 use crate::error::{Error, Result};
+use crate::image::Image;
 use crate::io::obj;
 use crate::mesh::{Mesh, pieces, pinched, triangle_area};
 use crate::scene::Scene;
@@ -242,7 +243,8 @@ fn check_vertices(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
 
 /// Refuses a template that is not where the first mask shows the fabric.
 pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
-    let (mesh, camera, mask) = (&scene.template, &scene.camera, &scene.frames[0].mask);
+    let (mesh, camera, first) = (&scene.template, &scene.camera, scene.frames.frame(0)?);
+    let mask = &first.mask;
     let covered = template_coverage(mesh, &mesh.positions, camera);
     let iou = overlap(&covered, mask);
     let outside = |p: &&DVec3| {
@@ -257,7 +259,7 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
     if iou >= OVERLAP_DOUBTED {
         return Ok(());
     }
-    let hint = way_out(scene, iou);
+    let hint = way_out(scene, mask, iou);
     let found =
         format!("overlap with the mask of frame {} is {iou:.2} (intersection over union)", scene.first_frame);
     if iou < OVERLAP_REFUSED {
@@ -273,8 +275,8 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
 }
 
 /// Why the template may not lie on the mask.
-fn way_out(scene: &Scene, iou: f64) -> String {
-    let (mesh, camera, mask) = (&scene.template, &scene.camera, &scene.frames[0].mask);
+fn way_out(scene: &Scene, mask: &Image, iou: f64) -> String {
+    let (mesh, camera) = (&scene.template, &scene.camera);
     let best = best_variant(axis_variants(mesh, camera, mask));
     if best.iou > iou + VARIANT_GAIN {
         return format!(

@@ -1,0 +1,73 @@
+//! What the search for the motion keeps of a video: pyramids of its colours and distances to its outlines, at the
+//! resolution that memory has room for.
+
+use super::contour::Contour;
+use super::pyramid::{Level, pyramid};
+use crate::camera::Camera;
+use crate::error::Result;
+use crate::scene::Scene;
+
+/// Most bytes that colours and what is computed from them may take, and that outlines may take.
+const COLOUR_MEMORY: usize = 3 << 30;
+const OUTLINE_MEMORY: usize = 512 << 20;
+/// Bytes per pixel of the finest level: a pyramid of four floats, and twice the colours of the surface points.
+const COLOUR_BYTES: usize = 54;
+const OUTLINE_BYTES: usize = 4;
+
+/// The video as the search sees it.
+#[derive(Debug)]
+pub struct Observed {
+    /// Finest and coarsest level of the pyramids in use.
+    pub range: [usize; 2],
+    /// Pyramids; levels finer than the finest in use have no colours. Shape [N][levels].
+    pub levels: Vec<Vec<Level>>,
+    /// Outlines, shape [N].
+    pub contours: Vec<Contour>,
+}
+
+impl Observed {
+    /// Looks at every frame of `scene` at the levels `range` (finest, coarsest), or at as many coarser ones where these
+    /// would not fit into memory.
+    ///
+    /// # Errors
+    /// Those of reading the frames.
+    pub fn new(scene: &Scene, range: [usize; 2]) -> Result<Self> {
+        let count = scene.frames.len();
+        let finest = fitting(&scene.camera, count * COLOUR_BYTES, COLOUR_MEMORY).max(range[0]);
+        let range = [finest, range[1] + finest - range[0]];
+        let scale = 1 << fitting(&scene.camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);
+        let look = |(): &mut (), n| {
+            let frame = scene.frames.frame(n)?;
+            Ok((pyramid(&frame, &scene.camera, range), Contour::new(&frame.mask, scale)))
+        };
+        let (levels, contours) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
+        Ok(Self { range, levels, contours })
+    }
+
+    /// The levels in use, coarse to fine.
+    pub fn coarse_to_fine(&self) -> impl Iterator<Item = usize> + use<> {
+        (self.range[0]..=self.range[1]).rev()
+    }
+}
+
+/// The finest level at which all pixels, of `bytes` each, fit into `memory`.
+fn fitting(camera: &Camera, bytes: usize, memory: usize) -> usize {
+    let fits = |level: &usize| (camera.width >> level) * (camera.height >> level) * bytes <= memory;
+    (0..usize::BITS as usize).find(fits).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_large_videos_are_looked_at_from_farther_away() {
+        let level = |width: usize, frames: usize| {
+            let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width, height: width };
+            fitting(&camera, frames * COLOUR_BYTES, COLOUR_MEMORY)
+        };
+        assert_eq!([level(800, 50), level(3840, 4), level(3840, 300)], [0, 0, 4]);
+        assert!((3840usize >> 4).pow(2) * 300 * COLOUR_BYTES <= COLOUR_MEMORY);
+        assert!((3840usize >> 3).pow(2) * 300 * COLOUR_BYTES > COLOUR_MEMORY);
+    }
+}
