@@ -3,7 +3,7 @@
 
 usage: stress.py TESSUTO [--scenes 200] [--seed 0] [--minutes M]
 
-Each scene has a random size of cloth and picture, number of vertices and frames, stiffnesses, wind, shading, frame rate
+Each scene has a random size of cloth and picture, sort of mesh, number of vertices and frames, stiffnesses, wind, shading, frame rate
 and print. A run fails if it ends with a status other than 0, or leaves a motion that is not finite. Ends with status 1 if
 any did. The same seed makes the same scenes.
 """
@@ -22,6 +22,7 @@ def options(rng):
         "grid": f"{rng.randint(3, 17)}x{rng.randint(3, 17)}", "wind": round(rng.uniform(0, 25), 2),
         "stretch": log(1, 3.5), "bend": log(-5, -2), "shear": log(-5, -2), "shading": round(rng.uniform(0, 1), 2),
         "fps": rng.choice([15, 24, 25, 30, 50, 60, 120]), "seed": rng.randrange(1 << 31),
+        "mesh": rng.choice(["quads", "triangles", "irregular"]),
     }
 
 

@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use tessuto::synth::lattice::MeshKind;
 use tessuto::synth::write::{is_synthetic, write};
 use tessuto::synth::{Settings, make};
 
@@ -27,6 +28,9 @@ pub struct Arguments {
     /// Columns and rows of vertices.
     #[arg(long, value_name = "CxR", value_parser = parse_grid, default_value = "21x21")]
     grid: [usize; 2],
+    /// Faces: a regular grid of quads, the same cut into triangles, or uneven triangles.
+    #[arg(long, value_enum, default_value_t = Kind::Quads)]
+    mesh: Kind,
     /// Strength of the gust [m/s²].
     #[arg(long, default_value_t = Settings::default().wind)]
     wind: f64,
@@ -45,12 +49,20 @@ pub struct Arguments {
     /// Frames per second.
     #[arg(long, default_value_t = Settings::default().fps)]
     fps: f64,
-    /// Seed of print and wind.
+    /// Seed of print, wind and mesh.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Replace a scene folder that this command did not write.
     #[arg(long)]
     force: bool,
+}
+
+/// Sorts of meshes.
+#[derive(Clone, Copy, ValueEnum)]
+enum Kind {
+    Quads,
+    Triangles,
+    Irregular,
 }
 
 /// `CxR`.
@@ -66,6 +78,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         fps: arguments.fps,
         size: arguments.size,
         grid: arguments.grid,
+        mesh: match arguments.mesh {
+            Kind::Quads => MeshKind::Quads,
+            Kind::Triangles => MeshKind::Triangles,
+            Kind::Irregular => MeshKind::Irregular,
+        },
         wind: arguments.wind,
         stretch: arguments.stretch,
         bend: arguments.bend,

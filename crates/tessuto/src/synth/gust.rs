@@ -6,10 +6,11 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::Settings;
+use super::lattice::lattice;
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::math::rng::Rng;
-use crate::mesh::{Mesh, grid};
+use crate::mesh::Mesh;
 use crate::scene::Shape;
 use crate::sim::step::step;
 use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness};
@@ -32,8 +33,7 @@ const STEP: f64 = 5e-3;
 /// # Errors
 /// [`crate::Error::Numerical`] from the simulation.
 pub fn simulate(settings: &Settings) -> Result<(Mesh, Vec<Shape>)> {
-    let [columns, rows] = settings.grid;
-    let mesh = grid(columns, rows, SIZE, DEPTH);
+    let mesh = lattice(settings.mesh, settings.grid, SIZE, DEPTH, settings.seed);
     let mut hanging = Hanging::new(&mesh, settings);
     let mut state = hanging.settled(&mesh)?;
     let substeps = (1.0 / (settings.fps * STEP)).ceil().max(1.0) as usize;

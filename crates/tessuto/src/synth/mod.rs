@@ -2,6 +2,7 @@
 //! folder with complete truth.
 
 pub mod gust;
+pub mod lattice;
 pub mod print;
 pub mod shade;
 pub mod write;
@@ -17,6 +18,7 @@ use crate::mesh::Mesh;
 use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Shape, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
+use lattice::MeshKind;
 
 /// Side of the print [texel].
 const PRINT_SIZE: usize = 512;
@@ -36,6 +38,8 @@ pub struct Settings {
     pub size: usize,
     /// Columns and rows of vertices.
     pub grid: [usize; 2],
+    /// How it is divided into faces.
+    pub mesh: MeshKind,
     /// Strength of the gust: largest acceleration it gives the cloth [m/s²].
     pub wind: f64,
     /// Stretch stiffness [N/m].
@@ -46,7 +50,7 @@ pub struct Settings {
     pub shear: f64,
     /// How much darker the cloth is where it turns away from the light, in [0, 1].
     pub shading: f64,
-    /// Seed of print and wind.
+    /// Seed of print, wind and mesh.
     pub seed: u64,
 }
 
@@ -57,6 +61,7 @@ impl Default for Settings {
             fps: 50.0,
             size: 320,
             grid: [21, 21],
+            mesh: MeshKind::Quads,
             wind: 9.0,
             stretch: 200.0,
             bend: 1e-3,
