@@ -2,9 +2,10 @@
 //!
 //! x' = argmin Φ(x),  Φ(x) = ½ (x − y)ᵀ M (x − y)/h² + E(x),  y = x + h δ v + h² g;  v' = (x' − x)/h.
 //!
-//! Newton's method with a line search; where the exact Hessian is not positive definite the
-//! element-wise projected one takes its place. Unconditionally stable: every iteration lowers Φ. Crumpled cloth
-//! can take very many of them; after the limit the descent so far is taken, an inexact but repeatable step.
+//! Newton's method with a line search, its systems solved by conjugate gradients, which an older factor or, where the
+//! exact Hessian is not positive definite, that of an upper bound preconditions. Unconditionally stable: every
+//! iteration lowers Φ. Crumpled cloth can take very many of them; after the limit the descent so far is taken, an
+//! inexact but repeatable step.
 
 use glam::DVec3;
 
