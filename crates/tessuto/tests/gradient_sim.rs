@@ -95,9 +95,11 @@ fn projected_hessian_is_positive_and_equals_the_exact_one_at_rest() {
         cloth.add_hessian(&k, x, curvature, 1.0, &mut h, &mut Scratch::default());
         h
     };
-    let (difference, largest) = assemble(&mesh.positions, Curvature::Exact)
-        .difference(&assemble(&mesh.positions, Curvature::Projected));
-    assert!(largest > 100.0 && difference < 1e-9 * largest, "{difference} of {largest}");
+    for positive in [Curvature::Projected, Curvature::GaussNewton] {
+        let (difference, largest) =
+            assemble(&mesh.positions, Curvature::Exact).difference(&assemble(&mesh.positions, positive));
+        assert!(largest > 100.0 && difference < 1e-9 * largest, "{difference} of {largest}");
+    }
     // Strong compression: the exact Hessian has negative directions, the projected one has none.
     let x: Shape = mesh.positions.iter().map(|p| *p * 0.9).collect();
     let (exact, projected) = (assemble(&x, Curvature::Exact), assemble(&x, Curvature::Projected));

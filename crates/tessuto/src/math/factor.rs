@@ -101,8 +101,8 @@ impl Analysis {
 
     /// Factor of a symmetric `matrix`, definite or not.
     pub fn factorize(&self, pattern: &BlockPattern, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
-        match self.plain(pattern, matrix, scratch) {
-            Ok((factor, _)) => factor,
+        match self.plain(pattern, matrix, scratch, false) {
+            Ok(factor) => factor,
             Err(values) => {
                 scratch.spare = Some(values);
                 self.pivoted(pattern, matrix, scratch)
@@ -117,12 +117,8 @@ impl Analysis {
         matrix: &BlockMatrix,
         scratch: &mut Scratch,
     ) -> Option<Factor> {
-        match self.plain(pattern, matrix, scratch) {
-            Ok((factor, 0)) => Some(factor),
-            Ok((factor, _)) => {
-                scratch.recycle(factor);
-                None
-            }
+        match self.plain(pattern, matrix, scratch, true) {
+            Ok(factor) => Some(factor),
             Err(values) => {
                 scratch.spare = Some(values);
                 None
@@ -130,24 +126,28 @@ impl Analysis {
         }
     }
 
-    /// L D Lᵀ without pivoting and the number of negative pivots, or, if that was unsound, the memory.
+    /// L D Lᵀ without pivoting, or, if that was unsound or the matrix not as `definite` as it has to be, the memory.
     fn plain(
         &self,
         pattern: &BlockPattern,
         matrix: &BlockMatrix,
         scratch: &mut Scratch,
-    ) -> Result<(Factor, usize), Vec<f64>> {
+        definite: bool,
+    ) -> Result<Factor, Vec<f64>> {
         let len = self.fronts.len();
         let mut values = scratch.spare.take().filter(|v| v.len() == len).unwrap_or_else(|| vec![0.0; len]);
         if scratch.work.len() < self.fronts.work_len() {
             scratch.work.resize(self.fronts.work_len(), 0.0);
         }
         let columns = (&pattern.column_start[..], &pattern.row[..]);
-        let done = self.fronts.factorize(columns, &matrix.values, &mut values, &mut scratch.work);
-        let (growth, negative) = self.fronts.growth(&values);
+        let done = self.fronts.factorize(columns, &matrix.values, &mut values, &mut scratch.work, definite);
+        if done.is_none() {
+            return Err(values);
+        }
+        let growth = self.fronts.growth(&values);
         let largest = matrix.values.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-        match done.is_some() && growth <= GROWTH_LIMIT * largest {
-            true => Ok((Factor::Plain(values), negative)),
+        match growth <= GROWTH_LIMIT * largest {
+            true => Ok(Factor::Plain(values)),
             false => Err(values),
         }
     }

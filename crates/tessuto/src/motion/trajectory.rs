@@ -290,7 +290,7 @@ impl Stage<'_, '_> {
         self.problem.curvature.add_system(cloth, x, &mut gradient, &mut matrix);
         cloth.add_gradient(&self.problem.prior, x, 1.0, &mut gradient);
         let scratch = &mut Scratch::default();
-        cloth.add_hessian(&self.problem.prior, x, Curvature::Projected, 1.0, &mut matrix, scratch);
+        cloth.add_hessian(&self.problem.prior, x, Curvature::GaussNewton, 1.0, &mut matrix, scratch);
         let colour = self.colour(frame, x);
         for ((local, corners), pairs) in colour.iter().zip(&self.problem.triangles).zip(&cloth.triangle_pairs)
         {

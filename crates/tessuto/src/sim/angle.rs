@@ -79,9 +79,46 @@ pub fn hessian(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> Hessian {
     h
 }
 
-/// Positive semi-definite part k ∇θ ∇θᵀ of [`hessian`] (Gauss-Newton).
-pub fn hessian_projected(u: DVec3, w: DVec3, stiffness: f64, _rest_angle: f64) -> Hessian {
+/// The part k ∇θ ∇θᵀ of [`hessian`] (Gauss-Newton).
+pub fn hessian_gauss_newton(u: DVec3, w: DVec3, stiffness: f64, _rest_angle: f64) -> Hessian {
     gauss_newton(&Frame::new(u, w), stiffness)
+}
+
+/// A positive semi-definite matrix P ≥ [`hessian`]: a Newton step with it does not overshoot in any direction.
+///
+/// The Hessian is a sum of squares along the turns of the arms in their plane (by α and β), the arms' way out of the plane
+/// (a, b), and products of an arm's stretching ρ with its turning; P leaves out the negative ones. With E(φ), φ = β − α:
+///
+///   E_φφ (δβ − δα)² + E_c (1 − c)/2 (a + b)² − E_c (1 + c)/2 (a − b)² + 2 E_c sin φ (ρ_w δβ − ρ_u δα).
+///
+/// Equal to both others where θ = θ0. Source: own.
+pub fn hessian_projected(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> Hessian {
+    let f = Frame::new(u, w);
+    let c = f.cosine;
+    let out_of_plane = f.e1.cross(f.e2);
+    let sine = out_of_plane.length();
+    // Straight arms have no plane; there every plane gives the same sum.
+    let n = if sine > 1e-8 { out_of_plane / sine } else { f.e1.any_orthonormal_vector() };
+    let (turn_u, turn_w) = (n.cross(f.e1), n.cross(f.e2));
+    let slope = stiffness * (f.theta - rest_angle);
+    let by_c = slope * f.d_theta;
+    let by_cc = stiffness * f.d_theta * f.d_theta + slope * f.dd_theta;
+    let mut h = Hessian { uu: DMat3::ZERO, uw: DMat3::ZERO, ww: DMat3::ZERO };
+    // Adds k (a·δu/‖u‖ + b·δw/‖w‖)².
+    let mut square = |k: f64, a: DVec3, b: DVec3| {
+        let (a, b) = (a * f.inverse_u, b * f.inverse_w);
+        h.uu += outer(a, a * k);
+        h.uw += outer(a, b * k);
+        h.ww += outer(b, b * k);
+    };
+    square((by_cc * sine * sine - c * by_c).max(0.0), -turn_u, turn_w);
+    square((0.5 * by_c * (1.0 - c)).max(0.0), n, n);
+    square((-0.5 * by_c * (1.0 + c)).max(0.0), -n, n);
+    // 2 x ρ τ = ½ x ((ρ + τ)² − (ρ − τ)²)
+    let mixed = by_c * sine;
+    square(0.5 * mixed.abs(), f.e1 - turn_u * mixed.signum(), DVec3::ZERO);
+    square(0.5 * mixed.abs(), DVec3::ZERO, f.e2 + turn_w * mixed.signum());
+    h
 }
 
 /// (∂/∂u, ∂/∂w) of aᵀ (∂²E) b, where `a` and `b` are directions in (u, w).
@@ -141,4 +178,47 @@ impl Frame {
 fn gauss_newton(f: &Frame, stiffness: f64) -> Hessian {
     let k = stiffness * f.d_theta * f.d_theta;
     Hessian { uu: outer(f.cu, f.cu * k), uw: outer(f.cu, f.cw * k), ww: outer(f.cw, f.cw * k) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng::Rng;
+
+    /// dᵀ H d for d = (du, dw).
+    fn form(h: &Hessian, du: DVec3, dw: DVec3) -> f64 {
+        du.dot(h.uu * du) + 2.0 * du.dot(h.uw * dw) + dw.dot(h.ww * dw)
+    }
+
+    #[test]
+    fn the_projected_hessian_bounds_the_exact_one_and_its_positive_squares_are_exact() {
+        let mut rng = Rng::new(4, 0);
+        for case in 0..300 {
+            let u = rng.vector() + DVec3::X * 1.5;
+            // Bent any way, straight on, and folded back.
+            let w = match case % 10 {
+                0 => u * 0.7,
+                1 => u * -0.7,
+                _ => rng.vector() * 1.4 + DVec3::Y * 0.3,
+            };
+            let rest = [angle(u, u), 0.8, 1.6][case % 3];
+            let (exact, bound) = (hessian(u, w, 2.0, rest), hessian_projected(u, w, 2.0, rest));
+            for _ in 0..200 {
+                let (du, dw) = (rng.vector(), rng.vector());
+                let (h, p) = (form(&exact, du, dw), form(&bound, du, dw));
+                let size = p.abs() + h.abs() + 1e-9;
+                assert!(p >= -1e-12 * size && p >= h - 1e-9 * size, "{u} {w} {rest}: {p} {h}");
+            }
+            // Both arms out of the plane alike or unlike: one of the two is positive, and exact.
+            let n = u.cross(w);
+            if n.length() > 1e-3 {
+                let (a, b) = (n * u.length(), n * w.length());
+                let [h, p] = [exact, bound].map(|m| [form(&m, a, b), form(&m, a, -b)]);
+                let size = h[0].abs() + h[1].abs();
+                for k in 0..2 {
+                    assert!((p[k] - h[k].max(0.0)).abs() < 1e-9 * size, "{u} {w} {rest}: {p:?} {h:?}");
+                }
+            }
+        }
+    }
 }

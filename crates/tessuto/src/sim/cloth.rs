@@ -71,8 +71,10 @@ impl Energy {
 pub enum Curvature {
     /// As they are; indefinite under compression.
     Exact,
-    /// Each element's positive semi-definite part.
+    /// Each element's positive semi-definite upper bound.
     Projected,
+    /// Squares of first derivatives of lengths and angles only; positive semi-definite.
+    GaussNewton,
 }
 
 /// Masses and springs of a mesh, with the sparse pattern of their second derivatives.
@@ -211,7 +213,7 @@ impl Cloth {
             || {
                 let of_edge = match curvature {
                     Curvature::Exact => stretch::hessian,
-                    Curvature::Projected => stretch::hessian_projected,
+                    Curvature::Projected | Curvature::GaussNewton => stretch::hessian_projected,
                 };
                 for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
                     let h = of_edge(e.along(x), k * scale, e.rest_length);
@@ -237,6 +239,7 @@ impl Cloth {
         let of_hinge = match curvature {
             Curvature::Exact => angle::hessian,
             Curvature::Projected => angle::hessian_projected,
+            Curvature::GaussNewton => angle::hessian_gauss_newton,
         };
         for (hinge, k) in hinges {
             let [u, w] = arms(x, hinge.vertices);

@@ -48,7 +48,8 @@ impl Fronts {
         self.fronts[self.root()].work
     }
 
-    /// Eliminates the matrix with the given values; `None` at a pivot that is zero.
+    /// Eliminates the matrix with the given values; `None` at a pivot that is zero or, if it has to be `definite`,
+    /// negative.
     ///
     /// `values` receives the columns of every front: L below the diagonal, D on it. Without pivoting: see
     /// [`Self::growth`] for whether that was sound.
@@ -58,8 +59,9 @@ impl Fronts {
         matrix: &[f64],
         values: &mut [f64],
         work: &mut [f64],
+        definite: bool,
     ) -> Option<()> {
-        self.eliminate(self.root(), columns, matrix, values, work)
+        self.eliminate(self.root(), columns, matrix, values, work, definite)
     }
 
     /// Eliminates a subtree; its update of the boundary is left at the start of `work`.
@@ -70,6 +72,7 @@ impl Fronts {
         matrix: &[f64],
         values: &mut [f64],
         work: &mut [f64],
+        definite: bool,
     ) -> Option<()> {
         let front = &self.fronts[index];
         let (subtrees, own) = values.split_at_mut(front.values[1] - front.values[0]);
@@ -81,7 +84,7 @@ impl Fronts {
         let mut second = 0;
         match &front.children[..] {
             [] => {}
-            [a] => self.eliminate(a.front, columns, matrix, subtrees, work)?,
+            [a] => self.eliminate(a.front, columns, matrix, subtrees, work, definite)?,
             children => {
                 let [a, b] = [children[0].front, children[1].front];
                 let (fa, fb) = (&self.fronts[a], &self.fronts[b]);
@@ -90,13 +93,13 @@ impl Fronts {
                 if in_parallel(fa, fb) {
                     let (work_a, work_b) = work.split_at_mut(second);
                     let (done_a, done_b) = rayon::join(
-                        || self.eliminate(a, columns, matrix, values_a, work_a),
-                        || self.eliminate(b, columns, matrix, values_b, work_b),
+                        || self.eliminate(a, columns, matrix, values_a, work_a, definite),
+                        || self.eliminate(b, columns, matrix, values_b, work_b, definite),
                     );
                     done_a.and(done_b)?;
                 } else {
-                    self.eliminate(a, columns, matrix, values_a, work)?;
-                    self.eliminate(b, columns, matrix, values_b, &mut work[second..])?;
+                    self.eliminate(a, columns, matrix, values_a, work, definite)?;
+                    self.eliminate(b, columns, matrix, values_b, &mut work[second..], definite)?;
                 }
             }
         }
@@ -106,18 +109,18 @@ impl Fronts {
         for (child, at) in front.children.iter().zip([0, second]) {
             child.add_to_own(&updates[at..], side(child), own, front.height());
         }
-        front.factorize(own, update, &mut rest[..front.update() * front.width()])?;
+        front.factorize(own, update, &mut rest[..front.update() * front.width()], definite)?;
         for (child, at) in front.children.iter().zip([0, second]) {
             child.add_to_update(&updates[at..], side(child), update, front);
         }
         Some(())
     }
 
-    /// (largest |d| max(1, |l|)², number of negative pivots) over all columns: rounding errors of the factor
-    /// are of the size of the first times 10⁻¹⁶. Infinite if a value is not finite.
-    pub(in crate::math) fn growth(&self, values: &[f64]) -> (f64, usize) {
+    /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times 10⁻¹⁶.
+    /// Infinite if a value is not finite.
+    pub(in crate::math) fn growth(&self, values: &[f64]) -> f64 {
         let of_front = |front: &Front| {
-            let (mut growth, mut negative) = (0.0, 0);
+            let mut growth = 0.0;
             let columns = values[front.values[1]..][..front.len()].chunks_exact(front.height().max(1));
             for (j, column) in columns.enumerate() {
                 let (pivot, below) = (column[j], &column[j + 1..]);
@@ -134,12 +137,10 @@ impl Fronts {
                 let largest = largest.into_iter().fold(1.0, f64::max);
                 let size = pivot.abs() * largest * largest;
                 growth = if size.is_finite() { f64::max(growth, size) } else { f64::INFINITY };
-                negative += usize::from(pivot < 0.0);
             }
-            (growth, negative)
+            growth
         };
-        let worse = |a: (f64, usize), b: (f64, usize)| (a.0.max(b.0), a.1 + b.1);
-        self.fronts.par_iter().with_min_len(16).map(of_front).reduce(|| (0.0, 0), worse)
+        self.fronts.par_iter().with_min_len(16).map(of_front).reduce(|| 0.0, f64::max)
     }
 }
 
@@ -181,7 +182,13 @@ impl Child {
 
 impl Front {
     /// Eliminates the own columns; `update` is set to what they leave (lower triangle).
-    fn factorize(&self, own: &mut [f64], update: &mut [f64], scaled: &mut [f64]) -> Option<()> {
+    fn factorize(
+        &self,
+        own: &mut [f64],
+        update: &mut [f64],
+        scaled: &mut [f64],
+        definite: bool,
+    ) -> Option<()> {
         let (k, n) = (self.width(), self.update());
         let l = MatMut::from_column_major_slice_mut(own, self.height(), k);
         let (mut top, mut bottom) = l.split_at_row_mut(k);
@@ -190,6 +197,9 @@ impl Front {
         let stack = MemStack::new(&mut memory);
         let plain = LdltRegularization::default();
         cholesky_in_place(top.as_mut(), plain, Par::Seq, stack, Spec::default()).ok()?;
+        if definite && !(0..k).all(|j| top[(j, j)] > 0.0) {
+            return None;
+        }
         solve_unit_lower_triangular_in_place(top.as_ref(), bottom.as_mut().transpose_mut(), Par::Seq);
         let mut scaled = MatMut::from_column_major_slice_mut(scaled, n, k);
         scaled.copy_from(bottom.as_ref());
