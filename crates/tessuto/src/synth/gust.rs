@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use glam::{DVec2, DVec3};
 
 use super::Settings;
-use super::lattice::lattice;
+use super::lattice::{MeshKind, lattice};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::math::rng::Rng;
@@ -25,6 +25,11 @@ const GRAVITY: DVec3 = DVec3::new(0.0, 9.81, 0.0);
 const PIN: f64 = 1e4;
 /// Pins are this much closer together than the cloth is wide, so that it falls in folds.
 const SLACK: f64 = 0.06;
+/// Cloth of more columns or rows starts from a coarser one: from the wave it would take minutes to settle.
+const FINE: usize = 48;
+/// Steps until all swinging has ended, with a damping of a quarter per step; fine cloth is nearly at rest already.
+const SETTLING: usize = 120;
+const SETTLING_FINE: usize = 30;
 /// Longest time step [s].
 const STEP: f64 = 5e-3;
 
@@ -35,7 +40,8 @@ const STEP: f64 = 5e-3;
 pub fn simulate(settings: &Settings) -> Result<(Mesh, Vec<Shape>)> {
     let mesh = lattice(settings.mesh, settings.grid, SIZE, DEPTH, settings.seed);
     let mut hanging = Hanging::new(&mesh, settings);
-    let mut state = hanging.settled(&mesh)?;
+    let x = hanging.settled(&mesh, settings)?;
+    let mut state = State { v: vec![DVec3::ZERO; x.len()], x };
     let substeps = (1.0 / (settings.fps * STEP)).ceil().max(1.0) as usize;
     let h = 1.0 / (settings.fps * substeps as f64);
     let gust = Gust::new(settings.wind, settings.seed);
@@ -79,20 +85,27 @@ impl Hanging {
         }
     }
 
-    /// At rest under gravity, in folds that start from a slight wave.
-    fn settled(&mut self, mesh: &Mesh) -> Result<State> {
-        let wave = |(p, uv): (&DVec3, &DVec2)| {
-            let fold = 0.02 * (TAU * 2.0 * uv.x).sin() + 0.01 * (TAU * (uv.x + 0.4 * uv.y)).cos();
-            DVec3::new(p.x * (1.0 - SLACK), p.y, p.z + fold)
+    /// At rest under gravity, in folds that start from a slight wave; fine cloth from where a coarser one came to rest.
+    fn settled(&mut self, mesh: &Mesh, settings: &Settings) -> Result<Shape> {
+        let [columns, rows] = settings.grid;
+        let (start, steps): (Shape, usize) = if columns.max(rows) > FINE {
+            let halved = [columns, rows].map(|n| n.div_ceil(2).max(3));
+            let coarse = Settings { grid: halved, mesh: MeshKind::Quads, ..settings.clone() };
+            let grid = lattice(coarse.mesh, halved, SIZE, DEPTH, settings.seed);
+            let x = Hanging::new(&grid, &coarse).settled(&grid, &coarse)?;
+            (mesh.uvs.iter().map(|uv| between(&x, halved, *uv)).collect(), SETTLING_FINE)
+        } else {
+            let wave = |(p, uv): (&DVec3, &DVec2)| {
+                let fold = 0.02 * (TAU * 2.0 * uv.x).sin() + 0.01 * (TAU * (uv.x + 0.4 * uv.y)).cos();
+                DVec3::new(p.x * (1.0 - SLACK), p.y, p.z + fold)
+            };
+            (mesh.positions.iter().zip(&mesh.uvs).map(wave).collect(), SETTLING)
         };
-        let x: Shape = mesh.positions.iter().zip(&mesh.uvs).map(wave).collect();
-        let mut state = State { v: vec![DVec3::ZERO; x.len()], x };
-        // Damping of a quarter per step ends all swinging within the time simulated here.
-        for _ in 0..120 {
+        let mut state = State { v: vec![DVec3::ZERO; start.len()], x: start };
+        for _ in 0..steps {
             state = self.step(state, 2.0 * STEP, 0.75, |_| GRAVITY)?;
         }
-        state.v.fill(DVec3::ZERO);
-        Ok(state)
+        Ok(state.x)
     }
 
     /// One step. A tie of stiffness κ to p is a second inertia: M' = M + h² κ, M' a' = M a + κ (p − x − h δ v).
@@ -120,6 +133,18 @@ impl Hanging {
         let tape = step(&self.cloth, &settings, &self.stiffness, state, &accelerations, &mut self.scratch)?;
         Ok(tape.after)
     }
+}
+
+/// The point at `uv` of a regular grid of `columns`×`rows` points, linear between them.
+fn between(x: &[DVec3], [columns, rows]: [usize; 2], uv: DVec2) -> DVec3 {
+    let at = |s: f64, n: usize| {
+        let p = s.clamp(0.0, 1.0) * (n - 1) as f64;
+        let low = (p as usize).min(n - 2);
+        (low, p - low as f64)
+    };
+    let ((c, s), (r, t)) = (at(uv.x, columns), at(1.0 - uv.y, rows));
+    let along = |row: usize| x[row * columns + c].lerp(x[row * columns + c + 1], s);
+    along(r).lerp(along(r + 1), t)
 }
 
 /// Wind that rises smoothly and carries waves across the cloth.
