@@ -52,10 +52,23 @@ pub enum Error {
 /// `Result` with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
+/// Most bytes of what was found in a file that a message repeats.
+const LONGEST: usize = 2000;
+
+/// A word of a damaged file may be as long as the file.
+fn clipped(mut text: String) -> String {
+    if text.len() > LONGEST {
+        let end = (0..=LONGEST).rev().find(|i| text.is_char_boundary(*i)).unwrap_or(0);
+        text.truncate(end);
+        text.push('…');
+    }
+    text
+}
+
 impl Error {
     /// Input error at `place` (file, frame, line or key).
     pub fn input(place: impl Into<String>, problem: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Input { place: place.into(), problem: problem.into(), hint: hint.into() }
+        Self::Input { place: place.into(), problem: clipped(problem.into()), hint: hint.into() }
     }
 
     /// Wrong option or value.
@@ -77,6 +90,22 @@ impl Error {
             Self::Numerical { .. } => 4,
             Self::Output { .. } => 5,
             Self::Interrupted(_) => 75,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_file_holds_is_repeated_in_part_only() {
+        let message =
+            |word: String| Error::input("a.txt", format!("{word} is no number"), "correct it").to_string();
+        assert_eq!(message("é".into()), "a.txt: é is no number\n  hint: correct it");
+        for word in ["é", "x", "漢"] {
+            let text = message(word.repeat(5000));
+            assert!(text.len() < 2100 && text.ends_with("…\n  hint: correct it"), "{}", text.len());
         }
     }
 }
