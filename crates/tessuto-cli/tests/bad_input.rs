@@ -105,6 +105,7 @@ fn absurd_options_are_usage_errors() {
         &["--frames", "3..1"],
         &["--frames", "0..9"],
         &["--set", "trajectory.bend=nan"],
+        &["--set", "trajectory.tail=0"],
         &["--set", "trajectory.strain=inf"],
         &["--set", "texture.size=0"],
         &["--set", "texture.size=1000000000"],

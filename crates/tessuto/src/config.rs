@@ -188,6 +188,7 @@ impl Config {
             ("rollout.clip_quantile", self.rollout.clip_quantile, 0.0, 1.0),
             ("trajectory.coarsest", t.coarsest as f64, t.finest as f64, 8.0),
             ("trajectory.strain", t.strain, 1e-6, 10.0),
+            ("trajectory.tail", t.tail, 1e-3, 1e6),
             ("trajectory.bend", t.bend, 1e-6, 1e3),
             ("trajectory.shear", t.shear, 1e-6, 1e3),
             ("trajectory.acceleration", t.acceleration, 1e-7, 10.0),
