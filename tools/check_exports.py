@@ -1,14 +1,16 @@
 #!/usr/bin/env python3
 """Check exported files with the programs they are meant for.
 
-usage: check_exports.py RESULT [--tessuto PROGRAM]
+usage: check_exports.py RESULT [--tessuto PROGRAM] [--rerun-python PYTHON]
 
 Exports RESULT (a folder of `tessuto reconstruct`) to every format into a temporary folder and checks
   glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame
   usd   usd-core: loads, compliance checker, vertices, frame rate, projection by the exported camera; import in Blender
   obj, ply, pc2, npz   vertices of every frame; pc2 in Blender too
+  rrd   see check_recording.py
 against RESULT/motion.npy. Needs `pip install numpy bpy==5.0.1 usd-core` (Python 3.11) and, where it is run,
-`npm install gltf-validator`. Exit status 0: all passed.
+`npm install gltf-validator`; check_recording.py needs another Python environment, named by --rerun-python, and is left
+out without. Exit status 0: all passed.
 """
 import argparse
 import json
@@ -186,13 +188,14 @@ def check_cache(folder, name, motion):
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
 parser.add_argument("result")
 parser.add_argument("--tessuto", default=Path(__file__).parent / "../target/release/tessuto")
+parser.add_argument("--rerun-python")
 args = parser.parse_args()
 motion = np.load(Path(args.result) / "motion.npy")
 y_up = motion * [1, -1, -1]
 with tempfile.TemporaryDirectory() as temporary:
     folder = Path(temporary)
     start = time.time()
-    subprocess.run([args.tessuto, "export", args.result, "--to", "glb,usd,obj,ply,pc2,npz", "--out", folder], check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([args.tessuto, "export", args.result, "--to", "glb,usd,obj,ply,pc2,npz,rrd", "--out", folder], check=True, stdout=subprocess.DEVNULL)
     report("export to all formats", True, f"{time.time() - start:.2f} s, {sum(p.stat().st_size for p in folder.rglob('*') if p.is_file()) / 1e6:.1f} MB")
     name = next(folder.glob("*.glb")).stem
     check_npz(folder, name, motion)
@@ -202,5 +205,9 @@ with tempfile.TemporaryDirectory() as temporary:
     check_usd(folder, name, motion, y_up)
     check_blender(folder, name, motion, json.loads((Path(args.result) / "parameters.json").read_text())["frame_rate"]["value"])
     check_cache(folder, name, motion)
+    if args.rerun_python:
+        check = Path(__file__).with_name("check_recording.py")
+        done = subprocess.run([args.rerun_python, check, folder / f"{name}.rrd", args.result])
+        report("rrd: check_recording.py", done.returncode == 0)
 print(f"{len(failures)} failures" if failures else "all passed")
 sys.exit(bool(failures))

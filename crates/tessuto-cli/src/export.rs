@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use tessuto::export::{Clip, Format, export};
 
-/// Write a result for other programs: Blender, Houdini, Unreal, the web, NumPy.
+/// Write a result for other programs: Blender, Houdini, Unreal, the web, NumPy, rerun.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -18,7 +18,8 @@ Formats:
   obj   one file per frame, with material (y up)
   ply   one binary file per frame, with normals and uv (y up)
   pc2   point cache, and the mesh it belongs to (y up)
-  npz   motion, faces, uv, camera, forces, parameters (camera axes: x right, y down, z forward)")]
+  npz   motion, faces, uv, camera, forces, parameters (camera axes: x right, y down, z forward)
+  rrd   recording for rerun: video, camera, mesh and texture over time (camera axes)")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
@@ -37,7 +38,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let clip = Clip::read(&arguments.result)?;
     if clip.camera.is_none()
-        && arguments.to.iter().any(|f| matches!(f, Format::Glb | Format::Usd | Format::Npz))
+        && arguments.to.iter().any(|f| matches!(f, Format::Glb | Format::Usd | Format::Npz | Format::Rrd))
     {
         eprintln!(
             "warning: parameters.json holds no camera (result of an older version): exported without one"

@@ -12,6 +12,7 @@ mod live;
 mod output;
 mod progress;
 mod reconstruct;
+mod record;
 mod render;
 mod report;
 mod simulate;

@@ -9,6 +9,7 @@ use tessuto::session::Epoch;
 use tessuto::{Error, Result, Shape};
 
 use crate::live::Live;
+use crate::record::Recorder;
 
 /// Set by Ctrl-C and SIGTERM.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -31,13 +32,15 @@ pub struct Progress {
     last_line: Instant,
     /// A page that shows the same.
     pub live: Option<Live>,
+    /// A recording of it.
+    pub recorder: Option<Recorder>,
 }
 
 impl Progress {
     /// Nothing shown yet.
     pub fn new() -> Self {
         let now = Instant::now();
-        Self { bar: None, stage: "", started: now, last_line: now, live: None }
+        Self { bar: None, stage: "", started: now, last_line: now, live: None, recorder: None }
     }
 
     /// Shows a finished step, and the motion so far where there is a page for it.
@@ -54,6 +57,9 @@ impl Progress {
         }
         if let Some(live) = &mut self.live {
             live.step(epoch, motion);
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.step(epoch, motion);
         }
         if self.stage != epoch.stage {
             self.begin(epoch);

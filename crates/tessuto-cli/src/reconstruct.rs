@@ -18,6 +18,7 @@ use crate::appearance::{Outputs, quoted};
 use crate::live::Server;
 use crate::output::{OutputFolder, beside};
 use crate::progress::{Progress, stop_on_interrupt};
+use crate::record::Recorder;
 
 /// Recover motion, stiffnesses, forces and texture from a scene folder.
 #[derive(Args)]
@@ -26,7 +27,8 @@ Examples:
   tessuto reconstruct scenes/curtain
   tessuto reconstruct scenes/curtain --preset saft --out results/curtain-saft
   tessuto reconstruct scenes/curtain --frames 0..20 --set trajectory.finest=1
-  tessuto reconstruct scenes/curtain --live")]
+  tessuto reconstruct scenes/curtain --live
+  tessuto reconstruct scenes/curtain --rerun curtain.rrd")]
 pub struct Arguments {
     /// Scene folder: scene.json, template.obj, rgbs/, masks/.
     scene: PathBuf,
@@ -60,15 +62,24 @@ pub struct Arguments {
     /// Show the work in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     live: Option<u16>,
+    /// Write a recording for the viewer of rerun while the work goes on.
+    ///
+    /// It holds the video, the camera, the losses of every step and the recovered motion; it can be opened at any time.
+    /// A recording of tessuto that is there already is replaced, nothing else is. The result is the same with and
+    /// without.
+    #[arg(long, value_name = "FILE.rrd")]
+    rerun: Option<PathBuf>,
 }
 
 /// What to do besides the motion.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Extras {
     /// Estimate material and light.
     pub appearance: bool,
     /// Serve a page that shows the work, at this port; 0 is any free one.
     pub live: Option<u16>,
+    /// Write a recording for the viewer of rerun here.
+    pub rerun: Option<PathBuf>,
     /// Go on from checkpoints.
     pub resume: bool,
     /// Least time between checkpoints; none are written without.
@@ -102,6 +113,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let extras = Extras {
         appearance: !arguments.no_appearance,
         live: arguments.live,
+        rerun: arguments.rerun.clone(),
         resume: arguments.resume,
         checkpoint: Some(Duration::from_secs_f64(arguments.checkpoint)),
     };
@@ -123,6 +135,9 @@ pub fn reconstruct_into(
     extras: Extras,
     out: &Path,
 ) -> anyhow::Result<Option<Evaluation>> {
+    if let Some(file) = &extras.rerun {
+        Recorder::check(file, out)?;
+    }
     let output = OutputFolder::prepare(out)?;
     let server = extras.live.map(Server::bind).transpose()?;
     let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
@@ -155,10 +170,17 @@ pub fn reconstruct_into(
         progress.borrow_mut().live = Some(server.start(result::live_page(scene, &run, &command)?));
     }
     let session = &mut Session::new(|epoch, motion| progress.borrow_mut().step(epoch, motion));
-    let checkpoints = keep_checkpoints(session, scene, &run.settings, out, extras)?;
+    let checkpoints = keep_checkpoints(session, scene, &run.settings, out, &extras)?;
+    if let Some(file) = &extras.rerun {
+        let recorder = Recorder::start(file, scene, &run.settings, session.history())?;
+        progress.borrow_mut().recorder = Some(recorder);
+    }
     let outcome = tessuto::reconstruct(scene, &run.settings, session);
     progress.borrow_mut().finish();
-    let reconstruction = outcome.inspect_err(|e| say_how_to_go_on(e, &command, extras))?;
+    let reconstruction = outcome.inspect_err(|e| say_how_to_go_on(e, &command, &extras))?;
+    if let Some(recorder) = &mut progress.borrow_mut().recorder {
+        recorder.motion(&reconstruction.motion, &reconstruction.texture.to_image());
+    }
     if let Some(failure) = &reconstruction.failure {
         warnings.push(failure.to_string());
     }
@@ -181,7 +203,7 @@ pub fn reconstruct_into(
         match rows {
             // Nothing is lost: it goes on from the checkpoint.
             Err(error @ Error::Interrupted(_)) if checkpoints.is_some() => {
-                say_how_to_go_on(&error, &command, extras);
+                say_how_to_go_on(&error, &command, &extras);
                 return Err(error.into());
             }
             Ok(rows) => {
@@ -199,6 +221,13 @@ pub fn reconstruct_into(
     output.publish()?;
     checkpoints.iter().try_for_each(Checkpoints::remove)?;
     page?;
+    let mut recorded = Ok(());
+    if let Some(mut recorder) = progress.borrow_mut().recorder.take() {
+        if clip.material.roughness_metallic.is_some() {
+            recorder.texture(&clip.material.base_colour);
+        }
+        recorded = recorder.finish();
+    }
     if let Some(live) = progress.borrow_mut().live.take() {
         live.finish(&out.join("report.html"));
     }
@@ -213,7 +242,10 @@ pub fn reconstruct_into(
     println!("{}", out.display());
     println!("  look at {}", out.join("report.html").display());
     println!("  and at  {}", out.join("pictures/contact_sheet.png").display());
-    match reconstruction.failure.or(unseen) {
+    if let Some(file) = extras.rerun.filter(|_| recorded.is_ok()) {
+        println!("  and, in rerun, at {}", file.display());
+    }
+    match reconstruction.failure.or(unseen).or(recorded.err()) {
         Some(failure) => Err(failure.into()),
         None => Ok(evaluation),
     }
@@ -225,7 +257,7 @@ fn keep_checkpoints(
     scene: &Scene,
     settings: &Config,
     out: &Path,
-    extras: Extras,
+    extras: &Extras,
 ) -> Result<Option<Checkpoints>, Error> {
     let Some(interval) = extras.checkpoint else { return Ok(None) };
     let folder = beside(out, ".checkpoints");
@@ -254,9 +286,11 @@ fn keep_checkpoints(
     Ok(Some(open()))
 }
 
-fn say_how_to_go_on(error: &Error, command: &str, extras: Extras) {
+fn say_how_to_go_on(error: &Error, command: &str, extras: &Extras) {
     if matches!(error, Error::Interrupted(_)) && extras.checkpoint.is_some() {
-        eprintln!("go on with: {command} --resume");
+        let rerun =
+            extras.rerun.as_ref().map_or_else(String::new, |file| format!(" --rerun {}", quoted(file)));
+        eprintln!("go on with: {command}{rerun} --resume");
     }
 }
 

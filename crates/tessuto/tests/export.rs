@@ -40,6 +40,8 @@ fn clip(maps: bool) -> Clip {
         fps: 25.0,
         first_frame: 7,
         camera: Some(Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 }),
+        crop: None,
+        pictures: Vec::new(),
         material: Material {
             name: "cloth".into(),
             base_colour: picture(3, 0.5),

@@ -1,10 +1,10 @@
 //! What is exported, read from a result folder.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::{DVec3, Vec2, Vec3};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
@@ -58,6 +58,10 @@ pub struct Clip {
     pub first_frame: usize,
     /// Camera of the whole picture; results of older versions lack it.
     pub camera: Option<Camera>,
+    /// The part of the whole picture that was computed on; results of older versions lack it.
+    pub crop: Option<Rect>,
+    /// Pictures of all frames, cut to the crop; none if the result lacks some.
+    pub pictures: Vec<PathBuf>,
     /// The look.
     pub material: Material,
     /// Stiffnesses and forces.
@@ -89,12 +93,14 @@ impl Clip {
         Ok(Self {
             material: read_material(folder, &name)?,
             name,
+            pictures: pictures(folder, saved.run.frames[0], motion.len()),
             version: saved.run.version,
             mesh: saved.mesh,
             motion,
             fps: saved.fps,
             first_frame: saved.run.frames[0],
             camera: saved.camera,
+            crop: saved.crop,
             parameters: saved.parameters,
         })
     }
@@ -144,6 +150,12 @@ fn identifier(scene: &Path) -> String {
     }
 }
 
+fn pictures(folder: &Path, first: usize, count: usize) -> Vec<PathBuf> {
+    let path = |n| folder.join(format!("pictures/observed/frame_{n:03}.png"));
+    let paths: Vec<PathBuf> = (first..first + count).map(path).collect();
+    if paths.iter().all(|p| p.is_file()) { paths } else { Vec::new() }
+}
+
 fn read_material(folder: &Path, name: &str) -> Result<Material> {
     let map = |file: &str| folder.join("material").join(file);
     let diffuse = map("diffuse.png");
@@ -183,6 +195,8 @@ pub(super) mod tests {
             fps: 25.0,
             first_frame: 0,
             camera: None,
+            crop: None,
+            pictures: Vec::new(),
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
                 log_stiffness: [2.0, -3.0, -4.0],

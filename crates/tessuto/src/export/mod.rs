@@ -1,13 +1,14 @@
 //! A result for other programs: animated GLB and USD with material, sequences of OBJ and PLY, a PC2
 //! point cache, and NPZ with everything numeric.
 //!
-//! All but NPZ have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
+//! All but NPZ and RRD have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
 //! and handedness stay. The camera is at the origin and looks along −z, as glTF and USD have it.
 
 mod clip;
 mod glb;
 mod npz;
 mod pc2;
+pub mod rrd;
 mod sequence;
 mod usd;
 
@@ -32,11 +33,13 @@ pub enum Format {
     Pc2,
     /// NumPy archive of motion, faces, uv, camera, forces and parameters, in the camera frame.
     Npz,
+    /// Recording for the viewer of rerun: video, camera, mesh and texture over time, in the camera frame.
+    Rrd,
 }
 
 impl Format {
     /// All of them.
-    pub const ALL: [Self; 6] = [Self::Glb, Self::Usd, Self::Obj, Self::Ply, Self::Pc2, Self::Npz];
+    pub const ALL: [Self; 7] = [Self::Glb, Self::Usd, Self::Obj, Self::Ply, Self::Pc2, Self::Npz, Self::Rrd];
 
     /// What `--to` calls it.
     pub fn key(self) -> &'static str {
@@ -47,6 +50,7 @@ impl Format {
             Self::Ply => "ply",
             Self::Pc2 => "pc2",
             Self::Npz => "npz",
+            Self::Rrd => "rrd",
         }
     }
 }
@@ -85,7 +89,10 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
     let mut formats = formats.to_vec();
     formats.sort_unstable();
     formats.dedup();
-    let outputs: Vec<Output> = formats.iter().flat_map(|f| outputs(clip, *f)).collect();
+    let mut outputs = Vec::new();
+    for format in formats {
+        outputs.extend(files(clip, format)?);
+    }
     let taken: Vec<String> = outputs
         .iter()
         .map(|o| folder.join(o.name()))
@@ -103,9 +110,9 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
     outputs.into_iter().map(|output| write(folder, output)).collect()
 }
 
-fn outputs(clip: &Clip, format: Format) -> Vec<Output> {
+fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {
     let name = &clip.name;
-    match format {
+    Ok(match format {
         Format::Glb => vec![Output::File(format!("{name}.glb"), glb::encode(clip))],
         Format::Usd => {
             let textures = format!("{name}_textures");
@@ -119,7 +126,8 @@ fn outputs(clip: &Clip, format: Format) -> Vec<Output> {
             Output::File(format!("{name}.pc2"), pc2::encode(clip)),
         ],
         Format::Npz => vec![Output::File(format!("{name}.npz"), npz::encode(clip))],
-    }
+        Format::Rrd => vec![Output::File(format!("{name}.rrd"), rrd::encode(clip)?)],
+    })
 }
 
 fn write(folder: &Path, output: Output) -> Result<PathBuf> {

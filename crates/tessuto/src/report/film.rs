@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::embed::base64;
 use crate::camera::{Camera, Rect};
 use crate::error::Result;
+use crate::image::Image;
 
 /// Largest side [px] and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [
@@ -160,18 +161,25 @@ fn region(samples: &[RgbImage], camera: &Camera, shown: Option<Rect>) -> Rect {
 }
 
 /// Size [px] of `region` with sides of at most `side`, never enlarged.
-fn size(region: Rect, side: u32) -> [u32; 2] {
+pub fn size(region: Rect, side: u32) -> [u32; 2] {
     let (width, height) = (region.width() as f64, region.height() as f64);
     let scale = (f64::from(side) / width.max(height)).min(1.0);
     [width, height].map(|s| ((s * scale).round() as u32).max(1))
 }
 
-fn jpeg(picture: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
+/// The part `region` of `picture` as JPEG, with sides of at most `side` [px].
+pub fn jpeg(picture: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
     let [x, y, w, h] = [region.x0, region.y0, region.width(), region.height()].map(|v| v as u32);
     let [width, height] = size(region, side);
     let cut = crop_imm(picture, x, y, w, h);
     let small = if (w, h) == (width, height) { cut.to_image() } else { thumbnail(&*cut, width, height) };
     jpeg_of(&small, quality)
+}
+
+/// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
+pub fn rgb8(image: &Image) -> RgbImage {
+    let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
+    RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
 }
 
 /// `picture` as JPEG.
@@ -184,7 +192,7 @@ pub fn jpeg_of(picture: &RgbImage, quality: u8) -> Vec<u8> {
 }
 
 /// Camera of the part `region` at this size [px].
-fn scaled(camera: &Camera, region: Rect, [width, height]: [u32; 2]) -> Camera {
+pub fn scaled(camera: &Camera, region: Rect, [width, height]: [u32; 2]) -> Camera {
     let cut = camera.cropped(region);
     let (sx, sy) = (f64::from(width) / cut.width as f64, f64::from(height) / cut.height as f64);
     // Pixel centres are at whole numbers, so it is the pixels' corners that scale.

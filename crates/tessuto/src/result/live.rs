@@ -6,7 +6,7 @@ use super::{Run, history, page};
 use crate::config::Preset;
 use crate::error::Result;
 use crate::report::embed::Window;
-use crate::report::film::{Film, Source};
+use crate::report::film::{self, Film, Source};
 use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
 use crate::scene::{Scene, Shape};
 use crate::session::Epoch;
@@ -20,12 +20,7 @@ const FILM_BUDGET: usize = 4 << 20;
 /// Those of reading the frames.
 pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let template = [scene.template.positions.clone()];
-    let bytes = |n: usize| {
-        let frame = &scene.frames.frame(n)?.rgb;
-        let values = frame.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
-        Ok(::image::RgbImage::from_raw(frame.width as u32, frame.height as u32, values)
-            .expect("three channels"))
-    };
+    let bytes = |n: usize| Ok(film::rgb8(&scene.frames.frame(n)?.rgb));
     let source = Source { key: "observed", label: "video", load: Box::new(bytes) };
     let shown = page::in_sight(&template, &scene.camera);
     let data = ReportData {

@@ -125,6 +125,11 @@ impl<'a> Session<'a> {
         saved
     }
 
+    /// Steps so far, those of an interrupted run that is gone on from included.
+    pub fn history(&self) -> &[Epoch] {
+        &self.history
+    }
+
     /// Steps so far of the `stages`.
     pub fn history_of(&self, stages: &[&str]) -> Vec<Epoch> {
         self.history.iter().filter(|e| stages.contains(&e.stage)).cloned().collect()

@@ -1,0 +1,156 @@
+//! What a recording shows besides the motion, taken from a scene or from a result.
+
+use ::image::RgbImage;
+
+use crate::camera::{Camera, Rect};
+use crate::error::{Error, Result};
+use crate::export::Clip;
+use crate::image::Image;
+use crate::io;
+use crate::mesh::Mesh;
+use crate::report::film;
+use crate::scene::{Scene, Shape};
+
+/// Largest side [px] and quality of the pictures: some 40 kB each.
+const SIDE: u32 = 640;
+const QUALITY: u8 = 72;
+
+/// What is known before the motion is.
+pub struct Subject<'a> {
+    /// What the viewer calls the recording.
+    pub name: &'a str,
+    /// The template.
+    pub mesh: &'a Mesh,
+    /// Frames per second.
+    pub fps: f64,
+    /// Number of the first frame in the video.
+    pub first_frame: usize,
+    /// Number of frames.
+    pub frame_count: usize,
+    /// Camera of the pictures.
+    pub camera: Option<Camera>,
+    /// Picture of frame n, from 0, as the camera sees it.
+    pub picture: Option<Picture<'a>>,
+    /// Points [m] on the true surface in every frame.
+    pub truth: Option<&'a [Shape]>,
+}
+
+/// Gives the picture of a frame.
+pub type Picture<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
+
+impl<'a> Subject<'a> {
+    /// The video and the template of `scene`.
+    pub fn of_scene(scene: &'a Scene) -> Self {
+        let truth = &scene.truth;
+        Self {
+            name: &scene.name,
+            mesh: &scene.template,
+            fps: scene.fps,
+            first_frame: scene.first_frame,
+            frame_count: scene.frames.len(),
+            camera: Some(scene.camera),
+            picture: Some(Box::new(|n| Ok(film::rgb8(&scene.frames.frame(n)?.rgb)))),
+            truth: truth.points.as_deref().or(truth.vertices.as_deref()),
+        }
+    }
+
+    /// The template of `clip`, and the video where the result has pictures of it.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the first picture cannot be read.
+    pub fn of_clip(clip: &'a Clip) -> Result<Self> {
+        let size = |path| io::image::size(path);
+        let whole = |[width, height]: [usize; 2]| Rect { x0: 0, y0: 0, x1: width, y1: height };
+        let crop = clip.crop.or(clip.camera.map(|c| whole([c.width, c.height])));
+        // Without the crop, results of older versions have pictures that their camera does not fit to.
+        let shown = match clip.pictures.first() {
+            Some(path) => crop.is_some_and(|c| size(path).is_ok_and(|s| s == [c.width(), c.height()])),
+            None => false,
+        };
+        let picture: Picture = Box::new(|n| io::image::read_bytes(&clip.pictures[n]));
+        Ok(Self {
+            name: &clip.name,
+            mesh: &clip.mesh,
+            fps: clip.fps,
+            first_frame: clip.first_frame,
+            frame_count: clip.motion.len(),
+            camera: clip.camera.map(|c| if shown { c.cropped(crop.unwrap_or(whole([0, 0]))) } else { c }),
+            picture: shown.then_some(picture),
+            truth: None,
+        })
+    }
+
+    /// Camera of the [encoded](Self::encoded) pictures.
+    pub(super) fn small_camera(&self) -> Option<Camera> {
+        self.camera.map(|c| film::scaled(&c, whole(&c), film::size(whole(&c), SIDE)))
+    }
+
+    /// Frame `n` as JPEG, small.
+    pub(super) fn encoded(&self, picture: &Picture, camera: &Camera, n: usize) -> Result<Vec<u8>> {
+        let rgb = picture(n)?;
+        let (found, expected) =
+            ([rgb.width() as usize, rgb.height() as usize], [camera.width, camera.height]);
+        if found != expected {
+            return Err(Error::input(
+                format!("frame {}", self.first_frame + n),
+                format!(
+                    "its picture is {}×{} px, expected {}×{}",
+                    found[0], found[1], expected[0], expected[1]
+                ),
+                "use the folder as tessuto wrote it",
+            ));
+        }
+        Ok(film::jpeg(&rgb, whole(camera), SIDE, QUALITY))
+    }
+}
+
+fn whole(camera: &Camera) -> Rect {
+    Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height }
+}
+
+/// The mesh with one texture coordinate per vertex.
+pub(super) struct Corners {
+    /// Vertex of each: those of the template in their order, then the others of vertices with several.
+    pub vertices: Vec<u32>,
+    /// Texture coordinates, (0, 0) being the upper left.
+    pub uvs: Vec<[f32; 2]>,
+    /// Indices into the two.
+    pub triangles: Vec<[u32; 3]>,
+}
+
+impl Corners {
+    pub fn new(mesh: &Mesh) -> Self {
+        let count = mesh.positions.len();
+        // Vertices that no face has keep none.
+        let mut uv_of: Vec<Option<u32>> = vec![None; count];
+        let mut vertices: Vec<u32> = (0..count as u32).collect();
+        let mut further = std::collections::BTreeMap::new();
+        let mut corner = |vertex: u32, uv: u32| {
+            if *uv_of[vertex as usize].get_or_insert(uv) == uv {
+                return vertex;
+            }
+            *further.entry([vertex, uv]).or_insert_with(|| {
+                vertices.push(vertex);
+                uv_of.push(Some(uv));
+                vertices.len() as u32 - 1
+            })
+        };
+        let pairs = mesh.triangles().into_iter().zip(mesh.triangle_uvs());
+        let triangles = pairs.map(|(v, uv)| std::array::from_fn(|k| corner(v[k], uv[k]))).collect();
+        let place = |uv: &Option<u32>| {
+            let uv = uv.map_or(glam::DVec2::ZERO, |k| mesh.uvs[k as usize]);
+            [uv.x as f32, (1.0 - uv.y) as f32]
+        };
+        Self { uvs: uv_of.iter().map(place).collect(), vertices, triangles }
+    }
+
+    /// Positions [m] of the corners of `shape`.
+    pub fn of(&self, shape: &Shape) -> Vec<[f32; 3]> {
+        self.vertices.iter().map(|v| shape[*v as usize].as_vec3().to_array()).collect()
+    }
+}
+
+/// The bytes of a picture, shape [height, width, 3].
+pub(super) fn rgb_bytes(image: &Image) -> Vec<u8> {
+    film::rgb8(image).into_raw()
+}
