@@ -44,7 +44,7 @@ impl Default for TrajectorySettings {
             strain: 0.005,
             tail: 2.0,
             bend: 0.15,
-            curvature: 0.05,
+            curvature: 0.03,
             shear: 0.1,
             acceleration: 0.004,
             colour: 0.1,
