@@ -1,28 +1,22 @@
 //! Exports hold the motion they were made of, refuse to replace files, and never leave half of one.
 
+mod seamed;
+
 use std::path::Path;
 
 use glam::{DVec2, DVec3};
+use seamed::seamed;
 use serde_json::Value;
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::rollout_fit::Parameters;
 use tessuto::sim::Forces;
-use tessuto::{Camera, Image, Mesh, io, mesh};
+use tessuto::{Camera, Image, Mesh, io};
 
 const FRAMES: usize = 4;
 
 /// A grid of quads with a seam down the middle (one vertex column with two uvs), bending in 4 frames.
 fn clip(maps: bool) -> Clip {
-    let mut grid = mesh::grid(5, 3, DVec2::new(0.4, 0.2), 1.2);
-    let seam = grid.uvs.len() as u32;
-    for row in 0..3 {
-        grid.uvs.push(DVec2::new(0.9, 1.0 - 0.5 * f64::from(row)));
-    }
-    for face in &mut grid.faces {
-        if face.vertices.iter().all(|v| v % 5 >= 2) {
-            face.uvs = face.vertices.iter().map(|v| if v % 5 == 2 { seam + v / 5 } else { *v }).collect();
-        }
-    }
+    let grid = seamed();
     let bent = |n: usize| {
         let depth = |p: &DVec3| 0.1 * n as f64 * (5.0 * p.x + 0.3 * n as f64).sin() + 0.02 * p.y;
         grid.positions.iter().map(|p| (*p + DVec3::Z * depth(p)).as_vec3().as_dvec3()).collect()

@@ -1,5 +1,7 @@
 //! Recordings for rerun, read back message by message: framing, ids, and every value that was written.
 
+mod seamed;
+
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::Path;
@@ -9,31 +11,17 @@ use arrow_array::types::{
     DurationNanosecondType, Float32Type, Float64Type, Int64Type, UInt8Type, UInt32Type, UInt64Type,
 };
 use arrow_array::{Array, ArrayRef, RecordBatch};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
+use seamed::seamed;
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::rollout_fit::Parameters;
 use tessuto::session::Epoch;
 use tessuto::sim::Forces;
-use tessuto::{Camera, Image, Mesh, Rect, Shape, mesh};
+use tessuto::{Camera, Image, Mesh, Rect, Shape};
 
 const CAMERA: Camera = Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 };
 const CROP: Rect = Rect { x0: 20, y0: 30, x1: 84, y1: 78 };
-
-/// A 5×3 grid of quads with a seam down the middle: the right half has texture coordinates of its own there.
-fn seamed() -> Mesh {
-    let mut grid = mesh::grid(5, 3, DVec2::new(0.4, 0.2), 1.2);
-    let seam = grid.uvs.len() as u32;
-    for row in 0..3 {
-        grid.uvs.push(DVec2::new(0.9, 1.0 - 0.5 * f64::from(row)));
-    }
-    for face in &mut grid.faces {
-        if face.vertices.iter().all(|v| v % 5 >= 2) {
-            face.uvs = face.vertices.iter().map(|v| if v % 5 == 2 { seam + v / 5 } else { *v }).collect();
-        }
-    }
-    grid
-}
 
 fn moved(mesh: &Mesh, n: usize) -> Shape {
     let depth = |p: &DVec3| 0.1 * n as f64 * (5.0 * p.x + 0.3 * n as f64).sin() + 0.02 * p.y;
