@@ -9,7 +9,6 @@ mod frames;
 mod import;
 mod lens;
 mod live;
-mod output;
 mod progress;
 mod reconstruct;
 mod record;
@@ -50,6 +49,13 @@ enum Command {
     Synth(synth::Arguments),
     Template(template::Arguments),
     Verify(verify::Arguments),
+}
+
+/// Says where an earlier folder was kept because somebody put files into it while it was being replaced.
+fn say_kept(kept: Option<std::path::PathBuf>) {
+    if let Some(folder) = kept {
+        eprintln!("note: files came into the earlier folder meanwhile; it is kept as {}", folder.display());
+    }
 }
 
 fn main() -> ExitCode {

@@ -6,12 +6,11 @@ use std::process::{Command, Stdio};
 use clap::{Args, ValueEnum};
 use tessuto::camera::Camera;
 use tessuto::image::Image;
+use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::{Cloth, Environment, Geometry, Light, Material, picture};
 use tessuto::raster::{Rasterizer, Texture};
 use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use tessuto::{Error, Shape, appearance, io, result};
-
-use crate::output::OutputFolder;
 
 /// Share of light samples that are drawn uniformly from all directions.
 const UNIFORM_SHARE: f64 = 0.05;
@@ -51,6 +50,9 @@ pub struct Arguments {
     /// Folder to write [default: RESULT/views/LOOK].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace earlier views that nobody changed since.
+    #[arg(long)]
+    force: bool,
     /// Threads [default: all cores]. The pictures do not depend on it.
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
@@ -124,11 +126,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let view = viewpoint(arguments, &motion, camera)?;
     let motion: Vec<Shape> = motion.iter().map(|shape| view.shape(shape)).collect();
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("views").join(name(look)));
-    if let Some(parent) = out.parent().filter(|p| !p.as_os_str().is_empty()) {
-        std::fs::create_dir_all(parent)
-            .map_err(|source| Error::Output { path: parent.to_path_buf(), source })?;
-    }
-    let output = OutputFolder::prepare_if(&out, |folder| folder.join("frame_000.png").is_file())?;
+    let output = OutputFolder::prepare(&out, FolderKind::Views, arguments.force)?;
     let painter = Painter::new(arguments, &saved.mesh, &motion, &view, look)?;
     for (k, n) in range.clone().enumerate() {
         let path = output.partial().join(format!("frame_{k:03}.png"));
@@ -140,7 +138,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         println!("depth from {near:.3} m (dark) to {far:.3} m (bright)");
     }
     let video = encode(output.partial(), saved.fps);
-    output.publish()?;
+    crate::say_kept(output.publish()?);
+    manifest::record(&[&out])?;
     println!("{}", out.display());
     match video {
         Ok(()) => println!("{}", out.join("video.mp4").display()),

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use tessuto::output::manifest;
 use tessuto::result;
 
 /// Write the page of a result anew: report.html, one file that needs no network and nothing beside it.
@@ -21,8 +22,10 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     crate::threads::use_threads(arguments.threads)?;
+    let page = arguments.result.join("report.html");
+    manifest::check_parts(&[&page], true)?;
     result::write_page(&arguments.result)?;
-    result::refresh_manifest(&arguments.result, &["report.html"])?;
-    println!("{}", arguments.result.join("report.html").display());
+    manifest::record(&[&page])?;
+    println!("{}", page.display());
     Ok(())
 }

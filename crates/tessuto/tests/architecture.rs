@@ -9,7 +9,7 @@ const LAYERS: [&[&str]; 17] = [
     &["video"],
     &["scene"],
     &["io"],
-    &["session"],
+    &["output", "session"],
     &["sim", "raster", "optim", "metrics", "decoder", "template"],
     &["pbr"],
     &["motion"],
