@@ -12,7 +12,7 @@ use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
-use tessuto::{Error, Scene, Shape, io, result};
+use tessuto::{Error, Scene, Positions, io, result};
 
 use crate::progress::{Progress, stop_on_interrupt};
 
@@ -164,7 +164,7 @@ impl Outputs {
     pub fn compute(
         &self,
         scene: &Scene,
-        motion: &[Shape],
+        motion: &[Positions],
         settings: &AppearanceSettings,
         seed: u64,
         session: &mut Session,

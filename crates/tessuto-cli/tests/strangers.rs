@@ -12,7 +12,7 @@ const QUICK: [&str; 7] = [
     "--set",
     "texture.epochs=3",
     "--set",
-    "trajectory.iterations=2",
+    "spacetime.iterations=2",
     "--no-appearance",
 ];
 

@@ -10,7 +10,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::scene::coverage::{overlap, template_coverage};
+use crate::raster::coverage::{overlap, template_coverage};
 use crate::io::scene::{LoadOptions, Loaded, attempt};
 
 /// How bad a finding is.

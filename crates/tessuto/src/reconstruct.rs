@@ -2,21 +2,22 @@
 
 use crate::config::{Config, Method};
 use crate::error::{Error, Result};
-use crate::motion::material_fit::fit_material;
-use crate::motion::rollout_fit::{Parameters, RolloutFit};
-use crate::motion::texture_fit::fit_texture;
-use crate::motion::tied_simulation::{forces_of_trajectory, interpolated};
+use crate::motion::inverse::stiffness::fit_material;
+use crate::motion::rollout::{Parameters, RolloutFit};
+use crate::motion::texture::fit_texture;
+use crate::motion::inverse::{accelerations_of_motion, interpolated};
 use crate::motion::trajectory;
 use crate::raster::{Rasterizer, Texture};
-use crate::scene::{Scene, Shape};
+use crate::mesh::Positions;
+use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
-use crate::sim::{Cloth, Drive, State, Stiffness, rollout};
+use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
 
 /// What a video tells about the fabric.
 #[derive(Debug)]
 pub struct Reconstruction {
-    /// Shape at every frame, shape [N, V]: the rollout of `parameters`.
-    pub motion: Vec<Shape>,
+    /// Positions at every frame, shape [N, V]: the rollout of `parameters`.
+    pub motion: Vec<Positions>,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
     /// Colours of the surface.
@@ -74,7 +75,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             session.lap("rollout");
             fitted
         }
-        Method::Trajectory => {
+        Method::Spacetime => {
             let problem = trajectory::Problem::new(scene, &cloth, config.trajectory.clone())?;
             let (tracked, lost) = problem.track(session)?;
             session.lap("track");
@@ -88,8 +89,8 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             }
             let k = parameters.stiffness();
             let (forces, loose) =
-                forces_of_trajectory(&scene.template, &fit.dynamics, k, &frames, &config.tie);
-            parameters.forces = forces;
+                accelerations_of_motion(&scene.template, &fit.dynamics, k, &frames, &config.tie);
+            parameters.accelerations = forces;
             session.lap("forces and stiffnesses");
             (parameters, lost.or(stuck).or(loose))
         }
@@ -111,13 +112,13 @@ pub fn simulate(
     cloth: &Cloth,
     config: &Config,
     fps: f64,
-    template: &Shape,
+    template: &Positions,
     parameters: &Parameters,
-) -> Result<Vec<Shape>> {
+) -> Result<Vec<Positions>> {
     let dynamics = config.dynamics.at(fps);
     let initial = State { x: template.clone(), v: vec![glam::DVec3::ZERO; template.len()] };
     let stiffness = Stiffness::uniform(cloth, parameters.stiffness());
-    let drive = Drive { initial: &initial, forces: &parameters.forces, stiffness: &stiffness };
-    let frame_count = parameters.forces.dynamic.len() / parameters.forces.parts + 1;
-    Ok(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &drive)?.frames)
+    let inputs = RolloutInputs { initial: &initial, forces: &parameters.accelerations, stiffness: &stiffness };
+    let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.parts + 1;
+    Ok(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
 }

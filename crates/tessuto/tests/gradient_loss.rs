@@ -10,7 +10,7 @@ use tessuto::math::gradient_check::{Worst, check};
 use tessuto::math::rng::Rng;
 use tessuto::math::{flat, vectors};
 use tessuto::mesh::grid;
-use tessuto::motion::rollout_fit::{Parameters, RolloutFit, RolloutSettings};
+use tessuto::motion::rollout::{Parameters, RolloutFit, RolloutSettings};
 use tessuto::raster::{Rasterizer, Rendering, Texture};
 use tessuto::sim::Cloth;
 use tessuto::{Camera, Frame, Image, Scene, Truth};

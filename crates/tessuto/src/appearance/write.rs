@@ -6,7 +6,7 @@ use super::Appearance;
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::{self, atomic_write};
-use crate::pbr::srgb;
+use crate::image::srgb;
 
 /// What a reader of the maps needs to know.
 const NOTE: &str = "\

@@ -11,7 +11,7 @@ use crate::sim::cloth::AREA_DENSITY;
 /// `shear`, `area_density`, `constant_force` [3], `dynamic_force` [(N − 1)·parts, V, 3], `dynamic_parts`.
 pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
-    let vectors = |shapes: &[crate::Shape]| -> Vec<f32> {
+    let vectors = |shapes: &[crate::Positions]| -> Vec<f32> {
         shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect()
     };
     let (frames, vertices) = (clip.motion.len(), mesh.positions.len());
@@ -23,7 +23,7 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     };
     let (face_vertices, face_uvs) = (corners(|f| &f.vertices), corners(|f| &f.uvs));
     let [stretch, bend, shear] = clip.parameters.stiffness();
-    let forces = &clip.parameters.forces;
+    let forces = &clip.parameters.accelerations;
     let scalar = |v: f64| array(&[], &[v]);
     let mut files = vec![
         ("motion", array(&[frames, vertices, 3], &vectors(&clip.motion))),

@@ -13,7 +13,7 @@ use super::similarity::{correlation, psnr, ssim};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
-use crate::io::scene::coverage::fill_triangle;
+use crate::raster::coverage::fill_triangle;
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 

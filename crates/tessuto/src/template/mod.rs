@@ -12,7 +12,7 @@ pub mod remesh;
 
 use crate::camera::Camera;
 use crate::image::Image;
-use crate::io::scene::coverage::{overlap, template_coverage};
+use crate::raster::coverage::{overlap, template_coverage};
 use crate::mesh::Mesh;
 
 /// Intersection over union of a mesh [m], as `camera` sees it, and a mask of the same size.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
+use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use super::manifest::{Manifest, Units};
 use super::{inside, warning};
 use crate::error::{Error, Result};

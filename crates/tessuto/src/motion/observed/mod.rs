@@ -1,7 +1,7 @@
 //! What the search for the motion keeps of a video: pyramids of its colours and distances to its outlines, at the
 //! resolution that memory has room for.
 
-use super::contour::Contour;
+use super::outline_distance::OutlineDistance;
 use super::pyramid::{Level, pyramid};
 use crate::camera::Camera;
 use crate::error::Result;
@@ -24,7 +24,7 @@ pub struct Observed {
     /// Pyramids; levels finer than the finest in use have no colours. Shape [N][levels].
     pub levels: Vec<Vec<Level>>,
     /// Outlines, shape [N].
-    pub contours: Vec<Contour>,
+    pub outlines: Vec<OutlineDistance>,
 }
 
 impl Observed {
@@ -42,10 +42,10 @@ impl Observed {
         let scale = 1 << fitting(&scene.camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);
         let look = |(): &mut (), n| {
             let frame = scene.frames.frame(n)?;
-            Ok((pyramid(&frame, &scene.camera, range), Contour::new(&frame.mask, scale)))
+            Ok((pyramid(&frame, &scene.camera, range), OutlineDistance::new(&frame.mask, scale)))
         };
-        let (levels, contours) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
-        Ok(Self { range, levels, contours })
+        let (levels, outlines) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
+        Ok(Self { range, levels, outlines })
     }
 
     /// The levels in use, coarse to fine.

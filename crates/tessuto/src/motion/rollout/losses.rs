@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use crate::scene::Shape;
-use crate::sim::Forces;
+use crate::mesh::Positions;
+use crate::sim::Accelerations;
 use crate::video::Frame;
 
 /// Weights of the losses.
@@ -73,7 +73,7 @@ pub fn image_loss(
 }
 
 /// Unit view rays of the vertices.
-pub fn view_rays(shape: &[DVec3]) -> Shape {
+pub fn view_rays(shape: &[DVec3]) -> Positions {
     shape.iter().map(|x| x.normalize_or_zero()).collect()
 }
 
@@ -81,12 +81,12 @@ pub fn view_rays(shape: &[DVec3]) -> Shape {
 /// Adds `scale`·its gradient to `grad_constant` and `grad_dynamic`; only the first `entries` of D count.
 /// `rays[k]` belongs to entry k.
 pub fn force_across_rays(
-    forces: &Forces,
+    forces: &Accelerations,
     entries: usize,
-    rays: &[&Shape],
+    rays: &[&Positions],
     scale: f64,
     grad_constant: &mut DVec3,
-    grad_dynamic: &mut [Shape],
+    grad_dynamic: &mut [Positions],
 ) -> f64 {
     let vertex_count = forces.dynamic.first().map_or(1, Vec::len);
     let share = 1.0 / (entries * vertex_count) as f64;
@@ -107,7 +107,7 @@ pub fn force_across_rays(
 }
 
 /// Mean over entries and vertices of ‖D_{k+1} − D_k‖; adds `scale`·its gradient to `grad_dynamic`.
-pub fn force_changes(forces: &Forces, entries: usize, scale: f64, grad_dynamic: &mut [Shape]) -> f64 {
+pub fn force_changes(forces: &Accelerations, entries: usize, scale: f64, grad_dynamic: &mut [Positions]) -> f64 {
     if entries < 2 {
         return 0.0;
     }

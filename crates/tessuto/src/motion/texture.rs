@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::math::finite;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::scene::Shape;
+use crate::mesh::Positions;
 use crate::session::{Epoch, Session};
 use crate::video::Frame;
 
@@ -39,7 +39,7 @@ impl Default for TextureSettings {
 pub fn fit_texture(
     rasterizer: &Rasterizer,
     camera: &Camera,
-    shape: &Shape,
+    shape: &Positions,
     frame: &Frame,
     settings: &TextureSettings,
     session: &mut Session,
