@@ -12,7 +12,7 @@ fn recorded_scene_loads_whole() {
     println!("R1 loaded in {:.2} s; warnings: {:#?}", start.elapsed().as_secs_f64(), loaded.warnings);
     let scene = loaded.scene;
     assert_eq!((scene.frames.len(), scene.template.positions.len()), (50, 1024));
-    assert_eq!((scene.crop.x0, scene.crop.y1, scene.full_size), (300, 800, [1920, 1080]));
+    assert_eq!((scene.crop.x0, scene.crop.y1, scene.full_size), (300, 980, [1920, 1080]));
     assert!((scene.camera.cx - (962.134 - 300.0)).abs() < 1e-9);
     assert_eq!(
         (scene.frames.frame(49).unwrap().rgb.width, scene.frames.frame(49).unwrap().mask.height),
