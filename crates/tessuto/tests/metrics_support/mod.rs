@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 use tessuto::io::scene::{LoadOptions, load};
-use tessuto::{Scene, Shape};
+use tessuto::{Positions, Scene};
 
 /// The recorded scene `name`; None, with a printed line, where the data is not there.
 pub fn scene(name: &str) -> Option<Scene> {
@@ -19,7 +19,7 @@ pub fn scene(name: &str) -> Option<Scene> {
 }
 
 /// `template` with a travelling wave of 3 cm in each direction.
-pub fn wave(template: &[DVec3], frames: usize) -> Vec<Shape> {
+pub fn wave(template: &[DVec3], frames: usize) -> Vec<Positions> {
     let moved = |f: usize| {
         let t = f as f64;
         template
