@@ -11,7 +11,7 @@ use tessuto::io::scene::{LoadOptions, load};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
-use tessuto::{Error, Scene, Shape, io, result};
+use tessuto::{Error, Positions, Scene, io, result};
 
 use crate::output::OutputFolder;
 use crate::progress::{Progress, stop_on_interrupt};
@@ -163,7 +163,7 @@ impl Outputs {
     pub fn compute(
         &self,
         scene: &Scene,
-        motion: &[Shape],
+        motion: &[Positions],
         settings: &AppearanceSettings,
         seed: u64,
         session: &mut Session,

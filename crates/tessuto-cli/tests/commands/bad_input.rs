@@ -17,7 +17,7 @@ const QUICK: [&str; 7] = [
     "--set",
     "texture.epochs=10",
     "--set",
-    "trajectory.iterations=3",
+    "spacetime.iterations=3",
     "--no-appearance",
 ];
 
@@ -101,9 +101,9 @@ fn absurd_options_are_usage_errors() {
         &["--checkpoint", "-1"],
         &["--frames", "3..1"],
         &["--frames", "0..9"],
-        &["--set", "trajectory.bend=nan"],
-        &["--set", "trajectory.tail=0"],
-        &["--set", "trajectory.strain=inf"],
+        &["--set", "spacetime.bend=nan"],
+        &["--set", "spacetime.tail=0"],
+        &["--set", "spacetime.strain=inf"],
         &["--set", "texture.size=0"],
         &["--set", "texture.size=1000000000"],
         &["--set", "appearance.batch=0"],
@@ -328,7 +328,7 @@ fn a_folder_removed_during_the_work_is_an_output_error() {
     let out = home.join("result");
     std::fs::create_dir(&home).unwrap();
     let mut command = quick(&scene(), &out);
-    command.args(["--checkpoint", "0", "--set", "trajectory.iterations=40"]).stderr(Stdio::piped());
+    command.args(["--checkpoint", "0", "--set", "spacetime.iterations=40"]).stderr(Stdio::piped());
     let child = command.spawn().unwrap();
     while !home.join("result.checkpoints").exists() {
         std::thread::yield_now();

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use tempfile::TempDir;
-use tessuto::Shape;
+use tessuto::Positions;
 use tessuto::image::Image;
 use tessuto::io::hdr::write_exr;
 use tessuto::io::{image, npy};
@@ -159,7 +159,7 @@ fn motions_that_do_not_fit_are_refused_and_the_material_stays() {
     }
     let motion = npy::read_shapes(&result.join("motion.npy")).unwrap();
     let material = std::fs::read(copy.join("material/diffuse.png")).unwrap();
-    let spoilt = |change: &dyn Fn(&mut Vec<Shape>), fragments: &[&str]| {
+    let spoilt = |change: &dyn Fn(&mut Vec<Positions>), fragments: &[&str]| {
         let mut other = motion.clone();
         change(&mut other);
         npy::write_shapes(&copy.join("motion.npy"), &other).unwrap();

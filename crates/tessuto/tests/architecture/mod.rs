@@ -3,14 +3,15 @@
 use std::path::{Path, PathBuf};
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 17] = [
+const LAYERS: [&[&str]; 18] = [
     &["math", "error"],
     &["camera", "image", "mesh"],
     &["video"],
     &["scene"],
+    &["raster"],
     &["io"],
     &["session"],
-    &["sim", "raster", "optim", "metrics", "decoder", "template"],
+    &["sim", "optim", "metrics", "decoder", "template"],
     &["pbr"],
     &["motion"],
     &["appearance"],

@@ -6,8 +6,8 @@ use crate::support::seamed::seamed;
 use glam::{DVec2, DVec3};
 use serde_json::Value;
 use tessuto::export::{Clip, Format, Material, export};
-use tessuto::motion::rollout_fit::Parameters;
-use tessuto::sim::Forces;
+use tessuto::motion::parameters::Parameters;
+use tessuto::sim::Accelerations;
 use tessuto::{Camera, Image, Mesh, io};
 
 const FRAMES: usize = 4;
@@ -41,7 +41,11 @@ fn clip(maps: bool) -> Clip {
         },
         parameters: Parameters {
             log_stiffness: [2.0, -3.0, -4.0],
-            forces: Forces { constant: DVec3::Y, dynamic: vec![vec![DVec3::X; 15]; FRAMES - 1], parts: 1 },
+            accelerations: Accelerations {
+                constant: DVec3::Y,
+                dynamic: vec![vec![DVec3::X; 15]; FRAMES - 1],
+                entries_per_frame: 1,
+            },
         },
         mesh: grid,
     }

@@ -13,15 +13,15 @@ use arrow_array::{Array, ArrayRef, RecordBatch};
 use glam::DVec3;
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::export::{Clip, Format, Material, export};
-use tessuto::motion::rollout_fit::Parameters;
+use tessuto::motion::parameters::Parameters;
 use tessuto::session::Epoch;
-use tessuto::sim::Forces;
-use tessuto::{Camera, Image, Mesh, Rect, Shape};
+use tessuto::sim::Accelerations;
+use tessuto::{Camera, Image, Mesh, Positions, Rect};
 
 const CAMERA: Camera = Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 };
 const CROP: Rect = Rect { x0: 20, y0: 30, x1: 84, y1: 78 };
 
-fn moved(mesh: &Mesh, n: usize) -> Shape {
+fn moved(mesh: &Mesh, n: usize) -> Positions {
     let depth = |p: &DVec3| 0.1 * n as f64 * (5.0 * p.x + 0.3 * n as f64).sin() + 0.02 * p.y;
     mesh.positions.iter().map(|p| *p + DVec3::Z * depth(p)).collect()
 }
@@ -214,7 +214,7 @@ fn of<'a>(chunks: &'a [Chunk], entity: &str, column: &str) -> Vec<&'a Chunk> {
 }
 
 /// Positions of `shape` with the three vertices of the seam again.
-fn corners(shape: &Shape) -> Vec<f32> {
+fn corners(shape: &Positions) -> Vec<f32> {
     shape.iter().chain([2, 7, 12].map(|v| &shape[v])).flat_map(|p| p.as_vec3().to_array()).collect()
 }
 
@@ -245,7 +245,7 @@ fn an_exported_result_is_read_back_as_it_was() {
         },
         parameters: Parameters {
             log_stiffness: [2.0, -3.0, -4.0],
-            forces: Forces { constant: DVec3::Y, dynamic: vec![], parts: 1 },
+            accelerations: Accelerations { constant: DVec3::Y, dynamic: vec![], entries_per_frame: 1 },
         },
         mesh,
     };
@@ -320,7 +320,7 @@ fn an_exported_result_is_read_back_as_it_was() {
 /// A run of 40 steps and two frames, ended properly or not.
 fn run(out: impl Write, ended: bool) -> tessuto::Result<()> {
     let mesh = seamed();
-    let truth: Vec<Shape> = vec![vec![DVec3::ONE; 2], vec![DVec3::ONE; 3]];
+    let truth: Vec<Positions> = vec![vec![DVec3::ONE; 2], vec![DVec3::ONE; 3]];
     let subject = Subject {
         name: "cloth",
         mesh: &mesh,

@@ -6,12 +6,12 @@ use std::path::Path;
 use crate::support::recordings::{scene, wave};
 use tessuto::io::image::{read, write_png};
 use tessuto::metrics::{Inputs, evaluate, maps};
-use tessuto::{Image, Scene, Shape};
+use tessuto::{Image, Positions, Scene};
 
 /// `expected`: cd1, cd2, p2s1, p2s2, depth of `motion(template, truth)` on scene `name`, and vertex.
 fn agrees(
     name: &str,
-    motion: impl Fn(&Scene, usize) -> Vec<Shape>,
+    motion: impl Fn(&Scene, usize) -> Vec<Positions>,
     [cd1, cd2, p2s1, p2s2, depth]: [f64; 5],
     vertex: Option<f64>,
 ) {
@@ -39,7 +39,7 @@ fn agrees(
 }
 
 /// The true motion with a fifth of the wave added.
-fn near_truth(data: &Scene, count: usize) -> Vec<Shape> {
+fn near_truth(data: &Scene, count: usize) -> Vec<Positions> {
     let template = &data.template.positions;
     let mut shapes = data.truth.vertices.clone().unwrap();
     for (shape, moved) in shapes.iter_mut().zip(wave(template, count)) {

@@ -10,7 +10,8 @@ use tessuto::math::gradient_check::{Worst, check};
 use tessuto::math::rng::Rng;
 use tessuto::math::{flat, vectors};
 use tessuto::mesh::grid;
-use tessuto::motion::rollout_fit::{Parameters, RolloutFit, RolloutSettings};
+use tessuto::motion::parameters::Parameters;
+use tessuto::motion::rollout::{RolloutFit, RolloutSettings};
 use tessuto::raster::{Rasterizer, Rendering, Texture};
 use tessuto::sim::Cloth;
 use tessuto::{Camera, Frame, Image, Scene, Truth};
@@ -89,30 +90,30 @@ fn check_whole_loss(preset: Preset) {
     let mut start = fit.start();
     start.log_stiffness = [2.0, -2.5, -3.0];
     let mut rng = Rng::new(8, 0);
-    start.forces.dynamic.iter_mut().flatten().for_each(|d| *d = rng.vector() * 4.0);
+    start.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d = rng.vector() * 4.0);
     let loss = |p: &Parameters| fit.loss_and_gradients(p, FRAMES).unwrap().total;
     let g = fit.loss_and_gradients(&start, FRAMES).unwrap();
 
-    let dynamic: Vec<f64> = start.forces.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
+    let dynamic: Vec<f64> = start.accelerations.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
     let gradient: Vec<f64> = g.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
     let n = 3 * cloth.vertex_count();
     let worst = check(&dynamic, &gradient, 0.3, 12, 1, |d| {
         let mut moved = start.clone();
-        moved.forces.dynamic = d.chunks_exact(n).map(vectors).collect();
+        moved.accelerations.dynamic = d.chunks_exact(n).map(vectors).collect();
         loss(&moved)
     });
     report(&format!("{preset:?}: dynamic force"), worst);
 
-    let worst = check(&start.forces.constant.to_array(), &g.constant.to_array(), 0.03, 6, 2, |c| {
+    let worst = check(&start.accelerations.constant.to_array(), &g.constant.to_array(), 0.03, 6, 2, |c| {
         let mut moved = start.clone();
-        moved.forces.constant = DVec3::from_slice(c);
+        moved.accelerations.constant = DVec3::from_slice(c);
         loss(&moved)
     });
     report(&format!("{preset:?}: constant force"), worst);
 
     // The energy regulariser holds the stiffnesses constant, so it must not be in the differences.
     let energy_free = RolloutSettings {
-        weights: tessuto::motion::loss::LossWeights { energy: 0.0, ..settings.weights },
+        weights: tessuto::motion::rollout::losses::LossWeights { energy: 0.0, ..settings.weights },
         ..settings.clone()
     };
     let fit = RolloutFit { settings: &energy_free, ..fit };

@@ -8,7 +8,8 @@ use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
 use tessuto::pbr::brdf::Brdf;
 use tessuto::pbr::{
-    Environment, Estimate, Geometry, Gradients, Light, Material, Point, Shader, accumulate, reference, see,
+    EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, RadianceEstimate, Shader,
+    SurfacePoint, accumulate, reference, visible_points,
 };
 use tessuto::raster::{Rasterizer, Rendering};
 use tessuto::{Camera, Mesh};
@@ -27,9 +28,12 @@ fn folded() -> Mesh {
     mesh
 }
 
-fn points(mesh: &Mesh, geometry: &Geometry) -> Vec<Point> {
+fn points(mesh: &Mesh, geometry: &Geometry) -> Vec<SurfacePoint> {
     let rasterizer = Rasterizer::new(mesh);
-    let seen = see(&rasterizer, &CAMERA, geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| true);
+    let seen =
+        visible_points(&rasterizer, &CAMERA, geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| {
+            true
+        });
     seen.into_iter().map(|(_, point)| point).collect()
 }
 
@@ -37,9 +41,9 @@ fn geometry(mesh: &Mesh) -> Geometry {
     Geometry::new(mesh, std::slice::from_ref(&mesh.positions))
 }
 
-fn random_sky(width: usize, seed: u64) -> Environment {
+fn random_sky(width: usize, seed: u64) -> EnvironmentMap {
     let mut rng = Rng::new(seed, 1);
-    let mut sky = Environment::uniform(width, width / 2, [0.0; 3]);
+    let mut sky = EnvironmentMap::uniform(width, width / 2, [0.0; 3]);
     sky.texels.iter_mut().for_each(|t| *t = [(); 3].map(|()| rng.uniform().powi(4) as f32 * 3.0));
     sky
 }
@@ -55,12 +59,12 @@ fn uniforms(rng: &mut Rng) -> f32x8 {
 }
 
 /// A flat cloth and the point in its middle.
-fn flat() -> (Geometry, Point) {
+fn flat() -> (Geometry, SurfacePoint) {
     let mesh = grid(2, 2, DVec2::splat(0.5), 1.0);
     let geometry = geometry(&mesh);
     let all = points(&mesh, &geometry);
     let middle = all.iter().min_by(|a, b| {
-        let key = |p: &Point| p.position.truncate().length();
+        let key = |p: &SurfacePoint| p.position.truncate().length();
         key(a).total_cmp(&key(b))
     });
     (geometry, *middle.unwrap())
@@ -68,14 +72,14 @@ fn flat() -> (Geometry, Point) {
 
 fn colour(
     geometry: &Geometry,
-    point: &Point,
+    point: &SurfacePoint,
     material: &Material,
-    sky: &Environment,
+    sky: &EnvironmentMap,
     passes: usize,
 ) -> [f32; 3] {
-    let light = Light::new(sky, 0.1);
+    let light = EnvironmentSampler::new(sky, 0.1);
     let shader = Shader { geometry, material, light: &light };
-    let mut out = Estimate::default();
+    let mut out = RadianceEstimate::default();
     shader.estimate(point, 11, passes, &mut out);
     out.colour
 }
@@ -84,7 +88,7 @@ fn colour(
 fn a_diffuse_surface_under_a_uniform_sky_has_its_base_colour() {
     // Roughness 1, no metal: what the microfacets add is integrated numerically below.
     let (geometry, point) = flat();
-    let sky = Environment::uniform(64, 32, [2.0; 3]);
+    let sky = EnvironmentMap::uniform(64, 32, [2.0; 3]);
     let material = Material::uniform(1, 1, [0.8, 0.5, 0.0], 1.0, 0.0);
     let got = colour(&geometry, &point, &material, &sky, 4000);
     let n = DVec3::NEG_Z;
@@ -116,7 +120,7 @@ fn in_a_white_furnace_mirrors_keep_energy_and_lose_little() {
     for roughness in [0.2, 0.4, 0.7, 1.0] {
         let (geometry, point) = flat();
         let material = Material::uniform(1, 1, [1.0; 3], roughness, 1.0);
-        let sky = Environment::uniform(64, 32, [1.0; 3]);
+        let sky = EnvironmentMap::uniform(64, 32, [1.0; 3]);
         let got = colour(&geometry, &point, &material, &sky, 2000)[0];
         // A single bounce off a rough layer loses what would bounce twice.
         let (n, o) = (DVec3::NEG_Z, -point.position.as_dvec3().normalize());
@@ -137,7 +141,7 @@ fn one_texel_of_light_gives_its_cosine_and_both_sides_are_alike() {
     let n = DVec3::NEG_Z;
     let o = -point.position.as_dvec3().normalize();
     for (column, row, lit) in [(3, 20, true), (60, 12, true), (32, 16, false)] {
-        let mut sky = Environment::uniform(64, 32, [0.0; 3]);
+        let mut sky = EnvironmentMap::uniform(64, 32, [0.0; 3]);
         sky.texels[row * 64 + column] = [50.0; 3];
         let i = sky.direction(column, row);
         let f = reference::brdf([0.6, 0.6, 0.6, 1.0, 0.0], n, o, i).x;
@@ -207,7 +211,7 @@ fn chi_square(counts: &[f64], expected: &[f64]) -> f64 {
 #[test]
 fn directions_from_the_light_follow_their_density() {
     let sky = random_sky(32, 6);
-    let light = Light::new(&sky, 0.1);
+    let light = EnvironmentSampler::new(&sky, 0.1);
     let mut rng = Rng::new(9, 0);
     let draws = 400_000;
     let mut counts = vec![0.0; 32 * 16];
@@ -292,12 +296,12 @@ fn horizons_change_no_bit() {
     let geometry = geometry(&mesh);
     let traced = geometry.clone().without_horizons();
     let (sky, material) = (random_sky(64, 4), random_material(8, 4));
-    let light = Light::new(&sky, 0.1);
+    let light = EnvironmentSampler::new(&sky, 0.1);
     let mut shadowed = 0;
     for (k, point) in points(&mesh, &geometry).iter().enumerate() {
         let of = |geometry: &Geometry| {
             let shader = Shader { geometry, material: &material, light: &light };
-            let mut out = Estimate::default();
+            let mut out = RadianceEstimate::default();
             shader.estimate(point, k as u32, 4, &mut out);
             out.colour
         };
@@ -318,7 +322,7 @@ fn fast_and_plain_agree() {
     let mesh = folded();
     let geometry = geometry(&mesh);
     let (sky, material) = (random_sky(16, 4), random_material(8, 4));
-    let light = Light::new(&sky, 0.1);
+    let light = EnvironmentSampler::new(&sky, 0.1);
     let shader = Shader { geometry: &geometry, material: &material, light: &light };
     let mut rng = Rng::new(21, 0);
     let triangles = mesh.triangles();
@@ -334,7 +338,7 @@ fn fast_and_plain_agree() {
         // Independent estimates, whose spread tells their error.
         let runs: Vec<f64> = (0..16)
             .map(|run| {
-                let mut out = Estimate::default();
+                let mut out = RadianceEstimate::default();
                 shader.estimate(point, (k * 16 + run) as u32, 16, &mut out);
                 f64::from(out.colour[1])
             })
@@ -358,11 +362,11 @@ fn gradients_match_central_differences() {
     let points = points(&mesh, &geometry);
     let (sky, material) = (random_sky(16, 4), random_material(8, 4));
     // The densities are constants to the derivative, so they stay those of the unchanged light.
-    let light = Light::new(&sky, 0.1);
+    let light = EnvironmentSampler::new(&sky, 0.1);
     let mut rng = Rng::new(31, 0);
     let adjoints: Vec<[[f32; 3]; 2]> =
         points.iter().map(|_| [(); 2].map(|()| [(); 3].map(|()| rng.signed() as f32))).collect();
-    let run = |material: &Material, light: &Light| {
+    let run = |material: &Material, light: &EnvironmentSampler| {
         let shader = Shader { geometry: &geometry, material, light };
         let mut gradients = Gradients::default();
         let loss = |i: usize, c: &[[f32; 3]; 2]| {
@@ -421,7 +425,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
     let mesh = folded();
     let geometry = geometry(&mesh);
     let points = points(&mesh, &geometry);
-    let light = Light::new(&random_sky(32, 4), 0.1);
+    let light = EnvironmentSampler::new(&random_sky(32, 4), 0.1);
     let material = random_material(16, 4);
     let shader = Shader { geometry: &geometry, material: &material, light: &light };
     let run = |threads: usize| {

@@ -12,7 +12,7 @@ use tessuto::report::{
     ClothData, Field, FramePictures, HistoryRow, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData,
     Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
 };
-use tessuto::{Camera, Frame, Image, Shape};
+use tessuto::{Camera, Frame, Image, Positions};
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
@@ -105,11 +105,11 @@ fn contact_sheet_shows_the_first_and_the_last_frame() {
 /// A cloth of `side`×`side` vertices that swings, in front of a camera of `size`×`size` pixels.
 fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
     let mesh = grid(side, side, DVec2::new(0.5, 0.5), 1.2);
-    let swung = |n: usize| -> Shape {
+    let swung = |n: usize| -> Positions {
         let wave = |p: &DVec3| 0.06 * ((8.0 * p.x + 0.3 * n as f64).sin() + p.y * (0.2 * n as f64).cos());
         mesh.positions.iter().map(|p| *p + DVec3::Z * wave(p)).collect()
     };
-    let motion: Vec<Shape> = (0..frame_count).map(swung).collect();
+    let motion: Vec<Positions> = (0..frame_count).map(swung).collect();
     let depths = |scale: f64| -> Vec<Vec<f32>> {
         motion.iter().map(|s| s.iter().map(|p| (scale * (p.z - 1.2)) as f32).collect()).collect()
     };

@@ -8,9 +8,10 @@ use tessuto::math::rng::Rng;
 use tessuto::math::{dot, flat, vectors};
 use tessuto::mesh::grid;
 use tessuto::sim::{
-    Cloth, Curvature, Drive, Forces, Integrator, State, StepSettings, Stiffness, rollout, rollout_vjp,
+    Accelerations, Cloth, HessianKind, Integrator, RolloutInputs, State, StepSettings, Stiffness, rollout,
+    rollout_vjp,
 };
-use tessuto::{Mesh, Shape};
+use tessuto::{Mesh, Positions};
 
 const FRAMES: usize = 4;
 const SUBSTEPS: usize = 4;
@@ -37,7 +38,7 @@ fn meshes() -> Vec<Mesh> {
     vec![quads, mixed]
 }
 
-fn moved(x: &[DVec3], amount: f64, seed: u64) -> Shape {
+fn moved(x: &[DVec3], amount: f64, seed: u64) -> Positions {
     let mut rng = Rng::new(seed, 1);
     x.iter().map(|x| *x + rng.vector() * amount).collect()
 }
@@ -69,7 +70,7 @@ fn energy_gradient_hessian_and_third_derivative() {
 
         let (a, b) = (moved(&vec![DVec3::ZERO; x.len()], 1.0, 2), moved(&vec![DVec3::ZERO; x.len()], 1.0, 3));
         let mut hessian = BlockMatrix::zeros(&cloth.pattern);
-        cloth.add_hessian(&k, &x, Curvature::Exact, 1.0, &mut hessian, &mut Scratch::default());
+        cloth.add_hessian(&k, &x, HessianKind::Exact, 1.0, &mut hessian, &mut Scratch::default());
         let hb = hessian.multiply(&cloth.pattern, &b);
         let along_b = |x: &[f64]| dot(&gradient(&vectors(x)), &b);
         report("∂²E", check(flat(&x), flat(&hb), 1e-6, 20, 2, along_b), 1e-6);
@@ -78,7 +79,7 @@ fn energy_gradient_hessian_and_third_derivative() {
         cloth.add_third(&k, &x, [&a, &b], 1.0, &mut third);
         let a_h_b = |x: &[f64]| {
             let mut h = BlockMatrix::zeros(&cloth.pattern);
-            cloth.add_hessian(&k, &vectors(x), Curvature::Exact, 1.0, &mut h, &mut Scratch::default());
+            cloth.add_hessian(&k, &vectors(x), HessianKind::Exact, 1.0, &mut h, &mut Scratch::default());
             dot(&a, &h.multiply(&cloth.pattern, &b))
         };
         report("∂³E", check(flat(&x), flat(&third), 1e-6, 20, 3, a_h_b), 1e-6);
@@ -95,18 +96,18 @@ fn projected_hessian_is_positive_and_equals_the_exact_one_at_rest() {
         cloth.add_hessian(&k, x, curvature, 1.0, &mut h, &mut Scratch::default());
         h
     };
-    for positive in [Curvature::Projected, Curvature::GaussNewton] {
+    for positive in [HessianKind::Projected, HessianKind::GaussNewton] {
         let (difference, largest) =
-            assemble(&mesh.positions, Curvature::Exact).difference(&assemble(&mesh.positions, positive));
+            assemble(&mesh.positions, HessianKind::Exact).difference(&assemble(&mesh.positions, positive));
         assert!(largest > 100.0 && difference < 1e-9 * largest, "{difference} of {largest}");
     }
     // Strong compression: the exact Hessian has negative directions, the projected one has none.
-    let x: Shape = mesh.positions.iter().map(|p| *p * 0.9).collect();
-    let (exact, projected) = (assemble(&x, Curvature::Exact), assemble(&x, Curvature::Projected));
+    let x: Positions = mesh.positions.iter().map(|p| *p * 0.9).collect();
+    let (exact, projected) = (assemble(&x, HessianKind::Exact), assemble(&x, HessianKind::Projected));
     let mut lowest: f64 = 0.0;
     for seed in 0..200 {
         let d = moved(&vec![DVec3::ZERO; x.len()], 1.0, seed);
-        let d: Shape = d.iter().map(|d| DVec3::new(0.0, 0.0, d.z)).collect();
+        let d: Positions = d.iter().map(|d| DVec3::new(0.0, 0.0, d.z)).collect();
         lowest = lowest.min(dot(&d, &exact.multiply(&cloth.pattern, &d)));
         assert!(dot(&d, &projected.multiply(&cloth.pattern, &d)) > -1e-12);
     }
@@ -116,16 +117,16 @@ fn projected_hessian_is_positive_and_equals_the_exact_one_at_rest() {
 struct Problem {
     cloth: Cloth,
     settings: StepSettings,
-    weights: Vec<Shape>,
+    weights: Vec<Positions>,
     parts: usize,
-    x: Shape,
+    x: Positions,
 }
 
 /// All inputs of a rollout in one list of numbers.
 #[derive(Clone)]
 struct Inputs {
     initial: State,
-    forces: Forces,
+    accelerations: Accelerations,
     stiffness: Stiffness,
 }
 
@@ -141,20 +142,24 @@ impl Problem {
     fn inputs(&self) -> Inputs {
         let n = self.cloth.vertex_count();
         let zeros = vec![DVec3::ZERO; n];
-        let mut forces = Forces::zeros(FRAMES, self.parts, n);
-        forces.constant = DVec3::new(0.3, 2.0, -1.0);
-        for (i, d) in forces.dynamic.iter_mut().enumerate() {
+        let mut accelerations = Accelerations::zeros(FRAMES, self.parts, n);
+        accelerations.constant = DVec3::new(0.3, 2.0, -1.0);
+        for (i, d) in accelerations.dynamic.iter_mut().enumerate() {
             *d = moved(&zeros, 5.0, 40 + i as u64);
         }
         let initial = State { x: self.x.clone(), v: moved(&zeros, 0.1, 30) };
-        Inputs { initial, forces, stiffness: stiffness(&self.cloth) }
+        Inputs { initial, accelerations, stiffness: stiffness(&self.cloth) }
     }
 
     /// A weighted sum of all positions of all frames, so that every part of the adjoint is exercised.
     fn loss(&self, inputs: &Inputs) -> f64 {
-        let drive = Drive { initial: &inputs.initial, forces: &inputs.forces, stiffness: &inputs.stiffness };
-        let motion = rollout(&self.cloth, &self.settings, SUBSTEPS, FRAMES, &drive).unwrap();
-        let of = |(x, w): (&Shape, &Shape)| {
+        let inputs = RolloutInputs {
+            initial: &inputs.initial,
+            accelerations: &inputs.accelerations,
+            stiffness: &inputs.stiffness,
+        };
+        let motion = rollout(&self.cloth, &self.settings, SUBSTEPS, FRAMES, &inputs).unwrap();
+        let of = |(x, w): (&Positions, &Positions)| {
             let d = self.displacement(x);
             dot(&d, w) + 30.0 * dot(&d, &d)
         };
@@ -162,20 +167,24 @@ impl Problem {
     }
 
     /// From the template, so that the loss keeps its digits.
-    fn displacement(&self, x: &[DVec3]) -> Shape {
+    fn displacement(&self, x: &[DVec3]) -> Positions {
         x.iter().zip(&self.x).map(|(x, t)| *x - *t).collect()
     }
 
-    fn gradients(&self, inputs: &Inputs) -> tessuto::sim::DriveGradients {
-        let drive = Drive { initial: &inputs.initial, forces: &inputs.forces, stiffness: &inputs.stiffness };
-        let motion = rollout(&self.cloth, &self.settings, SUBSTEPS, FRAMES, &drive).unwrap();
-        let grad_frames: Vec<Shape> = motion
+    fn gradients(&self, inputs: &Inputs) -> tessuto::sim::RolloutGradients {
+        let inputs = RolloutInputs {
+            initial: &inputs.initial,
+            accelerations: &inputs.accelerations,
+            stiffness: &inputs.stiffness,
+        };
+        let motion = rollout(&self.cloth, &self.settings, SUBSTEPS, FRAMES, &inputs).unwrap();
+        let grad_frames: Vec<Positions> = motion
             .frames
             .iter()
             .zip(&self.weights)
             .map(|(x, w)| self.displacement(x).iter().zip(w).map(|(d, w)| *w + *d * 60.0).collect())
             .collect();
-        rollout_vjp(&self.cloth, &self.settings, &drive, &motion, &grad_frames)
+        rollout_vjp(&self.cloth, &self.settings, &inputs, &motion, &grad_frames)
     }
 }
 
@@ -187,20 +196,20 @@ fn check_rollout(integrator: Integrator, parts: usize) {
         let name = |what: &str| format!("{integrator:?}, {parts} part(s), {what}");
         let bound = 1e-5;
 
-        let c = inputs.forces.constant.to_array();
+        let c = inputs.accelerations.constant.to_array();
         let worst = check(&c, &g.constant.to_array(), 1e-3, 5, 1, |c| {
             let mut moved = inputs.clone();
-            moved.forces.constant = DVec3::from_slice(c);
+            moved.accelerations.constant = DVec3::from_slice(c);
             problem.loss(&moved)
         });
         report(&name("constant force"), worst, bound);
 
-        let d: Vec<f64> = inputs.forces.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
+        let d: Vec<f64> = inputs.accelerations.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
         let gd: Vec<f64> = g.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
         let n = 3 * problem.cloth.vertex_count();
         let worst = check(&d, &gd, 1e-2, 10, 2, |d| {
             let mut moved = inputs.clone();
-            moved.forces.dynamic = d.chunks_exact(n).map(vectors).collect();
+            moved.accelerations.dynamic = d.chunks_exact(n).map(vectors).collect();
             problem.loss(&moved)
         });
         report(&name("dynamic force"), worst, bound);

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use tessuto::io::scene::{LoadOptions, load};
-use tessuto::{Scene, Shape};
+use tessuto::{Positions, Scene};
 
 /// How many times a test did without what it asked for.
 static SKIPPED: AtomicUsize = AtomicUsize::new(0);
@@ -34,7 +34,7 @@ pub fn scene(name: &str) -> Option<Scene> {
 }
 
 /// `template` with a travelling wave of 3 cm in each direction.
-pub fn wave(template: &[DVec3], frames: usize) -> Vec<Shape> {
+pub fn wave(template: &[DVec3], frames: usize) -> Vec<Positions> {
     let moved = |f: usize| {
         let t = f as f64;
         template

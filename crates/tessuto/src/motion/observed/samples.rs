@@ -7,7 +7,7 @@ use crate::mesh::Mesh;
 
 /// A point of a triangle.
 #[derive(Debug, Clone, Copy)]
-pub struct SurfacePoint {
+pub struct SurfaceSample {
     /// Index into the mesh's triangles.
     pub triangle: u32,
     /// Barycentric weights of its corners.
@@ -18,7 +18,12 @@ pub struct SurfacePoint {
 
 /// Points about `spacing` pixels apart in the image of the mesh as `camera` sees it at `positions`,
 /// ordered by triangle: each triangle is cut into k² like parts, with a point in each centre.
-pub fn interior_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Vec<SurfacePoint> {
+pub fn interior_points(
+    mesh: &Mesh,
+    positions: &[DVec3],
+    camera: &Camera,
+    spacing: f64,
+) -> Vec<SurfaceSample> {
     let mut points = Vec::new();
     for (triangle, t) in mesh.triangles().into_iter().enumerate() {
         let [a, b, c] = t.map(|v| camera.project(positions[v as usize]));
@@ -29,7 +34,7 @@ pub fn interior_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacin
             for j in 0..k - i {
                 let mut push = |s: f64, t: f64| {
                     let weights = [1.0 - s - t, s, t];
-                    points.push(SurfacePoint {
+                    points.push(SurfaceSample {
                         triangle: triangle as u32,
                         weights,
                         area: area * part * part,

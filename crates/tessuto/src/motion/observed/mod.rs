@@ -1,11 +1,15 @@
 //! What the search for the motion keeps of a video: pyramids of its colours and distances to its outlines, at the
 //! resolution that memory has room for.
 
-use super::contour::Contour;
-use super::pyramid::{Level, pyramid};
+pub mod outline_distance;
+pub mod pyramid;
+pub mod samples;
+
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::scene::Scene;
+use outline_distance::OutlineDistance;
+use pyramid::{Level, pyramid};
 
 /// Most bytes that colours and what is computed from them may take, and that outlines may take.
 const COLOUR_MEMORY: usize = 3 << 30;
@@ -24,7 +28,7 @@ pub struct Observed {
     /// Pyramids; levels finer than the finest in use have no colours. Shape [N][levels].
     pub levels: Vec<Vec<Level>>,
     /// Outlines, shape [N].
-    pub contours: Vec<Contour>,
+    pub outlines: Vec<OutlineDistance>,
 }
 
 impl Observed {
@@ -42,10 +46,10 @@ impl Observed {
         let scale = 1 << fitting(&scene.camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);
         let look = |(): &mut (), n| {
             let frame = scene.frames.frame(n)?;
-            Ok((pyramid(&frame, &scene.camera, range), Contour::new(&frame.mask, scale)))
+            Ok((pyramid(&frame, &scene.camera, range), OutlineDistance::new(&frame.mask, scale)))
         };
-        let (levels, contours) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
-        Ok(Self { range, levels, contours })
+        let (levels, outlines) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
+        Ok(Self { range, levels, outlines })
     }
 
     /// The levels in use, coarse to fine.

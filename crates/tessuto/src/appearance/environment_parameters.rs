@@ -3,18 +3,18 @@
 use serde::{Deserialize, Serialize};
 
 use crate::optim::Adam;
-use crate::pbr::Environment;
+use crate::pbr::EnvironmentMap;
 
 /// Radiance on the fine grid is the bilinear interpolation of exp(parameters), partly made grey.
 #[derive(Clone, Serialize, Deserialize)]
-pub(super) struct Sky {
+pub(super) struct EnvironmentParameters {
     rows: usize,
     /// Logarithm of the radiance, shape [rows, 2·rows, 3].
     logs: Vec<f64>,
     adam: Adam,
 }
 
-impl Sky {
+impl EnvironmentParameters {
     /// The same `radiance` from everywhere.
     pub fn new(rows: usize, radiance: f64) -> Self {
         let logs = vec![radiance.ln(); 6 * rows * rows];
@@ -42,14 +42,14 @@ impl Sky {
     }
 
     /// The light on a grid of `rows` rows; `colour` 0 is grey, 1 is as it is.
-    pub fn environment(&self, rows: usize, colour: f64) -> Environment {
+    pub fn environment(&self, rows: usize, colour: f64) -> EnvironmentMap {
         let coarse: Vec<[f64; 3]> = self.radiance(colour);
         let mut sums = vec![[0.0; 3]; 2 * rows * rows];
         resample(self.rows, rows, |from, to, weight| {
             (0..3).for_each(|c| sums[to][c] += weight * coarse[from][c]);
         });
         let texels = sums.into_iter().map(|s| s.map(|v| v as f32)).collect();
-        Environment { width: 2 * rows, height: rows, texels }
+        EnvironmentMap { width: 2 * rows, height: rows, texels }
     }
 
     fn radiance(&self, colour: f64) -> Vec<[f64; 3]> {
@@ -132,7 +132,7 @@ mod tests {
 
     #[test]
     fn a_uniform_sky_stays_uniform_at_any_size() {
-        let mut sky = Sky::new(4, 1.5);
+        let mut sky = EnvironmentParameters::new(4, 1.5);
         sky.refine(8);
         let e = sky.environment(32, 1.0);
         assert!(e.texels.iter().flatten().all(|v| (v - 1.5).abs() < 1e-6));
@@ -140,7 +140,7 @@ mod tests {
 
     #[test]
     fn a_step_goes_against_the_gradient() {
-        let mut sky = Sky::new(4, 1.0);
+        let mut sky = EnvironmentParameters::new(4, 1.0);
         let mut gradient = vec![[0.0; 3]; 2 * 16 * 16];
         gradient[5 * 32 + 9] = [1.0, 0.0, -1.0];
         sky.step(16, &gradient, 1.0, 0.0, 0.1);

@@ -8,32 +8,35 @@
 //! Levenberg's damping; the linear systems, block-tridiagonal up to the acceleration term, by conjugate
 //! gradients preconditioned with the Cholesky factor of every frame.
 
+mod settings;
+
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::curvature::CurvaturePrior;
 use super::observed::Observed;
-use super::photometry::{DataTerm, Local, Points, Reference, fit_gain};
-use super::strain::StrainPrior;
-use super::surface::{EdgePoint, boundary_points, interior_points};
-pub use super::trajectory_settings::TrajectorySettings;
+use super::observed::samples::{EdgePoint, boundary_points, interior_points};
+use super::terms::colour::{DataTerm, Local, Points, Reference, fit_gain};
+use super::terms::signed_bend::SignedBendPrior;
+use super::terms::strain::StrainPrior;
 use crate::error::{Error, Result};
 use crate::math::block_matrix::BlockMatrix;
 use crate::math::dot;
 use crate::math::factor::{Factor, Scratch};
-use crate::scene::{Scene, Shape};
+use crate::mesh::Positions;
+use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
-use crate::sim::{Cloth, Curvature, Stiffness};
+use crate::sim::{Cloth, HessianKind, Stiffness};
+pub use settings::SpacetimeSettings;
 
 /// Shapes [N, V], and why they are not better if the search failed.
-pub type Fitted = (Vec<Shape>, Option<Error>);
+pub type Fitted = (Vec<Positions>, Option<Error>);
 
 /// What [`Problem::track`] goes on from.
 #[derive(Serialize, Deserialize)]
 struct Tracked {
     /// Shapes so far.
-    frames: Vec<Shape>,
+    frames: Vec<Positions>,
     /// Brightness of the last of them, by resolution.
     gains: Vec<Vec<[f32; 3]>>,
 }
@@ -41,7 +44,7 @@ struct Tracked {
 /// What [`Problem::refine`] goes on from.
 #[derive(Serialize, Deserialize)]
 struct Refined {
-    frames: Vec<Shape>,
+    frames: Vec<Positions>,
     /// Iterations so far, over all levels.
     steps: usize,
     damping: f64,
@@ -53,11 +56,11 @@ struct Refined {
 pub struct Problem<'a> {
     scene: &'a Scene,
     cloth: &'a Cloth,
-    settings: TrajectorySettings,
+    settings: SpacetimeSettings,
     /// Stiffness of the elastic prior.
     prior: Stiffness,
     strain: StrainPrior,
-    curvature: CurvaturePrior,
+    curvature: SignedBendPrior,
     triangles: Vec<[u32; 3]>,
     neighbours: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
@@ -81,7 +84,7 @@ struct Stage<'p, 'a> {
 /// Gauss-Newton system of one frame.
 struct System {
     value: f64,
-    gradient: Shape,
+    gradient: Positions,
     matrix: BlockMatrix,
 }
 
@@ -90,7 +93,7 @@ impl<'a> Problem<'a> {
     ///
     /// # Errors
     /// Those of reading the frames.
-    pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: TrajectorySettings) -> Result<Self> {
+    pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: SpacetimeSettings) -> Result<Self> {
         let prior = Stiffness::uniform(cloth, [0.0, settings.bend.powi(-2), settings.shear.powi(-2)]);
         let template = &scene.template;
         Ok(Self {
@@ -98,11 +101,11 @@ impl<'a> Problem<'a> {
             cloth,
             prior,
             strain: StrainPrior { sigma: settings.strain, tail: settings.tail },
-            curvature: CurvaturePrior::new(
+            curvature: SignedBendPrior::new(
                 cloth,
                 &template.triangles(),
                 &template.positions,
-                settings.curvature,
+                settings.signed_bend,
                 settings.tail,
             ),
             triangles: template.triangles(),
@@ -114,7 +117,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Whether shapes and brightnesses have this cloth's vertices.
-    fn fit(&self, frames: &[Shape], gains: &[Vec<[f32; 3]>]) -> bool {
+    fn fit(&self, frames: &[Positions], gains: &[Vec<[f32; 3]>]) -> bool {
         let count = self.cloth.vertex_count();
         frames.iter().all(|x| x.len() == count && x.iter().all(|p| p.is_finite()))
             && gains.iter().all(|g| g.len() == count)
@@ -162,7 +165,7 @@ impl<'a> Problem<'a> {
         for n in tracked.frames.len()..self.scene.frames.len() {
             let frames = &mut tracked.frames;
             let last = &frames[n - 1];
-            let predicted: Shape = match n.checked_sub(2) {
+            let predicted: Positions = match n.checked_sub(2) {
                 Some(k) => last.iter().zip(&frames[k]).map(|(x, old)| *x + (*x - *old) * 0.9).collect(),
                 None => last.clone(),
             };
@@ -203,7 +206,7 @@ impl<'a> Problem<'a> {
     ///
     /// # Errors
     /// What the session's observer returns.
-    pub fn refine(&self, frames: Vec<Shape>, session: &mut Session) -> Result<Fitted> {
+    pub fn refine(&self, frames: Vec<Positions>, session: &mut Session) -> Result<Fitted> {
         let levels = self.observed.coarse_to_fine().count();
         let start = || Refined { frames, steps: 0, damping: 0.0, gains: Vec::new() };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
@@ -270,12 +273,12 @@ impl Stage<'_, '_> {
         DataTerm {
             level: &p.observed.levels[frame][self.level],
             scale: (1 << self.level) as f64,
-            contour: &p.observed.contours[frame],
+            outline: &p.observed.outlines[frame],
             camera: &p.scene.camera,
             colour_sigma: s.colour,
-            contour_sigma: s.contour,
+            outline_sigma: s.outline,
             colour_weight: 1.0 / (s.colour * s.colour * s.colour_area),
-            contour_weight: 1.0 / (s.contour * s.contour * s.contour_length),
+            outline_weight: 1.0 / (s.outline * s.outline * s.outline_length),
         }
     }
 
@@ -290,7 +293,7 @@ impl Stage<'_, '_> {
         self.problem.curvature.add_system(cloth, x, &mut gradient, &mut matrix);
         cloth.add_gradient(&self.problem.prior, x, 1.0, &mut gradient);
         let scratch = &mut Scratch::default();
-        cloth.add_hessian(&self.problem.prior, x, Curvature::GaussNewton, 1.0, &mut matrix, scratch);
+        cloth.add_hessian(&self.problem.prior, x, HessianKind::GaussNewton, 1.0, &mut matrix, scratch);
         let colour = self.colour(frame, x);
         for ((local, corners), pairs) in colour.iter().zip(&self.problem.triangles).zip(&cloth.triangle_pairs)
         {
@@ -327,7 +330,7 @@ impl Stage<'_, '_> {
     }
 
     /// Mean of what the frames before and after show at their present shapes.
-    fn update_neighbours(&mut self, frames: &[Shape]) {
+    fn update_neighbours(&mut self, frames: &[Positions]) {
         if self.problem.settings.neighbour_weight == 0.0 {
             return;
         }
@@ -365,9 +368,9 @@ impl Stage<'_, '_> {
     }
 
     /// The objective by terms, summed over the frames.
-    fn terms(&self, frames: &[Shape]) -> Vec<(&'static str, f64)> {
+    fn terms(&self, frames: &[Positions]) -> Vec<(&'static str, f64)> {
         let p = self.problem;
-        let of = |(n, x): (usize, &Shape)| {
+        let of = |(n, x): (usize, &Positions)| {
             let energy = p.cloth.energy(&p.prior, x);
             let colour: f64 = self.colour(n, x).iter().map(|l| l.value).sum();
             let outline: f64 = self.data(n).outline(&self.points, x).iter().map(|l| l.value).sum();
@@ -402,7 +405,7 @@ impl Stage<'_, '_> {
         );
     }
 
-    fn update_gains(&mut self, frames: &[Shape]) {
+    fn update_gains(&mut self, frames: &[Positions]) {
         let mut gains = std::mem::take(&mut self.gains);
         gains.par_iter_mut().zip(frames).enumerate().skip(1).for_each(|(n, (gain, x))| {
             self.fit_gain(n, x, gain);
@@ -419,10 +422,10 @@ impl Stage<'_, '_> {
     fn fit_frame(
         &mut self,
         frame: usize,
-        mut x: Shape,
+        mut x: Positions,
         predicted: &[DVec3],
         scratch: &mut Scratch,
-    ) -> Result<(Shape, f64)> {
+    ) -> Result<(Positions, f64)> {
         let cloth = self.problem.cloth;
         let kappa = self.kappa();
         let prior = |x: &[DVec3]| -> f64 {
@@ -437,7 +440,7 @@ impl Stage<'_, '_> {
             if !value.is_finite() {
                 return Err(diverged(format!("frame {frame}"), value));
             }
-            let gradient: Shape =
+            let gradient: Positions =
                 (0..x.len()).map(|i| system.gradient[i] + (x[i] - predicted[i]) * kappa).collect();
             for _ in 0..6 {
                 let mut matrix = system.matrix.clone();
@@ -445,7 +448,7 @@ impl Stage<'_, '_> {
                 let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
                 let step = cloth.analysis.solve(&cloth.pattern, &factor, &gradient, scratch);
                 scratch.recycle(factor);
-                let next: Shape = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
+                let next: Positions = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
                 let next_value = self.value(frame, &next) + prior(&next);
                 if next_value <= value {
                     let moved = step.iter().fold(0.0, |m: f64, s| m.max(s.length()));
@@ -462,20 +465,20 @@ impl Stage<'_, '_> {
     }
 
     /// Sum of squared second differences times ½ κ.
-    fn acceleration_value(&self, frames: &[Shape]) -> f64 {
+    fn acceleration_value(&self, frames: &[Positions]) -> f64 {
         let sum: f64 = second_differences(frames).iter().map(|a| dot(a, a)).sum();
         0.5 * self.kappa() * sum
     }
 
     /// One damped Gauss-Newton step on all frames: (new frames, old objective, whether it helps).
-    fn joint_step(&self, frames: &[Shape], damping: f64) -> (Vec<Shape>, f64, bool) {
+    fn joint_step(&self, frames: &[Positions], damping: f64) -> (Vec<Positions>, f64, bool) {
         let cloth = self.problem.cloth;
         let kappa = self.kappa();
         let systems: Vec<System> =
             frames.par_iter().enumerate().skip(1).map(|(n, x)| self.linearise(n, x)).collect();
         let value = systems.iter().map(|s| s.value).sum::<f64>() + self.acceleration_value(frames);
         let bent = second_differences_transposed(&second_differences(frames), frames.len());
-        let gradient: Vec<Shape> = systems
+        let gradient: Vec<Positions> = systems
             .iter()
             .zip(&bent[1..])
             .map(|(s, b)| s.gradient.iter().zip(b).map(|(g, b)| *g + *b * kappa).collect())
@@ -505,12 +508,12 @@ impl Stage<'_, '_> {
         &self,
         systems: &[System],
         factors: &[Factor],
-        gradient: &[Shape],
+        gradient: &[Positions],
         damping: f64,
-    ) -> Vec<Shape> {
+    ) -> Vec<Positions> {
         let cloth = self.problem.cloth;
         let kappa = self.kappa();
-        let multiply = |p: &[Shape]| -> Vec<Shape> {
+        let multiply = |p: &[Positions]| -> Vec<Positions> {
             let mut padded = vec![vec![DVec3::ZERO; cloth.vertex_count()]];
             padded.extend_from_slice(p);
             let bent = second_differences_transposed(&second_differences(&padded), padded.len());
@@ -525,7 +528,7 @@ impl Stage<'_, '_> {
                 })
                 .collect()
         };
-        let precondition = |r: &[Shape]| -> Vec<Shape> {
+        let precondition = |r: &[Positions]| -> Vec<Positions> {
             r.par_iter()
                 .zip(factors)
                 .map_init(Scratch::default, |scratch, (r, f)| {
@@ -533,13 +536,13 @@ impl Stage<'_, '_> {
                 })
                 .collect()
         };
-        let product = |a: &[Shape], b: &[Shape]| a.iter().zip(b).map(|(a, b)| dot(a, b)).sum::<f64>();
-        let axpy = |y: &mut [Shape], s: f64, x: &[Shape]| {
+        let product = |a: &[Positions], b: &[Positions]| a.iter().zip(b).map(|(a, b)| dot(a, b)).sum::<f64>();
+        let axpy = |y: &mut [Positions], s: f64, x: &[Positions]| {
             for (y, x) in y.iter_mut().zip(x) {
                 y.iter_mut().zip(x).for_each(|(y, x)| *y += *x * s);
             }
         };
-        let mut x: Vec<Shape> = vec![vec![DVec3::ZERO; cloth.vertex_count()]; gradient.len()];
+        let mut x: Vec<Positions> = vec![vec![DVec3::ZERO; cloth.vertex_count()]; gradient.len()];
         let mut r = gradient.to_vec();
         let mut z = precondition(&r);
         let mut p = z.clone();
@@ -566,13 +569,13 @@ impl Stage<'_, '_> {
 }
 
 /// x_{n+1} − 2 x_n + x_{n−1} for n = 1 … N−2, shape [N−2, V].
-fn second_differences(frames: &[Shape]) -> Vec<Shape> {
-    let of = |w: &[Shape]| (0..w[0].len()).map(|i| w[2][i] - w[1][i] * 2.0 + w[0][i]).collect();
+fn second_differences(frames: &[Positions]) -> Vec<Positions> {
+    let of = |w: &[Positions]| (0..w[0].len()).map(|i| w[2][i] - w[1][i] * 2.0 + w[0][i]).collect();
     frames.windows(3).map(of).collect()
 }
 
 /// Transpose of [`second_differences`], shape [N, V].
-fn second_differences_transposed(differences: &[Shape], frame_count: usize) -> Vec<Shape> {
+fn second_differences_transposed(differences: &[Positions], frame_count: usize) -> Vec<Positions> {
     let vertex_count = differences.first().map_or(0, Vec::len);
     let mut out = vec![vec![DVec3::ZERO; vertex_count]; frame_count];
     for (n, a) in differences.iter().enumerate() {

@@ -4,12 +4,12 @@ use std::f64::consts::PI;
 
 use wide::{f32x8, u32x8};
 
-use super::Environment;
+use super::EnvironmentMap;
 
 /// An environment, and a distribution of directions whose density follows the power of an environment like it:
-/// the density is kept while the radiance changes, until the next [`Light::new`].
+/// the density is kept while the radiance changes, until the next [`EnvironmentSampler::new`].
 #[derive(Debug, Clone)]
-pub struct Light {
+pub struct EnvironmentSampler {
     width: u32,
     height: u32,
     /// Red, green, blue radiance and the density [1/sr] with which the texel's directions are drawn.
@@ -27,10 +27,10 @@ pub struct Light {
     columns: Vec<[f32; 2]>,
 }
 
-impl Light {
+impl EnvironmentSampler {
     /// Draws a share of `uniform_share` in [0, 1] uniformly from all directions, the rest in proportion to the
     /// mean radiance of red, green and blue.
-    pub fn new(environment: &Environment, uniform_share: f64) -> Self {
+    pub fn new(environment: &EnvironmentMap, uniform_share: f64) -> Self {
         let (w, h) = (environment.width, environment.height);
         let mut light = Self {
             width: w as u32,
@@ -59,14 +59,14 @@ impl Light {
     }
 
     /// Takes over new radiance, of the same size; the distribution stays.
-    pub fn set_radiance(&mut self, environment: &Environment) {
+    pub fn set_radiance(&mut self, environment: &EnvironmentMap) {
         assert_eq!([environment.width, environment.height], self.size(), "an environment of the same size");
         for (texel, [r, g, b]) in self.texels.iter_mut().zip(&environment.texels) {
             *texel = [*r, *g, *b, texel[3]];
         }
     }
 
-    fn set_distribution(&mut self, environment: &Environment, uniform_share: f64) {
+    fn set_distribution(&mut self, environment: &EnvironmentMap, uniform_share: f64) {
         let w = environment.width;
         let solid_angles: Vec<f64> = (0..environment.height).map(|j| environment.solid_angle(j)).collect();
         let power = |i: usize| {

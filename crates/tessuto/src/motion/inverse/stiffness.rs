@@ -12,8 +12,8 @@
 
 use glam::DVec3;
 
-use super::rollout_fit::Dynamics;
-use crate::scene::Shape;
+use super::super::parameters::Dynamics;
+use crate::mesh::Positions;
 use crate::sim::{Cloth, Stiffness};
 
 /// Settings of the material fit.
@@ -33,7 +33,7 @@ impl Default for MaterialSettings {
 }
 
 /// log10 of stretch, bend and shear stiffness of `motion`, one shape per step of `dynamics`.
-pub fn fit_material(cloth: &Cloth, dynamics: &Dynamics, motion: &[Shape], spread: f64) -> [f64; 3] {
+pub fn fit_material(cloth: &Cloth, dynamics: &Dynamics, motion: &[Positions], spread: f64) -> [f64; 3] {
     let gram = gram(cloth, dynamics, motion);
     let frames = (motion.len() - 1) as f64;
     let objective = |log_k: [f64; 3]| {
@@ -60,7 +60,7 @@ pub fn fit_material(cloth: &Cloth, dynamics: &Dynamics, motion: &[Shape], spread
 
 /// Products, summed over frames and vertices, of the fields inertia, stretch, bend and shear acceleration per
 /// unit of stiffness, each without its mean.
-fn gram(cloth: &Cloth, dynamics: &Dynamics, motion: &[Shape]) -> [[f64; 4]; 4] {
+fn gram(cloth: &Cloth, dynamics: &Dynamics, motion: &[Positions]) -> [[f64; 4]; 4] {
     let (h, damping) = (dynamics.step.step, dynamics.step.damping);
     let units = [0, 1, 2].map(|k| {
         let mut unit = [0.0; 3];
@@ -73,7 +73,7 @@ fn gram(cloth: &Cloth, dynamics: &Dynamics, motion: &[Shape]) -> [[f64; 4]; 4] {
         let before = &motion[n.saturating_sub(1)];
         let (now, after) = (&motion[n], &motion[n + 1]);
         let inertia = |i: usize| (after[i] - now[i] - (now[i] - before[i]) * damping) / (h * h);
-        let mut fields = vec![(0..vertex_count).map(inertia).collect::<Shape>()];
+        let mut fields = vec![(0..vertex_count).map(inertia).collect::<Positions>()];
         for unit in &units {
             let mut field = vec![DVec3::ZERO; vertex_count];
             cloth.add_gradient(unit, after, 1.0, &mut field);
@@ -114,8 +114,8 @@ fn golden_section(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::mesh::grid;
-    use crate::motion::rollout_fit::StiffnessRange;
-    use crate::sim::{Drive, Forces, Integrator, State, StepSettings, rollout};
+    use crate::motion::parameters::StiffnessRange;
+    use crate::sim::{Accelerations, Integrator, RolloutInputs, State, StepSettings, rollout};
     use glam::DVec2;
 
     #[test]
@@ -134,17 +134,17 @@ mod tests {
         let dynamics = Dynamics { step, substeps: 1, stiffness };
         let truth = [60f64, 3e-3, 4e-4];
         // Bent and stretched at the start, then left alone under gravity.
-        let x: Shape = mesh
+        let x: Positions = mesh
             .positions
             .iter()
             .map(|p| DVec3::new(p.x * 1.02 + 0.1 * p.y, p.y, p.z + 2.0 * p.x * p.x))
             .collect();
         let initial = State { v: vec![DVec3::ZERO; x.len()], x };
-        let mut forces = Forces::zeros(20, 1, cloth.vertex_count());
-        forces.constant = DVec3::new(0.0, 9.81, 0.0);
+        let mut accelerations = Accelerations::zeros(20, 1, cloth.vertex_count());
+        accelerations.constant = DVec3::new(0.0, 9.81, 0.0);
         let k = Stiffness::uniform(&cloth, truth);
-        let drive = Drive { initial: &initial, forces: &forces, stiffness: &k };
-        let motion = rollout(&cloth, &step, 1, 20, &drive).unwrap().frames;
+        let inputs = RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &k };
+        let motion = rollout(&cloth, &step, 1, 20, &inputs).unwrap().frames;
         let found = fit_material(&cloth, &dynamics, &motion, 0.5).map(|l| 10f64.powf(l));
         println!("{found:?} of {truth:?}");
         for (found, truth) in found.iter().zip(truth) {

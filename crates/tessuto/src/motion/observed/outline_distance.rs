@@ -6,7 +6,7 @@ use crate::image::Image;
 
 /// Signed distance [px] to the outline of a mask: positive on the fabric. Zero gradient far away.
 #[derive(Debug, Clone)]
-pub struct Contour {
+pub struct OutlineDistance {
     /// Pixels of the mask along one pixel of `distance`.
     scale: usize,
     width: usize,
@@ -20,7 +20,7 @@ pub const REACH: f32 = 40.0;
 /// The outline within this distance of the image border, in pixels of the distances, may be cut by it and does not count.
 const BORDER: f64 = 3.0;
 
-impl Contour {
+impl OutlineDistance {
     /// Signed distance of `mask` (threshold ½), kept for one of `scale`×`scale` pixels. The image border is not an
     /// outline.
     pub fn new(mask: &Image, scale: usize) -> Self {
@@ -143,12 +143,12 @@ mod tests {
                 mask.pixel_mut(x, y)[0] = 1.0;
             }
         }
-        let (value, gradient) = Contour::new(&mask, 1).sample(DVec2::new(22.25, 20.0)).unwrap();
+        let (value, gradient) = OutlineDistance::new(&mask, 1).sample(DVec2::new(22.25, 20.0)).unwrap();
         assert!((value - 2.75).abs() < 1e-6 && (gradient - DVec2::X).length() < 1e-6, "{value} {gradient}");
-        let (value, _) = Contour::new(&mask, 1).sample(DVec2::new(19.5, 20.0)).unwrap();
+        let (value, _) = OutlineDistance::new(&mask, 1).sample(DVec2::new(19.5, 20.0)).unwrap();
         assert!(value.abs() < 1e-6, "{value}");
         // A coarser one speaks of the same pixels.
-        let (value, gradient) = Contour::new(&mask, 4).sample(DVec2::new(22.25, 20.0)).unwrap();
+        let (value, gradient) = OutlineDistance::new(&mask, 4).sample(DVec2::new(22.25, 20.0)).unwrap();
         assert!((value - 2.75).abs() < 1e-6 && (gradient - DVec2::X).length() < 1e-6, "{value} {gradient}");
     }
 }

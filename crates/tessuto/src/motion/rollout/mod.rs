@@ -6,30 +6,23 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::divergence_guard::DivergenceGuard;
-use super::loss::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
+mod guard;
+pub mod losses;
+
+use super::parameters::{Dynamics, Parameters};
 use crate::error::{Error, Result};
 use crate::math::{finite, flat, vectors};
+use crate::mesh::Positions;
 use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{
-    Cloth, Drive, DriveGradients, Forces, Rollout, State, StepSettings, Stiffness, rollout, rollout_vjp,
+    Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
 };
 use crate::video::Frame;
-
-/// One uniform stiffness: start and bounds as log10.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StiffnessRange {
-    /// log10 of the start.
-    pub start: f64,
-    /// log10 of the lower bound.
-    pub low: f64,
-    /// log10 of the upper bound.
-    pub high: f64,
-}
+use guard::DivergenceGuard;
+use losses::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
 
 /// Settings of the rollout fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -92,33 +85,6 @@ impl Default for RolloutSettings {
     }
 }
 
-/// How the cloth moves: integrator, sub-steps and stiffnesses.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Dynamics {
-    /// The integrator and its step.
-    pub step: StepSettings,
-    /// Sub-steps per frame.
-    pub substeps: usize,
-    /// Stretch, bend and shear stiffness.
-    pub stiffness: [StiffnessRange; 3],
-}
-
-/// What moves the cloth.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Parameters {
-    /// log10 of stretch [N/m], bend [J/rad²], shear [J/rad²].
-    pub log_stiffness: [f64; 3],
-    /// External accelerations.
-    pub forces: Forces,
-}
-
-impl Parameters {
-    /// Stretch [N/m], bend [J/rad²], shear [J/rad²].
-    pub fn stiffness(&self) -> [f64; 3] {
-        self.log_stiffness.map(|k| 10f64.powf(k))
-    }
-}
-
 /// What the fit looks at.
 pub struct RolloutFit<'a> {
     /// The video.
@@ -149,9 +115,9 @@ pub struct LossAndGradients {
     /// ∂total/∂C.
     pub constant: DVec3,
     /// ∂total/∂D.
-    pub dynamic: Vec<Shape>,
+    pub dynamic: Vec<Positions>,
     /// The motion they belong to, shape [active frames, V].
-    pub motion: Vec<Shape>,
+    pub motion: Vec<Positions>,
 }
 
 /// One group of parameters: its clipping and its Adam state.
@@ -196,7 +162,7 @@ struct Run {
 impl FitState {
     fn new(fit: &RolloutFit, parameters: Parameters) -> Self {
         let s = fit.settings;
-        let dynamic_len = 3 * fit.cloth.vertex_count() * parameters.forces.dynamic.len();
+        let dynamic_len = 3 * fit.cloth.vertex_count() * parameters.accelerations.dynamic.len();
         Self {
             parameters,
             stiffness: [(); 3].map(|()| Group::new(s, 1, s.stiffness_rate)),
@@ -207,9 +173,9 @@ impl FitState {
 
     /// Whether this is a state of `fit`, and not of other frames, vertices or forces.
     fn fits(&self, fit: &RolloutFit) -> bool {
-        let forces = &self.parameters.forces;
-        let len = 3 * fit.cloth.vertex_count() * forces.dynamic.len();
-        forces.fit(&fit.start().forces)
+        let accelerations = &self.parameters.accelerations;
+        let len = 3 * fit.cloth.vertex_count() * accelerations.dynamic.len();
+        accelerations.matches(&fit.start().accelerations)
             && self.stiffness.iter().all(|group| group.adam.fits(1))
             && self.constant.adam.fits(3)
             && self.dynamic.adam.fits(len)
@@ -221,7 +187,7 @@ impl Run {
         let active = fit.active_frames(self.epochs.saturating_sub(1));
         self.state.fits(fit)
             && self.guard.fits(active, |state| state.fits(fit))
-            && self.best.as_ref().is_none_or(|(_, p)| p.forces.fit(&fit.start().forces))
+            && self.best.as_ref().is_none_or(|(_, p)| p.accelerations.matches(&fit.start().accelerations))
     }
 }
 
@@ -229,9 +195,10 @@ impl RolloutFit<'_> {
     /// Start of Table 1: prior stiffnesses, C = 1 m/s² downwards, D = 0.
     pub fn start(&self) -> Parameters {
         let parts = if self.settings.force_per_substep { self.dynamics.substeps } else { 1 };
-        let mut forces = Forces::zeros(self.scene.frames.len(), parts, self.cloth.vertex_count());
-        forces.constant = DVec3::Y;
-        Parameters { log_stiffness: self.dynamics.stiffness.map(|k| k.start), forces }
+        let mut accelerations =
+            Accelerations::zeros(self.scene.frames.len(), parts, self.cloth.vertex_count());
+        accelerations.constant = DVec3::Y;
+        Parameters { log_stiffness: self.dynamics.stiffness.map(|k| k.start), accelerations }
     }
 
     /// Number of epochs of the whole fit.
@@ -267,7 +234,7 @@ impl RolloutFit<'_> {
             let epoch = *epochs;
             *epochs += 1;
             let active = self.active_frames(epoch);
-            self.move_mean_to_constant(&mut state.parameters.forces, active);
+            self.move_mean_to_constant(&mut state.parameters.accelerations, active);
             let evaluated = self.loss_and_gradients(&state.parameters, active).and_then(|gradients| {
                 let verdict = guard.judge(state, &gradients.by_frame);
                 verdict.map_err(|problem| Error::numerical("loss", problem, "")).map(|()| gradients)
@@ -289,7 +256,7 @@ impl RolloutFit<'_> {
             }
             if epoch < self.epoch_count() {
                 let before = state.parameters.stiffness();
-                let constant = state.parameters.forces.constant;
+                let constant = state.parameters.accelerations.constant;
                 self.descend(state, &gradients, guard.rate);
                 let record = self.epoch_record(epoch, active, &gradients, before, constant, guard.rate);
                 session.step(&record, &gradients.motion, Some(&run))?;
@@ -312,16 +279,16 @@ impl RolloutFit<'_> {
                 value[0] = value[0].clamp(range.low, range.high);
             }
         }
-        let mut constant = parameters.forces.constant.to_array();
+        let mut constant = parameters.accelerations.constant.to_array();
         state.constant.step(&mut constant, &mut (gradients.constant * scale).to_array(), rate);
-        parameters.forces.constant = DVec3::from_array(constant);
+        parameters.accelerations.constant = DVec3::from_array(constant);
         let numbers =
-            |shapes: &[Shape]| -> Vec<f64> { shapes.iter().flat_map(|s| flat(s)).copied().collect() };
-        let mut dynamic = numbers(&parameters.forces.dynamic);
+            |shapes: &[Positions]| -> Vec<f64> { shapes.iter().flat_map(|s| flat(s)).copied().collect() };
+        let mut dynamic = numbers(&parameters.accelerations.dynamic);
         let mut gradient = numbers(&gradients.dynamic);
         gradient.iter_mut().for_each(|g| *g *= scale);
         state.dynamic.step(&mut dynamic, &mut gradient, rate);
-        parameters.forces.dynamic =
+        parameters.accelerations.dynamic =
             dynamic.chunks_exact(3 * self.cloth.vertex_count()).map(vectors).collect();
     }
 
@@ -360,12 +327,12 @@ impl RolloutFit<'_> {
     }
 
     /// Moves the mean of D over the active entries and the vertices into C; the sum C + D stays for these.
-    fn move_mean_to_constant(&self, forces: &mut Forces, active: usize) {
-        let entries = (active - 1) * forces.parts;
+    fn move_mean_to_constant(&self, accelerations: &mut Accelerations, active: usize) {
+        let entries = (active - 1) * accelerations.entries_per_frame;
         let count = (entries * self.cloth.vertex_count()) as f64;
-        let mean = forces.dynamic[..entries].iter().flatten().copied().sum::<DVec3>() / count;
-        forces.constant += mean;
-        forces.dynamic[..entries].iter_mut().flatten().for_each(|d| *d -= mean);
+        let mean = accelerations.dynamic[..entries].iter().flatten().copied().sum::<DVec3>() / count;
+        accelerations.constant += mean;
+        accelerations.dynamic[..entries].iter_mut().flatten().for_each(|d| *d -= mean);
     }
 
     /// Simulates `frame_count` frames with `parameters`.
@@ -375,8 +342,12 @@ impl RolloutFit<'_> {
     pub fn simulate(&self, parameters: &Parameters, frame_count: usize) -> Result<Rollout> {
         let initial = at_rest(&self.scene.template.positions);
         let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
-        let drive = Drive { initial: &initial, forces: &parameters.forces, stiffness: &stiffness };
-        rollout(self.cloth, &self.dynamics.step, self.dynamics.substeps, frame_count, &drive)
+        let inputs = RolloutInputs {
+            initial: &initial,
+            accelerations: &parameters.accelerations,
+            stiffness: &stiffness,
+        };
+        rollout(self.cloth, &self.dynamics.step, self.dynamics.substeps, frame_count, &inputs)
     }
 
     /// The losses over the first `active` frames and their gradients.
@@ -410,21 +381,26 @@ impl RolloutFit<'_> {
                 losses.total(&s.weights)
             })
             .collect();
-        let grad_frames: Vec<Shape> = frames.into_iter().map(|f| f.gradient).collect();
+        let grad_frames: Vec<Positions> = frames.into_iter().map(|f| f.gradient).collect();
 
         let initial = at_rest(&self.scene.template.positions);
-        let drive = Drive { initial: &initial, forces: &parameters.forces, stiffness: &stiffness };
-        let DriveGradients { mut constant, mut dynamic, stiffness: by_stiffness, .. } =
-            rollout_vjp(self.cloth, &self.dynamics.step, &drive, &motion, &grad_frames);
+        let inputs = RolloutInputs {
+            initial: &initial,
+            accelerations: &parameters.accelerations,
+            stiffness: &stiffness,
+        };
+        let RolloutGradients { mut constant, mut dynamic, stiffness: by_stiffness, .. } =
+            rollout_vjp(self.cloth, &self.dynamics.step, &inputs, &motion, &grad_frames);
 
-        let entries = (active - 1) * parameters.forces.parts;
-        let rays: Vec<Shape> = match s.frozen_rays {
+        let entries = (active - 1) * parameters.accelerations.entries_per_frame;
+        let rays: Vec<Positions> = match s.frozen_rays {
             true => vec![view_rays(&motion.frames[0])],
             false => motion.frames[..active - 1].iter().map(|x| view_rays(x)).collect(),
         };
-        let of_entry: Vec<&Shape> =
-            (0..entries).map(|k| &rays[(k / parameters.forces.parts).min(rays.len() - 1)]).collect();
-        let f = &parameters.forces;
+        let of_entry: Vec<&Positions> = (0..entries)
+            .map(|k| &rays[(k / parameters.accelerations.entries_per_frame).min(rays.len() - 1)])
+            .collect();
+        let f = &parameters.accelerations;
         losses.force = force_across_rays(f, entries, &of_entry, s.weights.force, &mut constant, &mut dynamic);
         losses.force_smoothness = force_changes(f, entries, s.weights.force_smoothness, &mut dynamic);
         let total = losses.total(&s.weights);
@@ -439,7 +415,7 @@ impl RolloutFit<'_> {
     fn frame_loss(
         &self,
         scratch: &mut FrameScratch,
-        x: &Shape,
+        x: &Positions,
         frame: &Frame,
         stiffness: &Stiffness,
         share: f64,
@@ -475,7 +451,7 @@ struct FrameLoss {
     colour: f64,
     silhouette: f64,
     energy: f64,
-    gradient: Shape,
+    gradient: Positions,
 }
 
 fn at_rest(x: &[DVec3]) -> State {

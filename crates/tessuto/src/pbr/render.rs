@@ -3,16 +3,17 @@
 use rayon::prelude::*;
 
 use super::denoise::{Lit, RADIUS, denoise};
-use super::{Estimate, Geometry, Light, Material, Shader, see, srgb};
+use super::{EnvironmentSampler, Geometry, Material, RadianceEstimate, Shader, visible_points};
 use crate::camera::Camera;
 use crate::image::Image;
+use crate::image::srgb;
 use crate::math::rng::mix32;
+use crate::mesh::Positions;
 use crate::raster::{Rasterizer, Rendering};
-use crate::scene::Shape;
 
 /// What a picture shows.
 #[derive(Debug, Clone, Copy)]
-pub struct Cloth<'a> {
+pub struct RenderScene<'a> {
     /// The template's rasteriser.
     pub rasterizer: &'a Rasterizer,
     /// The whole motion.
@@ -20,20 +21,26 @@ pub struct Cloth<'a> {
     /// Its material.
     pub material: &'a Material,
     /// The light.
-    pub light: &'a Light,
+    pub light: &'a EnvironmentSampler,
 }
 
 /// Draws frame `frame`, whose vertices are at `shape`, as `camera` sees it from the origin, with `passes` passes of
 /// eight samples per pixel, which neighbours share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
-pub fn picture(cloth: &Cloth, camera: &Camera, (frame, shape): (usize, &Shape), passes: usize) -> Image {
+pub fn render_frame(
+    cloth: &RenderScene,
+    camera: &Camera,
+    (frame, shape): (usize, &Positions),
+    passes: usize,
+) -> Image {
     let mut rendering = Rendering::new();
-    let seen = see(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering, |_, _| true);
+    let seen =
+        visible_points(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering, |_, _| true);
     let shader = Shader { geometry: cloth.geometry, material: cloth.material, light: cloth.light };
     let seed = mix32(frame as u32 ^ 0x7e55_0170);
     let estimated: Vec<(Lit, [[f32; 3]; 2])> = seen
         .par_iter()
         .with_min_len(256)
-        .map_init(Estimate::default, |estimate, (pixel, point)| {
+        .map_init(RadianceEstimate::default, |estimate, (pixel, point)| {
             let site = shader.site(point);
             shader.estimate_at(&site, point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
             let brdf = &site.brdf;

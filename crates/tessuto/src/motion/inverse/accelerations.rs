@@ -1,4 +1,4 @@
-//! Forces of a known trajectory: the cloth is simulated with every vertex tied to its target by a
+//! Accelerations of a known trajectory: the cloth is simulated with every vertex tied to its target by a
 //! spring, and the springs' pull is the external force.
 //!
 //! Each sub-step minimises Φ(x) + ½ κ ‖x − x*‖² with the incremental potential Φ of
@@ -9,30 +9,29 @@
 
 use glam::DVec3;
 
-use super::rollout_fit::Dynamics;
+use super::super::parameters::Dynamics;
 use crate::error::Error;
 use crate::math::factor::Scratch;
-use crate::mesh::Mesh;
-use crate::scene::Shape;
+use crate::mesh::{Mesh, Positions};
 use crate::sim::step::step;
-use crate::sim::{Cloth, Forces, State, Stiffness};
+use crate::sim::{Accelerations, Cloth, State, Stiffness};
 
 /// Settings of the tied simulation.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TieSettings {
+pub struct InverseSettings {
     /// Stiffness κ of the ties [N/m].
-    pub stiffness: f64,
+    pub tracking_stiffness: f64,
 }
 
-impl Default for TieSettings {
+impl Default for InverseSettings {
     fn default() -> Self {
-        Self { stiffness: 1000.0 }
+        Self { tracking_stiffness: 1000.0 }
     }
 }
 
 /// `frames`, shape [N, V], with `substeps` − 1 shapes between each two of them, on Catmull-Rom curves.
-pub fn interpolated(frames: &[Shape], substeps: usize) -> Vec<Shape> {
+pub fn interpolated(frames: &[Positions], substeps: usize) -> Vec<Positions> {
     let last = frames.len() - 1;
     let mut out = vec![frames[0].clone()];
     for n in 0..last {
@@ -54,18 +53,18 @@ pub fn interpolated(frames: &[Shape], substeps: usize) -> Vec<Shape> {
     out
 }
 
-/// Forces, one entry of D per sub-step, that lead the cloth along `frames`, shape [N, V]. C is the mean
+/// Accelerations, one entry of D per sub-step, that lead the cloth along `frames`, shape [N, V]. C is the mean
 /// acceleration that the centre of mass needs; D is exact in 32-bit numbers. Where the simulation fails, D is zero
 /// from that sub-step on and the failure is returned too.
-pub fn forces_of_trajectory(
+pub fn accelerations_of_motion(
     template: &Mesh,
     dynamics: &Dynamics,
     stiffness: [f64; 3],
-    frames: &[Shape],
-    settings: &TieSettings,
-) -> (Forces, Option<Error>) {
+    frames: &[Positions],
+    settings: &InverseSettings,
+) -> (Accelerations, Option<Error>) {
     let (h, damping) = (dynamics.step.step, dynamics.step.damping);
-    let kappa = settings.stiffness;
+    let kappa = settings.tracking_stiffness;
     let targets = interpolated(frames, dynamics.substeps);
     let cloth = Cloth::new(template);
     // The tie is a second inertia: M' = M + h² κ, M' y' = M y + h² κ x*.
@@ -73,12 +72,12 @@ pub fn forces_of_trajectory(
     tied.masses.iter_mut().for_each(|m| *m += h * h * kappa);
     let stiffness = Stiffness::uniform(&cloth, stiffness);
     let constant = mean_acceleration(&cloth, &targets, h, damping);
-    let mut forces = Forces::zeros(frames.len(), dynamics.substeps, cloth.vertex_count());
-    forces.constant = constant;
+    let mut accelerations = Accelerations::zeros(frames.len(), dynamics.substeps, cloth.vertex_count());
+    accelerations.constant = constant;
     let mut scratch = Scratch::default();
     let mut state = State { x: targets[0].clone(), v: vec![DVec3::ZERO; cloth.vertex_count()] };
-    for (target, dynamic) in targets[1..].iter().zip(&mut forces.dynamic) {
-        let acceleration: Shape = (0..target.len())
+    for (target, dynamic) in targets[1..].iter().zip(&mut accelerations.dynamic) {
+        let acceleration: Positions = (0..target.len())
             .map(|i| {
                 let drift = state.v[i] * (h * damping);
                 let share = h * h * kappa / tied.masses[i];
@@ -89,26 +88,26 @@ pub fn forces_of_trajectory(
             .collect();
         let tape = match step(&tied, &dynamics.step, &stiffness, state, &acceleration, &mut scratch) {
             Ok(tape) => tape,
-            Err(failure) => return (forces, Some(failure)),
+            Err(failure) => return (accelerations, Some(failure)),
         };
         for (i, d) in dynamic.iter_mut().enumerate() {
             let pull = (target[i] - tape.after.x[i]) * (kappa / cloth.masses[i]);
             *d = pull.as_vec3().as_dvec3();
         }
-        let total: Shape = dynamic.iter().map(|d| constant + *d).collect();
+        let total: Positions = dynamic.iter().map(|d| constant + *d).collect();
         state = match step(&cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch) {
             Ok(tape) => tape.after,
             Err(failure) => {
                 dynamic.fill(DVec3::ZERO);
-                return (forces, Some(failure));
+                return (accelerations, Some(failure));
             }
         };
     }
-    (forces, None)
+    (accelerations, None)
 }
 
 /// Mass-weighted mean of (x_{k+1} − x_k − h δ v_k)/h²; internal forces do not enter it.
-fn mean_acceleration(cloth: &Cloth, targets: &[Shape], h: f64, damping: f64) -> DVec3 {
+fn mean_acceleration(cloth: &Cloth, targets: &[Positions], h: f64, damping: f64) -> DVec3 {
     let mass: f64 = cloth.masses.iter().sum();
     let mut sum = DVec3::ZERO;
     for k in 0..targets.len() - 1 {
@@ -125,7 +124,7 @@ fn mean_acceleration(cloth: &Cloth, targets: &[Shape], h: f64, damping: f64) -> 
 mod tests {
     use super::*;
     use crate::mesh::grid;
-    use crate::sim::{Drive, Integrator, StepSettings, rollout};
+    use crate::sim::{Integrator, RolloutInputs, StepSettings, rollout};
     use glam::DVec2;
 
     #[test]
@@ -139,24 +138,30 @@ mod tests {
             tolerance: 1e-9,
             newton_limit: 100,
         };
-        let range = super::super::rollout_fit::StiffnessRange { start: 0.0, low: 0.0, high: 0.0 };
+        let range = crate::motion::parameters::StiffnessRange { start: 0.0, low: 0.0, high: 0.0 };
         let dynamics = Dynamics { step: settings, substeps: 4, stiffness: [range; 3] };
         let k = [200.0, 1e-3, 1e-4];
-        let swing = |n: usize| -> Shape {
+        let swing = |n: usize| -> Positions {
             mesh.positions
                 .iter()
                 .map(|p| *p + DVec3::Z * (0.3 * (p.y + 0.05) * (n as f64 * 0.2).sin()))
                 .collect()
         };
-        let targets: Vec<Shape> = (0..8).map(swing).collect();
-        let (forces, failure) =
-            forces_of_trajectory(&mesh, &dynamics, k, &targets, &TieSettings { stiffness: 1e3 });
+        let targets: Vec<Positions> = (0..8).map(swing).collect();
+        let (accelerations, failure) = accelerations_of_motion(
+            &mesh,
+            &dynamics,
+            k,
+            &targets,
+            &InverseSettings { tracking_stiffness: 1e3 },
+        );
         assert!(failure.is_none());
-        assert!(forces.constant.length() > 1e-3);
+        assert!(accelerations.constant.length() > 1e-3);
         let initial = State { x: targets[0].clone(), v: vec![DVec3::ZERO; 25] };
         let stiffness = Stiffness::uniform(&cloth, k);
-        let drive = Drive { initial: &initial, forces: &forces, stiffness: &stiffness };
-        let motion = rollout(&cloth, &settings, 4, 8, &drive).unwrap();
+        let inputs =
+            RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &stiffness };
+        let motion = rollout(&cloth, &settings, 4, 8, &inputs).unwrap();
         for (x, target) in motion.frames.iter().zip(&targets) {
             let worst = x.iter().zip(target).map(|(x, t)| x.distance(*t)).fold(0.0, f64::max);
             assert!(worst < 5e-4, "{worst} m");

@@ -12,13 +12,13 @@ use glam::{DMat3, DVec3};
 
 use super::strain::cauchy;
 use crate::math::block_matrix::BlockMatrix;
-use crate::scene::Shape;
+use crate::mesh::Positions;
 use crate::sim::Cloth;
-use crate::sim::cloth::Hinge;
+use crate::sim::cloth::AngleSpring;
 
 /// Rest heights of the bending pairs of a cloth.
 #[derive(Debug, Clone)]
-pub struct CurvaturePrior {
+pub struct SignedBendPrior {
     triangles: Vec<[u32; 3]>,
     /// η0 [m] per bending pair.
     rest: Vec<f64>,
@@ -27,22 +27,22 @@ pub struct CurvaturePrior {
     tail: f64,
 }
 
-impl CurvaturePrior {
+impl SignedBendPrior {
     /// At rest in the shape `x`; `sigma` is the spread σ of the bending angle [rad], `tail` is τ.
     pub fn new(cloth: &Cloth, triangles: &[[u32; 3]], x: &[DVec3], sigma: f64, tail: f64) -> Self {
         let mut prior = Self { triangles: triangles.to_vec(), rest: Vec::new(), scale: Vec::new(), tail };
         let normals = prior.normals(x);
-        for hinge in &cloth.bends {
-            let [a, o, c] = hinge.vertices.map(|v| x[v as usize]);
+        for spring in &cloth.bends {
+            let [a, o, c] = spring.vertices.map(|v| x[v as usize]);
             let length = 0.5 * (a.distance(o) + o.distance(c));
-            prior.rest.push(height(hinge, x, &normals));
+            prior.rest.push(height(spring, x, &normals));
             prior.scale.push(1.0 / (length * sigma));
         }
         prior
     }
 
     /// Unit normals, weighted by area.
-    fn normals(&self, x: &[DVec3]) -> Shape {
+    fn normals(&self, x: &[DVec3]) -> Positions {
         let mut normals = vec![DVec3::ZERO; x.len()];
         for t in &self.triangles {
             let [a, b, c] = t.map(|v| x[v as usize]);
@@ -55,8 +55,8 @@ impl CurvaturePrior {
     /// E at shape `x`.
     pub fn value(&self, cloth: &Cloth, x: &[DVec3]) -> f64 {
         let normals = self.normals(x);
-        let of = |((hinge, rest), scale): ((&Hinge, &f64), &f64)| {
-            cauchy((height(hinge, x, &normals) - rest) * scale, self.tail).0
+        let of = |((spring, rest), scale): ((&AngleSpring, &f64), &f64)| {
+            cauchy((height(spring, x, &normals) - rest) * scale, self.tail).0
         };
         cloth.bends.iter().zip(&self.rest).zip(&self.scale).map(of).sum()
     }
@@ -64,17 +64,17 @@ impl CurvaturePrior {
     /// Adds the gradient and the Gauss-Newton Hessian of [`value`](Self::value).
     pub fn add_system(&self, cloth: &Cloth, x: &[DVec3], gradient: &mut [DVec3], matrix: &mut BlockMatrix) {
         let normals = self.normals(x);
-        for ((hinge, rest), scale) in cloth.bends.iter().zip(&self.rest).zip(&self.scale) {
-            let residual = height(hinge, x, &normals) - rest;
+        for ((spring, rest), scale) in cloth.bends.iter().zip(&self.rest).zip(&self.scale) {
+            let residual = height(spring, x, &normals) - rest;
             let w = cauchy(residual * scale, self.tail).1 * scale * scale;
-            let [a, o, c] = hinge.vertices.map(|v| v as usize);
+            let [a, o, c] = spring.vertices.map(|v| v as usize);
             let n = normals[o];
             let nn = DMat3::from_cols(n * n.x, n * n.y, n * n.z) * w;
             for (v, s) in [(a, 1.0), (o, -2.0), (c, 1.0)] {
                 gradient[v] += n * (w * residual * s);
                 matrix.add_diagonal(&cloth.pattern, v, &(nn * (s * s)));
             }
-            let [ao, ac, oc] = hinge.pairs;
+            let [ao, ac, oc] = spring.pairs;
             for (pair, s) in [(ao, -2.0), (ac, 1.0), (oc, -2.0)] {
                 matrix.add_pair(&cloth.pattern, pair, &(nn * s));
             }
@@ -83,8 +83,8 @@ impl CurvaturePrior {
 }
 
 /// η of one bending pair.
-fn height(hinge: &Hinge, x: &[DVec3], normals: &[DVec3]) -> f64 {
-    let [a, o, c] = hinge.vertices.map(|v| v as usize);
+fn height(spring: &AngleSpring, x: &[DVec3], normals: &[DVec3]) -> f64 {
+    let [a, o, c] = spring.vertices.map(|v| v as usize);
     (x[a] - x[o] * 2.0 + x[c]).dot(normals[o])
 }
 
@@ -96,7 +96,7 @@ mod tests {
     use crate::mesh::grid;
     use glam::DVec2;
 
-    fn bent(sign: f64) -> Shape {
+    fn bent(sign: f64) -> Positions {
         let mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
         mesh.positions.iter().map(|p| *p + DVec3::Z * (sign * 2.0 * p.x * p.x)).collect()
     }
@@ -106,7 +106,7 @@ mod tests {
         let mut mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
         mesh.positions = bent(1.0);
         let cloth = Cloth::new(&mesh);
-        let prior = CurvaturePrior::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
+        let prior = SignedBendPrior::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
         assert!(prior.value(&cloth, &bent(1.0)) < 1e-20);
         assert!(prior.value(&cloth, &bent(-1.0)) > 1.0);
         let k = crate::sim::Stiffness::uniform(&cloth, [1.0; 3]);
@@ -117,15 +117,15 @@ mod tests {
     fn gradient_is_that_of_the_value_with_fixed_normals() {
         let mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
         let cloth = Cloth::new(&mesh);
-        let prior = CurvaturePrior::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
+        let prior = SignedBendPrior::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
         let mut rng = Rng::new(2, 0);
-        let x: Shape = bent(1.0).iter().map(|p| *p + rng.vector() * 1e-3).collect();
+        let x: Positions = bent(1.0).iter().map(|p| *p + rng.vector() * 1e-3).collect();
         let normals = prior.normals(&x);
         let mut gradient = vec![DVec3::ZERO; x.len()];
         let mut matrix = BlockMatrix::zeros(&cloth.pattern);
         prior.add_system(&cloth, &x, &mut gradient, &mut matrix);
         let value = |x: &[DVec3]| -> f64 {
-            let of = |(k, h): (usize, &Hinge)| {
+            let of = |(k, h): (usize, &AngleSpring)| {
                 cauchy((height(h, x, &normals) - prior.rest[k]) * prior.scale[k], prior.tail).0
             };
             cloth.bends.iter().enumerate().map(of).sum()
@@ -133,16 +133,17 @@ mod tests {
         let worst = gradient_check::check(flat(&x), flat(&gradient), 1e-5, 10, 1, |x| value(&vectors(x)));
         assert!(worst.relative_error < 1e-7, "{worst:?}");
         // Without tail and with fixed normals the value is quadratic: the matrix is its second derivative.
-        let plain = CurvaturePrior { tail: 1e9, ..prior.clone() };
+        let plain = SignedBendPrior { tail: 1e9, ..prior.clone() };
         let (mut gradient, mut matrix) = (vec![DVec3::ZERO; x.len()], BlockMatrix::zeros(&cloth.pattern));
         plain.add_system(&cloth, &x, &mut gradient, &mut matrix);
         let value = |x: &[DVec3]| -> f64 {
-            let of =
-                |(k, h): (usize, &Hinge)| ((height(h, x, &normals) - plain.rest[k]) * plain.scale[k]).powi(2);
+            let of = |(k, h): (usize, &AngleSpring)| {
+                ((height(h, x, &normals) - plain.rest[k]) * plain.scale[k]).powi(2)
+            };
             0.5 * cloth.bends.iter().enumerate().map(of).sum::<f64>()
         };
-        let d: Shape = x.iter().map(|_| rng.vector() * 1e-3).collect();
-        let moved: Shape = x.iter().zip(&d).map(|(x, d)| *x + *d).collect();
+        let d: Positions = x.iter().map(|_| rng.vector() * 1e-3).collect();
+        let moved: Positions = x.iter().zip(&d).map(|(x, d)| *x + *d).collect();
         let predicted = value(&x) + dot(&gradient, &d) + 0.5 * dot(&d, &matrix.multiply(&cloth.pattern, &d));
         assert!((value(&moved) - predicted).abs() < 1e-6 * predicted, "{} {predicted}", value(&moved));
     }

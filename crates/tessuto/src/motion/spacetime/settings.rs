@@ -5,15 +5,15 @@ use serde::{Deserialize, Serialize};
 /// Strictness of every term. A term with spread σ contributes ½ (residual/σ)².
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct TrajectorySettings {
+pub struct SpacetimeSettings {
     /// Spread of the strain of an edge.
     pub strain: f64,
-    /// Number of spreads beyond which strain and bending are taken for a fold, see [`super::strain`].
+    /// Number of spreads beyond which strain and bending are taken for a fold, see [`crate::motion::terms::strain`].
     pub tail: f64,
     /// Spread of the bending angle at a vertex [rad].
     pub bend: f64,
-    /// Spread of the signed bending angle at a vertex [rad], see [`super::curvature`].
-    pub curvature: f64,
+    /// Spread of the signed bending angle at a vertex [rad], see [`crate::motion::terms::signed_bend`].
+    pub signed_bend: f64,
     /// Spread of the shearing angle at a vertex [rad].
     pub shear: f64,
     /// Spread of the second difference of a vertex between frames [m].
@@ -25,9 +25,9 @@ pub struct TrajectorySettings {
     /// Weight of the comparison with the frames before and after, relative to that with the first frame.
     pub neighbour_weight: f64,
     /// Distances of the outline beyond this count less and less [px].
-    pub contour: f64,
+    pub outline: f64,
     /// Length of outline [px] whose errors vary together.
-    pub contour_length: f64,
+    pub outline_length: f64,
     /// Smoothness of the brightness field, relative to the data.
     pub gain_smoothness: f64,
     /// Coarsest pyramid level.
@@ -38,20 +38,20 @@ pub struct TrajectorySettings {
     pub iterations: usize,
 }
 
-impl Default for TrajectorySettings {
+impl Default for SpacetimeSettings {
     fn default() -> Self {
         Self {
             strain: 0.005,
             tail: 2.0,
             bend: 0.15,
-            curvature: 0.03,
+            signed_bend: 0.03,
             shear: 0.1,
             acceleration: 0.004,
             colour: 0.1,
             colour_area: 0.3,
             neighbour_weight: 0.5,
-            contour: 8.0,
-            contour_length: 0.028,
+            outline: 8.0,
+            outline_length: 0.028,
             gain_smoothness: 1.0,
             coarsest: 2,
             finest: 1,

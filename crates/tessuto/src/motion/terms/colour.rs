@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::contour::Contour;
-use super::pyramid::Level;
-use super::surface::{EdgePoint, SurfacePoint};
+use super::super::observed::outline_distance::OutlineDistance;
+use super::super::observed::pyramid::Level;
+use super::super::observed::samples::{EdgePoint, SurfaceSample};
 use crate::camera::Camera;
 
 /// Colour of every surface point as the reference frames show it; `None` where it was not seen.
@@ -17,7 +17,7 @@ pub struct Points<'a> {
     /// Triangles of the mesh.
     pub triangles: &'a [[u32; 3]],
     /// The points, ordered by triangle.
-    pub points: Vec<SurfacePoint>,
+    pub points: Vec<SurfaceSample>,
     /// Points of the outline.
     pub boundary: &'a [EdgePoint],
     /// `points[start[t]..start[t + 1]]` lie on triangle t.
@@ -26,7 +26,7 @@ pub struct Points<'a> {
 
 impl<'a> Points<'a> {
     /// Indexes `points` by triangle.
-    pub fn new(triangles: &'a [[u32; 3]], points: Vec<SurfacePoint>, boundary: &'a [EdgePoint]) -> Self {
+    pub fn new(triangles: &'a [[u32; 3]], points: Vec<SurfaceSample>, boundary: &'a [EdgePoint]) -> Self {
         let mut start = vec![0; triangles.len() + 1];
         points.iter().for_each(|p| start[p.triangle as usize + 1] += 1);
         for t in 0..triangles.len() {
@@ -44,17 +44,17 @@ pub struct DataTerm<'a> {
     /// Pixels of level 0 along one pixel of `level`.
     pub scale: f64,
     /// Outline of the frame's mask, at level 0.
-    pub contour: &'a Contour,
+    pub outline: &'a OutlineDistance,
     /// Camera of level 0.
     pub camera: &'a Camera,
     /// Colour differences beyond this count less and less (Geman and McClure), sRGB in [0, 1].
     pub colour_sigma: f64,
     /// Distances of the outline beyond this count less and less [px].
-    pub contour_sigma: f64,
+    pub outline_sigma: f64,
     /// Weight of one pixel's colour term.
     pub colour_weight: f64,
     /// Weight of one pixel's length of outline.
-    pub contour_weight: f64,
+    pub outline_weight: f64,
 }
 
 /// Value and derivatives of a data term over one triangle: Gauss-Newton blocks (0,0) (1,1) (2,2) (1,0) (2,0) (2,1).
@@ -64,7 +64,7 @@ pub struct Local<const CORNERS: usize, const BLOCKS: usize> {
     pub value: f64,
     /// By the corners.
     pub gradient: [DVec3; CORNERS],
-    /// Curvature blocks.
+    /// HessianKind blocks.
     pub blocks: [DMat3; BLOCKS],
 }
 
@@ -174,11 +174,11 @@ impl DataTerm<'_> {
         if p.z <= 0.0 {
             return zero;
         }
-        let Some((r, slope)) = self.contour.sample(self.camera.project(p)) else { return zero };
+        let Some((r, slope)) = self.outline.sample(self.camera.project(p)) else { return zero };
         let [ru, rv] = projection_rows(self.camera, p);
         let j = ru * slope.x + rv * slope.y;
-        let (rho, share) = robust(r * r, self.contour_sigma);
-        let weight = self.contour_weight * point.length;
+        let (rho, share) = robust(r * r, self.outline_sigma);
+        let weight = self.outline_weight * point.length;
         let s = weight * share;
         let q = outer(j, j);
         Local {
@@ -190,7 +190,7 @@ impl DataTerm<'_> {
 
     /// Colours of the surface points in this frame at shape `x`.
     pub fn observe(&self, points: &Points, visible: Option<&[bool]>, x: &[DVec3]) -> Reference {
-        let of = |point: &SurfacePoint| {
+        let of = |point: &SurfaceSample| {
             if visible.is_some_and(|v| !v[point.triangle as usize]) {
                 return None;
             }

@@ -12,7 +12,7 @@ const PRIOR: f32 = 10.0;
 
 /// Errors of the patches so far.
 #[derive(Clone, Serialize, Deserialize)]
-pub(super) struct Trust {
+pub(super) struct PatchWeights {
     triangles: usize,
     /// Sum and number of squared errors, shape [frames · triangles].
     errors: Vec<(f32, f32)>,
@@ -20,7 +20,7 @@ pub(super) struct Trust {
     weights: Vec<f32>,
 }
 
-impl Trust {
+impl PatchWeights {
     /// Everything is believed alike.
     pub fn new(frames: usize, triangles: usize) -> Self {
         Self { triangles, errors: vec![(0.0, 0.0); frames * triangles], weights: Vec::new() }
@@ -80,7 +80,7 @@ mod tests {
 
     #[test]
     fn bad_patches_count_less_and_the_mean_weight_is_one() {
-        let mut trust = Trust::new(2, 3);
+        let mut trust = PatchWeights::new(2, 3);
         assert_eq!(trust.weight(5), 1.0);
         for k in 0..600u32 {
             let patch = k % 6;
