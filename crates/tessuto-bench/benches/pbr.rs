@@ -9,7 +9,10 @@ use glam::DVec2;
 use tessuto::Camera;
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
-use tessuto::pbr::{EnvironmentMap, Geometry, Gradients, LANES, EnvironmentSampler, Material, Shader, accumulate, visible_points};
+use tessuto::pbr::{
+    EnvironmentMap, EnvironmentSampler, Geometry, Gradients, LANES, Material, Shader, accumulate,
+    visible_points,
+};
 use tessuto::raster::{Rasterizer, Rendering};
 
 fn pbr(criterion: &mut Criterion) {
@@ -22,7 +25,10 @@ fn pbr(criterion: &mut Criterion) {
     }
     let geometry = Geometry::new(&mesh, std::slice::from_ref(&mesh.positions));
     let rasterizer = Rasterizer::new(&mesh);
-    let seen = visible_points(&rasterizer, &camera, &geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| true);
+    let seen =
+        visible_points(&rasterizer, &camera, &geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| {
+            true
+        });
     let points: Vec<_> = seen.into_iter().map(|(_, point)| point).collect();
     let planes: Vec<f32> = (0..5 * 512 * 512).map(|_| 0.2 + 0.6 * rng.uniform() as f32).collect();
     let material = Material::from_planes(512, 512, &planes);

@@ -12,7 +12,7 @@ use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
-use tessuto::{Error, Scene, Positions, io, result};
+use tessuto::{Error, Positions, Scene, io, result};
 
 use crate::progress::{Progress, stop_on_interrupt};
 

@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tessuto::session::Epoch;
-use tessuto::{Error, Result, Positions, result};
+use tessuto::{Error, Positions, Result, result};
 
 /// Longest request head that is read [bytes].
 const LONGEST_HEAD: usize = 16 << 10;

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use tessuto::session::Epoch;
-use tessuto::{Error, Result, Positions};
+use tessuto::{Error, Positions, Result};
 
 use crate::live::Live;
 use crate::record::Recorder;

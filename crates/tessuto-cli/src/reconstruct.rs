@@ -13,7 +13,7 @@ use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::result::{self, Run};
 use tessuto::session::{Checkpoints, Session, identity};
-use tessuto::{Error, Scene, Positions};
+use tessuto::{Error, Positions, Scene};
 
 use crate::appearance::{Outputs, quoted};
 use crate::live::Server;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::session::{Epoch, identity};
-use tessuto::{Config, Error, Image, Result, Scene, Positions};
+use tessuto::{Config, Error, Image, Positions, Result, Scene};
 
 /// As much of a file as says what it is.
 const START: u64 = 512;

@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use tessuto::camera::Camera;
 use tessuto::image::Image;
 use tessuto::output::{FolderKind, OutputFolder, manifest};
-use tessuto::pbr::{RenderScene, EnvironmentMap, Geometry, EnvironmentSampler, Material, render_frame};
+use tessuto::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use tessuto::raster::{Rasterizer, Texture};
 use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use tessuto::{Error, Positions, appearance, io, result};

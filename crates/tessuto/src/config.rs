@@ -5,11 +5,12 @@ use serde_json::Value;
 
 use crate::appearance::AppearanceSettings;
 use crate::error::{Error, Result};
+use crate::motion::inverse::accelerations::InverseSettings;
 use crate::motion::inverse::stiffness::MaterialSettings;
-use crate::motion::rollout::{Dynamics, RolloutSettings, StiffnessRange};
+use crate::motion::parameters::{Dynamics, StiffnessRange};
+use crate::motion::rollout::RolloutSettings;
+use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
-use crate::motion::inverse::InverseSettings;
-use crate::motion::trajectory::SpacetimeSettings;
 use crate::sim::{Integrator, StepSettings};
 
 /// Named set of settings.
@@ -29,7 +30,7 @@ pub enum Method {
     /// Accelerations and stiffnesses are optimised through the simulation and the renderer.
     Rollout,
     /// Positions are found first, forces read off by a simulation tied to them.
-    Trajectory,
+    Spacetime,
 }
 
 /// Time stepping and material.
@@ -86,10 +87,10 @@ pub struct Config {
     /// Motion by rollouts.
     pub rollout: RolloutSettings,
     /// Motion by positions.
-    pub trajectory: SpacetimeSettings,
+    pub spacetime: SpacetimeSettings,
     /// Accelerations of a trajectory.
-    pub tie: InverseSettings,
-    /// Stiffnesses of a trajectory.
+    pub inverse: InverseSettings,
+    /// Stiffnesses of a motion.
     pub material: MaterialSettings,
     /// Material maps and light; the settings of results without them.
     #[serde(default)]
@@ -121,8 +122,8 @@ impl Config {
             dynamics,
             texture: TextureSettings::default(),
             rollout: RolloutSettings::default(),
-            trajectory: SpacetimeSettings::default(),
-            tie: InverseSettings::default(),
+            spacetime: SpacetimeSettings::default(),
+            inverse: InverseSettings::default(),
             material: MaterialSettings::default(),
             appearance: AppearanceSettings::default(),
         }
@@ -177,7 +178,7 @@ impl Config {
     /// # Errors
     /// [`Error::Usage`] naming the setting, its value and its range.
     pub fn validate(&self) -> Result<()> {
-        let t = &self.trajectory;
+        let t = &self.spacetime;
         let checks = [
             ("dynamics.substeps", self.dynamics.substeps as f64, 1.0, 64.0),
             ("dynamics.damping_per_5ms", self.dynamics.damping_per_5ms, 0.0, 1.0),

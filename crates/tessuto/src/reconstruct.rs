@@ -2,13 +2,14 @@
 
 use crate::config::{Config, Method};
 use crate::error::{Error, Result};
-use crate::motion::inverse::stiffness::fit_material;
-use crate::motion::rollout::{Parameters, RolloutFit};
-use crate::motion::texture::fit_texture;
-use crate::motion::inverse::{accelerations_of_motion, interpolated};
-use crate::motion::trajectory;
-use crate::raster::{Rasterizer, Texture};
 use crate::mesh::Positions;
+use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
+use crate::motion::inverse::stiffness::fit_material;
+use crate::motion::parameters::Parameters;
+use crate::motion::rollout::RolloutFit;
+use crate::motion::spacetime;
+use crate::motion::texture::fit_texture;
+use crate::raster::{Rasterizer, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
@@ -76,7 +77,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             fitted
         }
         Method::Spacetime => {
-            let problem = trajectory::Problem::new(scene, &cloth, config.trajectory.clone())?;
+            let problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
             let (tracked, lost) = problem.track(session)?;
             session.lap("track");
             let (frames, stuck) = problem.refine(tracked, session)?;
@@ -88,9 +89,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                     fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
             }
             let k = parameters.stiffness();
-            let (forces, loose) =
-                accelerations_of_motion(&scene.template, &fit.dynamics, k, &frames, &config.tie);
-            parameters.accelerations = forces;
+            let (accelerations, loose) =
+                accelerations_of_motion(&scene.template, &fit.dynamics, k, &frames, &config.inverse);
+            parameters.accelerations = accelerations;
             session.lap("forces and stiffnesses");
             (parameters, lost.or(stuck).or(loose))
         }
@@ -118,7 +119,8 @@ pub fn simulate(
     let dynamics = config.dynamics.at(fps);
     let initial = State { x: template.clone(), v: vec![glam::DVec3::ZERO; template.len()] };
     let stiffness = Stiffness::uniform(cloth, parameters.stiffness());
-    let inputs = RolloutInputs { initial: &initial, forces: &parameters.accelerations, stiffness: &stiffness };
-    let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.parts + 1;
+    let inputs =
+        RolloutInputs { initial: &initial, accelerations: &parameters.accelerations, stiffness: &stiffness };
+    let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.entries_per_frame + 1;
     Ok(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
 }

@@ -6,9 +6,8 @@ use glam::DVec3;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Positions};
 use crate::video::Video;
-
 
 /// What is known of the true motion; used by evaluation only.
 #[derive(Debug, Clone, Default)]

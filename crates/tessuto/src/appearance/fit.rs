@@ -2,20 +2,20 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::environment_parameters::EnvironmentParameters;
 use super::loss::loss;
 use super::observations::observe;
-use super::environment_parameters::EnvironmentParameters;
-use super::texels::{MapState, Maps, Texels, splat};
 use super::patch_weights::PatchWeights;
+use super::texels::{MapState, Maps, Texels, splat};
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
 use crate::error::{Error, Result};
-use crate::math::rng::mix32;
-use crate::pbr::{EnvironmentMap, Geometry, Gradients, EnvironmentSampler, Material, Shader, accumulate}
 use crate::image::srgb;
-use crate::raster::Rasterizer;
+use crate::math::rng::mix32;
 use crate::mesh::Positions;
+use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate};
+use crate::raster::Rasterizer;
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 

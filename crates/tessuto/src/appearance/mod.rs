@@ -9,16 +9,16 @@
 
 #[cfg(feature = "decoder")]
 mod decoded;
+mod environment_parameters;
 mod fit;
 mod loss;
 mod observations;
+mod patch_weights;
 mod read;
 mod relight;
 mod rerender;
 mod settings;
-mod environment_parameters;
 mod texels;
-mod patch_weights;
 mod window;
 mod write;
 

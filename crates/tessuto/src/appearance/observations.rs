@@ -4,9 +4,9 @@ use super::Window;
 use crate::error::Result;
 use crate::image::Image;
 use crate::math::rng::mix32;
+use crate::mesh::Positions;
 use crate::pbr::{Geometry, SurfacePoint, visible_points};
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::mesh::Positions;
 use crate::scene::Scene;
 
 /// Pixels of all frames that certainly show cloth.

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::io;
-use crate::pbr::{Material}
 use crate::image::srgb;
+use crate::io;
+use crate::pbr::Material;
 
 /// The maps in `folder`, as [`write_material`](super::write_material) leaves them; those of other programs may have
 /// any size, the same for all three.

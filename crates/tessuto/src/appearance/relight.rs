@@ -5,11 +5,11 @@ use std::path::Path;
 use super::read_material;
 use crate::camera::Camera;
 use crate::error::Result;
+use crate::image::srgb;
 use crate::mesh::{Mesh, Positions};
 use crate::metrics::maps::{self, MapMetrics};
 use crate::metrics::similarity::psnr;
-use crate::pbr::{RenderScene, EnvironmentMap, Geometry, EnvironmentSampler, Material, render_frame}
-use crate::image::srgb;
+use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;
 

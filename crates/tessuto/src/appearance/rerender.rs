@@ -2,9 +2,9 @@
 
 use crate::error::Result;
 use crate::image::Image;
-use crate::pbr::{RenderScene, EnvironmentMap, Geometry, EnvironmentSampler, Material, render_frame};
-use crate::raster::Rasterizer;
 use crate::mesh::Positions;
+use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
+use crate::raster::Rasterizer;
 use crate::scene::Scene;
 
 /// A frame drawn again.

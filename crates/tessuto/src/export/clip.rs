@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
 use crate::mesh::{Mesh, Positions};
-use crate::motion::rollout::Parameters;
+use crate::motion::parameters::Parameters;
 use crate::result;
 
 /// The pictures that make up the look.
@@ -199,7 +199,7 @@ pub(super) mod tests {
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
                 log_stiffness: [2.0, -3.0, -4.0],
-                forces: Accelerations { constant: DVec3::Y, dynamic: vec![], parts: 1 },
+                accelerations: Accelerations { constant: DVec3::Y, dynamic: vec![], entries_per_frame: 1 },
             },
             mesh,
         }

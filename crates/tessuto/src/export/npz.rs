@@ -23,7 +23,7 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     };
     let (face_vertices, face_uvs) = (corners(|f| &f.vertices), corners(|f| &f.uvs));
     let [stretch, bend, shear] = clip.parameters.stiffness();
-    let forces = &clip.parameters.accelerations;
+    let accelerations = &clip.parameters.accelerations;
     let scalar = |v: f64| array(&[], &[v]);
     let mut files = vec![
         ("motion", array(&[frames, vertices, 3], &vectors(&clip.motion))),
@@ -39,9 +39,12 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
         ("bend", scalar(bend)),
         ("shear", scalar(shear)),
         ("area_density", scalar(AREA_DENSITY)),
-        ("constant_force", array(&[3], &forces.constant.to_array())),
-        ("dynamic_force", array(&[forces.dynamic.len(), vertices, 3], &vectors(&forces.dynamic))),
-        ("dynamic_parts", array(&[], &[forces.parts as u32])),
+        ("constant_force", array(&[3], &accelerations.constant.to_array())),
+        (
+            "dynamic_force",
+            array(&[accelerations.dynamic.len(), vertices, 3], &vectors(&accelerations.dynamic)),
+        ),
+        ("dynamic_parts", array(&[], &[accelerations.entries_per_frame as u32])),
     ];
     if let Some(c) = &clip.camera {
         let values = [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64];

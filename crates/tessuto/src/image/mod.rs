@@ -1,4 +1,6 @@
-//! Float images in memory.
+//! Float images in memory, and the sRGB transfer curve.
+
+pub mod srgb;
 
 /// Interleaved float image; row 0 is the top.
 #[derive(Debug, Clone, PartialEq)]

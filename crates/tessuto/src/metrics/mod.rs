@@ -246,7 +246,12 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
 }
 
 /// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
-fn check_scale(place: &str, truth: Option<&Vec<Positions>>, motion: &[Positions], least: usize) -> Result<()> {
+fn check_scale(
+    place: &str,
+    truth: Option<&Vec<Positions>>,
+    motion: &[Positions],
+    least: usize,
+) -> Result<()> {
     let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
     let diagonal = |shape: &Positions| {
         let low = shape.iter().copied().fold(DVec3::INFINITY, DVec3::min);

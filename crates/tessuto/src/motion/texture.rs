@@ -3,13 +3,13 @@
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::math::finite;
+use crate::mesh::Positions;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::mesh::Positions;
 use crate::session::{Epoch, Session};
 use crate::video::Frame;
 
-use super::loss::{LossWeights, image_loss};
+use super::rollout::losses::{LossWeights, image_loss};
 
 /// Settings of the texture phase.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::material::{CHANNELS, Footprint};
-use super::{RadianceEstimate, SurfacePoint, Shader};
+use super::{RadianceEstimate, Shader, SurfacePoint};
 use crate::math::rng::mix32;
 
 /// Parts into which points are divided, whatever the number of threads: each has sums of its own, which are then

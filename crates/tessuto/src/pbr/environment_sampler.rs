@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use wide::{f32x8, u32x8};
 
-use super::Environment;
+use super::EnvironmentMap;
 
 /// An environment, and a distribution of directions whose density follows the power of an environment like it:
 /// the density is kept while the radiance changes, until the next [`EnvironmentSampler::new`].

@@ -3,13 +3,13 @@
 use rayon::prelude::*;
 
 use super::denoise::{Lit, RADIUS, denoise};
-use super::{RadianceEstimate, Geometry, EnvironmentSampler, Material, Shader, visible_points}
-use crate::image::srgb;
+use super::{EnvironmentSampler, Geometry, Material, RadianceEstimate, Shader, visible_points};
 use crate::camera::Camera;
 use crate::image::Image;
+use crate::image::srgb;
 use crate::math::rng::mix32;
-use crate::raster::{Rasterizer, Rendering};
 use crate::mesh::Positions;
+use crate::raster::{Rasterizer, Rendering};
 
 /// What a picture shows.
 #[derive(Debug, Clone, Copy)]
@@ -26,9 +26,15 @@ pub struct RenderScene<'a> {
 
 /// Draws frame `frame`, whose vertices are at `shape`, as `camera` sees it from the origin, with `passes` passes of
 /// eight samples per pixel, which neighbours share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
-pub fn render_frame(cloth: &RenderScene, camera: &Camera, (frame, shape): (usize, &Positions), passes: usize) -> Image {
+pub fn render_frame(
+    cloth: &RenderScene,
+    camera: &Camera,
+    (frame, shape): (usize, &Positions),
+    passes: usize,
+) -> Image {
     let mut rendering = Rendering::new();
-    let seen = visible_points(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering, |_, _| true);
+    let seen =
+        visible_points(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering, |_, _| true);
     let shader = Shader { geometry: cloth.geometry, material: cloth.material, light: cloth.light };
     let seed = mix32(frame as u32 ^ 0x7e55_0170);
     let estimated: Vec<(Lit, [[f32; 3]; 2])> = seen

@@ -6,7 +6,7 @@ use wide::{f32x8, u32x8};
 use super::accumulate::Sink;
 use super::brdf::{Brdf, Eval};
 use super::material::Footprint;
-use super::{Geometry, EnvironmentSampler, Material, SurfacePoint};
+use super::{EnvironmentSampler, Geometry, Material, SurfacePoint};
 use crate::math::rng::mix32;
 
 /// Directions in a bundle. A pass shades this many camera samples, each with one direction from the light and
@@ -132,7 +132,13 @@ impl Shader<'_> {
     }
 
     /// Adds the derivatives of `adjoint` · colour to `sink`: the material's, and the light's.
-    pub(super) fn estimate_vjp(&self, site: &ShadingContext, estimate: &RadianceEstimate, adjoint: [f32; 3], sink: &mut Sink) {
+    pub(super) fn estimate_vjp(
+        &self,
+        site: &ShadingContext,
+        estimate: &RadianceEstimate,
+        adjoint: [f32; 3],
+        sink: &mut Sink,
+    ) {
         let b = &site.brdf;
         let mut texel = [0.0f32; 8];
         for c in 0..3 {

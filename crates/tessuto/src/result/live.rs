@@ -5,10 +5,10 @@ use serde::Serialize;
 use super::{Run, history, page};
 use crate::config::Preset;
 use crate::error::Result;
+use crate::mesh::Positions;
 use crate::report::embed::Window;
 use crate::report::film::{self, Film, Source};
 use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
-use crate::mesh::Positions;
 use crate::scene::Scene;
 use crate::session::Epoch;
 

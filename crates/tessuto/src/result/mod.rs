@@ -35,7 +35,7 @@ use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::{Mesh, Positions};
 use crate::metrics::Evaluation;
-use crate::motion::rollout::Parameters;
+use crate::motion::parameters::Parameters;
 use crate::reconstruct::Reconstruction;
 use crate::scene::Scene;
 use crate::sim::Accelerations;
@@ -212,7 +212,7 @@ fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
         log10_stiffness: p.log_stiffness,
         constant_force: quantity(p.accelerations.constant.to_array(), "m/s^2"),
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
-        dynamic_parts: p.accelerations.parts,
+        dynamic_parts: p.accelerations.entries_per_frame,
         area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
         frame_rate: quantity(scene.fps, "1/s"),
         camera: Some(camera),
@@ -252,8 +252,8 @@ pub fn read(folder: &Path) -> Result<Saved> {
     if !constant.is_finite() || dynamic.iter().flatten().any(|d| !d.is_finite()) {
         return Err(bad("a force is not finite".to_owned()));
     }
-    let forces = Accelerations { constant, dynamic, parts: file.dynamic_parts };
-    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, forces };
+    let accelerations = Accelerations { constant, dynamic, entries_per_frame: file.dynamic_parts };
+    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, accelerations };
     // Whoever edits the values means the values.
     if parameters.stiffness() != stiffness {
         parameters.log_stiffness = stiffness.map(f64::log10);

@@ -10,7 +10,7 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::{Mesh, Positions};
-use crate::motion::rollout::Parameters;
+use crate::motion::parameters::Parameters;
 use crate::report::chart::{self, Chart, Series};
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source, jpeg_of};
@@ -112,7 +112,7 @@ fn read_motion(folder: &Path, mesh: &Mesh) -> Result<Vec<Positions>> {
 
 /// What was recovered besides the motion.
 fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
-    let Parameters { log_stiffness, forces } = &saved.parameters;
+    let Parameters { log_stiffness, accelerations } = &saved.parameters;
     let [stretch, bend, shear] = saved.parameters.stiffness();
     let d = &saved.run.settings.dynamics;
     let note = |k: usize| {
@@ -127,7 +127,7 @@ fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
         unit: unit.to_owned(),
         note,
     };
-    let c = forces.constant;
+    let c = accelerations.constant;
     vec![
         parameter("stretch", "stretch stiffness", stretch, "N/m", note(0)),
         parameter("bend", "bend stiffness", bend, "J/rad²", note(1)),
@@ -139,14 +139,15 @@ fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
 }
 
 /// ‖C + D‖ [m/s²] at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
-fn force_magnitudes(forces: &Accelerations, frame_count: usize, vertex_count: usize) -> Vec<Vec<f32>> {
-    let intervals: Vec<&[Positions]> = forces.dynamic.chunks_exact(forces.parts).collect();
+fn force_magnitudes(accelerations: &Accelerations, frame_count: usize, vertex_count: usize) -> Vec<Vec<f32>> {
+    let intervals: Vec<&[Positions]> =
+        accelerations.dynamic.chunks_exact(accelerations.entries_per_frame).collect();
     let of = |n: usize| -> Vec<f32> {
         let Some(parts) = intervals.get(n.min(intervals.len().saturating_sub(1))) else {
             return vec![f32::NAN; vertex_count];
         };
-        let mean = |v: usize| parts.iter().map(|d| (forces.constant + d[v]).length()).sum::<f64>();
-        (0..vertex_count).map(|v| (mean(v) / forces.parts as f64) as f32).collect()
+        let mean = |v: usize| parts.iter().map(|d| (accelerations.constant + d[v]).length()).sum::<f64>();
+        (0..vertex_count).map(|v| (mean(v) / accelerations.entries_per_frame as f64) as f32).collect()
     };
     (0..frame_count).map(of).collect()
 }
@@ -174,11 +175,11 @@ fn fields(folder: &Path, saved: &Saved, motion: &[Positions]) -> Result<Vec<Fiel
             .collect();
         Ok(Field::new(texts, diverging, &values))
     };
-    let forces = force_magnitudes(&saved.parameters.accelerations, motion.len(), vertex_count);
+    let accelerations = force_magnitudes(&saved.parameters.accelerations, motion.len(), vertex_count);
     Ok([
         from_file("depth_error.npy", ["depth_error", "depth − measured depth", "mm"], true)?,
         from_file("vertex_error.npy", ["vertex_error", "distance from the true vertex", "mm"], false)?,
-        Field::new(["force", "force per mass", "m/s²"], false, &forces),
+        Field::new(["force", "force per mass", "m/s²"], false, &accelerations),
     ]
     .into_iter()
     .flatten()
@@ -222,13 +223,16 @@ fn frame_charts(folder: &Path, saved: &Saved, motion: &[Positions]) -> Result<Ve
         "%",
         vec![("strain", motion.par_iter().map(strain).collect())],
     ));
-    let forces = force_magnitudes(&saved.parameters.accelerations, motion.len(), rest.len());
+    let accelerations = force_magnitudes(&saved.parameters.accelerations, motion.len(), rest.len());
     let mean = |f: &Vec<f32>| f.iter().map(|v| f64::from(*v)).sum::<f64>() / f.len().max(1) as f64;
     let most = |f: &Vec<f32>| f.iter().fold(f64::NAN, |m, v| m.max(f64::from(*v)));
     charts.push(chart(
         "Force per mass",
         "m/s²",
-        vec![("mean", forces.iter().map(mean).collect()), ("largest", forces.iter().map(most).collect())],
+        vec![
+            ("mean", accelerations.iter().map(mean).collect()),
+            ("largest", accelerations.iter().map(most).collect()),
+        ],
     ));
     Ok(charts)
 }

@@ -5,11 +5,11 @@ use std::path::Path;
 use crate::error::Result;
 use crate::image::Image;
 use crate::io;
+use crate::mesh::Positions;
 use crate::raster::{Rasterizer, Rendering};
 use crate::reconstruct::Reconstruction;
 use crate::report::pictures::{FramePictures, Ranges, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
-use crate::mesh::Positions;
 use crate::scene::Scene;
 use crate::video::Frame;
 

@@ -93,7 +93,12 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// What the observer returned; [`Error::Output`] if a checkpoint cannot be written.
-    pub fn step(&mut self, epoch: &Epoch, motion: &[Positions], state: Option<&impl Serialize>) -> Result<()> {
+    pub fn step(
+        &mut self,
+        epoch: &Epoch,
+        motion: &[Positions],
+        state: Option<&impl Serialize>,
+    ) -> Result<()> {
         self.history.push(epoch.clone());
         if self.stopping.is_none() {
             self.stopping = (self.observer)(epoch, motion).err();

@@ -16,10 +16,10 @@ const FACTOR_MEMORY: usize = 700 << 20;
 pub struct Accelerations {
     /// C, the same in space and time.
     pub constant: DVec3,
-    /// D, shape [(N − 1)·parts, V].
+    /// D, shape [(N − 1)·entries_per_frame, V].
     pub dynamic: Vec<Positions>,
     /// Entries of D for each frame interval, each held for (sub-steps per frame)/parts sub-steps.
-    pub parts: usize,
+    pub entries_per_frame: usize,
 }
 
 /// Everything that determines the motion.
@@ -28,7 +28,7 @@ pub struct RolloutInputs<'a> {
     /// State at frame 0.
     pub initial: &'a State,
     /// External accelerations.
-    pub forces: &'a Accelerations,
+    pub accelerations: &'a Accelerations,
     /// Stiffnesses.
     pub stiffness: &'a Stiffness,
 }
@@ -76,7 +76,7 @@ pub fn rollout(
     let mut state = inputs.initial.clone();
     let mut acceleration = vec![DVec3::ZERO; cloth.vertex_count()];
     for k in 0..step_count {
-        let dynamic = &inputs.accelerations.dynamic[k * inputs.accelerations.parts / substeps];
+        let dynamic = &inputs.accelerations.dynamic[k * inputs.accelerations.entries_per_frame / substeps];
         acceleration.iter_mut().zip(dynamic).for_each(|(a, d)| *a = inputs.accelerations.constant + *d);
         let mut tape = step(cloth, settings, inputs.stiffness, state, &acceleration, &mut scratch)
             .map_err(|e| at_frame(e, k / substeps + 1))?;
@@ -112,7 +112,7 @@ pub fn rollout_vjp(
             add(&mut gradients.x, &grad_frames[(k + 1) / substeps]);
         }
         step_vjp(cloth, settings, inputs.stiffness, tape, &mut gradients, &mut scratch);
-        add(&mut dynamic[k * inputs.accelerations.parts / substeps], &gradients.acceleration);
+        add(&mut dynamic[k * inputs.accelerations.entries_per_frame / substeps], &gradients.acceleration);
         constant += gradients.acceleration.iter().copied().sum::<DVec3>();
     }
     add(&mut gradients.x, &grad_frames[0]);
@@ -126,16 +126,17 @@ pub fn rollout_vjp(
 }
 
 impl Accelerations {
-    /// No force at all, over `frame_count` frames with `parts` entries of D each.
-    pub fn zeros(frame_count: usize, parts: usize, vertex_count: usize) -> Self {
-        let dynamic = vec![vec![DVec3::ZERO; vertex_count]; frame_count.saturating_sub(1) * parts];
-        Self { constant: DVec3::ZERO, dynamic, parts }
+    /// No force at all, over `frame_count` frames with `entries_per_frame` entries of D each.
+    pub fn zeros(frame_count: usize, entries_per_frame: usize, vertex_count: usize) -> Self {
+        let dynamic =
+            vec![vec![DVec3::ZERO; vertex_count]; frame_count.saturating_sub(1) * entries_per_frame];
+        Self { constant: DVec3::ZERO, dynamic, entries_per_frame }
     }
 
     /// Whether they are for as many frames, parts and vertices as `other`.
-    pub fn fit(&self, other: &Self) -> bool {
+    pub fn matches(&self, other: &Self) -> bool {
         let sizes = |f: &Self| f.dynamic.iter().map(Vec::len).collect::<Vec<_>>();
-        self.parts == other.parts && sizes(self) == sizes(other)
+        self.entries_per_frame == other.entries_per_frame && sizes(self) == sizes(other)
     }
 }
 

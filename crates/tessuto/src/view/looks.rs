@@ -4,11 +4,11 @@ use glam::DVec3;
 
 use crate::camera::Camera;
 use crate::image::Image;
-use crate::pbr::{Geometry, visible_points}
 use crate::image::srgb;
+use crate::mesh::Positions;
+use crate::pbr::{Geometry, visible_points};
 use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::report::colour::sequential;
-use crate::mesh::Positions;
 
 /// Share of light that reaches a surface seen edge-on.
 const AMBIENT: f32 = 0.2;
@@ -32,7 +32,9 @@ pub fn draw_shaded(
 ) -> Image {
     let mut rendering = Rendering::new();
     let mut picture = Image::new(camera.width, camera.height, 3);
-    for (pixel, point) in visible_points(rasterizer, camera, geometry, frame, shape, &mut rendering, |_, _| true) {
+    for (pixel, point) in
+        visible_points(rasterizer, camera, geometry, frame, shape, &mut rendering, |_, _| true)
+    {
         let facing = point.normal.dot(-point.position.normalize()).max(0.0);
         let coverage = rendering.rgba[pixel as usize][3].clamp(0.0, 1.0);
         let value = srgb::encode(GREY * (AMBIENT + (1.0 - AMBIENT) * facing) * coverage);

@@ -4,8 +4,8 @@ use glam::{DMat3, DVec3};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::pbr::EnvironmentMap;
 use crate::mesh::Positions;
+use crate::pbr::EnvironmentMap;
 
 /// Margin around the fabric, as a share of the picture.
 const MARGIN: f64 = 0.05;

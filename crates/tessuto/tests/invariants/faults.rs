@@ -9,7 +9,9 @@ use tessuto::mesh::{Face, grid};
 use tessuto::pbr::Geometry;
 use tessuto::session::{Checkpoints, Epoch, Session};
 use tessuto::sim::step::step;
-use tessuto::sim::{Cloth, RolloutInputs, Accelerations, Integrator, State, StepSettings, Stiffness, rollout};
+use tessuto::sim::{
+    Accelerations, Cloth, Integrator, RolloutInputs, State, StepSettings, Stiffness, rollout,
+};
 use tessuto::synth;
 use tessuto::{Error, Reconstruction, Scene, reconstruct};
 
@@ -68,9 +70,9 @@ fn a_rollout_names_the_frame_in_which_a_force_is_none() {
     let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
     let initial = State { v: vec![DVec3::ZERO; x.len()], x };
     for integrator in INTEGRATORS {
-        let mut forces = Accelerations::zeros(5, 1, mesh.positions.len());
-        forces.dynamic[2][3].z = f64::NAN;
-        let drive = RolloutInputs { initial: &initial, forces: &forces, stiffness: &stiffness };
+        let mut accelerations = Accelerations::zeros(5, 1, mesh.positions.len());
+        accelerations.dynamic[2][3].z = f64::NAN;
+        let drive = RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &stiffness };
         let error = rollout(&cloth, &settings(integrator), 4, 5, &drive).unwrap_err();
         names(&error, &["frame 3", "vertex 3"]);
     }

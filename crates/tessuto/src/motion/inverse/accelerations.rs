@@ -9,24 +9,24 @@
 
 use glam::DVec3;
 
-use super::rollout::Dynamics;
+use super::super::parameters::Dynamics;
 use crate::error::Error;
 use crate::math::factor::Scratch;
 use crate::mesh::{Mesh, Positions};
 use crate::sim::step::step;
-use crate::sim::{Cloth, Accelerations, State, Stiffness};
+use crate::sim::{Accelerations, Cloth, State, Stiffness};
 
 /// Settings of the tied simulation.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct InverseSettings {
     /// Stiffness κ of the ties [N/m].
-    pub stiffness: f64,
+    pub tracking_stiffness: f64,
 }
 
 impl Default for InverseSettings {
     fn default() -> Self {
-        Self { stiffness: 1000.0 }
+        Self { tracking_stiffness: 1000.0 }
     }
 }
 
@@ -64,7 +64,7 @@ pub fn accelerations_of_motion(
     settings: &InverseSettings,
 ) -> (Accelerations, Option<Error>) {
     let (h, damping) = (dynamics.step.step, dynamics.step.damping);
-    let kappa = settings.stiffness;
+    let kappa = settings.tracking_stiffness;
     let targets = interpolated(frames, dynamics.substeps);
     let cloth = Cloth::new(template);
     // The tie is a second inertia: M' = M + h² κ, M' y' = M y + h² κ x*.
@@ -72,11 +72,11 @@ pub fn accelerations_of_motion(
     tied.masses.iter_mut().for_each(|m| *m += h * h * kappa);
     let stiffness = Stiffness::uniform(&cloth, stiffness);
     let constant = mean_acceleration(&cloth, &targets, h, damping);
-    let mut forces = Accelerations::zeros(frames.len(), dynamics.substeps, cloth.vertex_count());
-    forces.constant = constant;
+    let mut accelerations = Accelerations::zeros(frames.len(), dynamics.substeps, cloth.vertex_count());
+    accelerations.constant = constant;
     let mut scratch = Scratch::default();
     let mut state = State { x: targets[0].clone(), v: vec![DVec3::ZERO; cloth.vertex_count()] };
-    for (target, dynamic) in targets[1..].iter().zip(&mut forces.dynamic) {
+    for (target, dynamic) in targets[1..].iter().zip(&mut accelerations.dynamic) {
         let acceleration: Positions = (0..target.len())
             .map(|i| {
                 let drift = state.v[i] * (h * damping);
@@ -88,7 +88,7 @@ pub fn accelerations_of_motion(
             .collect();
         let tape = match step(&tied, &dynamics.step, &stiffness, state, &acceleration, &mut scratch) {
             Ok(tape) => tape,
-            Err(failure) => return (forces, Some(failure)),
+            Err(failure) => return (accelerations, Some(failure)),
         };
         for (i, d) in dynamic.iter_mut().enumerate() {
             let pull = (target[i] - tape.after.x[i]) * (kappa / cloth.masses[i]);
@@ -99,11 +99,11 @@ pub fn accelerations_of_motion(
             Ok(tape) => tape.after,
             Err(failure) => {
                 dynamic.fill(DVec3::ZERO);
-                return (forces, Some(failure));
+                return (accelerations, Some(failure));
             }
         };
     }
-    (forces, None)
+    (accelerations, None)
 }
 
 /// Mass-weighted mean of (x_{k+1} − x_k − h δ v_k)/h²; internal forces do not enter it.
@@ -124,7 +124,7 @@ fn mean_acceleration(cloth: &Cloth, targets: &[Positions], h: f64, damping: f64)
 mod tests {
     use super::*;
     use crate::mesh::grid;
-    use crate::sim::{RolloutInputs, Integrator, StepSettings, rollout};
+    use crate::sim::{Integrator, RolloutInputs, StepSettings, rollout};
     use glam::DVec2;
 
     #[test]
@@ -138,7 +138,7 @@ mod tests {
             tolerance: 1e-9,
             newton_limit: 100,
         };
-        let range = super::super::rollout::StiffnessRange { start: 0.0, low: 0.0, high: 0.0 };
+        let range = crate::motion::parameters::StiffnessRange { start: 0.0, low: 0.0, high: 0.0 };
         let dynamics = Dynamics { step: settings, substeps: 4, stiffness: [range; 3] };
         let k = [200.0, 1e-3, 1e-4];
         let swing = |n: usize| -> Positions {
@@ -148,13 +148,19 @@ mod tests {
                 .collect()
         };
         let targets: Vec<Positions> = (0..8).map(swing).collect();
-        let (forces, failure) =
-            accelerations_of_motion(&mesh, &dynamics, k, &targets, &InverseSettings { stiffness: 1e3 });
+        let (accelerations, failure) = accelerations_of_motion(
+            &mesh,
+            &dynamics,
+            k,
+            &targets,
+            &InverseSettings { tracking_stiffness: 1e3 },
+        );
         assert!(failure.is_none());
-        assert!(forces.constant.length() > 1e-3);
+        assert!(accelerations.constant.length() > 1e-3);
         let initial = State { x: targets[0].clone(), v: vec![DVec3::ZERO; 25] };
         let stiffness = Stiffness::uniform(&cloth, k);
-        let inputs = RolloutInputs { initial: &initial, forces: &forces, stiffness: &stiffness };
+        let inputs =
+            RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &stiffness };
         let motion = rollout(&cloth, &settings, 4, 8, &inputs).unwrap();
         for (x, target) in motion.frames.iter().zip(&targets) {
             let worst = x.iter().zip(target).map(|(x, t)| x.distance(*t)).fold(0.0, f64::max);

@@ -12,7 +12,7 @@
 
 use glam::DVec3;
 
-use super::rollout::Dynamics;
+use super::super::parameters::Dynamics;
 use crate::mesh::Positions;
 use crate::sim::{Cloth, Stiffness};
 
@@ -114,8 +114,8 @@ fn golden_section(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::mesh::grid;
-    use crate::motion::rollout::StiffnessRange;
-    use crate::sim::{RolloutInputs, Accelerations, Integrator, State, StepSettings, rollout};
+    use crate::motion::parameters::StiffnessRange;
+    use crate::sim::{Accelerations, Integrator, RolloutInputs, State, StepSettings, rollout};
     use glam::DVec2;
 
     #[test]
@@ -140,10 +140,10 @@ mod tests {
             .map(|p| DVec3::new(p.x * 1.02 + 0.1 * p.y, p.y, p.z + 2.0 * p.x * p.x))
             .collect();
         let initial = State { v: vec![DVec3::ZERO; x.len()], x };
-        let mut forces = Accelerations::zeros(20, 1, cloth.vertex_count());
-        forces.constant = DVec3::new(0.0, 9.81, 0.0);
+        let mut accelerations = Accelerations::zeros(20, 1, cloth.vertex_count());
+        accelerations.constant = DVec3::new(0.0, 9.81, 0.0);
         let k = Stiffness::uniform(&cloth, truth);
-        let inputs = RolloutInputs { initial: &initial, forces: &forces, stiffness: &k };
+        let inputs = RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &k };
         let motion = rollout(&cloth, &step, 1, 20, &inputs).unwrap().frames;
         let found = fit_material(&cloth, &dynamics, &motion, 0.5).map(|l| 10f64.powf(l));
         println!("{found:?} of {truth:?}");

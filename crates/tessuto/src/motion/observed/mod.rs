@@ -1,11 +1,15 @@
 //! What the search for the motion keeps of a video: pyramids of its colours and distances to its outlines, at the
 //! resolution that memory has room for.
 
-use super::outline_distance::OutlineDistance;
-use super::pyramid::{Level, pyramid};
+pub mod outline_distance;
+pub mod pyramid;
+pub mod samples;
+
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::scene::Scene;
+use outline_distance::OutlineDistance;
+use pyramid::{Level, pyramid};
 
 /// Most bytes that colours and what is computed from them may take, and that outlines may take.
 const COLOUR_MEMORY: usize = 3 << 30;

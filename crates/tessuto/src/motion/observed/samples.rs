@@ -18,7 +18,12 @@ pub struct SurfaceSample {
 
 /// Points about `spacing` pixels apart in the image of the mesh as `camera` sees it at `positions`,
 /// ordered by triangle: each triangle is cut into k² like parts, with a point in each centre.
-pub fn interior_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Vec<SurfaceSample> {
+pub fn interior_points(
+    mesh: &Mesh,
+    positions: &[DVec3],
+    camera: &Camera,
+    spacing: f64,
+) -> Vec<SurfaceSample> {
     let mut points = Vec::new();
     for (triangle, t) in mesh.triangles().into_iter().enumerate() {
         let [a, b, c] = t.map(|v| camera.project(positions[v as usize]));

@@ -81,19 +81,19 @@ pub fn view_rays(shape: &[DVec3]) -> Positions {
 /// Adds `scale`·its gradient to `grad_constant` and `grad_dynamic`; only the first `entries` of D count.
 /// `rays[k]` belongs to entry k.
 pub fn force_across_rays(
-    forces: &Accelerations,
+    accelerations: &Accelerations,
     entries: usize,
     rays: &[&Positions],
     scale: f64,
     grad_constant: &mut DVec3,
     grad_dynamic: &mut [Positions],
 ) -> f64 {
-    let vertex_count = forces.dynamic.first().map_or(1, Vec::len);
+    let vertex_count = accelerations.dynamic.first().map_or(1, Vec::len);
     let share = 1.0 / (entries * vertex_count) as f64;
     let mut sum = 0.0;
     for k in 0..entries {
         for (i, d) in rays[k].iter().enumerate() {
-            let g = forces.constant + forces.dynamic[k][i];
+            let g = accelerations.constant + accelerations.dynamic[k][i];
             let across = g - *d * g.dot(*d);
             // The length of a vector has no gradient at zero.
             let length = (across.length_squared() + 1e-16).sqrt();
@@ -107,16 +107,21 @@ pub fn force_across_rays(
 }
 
 /// Mean over entries and vertices of ‖D_{k+1} − D_k‖; adds `scale`·its gradient to `grad_dynamic`.
-pub fn force_changes(forces: &Accelerations, entries: usize, scale: f64, grad_dynamic: &mut [Positions]) -> f64 {
+pub fn force_changes(
+    accelerations: &Accelerations,
+    entries: usize,
+    scale: f64,
+    grad_dynamic: &mut [Positions],
+) -> f64 {
     if entries < 2 {
         return 0.0;
     }
-    let vertex_count = forces.dynamic[0].len();
+    let vertex_count = accelerations.dynamic[0].len();
     let share = 1.0 / ((entries - 1) * vertex_count) as f64;
     let mut sum = 0.0;
     for k in 0..entries - 1 {
         for i in 0..vertex_count {
-            let change = forces.dynamic[k + 1][i] - forces.dynamic[k][i];
+            let change = accelerations.dynamic[k + 1][i] - accelerations.dynamic[k][i];
             let length = (change.length_squared() + 1e-16).sqrt();
             sum += length;
             let gradient = change * (scale * share / length);

@@ -6,31 +6,23 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::divergence_guard::DivergenceGuard;
-use super::loss::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
+mod guard;
+pub mod losses;
+
+use super::parameters::{Dynamics, Parameters};
 use crate::error::{Error, Result};
 use crate::math::{finite, flat, vectors};
+use crate::mesh::Positions;
 use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::mesh::Positions;
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{
-    Cloth, RolloutInputs, RolloutGradients, Accelerations, Rollout, State, StepSettings, Stiffness, rollout, rollout_vjp,
+    Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
 };
 use crate::video::Frame;
-
-/// One uniform stiffness: start and bounds as log10.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct StiffnessRange {
-    /// log10 of the start.
-    pub start: f64,
-    /// log10 of the lower bound.
-    pub low: f64,
-    /// log10 of the upper bound.
-    pub high: f64,
-}
+use guard::DivergenceGuard;
+use losses::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
 
 /// Settings of the rollout fit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -90,33 +82,6 @@ impl Default for RolloutSettings {
             force_per_substep: false,
             patience: 10,
         }
-    }
-}
-
-/// How the cloth moves: integrator, sub-steps and stiffnesses.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Dynamics {
-    /// The integrator and its step.
-    pub step: StepSettings,
-    /// Sub-steps per frame.
-    pub substeps: usize,
-    /// Stretch, bend and shear stiffness.
-    pub stiffness: [StiffnessRange; 3],
-}
-
-/// What moves the cloth.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Parameters {
-    /// log10 of stretch [N/m], bend [J/rad²], shear [J/rad²].
-    pub log_stiffness: [f64; 3],
-    /// External accelerations.
-    pub forces: Accelerations,
-}
-
-impl Parameters {
-    /// Stretch [N/m], bend [J/rad²], shear [J/rad²].
-    pub fn stiffness(&self) -> [f64; 3] {
-        self.log_stiffness.map(|k| 10f64.powf(k))
     }
 }
 
@@ -208,9 +173,9 @@ impl FitState {
 
     /// Whether this is a state of `fit`, and not of other frames, vertices or forces.
     fn fits(&self, fit: &RolloutFit) -> bool {
-        let forces = &self.parameters.accelerations;
-        let len = 3 * fit.cloth.vertex_count() * forces.dynamic.len();
-        forces.fit(&fit.start().accelerations)
+        let accelerations = &self.parameters.accelerations;
+        let len = 3 * fit.cloth.vertex_count() * accelerations.dynamic.len();
+        accelerations.matches(&fit.start().accelerations)
             && self.stiffness.iter().all(|group| group.adam.fits(1))
             && self.constant.adam.fits(3)
             && self.dynamic.adam.fits(len)
@@ -222,7 +187,7 @@ impl Run {
         let active = fit.active_frames(self.epochs.saturating_sub(1));
         self.state.fits(fit)
             && self.guard.fits(active, |state| state.fits(fit))
-            && self.best.as_ref().is_none_or(|(_, p)| p.accelerations.fit(&fit.start().accelerations))
+            && self.best.as_ref().is_none_or(|(_, p)| p.accelerations.matches(&fit.start().accelerations))
     }
 }
 
@@ -230,9 +195,10 @@ impl RolloutFit<'_> {
     /// Start of Table 1: prior stiffnesses, C = 1 m/s² downwards, D = 0.
     pub fn start(&self) -> Parameters {
         let parts = if self.settings.force_per_substep { self.dynamics.substeps } else { 1 };
-        let mut forces = Accelerations::zeros(self.scene.frames.len(), parts, self.cloth.vertex_count());
-        forces.constant = DVec3::Y;
-        Parameters { log_stiffness: self.dynamics.stiffness.map(|k| k.start), forces }
+        let mut accelerations =
+            Accelerations::zeros(self.scene.frames.len(), parts, self.cloth.vertex_count());
+        accelerations.constant = DVec3::Y;
+        Parameters { log_stiffness: self.dynamics.stiffness.map(|k| k.start), accelerations }
     }
 
     /// Number of epochs of the whole fit.
@@ -361,12 +327,12 @@ impl RolloutFit<'_> {
     }
 
     /// Moves the mean of D over the active entries and the vertices into C; the sum C + D stays for these.
-    fn move_mean_to_constant(&self, forces: &mut Accelerations, active: usize) {
-        let entries = (active - 1) * forces.parts;
+    fn move_mean_to_constant(&self, accelerations: &mut Accelerations, active: usize) {
+        let entries = (active - 1) * accelerations.entries_per_frame;
         let count = (entries * self.cloth.vertex_count()) as f64;
-        let mean = forces.dynamic[..entries].iter().flatten().copied().sum::<DVec3>() / count;
-        forces.constant += mean;
-        forces.dynamic[..entries].iter_mut().flatten().for_each(|d| *d -= mean);
+        let mean = accelerations.dynamic[..entries].iter().flatten().copied().sum::<DVec3>() / count;
+        accelerations.constant += mean;
+        accelerations.dynamic[..entries].iter_mut().flatten().for_each(|d| *d -= mean);
     }
 
     /// Simulates `frame_count` frames with `parameters`.
@@ -376,7 +342,11 @@ impl RolloutFit<'_> {
     pub fn simulate(&self, parameters: &Parameters, frame_count: usize) -> Result<Rollout> {
         let initial = at_rest(&self.scene.template.positions);
         let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
-        let inputs = RolloutInputs { initial: &initial, forces: &parameters.accelerations, stiffness: &stiffness };
+        let inputs = RolloutInputs {
+            initial: &initial,
+            accelerations: &parameters.accelerations,
+            stiffness: &stiffness,
+        };
         rollout(self.cloth, &self.dynamics.step, self.dynamics.substeps, frame_count, &inputs)
     }
 
@@ -414,17 +384,22 @@ impl RolloutFit<'_> {
         let grad_frames: Vec<Positions> = frames.into_iter().map(|f| f.gradient).collect();
 
         let initial = at_rest(&self.scene.template.positions);
-        let inputs = RolloutInputs { initial: &initial, forces: &parameters.accelerations, stiffness: &stiffness };
+        let inputs = RolloutInputs {
+            initial: &initial,
+            accelerations: &parameters.accelerations,
+            stiffness: &stiffness,
+        };
         let RolloutGradients { mut constant, mut dynamic, stiffness: by_stiffness, .. } =
             rollout_vjp(self.cloth, &self.dynamics.step, &inputs, &motion, &grad_frames);
 
-        let entries = (active - 1) * parameters.accelerations.parts;
+        let entries = (active - 1) * parameters.accelerations.entries_per_frame;
         let rays: Vec<Positions> = match s.frozen_rays {
             true => vec![view_rays(&motion.frames[0])],
             false => motion.frames[..active - 1].iter().map(|x| view_rays(x)).collect(),
         };
-        let of_entry: Vec<&Positions> =
-            (0..entries).map(|k| &rays[(k / parameters.accelerations.parts).min(rays.len() - 1)]).collect();
+        let of_entry: Vec<&Positions> = (0..entries)
+            .map(|k| &rays[(k / parameters.accelerations.entries_per_frame).min(rays.len() - 1)])
+            .collect();
         let f = &parameters.accelerations;
         losses.force = force_across_rays(f, entries, &of_entry, s.weights.force, &mut constant, &mut dynamic);
         losses.force_smoothness = force_changes(f, entries, s.weights.force_smoothness, &mut dynamic);

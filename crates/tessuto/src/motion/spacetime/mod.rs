@@ -8,16 +8,17 @@
 //! Levenberg's damping; the linear systems, block-tridiagonal up to the acceleration term, by conjugate
 //! gradients preconditioned with the Cholesky factor of every frame.
 
+mod settings;
+
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::curvature::SignedBendPrior;
 use super::observed::Observed;
-use super::photometry::{DataTerm, Local, Points, Reference, fit_gain};
-use super::strain::StrainPrior;
-use super::surface::{EdgePoint, boundary_points, interior_points};
-pub use super::trajectory_settings::SpacetimeSettings;
+use super::observed::samples::{EdgePoint, boundary_points, interior_points};
+use super::terms::colour::{DataTerm, Local, Points, Reference, fit_gain};
+use super::terms::signed_bend::SignedBendPrior;
+use super::terms::strain::StrainPrior;
 use crate::error::{Error, Result};
 use crate::math::block_matrix::BlockMatrix;
 use crate::math::dot;
@@ -26,6 +27,7 @@ use crate::mesh::Positions;
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{Cloth, HessianKind, Stiffness};
+pub use settings::SpacetimeSettings;
 
 /// Shapes [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);
@@ -103,7 +105,7 @@ impl<'a> Problem<'a> {
                 cloth,
                 &template.triangles(),
                 &template.positions,
-                settings.curvature,
+                settings.signed_bend,
                 settings.tail,
             ),
             triangles: template.triangles(),

@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 pub struct SpacetimeSettings {
     /// Spread of the strain of an edge.
     pub strain: f64,
-    /// Number of spreads beyond which strain and bending are taken for a fold, see [`super::strain`].
+    /// Number of spreads beyond which strain and bending are taken for a fold, see [`crate::motion::terms::strain`].
     pub tail: f64,
     /// Spread of the bending angle at a vertex [rad].
     pub bend: f64,
-    /// Spread of the signed bending angle at a vertex [rad], see [`super::curvature`].
-    pub curvature: f64,
+    /// Spread of the signed bending angle at a vertex [rad], see [`crate::motion::terms::signed_bend`].
+    pub signed_bend: f64,
     /// Spread of the shearing angle at a vertex [rad].
     pub shear: f64,
     /// Spread of the second difference of a vertex between frames [m].
@@ -44,7 +44,7 @@ impl Default for SpacetimeSettings {
             strain: 0.005,
             tail: 2.0,
             bend: 0.15,
-            curvature: 0.03,
+            signed_bend: 0.03,
             shear: 0.1,
             acceleration: 0.004,
             colour: 0.1,

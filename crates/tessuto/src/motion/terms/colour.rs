@@ -3,9 +3,9 @@
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 
-use super::outline_distance::OutlineDistance;
-use super::pyramid::Level;
-use super::surface::{EdgePoint, SurfaceSample};
+use super::super::observed::outline_distance::OutlineDistance;
+use super::super::observed::pyramid::Level;
+use super::super::observed::samples::{EdgePoint, SurfaceSample};
 use crate::camera::Camera;
 
 /// Colour of every surface point as the reference frames show it; `None` where it was not seen.

@@ -137,8 +137,9 @@ mod tests {
         let (mut gradient, mut matrix) = (vec![DVec3::ZERO; x.len()], BlockMatrix::zeros(&cloth.pattern));
         plain.add_system(&cloth, &x, &mut gradient, &mut matrix);
         let value = |x: &[DVec3]| -> f64 {
-            let of =
-                |(k, h): (usize, &AngleSpring)| ((height(h, x, &normals) - plain.rest[k]) * plain.scale[k]).powi(2);
+            let of = |(k, h): (usize, &AngleSpring)| {
+                ((height(h, x, &normals) - plain.rest[k]) * plain.scale[k]).powi(2)
+            };
             0.5 * cloth.bends.iter().enumerate().map(of).sum::<f64>()
         };
         let d: Positions = x.iter().map(|_| rng.vector() * 1e-3).collect();
