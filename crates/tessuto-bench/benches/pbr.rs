@@ -9,7 +9,10 @@ use glam::DVec2;
 use tessuto::Camera;
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
-use tessuto::pbr::{Environment, Geometry, Gradients, LANES, Light, Material, Shader, accumulate, see};
+use tessuto::pbr::{
+    EnvironmentMap, EnvironmentSampler, Geometry, Gradients, LANES, Material, Shader, accumulate,
+    visible_points,
+};
 use tessuto::raster::{Rasterizer, Rendering};
 
 fn pbr(criterion: &mut Criterion) {
@@ -22,18 +25,21 @@ fn pbr(criterion: &mut Criterion) {
     }
     let geometry = Geometry::new(&mesh, std::slice::from_ref(&mesh.positions));
     let rasterizer = Rasterizer::new(&mesh);
-    let seen = see(&rasterizer, &camera, &geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| true);
+    let seen =
+        visible_points(&rasterizer, &camera, &geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| {
+            true
+        });
     let points: Vec<_> = seen.into_iter().map(|(_, point)| point).collect();
     let planes: Vec<f32> = (0..5 * 512 * 512).map(|_| 0.2 + 0.6 * rng.uniform() as f32).collect();
     let material = Material::from_planes(512, 512, &planes);
-    let mut environment = Environment::uniform(512, 256, [0.0; 3]);
+    let mut environment = EnvironmentMap::uniform(512, 256, [0.0; 3]);
     for (k, texel) in environment.texels.iter_mut().enumerate() {
         // A bright window in a dim room.
         let window = (40..90).contains(&(k / 512)) && (100..180).contains(&(k % 512));
         let base = if window { 12.0 } else { 0.4 };
         *texel = [(); 3].map(|()| base * (0.5 + rng.uniform() as f32));
     }
-    let light = Light::new(&environment, 0.1);
+    let light = EnvironmentSampler::new(&environment, 0.1);
     let shader = Shader { geometry: &geometry, material: &material, light: &light };
     let mut gradients = Gradients::default();
 

@@ -12,7 +12,7 @@ use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
 use tessuto::text::quoted;
-use tessuto::{Error, Scene, Shape, io, result};
+use tessuto::{Error, Positions, Scene, io, result};
 
 use crate::output::OutputFolder;
 use crate::progress::{Progress, stop_on_interrupt};
@@ -160,7 +160,7 @@ impl Outputs {
     pub fn compute(
         &self,
         scene: &Scene,
-        motion: &[Shape],
+        motion: &[Positions],
         settings: &AppearanceSettings,
         seed: u64,
         session: &mut Session,

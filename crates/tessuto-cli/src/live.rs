@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tessuto::session::Epoch;
-use tessuto::{Error, Result, Shape, result};
+use tessuto::{Error, Positions, Result, result};
 
 /// Longest request head that is read [bytes].
 const LONGEST_HEAD: usize = 16 << 10;
@@ -37,7 +37,7 @@ pub struct Live {
 struct Shared {
     page: Arc<String>,
     epochs: Vec<Epoch>,
-    motion: Option<Arc<Vec<Shape>>>,
+    motion: Option<Arc<Vec<Positions>>>,
     /// Counts the motions.
     motion_version: usize,
     end: Option<End>,
@@ -100,7 +100,7 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 
 impl Live {
     /// Takes note of a finished step; the motion is copied now and then only, and at the end of a stage.
-    pub fn step(&mut self, epoch: &Epoch, motion: &[Shape]) {
+    pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) {
         let due = self.last_motion.is_none_or(|t| t.elapsed() > BETWEEN_MOTIONS) || epoch.step == epoch.of;
         let copy = (due && !motion.is_empty()).then(|| Arc::new(motion.to_vec()));
         let mut shared = lock(&self.shared);
@@ -253,7 +253,7 @@ mod tests {
 
         let epoch =
             Epoch { stage: "track", step: 1, of: 9, losses: vec![("total", 0.5)], ..Epoch::default() };
-        live.step(&epoch, &[Shape::from([Default::default(); 4])]);
+        live.step(&epoch, &[Positions::from([Default::default(); 4])]);
         let news = ask("/state?version=0&motion=0");
         assert!(news.contains(r#""version":1,"motion":1,"ended":false"#), "{news}");
         assert!(news.contains(r#""stage":"track""#) && news.contains(r#""steps":""#), "{news}");

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 use tessuto::session::Epoch;
-use tessuto::{Error, Result, Shape};
+use tessuto::{Error, Positions, Result};
 
 use crate::live::Live;
 use crate::record::Recorder;
@@ -48,7 +48,7 @@ impl Progress {
     ///
     /// # Errors
     /// [`Error::Interrupted`] if the user asked to stop.
-    pub fn step(&mut self, epoch: &Epoch, motion: &[Shape]) -> Result<()> {
+    pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) -> Result<()> {
         if STOP.load(Ordering::SeqCst) {
             self.finish();
             return Err(Error::Interrupted(format!(

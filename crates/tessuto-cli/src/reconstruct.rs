@@ -13,7 +13,7 @@ use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::result::{self, Run};
 use tessuto::session::{Checkpoints, Session, identity};
 use tessuto::text::quoted;
-use tessuto::{Error, Scene, Shape};
+use tessuto::{Error, Positions, Scene};
 
 use crate::appearance::Outputs;
 use crate::live::Server;
@@ -29,7 +29,7 @@ use crate::threads::Threads;
 Examples:
   tessuto reconstruct scenes/curtain
   tessuto reconstruct scenes/curtain --preset saft --out results/curtain-saft
-  tessuto reconstruct scenes/curtain --frames 0..20 --set trajectory.finest=1
+  tessuto reconstruct scenes/curtain --frames 0..20 --set spacetime.finest=1
   tessuto reconstruct scenes/curtain --live
   tessuto reconstruct scenes/curtain --rerun curtain.rrd")]
 pub struct Arguments {
@@ -297,7 +297,7 @@ fn say_how_to_go_on(error: &Error, command: &str, extras: &Extras) {
 fn add_appearance(
     folder: &Path,
     scene: &Scene,
-    motion: &[Shape],
+    motion: &[Positions],
     settings: &Config,
     session: &mut Session,
 ) -> Result<String, Error> {
@@ -310,7 +310,7 @@ fn add_appearance(
     Ok(summary.table)
 }
 
-fn evaluate(scene: &Scene, motion: &[tessuto::Shape], seed: u64) -> Result<Option<Evaluation>, Error> {
+fn evaluate(scene: &Scene, motion: &[tessuto::Positions], seed: u64) -> Result<Option<Evaluation>, Error> {
     if scene.truth.points.is_none() && scene.truth.vertices.is_none() {
         return Ok(None);
     }

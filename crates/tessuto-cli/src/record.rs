@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::session::{Epoch, identity};
-use tessuto::{Config, Error, Image, Result, Scene, Shape};
+use tessuto::{Config, Error, Image, Positions, Result, Scene};
 
 use crate::say::aside;
 
@@ -64,12 +64,12 @@ impl Recorder {
     }
 
     /// Takes note of a finished step.
-    pub fn step(&mut self, epoch: &Epoch, motion: &[Shape]) {
+    pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) {
         self.attempt(|recording| recording.step(epoch, motion));
     }
 
     /// Writes the recovered motion, and its print.
-    pub fn motion(&mut self, motion: &[Shape], texture: &Image) {
+    pub fn motion(&mut self, motion: &[Positions], texture: &Image) {
         self.attempt(|recording| recording.motion(motion).and_then(|()| recording.texture(texture)));
     }
 

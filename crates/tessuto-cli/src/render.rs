@@ -7,10 +7,10 @@ use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use tessuto::camera::Camera;
 use tessuto::image::Image;
-use tessuto::pbr::{Cloth, Environment, Geometry, Light, Material, picture};
+use tessuto::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use tessuto::raster::{Rasterizer, Texture};
 use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
-use tessuto::{Error, Shape, appearance, io, result};
+use tessuto::{Error, Positions, appearance, io, result};
 
 use crate::output::OutputFolder;
 use crate::say::say;
@@ -36,7 +36,7 @@ pub struct Arguments {
     /// `original`, or LEFT[,UP]: degrees about the middle of the fabric, as near as it fits.
     #[arg(long, default_value = "45", value_name = "VIEW", value_parser = parse_view, allow_hyphen_values = true)]
     camera: View,
-    /// Light: a lat-long picture, .exr or .hdr, its middle where the recording camera looked [default: the
+    /// Light: a lat-long render_frame, .exr or .hdr, its middle where the recording camera looked [default: the
     /// recovered one].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
@@ -125,7 +125,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         ));
     }
     let view = viewpoint(arguments, &motion, camera)?;
-    let motion: Vec<Shape> = motion.iter().map(|shape| view.shape(shape)).collect();
+    let motion: Vec<Positions> = motion.iter().map(|shape| view.shape(shape)).collect();
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("views").join(name(look)));
     if let Some(parent) = out.parent().filter(|p| !p.as_os_str().is_empty()) {
         std::fs::create_dir_all(parent)
@@ -176,7 +176,7 @@ fn name(look: Look) -> &'static str {
     }
 }
 
-fn viewpoint(arguments: &Arguments, motion: &[Shape], camera: Camera) -> Result<Viewpoint, Error> {
+fn viewpoint(arguments: &Arguments, motion: &[Positions], camera: Camera) -> Result<Viewpoint, Error> {
     let original = Viewpoint::original(camera);
     let sized = arguments.size.map_or(original, |size| original.sized(size));
     match arguments.camera {
@@ -194,7 +194,7 @@ struct Painter {
 }
 
 enum Drawing {
-    Material { material: Material, light: Box<Light>, passes: usize },
+    Material { material: Material, light: Box<EnvironmentSampler>, passes: usize },
     Texture(Texture),
     Shaded,
     Depth([f64; 2]),
@@ -204,7 +204,7 @@ impl Painter {
     fn new(
         arguments: &Arguments,
         mesh: &tessuto::Mesh,
-        motion: &[Shape],
+        motion: &[Positions],
         view: &Viewpoint,
         look: Look,
     ) -> Result<Self, Error> {
@@ -215,10 +215,10 @@ impl Painter {
                 let file = arguments.environment.clone().unwrap_or_else(|| maps.join("environment.exr"));
                 let light = io::hdr::read_environment(&file)?;
                 let texels = light.data.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
-                let environment = Environment { width: light.width, height: light.height, texels };
+                let environment = EnvironmentMap { width: light.width, height: light.height, texels };
                 Drawing::Material {
                     material: appearance::read_material(&maps)?,
-                    light: Box::new(Light::new(&view.environment(&environment), UNIFORM_SHARE)),
+                    light: Box::new(EnvironmentSampler::new(&view.environment(&environment), UNIFORM_SHARE)),
                     passes: arguments.samples.div_ceil(8) as usize,
                 }
             }
@@ -232,12 +232,12 @@ impl Painter {
         Ok(Self { rasterizer: Rasterizer::new(mesh), geometry, camera: view.camera, drawing })
     }
 
-    fn draw(&self, n: usize, shape: &Shape) -> Image {
+    fn draw(&self, n: usize, shape: &Positions) -> Image {
         let Self { rasterizer, geometry, camera, drawing } = self;
         match drawing {
             Drawing::Material { material, light, passes } => {
-                let cloth = Cloth { rasterizer, geometry, material, light };
-                picture(&cloth, camera, (n, shape), *passes)
+                let cloth = RenderScene { rasterizer, geometry, material, light };
+                render_frame(&cloth, camera, (n, shape), *passes)
             }
             Drawing::Texture(texture) => draw_texture(rasterizer, camera, shape, texture),
             Drawing::Shaded => draw_shaded(rasterizer, camera, geometry, (n, shape)),

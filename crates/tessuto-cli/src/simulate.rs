@@ -44,7 +44,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         )
         .into());
     }
-    saved.parameters.forces.dynamic.iter_mut().flatten().for_each(|d| *d *= arguments.forces);
+    saved.parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= arguments.forces);
     let cloth = Cloth::new(&saved.mesh);
     let settings = &saved.run.settings;
     let motion = simulate(&cloth, settings, saved.fps, &saved.mesh.positions, &saved.parameters)?;

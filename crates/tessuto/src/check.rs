@@ -10,8 +10,8 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::scene::coverage::{overlap, template_coverage};
 use crate::io::scene::{LoadOptions, Loaded, attempt};
+use crate::raster::coverage::{overlap, template_coverage};
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

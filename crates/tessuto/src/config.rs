@@ -5,11 +5,12 @@ use serde_json::Value;
 
 use crate::appearance::AppearanceSettings;
 use crate::error::{Error, Result};
-use crate::motion::material_fit::MaterialSettings;
-use crate::motion::rollout_fit::{Dynamics, RolloutSettings, StiffnessRange};
-use crate::motion::texture_fit::TextureSettings;
-use crate::motion::tied_simulation::TieSettings;
-use crate::motion::trajectory::TrajectorySettings;
+use crate::motion::inverse::accelerations::InverseSettings;
+use crate::motion::inverse::stiffness::MaterialSettings;
+use crate::motion::parameters::{Dynamics, StiffnessRange};
+use crate::motion::rollout::RolloutSettings;
+use crate::motion::spacetime::SpacetimeSettings;
+use crate::motion::texture::TextureSettings;
 use crate::sim::{Integrator, StepSettings};
 use crate::text::nearest_key;
 
@@ -27,10 +28,10 @@ pub enum Preset {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Forces and stiffnesses are optimised through the simulation and the renderer.
+    /// Accelerations and stiffnesses are optimised through the simulation and the renderer.
     Rollout,
     /// Positions are found first, forces read off by a simulation tied to them.
-    Trajectory,
+    Spacetime,
 }
 
 /// Time stepping and material.
@@ -87,10 +88,10 @@ pub struct Config {
     /// Motion by rollouts.
     pub rollout: RolloutSettings,
     /// Motion by positions.
-    pub trajectory: TrajectorySettings,
-    /// Forces of a trajectory.
-    pub tie: TieSettings,
-    /// Stiffnesses of a trajectory.
+    pub spacetime: SpacetimeSettings,
+    /// Accelerations of a trajectory.
+    pub inverse: InverseSettings,
+    /// Stiffnesses of a motion.
     pub material: MaterialSettings,
     /// Material maps and light; the settings of results without them.
     #[serde(default)]
@@ -112,7 +113,7 @@ impl Config {
         let (method, dynamics) = match preset {
             Preset::Saft => (Method::Rollout, published),
             Preset::Default => {
-                (Method::Trajectory, DynamicsSettings { integrator: Integrator::ImplicitEuler, ..published })
+                (Method::Spacetime, DynamicsSettings { integrator: Integrator::ImplicitEuler, ..published })
             }
         };
         Self {
@@ -122,8 +123,8 @@ impl Config {
             dynamics,
             texture: TextureSettings::default(),
             rollout: RolloutSettings::default(),
-            trajectory: TrajectorySettings::default(),
-            tie: TieSettings::default(),
+            spacetime: SpacetimeSettings::default(),
+            inverse: InverseSettings::default(),
             material: MaterialSettings::default(),
             appearance: AppearanceSettings::default(),
         }
@@ -178,7 +179,7 @@ impl Config {
     /// # Errors
     /// [`Error::Usage`] naming the setting, its value and its range.
     pub fn validate(&self) -> Result<()> {
-        let t = &self.trajectory;
+        let t = &self.spacetime;
         let checks = [
             ("dynamics.substeps", self.dynamics.substeps as f64, 1.0, 64.0),
             ("dynamics.damping_per_5ms", self.dynamics.damping_per_5ms, 0.0, 1.0),
@@ -187,18 +188,18 @@ impl Config {
             ("rollout.epochs_per_frame", self.rollout.epochs_per_frame as f64, 1.0, 1e6),
             ("rollout.clip_history", self.rollout.clip_history as f64, 1.0, 1e6),
             ("rollout.clip_quantile", self.rollout.clip_quantile, 0.0, 1.0),
-            ("trajectory.coarsest", t.coarsest as f64, t.finest as f64, 8.0),
-            ("trajectory.strain", t.strain, 1e-6, 10.0),
-            ("trajectory.tail", t.tail, 1e-3, 1e6),
-            ("trajectory.bend", t.bend, 1e-6, 1e3),
-            ("trajectory.shear", t.shear, 1e-6, 1e3),
-            ("trajectory.acceleration", t.acceleration, 1e-7, 10.0),
-            ("trajectory.colour", t.colour, 1e-4, 10.0),
-            ("trajectory.colour_area", t.colour_area, 1e-3, 1e6),
-            ("trajectory.contour", t.contour, 1e-3, 1e3),
-            ("trajectory.contour_length", t.contour_length, 1e-3, 1e6),
+            ("spacetime.coarsest", t.coarsest as f64, t.finest as f64, 8.0),
+            ("spacetime.strain", t.strain, 1e-6, 10.0),
+            ("spacetime.tail", t.tail, 1e-3, 1e6),
+            ("spacetime.bend", t.bend, 1e-6, 1e3),
+            ("spacetime.shear", t.shear, 1e-6, 1e3),
+            ("spacetime.acceleration", t.acceleration, 1e-7, 10.0),
+            ("spacetime.colour", t.colour, 1e-4, 10.0),
+            ("spacetime.colour_area", t.colour_area, 1e-3, 1e6),
+            ("spacetime.outline", t.outline, 1e-3, 1e3),
+            ("spacetime.outline_length", t.outline_length, 1e-3, 1e6),
             ("material.spread", self.material.spread, 1e-3, 1e3),
-            ("tie.stiffness", self.tie.stiffness, 1e-6, 1e9),
+            ("inverse.tracking_stiffness", self.inverse.tracking_stiffness, 1e-6, 1e9),
         ];
         for (key, value, low, high) in checks.into_iter().chain(self.appearance.ranges()) {
             if !(low..=high).contains(&value) {
@@ -208,9 +209,9 @@ impl Config {
                 ));
             }
         }
-        if self.method == Method::Trajectory && self.dynamics.integrator != Integrator::ImplicitEuler {
+        if self.method == Method::Spacetime && self.dynamics.integrator != Integrator::ImplicitEuler {
             return Err(Error::usage(
-                "dynamics.integrator = linearized_euler with method = trajectory",
+                "dynamics.integrator = linearized_euler with method = spacetime",
                 "forces are read off by implicit_euler: set it, or --set method=rollout",
             ));
         }
@@ -257,7 +258,7 @@ mod tests {
         assert!(message(config.set("energi=1").unwrap_err()).contains("rollout.weights.energy"));
         assert!(message(config.set("rollout=1").unwrap_err()).contains("no such setting"));
         assert!(message(config.set("texture.size=big").unwrap_err()).contains("512"));
-        assert!(message(config.set("tie.stiffness=-1").unwrap_err()).contains("between"));
+        assert!(message(config.set("inverse.tracking_stiffness=-1").unwrap_err()).contains("between"));
         assert_eq!(config, before);
     }
 }

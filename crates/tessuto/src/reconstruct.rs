@@ -2,21 +2,23 @@
 
 use crate::config::{Config, Method};
 use crate::error::{Error, Result};
-use crate::motion::material_fit::fit_material;
-use crate::motion::rollout_fit::{Parameters, RolloutFit};
-use crate::motion::texture_fit::fit_texture;
-use crate::motion::tied_simulation::{forces_of_trajectory, interpolated};
-use crate::motion::trajectory;
+use crate::mesh::Positions;
+use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
+use crate::motion::inverse::stiffness::fit_material;
+use crate::motion::parameters::Parameters;
+use crate::motion::rollout::RolloutFit;
+use crate::motion::spacetime;
+use crate::motion::texture::fit_texture;
 use crate::raster::{Rasterizer, Texture};
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
-use crate::sim::{Cloth, Drive, State, Stiffness, rollout};
+use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
 
 /// What a video tells about the fabric.
 #[derive(Debug)]
 pub struct Reconstruction {
-    /// Shape at every frame, shape [N, V]: the rollout of `parameters`.
-    pub motion: Vec<Shape>,
+    /// Positions at every frame, shape [N, V]: the rollout of `parameters`.
+    pub motion: Vec<Positions>,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
     /// Colours of the surface.
@@ -74,8 +76,8 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             session.lap("rollout");
             fitted
         }
-        Method::Trajectory => {
-            let problem = trajectory::Problem::new(scene, &cloth, config.trajectory.clone())?;
+        Method::Spacetime => {
+            let problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
             let (tracked, lost) = problem.track(session)?;
             session.lap("track");
             let (frames, stuck) = problem.refine(tracked, session)?;
@@ -87,9 +89,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                     fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
             }
             let k = parameters.stiffness();
-            let (forces, loose) =
-                forces_of_trajectory(&scene.template, &fit.dynamics, k, &frames, &config.tie);
-            parameters.forces = forces;
+            let (accelerations, loose) =
+                accelerations_of_motion(&scene.template, &fit.dynamics, k, &frames, &config.inverse);
+            parameters.accelerations = accelerations;
             session.lap("forces and stiffnesses");
             (parameters, lost.or(stuck).or(loose))
         }
@@ -111,13 +113,14 @@ pub fn simulate(
     cloth: &Cloth,
     config: &Config,
     fps: f64,
-    template: &Shape,
+    template: &Positions,
     parameters: &Parameters,
-) -> Result<Vec<Shape>> {
+) -> Result<Vec<Positions>> {
     let dynamics = config.dynamics.at(fps);
     let initial = State { x: template.clone(), v: vec![glam::DVec3::ZERO; template.len()] };
     let stiffness = Stiffness::uniform(cloth, parameters.stiffness());
-    let drive = Drive { initial: &initial, forces: &parameters.forces, stiffness: &stiffness };
-    let frame_count = parameters.forces.dynamic.len() / parameters.forces.parts + 1;
-    Ok(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &drive)?.frames)
+    let inputs =
+        RolloutInputs { initial: &initial, accelerations: &parameters.accelerations, stiffness: &stiffness };
+    let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.entries_per_frame + 1;
+    Ok(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
 }

@@ -6,11 +6,8 @@ use glam::DVec3;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Positions};
 use crate::video::Video;
-
-/// Vertex positions [m] of one moment, camera frame, shape [V].
-pub type Shape = Vec<DVec3>;
 
 /// What is known of the true motion; used by evaluation only.
 #[derive(Debug, Clone, Default)]
@@ -18,7 +15,7 @@ pub struct Truth {
     /// Measured surface points [m] per frame, camera frame.
     pub points: Option<Vec<Vec<DVec3>>>,
     /// True positions [m] of the template's vertices per frame.
-    pub vertices: Option<Vec<Shape>>,
+    pub vertices: Option<Vec<Positions>>,
 }
 
 /// Everything the reconstruction starts from.

@@ -2,19 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::environment_parameters::EnvironmentParameters;
 use super::loss::loss;
 use super::observations::observe;
-use super::sky::Sky;
+use super::patch_weights::PatchWeights;
 use super::texels::{MapState, Maps, Texels, splat};
-use super::trust::Trust;
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
 use crate::error::{Error, Result};
+use crate::image::srgb;
 use crate::math::rng::mix32;
-use crate::pbr::{Environment, Geometry, Gradients, Light, Material, Shader, accumulate, srgb};
+use crate::mesh::Positions;
+use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate};
 use crate::raster::Rasterizer;
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 
 /// Steps after which directions are drawn from the present light.
@@ -25,8 +27,8 @@ const REDRAW: usize = 10;
 struct State {
     steps: usize,
     maps: MapState,
-    sky: Sky,
-    trust: Trust,
+    sky: EnvironmentParameters,
+    trust: PatchWeights,
 }
 
 /// What the cloth is made of, and what shines on it.
@@ -37,7 +39,7 @@ pub struct Appearance {
     /// The part of uv space that the maps cover.
     pub window: Window,
     /// The light.
-    pub environment: Environment,
+    pub environment: EnvironmentMap,
     /// Every step.
     pub history: Vec<Epoch>,
 }
@@ -56,7 +58,7 @@ impl Appearance {
 /// observer returns.
 pub fn fit(
     scene: &Scene,
-    motion: &[Shape],
+    motion: &[Positions],
     geometry: &Geometry,
     settings: &AppearanceSettings,
     seed: u64,
@@ -86,9 +88,9 @@ pub fn fit(
     planes.resize(4 * size * size, settings.roughness_start as f32);
     planes.resize(5 * size * size, settings.metallic_start as f32);
     let mut maps = maps(settings, &planes, seed)?;
-    let mut sky = Sky::new(settings.light_coarsest, settings.light_start);
+    let mut sky = EnvironmentParameters::new(settings.light_coarsest, settings.light_start);
 
-    let mut trust = Trust::new(motion.len(), rasterizer.triangles().len());
+    let mut trust = PatchWeights::new(motion.len(), rasterizer.triangles().len());
     let state: Option<State> = session.restore("appearance")?;
     let first = state.as_ref().map_or(0, |s| s.steps);
     if let Some(state) = state {
@@ -114,7 +116,7 @@ pub fn fit(
         let environment = sky.environment(settings.light_rows, colour);
         let light = match &mut light {
             Some(light) if step % REDRAW != 0 => light,
-            other => other.insert(Light::new(&environment, settings.uniform_share)),
+            other => other.insert(EnvironmentSampler::new(&environment, settings.uniform_share)),
         };
         light.set_radiance(&environment);
         if step % REDRAW == 0 && at >= settings.trust_from {
@@ -217,7 +219,7 @@ fn rows_at(settings: &AppearanceSettings, at: f64) -> usize {
     (settings.light_coarsest << level).min(settings.light_finest)
 }
 
-fn check(scene: &Scene, motion: &[Shape]) -> Result<()> {
+fn check(scene: &Scene, motion: &[Positions]) -> Result<()> {
     let place = || format!("motion for {}", scene.folder.display());
     let vertices = scene.template.positions.len();
     if motion.len() != scene.frames.len() {

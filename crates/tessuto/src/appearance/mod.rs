@@ -1,7 +1,7 @@
 //! Material and light from a video whose motion is known.
 //!
 //! [`fit`] goes through the files here: `observations` (what the pixels see, once), `texels` or `decoded` (the maps as they
-//! are optimised) and `sky` (the light as it is optimised), with `loss` between them, weighted by `trust`.
+//! are optimised) and `environment_parameters` (the light as it is optimised), with `loss` between them, weighted by `patch_weights`.
 //! [`rerender`] draws the frames again.
 //!
 //! Only the product of brightness of cloth and light is in the pictures: the light starts at a given radiance, and
@@ -9,16 +9,16 @@
 
 #[cfg(feature = "decoder")]
 mod decoded;
+mod environment_parameters;
 mod fit;
 mod loss;
 mod observations;
+mod patch_weights;
 mod read;
 mod relight;
 mod rerender;
 mod settings;
-mod sky;
 mod texels;
-mod trust;
 mod window;
 mod write;
 

@@ -4,14 +4,15 @@ use super::Window;
 use crate::error::Result;
 use crate::image::Image;
 use crate::math::rng::mix32;
-use crate::pbr::{Geometry, Point, see};
+use crate::mesh::Positions;
+use crate::pbr::{Geometry, SurfacePoint, visible_points};
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 
 /// Pixels of all frames that certainly show cloth.
 pub(super) struct Observations {
     /// Their points on the cloth.
-    pub points: Vec<Point>,
+    pub points: Vec<SurfacePoint>,
     /// Their sRGB colours.
     pub colours: Vec<[f32; 3]>,
 }
@@ -25,7 +26,7 @@ pub(super) fn observe(
     scene: &Scene,
     rasterizer: &Rasterizer,
     geometry: &Geometry,
-    motion: &[Shape],
+    motion: &[Positions],
     window: Window,
     most: usize,
     seed: u32,
@@ -51,8 +52,8 @@ pub(super) fn observe(
             next += usize::from(inside);
             inside && drawn(next - 1)
         };
-        let seen = see(rasterizer, &scene.camera, geometry, n, &motion[n], rendering, wanted);
-        let observation = |(pixel, mut point): (u32, Point)| {
+        let seen = visible_points(rasterizer, &scene.camera, geometry, n, &motion[n], rendering, wanted);
+        let observation = |(pixel, mut point): (u32, SurfacePoint)| {
             point.uv = window.inside(point.uv);
             let width = scene.camera.width;
             let rgb = frame.rgb.pixel(pixel as usize % width, pixel as usize / width);

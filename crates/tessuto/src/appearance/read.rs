@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
+use crate::image::srgb;
 use crate::io;
-use crate::pbr::{Material, srgb};
+use crate::pbr::Material;
 
 /// The maps in `folder`, as [`write_material`](super::write_material) leaves them; those of other programs may have
 /// any size, the same for all three.
@@ -40,7 +41,7 @@ mod tests {
     use crate::appearance::{Appearance, Window, write_material};
     use crate::image::Image;
     use crate::mesh::grid;
-    use crate::pbr::Environment;
+    use crate::pbr::EnvironmentMap;
 
     #[test]
     fn maps_are_read_as_they_were_written() {
@@ -51,7 +52,7 @@ mod tests {
         let written = Appearance {
             material,
             window,
-            environment: Environment::uniform(8, 4, [1.0; 3]),
+            environment: EnvironmentMap::uniform(8, 4, [1.0; 3]),
             history: Vec::new(),
         };
         write_material(folder.path(), &written).unwrap();

@@ -5,12 +5,13 @@ use std::path::Path;
 use super::read_material;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::mesh::Mesh;
+use crate::image::srgb;
+use crate::mesh::{Mesh, Positions};
 use crate::metrics::maps::{self, MapMetrics};
 use crate::metrics::similarity::psnr;
-use crate::pbr::{Cloth, Environment, Geometry, Light, Material, picture, srgb};
+use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 
 /// Frames that are compared, spread over the motion.
 const FRAMES: usize = 3;
@@ -21,7 +22,7 @@ const PASSES: usize = 4;
 ///
 /// # Errors
 /// [`Error::Input`](crate::Error::Input) naming the file.
-pub fn evaluate(scene: &Scene, result: &Path, motion: &[Shape]) -> Result<Option<MapMetrics>> {
+pub fn evaluate(scene: &Scene, result: &Path, motion: &[Positions]) -> Result<Option<MapMetrics>> {
     let Some(mut metrics) = maps::evaluate(scene, result)? else { return Ok(None) };
     let (estimate, truth) = (result.join("material"), scene.folder.join("gt/material"));
     let complete = |folder: &Path| {
@@ -44,19 +45,19 @@ pub fn evaluate(scene: &Scene, result: &Path, motion: &[Shape]) -> Result<Option
 pub fn relit_psnr(
     template: &Mesh,
     camera: &Camera,
-    motion: &[Shape],
+    motion: &[Positions],
     [estimate, truth]: [&Material; 2],
 ) -> [f64; 2] {
     let rasterizer = &Rasterizer::new(template);
     let count = FRAMES.min(motion.len());
-    let chosen: Vec<Shape> =
+    let chosen: Vec<Positions> =
         (0..count).map(|k| motion[(motion.len() - 1) * k / (count - 1).max(1)].clone()).collect();
     let geometry = &Geometry::new(template, &chosen);
-    let light = &Light::new(&studio(), 0.1);
+    let light = &EnvironmentSampler::new(&studio(), 0.1);
     let (mut a, mut b) = (Vec::new(), Vec::new());
     for (n, shape) in chosen.iter().enumerate() {
         let [drawn, expected] = [estimate, truth].map(|material| {
-            picture(&Cloth { rasterizer, geometry, material, light }, camera, (n, shape), PASSES)
+            render_frame(&RenderScene { rasterizer, geometry, material, light }, camera, (n, shape), PASSES)
         });
         let pixels = drawn.data.chunks_exact(3).zip(expected.data.chunks_exact(3));
         for (x, y) in pixels.filter(|(_, y)| y.iter().any(|v| *v > 0.0)) {
@@ -79,8 +80,8 @@ pub fn relit_psnr(
 
 /// A light that no scene was recorded in: a warm lamp at the upper left in front of the cloth, a cold one at the right, and
 /// a dim room.
-pub fn studio() -> Environment {
-    let mut light = Environment::uniform(128, 64, [0.25; 3]);
+pub fn studio() -> EnvironmentMap {
+    let mut light = EnvironmentMap::uniform(128, 64, [0.25; 3]);
     let lamps = [
         (glam::DVec3::new(-0.6, -0.6, -0.5).normalize(), 0.93, [7.0, 6.0, 4.5]),
         (glam::DVec3::new(0.9, 0.1, -0.3).normalize(), 0.9, [1.5, 2.0, 3.0]),

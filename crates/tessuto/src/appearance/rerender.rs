@@ -2,9 +2,10 @@
 
 use crate::error::Result;
 use crate::image::Image;
-use crate::pbr::{Cloth, Environment, Geometry, Light, Material, picture};
+use crate::mesh::Positions;
+use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 
 /// A frame drawn again.
 #[derive(Debug, Clone)]
@@ -25,13 +26,13 @@ pub fn rerender(
     scene: &Scene,
     rasterizer: &Rasterizer,
     geometry: &Geometry,
-    (frame, shape): (usize, &Shape),
-    (maps, environment): (&Material, &Environment),
+    (frame, shape): (usize, &Positions),
+    (maps, environment): (&Material, &EnvironmentMap),
     passes: usize,
 ) -> Result<Rerendered> {
-    let light = &Light::new(environment, 0.05);
-    let cloth = Cloth { rasterizer, geometry, material: maps, light };
-    let drawn = picture(&cloth, &scene.camera, (frame, shape), passes);
+    let light = &EnvironmentSampler::new(environment, 0.05);
+    let cloth = RenderScene { rasterizer, geometry, material: maps, light };
+    let drawn = render_frame(&cloth, &scene.camera, (frame, shape), passes);
     let [full_width, full_height] = scene.full_size;
     let mut rgb = Image::new(full_width, full_height, 3);
     let observed = scene.frames.frame(frame)?;

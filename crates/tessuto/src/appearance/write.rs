@@ -5,8 +5,8 @@ use std::path::Path;
 use super::Appearance;
 use crate::error::Result;
 use crate::image::Image;
+use crate::image::srgb;
 use crate::io::{self, atomic_write};
-use crate::pbr::srgb;
 
 /// What a reader of the maps needs to know.
 const NOTE: &str = "\

@@ -5,8 +5,8 @@ use sha2::{Digest, Sha256};
 use super::{Finding, Level};
 use crate::error::Result;
 use crate::image::Image;
-use crate::io::scene::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::io::scene::template::{DIAGONAL, command, diagonal};
+use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
 
 /// Columns and rows of the raster on which overlapping uv is measured.

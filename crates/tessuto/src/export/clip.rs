@@ -8,10 +8,9 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
-use crate::mesh::Mesh;
-use crate::motion::rollout_fit::Parameters;
+use crate::mesh::{Mesh, Positions};
+use crate::motion::parameters::Parameters;
 use crate::result;
-use crate::scene::Shape;
 
 /// The pictures that make up the look.
 #[derive(Debug, Clone, PartialEq)]
@@ -51,7 +50,7 @@ pub struct Clip {
     /// The template.
     pub mesh: Mesh,
     /// Positions [m], camera frame, shape [N, V].
-    pub motion: Vec<Shape>,
+    pub motion: Vec<Positions>,
     /// Frames per second.
     pub fps: f64,
     /// Number of the first frame in the video.
@@ -106,12 +105,12 @@ impl Clip {
     }
 
     /// `shape` with y up.
-    pub(super) fn y_up(shape: &Shape) -> Vec<Vec3> {
+    pub(super) fn y_up(shape: &Positions) -> Vec<Vec3> {
         shape.iter().map(|p| Vec3::new(p.x as f32, -p.y as f32, -p.z as f32)).collect()
     }
 
     /// Unit vertex normals with y up: means of the triangles' normals, weighted by area; z where there is none.
-    pub(super) fn normals(&self, shape: &Shape) -> Vec<Vec3> {
+    pub(super) fn normals(&self, shape: &Positions) -> Vec<Vec3> {
         let mut sums = vec![DVec3::ZERO; shape.len()];
         for [a, b, c] in self.mesh.triangles() {
             let [p, q, r] = [a, b, c].map(|v| shape[v as usize]);
@@ -183,7 +182,7 @@ fn read_material(folder: &Path, name: &str) -> Result<Material> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::sim::Forces;
+    use crate::sim::Accelerations;
 
     /// One frame of `mesh`, grey.
     pub(in super::super) fn clip(mesh: Mesh) -> Clip {
@@ -200,7 +199,7 @@ pub(super) mod tests {
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
                 log_stiffness: [2.0, -3.0, -4.0],
-                forces: Forces { constant: DVec3::Y, dynamic: vec![], parts: 1 },
+                accelerations: Accelerations { constant: DVec3::Y, dynamic: vec![], entries_per_frame: 1 },
             },
             mesh,
         }

@@ -11,7 +11,7 @@ use crate::sim::cloth::AREA_DENSITY;
 /// `shear`, `area_density`, `constant_force` [3], `dynamic_force` [(N − 1)·parts, V, 3], `dynamic_parts`.
 pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
-    let vectors = |shapes: &[crate::Shape]| -> Vec<f32> {
+    let vectors = |shapes: &[crate::Positions]| -> Vec<f32> {
         shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect()
     };
     let (frames, vertices) = (clip.motion.len(), mesh.positions.len());
@@ -23,7 +23,7 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     };
     let (face_vertices, face_uvs) = (corners(|f| &f.vertices), corners(|f| &f.uvs));
     let [stretch, bend, shear] = clip.parameters.stiffness();
-    let forces = &clip.parameters.forces;
+    let accelerations = &clip.parameters.accelerations;
     let scalar = |v: f64| array(&[], &[v]);
     let mut files = vec![
         ("motion", array(&[frames, vertices, 3], &vectors(&clip.motion))),
@@ -39,9 +39,12 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
         ("bend", scalar(bend)),
         ("shear", scalar(shear)),
         ("area_density", scalar(AREA_DENSITY)),
-        ("constant_force", array(&[3], &forces.constant.to_array())),
-        ("dynamic_force", array(&[forces.dynamic.len(), vertices, 3], &vectors(&forces.dynamic))),
-        ("dynamic_parts", array(&[], &[forces.parts as u32])),
+        ("constant_force", array(&[3], &accelerations.constant.to_array())),
+        (
+            "dynamic_force",
+            array(&[accelerations.dynamic.len(), vertices, 3], &vectors(&accelerations.dynamic)),
+        ),
+        ("dynamic_parts", array(&[], &[accelerations.entries_per_frame as u32])),
     ];
     if let Some(c) = &clip.camera {
         let values = [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64];

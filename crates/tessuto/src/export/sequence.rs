@@ -4,8 +4,7 @@ use rayon::prelude::*;
 
 use super::Clip;
 use crate::io::obj;
-use crate::mesh::Mesh;
-use crate::scene::Shape;
+use crate::mesh::{Mesh, Positions};
 
 /// Files of the OBJ sequence: meshes, material, picture.
 pub(super) fn obj(clip: &Clip) -> Vec<(String, Vec<u8>)> {
@@ -37,7 +36,7 @@ fn frame_name(clip: &Clip, n: usize, ending: &str) -> String {
     format!("{}_{:04}.{ending}", clip.name, clip.first_frame + n)
 }
 
-fn text(clip: &Clip, shape: &Shape, library: Option<&str>) -> Vec<u8> {
+fn text(clip: &Clip, shape: &Positions, library: Option<&str>) -> Vec<u8> {
     let positions = Clip::y_up(shape).iter().map(|p| p.as_dvec3()).collect();
     let mesh = Mesh { positions, ..clip.mesh.clone() };
     let material = library.map(|library| obj::Material { library, name: &clip.name });
@@ -56,7 +55,7 @@ pub(super) fn ply(clip: &Clip) -> Vec<(String, Vec<u8>)> {
         if uvs.is_some() { property(&["s", "t"]) } else { String::new() },
         clip.mesh.faces.len()
     );
-    let file = |(n, shape): (usize, &Shape)| {
+    let file = |(n, shape): (usize, &Positions)| {
         let mut out = header.clone().into_bytes();
         for (k, (p, normal)) in Clip::y_up(shape).iter().zip(clip.normals(shape)).enumerate() {
             let uv = uvs.as_ref().map_or(vec![], |uvs| uvs[k].to_array().to_vec());

@@ -7,7 +7,7 @@ use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_bounded};
-use crate::scene::Shape;
+use crate::mesh::Positions;
 
 /// Largest file read [bytes]; 4 GiB is 10,000 frames of 17,000 vertices.
 const MAX_BYTES: u64 = 4 << 30;
@@ -113,7 +113,7 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
 }
 
 /// Reads a moving mesh [m], shape [N, V, 3], all finite.
-pub fn read_shapes(path: &Path) -> Result<Vec<Shape>> {
+pub fn read_shapes(path: &Path) -> Result<Vec<Positions>> {
     let array = read(path)?;
     match array.shape[..] {
         [n, 0, 3] => Ok(vec![Vec::new(); n]),
@@ -177,7 +177,7 @@ pub fn write_points(path: &Path, points: &[DVec3]) -> Result<()> {
 }
 
 /// Writes a moving mesh [m] as f32, shape [N, V, 3]; all shapes have as many vertices.
-pub fn write_shapes(path: &Path, shapes: &[Shape]) -> Result<()> {
+pub fn write_shapes(path: &Path, shapes: &[Positions]) -> Result<()> {
     let data: Vec<f32> = shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect();
     write(path, &[shapes.len(), shapes.first().map_or(0, Vec::len), 3], &data)
 }

@@ -8,6 +8,9 @@ use glam::{DVec2, DVec3};
 pub use topology::{pieces, pinched};
 pub use weld::weld;
 
+/// Vertex positions [m] of one moment, camera frame, shape [V].
+pub type Positions = Vec<DVec3>;
+
 /// One polygon: corner k has vertex `vertices[k]` and texture coordinate `uvs[k]`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Face {

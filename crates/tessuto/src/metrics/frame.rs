@@ -4,13 +4,13 @@ use glam::DVec3;
 
 use super::{Inputs, Metrics, chamfer, depth, published, surface};
 use crate::math::rng::Rng;
-use crate::scene::Shape;
+use crate::mesh::Positions;
 
 /// Errors of `shape` [m], shape [V], against frame `index` of the truth.
 pub(super) fn measure(
     inputs: &Inputs,
     triangles: &[[u32; 3]],
-    shape: &Shape,
+    shape: &Positions,
     index: usize,
     seed: u64,
 ) -> Metrics {
@@ -28,7 +28,7 @@ fn measure_points(
     metrics: &mut Metrics,
     inputs: &Inputs,
     triangles: &[[u32; 3]],
-    shape: &Shape,
+    shape: &Positions,
     points: &[DVec3],
     (seed, index): (u64, usize),
 ) {

@@ -13,8 +13,8 @@ use super::similarity::{correlation, psnr, ssim};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
-use crate::io::scene::coverage::fill_triangle;
 use crate::mesh::Mesh;
+use crate::raster::coverage::fill_triangle;
 use crate::scene::Scene;
 
 /// Likeness of maps and frames to the truth. What cannot be compared is absent.

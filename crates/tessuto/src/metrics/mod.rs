@@ -23,8 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::mesh::Mesh;
-use crate::scene::{Scene, Shape, Truth};
+use crate::mesh::{Mesh, Positions};
+use crate::scene::{Scene, Truth};
 
 /// What a motion is compared with.
 #[derive(Debug, Clone, Copy)]
@@ -158,7 +158,7 @@ pub struct Evaluation {
 ///
 /// The result does not depend on the number of threads.
 /// `Error::Input` when shapes differ, values are not finite or there is no truth.
-pub fn evaluate(inputs: &Inputs, motion: &[Shape], range: Range<usize>, seed: u64) -> Result<Evaluation> {
+pub fn evaluate(inputs: &Inputs, motion: &[Positions], range: Range<usize>, seed: u64) -> Result<Evaluation> {
     validate(inputs, motion, &range)?;
     let triangles = inputs.template.triangles();
     let frames: Vec<FrameMetrics> = range
@@ -181,7 +181,7 @@ fn mean(frames: &[FrameMetrics]) -> Metrics {
     Metrics::from_values(sum.map(|s| s.map(|s| s / frames.len() as f64)))
 }
 
-fn validate(inputs: &Inputs, motion: &[Shape], range: &Range<usize>) -> Result<()> {
+fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Result<()> {
     let Inputs { template, truth, first_frame, .. } = inputs;
     let count = template.positions.len();
     if truth.points.is_none() && truth.vertices.is_none() {
@@ -246,9 +246,14 @@ fn validate(inputs: &Inputs, motion: &[Shape], range: &Range<usize>) -> Result<(
 }
 
 /// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
-fn check_scale(place: &str, truth: Option<&Vec<Shape>>, motion: &[Shape], least: usize) -> Result<()> {
+fn check_scale(
+    place: &str,
+    truth: Option<&Vec<Positions>>,
+    motion: &[Positions],
+    least: usize,
+) -> Result<()> {
     let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
-    let diagonal = |shape: &Shape| {
+    let diagonal = |shape: &Positions| {
         let low = shape.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let high = shape.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         (high - low).length()
@@ -265,7 +270,7 @@ fn check_scale(place: &str, truth: Option<&Vec<Shape>>, motion: &[Shape], least:
     ))
 }
 
-fn check_shape(place: &str, shape: &Shape, count: usize) -> Result<()> {
+fn check_shape(place: &str, shape: &Positions, count: usize) -> Result<()> {
     if shape.len() != count {
         let problem = format!("it has {} vertices, the template has {count}", shape.len());
         return Err(Error::input(place, problem, "evaluate a result of the same scene and template"));

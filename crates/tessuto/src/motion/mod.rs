@@ -1,17 +1,14 @@
-//! From pixels to motion.
+//! From pixels to motion: two methods, and what they share.
+//!
+//! `spacetime` (preset `default`) searches the positions of all frames at once, as a sum of [`terms`] over the
+//! [`observed`] video; `inverse` then finds the stiffnesses and the accelerations that lead a simulation along them.
+//! `rollout` (preset `saft`) optimises stiffnesses and accelerations through the simulation and a renderer.
+//! Both end in the same [`parameters`]. `texture` is what the fabric looks like in the first frame.
 
-pub mod contour;
-pub mod curvature;
-mod divergence_guard;
-pub mod loss;
-pub mod material_fit;
+pub mod inverse;
 pub mod observed;
-pub mod photometry;
-pub mod pyramid;
-pub mod rollout_fit;
-pub mod strain;
-pub mod surface;
-pub mod texture_fit;
-pub mod tied_simulation;
-pub mod trajectory;
-mod trajectory_settings;
+pub mod parameters;
+pub mod rollout;
+pub mod spacetime;
+pub mod terms;
+pub mod texture;

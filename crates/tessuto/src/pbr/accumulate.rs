@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::material::{CHANNELS, Footprint};
-use super::{Estimate, Point, Shader};
+use super::{RadianceEstimate, Shader, SurfacePoint};
 use crate::math::rng::mix32;
 
 /// Parts into which points are divided, whatever the number of threads: each has sums of its own, which are then
@@ -63,7 +63,7 @@ impl Sink {
 /// derivative from the other.
 pub fn accumulate(
     shader: &Shader,
-    points: &[Point],
+    points: &[SurfacePoint],
     seed: u32,
     passes: usize,
     loss: impl Fn(usize, &[[f32; 3]; 2]) -> (f32, [[f32; 3]; 2]) + Sync,
@@ -80,7 +80,7 @@ pub fn accumulate(
     parts[shares.len()..].iter_mut().for_each(|sink| sink.clear(texels, width * height));
     parts.par_iter_mut().zip(shares).enumerate().for_each(|(part, (sink, (points, losses)))| {
         sink.clear(texels, width * height);
-        let mut estimates = [Estimate::default(), Estimate::default()];
+        let mut estimates = [RadianceEstimate::default(), RadianceEstimate::default()];
         for (k, (point, own)) in points.iter().zip(losses).enumerate() {
             let i = part * length + k;
             let site = shader.site(point);

@@ -9,7 +9,7 @@ use glam::DVec3;
 /// (cos lat · sin lon, −sin lat, cos lat · cos lon) in the camera frame: the middle of the picture is where the
 /// camera looks (+z), the top is up (−y), left and right border are behind the camera.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Environment {
+pub struct EnvironmentMap {
     /// Columns W.
     pub width: usize,
     /// Rows H.
@@ -18,7 +18,7 @@ pub struct Environment {
     pub texels: Vec<[f32; 3]>,
 }
 
-impl Environment {
+impl EnvironmentMap {
     /// The same radiance from everywhere.
     pub fn uniform(width: usize, height: usize, radiance: [f32; 3]) -> Self {
         assert!(width > 0 && height > 0, "an environment needs texels, not {width}×{height}");
@@ -54,7 +54,7 @@ mod tests {
 
     #[test]
     fn directions_and_texels_are_inverse_and_the_middle_is_ahead() {
-        let e = Environment::uniform(16, 8, [1.0; 3]);
+        let e = EnvironmentMap::uniform(16, 8, [1.0; 3]);
         for row in 0..8 {
             for column in 0..16 {
                 assert_eq!(e.texel_of(e.direction(column, row)), row * 16 + column);

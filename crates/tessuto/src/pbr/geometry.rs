@@ -6,9 +6,8 @@ use wide::f32x8;
 
 use super::bvh::Bvh;
 use super::horizon::{Horizon, SECTORS, Sectors, horizon};
-use super::surface::Point;
-use crate::mesh::Mesh;
-use crate::scene::Shape;
+use super::surface::SurfacePoint;
+use crate::mesh::{Mesh, Positions};
 
 /// One triangle in one frame, on the side that the camera sees.
 #[derive(Debug, Clone, Copy)]
@@ -30,7 +29,7 @@ pub struct Geometry {
 impl Geometry {
     /// The triangles of `mesh` with vertices at `motion` [m], camera frame, shape [N, V]. The camera is the
     /// origin.
-    pub fn new(mesh: &Mesh, motion: &[Shape]) -> Self {
+    pub fn new(mesh: &Mesh, motion: &[Positions]) -> Self {
         let triangles = mesh.triangles();
         let sectors = Sectors::new();
         let frames: Vec<(Bvh, Vec<Patch>)> = motion
@@ -64,7 +63,7 @@ impl Geometry {
     #[inline]
     pub(super) fn keep_visible<const N: usize>(
         &self,
-        point: &Point,
+        point: &SurfacePoint,
         directions: &[[f32x8; 3]; N],
         wanted: &mut [f32x8; N],
     ) {
@@ -93,7 +92,7 @@ impl Geometry {
 
     fn trace<const N: usize>(
         &self,
-        point: &Point,
+        point: &SurfacePoint,
         directions: &[[f32x8; 3]; N],
         wanted: &mut [f32x8; N],
         mut doubtful: [u32; N],

@@ -2,9 +2,9 @@
 //! around → linear colours of surface points, and back.
 //!
 //! The motion is fixed, so everything that depends on geometry alone is made once: [`Geometry`] (per frame a
-//! tree of triangles, per triangle a horizon that the cloth does not rise above) and [`Point`]s (what a pixel
+//! tree of triangles, per triangle a horizon that the cloth does not rise above) and [`SurfacePoint`]s (what a pixel
 //! sees). [`Shader`] then estimates the light that leaves a point: in each pass, eight directions drawn from
-//! the [`Light`] and eight from the [`brdf`], combined by the balance heuristic. Each direction is shadowed by
+//! the [`EnvironmentSampler`] and eight from the [`brdf`], combined by the balance heuristic. Each direction is shadowed by
 //! the cloth itself. Directions and their densities are constants to the derivative. [`mod@reference`] is
 //! the same quantity, written plainly.
 //!
@@ -19,21 +19,20 @@ pub mod brdf;
 mod bvh;
 mod denoise;
 mod environment;
+mod environment_sampler;
 mod geometry;
 mod horizon;
-mod light;
 mod material;
-mod picture;
 pub mod reference;
+mod render;
 mod shader;
-pub mod srgb;
 mod surface;
 
 pub use accumulate::{Gradients, accumulate};
-pub use environment::Environment;
+pub use environment::EnvironmentMap;
+pub use environment_sampler::EnvironmentSampler;
 pub use geometry::Geometry;
-pub use light::Light;
 pub use material::{CHANNELS, Material};
-pub use picture::{Cloth, picture};
-pub use shader::{Estimate, LANES, Shader};
-pub use surface::{Point, see};
+pub use render::{RenderScene, render_frame};
+pub use shader::{LANES, RadianceEstimate, Shader};
+pub use surface::{SurfacePoint, visible_points};

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 
-use super::{Environment, Material, Point};
+use super::{EnvironmentMap, Material, SurfacePoint};
 use crate::math::rng::Rng;
 
 /// BRDF f(o, i) [1/sr] of `texel` = (diffuse [3], roughness, metallic) for unit vectors to viewer and light and the
@@ -33,8 +33,8 @@ pub fn colour(
     triangles: &[[u32; 3]],
     shape: &[DVec3],
     material: &Material,
-    environment: &Environment,
-    (point, own): (&Point, usize),
+    environment: &EnvironmentMap,
+    (point, own): (&SurfacePoint, usize),
     count: usize,
     rng: &mut Rng,
 ) -> [DVec3; 2] {

@@ -6,7 +6,7 @@ use wide::{f32x8, u32x8};
 use super::accumulate::Sink;
 use super::brdf::{Brdf, Eval};
 use super::material::Footprint;
-use super::{Geometry, Light, Material, Point};
+use super::{EnvironmentSampler, Geometry, Material, SurfacePoint};
 use crate::math::rng::mix32;
 
 /// Directions in a bundle. A pass shades this many camera samples, each with one direction from the light and
@@ -29,7 +29,7 @@ pub struct Shader<'a> {
     /// Its material.
     pub material: &'a Material,
     /// The light.
-    pub light: &'a Light,
+    pub light: &'a EnvironmentSampler,
 }
 
 /// What one direction of a bundle added: the texel of the light, and colour per radiance of it.
@@ -43,7 +43,7 @@ struct Record {
 /// radiance · visibility · cosine / density, the colour is
 /// diffuse_c/π Σ W_c + F0_c Σ W_c dg (1 − s) + Σ W_c dg s.
 #[derive(Debug, Clone, Default)]
-pub struct Estimate {
+pub struct RadianceEstimate {
     /// Linear colour.
     pub colour: [f32; 3],
     irradiance: [f32; 3],
@@ -52,7 +52,7 @@ pub struct Estimate {
     records: Vec<Record>,
 }
 
-impl Estimate {
+impl RadianceEstimate {
     /// Irradiance over π, the microfacets' share by F0, and the rest: colour = diffuse · E + F0 · S + R.
     pub(super) fn parts(&self, brdf: &Brdf) -> [[f32; 3]; 3] {
         let e = self.irradiance.map(|i| i * std::f32::consts::FRAC_1_PI);
@@ -62,14 +62,14 @@ impl Estimate {
 }
 
 /// The point's own quantities, the same for all directions.
-pub(super) struct Site {
+pub(super) struct ShadingContext {
     pub brdf: Brdf,
     pub footprint: Footprint,
     axes: [[f32x8; 3]; 3],
 }
 
 impl Shader<'_> {
-    pub(super) fn site(&self, point: &Point) -> Site {
+    pub(super) fn site(&self, point: &SurfacePoint) -> ShadingContext {
         let to_viewer = -point.position.normalize();
         let mut n = point.normal;
         let lean = n.dot(to_viewer);
@@ -80,7 +80,7 @@ impl Shader<'_> {
         let wo = [t, b, n].map(|a| a.dot(to_viewer));
         let wo = [wo[0], wo[1], wo[2].max(0.5 * LEAST_COSINE)];
         let footprint = self.material.footprint(point.uv);
-        Site {
+        ShadingContext {
             brdf: Brdf::new(&self.material.lookup(&footprint), wo),
             footprint,
             axes: [t, b, n].map(|a| a.to_array().map(f32x8::splat)),
@@ -89,17 +89,17 @@ impl Shader<'_> {
 
     /// Estimates the light that leaves `point` with `passes` passes of [`LANES`] camera samples. Random numbers
     /// are those of `key` and of nothing else.
-    pub fn estimate(&self, point: &Point, key: u32, passes: usize, out: &mut Estimate) {
+    pub fn estimate(&self, point: &SurfacePoint, key: u32, passes: usize, out: &mut RadianceEstimate) {
         self.estimate_at(&self.site(point), point, key, passes, out);
     }
 
     pub(super) fn estimate_at(
         &self,
-        site: &Site,
-        point: &Point,
+        site: &ShadingContext,
+        point: &SurfacePoint,
         key: u32,
         passes: usize,
-        out: &mut Estimate,
+        out: &mut RadianceEstimate,
     ) {
         out.records.clear();
         let mut sums = [[f32x8::ZERO; 3]; 4];
@@ -132,7 +132,13 @@ impl Shader<'_> {
     }
 
     /// Adds the derivatives of `adjoint` · colour to `sink`: the material's, and the light's.
-    pub(super) fn estimate_vjp(&self, site: &Site, estimate: &Estimate, adjoint: [f32; 3], sink: &mut Sink) {
+    pub(super) fn estimate_vjp(
+        &self,
+        site: &ShadingContext,
+        estimate: &RadianceEstimate,
+        adjoint: [f32; 3],
+        sink: &mut Sink,
+    ) {
         let b = &site.brdf;
         let mut texel = [0.0f32; 8];
         for c in 0..3 {

@@ -8,7 +8,7 @@ use crate::raster::{Rasterizer, Rendering, Texture};
 
 /// A point of the cloth as a pixel sees it.
 #[derive(Debug, Clone, Copy)]
-pub struct Point {
+pub struct SurfacePoint {
     /// Position [m], camera frame.
     pub position: Vec3,
     /// Shading normal: the vertices' normals interpolated, on the side that the camera sees, unit.
@@ -21,7 +21,7 @@ pub struct Point {
 
 /// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `shape` [m] for which
 /// `wanted` says so, with their pixel indices, in the order of rows.
-pub fn see(
+pub fn visible_points(
     rasterizer: &Rasterizer,
     camera: &Camera,
     geometry: &Geometry,
@@ -29,7 +29,7 @@ pub fn see(
     shape: &[DVec3],
     rendering: &mut Rendering,
     mut wanted: impl FnMut(&Rendering, usize) -> bool,
-) -> Vec<(u32, Point)> {
+) -> Vec<(u32, SurfacePoint)> {
     rasterizer.render(camera, shape, &Texture::uniform(1, 1, [0.0; 3]), rendering);
     let normals = vertex_normals(rasterizer.triangles(), shape);
     let first = frame * rasterizer.triangles().len();
@@ -54,7 +54,7 @@ pub fn see(
         let normal = if normal.dot(facing) < 0.0 { -normal } else { normal };
         points.push((
             pixel as u32,
-            Point {
+            SurfacePoint {
                 position: position.as_vec3(),
                 normal: normal.as_vec3(),
                 uv: uv.as_vec2().to_array(),

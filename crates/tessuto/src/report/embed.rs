@@ -4,8 +4,7 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::mesh::Mesh;
-use crate::scene::Shape;
+use crate::mesh::{Mesh, Positions};
 
 /// `bytes` in the alphabet of RFC 4648 §4, padded.
 pub fn base64(bytes: &[u8]) -> String {
@@ -41,7 +40,7 @@ pub struct Motion {
 
 impl Motion {
     /// Of shapes [N, V] m.
-    pub fn new(shapes: &[Shape]) -> Self {
+    pub fn new(shapes: &[Positions]) -> Self {
         let (mut boxes, mut steps, mut precision) = (Vec::new(), Vec::new(), 0.0f64);
         for shape in shapes {
             let finite = || shape.iter().filter(|p| p.is_finite());
@@ -237,7 +236,7 @@ mod tests {
     #[test]
     fn embedded_positions_are_as_near_as_stated() {
         let mut rng = crate::math::rng::Rng::new(3, 0);
-        let shapes: Vec<Shape> =
+        let shapes: Vec<Positions> =
             (0..3).map(|_| (0..50).map(|_| rng.vector() * 0.4 + DVec3::Z * 1.3).collect()).collect();
         let motion = Motion::new(&shapes);
         assert!(motion.precision < 3e-5, "{}", motion.precision);

@@ -5,10 +5,11 @@ use serde::Serialize;
 use super::{Run, history, page};
 use crate::config::Preset;
 use crate::error::Result;
+use crate::mesh::Positions;
 use crate::report::embed::Window;
 use crate::report::film::{self, Film, Source};
 use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 use crate::session::Epoch;
 
 /// Bytes for the video.
@@ -59,7 +60,7 @@ struct State {
 }
 
 /// The curves so far and, if there is one, the motion so far, as JSON.
-pub fn live_state(epochs: &[Epoch], motion: Option<&[Shape]>) -> String {
+pub fn live_state(epochs: &[Epoch], motion: Option<&[Positions]>) -> String {
     let rows: Vec<_> = epochs.iter().map(history::row).collect();
     let last = epochs.last();
     let state = State {

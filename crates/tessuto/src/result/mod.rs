@@ -35,12 +35,12 @@ use crate::camera::{Camera, Rect};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::io;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Positions};
 use crate::metrics::Evaluation;
-use crate::motion::rollout_fit::Parameters;
+use crate::motion::parameters::Parameters;
 use crate::reconstruct::Reconstruction;
-use crate::scene::{Scene, Shape};
-use crate::sim::Forces;
+use crate::scene::Scene;
+use crate::sim::Accelerations;
 
 /// Which run it was.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -135,7 +135,7 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     let scene = context.scene;
     let texture = result.texture.to_image();
     io::npy::write_shapes(&folder.join("motion.npy"), &result.motion)?;
-    io::npy::write_shapes(&folder.join("forces.npy"), &result.parameters.forces.dynamic)?;
+    io::npy::write_shapes(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
     io::image::write_png(&folder.join("texture.png"), &texture)?;
     io::atomic_write(
         &folder.join("mesh.mtl"),
@@ -164,7 +164,7 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
 pub fn write_metrics(
     folder: &Path,
     scene: &Scene,
-    shapes: &[Shape],
+    shapes: &[Positions],
     motion: Option<&Evaluation>,
 ) -> Result<()> {
     let maps = crate::appearance::evaluate(scene, folder, shapes)?;
@@ -212,9 +212,9 @@ fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
         bend: quantity(bend, "J/rad^2"),
         shear: quantity(shear, "J/rad^2"),
         log10_stiffness: p.log_stiffness,
-        constant_force: quantity(p.forces.constant.to_array(), "m/s^2"),
+        constant_force: quantity(p.accelerations.constant.to_array(), "m/s^2"),
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
-        dynamic_parts: p.forces.parts,
+        dynamic_parts: p.accelerations.entries_per_frame,
         area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
         frame_rate: quantity(scene.fps, "1/s"),
         camera: Some(camera),
@@ -254,8 +254,8 @@ pub fn read(folder: &Path) -> Result<Saved> {
     if !constant.is_finite() || dynamic.iter().flatten().any(|d| !d.is_finite()) {
         return Err(bad("a force is not finite".to_owned()));
     }
-    let forces = Forces { constant, dynamic, parts: file.dynamic_parts };
-    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, forces };
+    let accelerations = Accelerations { constant, dynamic, entries_per_frame: file.dynamic_parts };
+    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, accelerations };
     // Whoever edits the values means the values.
     if parameters.stiffness() != stiffness {
         parameters.log_stiffness = stiffness.map(f64::log10);

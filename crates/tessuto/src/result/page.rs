@@ -9,16 +9,15 @@ use super::{Log, Saved, history, read, read_metrics};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io;
-use crate::mesh::Mesh;
-use crate::motion::rollout_fit::Parameters;
+use crate::mesh::{Mesh, Positions};
+use crate::motion::parameters::Parameters;
 use crate::report::chart::{self, Chart, Series};
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source, jpeg_of};
 use crate::report::{
     ClothData, Field, KeyNumber, LightData, Map, Motion, Parameter, ReportData, Surface, embed, page,
 };
-use crate::scene::Shape;
-use crate::sim::Forces;
+use crate::sim::Accelerations;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;
@@ -97,7 +96,7 @@ pub(super) fn name_of(scene: &Path) -> String {
     whole.file_name().map_or_else(|| "fabric".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-fn read_motion(folder: &Path, mesh: &Mesh) -> Result<Vec<Shape>> {
+fn read_motion(folder: &Path, mesh: &Mesh) -> Result<Vec<Positions>> {
     let path = folder.join("motion.npy");
     let motion = io::npy::read_shapes(&path)?;
     let (found, expected) = (motion.first().map_or(0, Vec::len), mesh.positions.len());
@@ -113,7 +112,7 @@ fn read_motion(folder: &Path, mesh: &Mesh) -> Result<Vec<Shape>> {
 
 /// What was recovered besides the motion.
 fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
-    let Parameters { log_stiffness, forces } = &saved.parameters;
+    let Parameters { log_stiffness, accelerations } = &saved.parameters;
     let [stretch, bend, shear] = saved.parameters.stiffness();
     let d = &saved.run.settings.dynamics;
     let note = |k: usize| {
@@ -128,7 +127,7 @@ fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
         unit: unit.to_owned(),
         note,
     };
-    let c = forces.constant;
+    let c = accelerations.constant;
     vec![
         parameter("stretch", "stretch stiffness", stretch, "N/m", note(0)),
         parameter("bend", "bend stiffness", bend, "J/rad²", note(1)),
@@ -140,20 +139,21 @@ fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
 }
 
 /// ‖C + D‖ [m/s²] at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
-fn force_magnitudes(forces: &Forces, frame_count: usize, vertex_count: usize) -> Vec<Vec<f32>> {
-    let intervals: Vec<&[Shape]> = forces.dynamic.chunks_exact(forces.parts).collect();
+fn force_magnitudes(accelerations: &Accelerations, frame_count: usize, vertex_count: usize) -> Vec<Vec<f32>> {
+    let intervals: Vec<&[Positions]> =
+        accelerations.dynamic.chunks_exact(accelerations.entries_per_frame).collect();
     let of = |n: usize| -> Vec<f32> {
         let Some(parts) = intervals.get(n.min(intervals.len().saturating_sub(1))) else {
             return vec![f32::NAN; vertex_count];
         };
-        let mean = |v: usize| parts.iter().map(|d| (forces.constant + d[v]).length()).sum::<f64>();
-        (0..vertex_count).map(|v| (mean(v) / forces.parts as f64) as f32).collect()
+        let mean = |v: usize| parts.iter().map(|d| (accelerations.constant + d[v]).length()).sum::<f64>();
+        (0..vertex_count).map(|v| (mean(v) / accelerations.entries_per_frame as f64) as f32).collect()
     };
     (0..frame_count).map(of).collect()
 }
 
 /// What the fabric can be coloured by; strain is left to the script, which has all it needs.
-fn fields(folder: &Path, saved: &Saved, motion: &[Shape]) -> Result<Vec<Field>> {
+fn fields(folder: &Path, saved: &Saved, motion: &[Positions]) -> Result<Vec<Field>> {
     let vertex_count = saved.mesh.positions.len();
     let from_file = |name: &str, texts: [&'static str; 3], diverging| -> Result<Option<Field>> {
         let path = folder.join(name);
@@ -175,11 +175,11 @@ fn fields(folder: &Path, saved: &Saved, motion: &[Shape]) -> Result<Vec<Field>> 
             .collect();
         Ok(Field::new(texts, diverging, &values))
     };
-    let forces = force_magnitudes(&saved.parameters.forces, motion.len(), vertex_count);
+    let accelerations = force_magnitudes(&saved.parameters.accelerations, motion.len(), vertex_count);
     Ok([
         from_file("depth_error.npy", ["depth_error", "depth − measured depth", "mm"], true)?,
         from_file("vertex_error.npy", ["vertex_error", "distance from the true vertex", "mm"], false)?,
-        Field::new(["force", "force per mass", "m/s²"], false, &forces),
+        Field::new(["force", "force per mass", "m/s²"], false, &accelerations),
     ]
     .into_iter()
     .flatten()
@@ -187,7 +187,7 @@ fn fields(folder: &Path, saved: &Saved, motion: &[Shape]) -> Result<Vec<Field>> 
 }
 
 /// Curves over the frames besides the errors.
-fn frame_charts(folder: &Path, saved: &Saved, motion: &[Shape]) -> Result<Vec<Chart>> {
+fn frame_charts(folder: &Path, saved: &Saved, motion: &[Positions]) -> Result<Vec<Chart>> {
     let first = saved.run.frames[0];
     let chart = |title: &str, unit: &str, lines: Vec<(&str, Vec<f64>)>| {
         let line = |(name, values): (&str, Vec<f64>)| Series {
@@ -211,7 +211,7 @@ fn frame_charts(folder: &Path, saved: &Saved, motion: &[Shape]) -> Result<Vec<Ch
     }
     let edges = saved.mesh.edges();
     let rest = &saved.mesh.positions;
-    let strain = |shape: &Shape| {
+    let strain = |shape: &Positions| {
         let of = |[a, b]: &[u32; 2]| {
             let [a, b] = [*a as usize, *b as usize];
             (shape[a].distance(shape[b]) / rest[a].distance(rest[b]) - 1.0).abs()
@@ -223,13 +223,16 @@ fn frame_charts(folder: &Path, saved: &Saved, motion: &[Shape]) -> Result<Vec<Ch
         "%",
         vec![("strain", motion.par_iter().map(strain).collect())],
     ));
-    let forces = force_magnitudes(&saved.parameters.forces, motion.len(), rest.len());
+    let accelerations = force_magnitudes(&saved.parameters.accelerations, motion.len(), rest.len());
     let mean = |f: &Vec<f32>| f.iter().map(|v| f64::from(*v)).sum::<f64>() / f.len().max(1) as f64;
     let most = |f: &Vec<f32>| f.iter().fold(f64::NAN, |m, v| m.max(f64::from(*v)));
     charts.push(chart(
         "Force per mass",
         "m/s²",
-        vec![("mean", forces.iter().map(mean).collect()), ("largest", forces.iter().map(most).collect())],
+        vec![
+            ("mean", accelerations.iter().map(mean).collect()),
+            ("largest", accelerations.iter().map(most).collect()),
+        ],
     ));
     Ok(charts)
 }
@@ -280,7 +283,7 @@ fn light(folder: &Path) -> Result<Option<LightData>> {
     let mean = shown.data.iter().map(|v| f64::from(*v)).sum::<f64>() / shown.data.len().max(1) as f64;
     let tone = |v: &f32| {
         let x = v / (2.0 * mean.max(1e-9)) as f32;
-        (255.0 * crate::pbr::srgb::encode(x / (1.0 + x)).clamp(0.0, 1.0)).round() as u8
+        (255.0 * crate::image::srgb::encode(x / (1.0 + x)).clamp(0.0, 1.0)).round() as u8
     };
     let bytes = shown.data.iter().map(tone).collect();
     let picture =
@@ -294,7 +297,7 @@ fn light(folder: &Path) -> Result<Option<LightData>> {
 }
 
 /// The frames that the folder has pictures of.
-fn film(folder: &Path, saved: &Saved, motion: &[Shape], budget: usize) -> Result<Film> {
+fn film(folder: &Path, saved: &Saved, motion: &[Positions], budget: usize) -> Result<Film> {
     let first = saved.run.frames[0];
     let path = |name: &str, n: usize| match name {
         "rerendered" => folder.join(format!("rerendered/rgb_{:03}.png", first + n)),
@@ -348,7 +351,7 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage
 }
 
 /// The pixels that the moving fabric comes over; None if it is never in sight.
-pub(super) fn in_sight(motion: &[Shape], camera: &Camera) -> Option<Rect> {
+pub(super) fn in_sight(motion: &[Positions], camera: &Camera) -> Option<Rect> {
     let (width, height) = (camera.width, camera.height);
     let mut view = Rect { x0: width, y0: height, x1: 0, y1: 0 };
     for p in motion.iter().flatten().filter(|p: &&DVec3| p.z > 1e-6) {

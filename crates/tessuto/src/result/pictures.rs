@@ -5,11 +5,12 @@ use std::path::Path;
 use crate::error::Result;
 use crate::image::Image;
 use crate::io;
+use crate::mesh::Positions;
 use crate::raster::{Rasterizer, Rendering};
 use crate::reconstruct::Reconstruction;
 use crate::report::pictures::{FramePictures, Ranges, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 use crate::video::Frame;
 
 /// A vertex farther behind the nearest surface [m] is hidden.
@@ -99,7 +100,7 @@ impl Rendered {
 fn write_errors(
     folder: &Path,
     scene: &Scene,
-    motion: &[Shape],
+    motion: &[Positions],
     measured: &[(Ranges, Vec<f32>)],
 ) -> Result<()> {
     let size = [motion.len(), scene.template.positions.len()];
@@ -108,7 +109,7 @@ fn write_errors(
         io::npy::write(&folder.join("depth_error.npy"), &size, &errors)?;
     }
     if let Some(truth) = &scene.truth.vertices {
-        let distance = |(a, b): (&Shape, &Shape)| -> Vec<f32> {
+        let distance = |(a, b): (&Positions, &Positions)| -> Vec<f32> {
             a.iter().zip(b).map(|(p, q)| p.distance(*q) as f32).collect()
         };
         let errors: Vec<f32> = motion.iter().zip(truth).flat_map(distance).collect();
@@ -118,7 +119,7 @@ fn write_errors(
 }
 
 /// Depth minus measured depth [m] at every vertex that is in sight, NaN elsewhere and where none was measured.
-fn depth_errors(scene: &Scene, shape: &Shape, depth: &Image, measured: Option<&Image>) -> Vec<f32> {
+fn depth_errors(scene: &Scene, shape: &Positions, depth: &Image, measured: Option<&Image>) -> Vec<f32> {
     let Some(measured) = measured else { return vec![f32::NAN; shape.len()] };
     let (width, height) = (measured.width as f64, measured.height as f64);
     let at = |p: &glam::DVec3| {

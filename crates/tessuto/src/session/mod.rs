@@ -19,13 +19,13 @@ pub use epoch::Epoch;
 pub use identity::identity;
 
 use crate::error::{Error, Result};
-use crate::scene::Shape;
+use crate::mesh::Positions;
 
 /// Name of the part of a checkpoint that holds the steps so far.
 const HISTORY: &str = "history";
 
 /// Hears of a step and the motion so far.
-type Observer<'a> = dyn FnMut(&Epoch, &[Shape]) -> Result<()> + 'a;
+type Observer<'a> = dyn FnMut(&Epoch, &[Positions]) -> Result<()> + 'a;
 
 /// See the module.
 pub struct Session<'a> {
@@ -43,7 +43,7 @@ pub struct Session<'a> {
 impl<'a> Session<'a> {
     /// `observer` receives every finished step, and the motion so far of the first frames (empty from stages that do
     /// not change it); an error it returns ends the computation with that error.
-    pub fn new(observer: impl FnMut(&Epoch, &[Shape]) -> Result<()> + 'a) -> Self {
+    pub fn new(observer: impl FnMut(&Epoch, &[Positions]) -> Result<()> + 'a) -> Self {
         Self {
             observer: Box::new(observer),
             checkpoints: None,
@@ -93,7 +93,12 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// What the observer returned; [`Error::Output`] if a checkpoint cannot be written.
-    pub fn step(&mut self, epoch: &Epoch, motion: &[Shape], state: Option<&impl Serialize>) -> Result<()> {
+    pub fn step(
+        &mut self,
+        epoch: &Epoch,
+        motion: &[Positions],
+        state: Option<&impl Serialize>,
+    ) -> Result<()> {
         self.history.push(epoch.clone());
         if self.stopping.is_none() {
             self.stopping = (self.observer)(epoch, motion).err();

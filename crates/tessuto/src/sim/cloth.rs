@@ -28,7 +28,7 @@ pub struct Edge {
 
 /// An angle spring over the path a → o → c.
 #[derive(Debug, Clone, Copy)]
-pub struct Hinge {
+pub struct AngleSpring {
     /// a, o, c.
     pub vertices: [u32; 3],
     /// Deflection without load [rad].
@@ -68,7 +68,7 @@ impl Energy {
 
 /// Which second derivatives to assemble.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Curvature {
+pub enum HessianKind {
     /// As they are; indefinite under compression.
     Exact,
     /// Each element's positive semi-definite upper bound.
@@ -85,9 +85,9 @@ pub struct Cloth {
     /// Stretch springs.
     pub edges: Vec<Edge>,
     /// Bending pairs.
-    pub bends: Vec<Hinge>,
+    pub bends: Vec<AngleSpring>,
     /// Shearing pairs.
-    pub shears: Vec<Hinge>,
+    pub shears: Vec<AngleSpring>,
     /// Pattern's pairs (corner 1, 0), (2, 0), (2, 1) of every triangle, for terms that act on triangles.
     pub triangle_pairs: Vec<[usize; 3]>,
     /// Pattern of Hessians and of the systems to solve.
@@ -124,9 +124,9 @@ impl Cloth {
                     let rest_angle = angle::angle(u, w);
                     let first = pairs.len();
                     pairs.extend([[a, o], [a, c], [o, c]]);
-                    let hinge =
-                        Hinge { vertices: [a, o, c], rest_angle, pairs: [first, first + 1, first + 2] };
-                    if rest_angle < BEND_LIMIT { &mut bends } else { &mut shears }.push(hinge);
+                    let spring =
+                        AngleSpring { vertices: [a, o, c], rest_angle, pairs: [first, first + 1, first + 2] };
+                    if rest_angle < BEND_LIMIT { &mut bends } else { &mut shears }.push(spring);
                 }
             }
         }
@@ -161,8 +161,8 @@ impl Cloth {
 
     /// Elastic energy of shape `x` [m].
     pub fn energy(&self, stiffness: &Stiffness, x: &[DVec3]) -> Energy {
-        let hinges = |hinges: &[Hinge], k: &[f64]| {
-            let of = |(h, &k): (&Hinge, &f64)| {
+        let hinges = |hinges: &[AngleSpring], k: &[f64]| {
+            let of = |(h, &k): (&AngleSpring, &f64)| {
                 let [u, w] = arms(x, h.vertices);
                 angle::value(u, w, k, h.rest_angle)
             };
@@ -180,7 +180,7 @@ impl Cloth {
     pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
         let mut second = vec![DVec3::ZERO; out.len()];
         let [first_half, second_half] = self.hinge_halves(stiffness);
-        let of_hinge = |(h, k): (&Hinge, f64), out: &mut [DVec3]| {
+        let of_hinge = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
             let [u, w] = arms(x, h.vertices);
             h.scatter(angle::gradient(u, w, k, h.rest_angle).map(|g| g * scale), out);
         };
@@ -201,7 +201,7 @@ impl Cloth {
         &self,
         stiffness: &Stiffness,
         x: &[DVec3],
-        curvature: Curvature,
+        curvature: HessianKind,
         scale: f64,
         matrix: &mut BlockMatrix,
         scratch: &mut Scratch,
@@ -212,8 +212,8 @@ impl Cloth {
         rayon::join(
             || {
                 let of_edge = match curvature {
-                    Curvature::Exact => stretch::hessian,
-                    Curvature::Projected | Curvature::GaussNewton => stretch::hessian_projected,
+                    HessianKind::Exact => stretch::hessian,
+                    HessianKind::Projected | HessianKind::GaussNewton => stretch::hessian_projected,
                 };
                 for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
                     let h = of_edge(e.along(x), k * scale, e.rest_length);
@@ -230,22 +230,22 @@ impl Cloth {
 
     fn add_hinge_hessians<'a>(
         &self,
-        hinges: impl Iterator<Item = (&'a Hinge, f64)>,
+        hinges: impl Iterator<Item = (&'a AngleSpring, f64)>,
         x: &[DVec3],
-        curvature: Curvature,
+        curvature: HessianKind,
         scale: f64,
         matrix: &mut BlockMatrix,
     ) {
         let of_hinge = match curvature {
-            Curvature::Exact => angle::hessian,
-            Curvature::Projected => angle::hessian_projected,
-            Curvature::GaussNewton => angle::hessian_gauss_newton,
+            HessianKind::Exact => angle::hessian,
+            HessianKind::Projected => angle::hessian_projected,
+            HessianKind::GaussNewton => angle::hessian_gauss_newton,
         };
-        for (hinge, k) in hinges {
-            let [u, w] = arms(x, hinge.vertices);
-            let h = of_hinge(u, w, k * scale, hinge.rest_angle);
-            let [a, o, c] = hinge.vertices.map(|v| v as usize);
-            let [ao, ac, oc] = hinge.pairs;
+        for (spring, k) in hinges {
+            let [u, w] = arms(x, spring.vertices);
+            let h = of_hinge(u, w, k * scale, spring.rest_angle);
+            let [a, o, c] = spring.vertices.map(|v| v as usize);
+            let [ao, ac, oc] = spring.pairs;
             // u = o − a, w = c − o.
             matrix.add_diagonal(&self.pattern, a, &h.uu);
             matrix.add_diagonal(&self.pattern, o, &(h.uu + h.ww - h.uw - h.uw.transpose()));
@@ -267,7 +267,7 @@ impl Cloth {
     ) {
         let mut second = vec![DVec3::ZERO; out.len()];
         let [first_half, second_half] = self.hinge_halves(stiffness);
-        let of_hinge = |(h, k): (&Hinge, f64), out: &mut [DVec3]| {
+        let of_hinge = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
             let (at, va, vb) = (arms(x, h.vertices), arms(a, h.vertices), arms(b, h.vertices));
             h.scatter(angle::third(at, k * scale, h.rest_angle, va, vb), out);
         };
@@ -311,10 +311,10 @@ impl Cloth {
             *out += scale * e.along(a).dot(stretch::hessian(e.along(x), 1.0, e.rest_length) * e.along(b));
         }
         for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
-            hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(hinge, out)| {
-                let [u, w] = arms(x, hinge.vertices);
-                let h = angle::hessian(u, w, 1.0, hinge.rest_angle);
-                let ([au, aw], [bu, bw]) = (arms(a, hinge.vertices), arms(b, hinge.vertices));
+            hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(spring, out)| {
+                let [u, w] = arms(x, spring.vertices);
+                let h = angle::hessian(u, w, 1.0, spring.rest_angle);
+                let ([au, aw], [bu, bw]) = (arms(a, spring.vertices), arms(b, spring.vertices));
                 *out += scale
                     * (au.dot(h.uu * bu + h.uw * bw) + aw.dot(h.uw.transpose() * bu) + aw.dot(h.ww * bw));
             });
@@ -322,7 +322,7 @@ impl Cloth {
     }
 
     /// Bending, then shearing pairs, each with its stiffness.
-    fn hinges<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a Hinge, f64)> + Send {
+    fn hinges<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a AngleSpring, f64)> + Send {
         let bends = self.bends.iter().zip(stiffness.bend.iter().copied());
         bends.chain(self.shears.iter().zip(stiffness.shear.iter().copied()))
     }
@@ -331,7 +331,7 @@ impl Cloth {
     fn hinge_halves<'a>(
         &'a self,
         stiffness: &'a Stiffness,
-    ) -> [Box<dyn Iterator<Item = (&'a Hinge, f64)> + Send + 'a>; 2] {
+    ) -> [Box<dyn Iterator<Item = (&'a AngleSpring, f64)> + Send + 'a>; 2] {
         let half = usize::midpoint(self.bends.len(), self.shears.len());
         [Box::new(self.hinges(stiffness).take(half)), Box::new(self.hinges(stiffness).skip(half))]
     }
@@ -366,7 +366,7 @@ impl Edge {
     }
 }
 
-impl Hinge {
+impl AngleSpring {
     fn scatter(&self, [gu, gw]: [DVec3; 2], out: &mut [DVec3]) {
         let [a, o, c] = self.vertices.map(|v| v as usize);
         out[a] -= gu;

@@ -9,13 +9,13 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, Curvature, Stiffness};
+use super::cloth::{Cloth, HessianKind, Stiffness};
 use super::step::{State, StepGradients, StepSettings, StepTape, check_finite};
 use crate::error::{Error, Result};
 use crate::math::block_matrix::BlockMatrix;
 use crate::math::dot;
 use crate::math::factor::{Factor, Scratch};
-use crate::scene::Shape;
+use crate::mesh::Positions;
 
 /// Share of the decrease promised by the slope that a step must reach (Armijo).
 const SUFFICIENT_DECREASE: f64 = 1e-4;
@@ -129,10 +129,10 @@ impl Potential<'_> {
         share: f64,
         kept: &mut Option<Factor>,
         scratch: &mut Scratch,
-    ) -> Shape {
+    ) -> Positions {
         let x = self.moved(d);
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
-        let exact = hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Exact, scratch);
+        let exact = hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Exact, scratch);
         let mut step = None;
         if let Some(factor) = kept {
             let (found, end) = self.conjugate_gradients(&exact, factor, gradient, share, scratch);
@@ -149,7 +149,7 @@ impl Potential<'_> {
             }
             None => {
                 let projected =
-                    hessian(self.cloth, self.stiffness, &x, self.h, Curvature::Projected, scratch);
+                    hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Projected, scratch);
                 let factor = analysis.factorize(pattern, &projected, scratch);
                 scratch.recycle_matrix(projected);
                 let (step, _) = self.conjugate_gradients(&exact, &factor, gradient, share, scratch);
@@ -170,7 +170,7 @@ impl Potential<'_> {
         gradient: &[DVec3],
         share: f64,
         scratch: &mut Scratch,
-    ) -> (Shape, End) {
+    ) -> (Positions, End) {
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
         let mut residual = gradient.to_vec();
         let mut z = analysis.solve(pattern, factor, &residual, scratch);
@@ -215,7 +215,7 @@ fn hessian(
     stiffness: &Stiffness,
     x: &[DVec3],
     h: f64,
-    curvature: Curvature,
+    curvature: HessianKind,
     scratch: &mut Scratch,
 ) -> BlockMatrix {
     let mut matrix = scratch.zero_matrix(&cloth.pattern);
@@ -238,7 +238,7 @@ pub fn step_vjp(
 ) {
     let h = settings.step;
     let x = &tape.after.x;
-    let matrix = hessian(cloth, stiffness, x, h, Curvature::Exact, scratch);
+    let matrix = hessian(cloth, stiffness, x, h, HessianKind::Exact, scratch);
     let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
     scratch.recycle_matrix(matrix);
     let rhs: Vec<DVec3> = gradients.x.iter().zip(&gradients.v).map(|(x, v)| *x + *v / h).collect();
@@ -270,7 +270,7 @@ mod tests {
         let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
         let mut rng = Rng::new(2, 0);
         // Compressed by a tenth: hundreds of directions without positive curvature.
-        let x: Shape =
+        let x: Positions =
             mesh.positions.iter().map(|p| *p * DVec3::new(0.9, 0.95, 1.0) + rng.vector() * 5e-4).collect();
         let before = State { v: vec![DVec3::ZERO; x.len()], x };
         let settings = StepSettings {
@@ -287,7 +287,7 @@ mod tests {
                 .analysis
                 .definite(
                     &cloth.pattern,
-                    &hessian(&cloth, &stiffness, &before.x, h, Curvature::Exact, scratch),
+                    &hessian(&cloth, &stiffness, &before.x, h, HessianKind::Exact, scratch),
                     scratch
                 )
                 .is_none()
@@ -297,12 +297,12 @@ mod tests {
         let inertial: Vec<DVec3> = gravity.iter().map(|g| *g * (h * h)).collect();
         let potential =
             Potential { cloth: &cloth, stiffness: &stiffness, x: &before.x, inertial: &inertial, h };
-        let d: Shape = after.x.iter().zip(&before.x).map(|(x, x0)| *x - *x0).collect();
+        let d: Positions = after.x.iter().zip(&before.x).map(|(x, x0)| *x - *x0).collect();
         let size = |g: Vec<DVec3>| g.iter().fold(0.0, |m: f64, g| m.max(g.length()));
         let (left, start) =
             (size(potential.gradient(&d)), size(potential.gradient(&vec![DVec3::ZERO; d.len()])));
         assert!(left < 1e-8 * start, "{left} N of {start} N");
-        let matrix = hessian(&cloth, &stiffness, &after.x, h, Curvature::Exact, scratch);
+        let matrix = hessian(&cloth, &stiffness, &after.x, h, HessianKind::Exact, scratch);
         assert!(cloth.analysis.definite(&cloth.pattern, &matrix, scratch).is_some());
     }
 }

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, Curvature, Stiffness};
+use super::cloth::{Cloth, HessianKind, Stiffness};
 use super::step::{State, StepGradients, StepSettings, StepTape, check_finite};
 use crate::error::{Error, Result};
 use crate::math::factor::{Factor, Scratch};
@@ -50,7 +50,7 @@ fn factor(
 ) -> Factor {
     let h = settings.step;
     let mut matrix = scratch.zero_matrix(&cloth.pattern);
-    cloth.add_hessian(stiffness, &before.x, Curvature::Exact, h * h, &mut matrix, scratch);
+    cloth.add_hessian(stiffness, &before.x, HessianKind::Exact, h * h, &mut matrix, scratch);
     matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0);
     let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
     scratch.recycle_matrix(matrix);

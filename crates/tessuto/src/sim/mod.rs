@@ -8,6 +8,6 @@ pub mod rollout;
 pub mod step;
 pub mod stretch;
 
-pub use cloth::{Cloth, Curvature, Energy, Stiffness};
-pub use rollout::{Drive, DriveGradients, Forces, Rollout, rollout, rollout_vjp};
+pub use cloth::{Cloth, Energy, HessianKind, Stiffness};
+pub use rollout::{Accelerations, Rollout, RolloutGradients, RolloutInputs, rollout, rollout_vjp};
 pub use step::{Integrator, State, StepSettings};

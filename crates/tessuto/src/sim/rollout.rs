@@ -6,40 +6,40 @@ use super::cloth::{Cloth, Stiffness};
 use super::step::{State, StepGradients, StepSettings, StepTape, step, step_vjp};
 use crate::error::Result;
 use crate::math::factor::Scratch;
-use crate::scene::Shape;
+use crate::mesh::Positions;
 
 /// Factors are kept for the adjoint while they fit into this many bytes; beyond, they are made again.
 const FACTOR_MEMORY: usize = 700 << 20;
 
 /// External accelerations [m/s²]: f/m = `constant` + `dynamic`.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Forces {
+pub struct Accelerations {
     /// C, the same in space and time.
     pub constant: DVec3,
-    /// D, shape [(N − 1)·parts, V].
-    pub dynamic: Vec<Shape>,
+    /// D, shape [(N − 1)·entries_per_frame, V].
+    pub dynamic: Vec<Positions>,
     /// Entries of D for each frame interval, each held for (sub-steps per frame)/parts sub-steps.
-    pub parts: usize,
+    pub entries_per_frame: usize,
 }
 
 /// Everything that determines the motion.
 #[derive(Debug, Clone)]
-pub struct Drive<'a> {
+pub struct RolloutInputs<'a> {
     /// State at frame 0.
     pub initial: &'a State,
     /// External accelerations.
-    pub forces: &'a Forces,
+    pub accelerations: &'a Accelerations,
     /// Stiffnesses.
     pub stiffness: &'a Stiffness,
 }
 
-/// ∂L/∂[`Drive`] and the rest lengths.
+/// ∂L/∂[`RolloutInputs`] and the rest lengths.
 #[derive(Debug, Clone)]
-pub struct DriveGradients {
+pub struct RolloutGradients {
     /// By C.
     pub constant: DVec3,
     /// By D, same shape.
-    pub dynamic: Vec<Shape>,
+    pub dynamic: Vec<Positions>,
     /// By every element's stiffness.
     pub stiffness: Stiffness,
     /// By the initial state.
@@ -51,8 +51,8 @@ pub struct DriveGradients {
 /// The record of a rollout over `frames.len()` frames.
 #[derive(Debug)]
 pub struct Rollout {
-    /// Shape at every frame, shape [N].
-    pub frames: Vec<Shape>,
+    /// Positions at every frame, shape [N].
+    pub frames: Vec<Positions>,
     tapes: Vec<StepTape>,
     substeps: usize,
 }
@@ -66,19 +66,19 @@ pub fn rollout(
     settings: &StepSettings,
     substeps: usize,
     frame_count: usize,
-    drive: &Drive,
+    inputs: &RolloutInputs,
 ) -> Result<Rollout> {
     let mut scratch = Scratch::default();
     let step_count = (frame_count - 1) * substeps;
     let kept = FACTOR_MEMORY / (8 * cloth.analysis.factor_len().max(1));
-    let mut frames = vec![drive.initial.x.clone()];
+    let mut frames = vec![inputs.initial.x.clone()];
     let mut tapes = Vec::with_capacity(step_count);
-    let mut state = drive.initial.clone();
+    let mut state = inputs.initial.clone();
     let mut acceleration = vec![DVec3::ZERO; cloth.vertex_count()];
     for k in 0..step_count {
-        let dynamic = &drive.forces.dynamic[k * drive.forces.parts / substeps];
-        acceleration.iter_mut().zip(dynamic).for_each(|(a, d)| *a = drive.forces.constant + *d);
-        let mut tape = step(cloth, settings, drive.stiffness, state, &acceleration, &mut scratch)
+        let dynamic = &inputs.accelerations.dynamic[k * inputs.accelerations.entries_per_frame / substeps];
+        acceleration.iter_mut().zip(dynamic).for_each(|(a, d)| *a = inputs.accelerations.constant + *d);
+        let mut tape = step(cloth, settings, inputs.stiffness, state, &acceleration, &mut scratch)
             .map_err(|e| at_frame(e, k / substeps + 1))?;
         if tapes.len() >= kept {
             tape.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
@@ -96,27 +96,27 @@ pub fn rollout(
 pub fn rollout_vjp(
     cloth: &Cloth,
     settings: &StepSettings,
-    drive: &Drive,
+    inputs: &RolloutInputs,
     rollout: &Rollout,
-    grad_frames: &[Shape],
-) -> DriveGradients {
+    grad_frames: &[Positions],
+) -> RolloutGradients {
     let mut scratch = Scratch::default();
     let substeps = rollout.substeps;
     let zeros = vec![DVec3::ZERO; cloth.vertex_count()];
-    let mut dynamic = vec![zeros; drive.forces.dynamic.len()];
+    let mut dynamic = vec![zeros; inputs.accelerations.dynamic.len()];
     let mut constant = DVec3::ZERO;
     let mut gradients = StepGradients::zeros(cloth);
-    let add = |x: &mut Shape, g: &Shape| x.iter_mut().zip(g).for_each(|(x, g)| *x += *g);
+    let add = |x: &mut Positions, g: &Positions| x.iter_mut().zip(g).for_each(|(x, g)| *x += *g);
     for (k, tape) in rollout.tapes.iter().enumerate().rev() {
         if (k + 1) % substeps == 0 {
             add(&mut gradients.x, &grad_frames[(k + 1) / substeps]);
         }
-        step_vjp(cloth, settings, drive.stiffness, tape, &mut gradients, &mut scratch);
-        add(&mut dynamic[k * drive.forces.parts / substeps], &gradients.acceleration);
+        step_vjp(cloth, settings, inputs.stiffness, tape, &mut gradients, &mut scratch);
+        add(&mut dynamic[k * inputs.accelerations.entries_per_frame / substeps], &gradients.acceleration);
         constant += gradients.acceleration.iter().copied().sum::<DVec3>();
     }
     add(&mut gradients.x, &grad_frames[0]);
-    DriveGradients {
+    RolloutGradients {
         constant,
         dynamic,
         stiffness: gradients.stiffness,
@@ -125,17 +125,18 @@ pub fn rollout_vjp(
     }
 }
 
-impl Forces {
-    /// No force at all, over `frame_count` frames with `parts` entries of D each.
-    pub fn zeros(frame_count: usize, parts: usize, vertex_count: usize) -> Self {
-        let dynamic = vec![vec![DVec3::ZERO; vertex_count]; frame_count.saturating_sub(1) * parts];
-        Self { constant: DVec3::ZERO, dynamic, parts }
+impl Accelerations {
+    /// No force at all, over `frame_count` frames with `entries_per_frame` entries of D each.
+    pub fn zeros(frame_count: usize, entries_per_frame: usize, vertex_count: usize) -> Self {
+        let dynamic =
+            vec![vec![DVec3::ZERO; vertex_count]; frame_count.saturating_sub(1) * entries_per_frame];
+        Self { constant: DVec3::ZERO, dynamic, entries_per_frame }
     }
 
     /// Whether they are for as many frames, parts and vertices as `other`.
-    pub fn fit(&self, other: &Self) -> bool {
+    pub fn matches(&self, other: &Self) -> bool {
         let sizes = |f: &Self| f.dynamic.iter().map(Vec::len).collect::<Vec<_>>();
-        self.parts == other.parts && sizes(self) == sizes(other)
+        self.entries_per_frame == other.entries_per_frame && sizes(self) == sizes(other)
     }
 }
 

@@ -6,7 +6,7 @@ use super::cloth::{Cloth, Stiffness};
 use super::{implicit_euler, linearized_euler};
 use crate::error::{Error, Result};
 use crate::math::factor::{Factor, Scratch};
-use crate::scene::Shape;
+use crate::mesh::Positions;
 
 /// Time integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -37,9 +37,9 @@ pub struct StepSettings {
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Positions.
-    pub x: Shape,
+    pub x: Positions,
     /// Velocities.
-    pub v: Shape,
+    pub v: Positions,
 }
 
 /// One sub-step, as the adjoint needs it.
@@ -57,11 +57,11 @@ pub struct StepTape {
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepGradients {
     /// By the positions before.
-    pub x: Shape,
+    pub x: Positions,
     /// By the velocities before.
-    pub v: Shape,
+    pub v: Positions,
     /// By the external accelerations of this step.
-    pub acceleration: Shape,
+    pub acceleration: Positions,
     /// By every element's stiffness, accumulated.
     pub stiffness: Stiffness,
     /// By every edge's rest length, accumulated.

@@ -10,8 +10,7 @@ use super::lattice::{MeshKind, lattice};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::math::rng::Rng;
-use crate::mesh::Mesh;
-use crate::scene::Shape;
+use crate::mesh::{Mesh, Positions};
 use crate::sim::step::step;
 use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness};
 
@@ -37,7 +36,7 @@ const STEP: f64 = 5e-3;
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] from the simulation.
-pub fn simulate(settings: &Settings) -> Result<(Mesh, Vec<Shape>)> {
+pub fn simulate(settings: &Settings) -> Result<(Mesh, Vec<Positions>)> {
     let mesh = lattice(settings.mesh, settings.grid, SIZE, DEPTH, settings.seed);
     let mut hanging = Hanging::new(&mesh, settings);
     let x = hanging.settled(&mesh, settings)?;
@@ -86,9 +85,9 @@ impl Hanging {
     }
 
     /// At rest under gravity, in folds that start from a slight wave; fine cloth from where a coarser one came to rest.
-    fn settled(&mut self, mesh: &Mesh, settings: &Settings) -> Result<Shape> {
+    fn settled(&mut self, mesh: &Mesh, settings: &Settings) -> Result<Positions> {
         let [columns, rows] = settings.grid;
-        let (start, steps): (Shape, usize) = if columns.max(rows) > FINE {
+        let (start, steps): (Positions, usize) = if columns.max(rows) > FINE {
             let halved = [columns, rows].map(|n| n.div_ceil(2).max(3));
             let coarse = Settings { grid: halved, mesh: MeshKind::Quads, ..settings.clone() };
             let grid = lattice(coarse.mesh, halved, SIZE, DEPTH, settings.seed);
@@ -116,7 +115,7 @@ impl Hanging {
         damping: f64,
         acceleration: impl Fn(usize) -> DVec3,
     ) -> Result<State> {
-        let mut accelerations: Shape = (0..state.x.len()).map(acceleration).collect();
+        let mut accelerations: Positions = (0..state.x.len()).map(acceleration).collect();
         self.cloth.masses.copy_from_slice(&self.masses);
         for &(i, p) in &self.pins {
             let pull = (p - state.x[i] - state.v[i] * (h * damping)) * PIN;

@@ -14,9 +14,9 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Positions};
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::scene::{Scene, Shape, Truth};
+use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use lattice::MeshKind;
 
@@ -155,7 +155,7 @@ fn view(
     camera: &Camera,
     texture: &Texture,
     shading: f64,
-    shape: &Shape,
+    shape: &Positions,
     rendering: &mut Rendering,
 ) -> (Frame, Vec<DVec3>) {
     let large = enlarged(camera);

@@ -12,8 +12,8 @@ pub mod remesh;
 
 use crate::camera::Camera;
 use crate::image::Image;
-use crate::io::scene::coverage::{overlap, template_coverage};
 use crate::mesh::Mesh;
+use crate::raster::coverage::{overlap, template_coverage};
 
 /// Intersection over union of a mesh [m], as `camera` sees it, and a mask of the same size.
 pub fn overlap_with_mask(mesh: &Mesh, camera: &Camera, mask: &Image) -> f64 {

@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::scene::coverage::fill_triangle;
+use crate::raster::coverage::fill_triangle;
 
 /// Corners of the convex hull that are compared; more would only cost time.
 const HULL_CORNERS: usize = 48;

@@ -4,8 +4,8 @@ use glam::{DMat3, DVec3};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::pbr::Environment;
-use crate::scene::Shape;
+use crate::mesh::Positions;
+use crate::pbr::EnvironmentMap;
 
 /// Margin around the fabric, as a share of the picture.
 const MARGIN: f64 = 0.05;
@@ -34,7 +34,7 @@ impl Viewpoint {
     ///
     /// # Errors
     /// [`Error::Usage`] unless |`up`| < 90°.
-    pub fn about(motion: &[Shape], camera: Camera, left: f64, up: f64) -> Result<Self> {
+    pub fn about(motion: &[Positions], camera: Camera, left: f64, up: f64) -> Result<Self> {
         if !left.is_finite() || !up.is_finite() || up.abs() >= std::f64::consts::FRAC_PI_2 {
             let angles = format!("camera {}° to the left, {}° up", left.to_degrees(), up.to_degrees());
             return Err(Error::usage(angles, "up must lie between -90 and 90"));
@@ -82,18 +82,18 @@ impl Viewpoint {
     }
 
     /// `shape` in this camera's frame.
-    pub fn shape(&self, shape: &Shape) -> Shape {
+    pub fn shape(&self, shape: &Positions) -> Positions {
         shape.iter().map(|x| self.rotation * *x + self.translation).collect()
     }
 
     /// `environment` in this camera's frame, each texel the mean of four directions of the old one.
-    pub fn environment(&self, environment: &Environment) -> Environment {
+    pub fn environment(&self, environment: &EnvironmentMap) -> EnvironmentMap {
         if self.rotation == DMat3::IDENTITY {
             return environment.clone();
         }
-        let fine = Environment::uniform(2 * environment.width, 2 * environment.height, [0.0; 3]);
+        let fine = EnvironmentMap::uniform(2 * environment.width, 2 * environment.height, [0.0; 3]);
         let back = self.rotation.transpose();
-        let mut turned = Environment::uniform(environment.width, environment.height, [0.0; 3]);
+        let mut turned = EnvironmentMap::uniform(environment.width, environment.height, [0.0; 3]);
         for row in 0..fine.height {
             for column in 0..fine.width {
                 let from = environment.texels[environment.texel_of(back * fine.direction(column, row))];
@@ -111,7 +111,7 @@ mod tests {
 
     const CAMERA: Camera = Camera { fx: 500.0, fy: 480.0, cx: 330.0, cy: 230.0, width: 640, height: 480 };
 
-    fn motion() -> Vec<Shape> {
+    fn motion() -> Vec<Positions> {
         let corner = |x: f64, y: f64, z: f64| DVec3::new(x, y, z);
         vec![
             vec![corner(-0.3, -0.2, 1.0), corner(0.3, 0.2, 1.0)],
@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn the_light_turns_with_the_camera() {
-        let mut sky = Environment::uniform(64, 32, [0.0; 3]);
+        let mut sky = EnvironmentMap::uniform(64, 32, [0.0; 3]);
         let up = sky.texel_of(-DVec3::Y + 1e-3 * DVec3::Z);
         let right = sky.texel_of(DVec3::X);
         sky.texels[up] = [7.0; 3];
@@ -158,7 +158,7 @@ mod tests {
         let turned = view.environment(&sky);
         // From the left border, looking to the right: what was at the right is ahead.
         let ahead = turned.texels[turned.texel_of(DVec3::new(0.05, 0.05, 1.0).normalize())];
-        let power = |e: &Environment| -> f64 {
+        let power = |e: &EnvironmentMap| -> f64 {
             let rows = e.texels.chunks_exact(e.width).enumerate();
             rows.map(|(r, t)| t.iter().map(|t| f64::from(t[0])).sum::<f64>() * e.solid_angle(r)).sum()
         };

@@ -6,7 +6,7 @@ use tessuto::math::block_matrix::BlockMatrix;
 use tessuto::math::factor::Scratch;
 use tessuto::math::{dot, rng::Rng};
 use tessuto::sim::step::step;
-use tessuto::sim::{Cloth, Curvature, Integrator, State, StepSettings, Stiffness};
+use tessuto::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
 
 use super::{crumple, crumpled, holds, rigid_motion};
 
@@ -18,7 +18,7 @@ fn gradient(cloth: &Cloth, stiffness: &Stiffness, x: &[DVec3]) -> Vec<DVec3> {
     out
 }
 
-fn hessian(cloth: &Cloth, stiffness: &Stiffness, x: &[DVec3], curvature: Curvature) -> BlockMatrix {
+fn hessian(cloth: &Cloth, stiffness: &Stiffness, x: &[DVec3], curvature: HessianKind) -> BlockMatrix {
     let mut matrix = BlockMatrix::zeros(&cloth.pattern);
     cloth.add_hessian(stiffness, x, curvature, 1.0, &mut matrix, &mut Scratch::default());
     matrix
@@ -92,7 +92,7 @@ fn second_derivatives_are_symmetric_and_ignore_translations() {
             up.iter().zip(&down).map(|(u, d)| (*u - *d) / (2.0 * h)).collect::<Vec<DVec3>>()
         };
         let (ab, ba) = (dot(&a, &slope(&b)), dot(&b, &slope(&a)));
-        let exact = hessian(&cloth, &stiffness, &x, Curvature::Exact);
+        let exact = hessian(&cloth, &stiffness, &x, HessianKind::Exact);
         let product = exact.multiply(&cloth.pattern, &b);
         let scale = largest(&product) * x.len() as f64;
         prop_assert!(scale > 0.0);
@@ -101,7 +101,7 @@ fn second_derivatives_are_symmetric_and_ignore_translations() {
         // A translation strains nothing; the projected part is never negative and bounds the exact one.
         let shift = vec![rng.vector(); x.len()];
         prop_assert!(largest(&exact.multiply(&cloth.pattern, &shift)) <= 1e-10 * scale);
-        let projected = hessian(&cloth, &stiffness, &x, Curvature::Projected);
+        let projected = hessian(&cloth, &stiffness, &x, HessianKind::Projected);
         let bound = dot(&b, &projected.multiply(&cloth.pattern, &b));
         prop_assert!(bound >= 0.0 && bound >= dot(&b, &product) - 1e-12 * scale);
         Ok(())

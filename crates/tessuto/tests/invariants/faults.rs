@@ -9,7 +9,9 @@ use tessuto::mesh::{Face, grid};
 use tessuto::pbr::Geometry;
 use tessuto::session::{Checkpoints, Epoch, Session};
 use tessuto::sim::step::step;
-use tessuto::sim::{Cloth, Drive, Forces, Integrator, State, StepSettings, Stiffness, rollout};
+use tessuto::sim::{
+    Accelerations, Cloth, Integrator, RolloutInputs, State, StepSettings, Stiffness, rollout,
+};
 use tessuto::synth;
 use tessuto::{Error, Reconstruction, Scene, reconstruct};
 
@@ -68,9 +70,9 @@ fn a_rollout_names_the_frame_in_which_a_force_is_none() {
     let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
     let initial = State { v: vec![DVec3::ZERO; x.len()], x };
     for integrator in INTEGRATORS {
-        let mut forces = Forces::zeros(5, 1, mesh.positions.len());
-        forces.dynamic[2][3].z = f64::NAN;
-        let drive = Drive { initial: &initial, forces: &forces, stiffness: &stiffness };
+        let mut accelerations = Accelerations::zeros(5, 1, mesh.positions.len());
+        accelerations.dynamic[2][3].z = f64::NAN;
+        let drive = RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &stiffness };
         let error = rollout(&cloth, &settings(integrator), 4, 5, &drive).unwrap_err();
         names(&error, &["frame 3", "vertex 3"]);
     }
@@ -132,7 +134,7 @@ fn a_crushed_cloth_has_no_definite_matrix_and_still_a_finite_step() {
     let x: Vec<DVec3> = mesh.positions.iter().map(|p| *p * 0.3).collect();
     let mut matrix = tessuto::math::block_matrix::BlockMatrix::zeros(&cloth.pattern);
     let mut scratch = Scratch::default();
-    cloth.add_hessian(&stiffness, &x, tessuto::sim::Curvature::Exact, 1.0, &mut matrix, &mut scratch);
+    cloth.add_hessian(&stiffness, &x, tessuto::sim::HessianKind::Exact, 1.0, &mut matrix, &mut scratch);
     matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0 / 0.004f64.powi(2));
     assert!(cloth.analysis.definite(&cloth.pattern, &matrix, &mut scratch).is_none());
     for integrator in INTEGRATORS {
@@ -149,7 +151,7 @@ fn scene() -> Scene {
 
 fn config() -> Config {
     let mut config = Config::preset(Preset::Default);
-    for assignment in ["texture.epochs=5", "texture.size=16", "trajectory.iterations=3"] {
+    for assignment in ["texture.epochs=5", "texture.size=16", "spacetime.iterations=3"] {
         config.set(assignment).unwrap();
     }
     config

@@ -13,7 +13,7 @@ use super::subject::{Corners, Subject, rgb_bytes};
 use super::wire::{FRAME, Id, Store};
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::scene::Shape;
+use crate::mesh::Positions;
 use crate::session::Epoch;
 
 /// Curves are written after this many steps, and at the end of a stage: a chunk of one row is mostly metadata.
@@ -106,7 +106,7 @@ impl<W: Write> Recording<W> {
     ///
     /// # Errors
     /// [`Error::Output`].
-    pub fn step(&mut self, epoch: &Epoch, motion: &[Shape]) -> Result<()> {
+    pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) -> Result<()> {
         self.steps += 1;
         for (kind, values) in [("losses", &epoch.losses), ("parameters", &epoch.parameters)] {
             for (name, value) in values {
@@ -136,7 +136,7 @@ impl<W: Write> Recording<W> {
     ///
     /// # Errors
     /// [`Error::Output`].
-    pub fn motion(&mut self, motion: &[Shape]) -> Result<()> {
+    pub fn motion(&mut self, motion: &[Positions]) -> Result<()> {
         let bytes = 12 * self.corners.vertices.len().max(1);
         let together = (CHUNK_BYTES / bytes).max(1);
         for (k, shapes) in motion.chunks(together).enumerate() {
@@ -217,7 +217,7 @@ impl<W: Write> Recording<W> {
             ],
         )?;
         for (k, frames) in truth.chunks(FRAMES_TOGETHER).enumerate() {
-            let some = |points: &Shape| -> Vec<[f32; 3]> {
+            let some = |points: &Positions| -> Vec<[f32; 3]> {
                 let stride = points.len().div_ceil(TRUTH_POINTS).max(1);
                 points.iter().step_by(stride).map(|p| p.as_vec3().to_array()).collect()
             };
@@ -231,7 +231,7 @@ impl<W: Write> Recording<W> {
     }
 
     /// `shapes` from frame `start` on.
-    fn shapes(&mut self, start: usize, shapes: &[Shape]) -> Result<()> {
+    fn shapes(&mut self, start: usize, shapes: &[Positions]) -> Result<()> {
         let positions: Vec<_> = shapes.iter().map(|shape| self.corners.of(shape)).collect();
         let columns = vec![Column::points(["Mesh3D", "vertex_positions"], &positions)];
         self.write(&Chunk { entity: FABRIC, times: self.frames(start..start + shapes.len()), columns })

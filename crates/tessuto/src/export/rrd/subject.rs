@@ -7,9 +7,9 @@ use crate::error::{Error, Result};
 use crate::export::Clip;
 use crate::image::Image;
 use crate::io;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Positions};
 use crate::report::film;
-use crate::scene::{Scene, Shape};
+use crate::scene::Scene;
 
 /// Largest side [px] and quality of the pictures: some 40 kB each.
 const SIDE: u32 = 640;
@@ -32,7 +32,7 @@ pub struct Subject<'a> {
     /// Picture of frame n, from 0, as the camera sees it.
     pub picture: Option<Picture<'a>>,
     /// Points [m] on the true surface in every frame.
-    pub truth: Option<&'a [Shape]>,
+    pub truth: Option<&'a [Positions]>,
 }
 
 /// Gives the picture of a frame.
@@ -145,7 +145,7 @@ impl Corners {
     }
 
     /// Positions [m] of the corners of `shape`.
-    pub fn of(&self, shape: &Shape) -> Vec<[f32; 3]> {
+    pub fn of(&self, shape: &Positions) -> Vec<[f32; 3]> {
         self.vertices.iter().map(|v| shape[*v as usize].as_vec3().to_array()).collect()
     }
 }

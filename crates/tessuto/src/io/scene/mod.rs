@@ -7,7 +7,6 @@
 //! gt/points/points_000.npy …   gt/vertices.npy  (truth, where known)
 //! ```
 
-pub(crate) mod coverage;
 mod first_frame;
 mod frames;
 mod listing;

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use super::manifest::{Manifest, Units};
 use super::{inside, warning};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::obj;
 use crate::mesh::{Mesh, pieces, pinched, triangle_area};
+use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use crate::scene::Scene;
 use crate::text::quoted;
 

@@ -10,8 +10,8 @@ use super::listing::numbered;
 use super::manifest::Manifest;
 use crate::error::{Error, Result};
 use crate::io::npy;
-use crate::mesh::Mesh;
-use crate::scene::{Shape, Truth};
+use crate::mesh::{Mesh, Positions};
+use crate::scene::Truth;
 
 /// Reads the truth of the frames `range`, scaled to metres. Files that cannot be used add to `errors`.
 pub(crate) fn read(
@@ -21,7 +21,7 @@ pub(crate) fn read(
     template: Option<&Mesh>,
     errors: &mut Vec<Error>,
 ) -> Truth {
-    let mut keep = |result: Result<Option<Vec<Shape>>>| {
+    let mut keep = |result: Result<Option<Vec<Positions>>>| {
         result.unwrap_or_else(|e| {
             errors.push(e);
             None
@@ -38,14 +38,14 @@ pub(crate) fn read(
     truth
 }
 
-fn points(folder: &Path, manifest: &Manifest, range: Range<usize>) -> Result<Option<Vec<Shape>>> {
+fn points(folder: &Path, manifest: &Manifest, range: Range<usize>) -> Result<Option<Vec<Positions>>> {
     if !folder.join("gt/points").is_dir() {
         return Ok(None);
     }
     // Files beyond n_frames were already named with the frames themselves.
     let numbers = (range, manifest.n_frames);
     let paths = numbered(folder, "gt/points", "points_", &["npy"], numbers, &mut Vec::new())?;
-    let read: Vec<Result<Shape>> = paths.par_iter().map(|p| npy::read_points(p)).collect();
+    let read: Vec<Result<Positions>> = paths.par_iter().map(|p| npy::read_points(p)).collect();
     read.into_iter().collect::<Result<_>>().map(Some)
 }
 
@@ -54,7 +54,7 @@ fn vertices(
     manifest: &Manifest,
     range: Range<usize>,
     template: Option<&Mesh>,
-) -> Result<Option<Vec<Shape>>> {
+) -> Result<Option<Vec<Positions>>> {
     let path = folder.join("gt/vertices.npy");
     if !path.exists() {
         return Ok(None);

@@ -13,7 +13,7 @@ use faer::MatRef;
 
 use super::dissection::Part;
 
-/// Shape of one front. Vertices are counted in elimination order; sizes in scalars are three times those in vertices.
+/// Positions of one front. Vertices are counted in elimination order; sizes in scalars are three times those in vertices.
 ///
 /// What a subtree owns of any array ends with what its topmost front owns, so that halves split it.
 #[derive(Debug)]

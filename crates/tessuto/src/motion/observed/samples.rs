@@ -1,0 +1,102 @@
+//! Points fixed on the surface, at which frames are compared.
+
+use glam::DVec3;
+
+use crate::camera::Camera;
+use crate::mesh::Mesh;
+
+/// A point of a triangle.
+#[derive(Debug, Clone, Copy)]
+pub struct SurfaceSample {
+    /// Index into the mesh's triangles.
+    pub triangle: u32,
+    /// Barycentric weights of its corners.
+    pub weights: [f64; 3],
+    /// Area it stands for in the first frame [px of the level].
+    pub area: f64,
+}
+
+/// Points about `spacing` pixels apart in the image of the mesh as `camera` sees it at `positions`,
+/// ordered by triangle: each triangle is cut into k² like parts, with a point in each centre.
+pub fn interior_points(
+    mesh: &Mesh,
+    positions: &[DVec3],
+    camera: &Camera,
+    spacing: f64,
+) -> Vec<SurfaceSample> {
+    let mut points = Vec::new();
+    for (triangle, t) in mesh.triangles().into_iter().enumerate() {
+        let [a, b, c] = t.map(|v| camera.project(positions[v as usize]));
+        let area = 0.5 * (b - a).perp_dot(c - a).abs();
+        let k = (area / (spacing * spacing)).sqrt().ceil().clamp(1.0, 64.0) as usize;
+        let part = 1.0 / k as f64;
+        for i in 0..k {
+            for j in 0..k - i {
+                let mut push = |s: f64, t: f64| {
+                    let weights = [1.0 - s - t, s, t];
+                    points.push(SurfaceSample {
+                        triangle: triangle as u32,
+                        weights,
+                        area: area * part * part,
+                    });
+                };
+                push((i as f64 + 1.0 / 3.0) * part, (j as f64 + 1.0 / 3.0) * part);
+                if i + j + 1 < k {
+                    push((i as f64 + 2.0 / 3.0) * part, (j as f64 + 2.0 / 3.0) * part);
+                }
+            }
+        }
+    }
+    points
+}
+
+/// A point of a boundary edge: (1 − t)·first + t·second.
+#[derive(Debug, Clone, Copy)]
+pub struct EdgePoint {
+    /// End points of the edge.
+    pub vertices: [u32; 2],
+    /// Weights of the end points.
+    pub weights: [f64; 2],
+    /// Length it stands for in the first frame [px].
+    pub length: f64,
+}
+
+/// Points about `spacing` pixels apart along the edges that belong to one polygon only.
+pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Vec<EdgePoint> {
+    let mut uses = std::collections::BTreeMap::<[u32; 2], usize>::new();
+    for face in &mesh.faces {
+        for (k, &a) in face.vertices.iter().enumerate() {
+            let b = face.vertices[(k + 1) % face.vertices.len()];
+            *uses.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let mut points = Vec::new();
+    for (vertices, _) in uses.into_iter().filter(|(_, n)| *n == 1) {
+        let [a, b] = vertices.map(|v| camera.project(positions[v as usize]));
+        let n = ((b - a).length() / spacing).ceil().max(1.0);
+        for k in 0..n as usize {
+            let t = (k as f64 + 0.5) / n;
+            points.push(EdgePoint { vertices, weights: [1.0 - t, t], length: (b - a).length() / n });
+        }
+    }
+    points
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec2;
+
+    #[test]
+    fn points_share_out_the_area_and_the_boundary() {
+        let mesh = crate::mesh::grid(4, 3, DVec2::new(0.3, 0.2), 1.0);
+        let camera = Camera { fx: 200.0, fy: 200.0, cx: 50.0, cy: 50.0, width: 100, height: 100 };
+        let points = interior_points(&mesh, &mesh.positions, &camera, 2.0);
+        let area: f64 = points.iter().map(|p| p.area).sum();
+        assert!((area - 60.0 * 40.0).abs() < 1e-9, "{area}");
+        assert!((500..1000).contains(&points.len()), "{}", points.len());
+        assert!(points.iter().all(|p| p.weights.iter().all(|w| *w > 0.0)));
+        let edge: f64 = boundary_points(&mesh, &mesh.positions, &camera, 3.0).iter().map(|p| p.length).sum();
+        assert!((edge - 200.0).abs() < 1e-9, "{edge}");
+    }
+}

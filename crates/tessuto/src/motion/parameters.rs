@@ -1,0 +1,44 @@
+//! What both methods end in: the parameters of a simulation, and how it is taken.
+
+use serde::{Deserialize, Serialize};
+
+use crate::sim::{Accelerations, StepSettings};
+
+/// One uniform stiffness: start and bounds as log10.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct StiffnessRange {
+    /// log10 of the start.
+    pub start: f64,
+    /// log10 of the lower bound.
+    pub low: f64,
+    /// log10 of the upper bound.
+    pub high: f64,
+}
+
+/// How the cloth moves: integrator, sub-steps and stiffnesses.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dynamics {
+    /// The integrator and its step.
+    pub step: StepSettings,
+    /// Sub-steps per frame.
+    pub substeps: usize,
+    /// Stretch, bend and shear stiffness.
+    pub stiffness: [StiffnessRange; 3],
+}
+
+/// What moves the cloth.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Parameters {
+    /// log10 of stretch [N/m], bend [J/rad²], shear [J/rad²].
+    pub log_stiffness: [f64; 3],
+    /// External accelerations.
+    pub accelerations: Accelerations,
+}
+
+impl Parameters {
+    /// Stretch [N/m], bend [J/rad²], shear [J/rad²].
+    pub fn stiffness(&self) -> [f64; 3] {
+        self.log_stiffness.map(|k| 10f64.powf(k))
+    }
+}

@@ -1,0 +1,133 @@
+//! The losses of the rollout fit and their gradients.
+
+use glam::DVec3;
+
+use crate::mesh::Positions;
+use crate::sim::Accelerations;
+use crate::video::Frame;
+
+/// Weights of the losses.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LossWeights {
+    /// Of the colour difference.
+    pub colour: f64,
+    /// Of the mask difference.
+    pub silhouette: f64,
+    /// Of the elastic energy of the shapes.
+    pub energy: f64,
+    /// Of the force across the view ray.
+    pub force: f64,
+    /// Of the change of the dynamic force from one entry to the next.
+    pub force_smoothness: f64,
+}
+
+/// Losses by name, unweighted.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Losses {
+    /// Mean squared colour difference.
+    pub colour: f64,
+    /// Mean squared mask difference.
+    pub silhouette: f64,
+    /// Mean elastic energy [J].
+    pub energy: f64,
+    /// Mean acceleration across the view ray [m/s²].
+    pub force: f64,
+    /// Mean change of the dynamic acceleration [m/s²].
+    pub force_smoothness: f64,
+}
+
+impl Losses {
+    /// Weighted sum.
+    pub fn total(&self, w: &LossWeights) -> f64 {
+        w.colour * self.colour
+            + w.silhouette * self.silhouette
+            + w.energy * self.energy
+            + w.force * self.force
+            + w.force_smoothness * self.force_smoothness
+    }
+}
+
+/// Colour and mask loss of one frame: means over the crop's pixels (and channels) of the squared
+/// differences. `grad_rgba` is set to `scale`·∂(weighted sum)/∂rgba.
+pub fn image_loss(
+    rgba: &[[f32; 4]],
+    frame: &Frame,
+    weights: &LossWeights,
+    scale: f64,
+    grad_rgba: &mut Vec<[f32; 4]>,
+) -> [f64; 2] {
+    let pixels = rgba.len() as f64;
+    let colour_scale = (2.0 * scale * weights.colour / (3.0 * pixels)) as f32;
+    let mask_scale = (2.0 * scale * weights.silhouette / pixels) as f32;
+    let (mut colour, mut silhouette) = (0.0, 0.0);
+    grad_rgba.clear();
+    let observed = frame.rgb.data.chunks_exact(3).zip(&frame.mask.data);
+    grad_rgba.extend(rgba.iter().zip(observed).map(|(rendered, (rgb, &mask))| {
+        let d = [rendered[0] - rgb[0], rendered[1] - rgb[1], rendered[2] - rgb[2], rendered[3] - mask];
+        colour += f64::from(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+        silhouette += f64::from(d[3] * d[3]);
+        [d[0] * colour_scale, d[1] * colour_scale, d[2] * colour_scale, d[3] * mask_scale]
+    }));
+    [colour / (3.0 * pixels), silhouette / pixels]
+}
+
+/// Unit view rays of the vertices.
+pub fn view_rays(shape: &[DVec3]) -> Positions {
+    shape.iter().map(|x| x.normalize_or_zero()).collect()
+}
+
+/// Mean over entries and vertices of ‖g − (g·d) d‖ with g = C + D and the unit view rays d, taken as constants.
+/// Adds `scale`·its gradient to `grad_constant` and `grad_dynamic`; only the first `entries` of D count.
+/// `rays[k]` belongs to entry k.
+pub fn force_across_rays(
+    accelerations: &Accelerations,
+    entries: usize,
+    rays: &[&Positions],
+    scale: f64,
+    grad_constant: &mut DVec3,
+    grad_dynamic: &mut [Positions],
+) -> f64 {
+    let vertex_count = accelerations.dynamic.first().map_or(1, Vec::len);
+    let share = 1.0 / (entries * vertex_count) as f64;
+    let mut sum = 0.0;
+    for k in 0..entries {
+        for (i, d) in rays[k].iter().enumerate() {
+            let g = accelerations.constant + accelerations.dynamic[k][i];
+            let across = g - *d * g.dot(*d);
+            // The length of a vector has no gradient at zero.
+            let length = (across.length_squared() + 1e-16).sqrt();
+            sum += length;
+            let gradient = across * (scale * share / length);
+            *grad_constant += gradient;
+            grad_dynamic[k][i] += gradient;
+        }
+    }
+    sum * share
+}
+
+/// Mean over entries and vertices of ‖D_{k+1} − D_k‖; adds `scale`·its gradient to `grad_dynamic`.
+pub fn force_changes(
+    accelerations: &Accelerations,
+    entries: usize,
+    scale: f64,
+    grad_dynamic: &mut [Positions],
+) -> f64 {
+    if entries < 2 {
+        return 0.0;
+    }
+    let vertex_count = accelerations.dynamic[0].len();
+    let share = 1.0 / ((entries - 1) * vertex_count) as f64;
+    let mut sum = 0.0;
+    for k in 0..entries - 1 {
+        for i in 0..vertex_count {
+            let change = accelerations.dynamic[k + 1][i] - accelerations.dynamic[k][i];
+            let length = (change.length_squared() + 1e-16).sqrt();
+            sum += length;
+            let gradient = change * (scale * share / length);
+            grad_dynamic[k + 1][i] += gradient;
+            grad_dynamic[k][i] -= gradient;
+        }
+    }
+    sum * share
+}

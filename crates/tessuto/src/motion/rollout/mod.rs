@@ -1,0 +1,471 @@
+//! Motion by simulation: forces and stiffnesses are optimised until the simulated, rendered cloth looks
+//! like the video. Every epoch is one rollout, one adjoint and one step of every group of parameters.
+//!
+//! Source: [SAFT] §1.3-1.4, §2.2-2.3 and Table 1.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+mod guard;
+pub mod losses;
+
+use super::parameters::{Dynamics, Parameters};
+use crate::error::{Error, Result};
+use crate::math::{finite, flat, vectors};
+use crate::mesh::Positions;
+use crate::optim::{Adam, GradientClip};
+use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
+use crate::scene::Scene;
+use crate::session::{Epoch, Session, foreign_state};
+use crate::sim::{
+    Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
+};
+use crate::video::Frame;
+use guard::DivergenceGuard;
+use losses::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
+
+/// Settings of the rollout fit.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RolloutSettings {
+    /// Frames of the first epochs.
+    pub first_frames: usize,
+    /// Epochs until the next frame joins.
+    pub epochs_per_frame: usize,
+    /// Epochs after the last frame joined.
+    pub last_epochs: usize,
+    /// Weights of the losses.
+    pub weights: LossWeights,
+    /// Use the view rays of the first frame throughout.
+    pub frozen_rays: bool,
+    /// Optimise the stiffnesses.
+    pub optimise_material: bool,
+    /// Learning rate of the log10 stiffnesses.
+    pub stiffness_rate: f64,
+    /// Learning rate of C.
+    pub constant_rate: f64,
+    /// Learning rate of D.
+    pub dynamic_rate: f64,
+    /// Fixed limit of every group's gradient norm.
+    pub clip_limit: f64,
+    /// Quantile of the recent norms that limits the next one.
+    pub clip_quantile: f64,
+    /// How many norms are recent.
+    pub clip_history: usize,
+    /// One entry of D for every sub-step instead of every frame.
+    pub force_per_substep: bool,
+    /// Failed epochs since the last sound one after which the fit stops with the best state.
+    pub patience: usize,
+}
+
+impl Default for RolloutSettings {
+    fn default() -> Self {
+        Self {
+            first_frames: 2,
+            epochs_per_frame: 5,
+            last_epochs: 15,
+            weights: LossWeights {
+                colour: 1.0,
+                silhouette: 0.2,
+                energy: 2.0,
+                force: 2e-4,
+                force_smoothness: 0.0,
+            },
+            frozen_rays: false,
+            optimise_material: true,
+            stiffness_rate: 0.02,
+            constant_rate: 0.1,
+            dynamic_rate: 0.2,
+            clip_limit: 1000.0,
+            clip_quantile: 0.75,
+            clip_history: 11,
+            force_per_substep: false,
+            patience: 10,
+        }
+    }
+}
+
+/// What the fit looks at.
+pub struct RolloutFit<'a> {
+    /// The video.
+    pub scene: &'a Scene,
+    /// The cloth.
+    pub cloth: &'a Cloth,
+    /// Renderer of the template.
+    pub rasterizer: &'a Rasterizer,
+    /// The cloth's texture.
+    pub texture: &'a Texture,
+    /// The dynamics.
+    pub dynamics: Dynamics,
+    /// Settings.
+    pub settings: &'a RolloutSettings,
+}
+
+/// Loss of an epoch with its gradients.
+#[derive(Debug)]
+pub struct LossAndGradients {
+    /// Unweighted losses.
+    pub losses: Losses,
+    /// Weighted sum.
+    pub total: f64,
+    /// Weighted losses of each frame, without the regulariser of the forces.
+    pub by_frame: Vec<f64>,
+    /// ∂total/∂log10 stiffness.
+    pub log_stiffness: [f64; 3],
+    /// ∂total/∂C.
+    pub constant: DVec3,
+    /// ∂total/∂D.
+    pub dynamic: Vec<Positions>,
+    /// The motion they belong to, shape [active frames, V].
+    pub motion: Vec<Positions>,
+}
+
+/// One group of parameters: its clipping and its Adam state.
+#[derive(Clone, Serialize, Deserialize)]
+struct Group {
+    clip: GradientClip,
+    adam: Adam,
+}
+
+impl Group {
+    fn new(settings: &RolloutSettings, len: usize, rate: f64) -> Self {
+        let clip = GradientClip::new(settings.clip_limit, settings.clip_quantile, settings.clip_history);
+        Self { clip, adam: Adam::new(len, rate) }
+    }
+
+    fn step(&mut self, parameters: &mut [f64], gradient: &mut [f64], rate: f64) {
+        self.clip.clip(gradient);
+        self.adam.step(parameters, gradient, rate);
+    }
+}
+
+/// What an epoch changes.
+#[derive(Clone, Serialize, Deserialize)]
+struct FitState {
+    parameters: Parameters,
+    stiffness: [Group; 3],
+    constant: Group,
+    dynamic: Group,
+}
+
+/// What [`RolloutFit::run`] goes on from.
+#[derive(Serialize, Deserialize)]
+struct Run {
+    /// Epochs done.
+    epochs: usize,
+    state: FitState,
+    guard: DivergenceGuard<FitState>,
+    /// Lowest loss over all frames and where it was.
+    best: Option<(f64, Parameters)>,
+}
+
+impl FitState {
+    fn new(fit: &RolloutFit, parameters: Parameters) -> Self {
+        let s = fit.settings;
+        let dynamic_len = 3 * fit.cloth.vertex_count() * parameters.accelerations.dynamic.len();
+        Self {
+            parameters,
+            stiffness: [(); 3].map(|()| Group::new(s, 1, s.stiffness_rate)),
+            constant: Group::new(s, 3, s.constant_rate),
+            dynamic: Group::new(s, dynamic_len, s.dynamic_rate),
+        }
+    }
+
+    /// Whether this is a state of `fit`, and not of other frames, vertices or forces.
+    fn fits(&self, fit: &RolloutFit) -> bool {
+        let accelerations = &self.parameters.accelerations;
+        let len = 3 * fit.cloth.vertex_count() * accelerations.dynamic.len();
+        accelerations.matches(&fit.start().accelerations)
+            && self.stiffness.iter().all(|group| group.adam.fits(1))
+            && self.constant.adam.fits(3)
+            && self.dynamic.adam.fits(len)
+    }
+}
+
+impl Run {
+    fn fits(&self, fit: &RolloutFit) -> bool {
+        let active = fit.active_frames(self.epochs.saturating_sub(1));
+        self.state.fits(fit)
+            && self.guard.fits(active, |state| state.fits(fit))
+            && self.best.as_ref().is_none_or(|(_, p)| p.accelerations.matches(&fit.start().accelerations))
+    }
+}
+
+impl RolloutFit<'_> {
+    /// Start of Table 1: prior stiffnesses, C = 1 m/s² downwards, D = 0.
+    pub fn start(&self) -> Parameters {
+        let parts = if self.settings.force_per_substep { self.dynamics.substeps } else { 1 };
+        let mut accelerations =
+            Accelerations::zeros(self.scene.frames.len(), parts, self.cloth.vertex_count());
+        accelerations.constant = DVec3::Y;
+        Parameters { log_stiffness: self.dynamics.stiffness.map(|k| k.start), accelerations }
+    }
+
+    /// Number of epochs of the whole fit.
+    pub fn epoch_count(&self) -> usize {
+        let s = self.settings;
+        self.scene.frames.len().saturating_sub(s.first_frames) * s.epochs_per_frame + s.last_epochs
+    }
+
+    fn active_frames(&self, epoch: usize) -> usize {
+        let s = self.settings;
+        (s.first_frames + epoch / s.epochs_per_frame).min(self.scene.frames.len())
+    }
+
+    /// Runs all epochs from `parameters`; returns the parameters with the lowest loss over all frames. If the fit
+    /// diverges for good it ends early, with the last sound parameters and the failure.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it is to go on from a state that does not fit; what the session's observer returns.
+    pub fn run(&self, parameters: Parameters, session: &mut Session) -> Result<(Parameters, Option<Error>)> {
+        let start = || Run {
+            epochs: 0,
+            state: FitState::new(self, parameters),
+            guard: DivergenceGuard::new(),
+            best: None,
+        };
+        let mut run: Run = session.restore("rollout")?.unwrap_or_else(start);
+        if !run.fits(self) {
+            return Err(foreign_state("rollout"));
+        }
+        // One epoch more looks at the last step.
+        while run.epochs <= self.epoch_count() {
+            let Run { epochs, state, guard, best } = &mut run;
+            let epoch = *epochs;
+            *epochs += 1;
+            let active = self.active_frames(epoch);
+            self.move_mean_to_constant(&mut state.parameters.accelerations, active);
+            let evaluated = self.loss_and_gradients(&state.parameters, active).and_then(|gradients| {
+                let verdict = guard.judge(state, &gradients.by_frame);
+                verdict.map_err(|problem| Error::numerical("loss", problem, "")).map(|()| gradients)
+            });
+            let gradients = match evaluated {
+                Ok(gradients) => gradients,
+                Err(failure) => {
+                    let sound = guard.back();
+                    let known = sound.is_some();
+                    *state = sound.unwrap_or_else(|| state.clone());
+                    if !known || guard.failures > self.settings.patience {
+                        return Ok((run.state.parameters, Some(divergence(epoch, &failure))));
+                    }
+                    continue;
+                }
+            };
+            if active == self.scene.frames.len() && best.as_ref().is_none_or(|b| gradients.total < b.0) {
+                *best = Some((gradients.total, state.parameters.clone()));
+            }
+            if epoch < self.epoch_count() {
+                let before = state.parameters.stiffness();
+                let constant = state.parameters.accelerations.constant;
+                self.descend(state, &gradients, guard.rate);
+                let record = self.epoch_record(epoch, active, &gradients, before, constant, guard.rate);
+                session.step(&record, &gradients.motion, Some(&run))?;
+            }
+        }
+        session.finish("rollout", &run);
+        Ok((run.best.map_or(run.state.parameters, |(_, parameters)| parameters), None))
+    }
+
+    /// One step of every group against `gradients`.
+    fn descend(&self, state: &mut FitState, gradients: &LossAndGradients, rate: f64) {
+        // Dividing by the loss makes the step free of its scale.
+        let scale = 1.0 / gradients.total;
+        let parameters = &mut state.parameters;
+        if self.settings.optimise_material {
+            for (k, group) in state.stiffness.iter_mut().enumerate() {
+                let range = self.dynamics.stiffness[k];
+                let value = std::slice::from_mut(&mut parameters.log_stiffness[k]);
+                group.step(value, &mut [gradients.log_stiffness[k] * scale], rate);
+                value[0] = value[0].clamp(range.low, range.high);
+            }
+        }
+        let mut constant = parameters.accelerations.constant.to_array();
+        state.constant.step(&mut constant, &mut (gradients.constant * scale).to_array(), rate);
+        parameters.accelerations.constant = DVec3::from_array(constant);
+        let numbers =
+            |shapes: &[Positions]| -> Vec<f64> { shapes.iter().flat_map(|s| flat(s)).copied().collect() };
+        let mut dynamic = numbers(&parameters.accelerations.dynamic);
+        let mut gradient = numbers(&gradients.dynamic);
+        gradient.iter_mut().for_each(|g| *g *= scale);
+        state.dynamic.step(&mut dynamic, &mut gradient, rate);
+        parameters.accelerations.dynamic =
+            dynamic.chunks_exact(3 * self.cloth.vertex_count()).map(vectors).collect();
+    }
+
+    fn epoch_record(
+        &self,
+        epoch: usize,
+        active: usize,
+        gradients: &LossAndGradients,
+        k: [f64; 3],
+        c: DVec3,
+        rate: f64,
+    ) -> Epoch {
+        let l = &gradients.losses;
+        Epoch {
+            stage: "rollout",
+            step: epoch + 1,
+            of: self.epoch_count(),
+            active_frames: active,
+            losses: vec![
+                ("total", gradients.total),
+                ("colour", l.colour),
+                ("silhouette", l.silhouette),
+                ("energy", l.energy),
+                ("force", l.force),
+            ],
+            parameters: vec![
+                ("stretch", k[0]),
+                ("bend", k[1]),
+                ("shear", k[2]),
+                ("constant_x", c.x),
+                ("constant_y", c.y),
+                ("constant_z", c.z),
+                ("rate", rate),
+            ],
+        }
+    }
+
+    /// Moves the mean of D over the active entries and the vertices into C; the sum C + D stays for these.
+    fn move_mean_to_constant(&self, accelerations: &mut Accelerations, active: usize) {
+        let entries = (active - 1) * accelerations.entries_per_frame;
+        let count = (entries * self.cloth.vertex_count()) as f64;
+        let mean = accelerations.dynamic[..entries].iter().flatten().copied().sum::<DVec3>() / count;
+        accelerations.constant += mean;
+        accelerations.dynamic[..entries].iter_mut().flatten().for_each(|d| *d -= mean);
+    }
+
+    /// Simulates `frame_count` frames with `parameters`.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] from the simulation.
+    pub fn simulate(&self, parameters: &Parameters, frame_count: usize) -> Result<Rollout> {
+        let initial = at_rest(&self.scene.template.positions);
+        let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
+        let inputs = RolloutInputs {
+            initial: &initial,
+            accelerations: &parameters.accelerations,
+            stiffness: &stiffness,
+        };
+        rollout(self.cloth, &self.dynamics.step, self.dynamics.substeps, frame_count, &inputs)
+    }
+
+    /// The losses over the first `active` frames and their gradients.
+    ///
+    /// # Errors
+    /// [`Error::Numerical`] from the simulation; those of reading the frames.
+    pub fn loss_and_gradients(&self, parameters: &Parameters, active: usize) -> Result<LossAndGradients> {
+        let s = self.settings;
+        let motion = self.simulate(parameters, active)?;
+        let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
+        let share = 1.0 / active as f64;
+        let frames = self.scene.frames.map(0..active, FrameScratch::default, |scratch, n| {
+            let frame = self.scene.frames.frame(n)?;
+            Ok(self.frame_loss(scratch, &motion.frames[n], &frame, &stiffness, share))
+        })?;
+        let mut losses = Losses::default();
+        for f in &frames {
+            losses.colour += f.colour * share;
+            losses.silhouette += f.silhouette * share;
+            losses.energy += f.energy * share;
+        }
+        let by_frame = frames
+            .iter()
+            .map(|f| {
+                let losses = Losses {
+                    colour: f.colour,
+                    silhouette: f.silhouette,
+                    energy: f.energy,
+                    ..Losses::default()
+                };
+                losses.total(&s.weights)
+            })
+            .collect();
+        let grad_frames: Vec<Positions> = frames.into_iter().map(|f| f.gradient).collect();
+
+        let initial = at_rest(&self.scene.template.positions);
+        let inputs = RolloutInputs {
+            initial: &initial,
+            accelerations: &parameters.accelerations,
+            stiffness: &stiffness,
+        };
+        let RolloutGradients { mut constant, mut dynamic, stiffness: by_stiffness, .. } =
+            rollout_vjp(self.cloth, &self.dynamics.step, &inputs, &motion, &grad_frames);
+
+        let entries = (active - 1) * parameters.accelerations.entries_per_frame;
+        let rays: Vec<Positions> = match s.frozen_rays {
+            true => vec![view_rays(&motion.frames[0])],
+            false => motion.frames[..active - 1].iter().map(|x| view_rays(x)).collect(),
+        };
+        let of_entry: Vec<&Positions> = (0..entries)
+            .map(|k| &rays[(k / parameters.accelerations.entries_per_frame).min(rays.len() - 1)])
+            .collect();
+        let f = &parameters.accelerations;
+        losses.force = force_across_rays(f, entries, &of_entry, s.weights.force, &mut constant, &mut dynamic);
+        losses.force_smoothness = force_changes(f, entries, s.weights.force_smoothness, &mut dynamic);
+        let total = losses.total(&s.weights);
+        let log_stiffness = by_stiffness.grad_log10(parameters.stiffness());
+        if !finite(&log_stiffness) || !constant.is_finite() {
+            return Err(Error::numerical("adjoint", "a gradient is not finite", "lower the learning rates"));
+        }
+        let motion = motion.frames;
+        Ok(LossAndGradients { losses, total, by_frame, log_stiffness, constant, dynamic, motion })
+    }
+
+    fn frame_loss(
+        &self,
+        scratch: &mut FrameScratch,
+        x: &Positions,
+        frame: &Frame,
+        stiffness: &Stiffness,
+        share: f64,
+    ) -> FrameLoss {
+        let (camera, weights) = (&self.scene.camera, &self.settings.weights);
+        let mut gradients = Gradients::new(self.rasterizer);
+        self.rasterizer.render(camera, x, self.texture, &mut scratch.rendering);
+        let [colour, silhouette] =
+            image_loss(&scratch.rendering.rgba, frame, weights, share, &mut scratch.grad_rgba);
+        self.rasterizer.render_vjp(
+            camera,
+            x,
+            self.texture,
+            &scratch.rendering,
+            &scratch.grad_rgba,
+            None,
+            &mut gradients,
+        );
+        let mut gradient = gradients.positions;
+        self.cloth.add_gradient(stiffness, x, weights.energy * share, &mut gradient);
+        FrameLoss { colour, silhouette, energy: self.cloth.energy(stiffness, x).total(), gradient }
+    }
+}
+
+/// Buffers of one thread.
+#[derive(Default)]
+struct FrameScratch {
+    rendering: Rendering,
+    grad_rgba: Vec<[f32; 4]>,
+}
+
+struct FrameLoss {
+    colour: f64,
+    silhouette: f64,
+    energy: f64,
+    gradient: Positions,
+}
+
+fn at_rest(x: &[DVec3]) -> State {
+    State { x: x.to_vec(), v: vec![DVec3::ZERO; x.len()] }
+}
+
+fn divergence(epoch: usize, cause: &Error) -> Error {
+    let problem = match cause {
+        Error::Numerical { place, problem, .. } => format!("{place}: {problem}"),
+        other => other.to_string(),
+    };
+    Error::numerical(
+        format!("rollout fit, epoch {}", epoch + 1),
+        problem,
+        "the best state so far was kept; try --set dynamics.integrator=implicit_euler or lower learning rates",
+    )
+}

@@ -1,0 +1,89 @@
+//! Pictures of the cloth under a light.
+
+use rayon::prelude::*;
+
+use super::denoise::{Lit, RADIUS, denoise};
+use super::{EnvironmentSampler, Geometry, Material, RadianceEstimate, Shader, visible_points};
+use crate::camera::Camera;
+use crate::image::Image;
+use crate::image::srgb;
+use crate::math::rng::mix32;
+use crate::mesh::Positions;
+use crate::raster::{Rasterizer, Rendering};
+
+/// What a picture shows.
+#[derive(Debug, Clone, Copy)]
+pub struct RenderScene<'a> {
+    /// The template's rasteriser.
+    pub rasterizer: &'a Rasterizer,
+    /// The whole motion.
+    pub geometry: &'a Geometry,
+    /// Its material.
+    pub material: &'a Material,
+    /// The light.
+    pub light: &'a EnvironmentSampler,
+}
+
+/// Draws frame `frame`, whose vertices are at `shape`, as `camera` sees it from the origin, with `passes` passes of
+/// eight samples per pixel, which neighbours share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
+pub fn render_frame(
+    cloth: &RenderScene,
+    camera: &Camera,
+    (frame, shape): (usize, &Positions),
+    passes: usize,
+) -> Image {
+    let mut rendering = Rendering::new();
+    let seen =
+        visible_points(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering, |_, _| true);
+    let shader = Shader { geometry: cloth.geometry, material: cloth.material, light: cloth.light };
+    let seed = mix32(frame as u32 ^ 0x7e55_0170);
+    let estimated: Vec<(Lit, [[f32; 3]; 2])> = seen
+        .par_iter()
+        .with_min_len(256)
+        .map_init(RadianceEstimate::default, |estimate, (pixel, point)| {
+            let site = shader.site(point);
+            shader.estimate_at(&site, point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
+            let brdf = &site.brdf;
+            let lit = Lit {
+                position: point.position,
+                normal: point.normal,
+                roughness: brdf.roughness,
+                metallic: brdf.metallic,
+                parts: estimate.parts(brdf),
+            };
+            (lit, [brdf.diffuse, brdf.f0])
+        })
+        .collect();
+    let (width, height) = (camera.width, camera.height);
+    let mut lit = vec![None; width * height];
+    for ((pixel, _), (light, _)) in seen.iter().zip(&estimated) {
+        lit[*pixel as usize] = Some(*light);
+    }
+    let pixel_size = (1.0 / camera.fx.max(camera.fy)) as f32;
+    let smooth = denoise(&lit, width, pixel_size, RADIUS);
+    let mut linear: Vec<Option<[f32; 3]>> = vec![None; width * height];
+    for ((pixel, _), (_, [diffuse, f0])) in seen.iter().zip(&estimated) {
+        let [e, s, r] = smooth[*pixel as usize];
+        linear[*pixel as usize] = Some(std::array::from_fn(|c| diffuse[c] * e[c] + f0[c] * s[c] + r[c]));
+    }
+    let mut picture = Image::new(width, height, 3);
+    for y in 0..height {
+        for x in 0..width {
+            let coverage = rendering.rgba[y * width + x][3].clamp(0.0, 1.0);
+            if coverage == 0.0 {
+                continue;
+            }
+            // A pixel whose centre just misses the cloth has a neighbour's colour.
+            let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+            let near = candidates
+                .into_iter()
+                .filter(|&(x, y)| x < width && y < height)
+                .find_map(|(x, y)| linear[y * width + x]);
+            if let Some(colour) = near {
+                let value = colour.map(|l| srgb::encode(l * coverage).clamp(0.0, 1.0));
+                picture.pixel_mut(x, y).copy_from_slice(&value);
+            }
+        }
+    }
+    picture
+}

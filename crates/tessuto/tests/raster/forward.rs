@@ -1,0 +1,179 @@
+//! The picture: coverage, agreement with the plain twin, antialiasing, determinism.
+
+use crate::support::raster_scenes::{CAMERA, Scene, noise, plain};
+use glam::{DVec2, DVec3};
+use tessuto::Camera;
+use tessuto::math::rng::Rng;
+use tessuto::mesh::grid;
+use tessuto::raster::{Gradients, Rasterizer, Rendering, Texture, reference};
+
+fn render(scene: &Scene, camera: &Camera) -> Rendering {
+    let mut out = Rendering::new();
+    scene.rasterizer.render(camera, &scene.positions, &scene.texture, &mut out);
+    out
+}
+
+#[test]
+fn fast_path_is_the_plain_twin() {
+    let (mut worst_color, mut worst_depth, mut blends) = (0.0f64, 0.0f64, 0);
+    for seed in 0..12 {
+        let crumple = [0.004, 0.02, 0.08, 0.2][seed as usize % 4];
+        let scene = Scene::cloth(seed, crumple, noise(seed));
+        let fast = render(&scene, &CAMERA);
+        let twin = reference::render(&scene.rasterizer, &CAMERA, &scene.positions, &plain(&scene.texture));
+        blends += fast.blend_count();
+        for pixel in 0..fast.rgba.len() {
+            let triangle = twin.triangle[pixel].map_or(Rendering::NO_TRIANGLE, |t| t as u32);
+            assert_eq!(fast.triangle[pixel], triangle, "seed {seed}, pixel {pixel}");
+            let depth = fast.depth(pixel % CAMERA.width, pixel / CAMERA.width).unwrap_or(0.0);
+            worst_depth = worst_depth.max((depth - twin.depth[pixel]).abs());
+            for c in 0..4 {
+                worst_color = worst_color.max((f64::from(fast.rgba[pixel][c]) - twin.rgba[pixel][c]).abs());
+            }
+        }
+    }
+    println!("worst colour {worst_color:.1e}, worst depth {worst_depth:.1e} m, {blends} blends");
+    assert!(
+        blends > 1000 && worst_color < 1e-5 && worst_depth < 1e-12,
+        "{blends} {worst_color} {worst_depth}"
+    );
+}
+
+#[test]
+fn flat_tessellation_covers_every_pixel_of_its_outline_once() {
+    let camera = Camera { cx: 48.2, ..CAMERA };
+    for seed in 0..10 {
+        let mut rng = Rng::new(seed, 0);
+        let mut mesh = grid(12, 11, DVec2::new(0.5, 0.5), 1.0);
+        for p in &mut mesh.positions {
+            let inner = p.x.abs() < 0.24 && p.y.abs() < 0.24;
+            if inner {
+                *p += rng.vector().with_z(0.0) * 0.01;
+            }
+            // Slant the plane, so that it is not parallel to the image.
+            p.z += 0.2 * p.x;
+        }
+        let outline = [0, 11, 131, 120].map(|v: usize| camera.project(mesh.positions[v]));
+        let inside =
+            |p: DVec2| (0..4).all(|k| (outline[(k + 1) % 4] - outline[k]).perp_dot(p - outline[k]) > 0.0);
+        let rasterizer = Rasterizer::new(&mesh);
+        let texture = Texture::uniform(1, 1, [1.0; 3]);
+        let twin = reference::render(&rasterizer, &camera, &mesh.positions, &plain(&texture));
+        for (pixel, &hits) in twin.hits.iter().enumerate() {
+            let p = DVec2::new((pixel % camera.width) as f64, (pixel / camera.width) as f64);
+            assert_eq!(hits, usize::from(inside(p)), "seed {seed}, pixel {p}");
+        }
+        assert!(twin.hits.iter().sum::<usize>() > 3000);
+    }
+}
+
+#[test]
+fn edges_and_vertices_on_pixel_centres_belong_to_one_triangle() {
+    // Powers of two make every position and plane exact: rows, columns and diagonals of the 5×5 quads
+    // pass through pixel centres.
+    let camera = Camera { fx: 64.0, fy: 64.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
+    let mut mesh = grid(6, 6, DVec2::ONE, 1.0);
+    for (v, p) in mesh.positions.iter_mut().enumerate() {
+        *p = DVec3::new((8 * (v % 6)) as f64 - 20.0, (8 * (v / 6)) as f64 - 20.0, 64.0) / 64.0;
+    }
+    let rasterizer = Rasterizer::new(&mesh);
+    let texture = Texture::uniform(1, 1, [1.0; 3]);
+    let twin = reference::render(&rasterizer, &camera, &mesh.positions, &plain(&texture));
+    assert_eq!(twin.hits.iter().sum::<usize>(), 40 * 40);
+    assert!(twin.hits.iter().all(|&hits| hits <= 1));
+    let scene = Scene { rasterizer, positions: mesh.positions, texture };
+    let fast = render(&scene, &camera);
+    assert_eq!(fast.triangle.iter().filter(|&&t| t != Rendering::NO_TRIANGLE).count(), 40 * 40);
+}
+
+#[test]
+fn both_sides_are_seen() {
+    let mut scene = Scene::cloth(3, 0.0, noise(3));
+    let front = render(&scene, &CAMERA).triangle.iter().filter(|&&t| t != Rendering::NO_TRIANGLE).count();
+    for p in &mut scene.positions {
+        p.x = -p.x;
+    }
+    let back = render(&scene, &CAMERA).triangle.iter().filter(|&&t| t != Rendering::NO_TRIANGLE).count();
+    assert!(front > 1000 && back > 1000, "{front} {back}");
+}
+
+#[test]
+fn nothing_is_left_when_the_mesh_goes_behind_the_camera() {
+    let mut scene = Scene::cloth(1, 0.05, noise(1));
+    let mut out = Rendering::new();
+    scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+    assert!(out.blend_count() > 0);
+    for p in &mut scene.positions {
+        p.z = -p.z;
+    }
+    scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+    assert!(out.triangle.iter().all(|&t| t == Rendering::NO_TRIANGLE));
+    assert!(out.inverse_depth.iter().all(|&s| s == 0.0));
+    assert!(out.rgba.iter().all(|&c| c == [0.0; 4]));
+    assert_eq!(out.blend_count(), 0);
+    // A corner behind the camera, or one that is no number, only takes its triangles away.
+    scene.positions = Scene::cloth(1, 0.05, noise(1)).positions;
+    (scene.positions[0].z, scene.positions[30].x) = (-1.0, f64::NAN);
+    scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+    assert!(out.rgba.iter().flatten().all(|c| c.is_finite()));
+    assert!(out.rgba.iter().any(|c| c[3] > 0.0));
+}
+
+#[test]
+fn a_used_rendering_draws_like_a_new_one() {
+    let mut out = Rendering::new();
+    for (seed, x) in [(1, 0.0), (2, 0.4), (3, -0.5), (4, 2.0), (5, 0.1)] {
+        let mut scene = Scene::cloth(seed, 0.1, noise(seed));
+        for p in &mut scene.positions {
+            p.x += x;
+        }
+        scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+        let fresh = render(&scene, &CAMERA);
+        assert_eq!(out.rgba, fresh.rgba);
+        assert_eq!(out.triangle, fresh.triangle);
+        assert_eq!(out.inverse_depth, fresh.inverse_depth);
+    }
+}
+
+#[test]
+fn silhouettes_reach_into_the_background_and_sum_to_the_area() {
+    for angle in [0.0, 0.2, 0.7, 0.9, 1.3] {
+        let scene = Scene::rectangle(angle, DVec2::new(0.17, 0.14), DVec2::new(0.011, 0.007));
+        let camera = Camera { fy: CAMERA.fx, ..CAMERA };
+        let out = render(&scene, &camera);
+        let outside = |p: usize| out.triangle[p] == Rendering::NO_TRIANGLE;
+        let blended = (0..out.rgba.len()).filter(|&p| outside(p) && out.rgba[p][3] > 0.0).count();
+        let coverage: f64 = out.rgba.iter().map(|c| f64::from(c[3])).sum();
+        let area = 4.0 * 0.17 * 0.14 * camera.fx * camera.fx;
+        println!("angle {angle}: coverage {coverage:.3}, area {area:.3}, {blended} blends outside");
+        assert!(blended > 10, "{blended}");
+        // What is left is at the four corners.
+        assert!((coverage - area).abs() < 2.0, "{coverage} {area}");
+        assert!(out.rgba.iter().all(|c| (0.0..=1.0).contains(&c[3])));
+    }
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_bytes() {
+    let scene = Scene::cloth(7, 0.06, noise(7));
+    let run = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
+        pool.install(|| {
+            let out = render(&scene, &CAMERA);
+            let mut rng = Rng::new(1, 0);
+            let grad: Vec<_> = out.rgba.iter().map(|_| [0; 4].map(|_| rng.signed() as f32)).collect();
+            let mut grads =
+                Gradients::new(&scene.rasterizer).with_texture(&scene.texture).with_uvs(&scene.rasterizer);
+            for _ in 0..2 {
+                let (texture, r) = (&scene.texture, &scene.rasterizer);
+                r.render_vjp(&CAMERA, &scene.positions, texture, &out, &grad, None, &mut grads);
+            }
+            (out.rgba, out.inverse_depth, grads.positions, grads.texture, grads.uvs)
+        })
+    };
+    let one = run(1);
+    assert!(one.2.iter().any(|g| g.length() > 0.0));
+    for threads in [2, 3] {
+        assert!(one == run(threads), "{threads} threads");
+    }
+}

@@ -1,0 +1,328 @@
+//! The pictures, the contact sheet and the page of a small made-up reconstruction.
+
+use std::process::Command;
+
+use glam::{DVec2, DVec3};
+use image::RgbImage;
+use tessuto::mesh::grid;
+use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
+use tessuto::report::embed::{Window, base64};
+use tessuto::report::film::{Film, Source, jpeg_of};
+use tessuto::report::{
+    ClothData, Field, FramePictures, HistoryRow, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData,
+    Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
+};
+use tessuto::{Camera, Frame, Image, Positions};
+
+const WIDTH: usize = 64;
+const HEIGHT: usize = 48;
+
+/// A disc of fabric around column `x`: colour, mask and depth.
+fn disc(x: f32, z: f32) -> (Image, Image, Image) {
+    let mut images =
+        (Image::new(WIDTH, HEIGHT, 3), Image::new(WIDTH, HEIGHT, 1), Image::new(WIDTH, HEIGHT, 1));
+    for row in 0..HEIGHT {
+        for column in 0..WIDTH {
+            if (column as f32 - x).hypot(row as f32 - 24.0) < 12.0 {
+                images.0.pixel_mut(column, row).copy_from_slice(&[0.8, 0.4, 0.2]);
+                images.1.pixel_mut(column, row)[0] = 1.0;
+                images.2.pixel_mut(column, row)[0] = z;
+            }
+        }
+    }
+    images
+}
+
+/// Calls `look` with the pictures of a disc that is 4 px too far left and 10 mm too far away.
+fn with_pictures(look: impl FnOnce(&FramePictures)) {
+    let (rgb, mask, depth) = disc(28.0, 1.21);
+    let (observed_rgb, observed_mask, measured) = disc(32.0, 1.20);
+    let observed = Frame { rgb: observed_rgb, mask: observed_mask };
+    look(&FramePictures {
+        rgb: &rgb,
+        mask: &mask,
+        depth: &depth,
+        observed: &observed,
+        measured_depth: Some(&measured),
+    });
+}
+
+#[test]
+fn pictures_show_the_sign_of_what_differs() {
+    with_pictures(|pictures| {
+        let scales = Scales::fitting([Ranges::of(pictures.depth, pictures.measured_depth)]);
+        assert_eq!(scales.depth, [1.21, 1.22]);
+        assert!((scales.depth_difference - 0.01).abs() < 1e-9, "{scales:?}");
+        let at = |kind, x| pictures.picture(kind, &scales).unwrap().pixel(x, 24).to_vec();
+        let (red, blue) = (|c: &[f32]| c[0] > 1.5 * c[2], |c: &[f32]| c[2] > 1.5 * c[0]);
+        // Rendered only at the left, observed only at the right, both in the middle.
+        assert!(red(&at(Kind::MaskDifference, 18)) && blue(&at(Kind::MaskDifference, 42)));
+        assert!(at(Kind::MaskDifference, 30).iter().all(|v| *v > 0.95));
+        assert!(red(&at(Kind::DepthDifference, 30)));
+        assert!(at(Kind::Difference, 30).iter().all(|v| *v < 0.02) && at(Kind::Difference, 42)[0] > 0.9);
+        assert_ne!(at(Kind::Depth, 30), at(Kind::Depth, 60));
+        let unmeasured = FramePictures { measured_depth: None, ..*pictures };
+        assert!(unmeasured.picture(Kind::DepthDifference, &scales).is_none());
+    });
+}
+
+#[test]
+fn measured_points_become_a_surface_without_gaps() {
+    let camera = Camera { fx: 100.0, fy: 100.0, cx: 31.5, cy: 23.5, width: WIDTH, height: HEIGHT };
+    let mut points = Vec::new();
+    for row in 0..10 {
+        for column in 0..10 {
+            // Every third pixel.
+            points.push(
+                camera.ray(glam::DVec2::new(10.0 + 3.0 * f64::from(column), 8.0 + 3.0 * f64::from(row)))
+                    * 2.0,
+            );
+        }
+    }
+    points.push(points[0] * 1.5);
+    points.push(DVec3::new(50.0, 0.0, 1.0));
+    let image = measured_depth_image(&points, &camera);
+    assert!((8..36).all(|y| (10..38).all(|x| (image.pixel(x, y)[0] - 2.0).abs() < 1e-6)));
+    assert_eq!(image.pixel(60, 40)[0], 0.0);
+}
+
+#[test]
+fn contact_sheet_shows_the_first_and_the_last_frame() {
+    assert_eq!(chosen_frames(1), [0]);
+    assert_eq!(chosen_frames(4), [0, 1, 2, 3]);
+    let chosen = chosen_frames(40);
+    assert!(chosen.len() == 9 && chosen[0] == 0 && chosen[8] == 39 && chosen.is_sorted());
+    with_pictures(|pictures| {
+        let scales = Scales::fitting([Ranges::of(pictures.depth, None)]);
+        let sheet = contact_sheet(&[(0, *pictures), (7, *pictures)], &scales);
+        assert!(sheet.data.iter().all(|v| (0.0..=1.0).contains(v)));
+        let cloth =
+            sheet.data.chunks_exact(3).filter(|p| (p[0] - 0.8).abs() < 1e-3 && (p[2] - 0.2).abs() < 1e-3);
+        assert!(cloth.count() > 4 * 5_000);
+    });
+}
+
+/// A cloth of `side`×`side` vertices that swings, in front of a camera of `size`×`size` pixels.
+fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
+    let mesh = grid(side, side, DVec2::new(0.5, 0.5), 1.2);
+    let swung = |n: usize| -> Positions {
+        let wave = |p: &DVec3| 0.06 * ((8.0 * p.x + 0.3 * n as f64).sin() + p.y * (0.2 * n as f64).cos());
+        mesh.positions.iter().map(|p| *p + DVec3::Z * wave(p)).collect()
+    };
+    let motion: Vec<Positions> = (0..frame_count).map(swung).collect();
+    let depths = |scale: f64| -> Vec<Vec<f32>> {
+        motion.iter().map(|s| s.iter().map(|p| (scale * (p.z - 1.2)) as f32).collect()).collect()
+    };
+    let camera = Camera {
+        fx: size as f64,
+        fy: size as f64,
+        cx: size as f64 / 2.0,
+        cy: size as f64 / 2.0,
+        width: size,
+        height: size,
+    };
+    // A checked cloth with some grain, on black.
+    let picture = |shift: u32| {
+        RgbImage::from_fn(size as u32, size as u32, |x, y| {
+            let inside = |v: u32| (size as u32 / 4..3 * size as u32 / 4).contains(&v);
+            let grain =
+                (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503).wrapping_add(shift * 977)) >> 3;
+            let check = if ((x + shift) / 20 + y / 20).is_multiple_of(2) { 150 } else { 60 };
+            match inside(x) && inside(y) {
+                true => {
+                    image::Rgb([check + (grain % 32) as u8, 200 - check / 2, check / 2 + (grain % 24) as u8])
+                }
+                false => image::Rgb([0; 3]),
+            }
+        })
+    };
+    let pictures = [picture(0), picture(3)];
+    let source = |key, k: usize| {
+        let pictures = &pictures;
+        Source { key, label: key, load: Box::new(move |n| Ok(pictures[(n + k) % 2].clone())) }
+    };
+    let sources = [source("observed", 0), source("render", 1), source("rerendered", 0)];
+    let history: Vec<HistoryRow> = (1..30)
+        .map(|step| HistoryRow {
+            stage: "refine".into(),
+            step,
+            active_frames: frame_count,
+            losses: vec![("total".into(), 0.5f64.powi(step as i32)), ("</script><b>".into(), 0.1)],
+            parameters: vec![("stretch".into(), 200.0 + step as f64)],
+        })
+        .collect();
+    let parameters = vec![Parameter {
+        name: "stretch".into(),
+        label: "stretch stiffness".into(),
+        value: 229.0,
+        unit: "N/m".into(),
+        note: String::new(),
+    }];
+    let row = |frame| FrameMetrics {
+        frame,
+        metrics: Metrics { depth: Some(5.4e-3 + 1e-4 * frame as f64), ..Metrics::default() },
+    };
+    ReportData {
+        title: "<script>alert(1)</script>".into(),
+        subtitle: "a made-up result".into(),
+        command: "tessuto reconstruct 'a b' --out c".into(),
+        key_numbers: vec![KeyNumber::new("frames", frame_count.to_string(), "")],
+        cloth: Some(ClothData {
+            fps: 25.0,
+            first_frame: 0,
+            frame_count,
+            camera: Some(camera),
+            surface: Surface::new(&mesh, Window::WHOLE),
+            motion: Motion::new(&motion),
+            fields: [("depth_error", 900.0), ("force", 50.0)]
+                .into_iter()
+                .filter_map(|(key, scale)| Field::new([key, key, "mm"], key != "force", &depths(scale)))
+                .collect(),
+        }),
+        film: Film::new(&sources, frame_count, &camera, None, 11 << 20).unwrap(),
+        maps: vec![Map {
+            key: "texture",
+            label: "recovered print",
+            picture: base64(&jpeg_of(&picture(1), 80)),
+        }],
+        light: None,
+        charts: chart::of_history(&history, &parameters),
+        parameters,
+        evaluation: Some(Evaluation {
+            mean: row(0).metrics,
+            frames: (0..frame_count).map(row).collect(),
+            maps: None,
+        }),
+        timings: vec![("motion".into(), 4000.0), ("report".into(), 1.5)],
+        warnings: vec!["a & b".into()],
+        config: "seed = 0".into(),
+        live: false,
+    }
+}
+
+/// What would make a browser ask for something outside the page.
+fn asks_for_more(page: &str) -> Vec<String> {
+    let marks = ["src=", "href=", "url(", "@import", "<link", "<iframe", "import("];
+    let refers = |place: &str| {
+        let target = place.trim_start_matches(['"', '\'']);
+        !target.starts_with("data:") && !target.starts_with('#')
+    };
+    marks
+        .iter()
+        .flat_map(|mark| page.match_indices(mark).map(move |(i, _)| (mark, &page[i + mark.len()..])))
+        .filter(|(mark, rest)| !mark.ends_with(['=', '(']) || refers(rest))
+        .map(|(mark, rest)| format!("{mark}{}", rest.chars().take(60).collect::<String>()))
+        .collect()
+}
+
+#[test]
+fn page_of_a_hundred_frames_is_one_file_of_bounded_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    page::write(&path, &data(100, 32, 640)).unwrap();
+    let bytes = std::fs::metadata(&path).unwrap().len();
+    assert!((2_000_000..15_000_000).contains(&bytes), "{bytes} bytes");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+
+    let page = std::fs::read_to_string(&path).unwrap();
+    // Markup alone: the libraries' code has strings that look like it, and the policy forbids what they could do.
+    let markup: String = page
+        .split("<script>")
+        .map(|part| part.split_once("</script>").map_or(part, |(_, rest)| rest))
+        .collect();
+    assert!(markup.len() < page.len() - 500_000);
+    assert_eq!(asks_for_more(&markup), Vec::<String>::new());
+    assert!(page.contains("default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'"));
+    assert!(!page.contains("connect-src"));
+    assert!(!page.contains("<script>alert") && !page.contains("</script><b>"));
+    for text in ["a &#38; b", "229.0000", "N/m", "5.4", "1 h 06 min", "tessuto reconstruct &#39;a b&#39;"] {
+        assert!(page.contains(text), "{text} is missing");
+    }
+}
+
+#[test]
+fn page_without_anything_is_still_a_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    page::write(&path, &ReportData::default()).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(text.trim_end().ends_with("</html>"));
+    assert!(text.contains(r#""cloth":null"#) && !text.contains("<img"));
+    assert_eq!(
+        page::write(&folder.path().join("no/such"), &ReportData::default()).unwrap_err().exit_code(),
+        5
+    );
+}
+
+/// Looks, after a while, at what the page made of itself, and says so in its title.
+const PROBE: &str = r#"<script>
+window.faults = [];
+addEventListener("error", e => faults.push(e.message));
+const complain = console.error;
+console.error = (...words) => { faults.push(words.join(" ")); complain(...words); };
+let patience = 40;
+const look = () => {
+  // On a busy machine the charts, which the page draws last, come late.
+  if (!tessuto.page?.charts.plots.length && patience-- > 0) return setTimeout(look, 100);
+  const { player, view, wipe, charts } = tessuto.page;
+  const { canvas } = view.elements;
+  view.drawNow();
+  const shot = document.createElement("canvas");
+  [shot.width, shot.height] = [80, 80];
+  const pen = shot.getContext("2d", { willReadFrequently: true });
+  pen.drawImage(canvas, 0, 0, 80, 80);
+  const colours = new Set(new Uint32Array(pen.getImageData(0, 0, 80, 80).data.buffer)).size;
+  const wiped = wipe.drawn > 0, plots = charts.plots.length;
+  // Frames of animation are rare under the driver's clock: playing is left to tools/check_report.mjs.
+  const scrub = document.getElementById("scrub"), wipeSlider = document.getElementById("wipe");
+  document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
+  const byKey = [player.frame, Number(scrub.value), view.frame, wipe.frame];
+  scrub.value = 5;
+  scrub.dispatchEvent(new Event("input"));
+  const bySlider = [player.frame, view.frame, document.getElementById("frame").textContent.includes("frame 5")];
+  wipeSlider.value = 250;
+  wipeSlider.dispatchEvent(new Event("input"));
+  player.toggle();
+  const played = player.playing;
+  document.title = `PROBE ${JSON.stringify({ faults, colours, wiped, plots, byKey, bySlider, share: wipe.share, played })}`;
+};
+setTimeout(look, 1500);
+</script></head>"#;
+
+#[test]
+fn page_runs_in_chromium() {
+    let Some(program) = ["chromium", "chromium-browser", "google-chrome"]
+        .into_iter()
+        .find(|p| Command::new(p).arg("--version").output().is_ok_and(|o| o.status.success()))
+    else {
+        println!("skipped: Chromium is not installed");
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("report.html");
+    let text = page::render(&data(8, 9, 120)).replacen("</head>", PROBE, 1);
+    std::fs::write(&path, text).unwrap();
+    let run = Command::new(program)
+        .args(["--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"])
+        .args(["--enable-unsafe-swiftshader", "--virtual-time-budget=6000", "--dump-dom"])
+        .arg(format!("--user-data-dir={}", folder.path().join("profile").display()))
+        .arg(format!("file://{}", path.display()))
+        .output()
+        .unwrap();
+    let dom = String::from_utf8_lossy(&run.stdout);
+    let title = title(&dom).unwrap_or_else(|| panic!("{}", String::from_utf8_lossy(&run.stderr)));
+    let seen = title.strip_prefix("PROBE ").unwrap_or_else(|| panic!("nothing was looked at: {title}"));
+    let seen: serde_json::Value = serde_json::from_str(seen).unwrap_or_else(|e| panic!("{e}: {title}"));
+    assert_eq!(seen["faults"].as_array().map(Vec::len), Some(0), "{title}");
+    assert!(seen["colours"].as_u64() > Some(20), "the 3D view is blank: {title}");
+    let expected = serde_json::json!({
+        "wiped": true, "plots": 3, "byKey": [1, 1, 1, 1], "bySlider": [5, 5, true], "share": 0.25, "played": true
+    });
+    for (key, value) in expected.as_object().unwrap() {
+        assert_eq!(seen[key], *value, "{key}: {title}");
+    }
+}
+
+fn title(dom: &str) -> Option<&str> {
+    dom.split("<title>").nth(1)?.split("</title>").next()
+}
