@@ -12,9 +12,12 @@ use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
+use tessuto::text::quoted;
 use tessuto::{Error, Positions, Scene, io, result};
 
 use crate::progress::{Progress, stop_on_interrupt};
+use crate::say::{self, aside, say};
+use crate::threads::Threads;
 
 /// What it writes or changes in the folder.
 const WRITTEN: [&str; 5] = ["material", "rerendered", "metrics.json", "log.json", "report.html"];
@@ -40,9 +43,8 @@ pub struct Arguments {
     /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Threads [default: all cores]. The result does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Seed of everything random.
     #[arg(long)]
     seed: Option<u64>,
@@ -76,9 +78,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         config.set(assignment)?;
     }
     config.seed = arguments.seed.unwrap_or(config.seed);
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let loaded = load(&arguments.scene, &LoadOptions { frames, ..LoadOptions::default() })?;
-    loaded.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    loaded.warnings.iter().for_each(|w| aside!("warning: {w}"));
     let scene = &loaded.scene;
     let motion = match arguments.motion {
         Motion::Result => io::npy::read_shapes(&folder.join("motion.npy"))?,
@@ -109,11 +111,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         result::write_page(folder)?;
     }
     manifest::record_or_begin(folder, FolderKind::Appearance, &WRITTEN)?;
-    print!("{}", summary.table);
-    println!("{}", folder.join("material").display());
-    println!("{}", folder.join("rerendered").display());
+    say::output(format_args!("{}", summary.table));
+    say!("{}", folder.join("material").display());
+    say!("{}", folder.join("rerendered").display());
     if saved {
-        println!("{}", folder.join("report.html").display());
+        say!("{}", folder.join("report.html").display());
     }
     Ok(())
 }
@@ -132,11 +134,6 @@ fn repeat_command(arguments: &Arguments) -> String {
         let _ = write!(command, " --seed {seed}");
     }
     command
-}
-
-/// A path for a shell.
-pub fn quoted(path: &Path) -> String {
-    format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
 }
 
 /// What an estimate tells the user.

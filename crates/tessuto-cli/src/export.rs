@@ -6,6 +6,8 @@ use clap::Args;
 use tessuto::export::{Clip, Format, export};
 use tessuto::output::{FolderKind, manifest};
 
+use crate::say::{aside, say};
+
 /// Write a result for other programs: Blender, Houdini, Unreal, the web, NumPy, rerun.
 #[derive(Args)]
 #[command(after_help = "\
@@ -41,9 +43,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if clip.camera.is_none()
         && arguments.to.iter().any(|f| matches!(f, Format::Glb | Format::Usd | Format::Npz | Format::Rrd))
     {
-        eprintln!(
-            "warning: parameters.json holds no camera (result of an older version): exported without one"
-        );
+        aside!("warning: parameters.json holds no camera (result of an older version): exported without one");
     }
     let folder = arguments.out.clone().unwrap_or_else(|| arguments.result.join("export"));
     let paths = export(&clip, &arguments.to, &folder, arguments.force)?;
@@ -53,7 +53,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         manifest::record_or_begin(&folder, FolderKind::Export, &names)?;
     }
     for path in paths {
-        println!("{}", path.display());
+        say!("{}", path.display());
     }
     Ok(())
 }

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use tessuto::Error;
 use tessuto::output::manifest;
 
+use crate::say::say;
+
 /// Check that a folder tessuto wrote (result, scene, views) is complete and unchanged.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -19,10 +21,10 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let verified = manifest::verify(&arguments.result)?;
     for name in &verified.unknown {
-        println!("not in the manifest: {name}");
+        say!("not in the manifest: {name}");
     }
     if let Some((name, problem)) = verified.wrong.first() {
-        verified.wrong.iter().for_each(|(name, problem)| println!("{name}: {problem}"));
+        verified.wrong.iter().for_each(|(name, problem)| say!("{name}: {problem}"));
         return Err(Error::input(
             arguments.result.join(name).display().to_string(),
             format!(
@@ -34,6 +36,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         )
         .into());
     }
-    println!("{} files, all as they were written", verified.sound);
+    say!("{} files, all as they were written", verified.sound);
     Ok(())
 }

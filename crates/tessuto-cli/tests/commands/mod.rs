@@ -4,6 +4,7 @@ mod bad_input;
 mod check_bad_input;
 mod evaluate;
 mod import;
+mod output;
 mod render;
 mod report;
 mod rerun;
