@@ -13,6 +13,7 @@ mod progress;
 mod reconstruct;
 mod record;
 mod render;
+mod repeat;
 mod report;
 mod say;
 mod simulate;
@@ -20,6 +21,7 @@ mod synth;
 mod template;
 mod threads;
 mod verify;
+mod watch;
 
 use std::io::ErrorKind;
 use std::process::ExitCode;

@@ -26,6 +26,7 @@ pub mod raster;
 pub mod reconstruct;
 pub mod report;
 pub mod result;
+pub mod run;
 pub mod scene;
 pub mod session;
 pub mod sim;

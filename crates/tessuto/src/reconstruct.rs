@@ -44,6 +44,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let template = &scene.template.positions;
 
     // What the fabric looks like, from the first frame.
+    session.begin("texture");
     let side = config.texture.size;
     let fits = |t: &Texture| [t.width, t.height, t.texels.len()] == [side, side, side * side];
     let texture = match session.restore("texture")? {
@@ -59,7 +60,6 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         )?,
     };
     session.finish("texture", &texture);
-    session.lap("texture");
 
     // How it moves, and what moves it.
     let fit = RolloutFit {
@@ -72,16 +72,16 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     };
     let (parameters, failure) = match config.method {
         Method::Rollout => {
-            let fitted = fit.run(fit.start(), session)?;
-            session.lap("rollout");
-            fitted
+            session.begin("rollout");
+            fit.run(fit.start(), session)?
         }
         Method::Spacetime => {
             let problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
+            session.begin("track");
             let (tracked, lost) = problem.track(session)?;
-            session.lap("track");
+            session.begin("refine");
             let (frames, stuck) = problem.refine(tracked, session)?;
-            session.lap("refine");
+            session.begin("forces and stiffnesses");
             let mut parameters = fit.start();
             if config.material.fit {
                 let steps = interpolated(&frames, config.dynamics.substeps);
@@ -92,14 +92,14 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             let (accelerations, loose) =
                 accelerations_of_motion(&scene.template, &fit.dynamics, k, &frames, &config.inverse);
             parameters.accelerations = accelerations;
-            session.lap("forces and stiffnesses");
             (parameters, lost.or(stuck).or(loose))
         }
     };
 
     // The motion is what these parameters make, nothing else.
+    session.begin("rollout of the result");
     let motion = simulate(&cloth, config, scene.fps, template, &parameters)?;
-    session.lap("rollout of the result");
+    session.end();
     let history = session.history_of(&["texture", "track", "refine", "rollout"]);
     let timings = session.timings().to_vec();
     Ok(Reconstruction { motion, parameters, texture, history, timings, failure })
