@@ -18,10 +18,10 @@ fn main() -> tessuto::Result<()> {
     let mut config = Config::preset(Preset::Default);
     config.set("texture.size=128")?;
 
-    let mut last_stage = "";
+    let mut last_stage = tessuto::session::Name::default();
     let mut session = Session::new(|epoch, _| {
         if epoch.stage != last_stage {
-            last_stage = epoch.stage;
+            last_stage.clone_from(&epoch.stage);
             println!("{last_stage}");
         }
         Ok(())

@@ -17,7 +17,7 @@ use crate::mesh::Positions;
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;
-use crate::session::{Epoch, Session, foreign_state};
+use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
@@ -158,12 +158,12 @@ pub fn fit(
         let smoothness = settings.light_smoothness;
         sky.step(settings.light_rows, &gradients.light, colour, smoothness, settings.light_rate * fall);
         let epoch = Epoch {
-            stage: "appearance",
+            stage: "appearance".into(),
             step: step + 1,
             of: settings.steps,
             active_frames: motion.len(),
-            losses: vec![("colour", gradients.loss * f64::from(scale))],
-            parameters: vec![("light_rows", rows as f64), ("light_colour", colour)],
+            losses: named([("colour", gradients.loss * f64::from(scale))]),
+            parameters: named([("light_rows", rows as f64), ("light_colour", colour)]),
         };
         // The directions are drawn anew where the next run would draw them too.
         let saved = ((step + 1) % REDRAW == 0 && session.wants_state()).then(|| State {

@@ -15,7 +15,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 pub use checkpoint::{Checkpoints, Found};
-pub use epoch::Epoch;
+pub use epoch::{Epoch, Name, named};
 pub use identity::identity;
 
 use crate::error::{Error, Result};
@@ -92,7 +92,7 @@ impl<'a> Session<'a> {
         self.checkpoints = Some(checkpoints);
         self.states = found.map(|f| f.parts).unwrap_or_default();
         if let Some(bytes) = self.states.remove(HISTORY) {
-            self.history = epoch::from_bytes(&bytes).map_err(|e| unreadable(HISTORY, &e))?;
+            self.history = rmp_serde::from_slice(&bytes).map_err(|e| unreadable(HISTORY, &e))?;
         }
         Ok(())
     }
@@ -136,7 +136,7 @@ impl<'a> Session<'a> {
         // Stopping waits for a step that can be saved.
         let Some(state) = state else { return Ok(()) };
         if self.stopping.is_some() || checkpoints.is_due() {
-            self.finish(epoch.stage, state);
+            self.finish(&epoch.stage, state);
             self.save(epoch)?;
         }
         self.stopping.take().map_or(Ok(()), Err)
@@ -166,7 +166,7 @@ impl<'a> Session<'a> {
 
     /// Steps so far of the `stages`.
     pub fn history_of(&self, stages: &[&str]) -> Vec<Epoch> {
-        self.history.iter().filter(|e| stages.contains(&e.stage)).cloned().collect()
+        self.history.iter().filter(|e| stages.contains(&&*e.stage)).cloned().collect()
     }
 
     /// Begins `stage`: the time until the next one begins is its own.
@@ -227,7 +227,7 @@ mod tests {
         while k < 10 {
             sum += k * k;
             k += 1;
-            let epoch = Epoch { stage: "squares", step: k as usize, of: 10, ..Epoch::default() };
+            let epoch = Epoch { stage: "squares".into(), step: k as usize, of: 10, ..Epoch::default() };
             // Only even states can be gone on from.
             session.step(&epoch, &[], k.is_multiple_of(2).then_some(&(k, sum)))?;
         }

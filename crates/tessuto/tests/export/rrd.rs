@@ -14,7 +14,7 @@ use glam::DVec3;
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;
-use tessuto::session::Epoch;
+use tessuto::session::{Epoch, named};
 use tessuto::sim::Accelerations;
 use tessuto::{Camera, Image, Mesh, Positions, Rect};
 
@@ -27,8 +27,8 @@ fn moved(mesh: &Mesh, n: usize) -> Positions {
 }
 
 fn epoch(stage: &'static str, step: usize, of: usize) -> Epoch {
-    let losses = vec![("total", 1.0 / step as f64), ("out line", step as f64)];
-    Epoch { stage, step, of, losses, parameters: vec![("bend", 0.1)], ..Epoch::default() }
+    let losses = named([("total", 1.0 / step as f64), ("out line", step as f64)]);
+    Epoch { stage: stage.into(), step, of, losses, parameters: named([("bend", 0.1)]), ..Epoch::default() }
 }
 
 /// One chunk.

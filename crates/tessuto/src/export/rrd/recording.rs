@@ -101,7 +101,7 @@ impl<W: Write> Recording<W> {
         Ok(recording)
     }
 
-    /// Takes note of a finished step, and a few times in each stage of the last frame of the motion so far, which may be
+    /// Records a finished step, and a few times in each stage of the last frame of the motion so far, which may be
     /// empty.
     ///
     /// # Errors
@@ -110,7 +110,7 @@ impl<W: Write> Recording<W> {
         self.steps += 1;
         for (kind, values) in [("losses", &epoch.losses), ("parameters", &epoch.parameters)] {
             for (name, value) in values {
-                let entity = format!("{kind}/{}/{}", part(epoch.stage), part(name));
+                let entity = format!("{kind}/{}/{}", part(&epoch.stage), part(name));
                 let (steps, rows) = self.curves.entry(entity).or_default();
                 steps.push(self.steps);
                 rows.push(*value);

@@ -25,7 +25,7 @@ use crate::math::dot;
 use crate::math::factor::{Factor, Scratch};
 use crate::mesh::Positions;
 use crate::scene::Scene;
-use crate::session::{Epoch, Session, foreign_state};
+use crate::session::{Epoch, Session, foreign_state, named};
 use crate::sim::{Cloth, HessianKind, Stiffness};
 pub use settings::SpacetimeSettings;
 
@@ -187,11 +187,11 @@ impl<'a> Problem<'a> {
             }
             frames.push(x);
             let epoch = Epoch {
-                stage: "track",
+                stage: "track".into(),
                 step: n,
                 of: self.scene.frames.len() - 1,
                 active_frames: n + 1,
-                losses: vec![("total", value)],
+                losses: named([("total", value)]),
                 parameters: Vec::new(),
             };
             session.step(&epoch, &tracked.frames, Some(&tracked))?;
@@ -237,12 +237,12 @@ impl<'a> Problem<'a> {
                 }
                 refined.steps += 1;
                 let epoch = Epoch {
-                    stage: "refine",
+                    stage: "refine".into(),
                     step: refined.steps,
                     of: levels * iterations,
                     active_frames: refined.frames.len(),
-                    losses: std::iter::once(("total", value)).chain(stage.terms(&refined.frames)).collect(),
-                    parameters: vec![("level", level as f64)],
+                    losses: named(std::iter::once(("total", value)).chain(stage.terms(&refined.frames))),
+                    parameters: named([("level", level as f64)]),
                 };
                 let damping = refined.damping;
                 refined.damping = if accepted { f64::max(damping * 0.3, 1e-6) } else { damping * 8.0 };
