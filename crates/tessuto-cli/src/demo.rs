@@ -78,7 +78,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// Farthest that a vertex is from its place in frame 0 [m].
 fn largest_displacement(scene: &Path) -> tessuto::Result<f64> {
-    let truth = tessuto::io::npy::read_shapes(&scene.join("gt/vertices.npy"))?;
+    let truth = tessuto::io::npy::read_motion(&scene.join("gt/vertices.npy"))?;
     let distances = truth.iter().flat_map(|shape| shape.iter().zip(&truth[0]).map(|(p, q)| p.distance(*q)));
     Ok(distances.fold(0.0, f64::max))
 }

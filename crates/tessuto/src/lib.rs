@@ -40,7 +40,7 @@ pub use camera::{Camera, Rect};
 pub use config::Config;
 pub use error::{Error, Result};
 pub use image::Image;
-pub use mesh::{Mesh, Positions};
+pub use mesh::{Mesh, Motion, Positions};
 pub use reconstruct::{Reconstruction, reconstruct};
 pub use scene::{Scene, Truth};
 pub use video::{Frame, Video};

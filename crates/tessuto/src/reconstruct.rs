@@ -2,7 +2,7 @@
 
 use crate::config::{Config, Method};
 use crate::error::{Error, Result};
-use crate::mesh::Positions;
+use crate::mesh::{Motion, Positions};
 use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
 use crate::motion::inverse::stiffness::fit_material;
 use crate::motion::parameters::Parameters;
@@ -18,7 +18,7 @@ use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
 #[derive(Debug)]
 pub struct Reconstruction {
     /// Positions at every frame, shape [N, V]: the rollout of `parameters`.
-    pub motion: Vec<Positions>,
+    pub motion: Motion,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
     /// Colours of the surface.
@@ -115,12 +115,12 @@ pub fn simulate(
     fps: f64,
     template: &Positions,
     parameters: &Parameters,
-) -> Result<Vec<Positions>> {
+) -> Result<Motion> {
     let dynamics = config.dynamics.at(fps);
     let initial = State { x: template.clone(), v: vec![glam::DVec3::ZERO; template.len()] };
     let stiffness = Stiffness::uniform(cloth, parameters.stiffness());
     let inputs =
         RolloutInputs { initial: &initial, accelerations: &parameters.accelerations, stiffness: &stiffness };
     let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.entries_per_frame + 1;
-    Ok(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
+    Motion::new(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
 }

@@ -10,7 +10,7 @@ use crate::config::{Config, Preset};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::io::scene::{LoadOptions, load};
-use crate::mesh::Positions;
+use crate::mesh::Motion;
 use crate::output::{FolderKind, OutputFolder, manifest};
 use crate::pbr::Geometry;
 use crate::raster::Rasterizer;
@@ -71,7 +71,7 @@ pub fn run(
     options: &AppearanceOptions,
     observer: &mut dyn Observer,
 ) -> Result<AppearanceOutcome> {
-    let saved = folder.join("config.json").is_file().then(|| result::read(folder)).transpose()?;
+    let saved = folder.join("config.json").is_file().then(|| result::Folder::open(folder)).transpose()?;
     if saved.is_none() && options.motion == MotionSource::Result {
         return Err(Error::input(
             folder.display().to_string(),
@@ -87,9 +87,9 @@ pub fn run(
     let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
     loaded.warnings.iter().for_each(|warning| observer.warning(warning));
     let scene = &loaded.scene;
-    let motion = match options.motion {
-        MotionSource::Result => io::npy::read_shapes(&folder.join("motion.npy"))?,
-        MotionSource::Truth => scene.truth.vertices.clone().ok_or_else(|| {
+    let motion = match (options.motion, &saved) {
+        (MotionSource::Result, Some(saved)) => saved.motion()?,
+        _ => scene.truth.vertices.as_ref().ok_or_else(|| {
             let place = scene_folder.join("gt/vertices.npy").display().to_string();
             Error::input(place, "the scene has no true vertices", "take the motion of a result")
         })?,
@@ -109,17 +109,17 @@ pub fn run(
     let observer = RefCell::new(observer);
     let session = &mut Session::observed(Shared(&observer));
     let settings = &run.settings;
-    let psnr = estimate(folder, scene, &motion, &settings.appearance, settings.seed, session)?;
+    let psnr = estimate(folder, scene, motion, &settings.appearance, settings.seed, session)?;
 
     // The motion's errors stay what they were.
     let evaluation = result::read_metrics(folder)?;
-    result::write_metrics(folder, scene, &motion, evaluation.as_ref())?;
+    result::write_metrics(folder, scene, motion, evaluation.as_ref())?;
     if saved.is_some() {
         let mut log = result::Log::read(folder)?;
         session.timings().iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
         log.set_command(&options.command);
         log.write(folder)?;
-        result::write_page(folder)?;
+        result::write_page(&result::Folder::open(folder)?)?;
     }
     manifest::record_or_begin(folder, FolderKind::Appearance, files)?;
     Ok(AppearanceOutcome { psnr, timings: session.timings().to_vec(), is_result: saved.is_some() })
@@ -130,7 +130,7 @@ pub fn run(
 pub(super) fn estimate(
     folder: &Path,
     scene: &Scene,
-    motion: &[Positions],
+    motion: &Motion,
     settings: &AppearanceSettings,
     seed: u64,
     session: &mut Session,
@@ -138,14 +138,8 @@ pub(super) fn estimate(
     let [material, rerendered] =
         ["material", "rerendered"].map(|n| OutputFolder::prepare_part(&folder.join(n)));
     let (material, rerendered) = (material?, rerendered?);
-    let vertices = scene.template.positions.len();
-    if let Some(n) = motion.iter().position(|positions| positions.len() != vertices) {
-        return Err(Error::input(
-            format!("motion for {}, frame {n}", scene.folder.display()),
-            format!("{} vertices, template.obj has {vertices}", motion[n].len()),
-            "give a result of this scene",
-        ));
-    }
+    let place = format!("motion for {}", scene.folder.display());
+    motion.check_vertices(scene.template.positions.len(), &place)?;
 
     session.begin(FIT);
     let geometry = Geometry::new(&scene.template, motion);

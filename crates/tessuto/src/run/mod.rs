@@ -19,7 +19,7 @@ use crate::config::{Config, Method};
 use crate::error::{Error, Result};
 use crate::export::{Clip, Format, export};
 use crate::io::scene::{LoadOptions, load};
-use crate::mesh::Positions;
+use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation};
 use crate::output::{FolderKind, OutputFolder};
 use crate::reconstruct::reconstruct;
@@ -164,8 +164,9 @@ pub fn run(
     let mut log = result::Log::read(folder)?;
     timings.iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
     log.write(folder)?;
-    export(&Clip::read(folder)?, &[Format::Glb, Format::Usd], &folder.join("export"), true)?;
-    let page = result::write_page(folder);
+    let opened = result::Folder::open(folder)?;
+    export(&Clip::of(&opened)?, &[Format::Glb, Format::Usd], &folder.join("export"), true)?;
+    let page = result::write_page(&opened);
     if let Some(kept) = output.publish()? {
         observer.borrow_mut().note(&observer::kept_aside(&kept));
     }
@@ -207,7 +208,7 @@ fn keep_checkpoints(
     Ok(Some(open()))
 }
 
-fn evaluate(scene: &Scene, motion: &[Positions], seed: u64) -> Result<Option<Evaluation>> {
+fn evaluate(scene: &Scene, motion: &Motion, seed: u64) -> Result<Option<Evaluation>> {
     if scene.truth.points.is_none() && scene.truth.vertices.is_none() {
         return Ok(None);
     }

@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
+use crate::mesh::Motion;
 use crate::mesh::{Mesh, Positions};
 use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Truth};
@@ -145,7 +146,7 @@ pub fn make(settings: &Settings) -> Result<Scene> {
         first_frame: 0,
         template,
         frames,
-        truth: Truth { points: Some(points), vertices: Some(motion) },
+        truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?) },
     })
 }
 
