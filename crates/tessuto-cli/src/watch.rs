@@ -138,6 +138,11 @@ pub fn tell(outcome: &Outcome, out: &Path) {
     if let Some(psnr) = outcome.rerendered_psnr {
         tell_appearance(psnr, &outcome.timings);
     }
+    match (outcome.summary.doubt(), &outcome.summary.verdict) {
+        (Some(doubt), _) => aside!("warning: the result is {doubt}"),
+        (None, Some(verdict)) => say!("{}", verdict.sentence),
+        (None, None) => {}
+    }
     say!("{}", out.display());
     say!("  look at {}", out.join("report.html").display());
     say!("  and at  {}", out.join("pictures/contact_sheet.png").display());

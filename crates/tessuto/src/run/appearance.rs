@@ -24,7 +24,8 @@ pub(super) const REDRAW: &str = "drawing again";
 
 /// What is written into any folder, and what is changed in a result besides.
 const WRITTEN: [&str; 3] = ["material", "rerendered", "metrics.json"];
-const CHANGED: [&str; 5] = ["material", "rerendered", "metrics.json", "log.json", "report.html"];
+const CHANGED: [&str; 6] =
+    ["material", "rerendered", "metrics.json", "log.json", "summary.json", "report.html"];
 
 /// Whose motion is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -119,7 +120,9 @@ pub fn run(
         session.timings().iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
         log.set_command(&options.command);
         log.write(folder)?;
-        result::write_page(&result::Folder::open(folder)?)?;
+        let changed = result::Folder::open(folder)?;
+        result::Summary::of(&changed)?.write(folder)?;
+        result::write_page(&changed)?;
     }
     manifest::record_or_begin(folder, FolderKind::Appearance, files)?;
     Ok(AppearanceOutcome { psnr, timings: session.timings().to_vec(), is_result: saved.is_some() })

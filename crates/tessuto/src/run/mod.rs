@@ -23,7 +23,7 @@ use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation};
 use crate::output::{FolderKind, OutputFolder};
 use crate::reconstruct::reconstruct;
-use crate::result::{self, Run};
+use crate::result::{self, Run, Summary};
 use crate::scene::Scene;
 use crate::session::{Checkpoints, Session, identity};
 
@@ -82,6 +82,8 @@ impl RunOptions {
 /// What a finished run left. The folder is there even if `failure` is set.
 #[derive(Debug)]
 pub struct Outcome {
+    /// Whether the result is good.
+    pub summary: Summary,
     /// Errors against the truth, where there is one.
     pub evaluation: Option<Evaluation>,
     /// Mean PSNR of the re-rendered frames [dB].
@@ -166,12 +168,14 @@ pub fn run(
     log.write(folder)?;
     let opened = result::Folder::open(folder)?;
     export(&Clip::of(&opened)?, &[Format::Glb, Format::Usd], &folder.join("export"), true)?;
+    let summary = Summary::of(&opened)?;
+    summary.write(folder)?;
     let page = result::write_page(&opened);
     if let Some(kept) = output.publish()? {
         observer.borrow_mut().note(&observer::kept_aside(&kept));
     }
     checkpoints.iter().try_for_each(Checkpoints::remove)?;
-    Ok(Outcome { evaluation, rerendered_psnr, timings, failure: failure.or(page.err()) })
+    Ok(Outcome { summary, evaluation, rerendered_psnr, timings, failure: failure.or(page.err()) })
 }
 
 /// Lets `session` keep its states in `folder`, and go on from those that are there if that is asked for.

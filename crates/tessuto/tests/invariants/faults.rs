@@ -208,7 +208,7 @@ fn one_frame_has_a_shape_and_a_texture() {
         config.set("texture.size=16").unwrap();
         let result = reconstruct(&still, &config, &mut Session::new(|_, _| Ok(()))).unwrap();
         assert!(result.failure.is_none(), "{:?}", result.failure);
-        assert_eq!(result.motion, [still.template.positions.clone()]);
+        assert_eq!(result.motion[..], [still.template.positions.clone()]);
     }
 }
 
