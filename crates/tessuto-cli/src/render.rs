@@ -10,8 +10,8 @@ use tessuto::image::Image;
 use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use tessuto::raster::{Rasterizer, Texture};
-use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use tessuto::result::Folder;
+use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use tessuto::{Error, Positions, appearance, io};
 
 use crate::say::say;

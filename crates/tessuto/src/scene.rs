@@ -6,8 +6,7 @@ use glam::DVec3;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::Motion;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion};
 use crate::video::Video;
 
 /// What is known of the true motion; used by evaluation only.

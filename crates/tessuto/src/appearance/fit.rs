@@ -13,7 +13,7 @@ use crate::decoder::DecoderConfig;
 use crate::error::{Error, Result};
 use crate::image::srgb;
 use crate::math::rng::mix32;
-use crate::mesh::{Motion, Positions};
+use crate::mesh::Motion;
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;

@@ -280,13 +280,16 @@ fn container(gltf: &Value, mut binary: Vec<u8>) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Motion;
 
     #[test]
     fn a_long_clip_is_cut_into_segments_that_share_a_frame() {
         let mesh = crate::mesh::grid(3, 2, glam::DVec2::new(0.2, 0.1), 1.0);
         let moved = |n: usize| mesh.positions.iter().map(|p| *p + glam::DVec3::Z * 0.01 * n as f64).collect();
-        let clip =
-            Clip { motion: Motion::new((0..6).map(moved).collect()).unwrap(), ..super::super::clip::tests::clip(mesh.clone()) };
+        let clip = Clip {
+            motion: Motion::new((0..6).map(moved).collect()).unwrap(),
+            ..super::super::clip::tests::clip(mesh.clone())
+        };
         for (max_targets, counts) in [(2, vec![2, 2, 1]), (5, vec![5]), (256, vec![5])] {
             let bytes = encode_segments(&clip, max_targets);
             let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;

@@ -72,6 +72,15 @@ impl Deref for Motion {
     }
 }
 
+impl<'a> IntoIterator for &'a Motion {
+    type Item = &'a Positions;
+    type IntoIter = std::slice::Iter<'a, Positions>;
+
+    fn into_iter(self) -> Self::IntoIter {
+        self.0.iter()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,7 +92,9 @@ mod tests {
         let motion = Motion::new(vec![frame.clone(); 2]).unwrap();
         assert_eq!((motion.len(), motion.vertex_count()), (2, 3));
         motion.check_vertices(3, "motion.npy").unwrap();
-        assert!(motion.check_vertices(4, "motion.npy").unwrap_err().to_string().contains("motion.npy: has 3"));
+        assert!(
+            motion.check_vertices(4, "motion.npy").unwrap_err().to_string().contains("motion.npy: has 3")
+        );
         let mut broken = frame.clone();
         broken[2].y = f64::NAN;
         for (frames, fragment) in [

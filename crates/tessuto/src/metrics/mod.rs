@@ -28,8 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::mesh::Motion;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::scene::{Scene, Truth};
 
 /// What a motion is compared with.
@@ -251,12 +250,7 @@ fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()
 }
 
 /// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
-fn check_scale(
-    place: &str,
-    truth: Option<&[Positions]>,
-    motion: &[Positions],
-    least: usize,
-) -> Result<()> {
+fn check_scale(place: &str, truth: Option<&[Positions]>, motion: &[Positions], least: usize) -> Result<()> {
     let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
     let diagonal = |shape: &Positions| {
         let low = shape.iter().copied().fold(DVec3::INFINITY, DVec3::min);

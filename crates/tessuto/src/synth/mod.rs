@@ -14,8 +14,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::Motion;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};

@@ -7,8 +7,8 @@ use glam::{DVec2, DVec3};
 use serde_json::Value;
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;
-use tessuto::sim::Accelerations;
 use tessuto::result::Folder;
+use tessuto::sim::Accelerations;
 use tessuto::{Camera, Image, Mesh, Motion, Rect, io};
 
 const FRAMES: usize = 4;

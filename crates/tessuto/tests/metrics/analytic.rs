@@ -36,7 +36,10 @@ fn motion(frames: &[Vec<DVec3>]) -> Motion {
 }
 
 fn one(template: &Mesh, points: Vec<DVec3>, shape: &[DVec3]) -> Metrics {
-    let truth = Truth { points: Some(vec![points]), vertices: Some(motion(&[template.positions.clone()])) };
+    let truth = Truth {
+        points: Some(vec![points]),
+        vertices: Some(motion(std::slice::from_ref(&template.positions))),
+    };
     let inputs = Inputs { template, camera: &CAMERA, truth: &truth, first_frame: 0 };
     evaluate(&inputs, &motion(&[shape.to_vec()]), 0..1, 3).unwrap().mean
 }

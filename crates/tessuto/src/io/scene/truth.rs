@@ -10,8 +10,7 @@ use super::listing::numbered;
 use super::manifest::Manifest;
 use crate::error::{Error, Result};
 use crate::io::npy;
-use crate::mesh::Motion;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::scene::Truth;
 
 /// Reads the truth of the frames `range`, scaled to metres. Files that cannot be used add to `errors`.
