@@ -11,10 +11,13 @@ use tessuto::io::scene::{LoadOptions, load};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
+use tessuto::text::quoted;
 use tessuto::{Error, Positions, Scene, io, result};
 
 use crate::output::OutputFolder;
 use crate::progress::{Progress, stop_on_interrupt};
+use crate::say::{self, aside, say};
+use crate::threads::Threads;
 
 /// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
 #[derive(Args)]
@@ -37,9 +40,8 @@ pub struct Arguments {
     /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Threads [default: all cores]. The result does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Seed of everything random.
     #[arg(long)]
     seed: Option<u64>,
@@ -73,9 +75,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         config.set(assignment)?;
     }
     config.seed = arguments.seed.unwrap_or(config.seed);
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let loaded = load(&arguments.scene, &LoadOptions { frames, ..LoadOptions::default() })?;
-    loaded.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    loaded.warnings.iter().for_each(|w| aside!("warning: {w}"));
     let scene = &loaded.scene;
     let motion = match arguments.motion {
         Motion::Result => io::npy::read_shapes(&folder.join("motion.npy"))?,
@@ -105,11 +107,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         let new = ["material/", "rerendered/", "metrics.json", "log.json", "report.html"];
         result::refresh_manifest(folder, &new)?;
     }
-    print!("{}", summary.table);
-    println!("{}", folder.join("material").display());
-    println!("{}", folder.join("rerendered").display());
+    say::output(format_args!("{}", summary.table));
+    say!("{}", folder.join("material").display());
+    say!("{}", folder.join("rerendered").display());
     if saved {
-        println!("{}", folder.join("report.html").display());
+        say!("{}", folder.join("report.html").display());
     }
     Ok(())
 }
@@ -128,11 +130,6 @@ fn repeat_command(arguments: &Arguments) -> String {
         let _ = write!(command, " --seed {seed}");
     }
     command
-}
-
-/// A path for a shell.
-pub fn quoted(path: &Path) -> String {
-    format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
 }
 
 /// What an estimate tells the user.

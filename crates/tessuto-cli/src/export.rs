@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use tessuto::export::{Clip, Format, export};
 
+use crate::say::{aside, say};
+
 /// Write a result for other programs: Blender, Houdini, Unreal, the web, NumPy, rerun.
 #[derive(Args)]
 #[command(after_help = "\
@@ -40,13 +42,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if clip.camera.is_none()
         && arguments.to.iter().any(|f| matches!(f, Format::Glb | Format::Usd | Format::Npz | Format::Rrd))
     {
-        eprintln!(
-            "warning: parameters.json holds no camera (result of an older version): exported without one"
-        );
+        aside!("warning: parameters.json holds no camera (result of an older version): exported without one");
     }
     let folder = arguments.out.clone().unwrap_or_else(|| arguments.result.join("export"));
     for path in export(&clip, &arguments.to, &folder, arguments.force)? {
-        println!("{}", path.display());
+        say!("{}", path.display());
     }
     Ok(())
 }

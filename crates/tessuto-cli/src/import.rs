@@ -8,9 +8,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tessuto::import::{Masks, Settings, import};
 use tessuto::{Error, Result};
 
-use crate::check::tell;
 use crate::lens::{Lens, ffmpeg};
 use crate::output::OutputFolder;
+use crate::say::say;
+use crate::threads::Threads;
 
 /// Make a scene folder from a video or pictures, masks and a camera, and check it.
 #[derive(Args)]
@@ -58,16 +59,15 @@ pub struct Arguments {
     /// Replace a scene folder that is there; its template is kept where no other is given.
     #[arg(long)]
     force: bool,
-    /// Threads [default: all cores].
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     #[command(flatten)]
     lens: Lens,
 }
 
 /// Runs the command: writes the scene, prints what was changed and what `check` finds.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let out = &arguments.out;
     check_target(arguments)?;
     let kept = out.join("template.obj");
@@ -97,16 +97,16 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     output.publish()?;
     for note in &imported.notes {
-        tell(format_args!("note: {note}"));
+        say!("note: {note}");
     }
-    tell(format_args!(
+    say!(
         "{}: {} frames of {}×{} px, {} per second",
         out.display(),
         imported.frames,
         imported.camera.width,
         imported.camera.height,
         (imported.fps * 1e4).round() / 1e4
-    ));
+    );
     if settings.template.is_some() {
         return crate::check::check(out, None);
     }

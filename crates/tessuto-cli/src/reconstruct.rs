@@ -12,13 +12,16 @@ use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{self, Evaluation, QUANTITIES};
 use tessuto::result::{self, Run};
 use tessuto::session::{Checkpoints, Session, identity};
+use tessuto::text::quoted;
 use tessuto::{Error, Positions, Scene};
 
-use crate::appearance::{Outputs, quoted};
+use crate::appearance::Outputs;
 use crate::live::Server;
 use crate::output::{OutputFolder, beside};
 use crate::progress::{Progress, stop_on_interrupt};
 use crate::record::Recorder;
+use crate::say::{self, aside, say};
+use crate::threads::Threads;
 
 /// Recover motion, stiffnesses, forces and texture from a scene folder.
 #[derive(Args)]
@@ -44,9 +47,8 @@ pub struct Arguments {
     /// Only frames A to B − 1; the template belongs to frame A.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<std::ops::Range<usize>>,
-    /// Threads [default: all cores]. The result does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Seed of everything random.
     #[arg(long)]
     seed: Option<u64>,
@@ -108,7 +110,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(seed) = arguments.seed {
         config.seed = seed;
     }
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));
     let extras = Extras {
         appearance: !arguments.no_appearance,
@@ -143,9 +145,9 @@ pub fn reconstruct_into(
     let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
     let scene = &loaded.scene;
     let mut warnings = loaded.warnings;
-    warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    warnings.iter().for_each(|w| aside!("warning: {w}"));
     stop_on_interrupt().context("cannot listen for Ctrl-C")?;
-    eprintln!(
+    aside!(
         "{}: {} frames of {}×{} px, {} vertices",
         scene.name,
         scene.frames.len(),
@@ -166,7 +168,7 @@ pub fn reconstruct_into(
     }
     let progress = RefCell::new(Progress::new());
     if let Some(server) = server {
-        eprintln!("live at {}", server.address());
+        aside!("live at {}", server.address());
         progress.borrow_mut().live = Some(server.start(result::live_page(scene, &run, &command)?));
     }
     let session = &mut Session::new(|epoch, motion| progress.borrow_mut().step(epoch, motion));
@@ -234,16 +236,16 @@ pub fn reconstruct_into(
     if let Some(e) = &evaluation {
         for (quantity, value) in QUANTITIES.iter().zip(e.mean.values()) {
             if let Some(value) = value {
-                println!("{:<16} {value:.4e} {}", quantity.key, quantity.unit);
+                say!("{:<16} {value:.4e} {}", quantity.key, quantity.unit);
             }
         }
     }
-    print!("{table}");
-    println!("{}", out.display());
-    println!("  look at {}", out.join("report.html").display());
-    println!("  and at  {}", out.join("pictures/contact_sheet.png").display());
+    say::output(format_args!("{table}"));
+    say!("{}", out.display());
+    say!("  look at {}", out.join("report.html").display());
+    say!("  and at  {}", out.join("pictures/contact_sheet.png").display());
     if let Some(file) = extras.rerun.filter(|_| recorded.is_ok()) {
-        println!("  and, in rerun, at {}", file.display());
+        say!("  and, in rerun, at {}", file.display());
     }
     match reconstruction.failure.or(unseen).or(recorded.err()) {
         Some(failure) => Err(failure.into()),
@@ -265,19 +267,16 @@ fn keep_checkpoints(
     let identity = identity(scene, &text)?;
     let open = || Checkpoints::open(&folder, identity.clone(), interval);
     let found = match extras.resume {
-        true => open().newest(&mut |problem| eprintln!("warning: {problem}"))?,
+        true => open().newest(&mut |problem| aside!("warning: {problem}"))?,
         false => None,
     };
     match &found {
-        Some(found) => eprintln!("going on after {}", found.reached),
+        Some(found) => aside!("going on after {}", found.reached),
         None if extras.resume => {
-            eprintln!("no checkpoint in {}: starting from the beginning", folder.display())
+            aside!("no checkpoint in {}: starting from the beginning", folder.display())
         }
         None if folder.exists() => {
-            eprintln!(
-                "note: {} of an earlier run is replaced; --resume would go on from it",
-                folder.display()
-            );
+            aside!("note: {} of an earlier run is replaced; --resume would go on from it", folder.display());
             open().remove()?;
         }
         None => {}
@@ -290,7 +289,7 @@ fn say_how_to_go_on(error: &Error, command: &str, extras: &Extras) {
     if matches!(error, Error::Interrupted(_)) && extras.checkpoint.is_some() {
         let rerun =
             extras.rerun.as_ref().map_or_else(String::new, |file| format!(" --rerun {}", quoted(file)));
-        eprintln!("go on with: {command}{rerun} --resume");
+        aside!("go on with: {command}{rerun} --resume");
     }
 }
 

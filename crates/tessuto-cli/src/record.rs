@@ -8,6 +8,8 @@ use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::session::{Epoch, identity};
 use tessuto::{Config, Error, Image, Positions, Result, Scene};
 
+use crate::say::aside;
+
 /// As much of a file as says what it is.
 const START: u64 = 512;
 
@@ -90,7 +92,7 @@ impl Recorder {
     fn attempt(&mut self, write: impl FnOnce(&mut Recording<File>) -> Result<()>) {
         let Some(recording) = &mut self.recording else { return };
         if let Err(error) = write(recording) {
-            eprintln!("warning: the recording ends here: {error}");
+            aside!("warning: the recording ends here: {error}");
             self.failure = Some(error);
             self.recording = None;
         }

@@ -8,6 +8,8 @@ use tessuto::result;
 use tessuto::sim::Cloth;
 use tessuto::{Error, io};
 
+use crate::say::say;
+
 /// Replay a recovered motion from its parameters and forces alone, or a changed one.
 #[derive(Args)]
 #[command(after_help = "\
@@ -51,8 +53,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let original = io::npy::read_shapes(&arguments.result.join("motion.npy"))?;
     let frames = original.iter().zip(&motion);
     let distances = frames.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.distance(*b)));
-    println!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
-    println!("{}", out.display());
+    say!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
+    say!("{}", out.display());
     Ok(())
 }
 

@@ -8,6 +8,7 @@ use tessuto::synth::write::{is_synthetic, write};
 use tessuto::synth::{Settings, make};
 
 use crate::output::OutputFolder;
+use crate::say::say;
 
 /// Make a scene from scratch: a printed cloth in a gust of wind, with complete truth.
 #[derive(Args)]
@@ -91,7 +92,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         seed: arguments.seed,
     };
     synth_into(&arguments.out, &settings, arguments.force)?;
-    println!("{}", arguments.out.display());
+    say!("{}", arguments.out.display());
     Ok(())
 }
 

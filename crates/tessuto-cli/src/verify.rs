@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use tessuto::{Error, result};
 
+use crate::say::say;
+
 /// Check that a result folder is complete and unchanged.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -18,10 +20,10 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let verified = result::verify(&arguments.result)?;
     for name in &verified.unknown {
-        println!("not in the manifest: {name}");
+        say!("not in the manifest: {name}");
     }
     if let Some((name, problem)) = verified.wrong.first() {
-        verified.wrong.iter().for_each(|(name, problem)| println!("{name}: {problem}"));
+        verified.wrong.iter().for_each(|(name, problem)| say!("{name}: {problem}"));
         return Err(Error::input(
             arguments.result.join(name).display().to_string(),
             format!(
@@ -33,6 +35,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         )
         .into());
     }
-    println!("{} files, all as they were written", verified.sound);
+    say!("{} files, all as they were written", verified.sound);
     Ok(())
 }

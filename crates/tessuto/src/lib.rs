@@ -30,6 +30,7 @@ pub mod session;
 pub mod sim;
 pub mod synth;
 pub mod template;
+pub mod text;
 pub mod video;
 pub mod view;
 
