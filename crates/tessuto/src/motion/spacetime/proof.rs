@@ -27,7 +27,7 @@ fn frame(n: usize) -> Frame {
             let (u, v) = (x as f32 + 0.6 * n as f32, y as f32 - 0.4 * n as f32);
             for c in 0..3 {
                 let k = c as f32 + 1.0;
-                let wave = (0.11 * k * u).sin() * (0.09 * v + k).cos() + 0.5 * (0.05 * (u + k * v)).sin();
+                let wave = (0.015 * k * u).sin() * (0.02 * v + k).cos() + 0.5 * (0.01 * (u + k * v)).sin();
                 rgb.data[3 * (y * SIZE + x) + c] = 0.5 + 0.25 * wave;
             }
             let r = (x as f32 - 47.5).hypot(y as f32 - 47.5);
@@ -68,9 +68,11 @@ fn disturbed(scene: &Scene) -> Vec<Positions> {
 fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     let scene = scene();
     let cloth = Cloth::new(&scene.template);
-    let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
+    // Many points: what 32 bits leave over evens out.
+    let settings = SpacetimeSettings { finest: 0, coarsest: 0, ..SpacetimeSettings::default() };
+    let problem = Problem::new(&scene, &cloth, settings).unwrap();
     let frames = disturbed(&scene);
-    let mut search = problem.at_level(1);
+    let mut search = problem.at_level(0);
     search.update_references(&frames);
     let mut rng = Rng::new(8, 0);
     let gains = search.gains.iter_mut().flatten().flatten();
@@ -95,7 +97,7 @@ fn of_images(term: &dyn Term) -> bool {
 
 fn gradient_error(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> Worst {
     let function = differentiated(term, x);
-    let step = if of_images(term) { 1e-5 } else { 1e-7 };
+    let step = if of_images(term) { 1e-3 } else { 1e-7 };
     let gradient = system_of(term, cloth, x).1.gradient;
     check(flat(x), flat(&gradient), step, 20, 1, |x| function(&vectors(x)))
 }
@@ -156,7 +158,7 @@ fn the_joint_system_is_the_sum_of_its_parts() {
         let numbers =
             |frames: &[Positions]| frames.iter().flat_map(|x| flat(x)).copied().collect::<Vec<f64>>();
         let gradient = joint.gradient(frames);
-        let worst = check(&numbers(&frames[1..]), &numbers(&gradient), 1e-5, 10, 1, objective);
+        let worst = check(&numbers(&frames[1..]), &numbers(&gradient), 1e-4, 10, 1, objective);
         println!("joint gradient {worst:?}");
         assert!(worst.relative_error < 1e-3, "{worst:?}");
         // Its product with a direction is that of H, DᵀD and the damping.
