@@ -38,6 +38,7 @@ pub struct Reconstruction {
 /// whatever the session's observer returns.
 pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Result<Reconstruction> {
     config.validate()?;
+    config.check_build()?;
     scene.check()?;
     let cloth = Cloth::new(&scene.template);
     let rasterizer = Rasterizer::new(&scene.template);
