@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::io::atomic_write;
-use crate::output::{OutputFolder, manifest};
+use crate::output::{FolderKind, OutputFolder, manifest};
 pub use clip::{Clip, Material};
 
 /// A kind of output.
@@ -87,8 +87,8 @@ impl Output {
     }
 }
 
-/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written, for the
-/// [manifest](manifest::record_or_begin).
+/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written. The manifest of
+/// the folder or of the result around it lists the files, so that they can be replaced later.
 ///
 /// # Errors
 /// [`Error::Input`] if one of the files is there already, unless `force` is set and a manifest lists it as it is;
@@ -104,7 +104,14 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
     }
     manifest::check_parts(&outputs.iter().map(|o| folder.join(o.name())).collect::<Vec<_>>(), force)?;
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
-    outputs.into_iter().map(|output| write(folder, output)).collect()
+    let names: Vec<String> = outputs.iter().map(|output| output.name().to_owned()).collect();
+    let paths = outputs.into_iter().map(|output| write(folder, output)).collect::<Result<_>>()?;
+    // Beside another program's manifest.json none can be kept: what is there then is not replaced again.
+    if manifest::check_manifest(folder).is_ok() {
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        manifest::record_or_begin(folder, FolderKind::Export, &names)?;
+    }
+    Ok(paths)
 }
 
 fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {

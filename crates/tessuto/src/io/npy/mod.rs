@@ -8,7 +8,7 @@ use glam::DVec3;
 
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_bounded};
-use crate::mesh::Positions;
+use crate::mesh::{Motion, Positions};
 
 /// Largest file read [bytes]; 4 GiB is 10,000 frames of 17,000 vertices.
 const MAX_BYTES: u64 = 4 << 30;
@@ -89,7 +89,15 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
     }
 }
 
-/// Reads a moving mesh [m], shape [N, V, 3], all finite.
+/// Reads a motion [m], shape [N, V, 3].
+pub fn read_motion(path: &Path) -> Result<Motion> {
+    Motion::new(read_shapes(path)?).map_err(|error| match error {
+        Error::Input { problem, hint, .. } => Error::input(path.display().to_string(), problem, hint),
+        other => other,
+    })
+}
+
+/// Reads a field of vectors over a mesh and time, shape [N, V, 3], all finite; N may be 0.
 pub fn read_shapes(path: &Path) -> Result<Vec<Positions>> {
     let array = read(path)?;
     match array.shape[..] {
