@@ -22,7 +22,8 @@ Formats:
   ply   one binary file per frame, with normals and uv (y up)
   pc2   point cache, and the mesh it belongs to (y up)
   npz   motion, faces, uv, camera, forces, parameters (camera axes: x right, y down, z forward)
-  rrd   recording for rerun: video, camera, mesh and texture over time (camera axes)")]
+  rrd   recording for rerun: video, camera, mesh and texture over time (camera axes);
+        in builds with --features full")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,

@@ -11,6 +11,7 @@ mod lens;
 mod live;
 mod progress;
 mod reconstruct;
+#[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
 mod record;
 mod render;
 mod repeat;

@@ -66,7 +66,7 @@ pub struct Arguments {
     ///
     /// It holds the video, the camera, the losses of every step and the recovered motion; it can be opened at any time.
     /// A recording of tessuto that is there already is replaced, nothing else is. The result is the same with and
-    /// without.
+    /// without. Needs a build with `--features full`.
     #[arg(long, value_name = "FILE.rrd")]
     rerun: Option<PathBuf>,
 }

@@ -25,7 +25,7 @@ pub struct Reconstruction {
     pub texture: Texture,
     /// Every step of every stage.
     pub history: Vec<Epoch>,
-    /// Stage and its wall time [s].
+    /// Stage and its wall time `[s]`.
     pub timings: Vec<(String, f64)>,
     /// Set if the optimisation diverged; the result is then the best state before.
     pub failure: Option<Error>,
@@ -38,6 +38,7 @@ pub struct Reconstruction {
 /// whatever the session's observer returns.
 pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Result<Reconstruction> {
     config.validate()?;
+    config.check_build()?;
     scene.check()?;
     let cloth = Cloth::new(&scene.template);
     let rasterizer = Rasterizer::new(&scene.template);

@@ -204,10 +204,7 @@ fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<
         #[cfg(not(feature = "decoder"))]
         MapPrior::Decoder => {
             let _ = seed;
-            Err(Error::usage(
-                "appearance.prior=decoder, but this build has no decoder",
-                "build with --features decoder, or set appearance.prior=smooth",
-            ))
+            Err(Error::left_out("appearance.prior=decoder", "decoder"))
         }
     }
 }

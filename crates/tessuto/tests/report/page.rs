@@ -15,6 +15,8 @@ use tessuto::report::{
 use tessuto::session::Epoch;
 use tessuto::{Camera, Frame, Image, Positions};
 
+use crate::support::missing::not_tested;
+
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
 
@@ -297,8 +299,7 @@ fn page_runs_in_chromium() {
         .into_iter()
         .find(|p| Command::new(p).arg("--version").output().is_ok_and(|o| o.status.success()))
     else {
-        println!("skipped: Chromium is not installed");
-        return;
+        return not_tested("Chromium");
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");
