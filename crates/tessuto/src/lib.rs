@@ -1,8 +1,60 @@
-//! Recover the motion, the stiffness and the forces of a piece of fabric from one video.
+//! Recover a fabric's 3D motion, texture, material and light from one ordinary video, on the CPU, the same bytes
+//! every time.
 //!
-//! Conventions, everywhere: the world is the OpenCV camera frame (x right, y down, z forward) in
-//! metres, seconds and kilograms; the centre of pixel (column i, row j) is at (i, j); images hold
-//! sRGB-encoded colour in [0, 1].
+//! A scene is a folder of frames, masks, a camera and the fabric's shape in the first frame, made by
+//! [`import`] and [`template`] or from scratch by [`synth`]. [`run::run`] goes from there to a result folder, as the
+//! program `tessuto` does; [`reconstruct()`] finds the motion alone, in memory:
+//!
+//! ```
+//! use tessuto::config::Preset;
+//! use tessuto::session::Session;
+//! use tessuto::{Config, reconstruct, synth};
+//!
+//! // A small scene with known truth; scenes on disk come from `tessuto::io::scene::load`.
+//! let settings = synth::Settings { frames: 3, size: 64, grid: [5, 5], ..Default::default() };
+//! let scene = synth::make(&settings)?;
+//!
+//! let mut config = Config::preset(Preset::Default);
+//! config.set("spacetime.iterations=4")?;
+//! config.set("texture.size=64")?;
+//! let found = reconstruct(&scene, &config, &mut Session::silent())?;
+//!
+//! let truth = scene.truth.vertices.as_ref().expect("made with truth");
+//! let errors = found.motion[2].iter().zip(&truth[2]).map(|(p, q)| p.distance(*q));
+//! println!("largest error in the last frame: {:.1} mm", 1e3 * errors.fold(0.0, f64::max));
+//! # Ok::<(), tessuto::Error>(())
+//! ```
+//!
+//! The whole run, and what it left:
+//!
+//! ```no_run
+//! use std::path::Path;
+//!
+//! use tessuto::config::Preset;
+//! use tessuto::run::{RunOptions, Silent, run};
+//! use tessuto::{Config, result};
+//!
+//! let options = RunOptions::new(Config::preset(Preset::Default));
+//! let outcome = run(Path::new("scenes/curtain"), Path::new("results/curtain"), &options, &mut Silent)?;
+//! if let Some(verdict) = &outcome.summary.verdict {
+//!     println!("{}", verdict.sentence);
+//! }
+//!
+//! let folder = result::Folder::open(Path::new("results/curtain"))?;
+//! println!("{} frames", folder.motion()?.len());
+//! # Ok::<(), tessuto::Error>(())
+//! ```
+//!
+//! # The blocks
+//!
+//! [`sim`], [`raster`] and [`pbr`] are differentiable each by itself: a function f and its adjoint `f_vjp`, which takes the
+//! gradient of a loss by f's results to gradients by its arguments. Each module begins with an example.
+//!
+//! # Conventions
+//!
+//! The world is the OpenCV camera frame (x right, y down, z forward) in metres, seconds and kilograms; the centre of
+//! pixel (column i, row j) is at (i, j); images hold sRGB-encoded colour in `[0, 1]`; vectors are those of
+//! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
 
 pub mod appearance;
 pub mod camera;
@@ -35,6 +87,8 @@ pub mod template;
 pub mod text;
 pub mod video;
 pub mod view;
+
+pub use glam;
 
 pub use camera::{Camera, Rect};
 pub use config::Config;
