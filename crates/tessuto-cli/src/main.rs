@@ -22,6 +22,7 @@ mod synth;
 mod template;
 mod threads;
 mod verify;
+mod video;
 mod watch;
 
 use std::io::ErrorKind;
