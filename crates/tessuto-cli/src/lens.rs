@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::Error;
-use tessuto::import::{Calibration, Distortion, Focal};
+use tessuto::import::{Calibration, Distortion, Focal, read_calibration};
 
 /// Options that describe the camera.
 #[derive(Args)]
@@ -49,7 +49,7 @@ impl Lens {
     /// [`Error::Usage`] if there is none, or if its values cannot be; [`Error::Input`] of its file.
     pub fn calibration(&self) -> tessuto::Result<Calibration> {
         if let Some(path) = &self.camera {
-            return Calibration::read(path, self.camera_id);
+            return read_calibration(path, self.camera_id);
         }
         let focal = match (self.fx, self.fov) {
             (Some(fx), _) => Focal::Pixels([fx, self.fy.unwrap_or(fx)]),

@@ -188,7 +188,7 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
         return Err(Error::input(&calibration.place, "has lens distortion, which is not removed here", hint));
     }
     let mut notes = Vec::new();
-    let camera = calibration.fit(size, &mut notes)?;
+    let camera = calibration.scaled_to(size, &mut notes)?;
     say(&notes);
     let mask = arguments.mask.as_ref().map(|path| {
         let (mask, _) = image::read_mask(path)?;

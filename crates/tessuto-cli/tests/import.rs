@@ -9,9 +9,10 @@ use std::process::{Command, Output};
 use scene_maker::{FRAMES, SIZE, colour, contents, fabric, mask, template};
 use serde_json::Value;
 use tempfile::TempDir;
+use tessuto::Image;
+use tessuto::import::{Calibration, read_calibration};
 use tessuto::io::image::{read, read_mask, write_png};
 use tessuto::io::obj;
-use tessuto::{Image, import::Calibration};
 
 /// A folder whose name has a space and letters beyond ASCII, with frames, masks and a template.
 struct Recording {
@@ -230,14 +231,14 @@ fn camera_file(name: &str, text: &str) -> tessuto::Result<Calibration> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, text).unwrap();
-    Calibration::read(&path, None)
+    read_calibration(&path, None)
 }
 
 #[test]
 fn cameras_of_other_programs() {
     let fitted = |name: &str, text: &str, size: [usize; 2]| {
         let calibration = camera_file(name, text).unwrap();
-        let camera = calibration.fit(size, &mut Vec::new()).unwrap();
+        let camera = calibration.scaled_to(size, &mut Vec::new()).unwrap();
         ([camera.fx, camera.fy, camera.cx, camera.cy], calibration.distortion)
     };
     let colmap = "# Camera list\n1 OPENCV 1920 1080 1500 1510 960 540 -0.1 0.02 0.001 -0.002\n";
@@ -308,7 +309,7 @@ fn cameras_that_are_refused() {
         );
     }
     let portrait = camera_file("cameras.txt", "1 PINHOLE 640 480 5 5 3 2").unwrap();
-    let error = portrait.fit([480, 640], &mut Vec::new()).unwrap_err().to_string();
+    let error = portrait.scaled_to([480, 640], &mut Vec::new()).unwrap_err().to_string();
     assert!(error.contains("is for pictures of 640×480") && error.contains("turned by 90°"), "{error}");
 }
 

@@ -35,6 +35,21 @@ pub struct Rect {
 }
 
 impl Rect {
+    /// The smallest rectangle that contains both.
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            x0: self.x0.min(other.x0),
+            y0: self.y0.min(other.y0),
+            x1: self.x1.max(other.x1),
+            y1: self.y1.max(other.y1),
+        }
+    }
+
+    /// The smallest rectangle that contains the pixels (column, row); `None` if there are none.
+    pub fn around(pixels: impl IntoIterator<Item = (usize, usize)>) -> Option<Self> {
+        pixels.into_iter().map(|(x, y)| Self { x0: x, y0: y, x1: x + 1, y1: y + 1 }).reduce(Self::union)
+    }
+
     /// Width [px].
     pub fn width(&self) -> usize {
         self.x1 - self.x0
@@ -89,6 +104,13 @@ mod tests {
     use super::*;
 
     const CAMERA: Camera = Camera { fx: 800.0, fy: 700.0, cx: 319.5, cy: 239.5, width: 640, height: 480 };
+
+    #[test]
+    fn a_rectangle_around_pixels_holds_them_and_no_more() {
+        let found = Rect::around([(3, 7), (5, 2), (4, 4)]);
+        assert_eq!(found, Some(Rect { x0: 3, y0: 2, x1: 6, y1: 8 }));
+        assert_eq!(Rect::around([]), None);
+    }
 
     #[test]
     fn ray_is_the_inverse_of_project() {

@@ -5,10 +5,9 @@ use std::path::Path;
 use super::read_material;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::image::srgb;
 use crate::mesh::{Mesh, Positions};
 use crate::metrics::maps::{self, MapMetrics};
-use crate::metrics::similarity::psnr;
+use crate::metrics::similarity::{best_scale, psnr, scaled};
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;
@@ -65,17 +64,7 @@ pub fn relit_psnr(
             b.extend_from_slice(y);
         }
     }
-    let mut factors = [0.0f32; 3];
-    for (c, factor) in factors.iter_mut().enumerate() {
-        let pairs = a.iter().zip(&b).skip(c).step_by(3).map(|(x, y)| (srgb::decode(*x), srgb::decode(*y)));
-        let (xy, xx) = pairs.fold((0.0f64, 1e-12f64), |(xy, xx), (x, y)| {
-            (xy + f64::from(x) * f64::from(y), xx + f64::from(x).powi(2))
-        });
-        *factor = (xy / xx) as f32;
-    }
-    let scale = |(k, x): (usize, &f32)| srgb::encode(srgb::decode(*x) * factors[k % 3]).clamp(0.0, 1.0);
-    let scaled: Vec<f32> = a.iter().enumerate().map(scale).collect();
-    [psnr(&a, &b), psnr(&scaled, &b)]
+    [psnr(&a, &b), psnr(&scaled(&a, best_scale(&a, &b)), &b)]
 }
 
 /// A light that no scene was recorded in: a warm lamp at the upper left in front of the cloth, a cold one at the right, and

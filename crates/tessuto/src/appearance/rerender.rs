@@ -3,6 +3,7 @@
 use crate::error::Result;
 use crate::image::Image;
 use crate::mesh::Positions;
+use crate::metrics::similarity::psnr;
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;
@@ -37,21 +38,20 @@ pub fn rerender(
     let mut rgb = Image::new(full_width, full_height, 3);
     let observed = scene.frames.frame(frame)?;
     let mut difference = Image::new(drawn.width, drawn.height, 3);
-    let (mut squares, mut count) = (0.0, 0);
+    let (mut drawn_values, mut observed_values) = (Vec::new(), Vec::new());
     for y in 0..drawn.height {
         for x in 0..drawn.width {
             let value = drawn.pixel(x, y);
             rgb.pixel_mut(x + scene.crop.x0, y + scene.crop.y0).copy_from_slice(value);
             if observed.mask.pixel(x, y)[0] > 0.5 {
-                let pairs = value.iter().zip(observed.rgb.pixel(x, y));
-                for ((a, b), shown) in pairs.zip(difference.pixel_mut(x, y)) {
-                    squares += f64::from(a - b).powi(2);
+                let filmed = observed.rgb.pixel(x, y);
+                for ((a, b), shown) in value.iter().zip(filmed).zip(difference.pixel_mut(x, y)) {
                     *shown = (4.0 * (a - b).abs()).min(1.0);
                 }
-                count += 3;
+                drawn_values.extend_from_slice(value);
+                observed_values.extend_from_slice(filmed);
             }
         }
     }
-    let psnr = -10.0 * (squares / f64::from(count.max(1))).max(1e-12).log10();
-    Ok(Rerendered { rgb, difference, psnr })
+    Ok(Rerendered { rgb, difference, psnr: psnr(&drawn_values, &observed_values) })
 }

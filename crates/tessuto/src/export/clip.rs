@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Positions, vertex_normals, vertex_uvs};
 use crate::motion::parameters::Parameters;
 use crate::result;
 
@@ -111,30 +111,14 @@ impl Clip {
 
     /// Unit vertex normals with y up: means of the triangles' normals, weighted by area; z where there is none.
     pub(super) fn normals(&self, shape: &Positions) -> Vec<Vec3> {
-        let mut sums = vec![DVec3::ZERO; shape.len()];
-        for [a, b, c] in self.mesh.triangles() {
-            let [p, q, r] = [a, b, c].map(|v| shape[v as usize]);
-            let normal = (q - p).cross(r - p);
-            [a, b, c].into_iter().for_each(|v| sums[v as usize] += normal);
-        }
-        let unit =
-            |n: &DVec3| n.try_normalize().unwrap_or(DVec3::NEG_Z).as_vec3() * Vec3::new(1.0, -1.0, -1.0);
-        sums.iter().map(unit).collect()
+        let y_up =
+            |n: DVec3| if n == DVec3::ZERO { Vec3::Z } else { n.as_vec3() * Vec3::new(1.0, -1.0, -1.0) };
+        vertex_normals(&self.mesh.triangles(), shape).into_iter().map(y_up).collect()
     }
 
     /// One texture coordinate per vertex, if no vertex has several.
     pub(super) fn vertex_uvs(&self) -> Option<Vec<Vec2>> {
-        let mut found: Vec<Option<u32>> = vec![None; self.mesh.positions.len()];
-        for face in &self.mesh.faces {
-            for (vertex, uv) in face.vertices.iter().zip(&face.uvs) {
-                let first = *found[*vertex as usize].get_or_insert(*uv);
-                if self.mesh.uvs[first as usize] != self.mesh.uvs[*uv as usize] {
-                    return None;
-                }
-            }
-        }
-        let uv = |k: &Option<u32>| k.map_or(Vec2::ZERO, |k| self.mesh.uvs[k as usize].as_vec2());
-        Some(found.iter().map(uv).collect())
+        vertex_uvs(&self.mesh, 0.0).map(|uvs| uvs.into_iter().map(DVec2::as_vec2).collect())
     }
 }
 

@@ -2,6 +2,7 @@
 //! anywhere. What is written is what the rest of the program reads: a pinhole camera, numbered frames and masks.
 
 mod calibration;
+mod calibration_file;
 mod colmap;
 mod frames;
 mod lens;
@@ -24,6 +25,7 @@ use frames::Source;
 use pictures::Stage;
 
 pub use calibration::{Calibration, Focal};
+pub use calibration_file::read_calibration;
 pub use lens::Distortion;
 
 /// Where the masks come from.

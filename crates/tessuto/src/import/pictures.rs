@@ -43,7 +43,7 @@ impl Colours {
                 size[0], size[1]
             ));
         }
-        let camera = settings.calibration.fit(size, notes)?;
+        let camera = settings.calibration.scaled_to(size, notes)?;
         let lens = &settings.calibration.distortion;
         let undistortion = if lens.is_none() {
             None

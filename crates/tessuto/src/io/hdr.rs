@@ -4,11 +4,11 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat};
 
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::image::MAX_SIDE;
+use crate::io::image::decoder;
 use crate::io::{atomic_write, read_bounded};
 
 /// Largest file, and largest decoded picture [bytes]: 8192×4096 pixels of 4 floats have 512 MiB.
@@ -46,13 +46,7 @@ pub fn read_linear(path: &Path) -> Result<Image> {
         return Err(broken(format!("has tiles of {width}×{height} pixels; {MAX_TILE} a side are read")));
     }
     let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), format);
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
-    limits.max_alloc = Some(2 * MAX_BYTES);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(undecodable)?;
+    let decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     let most = MAX_BYTES.min(ALWAYS_BYTES + MAX_RATIO * bytes.len() as u64);
     if decoder.total_bytes() > most {

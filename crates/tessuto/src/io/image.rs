@@ -7,7 +7,7 @@ use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use ::image::metadata::Orientation;
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits};
 
 use crate::camera::Rect;
 use crate::error::{Error, Result};
@@ -109,13 +109,7 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
     }
 
     let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), format);
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
-    limits.max_alloc = Some(2 * MAX_BYTES);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    let mut decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
     // The limits bind the decoder's own buffers only, so look at the result's size before asking for it.
     if decoder.total_bytes() > MAX_BYTES {
         let (w, h) = decoder.dimensions();
@@ -137,6 +131,22 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
     let mut dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     dynamic.apply_orientation(orientation);
     Ok(Picture { path: path.to_path_buf(), dynamic, plain, notes })
+}
+
+/// The decoder of `bytes` in `format`, for at most [`MAX_SIDE`] pixels a side. Its own buffers take at most twice
+/// `most_bytes`; the caller must hold its `total_bytes` against a bound of the result before asking for it.
+pub(super) fn decoder(
+    bytes: &[u8],
+    format: ImageFormat,
+    most_bytes: u64,
+) -> ImageResult<impl ImageDecoder + '_> {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_alloc = Some(2 * most_bytes);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits);
+    reader.into_decoder()
 }
 
 impl Picture {

@@ -1,11 +1,13 @@
 //! Polygon mesh: the template of the first frame, whose edges are the threads of the cloth.
 
+mod attributes;
 mod topology;
 mod weld;
 
 use glam::{DVec2, DVec3};
 
-pub use topology::{pieces, pinched};
+pub use attributes::{vertex_normals, vertex_uvs};
+pub use topology::{EdgeUse, boundary_edges, edge_uses, pieces, pinched};
 pub use weld::weld;
 
 /// Vertex positions [m] of one moment, camera frame, shape [V].

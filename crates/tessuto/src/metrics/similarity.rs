@@ -1,12 +1,35 @@
 //! How alike two pictures are: PSNR, SSIM and correlation.
 
-use crate::image::Image;
+use crate::image::{Image, srgb};
 
 /// Peak signal-to-noise ratio [dB] of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     assert_eq!(a.len(), b.len());
     let squared = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
     -10.0 * (squared.sum::<f64>() / a.len() as f64).max(1e-12).log10()
+}
+
+/// The factor per channel of linear colour that brings `estimate` nearest to `truth`, argmin_k ‖k e − t‖² = Σ e t / Σ e²;
+/// both are sRGB-encoded, shape [pixels, 3].
+pub fn best_scale(estimate: &[f32], truth: &[f32]) -> [f64; 3] {
+    assert_eq!(estimate.len(), truth.len());
+    let (mut et, mut ee) = ([0.0; 3], [0.0; 3]);
+    for (e, t) in estimate.chunks_exact(3).zip(truth.chunks_exact(3)) {
+        for c in 0..3 {
+            let (e, t) = (srgb::decode_f64(e[c].into()), srgb::decode_f64(t[c].into()));
+            et[c] += e * t;
+            ee[c] += e * e;
+        }
+    }
+    std::array::from_fn(|c| et[c] / f64::max(ee[c], 1e-12))
+}
+
+/// sRGB-encoded colours, shape [pixels, 3], with their linear values multiplied by `scale` and cut off at 1.
+pub fn scaled(colours: &[f32], scale: [f64; 3]) -> Vec<f32> {
+    let value = |(k, v): (usize, &f32)| {
+        srgb::encode_f64((srgb::decode_f64((*v).into()) * scale[k % 3]).clamp(0.0, 1.0)) as f32
+    };
+    colours.iter().enumerate().map(value).collect()
 }
 
 /// Pearson's correlation; None where either is (nearly) constant.

@@ -35,4 +35,5 @@ pub use geometry::Geometry;
 pub use material::{CHANNELS, Material};
 pub use render::{RenderScene, render_frame};
 pub use shader::{LANES, RadianceEstimate, Shader};
+pub(crate) use surface::barycentrics;
 pub use surface::{SurfacePoint, visible_points};

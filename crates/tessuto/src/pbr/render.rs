@@ -73,12 +73,7 @@ pub fn render_frame(
             if coverage == 0.0 {
                 continue;
             }
-            // A pixel whose centre just misses the cloth has a neighbour's colour.
-            let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
-            let near = candidates
-                .into_iter()
-                .filter(|&(x, y)| x < width && y < height)
-                .find_map(|(x, y)| linear[y * width + x]);
+            let near = rendering.covered_near(x, y).and_then(|(x, y)| linear[y * width + x]);
             if let Some(colour) = near {
                 let value = colour.map(|l| srgb::encode(l * coverage).clamp(0.0, 1.0));
                 picture.pixel_mut(x, y).copy_from_slice(&value);

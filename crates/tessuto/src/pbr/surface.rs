@@ -4,6 +4,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::Geometry;
 use crate::camera::Camera;
+use crate::mesh::vertex_normals;
 use crate::raster::{Rasterizer, Rendering, Texture};
 
 /// A point of the cloth as a pixel sees it.
@@ -65,18 +66,8 @@ pub fn visible_points(
     points
 }
 
-/// Unit normals of the vertices: sums over their triangles, weighted by area.
-pub(super) fn vertex_normals(triangles: &[[u32; 3]], shape: &[DVec3]) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; shape.len()];
-    for t in triangles {
-        let [a, b, c] = t.map(|v| shape[v as usize]);
-        t.iter().for_each(|v| normals[*v as usize] += (b - a).cross(c - a));
-    }
-    normals.iter().map(|n| n.normalize_or_zero()).collect()
-}
-
 /// Weights of a triangle's corners where the ray from the camera along `ray` meets its plane.
-fn barycentrics([a, b, c]: [DVec3; 3], ray: DVec3) -> [f64; 3] {
+pub(crate) fn barycentrics([a, b, c]: [DVec3; 3], ray: DVec3) -> [f64; 3] {
     let weights = [ray.dot(b.cross(c)), ray.dot(c.cross(a)), ray.dot(a.cross(b))];
     weights.map(|w| w / weights.iter().sum::<f64>())
 }

@@ -202,7 +202,7 @@ fn draw_bands(texture: &Texture, out: &mut Rendering) {
         y1: (b.y1 + 1).min(out.height),
     });
     let region = match (out.drawn, grown) {
-        (Some(a), Some(b)) => bins::union(a, b),
+        (Some(a), Some(b)) => a.union(b),
         (Some(a), None) | (None, Some(a)) => a,
         (None, None) => return,
     };

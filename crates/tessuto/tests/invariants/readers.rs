@@ -7,7 +7,7 @@ use std::time::Duration;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tessuto::config::Config;
-use tessuto::import::Calibration;
+use tessuto::import::read_calibration;
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::io::{hdr, image, model, npy, obj};
 use tessuto::session::{Checkpoints, Session};
@@ -154,8 +154,8 @@ fn state(bytes: &[u8]) -> Result<()> {
 }
 
 fn camera(name: &str, bytes: &[u8]) -> Result<()> {
-    let calibration = Calibration::read(&file(name, bytes), None)?;
-    calibration.fit([640, 480], &mut Vec::new()).map(drop)
+    let calibration = read_calibration(&file(name, bytes), None)?;
+    calibration.scaled_to([640, 480], &mut Vec::new()).map(drop)
 }
 
 fn transforms(bytes: &[u8]) -> Result<()> {

@@ -224,18 +224,14 @@ fn composite_over_black(frame: &mut Frame) {
 
 /// Smallest rectangle around the values ≥ ½, if there are any.
 fn bounds(mask: &Image) -> Option<Rect> {
-    let mut found: Option<Rect> = None;
-    for (y, row) in mask.data.chunks_exact(mask.width).enumerate() {
-        let Some(first) = row.iter().position(|v| *v >= 0.5) else { continue };
-        let last = row.iter().rposition(|v| *v >= 0.5).unwrap_or(first);
-        let line = Rect { x0: first, y0: y, x1: last + 1, y1: y + 1 };
-        found = Some(found.map_or(line, |f| union(f, line)));
-    }
-    found
-}
-
-fn union(a: Rect, b: Rect) -> Rect {
-    Rect { x0: a.x0.min(b.x0), y0: a.y0.min(b.y0), x1: a.x1.max(b.x1), y1: a.y1.max(b.y1) }
+    let covered = |v: &f32| *v >= 0.5;
+    let rows = mask.data.chunks_exact(mask.width).enumerate();
+    Rect::around(rows.flat_map(|(y, row)| {
+        [row.iter().position(covered), row.iter().rposition(covered)]
+            .into_iter()
+            .flatten()
+            .map(move |x| (x, y))
+    }))
 }
 
 fn shifted(r: Rect, by: Rect) -> Rect {
@@ -255,7 +251,7 @@ fn grown(r: Rect, [width, height]: [usize; 2]) -> Rect {
 
 /// The crop where scene.json names none: the masks' bounding boxes and 10 % on each side.
 fn crop_around(masks: &[Mask], size: [usize; 2]) -> Rect {
-    let all = masks.iter().map(|m| m.bounds).reduce(union);
+    let all = masks.iter().map(|m| m.bounds).reduce(Rect::union);
     grown(all.unwrap_or(Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] }), size)
 }
 
