@@ -1,12 +1,9 @@
 //! Scenes from what people have: pictures, videos, masks and camera files of other programs, good and bad.
 
-#[path = "../../tessuto/tests/scene_maker/mod.rs"]
-mod scene_maker;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use scene_maker::{FRAMES, SIZE, colour, contents, fabric, mask, template};
+use crate::scene_maker::{FRAMES, SIZE, colour, contents, fabric, mask, template};
 use serde_json::Value;
 use tempfile::TempDir;
 use tessuto::Image;

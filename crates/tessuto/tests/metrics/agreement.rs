@@ -1,11 +1,9 @@
 //! The metrics against an independent program's (numpy, scipy): tools of the data set, not of this
 //! crate. Expected values: its printed means over all frames, for the same motions.
 
-mod metrics_support;
-
 use std::path::Path;
 
-use metrics_support::{scene, wave};
+use crate::support::recordings::{scene, wave};
 use tessuto::io::image::{read, write_png};
 use tessuto::metrics::{Inputs, evaluate, maps};
 use tessuto::{Image, Positions, Scene};

@@ -1,5 +1,5 @@
 //! A tiny good scene in a temporary folder, to change one thing of at a time.
-#![allow(dead_code, reason = "each test file uses its own part")]
+#![allow(dead_code, reason = "the tests of the library and of the program each use their own part")]
 
 use std::path::{Path, PathBuf};
 

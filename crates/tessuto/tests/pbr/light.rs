@@ -157,7 +157,7 @@ fn one_texel_of_light_gives_its_cosine_and_both_sides_are_alike() {
     let mut mesh = grid(2, 2, DVec2::splat(0.5), 1.0);
     mesh.faces[0].vertices.reverse();
     mesh.faces[0].uvs.reverse();
-    let turned = crate::geometry(&mesh);
+    let turned = super::light::geometry(&mesh);
     let sky = random_sky(64, 8);
     let same = points(&mesh, &turned).into_iter().find(|p| p.position == point.position).unwrap();
     let (a, b) =

@@ -1,9 +1,7 @@
 //! The picture: coverage, agreement with the plain twin, antialiasing, determinism.
 
-mod raster_scenes;
-
+use crate::support::raster_scenes::{CAMERA, Scene, noise, plain};
 use glam::{DVec2, DVec3};
-use raster_scenes::{CAMERA, Scene, noise, plain};
 use tessuto::Camera;
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;

@@ -1,18 +1,16 @@
 //! Recordings for rerun, read back message by message: framing, ids, and every value that was written.
 
-mod seamed;
-
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::Path;
 
+use crate::support::seamed::seamed;
 use arrow_array::cast::AsArray;
 use arrow_array::types::{
     DurationNanosecondType, Float32Type, Float64Type, Int64Type, UInt8Type, UInt32Type, UInt64Type,
 };
 use arrow_array::{Array, ArrayRef, RecordBatch};
 use glam::DVec3;
-use seamed::seamed;
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;

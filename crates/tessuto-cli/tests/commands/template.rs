@@ -1,11 +1,8 @@
 //! `tessuto template`: rectangles from corners and masks, grids from meshes, wrong units and axes put right.
 
-#[path = "../../tessuto/tests/scene_maker/mod.rs"]
-mod scene_maker;
-
 use std::process::Command;
 
-use scene_maker::{TinyScene, template};
+use crate::scene_maker::{TinyScene, template};
 use tessuto::Mesh;
 use tessuto::io::obj;
 use tessuto::mesh::Face;

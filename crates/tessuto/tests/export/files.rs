@@ -1,11 +1,9 @@
 //! Exports hold the motion they were made of, refuse to replace files, and never leave half of one.
 
-mod seamed;
-
 use std::path::Path;
 
+use crate::support::seamed::seamed;
 use glam::{DVec2, DVec3};
-use seamed::seamed;
 use serde_json::Value;
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;

@@ -1,11 +1,8 @@
 //! Every bad input: `tessuto check` ends with status 3, names the place and the way out, writes nothing.
 
-#[path = "../../tessuto/tests/scene_maker/mod.rs"]
-mod scene_maker;
-
 use std::process::{Command, Output};
 
-use scene_maker::{SIZE, TinyScene, contents, mask, paint, template};
+use crate::scene_maker::{SIZE, TinyScene, contents, mask, paint, template};
 use tessuto::io::image::write_png;
 use tessuto::io::{npy, obj};
 

@@ -4,10 +4,8 @@
 //! another one makes it jump, and a blend weight has a kink. Steps are therefore small (the twin
 //! computes in f64), and the scenes are fixed, so that none of their steps hits such a place.
 
-mod raster_scenes;
-
+use crate::support::raster_scenes::{CAMERA, Scene, noise, plain, ramp};
 use glam::{DVec2, DVec3};
-use raster_scenes::{CAMERA, Scene, noise, plain, ramp};
 use tessuto::Camera;
 use tessuto::math::rng::Rng;
 use tessuto::raster::{Gradients, Rendering, reference};

@@ -1,29 +1,18 @@
 //! The recorded and rendered scenes that come with the project's checkout, beside the workspace.
 
-use std::path::{Path, PathBuf};
-
 use tessuto::io::scene::{LoadOptions, load};
 
-/// The folder of a scene, or `None` where the data is not installed; on CI that is a failure.
-fn scene(name: &str) -> Option<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    assert!(std::env::var("CI").as_deref() != Ok("true"), "{} is missing", folder.display());
-    println!("skipped: {} is missing", folder.display());
-    None
-}
+use crate::support::recordings::recorded;
 
 #[test]
 fn recorded_scene_loads_whole() {
-    let Some(folder) = scene("R1") else { return };
+    let Some(folder) = recorded("R1") else { return };
     let start = std::time::Instant::now();
     let loaded = load(&folder, &LoadOptions::default()).unwrap();
     println!("R1 loaded in {:.2} s; warnings: {:#?}", start.elapsed().as_secs_f64(), loaded.warnings);
     let scene = loaded.scene;
     assert_eq!((scene.frames.len(), scene.template.positions.len()), (50, 1024));
-    assert_eq!((scene.crop.x0, scene.crop.y1, scene.full_size), (300, 800, [1920, 1080]));
+    assert_eq!((scene.crop.x0, scene.crop.y1, scene.full_size), (300, 980, [1920, 1080]));
     assert!((scene.camera.cx - (962.134 - 300.0)).abs() < 1e-9);
     assert_eq!(
         (scene.frames.frame(49).unwrap().rgb.width, scene.frames.frame(49).unwrap().mask.height),
@@ -36,7 +25,7 @@ fn recorded_scene_loads_whole() {
 #[test]
 fn a_part_of_a_rendered_scene_is_the_same_part_of_the_whole() {
     for name in ["S1", "S2"] {
-        let Some(folder) = scene(name) else { return };
+        let Some(folder) = recorded(name) else { return };
         let whole = load(&folder, &LoadOptions::default()).unwrap();
         println!("{name}: crop {:?}, warnings: {:#?}", whole.scene.crop, whole.warnings);
         let part =

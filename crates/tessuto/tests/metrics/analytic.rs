@@ -1,7 +1,5 @@
 //! The metrics against closed forms and against the plain loop over all pairs.
 
-mod metrics_support;
-
 use glam::{DVec2, DVec3};
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
@@ -217,7 +215,7 @@ fn thread_count_and_range_do_not_change_the_result() {
     let template = grid(6, 6, DVec2::splat(0.4), 1.0);
     let mut rng = Rng::new(9, 0);
     let truth = Truth { points: Some((0..7).map(|_| cloud(500, &mut rng)).collect()), vertices: None };
-    let motion = metrics_support::wave(&template.positions, 7);
+    let motion = crate::support::recordings::wave(&template.positions, 7);
     let inputs = Inputs { template: &template, camera: &CAMERA, truth: &truth, first_frame: 2 };
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();

@@ -2,14 +2,11 @@
 //! want at once, results that were tampered with. Each ends with its status and a message; earlier results stay whole.
 //! Bad scenes are in check_bad_input.rs, bad videos and cameras in import.rs.
 
-#[path = "../../tessuto/tests/scene_maker/mod.rs"]
-mod scene_maker;
-
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::OnceLock;
 
-use scene_maker::{TinyScene, contents};
+use crate::scene_maker::{TinyScene, contents};
 use tempfile::TempDir;
 
 const PROGRAM: &str = env!("CARGO_BIN_EXE_tessuto");
@@ -168,13 +165,13 @@ fn doubts(scene: &TinyScene) -> String {
 fn full_masks_and_mixed_winding_are_doubted() {
     let scene = TinyScene::new();
     for frame in 0..4 {
-        let white = scene_maker::paint(1, |_, _, _| 1.0);
+        let white = crate::scene_maker::paint(1, |_, _, _| 1.0);
         tessuto::io::image::write_png(&scene.path(&format!("masks/mask_00{frame}.png")), &white).unwrap();
     }
     let said = doubts(&scene);
     assert!(said.contains("warning masks") && said.contains("often inverted"), "{said}");
     let scene = TinyScene::new();
-    let mut mesh = scene_maker::template();
+    let mut mesh = crate::scene_maker::template();
     mesh.faces[5].vertices.reverse();
     mesh.faces[5].uvs.reverse();
     tessuto::io::obj::write(&scene.path("template.obj"), &mesh, None).unwrap();

@@ -1,8 +1,6 @@
 //! What a loaded scene holds, seen through the library.
 
-mod scene_maker;
-
-use scene_maker::{FRAMES, SIZE, TinyScene, colour, fabric, mask, paint, template};
+use crate::support::scene_maker::{FRAMES, SIZE, TinyScene, colour, fabric, mask, paint, template};
 use tessuto::camera::Rect;
 use tessuto::io::image::write_png;
 use tessuto::io::scene::{LoadOptions, Loaded, load};

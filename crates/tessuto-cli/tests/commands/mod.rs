@@ -1,0 +1,12 @@
+//! Commands, good and bad input, kills and interruptions.
+
+mod bad_input;
+mod check_bad_input;
+mod evaluate;
+mod import;
+mod render;
+mod report;
+mod rerun;
+mod resume;
+mod run;
+mod template;

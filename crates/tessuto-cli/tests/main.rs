@@ -1,0 +1,7 @@
+//! The program as a user runs it, in one test program.
+//!
+//! Alone: `cargo test --release -p tessuto-cli --test main commands::render`.
+
+mod commands;
+#[path = "../../tessuto/tests/support/scene_maker.rs"]
+mod scene_maker;

@@ -1,0 +1,4 @@
+//! Results for other programs.
+
+mod files;
+mod rrd;

@@ -1,0 +1,7 @@
+//! Scenes, pictures, arrays and meshes on disk.
+
+mod arrays_meshes;
+mod hdr;
+mod image;
+mod recordings;
+mod scene;

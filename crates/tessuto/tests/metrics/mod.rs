@@ -1,0 +1,4 @@
+//! Errors against the truth.
+
+mod agreement;
+mod analytic;

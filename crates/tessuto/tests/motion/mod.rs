@@ -1,0 +1,5 @@
+//! The search for the motion.
+
+mod divergence;
+mod gradient;
+mod streamed;

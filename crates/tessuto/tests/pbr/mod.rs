@@ -1,0 +1,3 @@
+//! Direct light and its adjoint.
+
+mod light;

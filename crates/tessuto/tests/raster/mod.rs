@@ -1,0 +1,4 @@
+//! The rasteriser and its adjoint.
+
+mod adjoint;
+mod forward;

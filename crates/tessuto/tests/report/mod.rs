@@ -1,0 +1,3 @@
+//! Pictures and page of a result.
+
+mod page;

@@ -1,0 +1,6 @@
+//! What several tests share.
+
+pub mod raster_scenes;
+pub mod recordings;
+pub mod scene_maker;
+pub mod seamed;
