@@ -88,7 +88,7 @@ impl Clip {
                 "use the folder as `tessuto reconstruct` wrote it",
             ));
         }
-        let name = identifier(&saved.run.scene);
+        let name = identifier(&saved.run.name());
         Ok(Self {
             material: read_material(folder, &name)?,
             name,
@@ -122,10 +122,8 @@ impl Clip {
     }
 }
 
-/// The name of `scene`'s folder, made safe for file names and USD prims.
-fn identifier(scene: &Path) -> String {
-    let whole = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
-    let name = whole.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+/// `name`, made safe for file names and USD prims.
+fn identifier(name: &str) -> String {
     let safe: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     match safe.chars().next() {
         Some(c) if !c.is_ascii_digit() && safe.chars().any(|c| c != '_') => safe,
@@ -191,13 +189,13 @@ pub(super) mod tests {
 
     #[test]
     fn names_are_safe_for_files_and_prims() {
-        for (folder, expected) in [
-            ("/a/S1", "S1"),
-            ("/a/my curtain.2", "my_curtain_2"),
-            ("/a/3 flags", "fabric_3_flags"),
-            ("/", "fabric"),
+        for (name, expected) in [
+            ("S1", "S1"),
+            ("my curtain.2", "my_curtain_2"),
+            ("3 flags", "fabric_3_flags"),
+            ("…", "fabric__"),
         ] {
-            assert_eq!(identifier(Path::new(folder)), expected);
+            assert_eq!(identifier(name), expected);
         }
     }
 

@@ -3,8 +3,8 @@
 use glam::Vec3;
 use wide::{f32x8, u32x8};
 
-use super::accumulate::Sink;
 use super::brdf::{Brdf, Eval};
+use super::gradient_sums::GradientSums;
 use super::material::Footprint;
 use super::{EnvironmentSampler, Geometry, Material, SurfacePoint};
 use crate::math::rng::mix32;
@@ -131,13 +131,13 @@ impl Shader<'_> {
         (out.colour, out.irradiance, out.by_f0, out.by_alpha2) = (colour, irradiance, by_f0, by_alpha2);
     }
 
-    /// Adds the derivatives of `adjoint` · colour to `sink`: the material's, and the light's.
+    /// Adds the derivatives of `adjoint` · colour to `sums`: the material's, and the light's.
     pub(super) fn estimate_vjp(
         &self,
         site: &ShadingContext,
         estimate: &RadianceEstimate,
         adjoint: [f32; 3],
-        sink: &mut Sink,
+        sums: &mut GradientSums,
     ) {
         let b = &site.brdf;
         let mut texel = [0.0f32; 8];
@@ -149,14 +149,14 @@ impl Shader<'_> {
             texel[3] += adjoint[c] * estimate.by_alpha2[c] * b.alpha2_slope();
             texel[4] += adjoint[c] * ((b.base[c] - 0.04) * f0 - b.base[c] * irradiance);
         }
-        sink.add_material(&site.footprint, &texel);
+        sums.add_material(&site.footprint, &texel);
         for record in &estimate.records {
             let gains: [[f32; 8]; 3] =
                 std::array::from_fn(|c| (record.gains[c] * f32x8::splat(adjoint[c])).to_array());
             for lane in 0..LANES {
                 let gain = [gains[0][lane], gains[1][lane], gains[2][lane]];
                 if gain != [0.0; 3] {
-                    sink.add_light(record.texels[lane], gain);
+                    sums.add_light(record.texels[lane], gain);
                 }
             }
         }

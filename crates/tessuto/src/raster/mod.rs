@@ -16,6 +16,7 @@ use crate::mesh::Mesh;
 
 mod adjacency;
 mod bins;
+mod blend;
 pub(crate) mod coverage;
 mod gradients;
 mod projected;

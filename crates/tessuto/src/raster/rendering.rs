@@ -1,8 +1,8 @@
 //! What a rendering returns, and what its adjoint needs to know.
 
 use super::bins::Bins;
+use super::blend::Blend;
 use super::projected::{Projected, Rays};
-use super::silhouette::Blend;
 use crate::camera::Rect;
 use crate::image::Image;
 

@@ -2,7 +2,7 @@
 
 use super::colour::{Colour, diverging, heat, sequential};
 use super::font;
-use super::pictures::{Kind, Scales};
+use super::kind::{Kind, Scales};
 use crate::image::Image;
 
 /// Height [px] of the strip at scale 1.

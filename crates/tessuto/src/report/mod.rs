@@ -6,6 +6,7 @@ pub mod colour;
 pub mod embed;
 pub mod film;
 mod font;
+mod kind;
 mod legend;
 pub mod page;
 pub mod pictures;

@@ -32,7 +32,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Rect};
-use crate::config::Config;
+use crate::config::{Config, Preset};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::{Mesh, Positions};
@@ -55,6 +55,24 @@ pub struct Run {
     pub frames: [usize; 2],
     /// All settings.
     pub settings: Config,
+}
+
+impl Run {
+    /// The name of the scene's folder.
+    pub fn name(&self) -> String {
+        let whole = self.scene.canonicalize().unwrap_or_else(|_| self.scene.clone());
+        whole.file_name().map_or_else(|| "fabric".to_owned(), |n| n.to_string_lossy().into_owned())
+    }
+
+    /// What was done, with which preset and version.
+    fn subtitle(&self) -> String {
+        let preset = match self.settings.preset {
+            Preset::Saft => "saft",
+            Preset::Default => "default",
+        };
+        let [first, end] = self.frames;
+        format!("frames {first} to {}, preset {preset}, tessuto {}", end.saturating_sub(1), self.version)
+    }
 }
 
 fn as_text<S: serde::Serializer>(path: &Path, serializer: S) -> std::result::Result<S::Ok, S::Error> {

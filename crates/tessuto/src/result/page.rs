@@ -72,8 +72,8 @@ fn report_data(folder: &Path) -> Result<ReportData> {
         key_numbers.push(KeyNumber::new("time", format!("{total:.0}"), "s"));
     }
     Ok(ReportData {
-        title: name_of(&saved.run.scene),
-        subtitle: super::live::subtitle(&saved.run),
+        title: saved.run.name(),
+        subtitle: saved.run.subtitle(),
         command: log.commands.join("\n"),
         key_numbers,
         film: film(folder, &saved, &motion, budget)?,
@@ -88,12 +88,6 @@ fn report_data(folder: &Path) -> Result<ReportData> {
         config: serde_json::to_string_pretty(&saved.run).expect("plain data"),
         live: false,
     })
-}
-
-/// The name of the scene's folder.
-pub(super) fn name_of(scene: &Path) -> String {
-    let whole = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
-    whole.file_name().map_or_else(|| "fabric".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
 fn read_motion(folder: &Path, mesh: &Mesh) -> Result<Vec<Positions>> {
