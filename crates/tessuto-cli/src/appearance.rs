@@ -8,13 +8,19 @@ use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use tessuto::appearance::{self, AppearanceSettings};
 use tessuto::io::scene::{LoadOptions, load};
+use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
+use tessuto::text::quoted;
 use tessuto::{Error, Positions, Scene, io, result};
 
-use crate::output::OutputFolder;
 use crate::progress::{Progress, stop_on_interrupt};
+use crate::say::{self, aside, say};
+use crate::threads::Threads;
+
+/// What it writes or changes in the folder.
+const WRITTEN: [&str; 5] = ["material", "rerendered", "metrics.json", "log.json", "report.html"];
 
 /// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
 #[derive(Args)]
@@ -37,9 +43,8 @@ pub struct Arguments {
     /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Threads [default: all cores]. The result does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Seed of everything random.
     #[arg(long)]
     seed: Option<u64>,
@@ -73,9 +78,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         config.set(assignment)?;
     }
     config.seed = arguments.seed.unwrap_or(config.seed);
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let loaded = load(&arguments.scene, &LoadOptions { frames, ..LoadOptions::default() })?;
-    loaded.warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    loaded.warnings.iter().for_each(|w| aside!("warning: {w}"));
     let scene = &loaded.scene;
     let motion = match arguments.motion {
         Motion::Result => io::npy::read_shapes(&folder.join("motion.npy"))?,
@@ -89,6 +94,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     stop_on_interrupt().context("cannot listen for Ctrl-C")?;
     let mut progress = Progress::new();
+    manifest::check_manifest(folder)?;
+    manifest::check_parts(&WRITTEN.map(|name| folder.join(name)), true)?;
     let outputs = Outputs::prepare(folder)?;
     let session = &mut Session::new(|epoch, motion| progress.step(epoch, motion));
     let summary = outputs.compute(scene, &motion, &config.appearance, config.seed, session)?;
@@ -102,14 +109,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         log.set_command(&repeat_command(arguments));
         log.write(folder)?;
         result::write_page(folder)?;
-        let new = ["material/", "rerendered/", "metrics.json", "log.json", "report.html"];
-        result::refresh_manifest(folder, &new)?;
     }
-    print!("{}", summary.table);
-    println!("{}", folder.join("material").display());
-    println!("{}", folder.join("rerendered").display());
+    manifest::record_or_begin(folder, FolderKind::Appearance, &WRITTEN)?;
+    say::output(format_args!("{}", summary.table));
+    say!("{}", folder.join("material").display());
+    say!("{}", folder.join("rerendered").display());
     if saved {
-        println!("{}", folder.join("report.html").display());
+        say!("{}", folder.join("report.html").display());
     }
     Ok(())
 }
@@ -130,11 +136,6 @@ fn repeat_command(arguments: &Arguments) -> String {
     command
 }
 
-/// A path for a shell.
-pub fn quoted(path: &Path) -> String {
-    format!("'{}'", path.display().to_string().replace('\'', "'\\''"))
-}
-
 /// What an estimate tells the user.
 pub struct Summary {
     /// Lines to print.
@@ -152,11 +153,8 @@ pub struct Outputs {
 impl Outputs {
     /// Starts both inside `folder`; older ones stay until [`publish`](Self::publish).
     pub fn prepare(folder: &Path) -> Result<Self, Error> {
-        let has = |name: &'static str| move |f: &Path| f.join(name).is_file();
-        Ok(Self {
-            material: OutputFolder::prepare_if(&folder.join("material"), has("environment.exr"))?,
-            rerendered: OutputFolder::prepare_if(&folder.join("rerendered"), has("psnr.csv"))?,
-        })
+        let part = |name: &str| OutputFolder::prepare_part(&folder.join(name));
+        Ok(Self { material: part("material")?, rerendered: part("rerendered")? })
     }
 
     /// Estimates, draws all frames again and writes everything; returns what to tell the user.
@@ -216,7 +214,8 @@ impl Outputs {
 
     /// Puts the finished folders in their places.
     pub fn publish(self) -> Result<(), Error> {
-        self.material.publish()?;
-        self.rerendered.publish()
+        crate::say_kept(self.material.publish()?);
+        crate::say_kept(self.rerendered.publish()?);
+        Ok(())
     }
 }

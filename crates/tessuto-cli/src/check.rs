@@ -1,21 +1,23 @@
 //! `tessuto check`: what is right and wrong with a scene, before anything is computed.
 
 use std::fmt::Write as _;
-use std::io::{IsTerminal as _, Write as _};
 use std::path::{Path, PathBuf};
 
 use tessuto::Error;
 use tessuto::check::{CheckReport, Finding, Level, check_folder};
-use tessuto::io::image::write_png;
+use tessuto::io::image::{is_marked_png, write_marked_png};
 use tessuto::io::scene::LoadOptions;
+use tessuto::text::quoted;
 
-/// Arguments of `tessuto check`.
+use crate::say::{self, say};
+
+/// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene folder (holds scene.json, template.obj, rgbs/, masks/).
     scene: PathBuf,
     /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges (cyan),
-    /// to this PNG file.
+    /// to this PNG file. An earlier such picture is replaced, nothing else is.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 }
@@ -27,17 +29,25 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// Checks the scene in a folder.
 pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
+    if let Some(path) = picture.filter(|path| path.symlink_metadata().is_ok() && !is_marked_png(path)) {
+        return Err(Error::input(
+            path.display().to_string(),
+            "was not written by `tessuto check`, and would be lost",
+            "choose another file for the picture",
+        )
+        .into());
+    }
     let report = check_folder(scene, &LoadOptions::default());
     let mut text = table(&report.findings);
     match (picture, &report.picture) {
         (Some(path), Some(picture)) => {
-            write_png(path, picture)?;
+            write_marked_png(path, picture)?;
             let _ = writeln!(text, "picture: {}", path.display());
         }
         (Some(_), None) => text.push_str("picture: not written, frames cannot be read\n"),
         (None, _) => {}
     }
-    print(&text)?;
+    say::output(format_args!("{text}"));
     verdict(scene, &report)
 }
 
@@ -47,27 +57,19 @@ pub fn check_without_template(scene: &Path) -> anyhow::Result<()> {
     report
         .findings
         .retain(|f| !(f.level == Level::Error && Path::new(&f.what) == scene.join("template.obj")));
-    print(&table(&report.findings))?;
-    print(
-        "next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:\n",
-    )?;
+    say::output(format_args!("{}", table(&report.findings)));
+    say!("next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:");
     for options in ["--flat WIDTHxHEIGHTm --from-mask", "--remesh 32 --from MESH.obj"] {
-        print(&format!("  tessuto template {} {options}\n", quoted(scene)))?;
+        say!("  tessuto template {} {options}", quoted(scene));
     }
     verdict(scene, &report)
-}
-
-/// The path as a shell takes it.
-pub fn quoted(path: &Path) -> String {
-    let text = path.display().to_string();
-    if text.contains(' ') { format!("\"{text}\"") } else { text }
 }
 
 fn verdict(scene: &Path, report: &CheckReport) -> anyhow::Result<()> {
     match report.count(Level::Error) {
         0 => {
             if report.iou.is_some() {
-                print(&format!("next: tessuto reconstruct {}\n", quoted(scene)))?;
+                say!("next: tessuto reconstruct {}", quoted(scene));
             }
             Ok(())
         }
@@ -86,7 +88,7 @@ const TOPIC: usize = 14;
 
 /// Level and topic in columns, what was found and the way out beside them, wrapped.
 fn table(findings: &[Finding]) -> String {
-    let colour = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none();
+    let colour = say::coloured();
     let mut text = String::new();
     for finding in findings {
         let (level, code) = match finding.level {
@@ -138,17 +140,4 @@ fn wrap(text: &mut String, words: &str) {
         first = false;
     }
     text.push('\n');
-}
-
-/// Prints to standard output; that its reader has gone (`| head`) is no error.
-fn print(text: &str) -> anyhow::Result<()> {
-    match std::io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(error.into()),
-        _ => Ok(()),
-    }
-}
-
-/// A line on standard output; a reader that has gone, or a full disk behind it, must not stop the work.
-pub fn tell(line: impl std::fmt::Display) {
-    let _ = writeln!(std::io::stdout().lock(), "{line}");
 }

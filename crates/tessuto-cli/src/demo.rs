@@ -8,6 +8,8 @@ use tessuto::config::{Config, Preset};
 use tessuto::synth::Settings;
 
 use crate::reconstruct::Extras;
+use crate::say::say;
+use crate::threads::Threads;
 
 /// See it work: make a small scene, recover its motion from the pictures alone, compare with the truth.
 #[derive(Args)]
@@ -19,9 +21,8 @@ pub struct Arguments {
     /// Folder for scene and result.
     #[arg(long, value_name = "DIR", default_value = "tessuto-out/demo")]
     out: PathBuf,
-    /// Threads [default: all cores]. The result does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Seed of the scene.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -29,34 +30,42 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let started = Instant::now();
     let (scene, result) = (arguments.out.join("scene"), arguments.out.join("result"));
     let settings = Settings { seed: arguments.seed, ..Settings::default() };
     let [columns, rows] = settings.grid;
-    println!(
+    say!(
         "1. a cloth of {columns}×{rows} vertices in a gust of wind, {} frames of {}×{} px",
-        settings.frames, settings.size, settings.size
+        settings.frames,
+        settings.size,
+        settings.size
     );
-    crate::synth::synth_into(&scene, &settings, false)?;
-    println!("2. check of the scene");
+    crate::synth::synth_into(&scene, &settings, true)?;
+    say!("2. check of the scene");
     crate::check::check(&scene, None)?;
-    println!("3. reconstruction from the pictures and the first frame's shape");
+    say!("3. reconstruction from the pictures and the first frame's shape");
     let config = Config::preset(Preset::Default);
-    let evaluation = crate::reconstruct::reconstruct_into(&scene, None, config, Extras::default(), &result)?;
-    println!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
+    let evaluation = crate::reconstruct::reconstruct_into(
+        &scene,
+        None,
+        config,
+        Extras { force: true, ..Extras::default() },
+        &result,
+    )?;
+    say!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
     if let Some(mean) = evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
         let largest = largest_displacement(&scene)?;
-        println!(
+        say!(
             "   the cloth moved by up to {:.0} mm; its vertices were found to {:.1} mm on average",
             1e3 * largest,
             1e3 * mean
         );
     }
-    println!("scene:    {}", scene.display());
-    println!("result:   {}", result.display());
-    println!("report:   {}", result.join("report.html").display());
-    println!("pictures: {}", result.join("pictures/contact_sheet.png").display());
+    say!("scene:    {}", scene.display());
+    say!("result:   {}", result.display());
+    say!("report:   {}", result.join("report.html").display());
+    say!("pictures: {}", result.join("pictures/contact_sheet.png").display());
     Ok(())
 }
 

@@ -1,7 +1,6 @@
 //! `tessuto evaluate`: how far a motion is from the truth of a scene.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -10,7 +9,9 @@ use tessuto::io::npy;
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate};
 
-/// Arguments of `tessuto evaluate`.
+use crate::say::{self, aside};
+
+/// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene folder with gt/points/ or gt/vertices.npy.
@@ -21,7 +22,7 @@ pub struct Arguments {
     #[arg(long)]
     json: bool,
     /// Only the frames A, A+1 … B−1 of the scene.
-    #[arg(long, value_name = "A..B", value_parser = frame_range)]
+    #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<Range<usize>>,
     /// Seed of the surface samples of the Chamfer distance.
     #[arg(long, default_value_t = 0)]
@@ -36,7 +37,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let loaded =
         load(&arguments.scene, &LoadOptions { frames: arguments.frames.clone(), ..LoadOptions::default() })?;
     for warning in &loaded.warnings {
-        eprintln!("warning: {warning}");
+        aside!("warning: {warning}");
     }
     let scene = &loaded.scene;
     // A motion of the whole scene is cut to the frames; one of just these frames is taken as it is.
@@ -57,17 +58,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     evaluation.maps = maps;
     let text =
         if arguments.json { serde_json::to_string_pretty(&evaluation)? + "\n" } else { table(&evaluation) };
-    std::io::stdout().write_all(text.as_bytes())?;
+    say::output(format_args!("{text}"));
     Ok(())
-}
-
-/// `A..B` with A < B.
-fn frame_range(text: &str) -> Result<Range<usize>, String> {
-    let parsed =
-        text.split_once("..").and_then(|(a, b)| Some(a.trim().parse().ok()?..b.trim().parse().ok()?));
-    parsed
-        .filter(|r: &Range<usize>| !r.is_empty())
-        .ok_or_else(|| "expected A..B with A < B, such as 0..10".to_string())
 }
 
 /// The motion's errors: one line per frame, the means, what the columns are; then one line per value of the maps.

@@ -2,11 +2,11 @@
 
 use std::ops::Range;
 
-/// `A..B` with A < B; either may be left out only together with the option.
+/// `A..B` with A < B: the frames A to B − 1.
 pub fn parse(text: &str) -> Result<Range<usize>, String> {
     let hint = "write A..B with A < B, such as 0..20";
     let (a, b) = text.split_once("..").ok_or(hint)?;
-    let (a, b) = (a.parse().map_err(|_| hint)?, b.parse().map_err(|_| hint)?);
+    let (a, b) = (a.trim().parse().map_err(|_| hint)?, b.trim().parse().map_err(|_| hint)?);
     if a < b { Ok(a..b) } else { Err(hint.to_owned()) }
 }
 
@@ -17,6 +17,7 @@ mod tests {
     #[test]
     fn ranges_must_be_ascending_numbers() {
         assert_eq!(parse("3..8"), Ok(3..8));
+        assert_eq!(parse(" 3 .. 8 "), Ok(3..8));
         for bad in ["8..3", "3..3", "3-8", "a..b", "..", "3.."] {
             assert!(parse(bad).is_err(), "{bad}");
         }

@@ -9,71 +9,103 @@ mod frames;
 mod import;
 mod lens;
 mod live;
-mod output;
 mod progress;
 mod reconstruct;
 mod record;
 mod render;
 mod report;
+mod say;
 mod simulate;
 mod synth;
 mod template;
 mod threads;
 mod verify;
 
+use std::io::ErrorKind;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 
-/// Recover the motion, stiffness and forces of a fabric from one video.
+use crate::say::aside;
+
+/// Recover the 3D motion of a fabric from one video, with forces and stiffness that replay it.
 #[derive(Parser)]
-#[command(version, about, arg_required_else_help = true)]
+#[command(
+    version,
+    about,
+    arg_required_else_help = true,
+    after_help = "\
+Example:
+  tessuto import clip.mp4 scenes/curtain --masks masks/ --fov 63 --template curtain.obj
+  tessuto reconstruct scenes/curtain --out results/curtain
+
+Forces and stiffness are effective values of the replay, not measurements."
+)]
 struct Arguments {
     #[command(subcommand)]
     command: Command,
 }
 
+/// In the order of the work.
 #[derive(Subcommand)]
 enum Command {
-    Appearance(appearance::Arguments),
-    /// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
-    Check(check::Arguments),
-    Demo(demo::Arguments),
-    /// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
-    Evaluate(evaluate::Arguments),
-    Export(export::Arguments),
     Import(import::Arguments),
-    Reconstruct(reconstruct::Arguments),
-    Render(render::Arguments),
-    Report(report::Arguments),
-    Simulate(simulate::Arguments),
-    Synth(synth::Arguments),
     Template(template::Arguments),
+    Check(check::Arguments),
+    Reconstruct(reconstruct::Arguments),
+    Appearance(appearance::Arguments),
+    Report(report::Arguments),
+    Render(render::Arguments),
+    Export(export::Arguments),
+    Evaluate(evaluate::Arguments),
+    Simulate(simulate::Arguments),
     Verify(verify::Arguments),
+    Synth(synth::Arguments),
+    Demo(demo::Arguments),
+}
+
+/// Says where an earlier folder was kept because somebody put files into it while it was being replaced.
+fn say_kept(kept: Option<std::path::PathBuf>) {
+    if let Some(folder) = kept {
+        aside!("note: files came into the earlier folder meanwhile; it is kept as {}", folder.display());
+    }
 }
 
 fn main() -> ExitCode {
-    let result = match Arguments::parse().command {
-        Command::Appearance(arguments) => appearance::run(&arguments),
-        Command::Check(arguments) => check::run(&arguments),
-        Command::Demo(arguments) => demo::run(&arguments),
-        Command::Evaluate(arguments) => evaluate::run(&arguments),
-        Command::Export(arguments) => export::run(&arguments),
-        Command::Import(arguments) => import::run(&arguments),
-        Command::Reconstruct(arguments) => reconstruct::run(&arguments),
-        Command::Render(arguments) => render::run(&arguments),
-        Command::Report(arguments) => report::run(&arguments),
-        Command::Simulate(arguments) => simulate::run(&arguments),
-        Command::Synth(arguments) => synth::run(&arguments),
-        Command::Template(arguments) => template::run(&arguments),
-        Command::Verify(arguments) => verify::run(&arguments),
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(told) => return tell(&told),
     };
-    match result {
+    let result = match arguments.command {
+        Command::Import(arguments) => import::run(&arguments),
+        Command::Template(arguments) => template::run(&arguments),
+        Command::Check(arguments) => check::run(&arguments),
+        Command::Reconstruct(arguments) => reconstruct::run(&arguments),
+        Command::Appearance(arguments) => appearance::run(&arguments),
+        Command::Report(arguments) => report::run(&arguments),
+        Command::Render(arguments) => render::run(&arguments),
+        Command::Export(arguments) => export::run(&arguments),
+        Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Verify(arguments) => verify::run(&arguments),
+        Command::Synth(arguments) => synth::run(&arguments),
+        Command::Demo(arguments) => demo::run(&arguments),
+    };
+    match result.and_then(|()| Ok(say::end()?)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("error: {error:#}");
+            aside!("error: {error:#}");
             // An error that is not the library's own is a fault of this program: 101, like a panic.
             ExitCode::from(error.downcast_ref::<tessuto::Error>().map_or(101, tessuto::Error::exit_code))
         }
+    }
+}
+
+/// Help, version, or what is wrong with the command line.
+fn tell(told: &clap::Error) -> ExitCode {
+    match told.print() {
+        // A full disk, not a reader that has gone.
+        Err(error) if !told.use_stderr() && error.kind() != ErrorKind::BrokenPipe => ExitCode::from(5),
+        _ => ExitCode::from(u8::try_from(told.exit_code()).unwrap_or(2)),
     }
 }

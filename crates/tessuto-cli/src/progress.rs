@@ -10,6 +10,7 @@ use tessuto::{Error, Positions, Result};
 
 use crate::live::Live;
 use crate::record::Recorder;
+use crate::say::aside;
 
 /// Set by Ctrl-C and SIGTERM.
 static STOP: AtomicBool = AtomicBool::new(false);
@@ -97,7 +98,7 @@ impl Progress {
             self.last_line = Instant::now();
             let left =
                 self.started.elapsed().as_secs_f64() / epoch.step as f64 * (epoch.of - epoch.step) as f64;
-            eprintln!("{:>9} {:>4}/{} left {left:.0} s  {text}", epoch.stage, epoch.step, epoch.of);
+            aside!("{:>9} {:>4}/{} left {left:.0} s  {text}", epoch.stage, epoch.step, epoch.of);
         }
     }
 

@@ -10,15 +10,18 @@ use tessuto::config::{Config, Preset};
 use tessuto::export::{Clip, Format, export};
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{self, Evaluation, QUANTITIES};
+use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::result::{self, Run};
 use tessuto::session::{Checkpoints, Session, identity};
+use tessuto::text::quoted;
 use tessuto::{Error, Positions, Scene};
 
-use crate::appearance::{Outputs, quoted};
+use crate::appearance::Outputs;
 use crate::live::Server;
-use crate::output::{OutputFolder, beside};
 use crate::progress::{Progress, stop_on_interrupt};
 use crate::record::Recorder;
+use crate::say::{self, aside, say};
+use crate::threads::Threads;
 
 /// Recover motion, stiffnesses, forces and texture from a scene folder.
 #[derive(Args)]
@@ -44,15 +47,17 @@ pub struct Arguments {
     /// Only frames A to B − 1; the template belongs to frame A.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<std::ops::Range<usize>>,
-    /// Threads [default: all cores]. The result does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
     /// Seed of everything random.
     #[arg(long)]
     seed: Option<u64>,
     /// Motion only; material and light are not estimated.
     #[arg(long)]
     no_appearance: bool,
+    /// Replace an earlier result that nobody changed since.
+    #[arg(long)]
+    force: bool,
     /// Go on where an interrupted run of the same command was. The result is the same, byte for byte.
     #[arg(long)]
     resume: bool,
@@ -80,6 +85,8 @@ pub struct Extras {
     pub live: Option<u16>,
     /// Write a recording for the viewer of rerun here.
     pub rerun: Option<PathBuf>,
+    /// Replace an earlier result.
+    pub force: bool,
     /// Go on from checkpoints.
     pub resume: bool,
     /// Least time between checkpoints; none are written without.
@@ -108,12 +115,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if let Some(seed) = arguments.seed {
         config.seed = seed;
     }
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));
     let extras = Extras {
         appearance: !arguments.no_appearance,
         live: arguments.live,
         rerun: arguments.rerun.clone(),
+        force: arguments.force,
         resume: arguments.resume,
         checkpoint: Some(Duration::from_secs_f64(arguments.checkpoint)),
     };
@@ -138,14 +146,14 @@ pub fn reconstruct_into(
     if let Some(file) = &extras.rerun {
         Recorder::check(file, out)?;
     }
-    let output = OutputFolder::prepare(out)?;
+    let output = OutputFolder::prepare(out, FolderKind::Result, extras.force)?;
     let server = extras.live.map(Server::bind).transpose()?;
     let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
     let scene = &loaded.scene;
     let mut warnings = loaded.warnings;
-    warnings.iter().for_each(|w| eprintln!("warning: {w}"));
+    warnings.iter().for_each(|w| aside!("warning: {w}"));
     stop_on_interrupt().context("cannot listen for Ctrl-C")?;
-    eprintln!(
+    aside!(
         "{}: {} frames of {}×{} px, {} vertices",
         scene.name,
         scene.frames.len(),
@@ -166,11 +174,12 @@ pub fn reconstruct_into(
     }
     let progress = RefCell::new(Progress::new());
     if let Some(server) = server {
-        eprintln!("live at {}", server.address());
+        aside!("live at {}", server.address());
         progress.borrow_mut().live = Some(server.start(result::live_page(scene, &run, &command)?));
     }
     let session = &mut Session::new(|epoch, motion| progress.borrow_mut().step(epoch, motion));
-    let checkpoints = keep_checkpoints(session, scene, &run.settings, out, &extras)?;
+    let checkpoints =
+        keep_checkpoints(session, scene, &run.settings, &output.beside(".checkpoints"), &extras)?;
     if let Some(file) = &extras.rerun {
         let recorder = Recorder::start(file, scene, &run.settings, session.history())?;
         progress.borrow_mut().recorder = Some(recorder);
@@ -217,8 +226,7 @@ pub fn reconstruct_into(
     export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
     // A page that cannot be made must not cost the result either.
     let page = result::write_page(output.partial());
-    result::write_manifest(output.partial())?;
-    output.publish()?;
+    crate::say_kept(output.publish()?);
     checkpoints.iter().try_for_each(Checkpoints::remove)?;
     page?;
     let mut recorded = Ok(());
@@ -234,16 +242,16 @@ pub fn reconstruct_into(
     if let Some(e) = &evaluation {
         for (quantity, value) in QUANTITIES.iter().zip(e.mean.values()) {
             if let Some(value) = value {
-                println!("{:<16} {value:.4e} {}", quantity.key, quantity.unit);
+                say!("{:<16} {value:.4e} {}", quantity.key, quantity.unit);
             }
         }
     }
-    print!("{table}");
-    println!("{}", out.display());
-    println!("  look at {}", out.join("report.html").display());
-    println!("  and at  {}", out.join("pictures/contact_sheet.png").display());
+    say::output(format_args!("{table}"));
+    say!("{}", out.display());
+    say!("  look at {}", out.join("report.html").display());
+    say!("  and at  {}", out.join("pictures/contact_sheet.png").display());
     if let Some(file) = extras.rerun.filter(|_| recorded.is_ok()) {
-        println!("  and, in rerun, at {}", file.display());
+        say!("  and, in rerun, at {}", file.display());
     }
     match reconstruction.failure.or(unseen).or(recorded.err()) {
         Some(failure) => Err(failure.into()),
@@ -251,33 +259,29 @@ pub fn reconstruct_into(
     }
 }
 
-/// Lets `session` keep its states beside `out`, and go on from those that are there if that is asked for.
+/// Lets `session` keep its states in `folder`, and go on from those that are there if that is asked for.
 fn keep_checkpoints(
     session: &mut Session,
     scene: &Scene,
     settings: &Config,
-    out: &Path,
+    folder: &Path,
     extras: &Extras,
 ) -> Result<Option<Checkpoints>, Error> {
     let Some(interval) = extras.checkpoint else { return Ok(None) };
-    let folder = beside(out, ".checkpoints");
     let text = serde_json::to_string(settings).expect("plain data");
     let identity = identity(scene, &text)?;
-    let open = || Checkpoints::open(&folder, identity.clone(), interval);
+    let open = || Checkpoints::open(folder, identity.clone(), interval);
     let found = match extras.resume {
-        true => open().newest(&mut |problem| eprintln!("warning: {problem}"))?,
+        true => open().newest(&mut |problem| aside!("warning: {problem}"))?,
         false => None,
     };
     match &found {
-        Some(found) => eprintln!("going on after {}", found.reached),
+        Some(found) => aside!("going on after {}", found.reached),
         None if extras.resume => {
-            eprintln!("no checkpoint in {}: starting from the beginning", folder.display())
+            aside!("no checkpoint in {}: starting from the beginning", folder.display())
         }
         None if folder.exists() => {
-            eprintln!(
-                "note: {} of an earlier run is replaced; --resume would go on from it",
-                folder.display()
-            );
+            aside!("note: {} of an earlier run is replaced; --resume would go on from it", folder.display());
             open().remove()?;
         }
         None => {}
@@ -290,7 +294,8 @@ fn say_how_to_go_on(error: &Error, command: &str, extras: &Extras) {
     if matches!(error, Error::Interrupted(_)) && extras.checkpoint.is_some() {
         let rerun =
             extras.rerun.as_ref().map_or_else(String::new, |file| format!(" --rerun {}", quoted(file)));
-        eprintln!("go on with: {command}{rerun} --resume");
+        let force = if extras.force { " --force" } else { "" };
+        aside!("go on with: {command}{rerun}{force} --resume");
     }
 }
 

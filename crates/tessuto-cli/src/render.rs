@@ -4,14 +4,17 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
 use tessuto::camera::Camera;
 use tessuto::image::Image;
+use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use tessuto::raster::{Rasterizer, Texture};
 use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use tessuto::{Error, Positions, appearance, io, result};
 
-use crate::output::OutputFolder;
+use crate::say::say;
+use crate::threads::Threads;
 
 /// Share of light samples that are drawn uniformly from all directions.
 const UNIFORM_SHARE: f64 = 0.05;
@@ -19,7 +22,8 @@ const UNIFORM_SHARE: f64 = 0.05;
 /// Draw a recovered fabric from another place, under another light, plain or by depth.
 #[derive(Args)]
 #[command(after_help = "\
-Writes frame_000.png … and, where the program ffmpeg is installed (or named by TESSUTO_FFMPEG), video.mp4.
+Writes one picture per frame, named by its number (frame_000.png …), and, where the program ffmpeg is installed
+(or named by TESSUTO_FFMPEG), video.mp4.
 
 Examples:
   tessuto render results/curtain                               from 45° to the left
@@ -51,9 +55,11 @@ pub struct Arguments {
     /// Folder to write [default: RESULT/views/LOOK].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Threads [default: all cores]. The pictures do not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    /// Replace earlier views that nobody changed since.
+    #[arg(long)]
+    force: bool,
+    #[command(flatten)]
+    threads: Threads,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -94,7 +100,7 @@ fn parse_size(text: &str) -> Result<[usize; 2], String> {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
     let folder = &arguments.result;
     let saved = result::read(folder)?;
     let motion_file = folder.join("motion.npy");
@@ -124,27 +130,25 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let view = viewpoint(arguments, &motion, camera)?;
     let motion: Vec<Positions> = motion.iter().map(|shape| view.shape(shape)).collect();
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("views").join(name(look)));
-    if let Some(parent) = out.parent().filter(|p| !p.as_os_str().is_empty()) {
-        std::fs::create_dir_all(parent)
-            .map_err(|source| Error::Output { path: parent.to_path_buf(), source })?;
-    }
-    let output = OutputFolder::prepare_if(&out, |folder| folder.join("frame_000.png").is_file())?;
+    let output = OutputFolder::prepare(&out, FolderKind::Views, arguments.force)?;
     let painter = Painter::new(arguments, &saved.mesh, &motion, &view, look)?;
-    for (k, n) in range.clone().enumerate() {
-        let path = output.partial().join(format!("frame_{k:03}.png"));
+    let bar = ProgressBar::new(range.len() as u64);
+    for n in range.clone() {
+        let path = output.partial().join(format!("frame_{n:03}.png"));
         io::image::write_png(&path, &painter.draw(n, &motion[n]))?;
-        eprint!("\r{} of {} frames", k + 1, range.len());
+        bar.inc(1);
     }
-    eprintln!();
+    bar.finish_and_clear();
     if let Painter { drawing: Drawing::Depth([near, far]), .. } = painter {
-        println!("depth from {near:.3} m (dark) to {far:.3} m (bright)");
+        say!("depth from {near:.3} m (dark) to {far:.3} m (bright)");
     }
-    let video = encode(output.partial(), saved.fps);
-    output.publish()?;
-    println!("{}", out.display());
+    let video = encode(output.partial(), range.start, saved.fps);
+    crate::say_kept(output.publish()?);
+    manifest::record(&[&out])?;
+    say!("{}", out.display());
     match video {
-        Ok(()) => println!("{}", out.join("video.mp4").display()),
-        Err(why) => println!("no video.mp4: {why}"),
+        Ok(()) => say!("{}", out.join("video.mp4").display()),
+        Err(why) => say!("no video.mp4: {why}"),
     }
     Ok(())
 }
@@ -233,10 +237,11 @@ impl Painter {
 }
 
 /// `frame_*.png` in `folder` to `video.mp4`, by the program ffmpeg.
-fn encode(folder: &Path, fps: f64) -> Result<(), String> {
+fn encode(folder: &Path, first: usize, fps: f64) -> Result<(), String> {
     let status = Command::new(crate::lens::ffmpeg())
         .current_dir(folder)
-        .args(["-v", "error", "-y", "-framerate", &fps.to_string(), "-i", "frame_%03d.png"])
+        .args(["-v", "error", "-y", "-framerate", &fps.to_string(), "-start_number", &first.to_string()])
+        .args(["-i", "frame_%03d.png"])
         // H.264 wants even sides.
         .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "video.mp4"])
         .stdin(Stdio::null())

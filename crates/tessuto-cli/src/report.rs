@@ -3,7 +3,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use tessuto::output::manifest;
 use tessuto::result;
+
+use crate::say::say;
+use crate::threads::Threads;
 
 /// Write the page of a result anew: report.html, one file that needs no network and nothing beside it.
 #[derive(Args)]
@@ -13,16 +17,17 @@ Examples:
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
-    /// Threads [default: all cores]. The page does not depend on it.
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    threads: Option<u16>,
+    #[command(flatten)]
+    threads: Threads,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    crate::threads::use_threads(arguments.threads)?;
+    arguments.threads.start()?;
+    let page = arguments.result.join("report.html");
+    manifest::check_parts(&[&page], true)?;
     result::write_page(&arguments.result)?;
-    result::refresh_manifest(&arguments.result, &["report.html"])?;
-    println!("{}", arguments.result.join("report.html").display());
+    manifest::record(&[&page])?;
+    say!("{}", page.display());
     Ok(())
 }

@@ -6,15 +6,17 @@ use clap::Args;
 use tessuto::io::scene::first_frame;
 use tessuto::io::{image, model, obj};
 use tessuto::mesh::weld;
+use tessuto::output::manifest;
 use tessuto::template::fix::Fix;
 use tessuto::template::outline::Outline;
 use tessuto::template::rectangle::{locate, patch};
 use tessuto::template::remesh::{Over, Resolution, remesh};
 use tessuto::template::{hem::hem, overlap_with_mask};
+use tessuto::text::quoted;
 use tessuto::{Camera, Error, Image, Mesh, Result};
 
-use crate::check::tell;
 use crate::lens::Lens;
+use crate::say::say;
 
 /// A point [px] or a size.
 type Pair = [f64; 2];
@@ -73,7 +75,7 @@ pub struct Arguments {
     /// File to write [default: the scene's template.obj].
     #[arg(long, value_name = "FILE.obj")]
     out: Option<PathBuf>,
-    /// Replace the file if it is there.
+    /// Replace the file if it is there; one that tessuto did not write is kept under another name.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -153,22 +155,33 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Some(size) => flat(arguments, &view, size)?,
         None => from_mesh(arguments, scene)?,
     };
+    keep_foreign(&out)?;
     obj::write(&out, &mesh, None)?;
+    manifest::record(&[&out])?;
     mesh.positions.iter_mut().for_each(|p| *p *= view.metres);
-    tell(format_args!("{}: {} vertices, {} faces", out.display(), mesh.positions.len(), mesh.faces.len()));
+    say!("{}: {} vertices, {} faces", out.display(), mesh.positions.len(), mesh.faces.len());
     if let Some((mask, _)) = &view.mask {
         let overlap = overlap_with_mask(&mesh, &view.camera, mask);
-        tell(format_args!(
+        say!(
             "overlap with the mask of the first frame: {overlap:.3}{}",
             if overlap < 0.85 { ", 0.85 expected" } else { "" }
-        ));
+        );
     }
     if scene {
-        tell(format_args!(
-            "next: tessuto check {} --picture check.png",
-            crate::check::quoted(&arguments.target)
-        ));
+        say!("next: tessuto check {} --picture check.png", quoted(&arguments.target));
     }
+    Ok(())
+}
+
+/// Renames a mesh that tessuto did not write, or that was changed since: it is not lost.
+fn keep_foreign(out: &Path) -> Result<()> {
+    if manifest::check_parts(&[out], true).is_ok() {
+        return Ok(());
+    }
+    let place = |n: usize| out.with_extension(format!("before{n}.obj"));
+    let kept = (1..).map(place).find(|path| path.symlink_metadata().is_err()).expect("names do not end");
+    std::fs::rename(out, &kept).map_err(|source| Error::Output { path: kept.clone(), source })?;
+    say!("note: {} is kept as {}", out.display(), kept.display());
     Ok(())
 }
 
@@ -189,7 +202,7 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     }
     let mut notes = Vec::new();
     let camera = calibration.scaled_to(size, &mut notes)?;
-    say(&notes);
+    note(&notes);
     let mask = arguments.mask.as_ref().map(|path| {
         let (mask, _) = image::read_mask(path)?;
         if [mask.width, mask.height] != size {
@@ -202,8 +215,8 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     Ok(View { camera, mask: mask.transpose()?, metres: 1.0 })
 }
 
-fn say(notes: &[String]) {
-    notes.iter().for_each(|note| tell(format_args!("note: {note}")));
+fn note(notes: &[String]) {
+    notes.iter().for_each(|note| say!("note: {note}"));
 }
 
 /// A rectangle of fabric of `size` [m].
@@ -222,7 +235,7 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
     };
     let corners = match &outline {
         Some(outline) => {
-            say(&outline.notes);
+            note(&outline.notes);
             outline.corners()
         }
         None => <[Pair; 4]>::try_from(&arguments.corners[..])
@@ -235,8 +248,8 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
             .map(Into::into),
     };
     let found = locate(&view.camera, size, corners)?;
-    tell(format_args!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" ")));
-    tell(format_args!(
+    say!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" "));
+    say!(
         "distances of the corners: {}; {}",
         found.positions.map(|p| format!("{:.3} m", p.length())).join(", "),
         if found.rigid {
@@ -247,11 +260,11 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
                 found.rigid_error
             )
         }
-    ));
+    );
     if found.ambiguous {
-        tell(format_args!(
+        say!(
             "note: the rectangle tilted the other way fits nearly as well: look at check --picture, and measure the size exactly"
-        ));
+        );
     }
     let mut mesh = patch(found.positions, grid);
     if let (Some(outline), false) = (&outline, arguments.straight) {
@@ -282,11 +295,11 @@ fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
     let fix = fix(arguments)?;
     let place = path.display().to_string();
     let mut model = model::read(&path)?;
-    say(&model.notes.iter().map(|n| format!("{place}: {n}")).collect::<Vec<_>>());
+    note(&model.notes.iter().map(|n| format!("{place}: {n}")).collect::<Vec<_>>());
     fix.apply_to(&mut model.mesh);
     if arguments.weld {
         let [gone, _] = weld(&mut model.mesh);
-        tell(format_args!("merged {gone} vertices that lay on others"));
+        say!("merged {gone} vertices that lay on others");
     }
     let Some(resolution) = arguments.remesh else {
         return if model.has_uv { Ok(model.mesh) } else { Err(without_uv(&path)) };
@@ -296,12 +309,9 @@ fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
         Over::Uv => "texture coordinates",
         Over::Border => "border, between its four corners",
     };
-    tell(format_args!("a grid of {}×{} vertices over the {over}", made.grid[0], made.grid[1]));
+    say!("a grid of {}×{} vertices over the {over}", made.grid[0], made.grid[1]);
     if made.in_holes > 0 {
-        tell(format_args!(
-            "note: {} vertices lie in holes of the mesh and were put on their rims",
-            made.in_holes
-        ));
+        say!("note: {} vertices lie in holes of the mesh and were put on their rims", made.in_holes);
     }
     Ok(made.mesh)
 }

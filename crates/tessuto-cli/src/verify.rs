@@ -2,26 +2,29 @@
 
 use std::path::PathBuf;
 
-use tessuto::{Error, result};
+use tessuto::Error;
+use tessuto::output::manifest;
 
-/// Check that a result folder is complete and unchanged.
+use crate::say::say;
+
+/// Check that a folder tessuto wrote (result, scene, views) is complete and unchanged.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Compares every file with its size and SHA-256 in manifest.json, which is written last. Files that are not in it are named but
 are no fault.")]
 pub struct Arguments {
-    /// Result folder.
+    /// Result, scene or folder of views.
     result: PathBuf,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let verified = result::verify(&arguments.result)?;
+    let verified = manifest::verify(&arguments.result)?;
     for name in &verified.unknown {
-        println!("not in the manifest: {name}");
+        say!("not in the manifest: {name}");
     }
     if let Some((name, problem)) = verified.wrong.first() {
-        verified.wrong.iter().for_each(|(name, problem)| println!("{name}: {problem}"));
+        verified.wrong.iter().for_each(|(name, problem)| say!("{name}: {problem}"));
         return Err(Error::input(
             arguments.result.join(name).display().to_string(),
             format!(
@@ -33,6 +36,6 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         )
         .into());
     }
-    println!("{} files, all as they were written", verified.sound);
+    say!("{} files, all as they were written", verified.sound);
     Ok(())
 }

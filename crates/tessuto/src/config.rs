@@ -12,6 +12,7 @@ use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
 use crate::sim::{Integrator, StepSettings};
+use crate::text::nearest_key;
 
 /// Named set of settings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -144,7 +145,7 @@ impl Config {
         let known = paths(&all);
         let pointer = format!("/{}", key.replace('.', "/"));
         let Some(slot) = all.pointer_mut(&pointer).filter(|slot| !slot.is_object()) else {
-            let hint = match nearest(key, &known) {
+            let hint = match nearest_key(key, &known) {
                 Some(near) => format!("did you mean {near}? All keys: {}", known.join(", ")),
                 None => format!("the keys are: {}", known.join(", ")),
             };
@@ -224,30 +225,6 @@ fn paths(value: &Value) -> Vec<String> {
     let join =
         |key: &String, rest: String| if rest.is_empty() { key.clone() } else { format!("{key}.{rest}") };
     map.iter().flat_map(|(key, v)| paths(v).into_iter().map(move |rest| join(key, rest))).collect()
-}
-
-/// The known key with the fewest edits to `key`, if it is close.
-fn nearest<'a>(key: &str, known: &'a [String]) -> Option<&'a str> {
-    let last = |k: &'a str| k.rsplit('.').next().unwrap_or(k);
-    let distance = |k: &&'a str| edit_distance(key, k).min(edit_distance(key, last(k)));
-    let best = known.iter().map(String::as_str).min_by_key(distance)?;
-    (distance(&best) <= 3).then_some(best)
-}
-
-/// Levenshtein distance.
-pub(crate) fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.iter().enumerate() {
-            let substituted = diagonal + usize::from(ca != *cb);
-            diagonal = row[j + 1];
-            row[j + 1] = substituted.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.len()]
 }
 
 #[cfg(test)]

@@ -20,6 +20,7 @@ pub mod mesh;
 pub mod metrics;
 pub mod motion;
 pub mod optim;
+pub mod output;
 pub mod pbr;
 pub mod raster;
 pub mod reconstruct;
@@ -30,6 +31,7 @@ pub mod session;
 pub mod sim;
 pub mod synth;
 pub mod template;
+pub mod text;
 pub mod video;
 pub mod view;
 

@@ -60,7 +60,8 @@ fn page_is_made_from_the_result_alone_and_gains_the_maps() {
     ] {
         assert!(second.contains(part), "{part} is missing");
     }
-    assert!(second.contains("tessuto appearance &#39;") && second.contains("--set appearance.steps=4"));
+    let quoted = r"it&#39;\&#39;&#39;s a result&#39; --set appearance.steps=4";
+    assert!(second.contains("tessuto appearance ") && second.contains(quoted));
 
     // Anew, byte for byte, without the scene and from another place, once what was lost is back.
     std::fs::remove_file(result.join("report.html")).unwrap();

@@ -189,12 +189,9 @@ pub(super) mod tests {
 
     #[test]
     fn names_are_safe_for_files_and_prims() {
-        for (name, expected) in [
-            ("S1", "S1"),
-            ("my curtain.2", "my_curtain_2"),
-            ("3 flags", "fabric_3_flags"),
-            ("…", "fabric__"),
-        ] {
+        for (name, expected) in
+            [("S1", "S1"), ("my curtain.2", "my_curtain_2"), ("3 flags", "fabric_3_flags"), ("…", "fabric__")]
+        {
             assert_eq!(identifier(name), expected);
         }
     }

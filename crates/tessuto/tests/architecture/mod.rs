@@ -8,7 +8,7 @@ use imports::Crate;
 
 /// From the bottom up; a module imports from lower layers and its own module only.
 const LAYERS: [&[&str]; 18] = [
-    &["math", "error"],
+    &["math", "error", "text"],
     &["camera", "image", "mesh"],
     &["video"],
     &["scene"],

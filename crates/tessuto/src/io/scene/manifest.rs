@@ -9,6 +9,7 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io::image::MAX_SIDE;
 use crate::io::{atomic_write, read_bounded};
+use crate::text::edits;
 
 const KNOWN: [&str; 12] =
     ["name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "notes"];
@@ -198,23 +199,7 @@ fn parse(text: &str, place: &str) -> Result<Manifest> {
 
 /// The known key with the fewest edits to `key`.
 fn nearest(key: &str) -> &'static str {
-    let distance = |known: &str| edit_distance(&key.to_lowercase(), known);
-    KNOWN.into_iter().min_by_key(|known| distance(known)).unwrap_or("name")
-}
-
-/// Fewest insertions, deletions and replacements that turn `a` into `b`.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
-    for (i, x) in a.chars().take(64).enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.chars().enumerate() {
-            let replaced = diagonal + usize::from(x != y);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(diagonal + 1);
-        }
-    }
-    row[b.chars().count()]
+    KNOWN.into_iter().min_by_key(|known| edits(key, known)).unwrap_or("name")
 }
 
 #[cfg(test)]

@@ -12,6 +12,7 @@ use crate::io::obj;
 use crate::mesh::{Mesh, edge_uses, pieces, pinched, triangle_area};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use crate::scene::Scene;
+use crate::text::quoted;
 
 /// Sizes of cloth taken seriously: length of the bounding box's diagonal [m].
 pub(crate) const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
@@ -60,11 +61,7 @@ pub(crate) fn read(
 
 /// What to type to mend the template of `folder`.
 pub(crate) fn command(folder: &Path, options: &str) -> String {
-    let path = folder.display().to_string();
-    let plain = path.chars().all(|c| c.is_alphanumeric() || "/\\._-+:".contains(c));
-    // A quote in a path is rarer than a space; the command is advice, not a script.
-    let quoted = if plain { path } else { format!("\"{path}\"") };
-    format!("tessuto template {quoted} {options}")
+    format!("tessuto template {} {options}", quoted(folder))
 }
 
 /// Diagonal of the bounding box [m].

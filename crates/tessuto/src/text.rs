@@ -1,0 +1,63 @@
+//! Words for people: names that were mistyped, paths that a shell takes.
+
+use std::path::{Path, is_separator};
+
+/// Most edits between a mistyped name and the one that was meant.
+const CLOSE: usize = 3;
+/// Longest mistyped name that is compared [characters]; one of a damaged file may be as long as the file.
+const LONGEST: usize = 64;
+
+/// Fewest insertions, deletions and replacements of characters that turn `a` into `b`, upper and lower case alike.
+pub(crate) fn edits(a: &str, b: &str) -> usize {
+    let a: String = a.chars().take(LONGEST).collect();
+    strsim::levenshtein(&a.to_lowercase(), &b.to_lowercase())
+}
+
+/// The key of `known` that was probably meant by `key`: the one with the fewest edits to it, or to its part after the
+/// last dot; `None` if no key is close.
+pub(crate) fn nearest_key<'a>(key: &str, known: &'a [String]) -> Option<&'a str> {
+    let last = |k: &'a str| k.rsplit('.').next().unwrap_or(k);
+    let distance = |k: &&'a str| edits(key, k).min(edits(key, last(k)));
+    let best = known.iter().map(String::as_str).min_by_key(distance)?;
+    (distance(&best) <= CLOSE).then_some(best)
+}
+
+/// `path` as a POSIX shell takes it: as it is where no character is special, else in single quotes.
+pub fn quoted(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_alphanumeric() || is_separator(c) || "._-+:,@%".contains(c);
+    if !text.is_empty() && text.chars().all(plain) {
+        text
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mistyped_key_finds_the_one_meant() {
+        let known = ["texture.size", "texture.epochs", "rollout.weights.energy"].map(str::to_owned);
+        assert_eq!(nearest_key("texture.epoch", &known), Some("texture.epochs"));
+        assert_eq!(nearest_key("Energi", &known), Some("rollout.weights.energy"));
+        assert_eq!(nearest_key("viscosity", &known), None);
+        assert_eq!(edits(&"x".repeat(1 << 20), "fps"), LONGEST);
+    }
+
+    #[test]
+    fn a_shell_takes_any_path() {
+        assert_eq!(quoted(Path::new("scenes/Vorhang_ü-2.0")), "scenes/Vorhang_ü-2.0");
+        for path in ["a b", "it's", "$HOME", "a;b", "", "~x", "#1", "a\nb", "(1)", "*"] {
+            let echo = std::process::Command::new("sh")
+                .args(["-c", &format!("printf %s {}", quoted(Path::new(path)))])
+                .output();
+            match echo {
+                Ok(said) => assert_eq!(String::from_utf8_lossy(&said.stdout), path),
+                // No shell here: the form alone.
+                Err(_) => assert!(quoted(Path::new(path)).starts_with('\''), "{path}"),
+            }
+        }
+    }
+}
