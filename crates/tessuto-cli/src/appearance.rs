@@ -167,7 +167,8 @@ impl Outputs {
         session: &mut Session,
     ) -> Result<Summary, Error> {
         let start = Instant::now();
-        if let Some(n) = motion.iter().position(|shape| shape.len() != scene.template.positions.len()) {
+        if let Some(n) = motion.iter().position(|positions| positions.len() != scene.template.positions.len())
+        {
             return Err(Error::input(
                 format!("motion for {}, frame {n}", scene.folder.display()),
                 format!("{} vertices, template.obj has {}", motion[n].len(), scene.template.positions.len()),
@@ -184,15 +185,15 @@ impl Outputs {
         let maps = found.maps();
         let mut csv = String::from("frame,psnr_db\n");
         let mut sum = 0.0;
-        for (n, shape) in motion.iter().enumerate() {
-            let passes = settings.render_passes;
+        for (n, positions) in motion.iter().enumerate() {
+            let samples_per_pixel = settings.render_samples_per_pixel;
             let drawn = appearance::rerender(
                 scene,
                 &rasterizer,
                 &geometry,
-                (n, shape),
+                (n, positions),
                 (&maps, &found.environment),
-                passes,
+                samples_per_pixel,
             )?;
             let frame = scene.first_frame + n;
             let file = |kind: &str| self.rerendered.partial().join(format!("{kind}_{frame:03}.png"));

@@ -16,8 +16,8 @@ use tessuto::{Error, Positions, appearance, io, result};
 use crate::say::say;
 use crate::threads::Threads;
 
-/// Share of light samples that are drawn uniformly from all directions.
-const UNIFORM_SHARE: f64 = 0.05;
+/// Fraction of the light samples that are drawn uniformly over the sphere.
+const UNIFORM_FRACTION: f64 = 0.05;
 
 /// Draw a recovered fabric from another place, under another light, plain or by depth.
 #[derive(Args)]
@@ -49,7 +49,7 @@ pub struct Arguments {
     /// Frames A to B − 1, counted from the result's first.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<std::ops::Range<usize>>,
-    /// Light samples per pixel; a multiple of 8.
+    /// Light samples per pixel, rounded up to a multiple of 8.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(8..=65536))]
     samples: u32,
     /// Folder to write [default: RESULT/views/LOOK].
@@ -128,7 +128,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         ));
     }
     let view = viewpoint(arguments, &motion, camera)?;
-    let motion: Vec<Positions> = motion.iter().map(|shape| view.shape(shape)).collect();
+    let motion: Vec<Positions> = motion.iter().map(|positions| view.positions(positions)).collect();
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("views").join(name(look)));
     let output = OutputFolder::prepare(&out, FolderKind::Views, arguments.force)?;
     let painter = Painter::new(arguments, &saved.mesh, &motion, &view, look)?;
@@ -184,7 +184,7 @@ struct Painter {
 }
 
 enum Drawing {
-    Material { material: Material, light: Box<EnvironmentSampler>, passes: usize },
+    Material { material: Material, light: Box<EnvironmentSampler>, samples_per_pixel: usize },
     Texture(Texture),
     Shaded,
     Depth([f64; 2]),
@@ -208,8 +208,11 @@ impl Painter {
                 let environment = EnvironmentMap { width: light.width, height: light.height, texels };
                 Drawing::Material {
                     material: appearance::read_material(&maps)?,
-                    light: Box::new(EnvironmentSampler::new(&view.environment(&environment), UNIFORM_SHARE)),
-                    passes: arguments.samples.div_ceil(8) as usize,
+                    light: Box::new(EnvironmentSampler::new(
+                        &view.environment(&environment),
+                        UNIFORM_FRACTION,
+                    )),
+                    samples_per_pixel: arguments.samples as usize,
                 }
             }
             Look::Texture => {
@@ -222,16 +225,16 @@ impl Painter {
         Ok(Self { rasterizer: Rasterizer::new(mesh), geometry, camera: view.camera, drawing })
     }
 
-    fn draw(&self, n: usize, shape: &Positions) -> Image {
+    fn draw(&self, n: usize, positions: &Positions) -> Image {
         let Self { rasterizer, geometry, camera, drawing } = self;
         match drawing {
-            Drawing::Material { material, light, passes } => {
+            Drawing::Material { material, light, samples_per_pixel } => {
                 let cloth = RenderScene { rasterizer, geometry, material, light };
-                render_frame(&cloth, camera, (n, shape), *passes)
+                render_frame(&cloth, camera, (n, positions), *samples_per_pixel)
             }
-            Drawing::Texture(texture) => draw_texture(rasterizer, camera, shape, texture),
-            Drawing::Shaded => draw_shaded(rasterizer, camera, geometry, (n, shape)),
-            Drawing::Depth(range) => draw_depth(rasterizer, camera, shape, *range),
+            Drawing::Texture(texture) => draw_texture(rasterizer, camera, positions, texture),
+            Drawing::Shaded => draw_shaded(rasterizer, camera, geometry, (n, positions)),
+            Drawing::Depth(range) => draw_depth(rasterizer, camera, positions, *range),
         }
     }
 }

@@ -53,7 +53,7 @@ fn made() -> (PathBuf, PathBuf) {
             "appearance.steps=4",
             "appearance.batch=500",
             "appearance.map_size=32",
-            "appearance.render_passes=1",
+            "appearance.render_samples_per_pixel=8",
         ] {
             arguments.extend(["--set", setting]);
         }

@@ -247,7 +247,8 @@ fn a_mount_point_is_filled() {
 fn appearance_replaces_what_the_result_lists() {
     let home = home();
     let at = |name: &str| home.path().join(name);
-    let quick = ["steps=2", "batch=100", "map_size=16", "render_passes=1"].map(|s| format!("appearance.{s}"));
+    let quick = ["steps=2", "batch=100", "map_size=16", "render_samples_per_pixel=8"]
+        .map(|s| format!("appearance.{s}"));
     let sets = quick.iter().flat_map(|s| ["--set", s]);
     let appearance: Vec<&str> = ["appearance", "scene", "result"].into_iter().chain(sets).collect();
     put(&at("result/material/environment.exr"), "my light");

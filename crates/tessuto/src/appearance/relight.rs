@@ -14,8 +14,7 @@ use crate::scene::Scene;
 
 /// Frames that are compared, spread over the motion.
 const FRAMES: usize = 3;
-/// Passes of eight samples per pixel.
-const PASSES: usize = 4;
+const SAMPLES_PER_PIXEL: usize = 32;
 
 /// [`maps::evaluate`], and where the scene has true maps the PSNR of relit frames of `motion`, shape [N, V].
 ///
@@ -54,9 +53,14 @@ pub fn relit_psnr(
     let geometry = &Geometry::new(template, &chosen);
     let light = &EnvironmentSampler::new(&studio(), 0.1);
     let (mut a, mut b) = (Vec::new(), Vec::new());
-    for (n, shape) in chosen.iter().enumerate() {
+    for (n, positions) in chosen.iter().enumerate() {
         let [drawn, expected] = [estimate, truth].map(|material| {
-            render_frame(&RenderScene { rasterizer, geometry, material, light }, camera, (n, shape), PASSES)
+            render_frame(
+                &RenderScene { rasterizer, geometry, material, light },
+                camera,
+                (n, positions),
+                SAMPLES_PER_PIXEL,
+            )
         });
         let pixels = drawn.data.chunks_exact(3).zip(expected.data.chunks_exact(3));
         for (x, y) in pixels.filter(|(_, y)| y.iter().any(|v| *v > 0.0)) {

@@ -72,7 +72,7 @@ impl Maps for Texels {
     fn restore(&mut self, state: &MapState) -> Result<()> {
         match state {
             MapState::Texels(values, adam)
-                if values.len() == self.values.len() && adam.fits(values.len()) =>
+                if values.len() == self.values.len() && adam.matches(values.len()) =>
             {
                 self.values.clone_from(values);
                 self.adam = adam.clone();

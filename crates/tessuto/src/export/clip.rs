@@ -104,16 +104,16 @@ impl Clip {
         })
     }
 
-    /// `shape` with y up.
-    pub(super) fn y_up(shape: &Positions) -> Vec<Vec3> {
-        shape.iter().map(|p| Vec3::new(p.x as f32, -p.y as f32, -p.z as f32)).collect()
+    /// `positions` with y up.
+    pub(super) fn y_up(positions: &Positions) -> Vec<Vec3> {
+        positions.iter().map(|p| Vec3::new(p.x as f32, -p.y as f32, -p.z as f32)).collect()
     }
 
     /// Unit vertex normals with y up: means of the triangles' normals, weighted by area; z where there is none.
-    pub(super) fn normals(&self, shape: &Positions) -> Vec<Vec3> {
+    pub(super) fn normals(&self, positions: &Positions) -> Vec<Vec3> {
         let y_up =
             |n: DVec3| if n == DVec3::ZERO { Vec3::Z } else { n.as_vec3() * Vec3::new(1.0, -1.0, -1.0) };
-        vertex_normals(&self.mesh.triangles(), shape).into_iter().map(y_up).collect()
+        vertex_normals(&self.mesh.triangles(), positions).into_iter().map(y_up).collect()
     }
 
     /// One texture coordinate per vertex, if no vertex has several.

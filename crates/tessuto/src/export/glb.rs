@@ -209,8 +209,8 @@ fn mesh(
     frames: std::ops::RangeInclusive<usize>,
 ) -> Value {
     let attributes = |n: usize| {
-        let shape = &clip.motion[n];
-        [corners.of(&Clip::y_up(shape)), corners.of(&clip.normals(shape))]
+        let positions = &clip.motion[n];
+        [corners.of(&Clip::y_up(positions)), corners.of(&clip.normals(positions))]
     };
     let base = attributes(*frames.start());
     let mut targets = Vec::new();

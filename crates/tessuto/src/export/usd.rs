@@ -69,9 +69,9 @@ fn mesh(clip: &Clip, out: &mut String) {
     let uvs = list(&mesh.uvs, |out, uv| {
         let _ = write!(out, "({}, {})", uv.x as f32, uv.y as f32);
     });
-    let bounds = |shape: &[Vec3]| {
-        let low = shape.iter().copied().reduce(Vec3::min).unwrap_or_default();
-        let high = shape.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    let bounds = |positions: &[Vec3]| {
+        let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
+        let high = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
         vectors(&[low, high])
     };
     let extent = samples(clip, |n| bounds(&Clip::y_up(&clip.motion[n])));

@@ -216,11 +216,11 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
             ));
         }
     }
-    for (k, shape) in motion.iter().enumerate() {
-        check_shape(&format!("motion, frame {}", first_frame + k), shape, count)?;
+    for (k, positions) in motion.iter().enumerate() {
+        check_positions(&format!("motion, frame {}", first_frame + k), positions, count)?;
     }
-    for (k, shape) in truth.vertices.iter().flatten().enumerate() {
-        check_shape(&format!("gt/vertices.npy, frame {}", first_frame + k), shape, count)?;
+    for (k, positions) in truth.vertices.iter().flatten().enumerate() {
+        check_positions(&format!("gt/vertices.npy, frame {}", first_frame + k), positions, count)?;
     }
     for (k, points) in truth.points.iter().flatten().enumerate() {
         let place = format!("gt/points, frame {}", first_frame + k);
@@ -253,9 +253,9 @@ fn check_scale(
     least: usize,
 ) -> Result<()> {
     let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
-    let diagonal = |shape: &Positions| {
-        let low = shape.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-        let high = shape.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let diagonal = |positions: &Positions| {
+        let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         (high - low).length()
     };
     let ratio = diagonal(first) / diagonal(&motion[0]);
@@ -270,14 +270,14 @@ fn check_scale(
     ))
 }
 
-fn check_shape(place: &str, shape: &Positions, count: usize) -> Result<()> {
-    if shape.len() != count {
-        let problem = format!("it has {} vertices, the template has {count}", shape.len());
+fn check_positions(place: &str, positions: &Positions, count: usize) -> Result<()> {
+    if positions.len() != count {
+        let problem = format!("it has {} vertices, the template has {count}", positions.len());
         return Err(Error::input(place, problem, "evaluate a result of the same scene and template"));
     }
-    if let Some(i) = shape.iter().position(|p| !p.is_finite()) {
-        let wrong = shape.iter().filter(|p| !p.is_finite()).count();
-        let problem = format!("{wrong} vertices are not finite, the first is vertex {i}: {}", shape[i]);
+    if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
+        let wrong = positions.iter().filter(|p| !p.is_finite()).count();
+        let problem = format!("{wrong} vertices are not finite, the first is vertex {i}: {}", positions[i]);
         return Err(Error::input(place, problem, "run the reconstruction again; its log names the cause"));
     }
     Ok(())

@@ -34,7 +34,7 @@ pub fn accumulate(
     shader: &Shader,
     points: &[SurfacePoint],
     seed: u32,
-    passes: usize,
+    samples_per_pixel: usize,
     loss: impl Fn(usize, &[[f32; 3]; 2]) -> (f32, [[f32; 3]; 2]) + Sync,
     gradients: &mut Gradients,
 ) {
@@ -52,15 +52,15 @@ pub fn accumulate(
         let mut estimates = [RadianceEstimate::default(), RadianceEstimate::default()];
         for (k, (point, own)) in points.iter().zip(losses).enumerate() {
             let i = part * length + k;
-            let site = shader.site(point);
+            let context = shader.shading_context(point);
             for (k, estimate) in estimates.iter_mut().enumerate() {
-                shader.estimate_at(&site, point, key(seed, i, k as u32), passes, estimate);
+                shader.estimate_at(&context, point, key(seed, i, k as u32), samples_per_pixel, estimate);
             }
             let (value, adjoints) = loss(i, &[estimates[0].colour, estimates[1].colour]);
             *own = value;
             sums.loss += f64::from(value);
             for (estimate, adjoint) in estimates.iter().zip(adjoints) {
-                shader.estimate_vjp(&site, estimate, adjoint, sums);
+                shader.estimate_vjp(&context, estimate, adjoint, sums);
             }
         }
     });

@@ -8,19 +8,19 @@ use crate::camera::Camera;
 use crate::mesh::vertex_normals;
 use crate::raster::{Rasterizer, Rendering, Texture};
 
-/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `shape` [m] for which
+/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `positions` [m] for which
 /// `wanted` says so, with their pixel indices, in the order of rows.
 pub fn visible_points(
     rasterizer: &Rasterizer,
     camera: &Camera,
     geometry: &Geometry,
     frame: usize,
-    shape: &[DVec3],
+    positions: &[DVec3],
     rendering: &mut Rendering,
     mut wanted: impl FnMut(&Rendering, usize) -> bool,
 ) -> Vec<(u32, SurfacePoint)> {
-    rasterizer.render(camera, shape, &Texture::uniform(1, 1, [0.0; 3]), rendering);
-    let normals = vertex_normals(rasterizer.triangles(), shape);
+    rasterizer.render(camera, positions, &Texture::uniform(1, 1, [0.0; 3]), rendering);
+    let normals = vertex_normals(rasterizer.triangles(), positions);
     let first = frame * rasterizer.triangles().len();
     let mut points = Vec::new();
     for (pixel, &t) in rendering.triangle.iter().enumerate() {
@@ -31,9 +31,9 @@ pub fn visible_points(
         let corners = rasterizer.triangles()[t];
         let (column, row) = (pixel % camera.width, pixel / camera.width);
         let ray = camera.ray(DVec2::new(column as f64, row as f64));
-        let weights = barycentrics(corners.map(|v| shape[v as usize]), ray);
+        let weights = barycentrics(corners.map(|v| positions[v as usize]), ray);
         let at = |k: usize| weights[k];
-        let position: DVec3 = (0..3).map(|k| shape[corners[k] as usize] * at(k)).sum();
+        let position: DVec3 = (0..3).map(|k| positions[corners[k] as usize] * at(k)).sum();
         let uvs = rasterizer.triangle_uvs()[t];
         let uv: DVec2 = (0..3).map(|k| rasterizer.uvs()[uvs[k] as usize] * at(k)).sum();
         let patch = first + t;

@@ -180,10 +180,10 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
 pub fn write_metrics(
     folder: &Path,
     scene: &Scene,
-    shapes: &[Positions],
+    positions: &[Positions],
     motion: Option<&Evaluation>,
 ) -> Result<()> {
-    let maps = crate::appearance::evaluate(scene, folder, shapes)?;
+    let maps = crate::appearance::evaluate(scene, folder, positions)?;
     if motion.is_none() && maps.is_none() {
         return Ok(());
     }

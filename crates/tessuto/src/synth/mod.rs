@@ -117,9 +117,9 @@ pub fn make(settings: &Settings) -> Result<Scene> {
     let camera = settings.camera();
     let rasterizer = Rasterizer::new(&mesh);
     let template = Mesh { positions: motion[0].clone(), ..mesh };
-    let (shapes, shading) = (motion.clone(), settings.shading);
+    let (moving, shading) = (motion.clone(), settings.shading);
     let draw = move |rendering: &mut Rendering, n: usize| {
-        view(&rasterizer, &camera, &texture, shading, &shapes[n], rendering)
+        view(&rasterizer, &camera, &texture, shading, &moving[n], rendering)
     };
     let held = motion.len() * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
     let views: Vec<(Option<Frame>, Vec<DVec3>)> = (0..motion.len())
@@ -155,12 +155,12 @@ fn view(
     camera: &Camera,
     texture: &Texture,
     shading: f64,
-    shape: &Positions,
+    positions: &Positions,
     rendering: &mut Rendering,
 ) -> (Frame, Vec<DVec3>) {
     let large = enlarged(camera);
-    rasterizer.render(&large, shape, texture, rendering);
-    let [rgb, mask] = shade::shaded(rasterizer, &large, shape, shading, rendering);
+    rasterizer.render(&large, positions, texture, rendering);
+    let [rgb, mask] = shade::shaded(rasterizer, &large, positions, shading, rendering);
     let frame = Frame { rgb: rgb.downsampled(OVERSAMPLING), mask: mask.downsampled(OVERSAMPLING) };
     (frame, seen_points(&large, rendering))
 }

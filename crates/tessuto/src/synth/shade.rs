@@ -16,11 +16,11 @@ const LIGHT: DVec3 = DVec3::new(-0.45, -0.55, -0.70);
 pub fn shaded(
     rasterizer: &Rasterizer,
     camera: &Camera,
-    shape: &[DVec3],
+    positions: &[DVec3],
     shading: f64,
     rendering: &Rendering,
 ) -> [Image; 2] {
-    let normals = vertex_normals(rasterizer.triangles(), shape);
+    let normals = vertex_normals(rasterizer.triangles(), positions);
     let (width, height) = (rendering.width, rendering.height);
     let mut rgb = Image::new(width, height, 3);
     let mut mask = Image::new(width, height, 1);
@@ -35,7 +35,7 @@ pub fn shaded(
             let light = rendering.covered_near(x, y).map_or(1.0, |(x, y)| {
                 let corners = rasterizer.triangles()[rendering.triangle[y * width + x] as usize];
                 let ray = camera.ray(DVec2::new(x as f64, y as f64));
-                let weights = barycentrics(corners.map(|v| shape[v as usize]), ray);
+                let weights = barycentrics(corners.map(|v| positions[v as usize]), ray);
                 let n: DVec3 = (0..3).map(|k| normals[corners[k] as usize] * weights[k]).sum();
                 n.normalize_or_zero().dot(LIGHT.normalize()).abs()
             });

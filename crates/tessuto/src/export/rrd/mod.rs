@@ -40,7 +40,7 @@ use crate::error::Result;
 pub(super) fn encode(clip: &Clip) -> Result<Vec<u8>> {
     let mut hash = Sha256::new();
     hash.update(format!("{} {:?} {:?} {}", clip.version, clip.mesh, clip.camera, clip.fps));
-    clip.motion.iter().for_each(|shape| hash.update(bytemuck::cast_slice::<_, u8>(shape)));
+    clip.motion.iter().for_each(|positions| hash.update(bytemuck::cast_slice::<_, u8>(positions)));
     let id = format!("{}-{:x}", clip.name, hash.finalize());
     let mut out = Vec::new();
     let mut recording = Recording::begin(&mut out, Path::new(&clip.name), &id, &Subject::of_clip(clip)?)?;

@@ -144,9 +144,9 @@ impl Corners {
         Self { uvs: uv_of.iter().map(place).collect(), vertices, triangles }
     }
 
-    /// Positions [m] of the corners of `shape`.
-    pub fn of(&self, shape: &Positions) -> Vec<[f32; 3]> {
-        self.vertices.iter().map(|v| shape[*v as usize].as_vec3().to_array()).collect()
+    /// Positions [m] of the corners of `positions`.
+    pub fn of(&self, positions: &Positions) -> Vec<[f32; 3]> {
+        self.vertices.iter().map(|v| positions[*v as usize].as_vec3().to_array()).collect()
     }
 }
 

@@ -32,8 +32,8 @@ pub(crate) fn read(
         vertices: keep(vertices(folder, manifest, range, template)),
     };
     let scale = manifest.units.scale();
-    for shape in truth.points.iter_mut().chain(&mut truth.vertices).flatten() {
-        shape.iter_mut().for_each(|p| *p *= scale);
+    for positions in truth.points.iter_mut().chain(&mut truth.vertices).flatten() {
+        positions.iter_mut().for_each(|p| *p *= scale);
     }
     truth
 }
@@ -59,8 +59,8 @@ fn vertices(
     if !path.exists() {
         return Ok(None);
     }
-    let mut shapes = npy::read_shapes(&inside(folder, &path)?)?;
-    let found = [shapes.len(), shapes.first().map_or(0, Vec::len)];
+    let mut frames = npy::read_shapes(&inside(folder, &path)?)?;
+    let found = [frames.len(), frames.first().map_or(0, Vec::len)];
     let expected = [manifest.n_frames, template.map_or(found[1], |t| t.positions.len())];
     if found != expected {
         return Err(Error::input(
@@ -72,5 +72,5 @@ fn vertices(
             "give the position of every template vertex in every frame, or remove the file",
         ));
     }
-    Ok(Some(shapes.drain(range).collect()))
+    Ok(Some(frames.drain(range).collect()))
 }
