@@ -22,10 +22,10 @@ use crate::threads::Threads;
 /// What it writes or changes in the folder.
 const WRITTEN: [&str; 5] = ["material", "rerendered", "metrics.json", "log.json", "report.html"];
 
-/// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
+/// Estimate material maps and environment map of a scene whose motion is known, and re-render its frames.
 #[derive(Args)]
 #[command(after_help = "\
-Writes into RESULT: material/ (maps, light, and a note that tells their conventions) and rerendered/ (frames,
+Writes into RESULT: material/ (maps, environment map, and a note on their conventions) and rerendered/ (frames,
 differences from the video, psnr.csv).
 
 Examples:
@@ -37,7 +37,7 @@ pub struct Arguments {
     scene: PathBuf,
     /// Result folder of `tessuto reconstruct` for this scene; with --motion gt, any folder.
     result: PathBuf,
-    /// Whose motion: the result's, or the scene's true vertices.
+    /// Which motion: the result's, or the scene's true vertices.
     #[arg(long, value_enum, default_value_t = Motion::Result)]
     motion: Motion,
     /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
@@ -45,7 +45,7 @@ pub struct Arguments {
     set: Vec<String>,
     #[command(flatten)]
     threads: Threads,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     #[arg(long)]
     seed: Option<u64>,
 }
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if saved.is_none() && arguments.motion == Motion::Result {
         return Err(Error::input(
             folder.display().to_string(),
-            "there is no config.json, so this is no result of a reconstruction",
+            "there is no config.json, so this is not the result of a reconstruction",
             "give the folder that `tessuto reconstruct` wrote, or --motion gt",
         )
         .into());

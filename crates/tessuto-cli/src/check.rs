@@ -11,13 +11,13 @@ use tessuto::text::quoted;
 
 use crate::say::{self, say};
 
-/// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
+/// Check a scene before computing on it: a table of findings, exit status 3 if one is an error.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene folder (holds scene.json, template.obj, rgbs/, masks/).
     scene: PathBuf,
     /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges (cyan),
-    /// to this PNG file. An earlier such picture is replaced, nothing else is.
+    /// to this PNG file. An earlier such image is replaced, nothing else is.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 }

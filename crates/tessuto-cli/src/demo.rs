@@ -11,7 +11,7 @@ use crate::reconstruct::Extras;
 use crate::say::say;
 use crate::threads::Threads;
 
-/// See it work: make a small scene, recover its motion from the pictures alone, compare with the truth.
+/// See it work: make a small scene, recover its motion from the video alone, compare with the truth.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:

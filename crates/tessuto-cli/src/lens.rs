@@ -46,7 +46,7 @@ impl Lens {
     /// The calibration asked for.
     ///
     /// # Errors
-    /// [`Error::Usage`] if there is none, or if its values cannot be; [`Error::Input`] of its file.
+    /// [`Error::Usage`] if there is none, or if its values are impossible; [`Error::Input`] of its file.
     pub fn calibration(&self) -> tessuto::Result<Calibration> {
         if let Some(path) = &self.camera {
             return read_calibration(path, self.camera_id);

@@ -1,6 +1,6 @@
 //! The page of a running reconstruction, served to browsers on this machine alone.
 //!
-//! A handful of GET requests need no HTTP library: `/` is the page, `/state` the news as JSON. The reconstruction only
+//! A handful of GET requests need no HTTP library: `/` is the page, `/state` its latest state as JSON. The reconstruction only
 //! leaves copies of its state here; making JSON of them is the server's work.
 
 use std::io::{Read, Write};
@@ -99,7 +99,7 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 }
 
 impl Live {
-    /// Takes note of a finished step; the motion is copied now and then only, and at the end of a stage.
+    /// Records a finished step; the motion is copied now and then only, and at the end of a stage.
     pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) {
         let due = self.last_motion.is_none_or(|t| t.elapsed() > BETWEEN_MOTIONS) || epoch.step == epoch.of;
         let copy = (due && !motion.is_empty()).then(|| Arc::new(motion.to_vec()));
@@ -150,7 +150,7 @@ fn serve(mut stream: TcpStream, port: u16, shared: &Mutex<Shared>) {
          Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n",
         body.len()
     );
-    // A client that has gone away is no fault.
+    // A client that has gone away is not a fault.
     let sent = stream.write_all(header.as_bytes()).and_then(|()| stream.write_all(body.as_bytes()));
     let mut shared = lock(shared);
     if sent.is_ok() && shared.end == Some(End::Finished) && Arc::ptr_eq(&shared.page, &body) {

@@ -1,4 +1,4 @@
-//! What is shown while a reconstruction runs.
+//! Progress of a running reconstruction.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -49,7 +49,7 @@ pub struct Arguments {
     frames: Option<std::ops::Range<usize>>,
     #[command(flatten)]
     threads: Threads,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     #[arg(long)]
     seed: Option<u64>,
     /// Motion only; material and light are not estimated.
@@ -58,19 +58,19 @@ pub struct Arguments {
     /// Replace an earlier result that nobody changed since.
     #[arg(long)]
     force: bool,
-    /// Go on where an interrupted run of the same command was. The result is the same, byte for byte.
+    /// Resume an interrupted run of the same command. The result is the same, byte for byte.
     #[arg(long)]
     resume: bool,
     /// Seconds between checkpoints, which are kept beside the result folder until it is finished.
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = parse_seconds)]
     checkpoint: f64,
-    /// Show the work in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
+    /// Show the run in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     live: Option<u16>,
-    /// Write a recording for the viewer of rerun while the work goes on.
+    /// Write a recording for the rerun viewer while the run goes on.
     ///
     /// It holds the video, the camera, the losses of every step and the recovered motion; it can be opened at any time.
-    /// A recording of tessuto that is there already is replaced, nothing else is. The result is the same with and
+    /// An earlier recording by tessuto is replaced, nothing else is. The result is the same with and
     /// without.
     #[arg(long, value_name = "FILE.rrd")]
     rerun: Option<PathBuf>,
@@ -87,7 +87,7 @@ pub struct Extras {
     pub rerun: Option<PathBuf>,
     /// Replace an earlier result.
     pub force: bool,
-    /// Go on from checkpoints.
+    /// Resume from checkpoints.
     pub resume: bool,
     /// Least time between checkpoints; none are written without.
     pub checkpoint: Option<Duration>,
@@ -210,7 +210,7 @@ pub fn reconstruct_into(
         let rows = add_appearance(output.partial(), scene, motion, &run.settings, session);
         progress.borrow_mut().finish();
         match rows {
-            // Nothing is lost: it goes on from the checkpoint.
+            // Nothing is lost: it resumes from the checkpoint.
             Err(error @ Error::Interrupted(_)) if checkpoints.is_some() => {
                 say_how_to_go_on(&error, &command, &extras);
                 return Err(error.into());
@@ -259,7 +259,7 @@ pub fn reconstruct_into(
     }
 }
 
-/// Lets `session` keep its states in `folder`, and go on from those that are there if that is asked for.
+/// Lets `session` keep its states in `folder`, and resume from those that are there if that is asked for.
 fn keep_checkpoints(
     session: &mut Session,
     scene: &Scene,
@@ -281,7 +281,7 @@ fn keep_checkpoints(
             aside!("no checkpoint in {}: starting from the beginning", folder.display())
         }
         None if folder.exists() => {
-            aside!("note: {} of an earlier run is replaced; --resume would go on from it", folder.display());
+            aside!("note: {} of an earlier run is replaced; --resume would continue it", folder.display());
             open().remove()?;
         }
         None => {}

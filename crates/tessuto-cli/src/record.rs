@@ -1,4 +1,4 @@
-//! `--rerun`: a recording for the viewer of rerun, written while a reconstruction runs.
+//! `--rerun`: a recording for the rerun viewer, written while a reconstruction runs.
 
 use std::fs::{File, OpenOptions};
 use std::io::Read;
@@ -61,7 +61,7 @@ impl Recorder {
         Ok(Self { recording: Some(recording), failure: None })
     }
 
-    /// Takes note of a finished step.
+    /// Records a finished step.
     pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) {
         self.attempt(|recording| recording.step(epoch, motion));
     }

@@ -19,10 +19,10 @@ use crate::threads::Threads;
 /// Fraction of the light samples that are drawn uniformly over the sphere.
 const UNIFORM_FRACTION: f64 = 0.05;
 
-/// Draw a recovered fabric from another place, under another light, plain or by depth.
+/// Render a recovered fabric from another viewpoint, under another environment map, plain or as depth.
 #[derive(Args)]
 #[command(after_help = "\
-Writes one picture per frame, named by its number (frame_000.png …), and, where the program ffmpeg is installed
+Writes one image per frame, named by its number (frame_000.png …), and, where the program ffmpeg is installed
 (or named by TESSUTO_FFMPEG), video.mp4.
 
 Examples:
@@ -33,14 +33,14 @@ Examples:
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
-    /// `original`, or LEFT[,UP]: degrees about the middle of the fabric, as near as it fits.
+    /// `original`, or LEFT[,UP]: degrees around the centre of the fabric, at the distance where it fills the image.
     #[arg(long, default_value = "45", value_name = "VIEW", value_parser = parse_view, allow_hyphen_values = true)]
     camera: View,
-    /// Light: a lat-long render_frame, .exr or .hdr, its middle where the recording camera looked [default: the
+    /// Environment map: lat-long image, .exr or .hdr, its centre in the direction of the recording camera [default: the
     /// recovered one].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
-    /// Size of the pictures [px] [default: that of the video].
+    /// Size of the images [px] [default: that of the video].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[usize; 2]>,
     /// What to draw [default: material where it was estimated, else texture].
@@ -64,9 +64,9 @@ pub struct Arguments {
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Look {
-    /// The estimated material under a light.
+    /// The estimated material under an environment map.
     Material,
-    /// The print as seen in the first frame.
+    /// The texture as seen in the first frame.
     Texture,
     /// Plain grey, lit from the camera.
     Shaded,

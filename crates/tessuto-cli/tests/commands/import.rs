@@ -108,7 +108,7 @@ fn pictures_become_a_checked_scene() {
     }
     // What is there is not replaced unasked, and what does not belong to a scene not at all.
     let before = contents(&recording.path("scène 1"));
-    recording.refused(3, "frames été", &with(&[]), &["there already", "--force"]);
+    recording.refused(3, "frames été", &with(&[]), &["already exists", "--force"]);
     assert_eq!(contents(&recording.path("scène 1")), before);
     let (_, scene) =
         recording.imported("frames été", &with(&["--force", "--frames", "1..4", "--stride", "2"]));

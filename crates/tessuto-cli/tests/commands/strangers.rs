@@ -135,7 +135,7 @@ fn a_folder_with_names_like_ours_is_not_ours() {
 fn a_finished_result_is_replaced_on_demand_and_only_if_it_is_all_ours() {
     let home = home();
     let at = |name: &str| home.path().join(name);
-    refused(home.path(), &reconstruct("result", &[]), &["a finished result is there already", "--force"]);
+    refused(home.path(), &reconstruct("result", &[]), &["a finished result already exists", "--force"]);
     // F2: additions and changes of the user's, at any depth.
     for name in ["notes.txt", "blends/shot010.blend", "pictures/observed/mine.png", "export/scene.fbx"] {
         put(&at("result").join(name), "mine");
@@ -207,7 +207,7 @@ fn folders_that_cannot_be_renamed_are_filled() {
     let before = number(&work);
     succeed(&work, &run(&[]));
     succeed(&work, &["verify", "."]);
-    refused(&work, &run(&[]), &["a finished result is there already"]);
+    refused(&work, &run(&[]), &["a finished result already exists"]);
     succeed(&work, &run(&["--force", "--frames", "0..2"]));
     succeed(&work, &["verify", "."]);
     #[cfg(unix)]
@@ -320,7 +320,7 @@ fn scenes_are_replaced_only_if_they_are_all_ours() {
     let at = |name: &str| home.path().join(name);
     let synth = ["synth", "scene", "--frames", "2", "--size", "64", "--grid", "5x5"];
     let forced = [&synth[..], &["--force"]].concat();
-    refused(home.path(), &synth, &["a finished scene is there already", "--force"]);
+    refused(home.path(), &synth, &["a finished scene already exists", "--force"]);
     put(&at("scene/gt/notes.txt"), "mine");
     refused(home.path(), &forced, &["scene/gt/notes.txt", "would be lost"]);
     std::fs::remove_file(at("scene/gt/notes.txt")).unwrap();

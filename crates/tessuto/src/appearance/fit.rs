@@ -22,7 +22,7 @@ use crate::session::{Epoch, Session, foreign_state};
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
 
-/// What [`fit`] goes on from.
+/// What [`fit`] resumes from.
 #[derive(Serialize, Deserialize)]
 struct State {
     steps: usize,

@@ -1,4 +1,4 @@
-//! How good maps are for what they are made for: the cloth under another light, against the true maps under it.
+//! How good maps are for their purpose: the cloth relit with them, against the same with the true maps.
 
 use std::path::Path;
 

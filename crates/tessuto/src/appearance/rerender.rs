@@ -1,4 +1,4 @@
-//! The frames as the estimate explains them.
+//! Frames re-rendered from the estimate.
 
 use crate::error::Result;
 use crate::image::Image;

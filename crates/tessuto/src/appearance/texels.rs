@@ -20,7 +20,7 @@ pub(super) trait Maps {
     /// The maps, one plane per channel, shape [[`CHANNELS`], size, size], within their limits.
     fn maps(&mut self) -> Vec<f32>;
 
-    /// What [`restore`](Self::restore) goes on from.
+    /// What [`restore`](Self::restore) resumes from.
     fn save(&self) -> MapState;
 
     /// Takes back what [`save`](Self::save) gave.

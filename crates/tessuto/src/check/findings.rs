@@ -1,4 +1,4 @@
-//! The figures of a check, one function a topic.
+//! The measurements of a check, one function per topic.
 
 use sha2::{Digest, Sha256};
 

@@ -1,4 +1,4 @@
-//! The picture of a check: what the program believes, drawn over what was filmed.
+//! The image of a check: masks and template drawn over the frames.
 
 use glam::DVec2;
 
@@ -52,7 +52,7 @@ fn outlined(frame: &Frame) -> Image {
     let fabric = |x: usize, y: usize| frame.mask.pixel(x, y)[0] >= 0.5;
     for y in 0..h {
         for x in 0..w {
-            // Fabric with a neighbour that is none.
+            // Fabric with a neighbour that is not fabric.
             let border =
                 |dx: usize, dy: usize| x + dx < w && y + dy < h && fabric(x, y) != fabric(x + dx, y + dy);
             if border(1, 0) || border(0, 1) {

@@ -1,4 +1,4 @@
-//! Overlapping tiles to one picture.
+//! Overlapping tiles blended into one image.
 
 use rayon::prelude::*;
 

@@ -154,7 +154,7 @@ impl Decoder {
     }
 }
 
-/// What [`Decoder::set_state`] goes on from.
+/// What [`Decoder::set_state`] resumes from.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct DecoderState {
     weights: Vec<f32>,

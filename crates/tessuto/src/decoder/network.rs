@@ -1,4 +1,4 @@
-//! The layers: from latent pictures and weights to tiles, and the gradient back, by the crate `burn`.
+//! The layers: from latent images and weights to tiles, and the gradient back, by the crate `burn`.
 
 use burn::tensor::activation::{leaky_relu, sigmoid};
 use burn::tensor::module::{conv_transpose2d, conv2d};

@@ -85,7 +85,7 @@ impl Output {
 /// [manifest](manifest::record_or_begin).
 ///
 /// # Errors
-/// [`Error::Input`] if one of the files is there already, unless `force` is set and a manifest lists it as it is;
+/// [`Error::Input`] if one of the files already exists, unless `force` is set and a manifest lists it as it is;
 /// nothing is written then.
 /// [`Error::Output`].
 pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Result<Vec<PathBuf>> {

@@ -1,4 +1,4 @@
-//! What is known of the camera before the size of the pictures is: from options or a calibration file.
+//! What is known of the camera before the size of the frames is: from options or a calibration file.
 
 use super::lens::Distortion;
 use crate::camera::Camera;

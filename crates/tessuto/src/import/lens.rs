@@ -1,4 +1,4 @@
-//! A real lens: pinhole and Brown-Conrady distortion, and pictures freed of it.
+//! Lens distortion after Brown and Conrady, and its removal from images.
 
 use glam::DVec2;
 use rayon::prelude::*;

@@ -1,5 +1,5 @@
-//! A scene folder from what people have: a video or a folder of pictures, masks from a segmenter, a camera from
-//! anywhere. What is written is what the rest of the program reads: a pinhole camera, numbered frames and masks.
+//! Makes a scene folder from a video or a folder of images, masks from a segmenter, and a camera of any of several
+//! formats. What is written is what the rest of the program reads: a pinhole camera, numbered frames and masks.
 
 mod calibration;
 mod calibration_file;
@@ -52,11 +52,11 @@ pub struct Settings {
     pub fps: Option<f64>,
     /// Only these frames of the input, counted from 0.
     pub frames: Option<Range<usize>>,
-    /// Every so-manyth of them.
+    /// Use every N-th of them.
     pub stride: usize,
     /// Pixels of the input, in each direction, that become one.
     pub downscale: usize,
-    /// Take numbered pictures with gaps for evenly spaced in time.
+    /// Treat numbered images with gaps as evenly spaced in time.
     pub allow_gaps: bool,
     /// The fabric in the first frame, in camera coordinates: OBJ, PLY or glTF.
     pub template: Option<PathBuf>,
@@ -124,14 +124,14 @@ fn validate(settings: &Settings) -> Result<()> {
         (1..=64).contains(&settings.downscale),
         "--downscale",
         settings.downscale.to_string(),
-        "give a whole number from 1 to 64: so many pixels become one in each direction",
+        "give a whole number from 1 to 64, the factor by which frames shrink",
     )?;
     if let Some(fps) = settings.fps {
         demand(fps > 0.0 && fps <= 100_000.0, "--fps", fps.to_string(), "give frames per second, above 0")?;
     }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(
-            format!("--alpha with {}, which is no folder", settings.input.display()),
+            format!("--alpha with {}, which is not a folder", settings.input.display()),
             "transparency is read from PNG pictures: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
         ));
     }

@@ -1,4 +1,4 @@
-//! From a decoded picture to a file of the scene: straightened, made smaller, compressed.
+//! From a decoded image to a file of the scene: undistorted, downscaled, compressed.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! What vertices have of the faces around them: normals and texture coordinates.
+//! Per-vertex attributes from the faces: normals and texture coordinates.
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,4 @@
-//! How the faces of a mesh hang together.
+//! Connectivity of a mesh: edges and their faces, borders, pieces.
 
 use std::collections::{BTreeMap, HashMap};
 

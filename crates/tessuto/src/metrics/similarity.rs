@@ -1,4 +1,4 @@
-//! How alike two pictures are: PSNR, SSIM and correlation.
+//! Image similarity: PSNR, SSIM and correlation.
 
 use crate::image::{Image, srgb};
 
@@ -45,7 +45,7 @@ pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
         bb += db * db;
         ab += da * db;
     }
-    // A quarter of a grey level of 8 bits: less is no variation of a picture.
+    // A quarter of a grey level of 8 bits: less is not variation of an image.
     let constant = |sum: f64| (sum / count).sqrt() < 1e-3;
     (!a.is_empty() && !constant(aa) && !constant(bb)).then(|| ab / (aa * bb).sqrt())
 }

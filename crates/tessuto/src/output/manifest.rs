@@ -254,7 +254,7 @@ pub(super) fn check_replaceable(folder: &Path, kind: FolderKind, replace: bool, 
             "choose another folder, or move it away",
         ),
         Some(_) if !replace => fail(
-            format!("a finished {} is there already, and would be replaced", kind.name()),
+            format!("a finished {} already exists and would be replaced", kind.name()),
             "add --force to replace it, or choose another folder",
         ),
         // Without a manifest only what a run left while it worked can be there.
@@ -281,7 +281,7 @@ pub fn check_parts(paths: &[impl AsRef<Path>], replace: bool) -> Result<()> {
     }
     Err(Error::input(
         there.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
-        "is there already, and would be replaced",
+        "already exists and would be replaced",
         "add --force to replace it, or choose another place",
     ))
 }

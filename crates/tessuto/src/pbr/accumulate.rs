@@ -1,4 +1,4 @@
-//! Many points at once: colours to a loss, its derivatives back to maps and light.
+//! Many points at once: from colours to a loss, and its derivatives back to material and environment map.
 
 use rayon::prelude::*;
 

@@ -1,4 +1,4 @@
-//! How the cloth scatters light: a diffuse base and a microfacet layer, with draws and derivatives.
+//! The BRDF of the cloth: a diffuse base and a microfacet layer, with sampling and derivatives.
 //!
 //! f = T_D (1 − T_M)/π + D·G·F/(4 (n·o)(n·i)), with o to the viewer, i to the light, h between them:
 //! D is GGX with α = T_R², G Smith's for correlated heights, F = F0 + (1 − F0)(1 − o·h)⁵ and
@@ -6,7 +6,7 @@
 //!
 //! Sources: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Heitz 2014,
 //! "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs"; Schlick 1994, "An Inexpensive
-//! BRDF Model for Physically-based Rendering"; draws: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals
+//! BRDF Model for Physically-based Rendering"; sampling: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals
 //! with Spherical Caps".
 //!
 //! Vectors are in the frame of the shading normal (0, 0, 1) and point away from the surface.
@@ -15,7 +15,7 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use wide::f32x8;
 
-/// Share of either lobe in the draws, at least: without it a lobe that is small now could not be found again.
+/// Least probability of sampling either lobe: without it a lobe that is small now could not be found again.
 const LEAST_SHARE: f32 = 0.15;
 
 /// The material at one point and what it takes to evaluate it for one viewer.

@@ -1,4 +1,4 @@
-//! Tree of a shape's triangles: which of eight rays from one point are blocked.
+//! Bounding volume hierarchy of the triangles of one frame: which of eight rays from one point are blocked.
 
 use glam::{DVec3, Vec3};
 use wide::f32x8;

@@ -1,8 +1,8 @@
-//! Noise of pictures: what falls onto the cloth varies slowly along it, so neighbouring pixels share their samples.
+//! Denoising: irradiance varies slowly along the cloth, so neighbouring pixels share their samples.
 //!
 //! Light is averaged before it meets the material: colour = diffuse · E + F0 · S + R, with E the irradiance over π and
 //! S, R what the microfacets send on. E, S and R are averaged over pixels of one surface that face the same way (a
-//! cross bilateral filter), each pixel then takes its own texel. So the print stays as sharp as it is; the price is
+//! cross bilateral filter), each pixel then takes its own texel. So the texture stays as sharp as it is; the price is
 //! that edges of shadows are softened over a few pixels. With radius 0 nothing is averaged.
 
 use glam::Vec3;

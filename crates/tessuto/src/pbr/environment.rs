@@ -1,4 +1,4 @@
-//! Light from all around, as a picture.
+//! Environment map: radiance from every direction.
 
 use std::f64::consts::PI;
 

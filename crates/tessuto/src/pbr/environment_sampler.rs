@@ -1,4 +1,4 @@
-//! Directions drawn from an environment in proportion to its power.
+//! Importance sampling of an environment map: directions in proportion to its power.
 
 use std::f64::consts::PI;
 

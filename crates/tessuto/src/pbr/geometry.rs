@@ -1,4 +1,4 @@
-//! The moving cloth as rays see it.
+//! The moving cloth, prepared for visibility tests.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;

@@ -3,7 +3,7 @@
 //!
 //! The motion is fixed, so everything that depends on geometry alone is made once: [`Geometry`] (per frame a
 //! tree of triangles, per triangle a horizon that the cloth does not rise above) and [`SurfacePoint`]s (what a pixel
-//! sees). [`Shader`] then estimates the light that leaves a point: in bundles of eight directions from
+//! sees). [`Shader`] then estimates the radiance of a point towards the camera: in bundles of eight directions from
 //! the [`EnvironmentSampler`] and eight from the [`brdf`], combined by the balance heuristic. Each direction is shadowed by
 //! the cloth itself. Directions and their densities are constants to the derivative. [`mod@reference`] is
 //! the same quantity, written plainly.

@@ -1,4 +1,4 @@
-//! The light that leaves a point, written plainly: directions spread evenly over the hemisphere, every triangle
+//! Outgoing radiance of a point, written plainly: directions spread evenly over the hemisphere, every triangle
 //! tested, formulas in f64.
 
 use std::f64::consts::{PI, TAU};

@@ -1,4 +1,4 @@
-//! The hot path: light that leaves one point towards the camera, estimated in bundles of eight directions.
+//! The hot path: radiance from one point towards the camera, estimated in bundles of eight directions.
 
 use glam::Vec3;
 use wide::{f32x8, u32x8};
@@ -39,7 +39,7 @@ struct Record {
     gains: [f32x8; 3],
 }
 
-/// Light that leaves a point, and what its derivatives need. With these sums over all directions, W_c being
+/// Outgoing radiance of a point, and what its derivatives need. With these sums over all directions, W_c being
 /// radiance · visibility · cosine / density, the colour is
 /// diffuse_c/π Σ W_c + F0_c Σ W_c dg (1 − s) + Σ W_c dg s.
 #[derive(Debug, Clone, Default)]
@@ -87,7 +87,7 @@ impl Shader<'_> {
         }
     }
 
-    /// Estimates the light that leaves `point` with `samples_per_pixel` samples, rounded up to a multiple of [`LANES`].
+    /// Estimates the outgoing radiance of `point` with `samples_per_pixel` samples, rounded up to a multiple of [`LANES`].
     /// Random numbers are those of `key` and of nothing else.
     pub fn estimate(
         &self,

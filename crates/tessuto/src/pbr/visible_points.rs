@@ -1,4 +1,4 @@
-//! What the pixels see: points on the cloth.
+//! Primary hits: the points of the cloth that pixels see.
 
 use glam::{DVec2, DVec3};
 

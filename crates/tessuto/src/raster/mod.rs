@@ -1,9 +1,9 @@
-//! Differentiable rasteriser: textured triangle mesh → picture with coverage and depth, and back.
+//! Differentiable rasteriser: textured triangle mesh → image with coverage and depth, and back.
 //!
 //! [`Rasterizer::render`] goes through the steps of the files here, in this order: `projected`
 //! (planes of each triangle), `bins` (bands of rows), `visibility` (z-buffer), `shade`
 //! (texture), `silhouette` (antialiasing). [`Rasterizer::render_vjp`] goes back. [`mod@reference`]
-//! is the same picture, written plainly.
+//! is the same image, written plainly.
 //!
 //! Geometry is computed in f64, colours in f32. Results are the same, bit for bit, for any number of
 //! threads.

@@ -6,7 +6,7 @@ use super::projected::{Projected, Rays};
 use crate::camera::Rect;
 use crate::image::Image;
 
-/// Picture of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used
+/// Image of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used
 /// again by the next rendering into it.
 #[derive(Debug, Clone, Default)]
 pub struct Rendering {

@@ -54,7 +54,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<HistoryRow>> {
         let cells: Vec<&str> = line.split(',').collect();
         let count = |k: usize| cells.get(k).and_then(|c| c.parse().ok());
         let (Some(step), Some(active_frames)) = (count(1), count(2)) else {
-            return Err(fail(n + 1, format!("“{line}” is no step")));
+            return Err(fail(n + 1, format!("“{line}” is not a step")));
         };
         let mut row = HistoryRow { stage: cells[0].to_owned(), step, active_frames, ..HistoryRow::default() };
         for (name, cell) in columns.iter().zip(&cells[3..]).filter(|(_, cell)| !cell.is_empty()) {

@@ -240,7 +240,7 @@ fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
         |problem: String| Error::input(path.display().to_string(), problem, "run `tessuto appearance` again");
     let text = io::read_text(path)?;
     let value = |line: &str| line.split(',').nth(1).and_then(|v| v.parse().ok());
-    let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is no frame and its PSNR")));
+    let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is not a frame number and its PSNR")));
     text.lines().skip(1).map(read).collect::<Result<_>>().map(Some)
 }
 

@@ -1,4 +1,4 @@
-//! Files that a computation goes on from: written atomically, versioned, checksummed, the last two kept.
+//! Checkpoint files: written atomically, versioned, checksummed, the last two kept.
 //!
 //! A file is one line of JSON, which says what follows, and then the parts one after another, each MessagePack.
 
@@ -85,7 +85,7 @@ impl Checkpoints {
         files
     }
 
-    /// The newest one that is whole; `complain` hears of those that are not. `None` if there is none.
+    /// The newest one that is whole; `complain` is called for those that are not. `None` if there is none.
     ///
     /// # Errors
     /// [`Error::Input`] if it belongs to another computation, or to another version of this program.

@@ -1,4 +1,4 @@
-//! One step of a computation, as its caller hears of it.
+//! One step of a computation, as reported to its observer.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};

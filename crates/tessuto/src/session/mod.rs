@@ -1,4 +1,4 @@
-//! A long computation's surroundings: who hears of its steps, and where it goes on after it was stopped.
+//! What a long computation talks to: an observer of its steps, checkpoints, and resuming from them.
 //!
 //! A stage asks [`Session::restore`] for the state that an interrupted run left, goes on from there or starts, and
 //! tells every finished step with its present state. The state is written now and then, and when the caller asks to
@@ -24,7 +24,7 @@ use crate::mesh::Positions;
 /// Name of the part of a checkpoint that holds the steps so far.
 const HISTORY: &str = "history";
 
-/// Hears of a step and the motion so far.
+/// Observer of steps: called with each step and the motion so far.
 type Observer<'a> = dyn FnMut(&Epoch, &[Positions]) -> Result<()> + 'a;
 
 /// See the module.
@@ -55,7 +55,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Keeps states in `checkpoints` from now on, and goes on from `found`.
+    /// Saves states to `checkpoints` from now on, and resumes from `found`.
     ///
     /// # Errors
     /// [`Error::Input`] if the history in `found` cannot be read.
@@ -89,7 +89,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Tells of a finished step. `state` is what the stage named in `epoch` goes on from, `None` where it could not.
+    /// Reports a finished step. `state` is what the stage named in `epoch` resumes from, `None` where it could not.
     ///
     /// # Errors
     /// What the observer returned; [`Error::Output`] if a checkpoint cannot be written.

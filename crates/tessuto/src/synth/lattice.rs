@@ -1,4 +1,4 @@
-//! The meshes of made-up cloth.
+//! The meshes of synthetic cloth.
 
 use glam::{DVec2, DVec3};
 

@@ -1,4 +1,4 @@
-//! Scenes made from scratch: a printed cloth in a gust of wind, simulated, rendered and written as a scene
+//! Synthetic scenes: a textured cloth in a gust of wind, simulated, rendered and written as a scene
 //! folder with complete truth.
 
 pub mod gust;
@@ -34,7 +34,7 @@ pub struct Settings {
     pub frames: usize,
     /// Frames per second.
     pub fps: f64,
-    /// Width and height of the pictures [px].
+    /// Width and height of the images [px].
     pub size: usize,
     /// Columns and rows of vertices.
     pub grid: [usize; 2],
@@ -50,7 +50,7 @@ pub struct Settings {
     pub shear: f64,
     /// How much darker the cloth is where it turns away from the light, in [0, 1].
     pub shading: f64,
-    /// Seed of print, wind and mesh.
+    /// Seed of texture, wind and mesh.
     pub seed: u64,
 }
 

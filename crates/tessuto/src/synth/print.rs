@@ -1,4 +1,4 @@
-//! A colourful print with features at many scales: noise in two colours under motifs from large to small.
+//! A colourful texture with features at many scales: noise in two colours under motifs from large to small.
 
 use std::f64::consts::TAU;
 

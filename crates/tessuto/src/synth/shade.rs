@@ -1,4 +1,4 @@
-//! Soft shading of a rendered cloth, so that folds show as they do on a photograph.
+//! Soft shading of a rendered cloth, so that folds show as in a photograph.
 
 use glam::{DVec2, DVec3};
 

@@ -40,7 +40,7 @@ pub fn locate(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> Result<Corne
     let turn =
         |k: usize| (p_pixel[(k + 1) % 4] - p_pixel[k]).perp_dot(p_pixel[(k + 2) % 4] - p_pixel[(k + 1) % 4]);
     let side = (0..4).map(|k| p_pixel[k].distance(p_pixel[(k + 1) % 4])).sum::<f64>() / 4.0;
-    // A tenth of a square pixel is no corner but a line.
+    // A tenth of a square pixel is a line, not a corner.
     if !(0..4).all(|k| turn(k) > 0.1) {
         return Err(Error::usage(
             format!(

@@ -78,7 +78,7 @@ pub struct Remeshed {
 pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) -> Result<Remeshed> {
     let border = border(mesh, place)?;
     let vertex_uvs = if has_uv { vertex_uvs(mesh, SEAM) } else { None };
-    // A chart that folds back over itself is no map of the sheet.
+    // A chart that folds back over itself is not a map of the sheet.
     let chart = vertex_uvs.filter(|uvs| one_sided(mesh, uvs));
     let area = |uvs: &[DVec2]| {
         mesh.triangles().iter().map(|t| doubled_area(t.map(|v| uvs[v as usize])).abs() / 2.0).sum::<f64>()
@@ -203,7 +203,7 @@ fn over_border(mesh: &Mesh, ring: &[u32], chart: Option<&[DVec2]>) -> Vec<DVec2>
 
 /// Indices of the upper left, upper right, lower right and lower left corner of an outline, y down.
 fn corners_of(outline: &[DVec2]) -> [usize; 4] {
-    // The search is cubic; every so-manyth point of a long outline is near enough to find the right neighbourhood.
+    // The search is cubic; every n-th point of a long outline is near enough to find the right neighbourhood.
     let step = outline.len().div_ceil(160);
     let coarse: Vec<usize> = (0..outline.len()).step_by(step).collect();
     let mut corners =

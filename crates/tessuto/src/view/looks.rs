@@ -1,4 +1,4 @@
-//! Ways to draw a frame that need no material: its print, its shape, its depth.
+//! Ways to draw a frame that need no material: texture, plain shading, depth.
 
 use glam::DVec3;
 

@@ -1,4 +1,4 @@
-//! Cameras that move about the fabric.
+//! Cameras around the fabric.
 
 use glam::{DMat3, DVec3};
 

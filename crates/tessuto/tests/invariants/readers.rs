@@ -33,7 +33,7 @@ pub const READERS: [(&str, Reader); 13] = [
     ("config", config),
 ];
 
-/// What `reader` makes of `bytes`; panics if its error is none that a user could act on.
+/// What `reader` makes of `bytes`; panics if a user could not act on its error.
 pub fn read(reader: Reader, bytes: &[u8]) {
     let Err(error) = reader(bytes) else { return };
     let text = error.to_string();

@@ -38,7 +38,7 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// Takes note of `chunk`. `bytes`: offset and length of its message's body, length of the Arrow data.
+    /// Records `chunk`. `bytes`: offset and length of its message's body, length of the Arrow data.
     pub fn add(&mut self, chunk: &Chunk, id: Id, bytes: [u64; 3]) {
         for times in &chunk.times {
             let index = [("rerun:kind", "index"), ("rerun:index_name", times.name())];

@@ -101,7 +101,7 @@ impl<W: Write> Recording<W> {
         Ok(recording)
     }
 
-    /// Takes note of a finished step, and a few times in each stage of the last frame of the motion so far, which may be
+    /// Records a finished step, and a few times in each stage of the last frame of the motion so far, which may be
     /// empty.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! What a scene folder says of its first frame, template or not: enough to make a template from.
+//! The first frame of a scene folder, with or without a template: enough to make one from.
 
 use std::path::{Path, PathBuf};
 

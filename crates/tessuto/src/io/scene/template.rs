@@ -59,7 +59,7 @@ pub(crate) fn read(
     Some(mesh)
 }
 
-/// What to type to mend the template of `folder`.
+/// The command that repairs the template of `folder`.
 pub(crate) fn command(folder: &Path, options: &str) -> String {
     format!("tessuto template {} {options}", quoted(folder))
 }
