@@ -22,7 +22,7 @@ pub struct Arguments {
     picture: Option<PathBuf>,
 }
 
-/// Runs the command: prints the table, writes the picture if asked, fails if there are errors.
+/// Runs the command: prints the table, writes the image if asked, fails if there are errors.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     check(&arguments.scene, arguments.picture.as_deref())
 }
@@ -33,7 +33,7 @@ pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
         return Err(Error::input(
             path.display().to_string(),
             "was not written by `tessuto check`, and would be lost",
-            "choose another file for the picture",
+            "choose another file for the image",
         )
         .into());
     }

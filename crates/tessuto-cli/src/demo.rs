@@ -44,7 +44,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     crate::synth::synth_into(&scene, &settings, true)?;
     say!("2. check of the scene");
     crate::check::check(&scene, None)?;
-    say!("3. reconstruction from the pictures and the first frame's shape");
+    say!("3. reconstruction from the images and the first frame's shape");
     let config = Config::preset(Preset::Default);
     let evaluation = crate::reconstruct::reconstruct_into(
         &scene,
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     say!("scene:    {}", scene.display());
     say!("result:   {}", result.display());
     say!("report:   {}", result.join("report.html").display());
-    say!("pictures: {}", result.join("pictures/contact_sheet.png").display());
+    say!("images: {}", result.join("pictures/contact_sheet.png").display());
     Ok(())
 }
 

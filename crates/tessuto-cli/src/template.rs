@@ -32,7 +32,7 @@ Examples:
   tessuto template first.png --mask mask.png --fov 63 --flat 70x50cm --from-mask --out towel.obj
 
 The size is width along the upper side times height, as measured on the fabric laid flat. Corners are clockwise from
-the upper left, as seen in the picture. tessuto check SCENE --picture check.png shows the template on the first frame.")]
+the upper left, as seen in the image. tessuto check SCENE --picture check.png shows the template on the first frame.")]
 pub struct Arguments {
     /// Scene folder; or an image of the fabric, with --mask, a camera and --out.
     target: PathBuf,
@@ -139,7 +139,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
                 format!("{} is not a scene folder, and --out is not given", arguments.target.display());
             return Err(Error::usage(
                 problem,
-                "name a scene folder, or a picture with --mask FILE, a camera and --out FILE.obj",
+                "name a scene folder, or an image with --mask FILE, a camera and --out FILE.obj",
             )
             .into());
         }
@@ -197,7 +197,7 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     let size = image::size(&arguments.target)?;
     let calibration = arguments.lens.calibration()?;
     if !calibration.distortion.is_none() {
-        let hint = "import the pictures first, which removes it, and name the scene folder here";
+        let hint = "import the images first, which removes it, and name the scene folder here";
         return Err(Error::input(&calibration.place, "has lens distortion, which is not removed here", hint));
     }
     let mut notes = Vec::new();
@@ -207,8 +207,8 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
         let (mask, _) = image::read_mask(path)?;
         if [mask.width, mask.height] != size {
             let problem =
-                format!("is {}×{} pixels, but the picture {}×{}", mask.width, mask.height, size[0], size[1]);
-            return Err(Error::input(path.display().to_string(), problem, "give the mask of this picture"));
+                format!("is {}×{} pixels, but the image {}×{}", mask.width, mask.height, size[0], size[1]);
+            return Err(Error::input(path.display().to_string(), problem, "give the mask of this image"));
         }
         Ok((mask, path.clone()))
     });

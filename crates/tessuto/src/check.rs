@@ -37,7 +37,7 @@ pub struct Finding {
     pub hint: String,
 }
 
-/// Everything found, and the picture that shows it.
+/// Everything found, and the image that shows it.
 #[derive(Debug, Clone)]
 pub struct CheckReport {
     /// Errors first, then figures and warnings in a fixed order.

@@ -1,4 +1,4 @@
-//! Scenes from what people have: pictures, videos, masks and camera files of other programs, good and bad.
+//! Scenes from what people have: images, videos, masks and camera files of other programs, good and bad.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -83,7 +83,7 @@ fn one_line(bytes: &[u8]) -> String {
 const CAMERA: [&str; 6] = ["--fx", "40", "--cx", "11.5", "--cy", "13.5"];
 const MASKS: [&str; 2] = ["--masks", "@masks été"];
 
-/// The options every import of pictures here has, and `more`.
+/// The options every import of images here has, and `more`.
 fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&MASKS[..], &CAMERA[..], &["--fps", "25"], more].concat()
 }
@@ -219,7 +219,7 @@ fn frames_that_cannot_be_used() {
     let recording = Recording::new();
     write_png(&recording.path("frames été/shot 9.png"), &Image::new(SIZE + 1, SIZE, 3)).unwrap();
     recording.refused(3, "frames été", &with(&[]), &["shot 9.png", "25×24", "the first frame 24×24"]);
-    std::fs::write(recording.path("frames été/shot 9.png"), "no picture").unwrap();
+    std::fs::write(recording.path("frames été/shot 9.png"), "no image").unwrap();
     recording.refused(3, "frames été", &with(&[]), &["shot 9.png", "neither PNG nor JPEG"]);
 }
 
@@ -307,7 +307,7 @@ fn cameras_that_are_refused() {
     }
     let portrait = camera_file("cameras.txt", "1 PINHOLE 640 480 5 5 3 2").unwrap();
     let error = portrait.scaled_to([480, 640], &mut Vec::new()).unwrap_err().to_string();
-    assert!(error.contains("is for pictures of 640×480") && error.contains("turned by 90°"), "{error}");
+    assert!(error.contains("is for images of 640×480") && error.contains("turned by 90°"), "{error}");
 }
 
 #[test]
@@ -325,7 +325,7 @@ fn videos_without_ffmpeg_tell_how_to_get_it() {
     }
 }
 
-/// A stand-in for ffmpeg that says `said` of a file and sends the test's frames as pictures.
+/// A stand-in for ffmpeg that says `said` of a file and sends the test's frames as images.
 #[cfg(unix)]
 fn stand_in(recording: &Recording, said: &str, end: &str) -> PathBuf {
     use std::io::Write as _;

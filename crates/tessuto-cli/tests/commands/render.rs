@@ -135,7 +135,7 @@ fn lights_that_are_none_are_refused_and_nothing_is_written() {
         &["render", text(&result), "--environment", text(&file), "--out", text(&out)],
         &["light.exr", "12"],
     );
-    std::fs::write(&file, "no picture").unwrap();
+    std::fs::write(&file, "no image").unwrap();
     refused(&["render", text(&result), "--environment", text(&file), "--out", text(&out)], &["light.exr"]);
     let missing = folder.path().join("missing.hdr");
     refused(

@@ -276,7 +276,7 @@ fn appearance_replaces_what_the_result_lists() {
 fn single_files_are_replaced_only_if_tessuto_wrote_them() {
     let home = home();
     let at = |name: &str| home.path().join(name);
-    // check --picture: again and again, but no other picture.
+    // check --picture: again and again, but no other image.
     succeed(home.path(), &["check", "scene", "--picture", "check.png"]);
     succeed(home.path(), &["check", "scene", "--picture", "check.png"]);
     std::fs::copy(at("scene/rgbs/rgb_000.png"), at("photo.png")).unwrap();

@@ -24,7 +24,7 @@ pub(super) fn of_video(scene: &Scene) -> Result<Vec<Finding>> {
 
 /// What is kept of a frame to compare it with others.
 struct Glance {
-    /// Share of the full picture that is fabric.
+    /// Share of the full image that is fabric.
     share: f64,
     /// Of the colours.
     digest: [u8; 32],
@@ -95,7 +95,7 @@ fn masks(scene: &Scene, looked_at: &[Glance]) -> Finding {
         high = if *share > shares[high] { n } else { high };
     }
     let detail = format!(
-        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the picture",
+        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the image",
         100.0 * shares[low],
         scene.first_frame + low,
         100.0 * shares[high],
@@ -188,7 +188,7 @@ fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {
 }
 
 /// The option that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
-/// changes no picture.
+/// changes no image.
 fn rescaling(scene: &Scene) -> String {
     let length = diagonal(&scene.template.positions);
     if DIAGONAL.contains(&length) {

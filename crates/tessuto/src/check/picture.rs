@@ -63,10 +63,10 @@ fn outlined(frame: &Frame) -> Image {
     picture
 }
 
-/// A thin line between two points [px], as far as it is inside the picture.
+/// A thin line between two points [px], as far as it is inside the image.
 fn line(picture: &mut Image, a: DVec2, b: DVec2) {
     let size = DVec2::new(picture.width as f64, picture.height as f64);
-    // The part of a + t (b − a) inside the picture, so that a far end costs nothing.
+    // The part of a + t (b − a) inside the image, so that a far end costs nothing.
     let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
         let (start, step) = (a[axis], b[axis] - a[axis]);

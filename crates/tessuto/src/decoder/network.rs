@@ -49,7 +49,7 @@ impl Layer {
     }
 }
 
-/// Layers and latent pictures.
+/// Layers and latent images.
 pub(super) struct Network {
     layers: Vec<Layer>,
     /// Uniform in [−1, 1), shape [tiles², channels, latent edge, latent edge].

@@ -12,10 +12,10 @@ use crate::mesh::{Mesh, Positions, vertex_normals, vertex_uvs};
 use crate::motion::parameters::Parameters;
 use crate::result;
 
-/// The pictures that make up the look.
+/// The images that make up the look.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
-    /// Start of the pictures' file names; other programs confuse pictures of equal names.
+    /// Start of the images' file names; other programs confuse images of equal names.
     pub name: String,
     /// Base colour, sRGB-encoded, shape [h, w, 3].
     pub base_colour: Image,
@@ -24,12 +24,12 @@ pub struct Material {
 }
 
 impl Material {
-    /// File name of picture `kind`.
+    /// File name of image `kind`.
     pub(super) fn file(&self, kind: &str) -> String {
         format!("{}_{kind}.png", self.name)
     }
 
-    /// The pictures as files.
+    /// The images as files.
     pub(super) fn files(&self) -> Vec<(String, Vec<u8>)> {
         let mut files = vec![(self.file("basecolor"), io::image::encode_png(&self.base_colour))];
         if let Some([roughness, metallic]) = &self.roughness_metallic {
@@ -55,11 +55,11 @@ pub struct Clip {
     pub fps: f64,
     /// Number of the first frame in the video.
     pub first_frame: usize,
-    /// Camera of the whole picture; results of older versions lack it.
+    /// Camera of the whole image; results of older versions lack it.
     pub camera: Option<Camera>,
-    /// The part of the whole picture that was computed on; results of older versions lack it.
+    /// The part of the whole image that was computed on; results of older versions lack it.
     pub crop: Option<Rect>,
-    /// Pictures of all frames, cut to the crop; none if the result lacks some.
+    /// Images of all frames, cut to the crop; none if the result lacks some.
     pub pictures: Vec<PathBuf>,
     /// The look.
     pub material: Material,
@@ -147,7 +147,7 @@ fn read_material(folder: &Path, name: &str) -> Result<Material> {
     let scalar = |file: &str| io::image::read_grey(&map(file));
     let (base_colour, roughness, metallic) =
         (io::image::read(&diffuse)?, scalar("roughness.png")?, scalar("metallic.png")?);
-    // glTF packs the two into one picture.
+    // glTF packs the two into one image.
     if (roughness.width, roughness.height) != (metallic.width, metallic.height) {
         return Err(Error::input(
             map("metallic.png").display().to_string(),

@@ -6,7 +6,7 @@ use super::Clip;
 use crate::io::obj;
 use crate::mesh::{Mesh, Positions};
 
-/// Files of the OBJ sequence: meshes, material, picture.
+/// Files of the OBJ sequence: meshes, material, image.
 pub(super) fn obj(clip: &Clip) -> Vec<(String, Vec<u8>)> {
     let name = &clip.name;
     let library = format!("{name}.mtl");

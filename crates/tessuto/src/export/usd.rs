@@ -13,7 +13,7 @@ use super::Clip;
 /// Width of the camera's film [tenths of a metre, as USD counts it]: that of 35 mm film.
 const FILM_WIDTH: f64 = 0.36;
 
-/// The file; its pictures lie in the folder `textures` beside it.
+/// The file; its images lie in the folder `textures` beside it.
 pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
     let (name, last, fps) = (&clip.name, clip.motion.len() - 1, clip.fps);
     let mut out = format!(

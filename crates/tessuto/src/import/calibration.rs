@@ -4,16 +4,16 @@ use super::lens::Distortion;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 
-/// Intrinsics of a lens, in pixels of pictures of `size`; the centre of pixel (column i, row j) is at (i, j).
+/// Intrinsics of a lens, in pixels of images of `size`; the centre of pixel (column i, row j) is at (i, j).
 #[derive(Debug, Clone, PartialEq)]
 pub struct Calibration {
     /// Where it comes from, for messages.
     pub place: String,
     /// Focal lengths.
     pub focal: Focal,
-    /// Principal point; the middle of the picture where `None`.
+    /// Principal point; the middle of the image where `None`.
     pub centre: Option<[f64; 2]>,
-    /// Width and height of the pictures it is for; any where `None`.
+    /// Width and height of the images it is for; any where `None`.
     pub size: Option<[usize; 2]>,
     /// Lens distortion.
     pub distortion: Distortion,
@@ -43,7 +43,7 @@ impl Calibration {
         }
     }
 
-    /// The camera of pictures of `size` [px]; a calibration for pictures of the same shape but another size is scaled,
+    /// The camera of images of `size` [px]; a calibration for images of the same shape but another size is scaled,
     /// with a note.
     ///
     /// # Errors
@@ -61,18 +61,18 @@ impl Calibration {
                 return Err(Error::input(
                     &self.place,
                     format!(
-                        "is for pictures of {}×{} pixels, but the frames have {}×{}",
+                        "is for images of {}×{} pixels, but the frames have {}×{}",
                         own[0], own[1], size[0], size[1]
                     ),
                     if turned {
-                        "the video is turned by 90° against the calibration: calibrate with pictures held alike, or give fx fy cx cy of the turned picture"
+                        "the video is turned by 90° against the calibration: calibrate with images held alike, or give fx fy cx cy of the turned image"
                     } else {
-                        "give the camera of these pictures; a video is often cut from the middle of the sensor, which no scale makes good"
+                        "give the camera of these images; a video is often cut from the middle of the sensor, which no scale makes good"
                     },
                 ));
             }
             notes.push(format!(
-                "{}: calibrated at {}×{}, scaled to the frames' {}×{}; right only if the video shows the whole picture",
+                "{}: calibrated at {}×{}, scaled to the frames' {}×{}; right only if the video shows the whole image",
                 self.place, own[0], own[1], size[0], size[1]
             ));
         }
@@ -83,7 +83,7 @@ impl Calibration {
             Focal::Angle(angle) => [own[0] / (2.0 * (angle / 2.0).tan()); 2],
         };
         let centre = self.centre.unwrap_or([(own[0] - 1.0) / 2.0, (own[1] - 1.0) / 2.0]);
-        // The upper left corner of the picture, half a pixel from the first centre, is what scaling keeps.
+        // The upper left corner of the image, half a pixel from the first centre, is what scaling keeps.
         let scaled = |c: f64, s: f64| (c + 0.5) * s - 0.5;
         let camera = Camera {
             fx: fx * scale[0],

@@ -31,7 +31,7 @@ pub use lens::Distortion;
 /// Where the masks come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Masks {
-    /// A folder of pictures, or a video; white is fabric.
+    /// A folder of images, or a video; white is fabric.
     Path(PathBuf),
     /// The alpha channel of the frames.
     Alpha,
@@ -40,7 +40,7 @@ pub enum Masks {
 /// What to import, and how.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// A video file, or a folder of PNG and JPEG pictures.
+    /// A video file, or a folder of PNG and JPEG images.
     pub input: PathBuf,
     /// Where the fabric is.
     pub masks: Masks,
@@ -48,7 +48,7 @@ pub struct Settings {
     pub invert_masks: bool,
     /// The lens.
     pub calibration: Calibration,
-    /// Frames per second; a video is resampled to it. Needed for pictures.
+    /// Frames per second; a video is resampled to it. Needed for images.
     pub fps: Option<f64>,
     /// Only these frames of the input, counted from 0.
     pub frames: Option<Range<usize>>,
@@ -132,7 +132,7 @@ fn validate(settings: &Settings) -> Result<()> {
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(
             format!("--alpha with {}, which is not a folder", settings.input.display()),
-            "transparency is read from PNG pictures: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
+            "transparency is read from PNG images: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
         ));
     }
     Ok(())

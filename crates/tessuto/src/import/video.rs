@@ -59,7 +59,7 @@ impl Video {
             return Err(Error::input(
                 place,
                 format!("ffmpeg finds no video in it: {}", last.unwrap_or("nothing said").trim()),
-                "name a video file, or a folder of PNG or JPEG pictures",
+                "name a video file, or a folder of PNG or JPEG images",
             ));
         };
         let turn = said.split("rotation of ").nth(1).and_then(|t| t.split(" degrees").next());
@@ -134,7 +134,7 @@ impl Video {
     pub fn stream(&self, end: Option<usize>) -> Result<Stream> {
         let mut command = command(&self.ffmpeg);
         command.args(["-v", "error", "-protocol_whitelist", "file,pipe", "-i"]).arg(url(&self.path));
-        // V leaves out cover pictures; turning by the file's mark is what ffmpeg does by itself.
+        // V leaves out cover images; turning by the file's mark is what ffmpeg does by itself.
         command.args(["-map", "0:V:0"]);
         let rate = &self.rate;
         if self.resampled {

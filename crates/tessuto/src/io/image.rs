@@ -16,14 +16,14 @@ use crate::io::{atomic_write, read_bounded};
 
 /// Largest width and height [px].
 pub const MAX_SIDE: usize = 16_384;
-/// Largest file, and largest decoded picture [bytes].
+/// Largest file, and largest decoded image [bytes].
 const MAX_BYTES: u64 = 256 << 20;
 
-/// A decoded picture that has not been converted to floats yet.
+/// A decoded image that has not been converted to floats yet.
 pub(crate) struct Picture {
     path: PathBuf,
     dynamic: DynamicImage,
-    /// Whether a reader that knows nothing of orientation and transparency sees the same picture.
+    /// Whether a reader that knows nothing of orientation and transparency sees the same image.
     pub plain: bool,
     /// What was unusual about the file, for a warning.
     pub notes: Vec<&'static str>,
@@ -50,7 +50,7 @@ pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {
     Ok((mask, warning))
 }
 
-/// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured pictures.
+/// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured images.
 pub fn read_grey(path: &Path) -> Result<Image> {
     let picture = open(path)?;
     Ok(grey(picture.floats(picture.full(), false)))
@@ -63,10 +63,10 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
 
 /// Header of a PNG: signature and the chunk IHDR [bytes].
 const PNG_HEADER: usize = 33;
-/// A chunk of text, with its checksum, that says which program wrote the picture.
+/// A chunk of text, with its checksum, that says which program wrote the image.
 const PNG_MARK: &[u8] = b"\0\0\0\x16tEXtSoftware\0tessuto check\x14\x51\x9f\x42";
 
-/// [`write_png`] of a picture that [`is_marked_png`] recognises.
+/// [`write_png`] of an image that [`is_marked_png`] recognises.
 pub fn write_marked_png(path: &Path, image: &Image) -> Result<()> {
     let png = encode_png(image);
     atomic_write(path, &[&png[..PNG_HEADER], PNG_MARK, &png[PNG_HEADER..]].concat())
@@ -98,7 +98,7 @@ pub(crate) fn encode_png_bytes(pixels: &[u8], [width, height]: [usize; 2], chann
     png.into_inner()
 }
 
-/// Width and height of a picture as [`read`] gives it [px].
+/// Width and height of an image as [`read`] gives it [px].
 pub fn size(path: &Path) -> Result<[usize; 2]> {
     let full = open(path)?.full();
     Ok([full.x1, full.y1])
@@ -111,7 +111,7 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
         Error::input(
             path.display().to_string(),
             format!("{problem} (file of {} bytes)", bytes.len()),
-            "copy or extract this picture again; PNG and JPEG are read",
+            "copy or extract this image again; PNG and JPEG are read",
         )
     };
     let mut notes = Vec::new();
@@ -136,7 +136,7 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
         return Err(Error::input(
             path.display().to_string(),
             problem,
-            "scale the pictures and the camera down",
+            "scale the images and the camera down",
         ));
     }
     match decoder.original_color_type() {
@@ -168,12 +168,12 @@ pub(super) fn decoder(
 }
 
 impl Picture {
-    /// The whole picture.
+    /// The whole image.
     pub fn full(&self) -> Rect {
         Rect { x0: 0, y0: 0, x1: self.dynamic.width() as usize, y1: self.dynamic.height() as usize }
     }
 
-    /// Error unless the picture has this size [px].
+    /// Error unless the image has this size [px].
     pub fn expect_size(&self, [width, height]: [usize; 2]) -> Result<()> {
         let full = self.full();
         if (full.x1, full.y1) == (width, height) {
@@ -209,7 +209,7 @@ impl Picture {
         self.dynamic.into_rgb8().into_raw()
     }
 
-    /// Opacity in [0, 1], shape [height, width, 1], where the picture has any.
+    /// Opacity in [0, 1], shape [height, width, 1], where the image has any.
     pub fn alpha(&self) -> Option<Image> {
         let color = self.dynamic.color();
         if !color.has_alpha() {
@@ -235,7 +235,7 @@ impl Picture {
         }
     }
 
-    /// `region` in [0, 1]; grey pictures have 1 channel unless `spread` asks for 3.
+    /// `region` in [0, 1]; grey images have 1 channel unless `spread` asks for 3.
     fn floats(&self, region: Rect, spread: bool) -> Image {
         let width = self.dynamic.width() as usize;
         let channels = usize::from(self.dynamic.color().channel_count());
@@ -305,7 +305,7 @@ impl Layout {
     }
 }
 
-/// Whether the picture's data ends with an end marker. The decoder fills what a truncated file lacks
+/// Whether the image's data ends with an end marker. The decoder fills what a truncated file lacks
 /// with grey and says nothing. An embedded preview has an end marker of its own, so segments are walked.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let mut at = 2;

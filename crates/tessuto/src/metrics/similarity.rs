@@ -53,7 +53,7 @@ pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
 /// Half the width of the window [px].
 const RADIUS: usize = 5;
 
-/// Structural similarity in [−1, 1] of pictures in [0, 1]: mean over channels and over all 11×11
+/// Structural similarity in [−1, 1] of images in [0, 1]: mean over channels and over all 11×11
 /// windows that lie wholly in the covered part, weighted by a Gaussian of σ = 1.5 px; None without one.
 ///
 /// - `covered`: shape [height · width]
@@ -86,7 +86,7 @@ pub fn ssim(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     Some(total / (count * a.channels) as f64)
 }
 
-/// Which pixels are centres of windows that lie wholly in the picture and are wholly covered.
+/// Which pixels are centres of windows that lie wholly in the image and are wholly covered.
 fn windows(covered: &[bool], width: usize, height: usize) -> Vec<bool> {
     // How many pixels in a row, up to this one, are covered; then the same down the columns.
     let mut whole = vec![false; covered.len()];

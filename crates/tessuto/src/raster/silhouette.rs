@@ -165,7 +165,7 @@ fn walk(
     None
 }
 
-/// Adds the blends to the picture. They hold unblended colours, so their order does not matter to what
+/// Adds the blends to the image. They hold unblended colours, so their order does not matter to what
 /// they mean.
 pub(super) fn apply_blends(rendering: &mut Rendering) {
     for blend in rendering.blends.iter().flatten() {

@@ -22,7 +22,7 @@ use lattice::MeshKind;
 
 /// Side of the print [texel].
 const PRINT_SIZE: usize = 512;
-/// Pictures are drawn this much larger and averaged, so that fine print does not alias.
+/// Images are drawn this much larger and averaged, so that fine print does not alias.
 const OVERSAMPLING: usize = 2;
 /// Points that the made-up depth sensor sees in each frame.
 const POINT_COUNT: usize = 4000;
@@ -99,7 +99,7 @@ impl Settings {
         Ok(())
     }
 
-    /// A square picture with a horizontal field of view of about 44°.
+    /// A square image with a horizontal field of view of about 44°.
     fn camera(&self) -> Camera {
         let (f, c) = (1.25 * self.size as f64, (self.size as f64 - 1.0) / 2.0);
         Camera { fx: f, fy: f, cx: c, cy: c, width: self.size, height: self.size }
@@ -149,7 +149,7 @@ pub fn make(settings: &Settings) -> Result<Scene> {
     })
 }
 
-/// Picture and depth measurements of one shape.
+/// Image and depth measurements of one shape.
 fn view(
     rasterizer: &Rasterizer,
     camera: &Camera,
@@ -165,7 +165,7 @@ fn view(
     (frame, seen_points(&large, rendering))
 }
 
-/// The camera whose picture, averaged over blocks, is that of `camera`.
+/// The camera whose image, averaged over blocks, is that of `camera`.
 fn enlarged(camera: &Camera) -> Camera {
     let s = OVERSAMPLING as f64;
     let centre = |c: f64| s * c + (s - 1.0) / 2.0;

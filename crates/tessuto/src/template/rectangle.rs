@@ -1,4 +1,4 @@
-//! A rectangle of fabric of known size from its four corners in the picture.
+//! A rectangle of fabric of known size from its four corners in the image.
 //!
 //! Where the corners are those of a rigid rectangle, its pose is found from the homography and refined on the
 //! reprojection error. Fabric that sags or bends has corners nearer to each other than the rectangle's, never
@@ -47,7 +47,7 @@ pub fn locate(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> Result<Corne
                 "the corners {} are no quadrilateral clockwise from the upper left",
                 p_pixel.map(|p| format!("{:.0},{:.0}", p.x, p.y)).join(" ")
             ),
-            "give upper left, upper right, lower right, lower left, as seen in the picture",
+            "give upper left, upper right, lower right, lower left, as seen in the image",
         ));
     }
     let rays = p_pixel.map(|p| camera.ray(p).truncate());

@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::mesh::Positions;
 use crate::pbr::EnvironmentMap;
 
-/// Margin around the fabric, as a share of the picture.
+/// Margin around the fabric, as a share of the image.
 const MARGIN: f64 = 0.05;
 /// Nearest that a vertex may come to the camera [m].
 const NEAREST: f64 = 0.05;
@@ -30,7 +30,7 @@ impl Viewpoint {
     }
 
     /// Turned about the middle of the fabric by `left` and `up` [rad] as seen from the recording camera, looking at
-    /// that middle, and as near as the whole `motion`, shape [N, V], fits into the picture.
+    /// that middle, and as near as the whole `motion`, shape [N, V], fits into the image.
     ///
     /// # Errors
     /// [`Error::Usage`] unless |`up`| < 90°.
@@ -61,12 +61,12 @@ impl Viewpoint {
         Ok(Self { rotation, translation: DVec3::Z * distance - rotation * middle, camera })
     }
 
-    /// The same view in a picture of `size` pixels: as large as it fits.
+    /// The same view in an image of `size` pixels: as large as it fits.
     #[must_use]
     pub fn sized(self, [width, height]: [usize; 2]) -> Self {
         let c = self.camera;
         let scale = f64::min(width as f64 / c.width as f64, height as f64 / c.height as f64);
-        // Pixel centres are at whole numbers, so the picture's middle is at (n − 1)/2.
+        // Pixel centres are at whole numbers, so the image's middle is at (n − 1)/2.
         let moved = |at: f64, old: usize, new: usize| {
             (at - (old as f64 - 1.0) / 2.0) * scale + (new as f64 - 1.0) / 2.0
         };

@@ -60,8 +60,8 @@ fn make_scene(scene: &Path) {
         std::fs::create_dir_all(scene.join(sub)).expect("a folder in memory");
     }
     let grey = tessuto::Image { width: 24, height: 24, channels: 1, data: vec![1.0; 24 * 24] };
-    image::write_png(&scene.join("rgbs/rgb_000.png"), &grey).expect("a picture");
-    image::write_png(&scene.join("masks/mask_000.png"), &grey).expect("a picture");
+    image::write_png(&scene.join("rgbs/rgb_000.png"), &grey).expect("an image");
+    image::write_png(&scene.join("masks/mask_000.png"), &grey).expect("an image");
     let mesh = tessuto::mesh::grid(3, 3, [0.4, 0.4].into(), 1.0);
     obj::write(&scene.join("template.obj"), &mesh, None).expect("a mesh");
 }

@@ -253,7 +253,7 @@ impl Column {
         Self::even(name, "Color", 1, Arc::new(UInt32Array::from(vec![rgba])))
     }
 
-    /// Format of a picture of 8-bit RGB.
+    /// Format of an image of 8-bit RGB.
     pub fn rgb_format(name: [&'static str; 2], [width, height]: [u32; 2]) -> Self {
         const RGB: u8 = 2;
         const U8: u8 = 6;

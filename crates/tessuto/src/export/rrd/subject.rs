@@ -11,7 +11,7 @@ use crate::mesh::{Mesh, Positions};
 use crate::report::film;
 use crate::scene::Scene;
 
-/// Largest side [px] and quality of the pictures: some 40 kB each.
+/// Largest side [px] and quality of the images: some 40 kB each.
 const SIDE: u32 = 640;
 const QUALITY: u8 = 72;
 
@@ -27,15 +27,15 @@ pub struct Subject<'a> {
     pub first_frame: usize,
     /// Number of frames.
     pub frame_count: usize,
-    /// Camera of the pictures.
+    /// Camera of the images.
     pub camera: Option<Camera>,
-    /// Picture of frame n, from 0, as the camera sees it.
+    /// Image of frame n, from 0, as the camera sees it.
     pub picture: Option<Picture<'a>>,
     /// Points [m] on the true surface in every frame.
     pub truth: Option<&'a [Positions]>,
 }
 
-/// Gives the picture of a frame.
+/// Gives the image of a frame.
 pub type Picture<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
 
 impl<'a> Subject<'a> {
@@ -54,15 +54,15 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// The template of `clip`, and the video where the result has pictures of it.
+    /// The template of `clip`, and the video where the result has images of it.
     ///
     /// # Errors
-    /// [`Error::Input`] if the first picture cannot be read.
+    /// [`Error::Input`] if the first image cannot be read.
     pub fn of_clip(clip: &'a Clip) -> Result<Self> {
         let size = |path| io::image::size(path);
         let whole = |[width, height]: [usize; 2]| Rect { x0: 0, y0: 0, x1: width, y1: height };
         let crop = clip.crop.or(clip.camera.map(|c| whole([c.width, c.height])));
-        // Without the crop, results of older versions have pictures that their camera does not fit to.
+        // Without the crop, results of older versions have images that their camera does not fit to.
         let shown = match clip.pictures.first() {
             Some(path) => crop.is_some_and(|c| size(path).is_ok_and(|s| s == [c.width(), c.height()])),
             None => false,
@@ -80,7 +80,7 @@ impl<'a> Subject<'a> {
         })
     }
 
-    /// Camera of the [encoded](Self::encoded) pictures.
+    /// Camera of the [encoded](Self::encoded) images.
     pub(super) fn small_camera(&self) -> Option<Camera> {
         self.camera.map(|c| film::scaled(&c, whole(&c), film::size(whole(&c), SIDE)))
     }
@@ -94,7 +94,7 @@ impl<'a> Subject<'a> {
             return Err(Error::input(
                 format!("frame {}", self.first_frame + n),
                 format!(
-                    "its picture is {}×{} px, expected {}×{}",
+                    "its image is {}×{} px, expected {}×{}",
                     found[0], found[1], expected[0], expected[1]
                 ),
                 "use the folder as tessuto wrote it",
@@ -150,7 +150,7 @@ impl Corners {
     }
 }
 
-/// The bytes of a picture, shape [height, width, 3].
+/// The bytes of an image, shape [height, width, 3].
 pub(super) fn rgb_bytes(image: &Image) -> Vec<u8> {
     film::rgb8(image).into_raw()
 }

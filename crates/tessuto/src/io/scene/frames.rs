@@ -23,9 +23,9 @@ pub(super) const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// What is known of a mask file once it has been read.
 struct Mask {
-    /// The mask is black outside this part of the picture.
+    /// The mask is black outside this part of the image.
     region: Rect,
-    /// Where it is ≥ ½ in the full picture.
+    /// Where it is ≥ ½ in the full image.
     bounds: Rect,
     /// What was unusual about the file.
     notes: Vec<&'static str>,
@@ -35,7 +35,7 @@ struct Mask {
 struct Files {
     colour: PathBuf,
     mask: PathBuf,
-    /// Part of the picture that the mask is not black in.
+    /// Part of the image that the mask is not black in.
     region: Rect,
     stamps: [Stamp; 2],
 }
@@ -141,7 +141,7 @@ fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mas
     })
 }
 
-/// A frame, its picture file's oddities, and sum and number of its background values.
+/// A frame, its image file's oddities, and sum and number of its background values.
 struct Read {
     frame: Option<Frame>,
     notes: Vec<&'static str>,
@@ -238,7 +238,7 @@ fn shifted(r: Rect, by: Rect) -> Rect {
     Rect { x0: r.x0 + by.x0, y0: r.y0 + by.y0, x1: r.x1 + by.x0, y1: r.y1 + by.y0 }
 }
 
-/// `r`, 10 % wider on each side (4 px at least), within the picture.
+/// `r`, 10 % wider on each side (4 px at least), within the image.
 fn grown(r: Rect, [width, height]: [usize; 2]) -> Rect {
     let (dx, dy) = (r.width().div_ceil(10).max(4), r.height().div_ceil(10).max(4));
     Rect {
@@ -255,7 +255,7 @@ fn crop_around(masks: &[Mask], size: [usize; 2]) -> Rect {
     grown(all.unwrap_or(Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] }), size)
 }
 
-/// The part `to` of the picture, of which `image` shows `from`; black outside that.
+/// The part `to` of the image, of which `image` shows `from`; black outside that.
 fn cut(image: &Image, from: Rect, to: Rect) -> Image {
     let mut out = Image::new(to.width(), to.height(), image.channels);
     let n = image.channels;
@@ -286,7 +286,7 @@ fn check_memory(crop: Rect) -> Result<()> {
             bytes as f64 / f64::from(1 << 30),
             MAX_FRAME_BYTES >> 30
         ),
-        "make the crop smaller, or scale pictures and camera down (tessuto import --downscale)",
+        "make the crop smaller, or scale images and camera down (tessuto import --downscale)",
     ))
 }
 
@@ -304,7 +304,7 @@ fn notes_as_warnings<'a>(
     }
     for ((topic, note), (first, count)) in seen {
         let found = format!("{note} (in {count} files, first in frame {first})");
-        warnings.push(warning(topic, &found, "look at the picture of tessuto check --picture FILE.png"));
+        warnings.push(warning(topic, &found, "look at the image of tessuto check --picture FILE.png"));
     }
 }
 

@@ -242,7 +242,7 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
     let share = mesh.positions.iter().filter(outside).count() as f64 / mesh.positions.len() as f64;
     if share > 0.02 {
         let found = format!("{:.0} % of the template's vertices are outside the crop", share * 100.0);
-        warnings.push(warning("crop", &found, "make the crop larger, if the fabric is in the picture"));
+        warnings.push(warning("crop", &found, "make the crop larger, if the fabric is in the image"));
     }
     if iou >= OVERLAP_DOUBTED {
         return Ok(());
