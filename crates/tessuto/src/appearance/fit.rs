@@ -137,7 +137,7 @@ pub fn fit(
         let scale = 1.0 / (3 * settings.batch) as f32;
         let mean = |i: usize, estimates: &[[f32; 3]; 2]| {
             let (value, adjoints) = loss(observed[i], estimates);
-            // The more obliquely a surface is seen, the farther the same error of the motion shifts the print.
+            // The more obliquely a surface is seen, the farther the same error of the motion shifts the texture.
             let cosine = batch[i].normal.dot(batch[i].position.normalize());
             let weight = scale * patch_weights.weight(batch[i].patch) * cosine * cosine;
             (value, adjoints.map(|a| a.map(|a| a * weight)))
@@ -220,7 +220,7 @@ fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<
     }
 }
 
-/// Rows of the light's grid after a share `at` of the steps; the finest has the last two of the equal shares.
+/// Rows of the light's grid after the fraction `at` of the steps; the finest has the last two of the equal intervals.
 fn rows_at(settings: &AppearanceSettings, at: f64) -> usize {
     let levels = (settings.light_finest as f64 / settings.light_coarsest as f64).log2().ceil() as u32;
     let level = ((at * f64::from(levels + 2)) as u32).min(levels);

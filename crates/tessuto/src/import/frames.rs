@@ -241,10 +241,10 @@ mod tests {
 
     #[test]
     fn the_last_number_of_a_name() {
-        let of = |name: &str| number(Path::new(name));
-        assert_eq!(of("take2_frame007.png"), Some(("take2_frame".into(), 7)));
-        assert_eq!(of("été0012é.jpg"), Some(("été".into(), 12)));
-        assert_eq!(of("15.png"), Some((String::new(), 15)));
-        assert_eq!(of("cloth.png"), None);
+        let parts = |name: &str| number(Path::new(name));
+        assert_eq!(parts("take2_frame007.png"), Some(("take2_frame".into(), 7)));
+        assert_eq!(parts("été0012é.jpg"), Some(("été".into(), 12)));
+        assert_eq!(parts("15.png"), Some((String::new(), 15)));
+        assert_eq!(parts("cloth.png"), None);
     }
 }

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::image;
 
-/// Compression leaves traces of this size [share of white] in black and white.
+/// Compression leaves traces of this size [fraction of white] in black and white.
 const TRACES: f32 = 0.1;
 
 /// Writes a mask for every frame.

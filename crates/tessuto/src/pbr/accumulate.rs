@@ -45,9 +45,9 @@ pub fn accumulate(
     let length = points.len().div_ceil(PARTS).max(1);
     losses.clear();
     losses.resize(points.len(), 0.0);
-    let shares = points.par_chunks(length).zip(losses.par_chunks_mut(length));
-    parts[shares.len()..].iter_mut().for_each(|sums| sums.clear(texels, width * height));
-    parts.par_iter_mut().zip(shares).enumerate().for_each(|(part, (sums, (points, losses)))| {
+    let chunks = points.par_chunks(length).zip(losses.par_chunks_mut(length));
+    parts[chunks.len()..].iter_mut().for_each(|sums| sums.clear(texels, width * height));
+    parts.par_iter_mut().zip(chunks).enumerate().for_each(|(part, (sums, (points, losses)))| {
         sums.clear(texels, width * height);
         let mut estimates = [RadianceEstimate::default(), RadianceEstimate::default()];
         for (k, (point, own)) in points.iter().zip(losses).enumerate() {

@@ -47,14 +47,14 @@ pub(super) fn denoise(
         for row in y.saturating_sub(radius)..(y + radius + 1).min(height) {
             for column in x.saturating_sub(radius)..(x + radius + 1).min(width) {
                 let Some(other) = &lit[row * width + column] else { continue };
-                let shares = gate.shares(other);
+                let similarity = gate.similarity(other);
                 let apart = (row.abs_diff(y).pow(2) + column.abs_diff(x).pow(2)) as f32;
                 let near = bump(apart / ((radius + 1) * (radius + 1)) as f32);
                 for (k, part) in other.parts.iter().enumerate() {
-                    let w = near * shares[k.min(1)];
+                    let w = near * similarity[k.min(1)];
                     (0..3).for_each(|c| sums[k][c] += w * part[c]);
                 }
-                (0..2).for_each(|k| weights[k] += near * shares[k]);
+                (0..2).for_each(|k| weights[k] += near * similarity[k]);
             }
         }
         [0, 1, 2].map(|k| sums[k].map(|s| s / weights[k.min(1)]))
@@ -89,7 +89,7 @@ impl<'a> Gate<'a> {
     }
 
     /// Weights of the other's irradiance and microfacets.
-    fn shares(&self, other: &Lit) -> [f32; 2] {
+    fn similarity(&self, other: &Lit) -> [f32; 2] {
         let own = self.own;
         let off = (other.position - own.position).dot(own.normal);
         let layer = bump(off * off * self.off_plane);

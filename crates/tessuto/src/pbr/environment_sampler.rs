@@ -14,7 +14,7 @@ pub struct EnvironmentSampler {
     height: u32,
     /// Red, green, blue radiance and the density [1/sr] with which the texel's directions are drawn.
     texels: Vec<[f32; 4]>,
-    /// Start of each texel's share of the 2³² random numbers, ascending. Densities are those of these whole
+    /// Start of each texel's interval of the 2³² random numbers, ascending. Densities are those of these whole
     /// numbers, so that drawing and density agree exactly.
     starts: Vec<u32>,
     /// First texel to look at for random numbers with the upper bits of this index.

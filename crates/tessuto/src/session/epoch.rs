@@ -41,11 +41,11 @@ const MAX_NAME: usize = 64;
 pub(super) fn from_bytes(bytes: &[u8]) -> Result<Vec<Epoch>, String> {
     let records: Vec<Record> = rmp_serde::from_slice(bytes).map_err(|e| e.to_string())?;
     // Names are kept for good, so a file must not bring any number of them.
-    let of = |r: &'_ Record| {
+    let names_in = |r: &'_ Record| {
         let pairs = r.losses.iter().chain(&r.parameters).map(|(name, _)| name.clone());
         pairs.chain([r.stage.clone()]).collect::<Vec<_>>()
     };
-    let names: BTreeSet<String> = records.iter().flat_map(of).collect();
+    let names: BTreeSet<String> = records.iter().flat_map(names_in).collect();
     if names.len() > MAX_NAMES || names.iter().any(|name| name.len() > MAX_NAME) {
         return Err(format!("{} names of losses and parameters, or one that is too long", names.len()));
     }

@@ -3,8 +3,8 @@
 
 pub mod gust;
 pub mod lattice;
-pub mod print;
 pub mod shade;
+pub mod texture;
 pub mod write;
 
 use std::path::PathBuf;
@@ -20,9 +20,9 @@ use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use lattice::MeshKind;
 
-/// Side of the print [texel].
-const PRINT_SIZE: usize = 512;
-/// Images are drawn this much larger and averaged, so that fine print does not alias.
+/// Side of the texture [texel].
+const TEXTURE_SIZE: usize = 512;
+/// Images are drawn this much larger and averaged, so that fine texture does not alias.
 const OVERSAMPLING: usize = 2;
 /// Points that the made-up depth sensor sees in each frame.
 const POINT_COUNT: usize = 4000;
@@ -113,7 +113,7 @@ impl Settings {
 pub fn make(settings: &Settings) -> Result<Scene> {
     settings.validate()?;
     let (mesh, motion) = gust::simulate(settings)?;
-    let texture = Texture::from_image(&print::print(PRINT_SIZE, settings.seed));
+    let texture = Texture::from_image(&texture::texture(TEXTURE_SIZE, settings.seed));
     let camera = settings.camera();
     let rasterizer = Rasterizer::new(&mesh);
     let template = Mesh { positions: motion[0].clone(), ..mesh };

@@ -8,9 +8,9 @@ use crate::raster::coverage::fill_triangle;
 
 /// Corners of the convex hull that are compared; more would only cost time.
 const HULL_CORNERS: usize = 48;
-/// Outline points within this share of a side's length of its line, root mean square, are a straight side.
+/// Outline points within this fraction of a side's length of its line, root mean square, are a straight side.
 const STRAIGHT: f64 = 0.006;
-/// A refined corner stays within this share of the mean side of the one it replaces.
+/// A refined corner stays within this fraction of the mean side of the one it replaces.
 const REFINED: f64 = 0.03;
 
 /// The border of the largest piece of fabric.

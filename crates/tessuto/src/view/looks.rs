@@ -15,7 +15,7 @@ const AMBIENT: f32 = 0.2;
 /// Linear grey of the plain surface.
 const GREY: f32 = 0.6;
 
-/// The print as it was seen in the first frame, without any new light: sRGB on black.
+/// The texture as it was seen in the first frame, without any new light: sRGB on black.
 pub fn draw_texture(
     rasterizer: &Rasterizer,
     camera: &Camera,
@@ -56,8 +56,8 @@ pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, positions: &Position
     for y in 0..camera.height {
         for x in 0..camera.width {
             if let Some(z) = rendering.depth(x, y) {
-                let share = (z - range[0]) / (range[1] - range[0]).max(1e-9);
-                let colour = sequential(share.clamp(0.0, 1.0) as f32);
+                let fraction = (z - range[0]) / (range[1] - range[0]).max(1e-9);
+                let colour = sequential(fraction.clamp(0.0, 1.0) as f32);
                 picture.pixel_mut(x, y).copy_from_slice(&colour);
             }
         }

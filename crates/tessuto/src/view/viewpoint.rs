@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::mesh::Positions;
 use crate::pbr::EnvironmentMap;
 
-/// Margin around the fabric, as a share of the image.
+/// Margin around the fabric, as a fraction of the image.
 const MARGIN: f64 = 0.05;
 /// Nearest that a vertex may come to the camera [m].
 const NEAREST: f64 = 0.05;

@@ -301,13 +301,13 @@ fn horizons_change_no_bit() {
     let light = EnvironmentSampler::new(&environment, 0.1);
     let mut shadowed = 0;
     for (k, point) in points(&mesh, &geometry).iter().enumerate() {
-        let of = |geometry: &Geometry| {
+        let colour_with = |geometry: &Geometry| {
             let shader = Shader { geometry, material: &material, light: &light };
             let mut out = RadianceEstimate::default();
             shader.estimate(point, k as u32, 32, &mut out);
             out.colour
         };
-        let (fast, slow) = (of(&geometry), of(&traced));
+        let (fast, slow) = (colour_with(&geometry), colour_with(&traced));
         assert_eq!(fast, slow, "point {k}");
         let blocked = |d: DVec3| {
             let triangles = mesh.triangles();

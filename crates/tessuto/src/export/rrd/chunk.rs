@@ -59,10 +59,10 @@ impl Times {
 
     /// The first and the last.
     pub fn ends(&self) -> Self {
-        let of = |values: &[i64]| [values.first(), values.last()].into_iter().flatten().copied().collect();
+        let ends = |values: &[i64]| [values.first(), values.last()].into_iter().flatten().copied().collect();
         match self {
-            Self::Sequence(name, values) => Self::Sequence(name, of(values)),
-            Self::Duration(name, values) => Self::Duration(name, of(values)),
+            Self::Sequence(name, values) => Self::Sequence(name, ends(values)),
+            Self::Duration(name, values) => Self::Duration(name, ends(values)),
         }
     }
 

@@ -147,7 +147,7 @@ impl<W: Write> Recording<W> {
         Ok(())
     }
 
-    /// Writes the print of the fabric, sRGB-encoded, shape [h, w, 3]; smaller if a side is above 1024 px.
+    /// Writes the texture of the fabric, sRGB-encoded, shape [h, w, 3]; smaller if a side is above 1024 px.
     ///
     /// # Errors
     /// [`Error::Output`].

@@ -69,13 +69,13 @@ pub(crate) fn read(
     let crop = manifest.crop.unwrap_or_else(|| crop_around(&found, size));
     check_memory(crop)?;
 
-    let of_frame = |((colour, mask), found): ((PathBuf, PathBuf), &Mask)| Files {
+    let frame_files = |((colour, mask), found): ((PathBuf, PathBuf), &Mask)| Files {
         stamps: [stamp(&colour), stamp(&mask)],
         region: found.region,
         colour,
         mask,
     };
-    let files: Vec<Files> = colours.into_iter().zip(masks).zip(&found).map(of_frame).collect();
+    let files: Vec<Files> = colours.into_iter().zip(masks).zip(&found).map(frame_files).collect();
     let held = crop.width() * crop.height() * PIXEL_BYTES <= held_bytes / range.len();
     let read = in_order(&files, |files| {
         let mut read = read_frame(files, size, crop)?;
@@ -217,8 +217,8 @@ fn grown_by_two(mask: &Image) -> Vec<bool> {
 }
 
 fn composite_over_black(frame: &mut Frame) {
-    for (colour, share) in frame.rgb.data.chunks_exact_mut(3).zip(&frame.mask.data) {
-        colour.iter_mut().for_each(|c| *c *= share);
+    for (colour, coverage) in frame.rgb.data.chunks_exact_mut(3).zip(&frame.mask.data) {
+        colour.iter_mut().for_each(|c| *c *= coverage);
     }
 }
 

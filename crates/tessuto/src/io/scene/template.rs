@@ -239,9 +239,9 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
         let q = camera.project(**p);
         q.x < -0.5 || q.y < -0.5 || q.x > camera.width as f64 - 0.5 || q.y > camera.height as f64 - 0.5
     };
-    let share = mesh.positions.iter().filter(outside).count() as f64 / mesh.positions.len() as f64;
-    if share > 0.02 {
-        let found = format!("{:.0} % of the template's vertices are outside the crop", share * 100.0);
+    let fraction = mesh.positions.iter().filter(outside).count() as f64 / mesh.positions.len() as f64;
+    if fraction > 0.02 {
+        let found = format!("{:.0} % of the template's vertices are outside the crop", fraction * 100.0);
         warnings.push(warning("crop", &found, "make the crop larger, if the fabric is in the image"));
     }
     if iou >= OVERLAP_DOUBTED {
