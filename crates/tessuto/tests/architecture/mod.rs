@@ -7,13 +7,14 @@ use std::path::{Path, PathBuf};
 use imports::Crate;
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 18] = [
+const LAYERS: [&[&str]; 19] = [
     &["math", "error", "text"],
     &["camera", "image", "mesh"],
     &["video"],
     &["scene"],
     &["raster"],
     &["io"],
+    &["output"],
     &["session"],
     &["sim", "optim", "metrics", "decoder", "template"],
     &["pbr"],
