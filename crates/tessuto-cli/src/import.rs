@@ -10,7 +10,8 @@ use tessuto::io::atomic_write;
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::{Error, Result};
 
-use crate::lens::{Lens, ffmpeg};
+use crate::ffmpeg::ffmpeg;
+use crate::lens::Lens;
 use crate::say::say;
 use crate::threads::Threads;
 

@@ -1,6 +1,6 @@
 //! The camera on the command line, for the commands that make scenes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use tessuto::Error;
@@ -80,10 +80,4 @@ impl Lens {
             ..Calibration::new("the camera options", focal)
         })
     }
-}
-
-/// The program that decodes videos: TESSUTO_FFMPEG, or ffmpeg in the search path.
-pub fn ffmpeg() -> PathBuf {
-    let set = std::env::var_os("TESSUTO_FFMPEG").filter(|path| !path.is_empty());
-    set.map_or_else(|| Path::new("ffmpeg").to_path_buf(), PathBuf::from)
 }

@@ -45,6 +45,16 @@ impl Rect {
         }
     }
 
+    /// Wider by `margin` on each side, within an image of this width and height.
+    pub fn padded(self, margin: usize, [width, height]: [usize; 2]) -> Self {
+        Self {
+            x0: self.x0.saturating_sub(margin),
+            y0: self.y0.saturating_sub(margin),
+            x1: (self.x1 + margin).min(width),
+            y1: (self.y1 + margin).min(height),
+        }
+    }
+
     /// The smallest rectangle that contains the pixels (column, row); `None` if there are none.
     pub fn around(pixels: impl IntoIterator<Item = (usize, usize)>) -> Option<Self> {
         pixels.into_iter().map(|(x, y)| Self { x0: x, y0: y, x1: x + 1, y1: y + 1 }).reduce(Self::union)
@@ -80,6 +90,20 @@ impl Camera {
             width: crop.width(),
             height: crop.height(),
             ..*self
+        }
+    }
+
+    /// The camera of the same image at another size [px].
+    pub fn resized(&self, [width, height]: [u32; 2]) -> Self {
+        let (sx, sy) = (f64::from(width) / self.width as f64, f64::from(height) / self.height as f64);
+        // Pixel centres are at whole numbers, so it is the pixels' corners that scale.
+        Self {
+            fx: self.fx * sx,
+            fy: self.fy * sy,
+            cx: (self.cx + 0.5) * sx - 0.5,
+            cy: (self.cy + 0.5) * sy - 0.5,
+            width: width as usize,
+            height: height as usize,
         }
     }
 

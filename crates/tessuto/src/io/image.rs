@@ -56,6 +56,12 @@ pub fn read_grey(path: &Path) -> Result<Image> {
     Ok(grey(picture.floats(picture.full(), false)))
 }
 
+/// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
+pub fn rgb8(image: &Image) -> ::image::RgbImage {
+    let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
+    ::image::RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
+}
+
 /// Writes an image of 1 or 3 channels as 8-bit PNG; values are clamped to [0, 1] and rounded.
 pub fn write_png(path: &Path, image: &Image) -> Result<()> {
     atomic_write(path, &encode_png(image))

@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_text};
+use crate::text::hex;
 
 /// Name of the file.
 pub(super) const NAME: &str = "manifest.json";
@@ -28,7 +29,7 @@ pub enum FolderKind {
     Result,
     /// A scene that was made up or imported.
     Scene,
-    /// Pictures of a result.
+    /// Images of a result.
     Views,
     /// Material and light of a motion that is elsewhere. Other files may be beside them.
     Appearance,
@@ -380,7 +381,7 @@ fn entry_of(path: &Path) -> std::io::Result<Entry> {
         hash.update(&buffer[..n]);
         bytes += n as u64;
     }
-    Ok(Entry { bytes, sha256: hash.finalize().iter().map(|b| format!("{b:02x}")).collect() })
+    Ok(Entry { bytes, sha256: hex(&hash.finalize()) })
 }
 
 fn unreadable(path: &Path, error: &std::io::Error) -> Error {

@@ -52,7 +52,7 @@ impl Kind {
         }
     }
 
-    /// Path of the picture of frame `frame`, relative to the folder of pictures.
+    /// Path of the image of frame `frame`, relative to the folder of images.
     pub fn path(self, frame: usize) -> String {
         format!("{}/frame_{frame:03}.png", self.folder())
     }

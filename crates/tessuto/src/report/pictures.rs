@@ -1,4 +1,4 @@
-//! Pictures of a reconstruction: what was rendered, what was filmed, and how they differ.
+//! Images of a reconstruction: what was rendered, what was filmed, and how they differ.
 
 use std::path::Path;
 
@@ -109,7 +109,7 @@ impl FramePictures<'_> {
         Ok(())
     }
 
-    /// The picture of this kind without its legend, shape [height, width, 3]; None without data.
+    /// The image of this kind without its legend, shape [height, width, 3]; None without data.
     pub fn picture(&self, kind: Kind, scales: &Scales) -> Option<Image> {
         let (width, height) = (self.rgb.width, self.rgb.height);
         let paint = |colour: &dyn Fn(usize) -> Colour| {

@@ -4,9 +4,10 @@ use serde::Serialize;
 
 use super::{Run, history, page};
 use crate::error::Result;
+use crate::io::image::rgb8;
 use crate::mesh::Positions;
 use crate::report::embed::Window;
-use crate::report::film::{self, Film, Source};
+use crate::report::film::{Film, Source};
 use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
 use crate::scene::Scene;
 use crate::session::Epoch;
@@ -20,7 +21,7 @@ const FILM_BUDGET: usize = 4 << 20;
 /// Those of reading the frames.
 pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let template = [scene.template.positions.clone()];
-    let bytes = |n: usize| Ok(film::rgb8(&scene.frames.frame(n)?.rgb));
+    let bytes = |n: usize| Ok(rgb8(&scene.frames.frame(n)?.rgb));
     let source = Source { key: "observed", label: "video", load: Box::new(bytes) };
     let shown = page::in_sight(&template, &scene.camera);
     let data = ReportData {

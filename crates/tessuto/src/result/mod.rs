@@ -108,10 +108,10 @@ struct ParameterFile {
     dynamic_parts: usize,
     area_density: Quantity<f64>,
     frame_rate: Quantity<f64>,
-    /// Camera of the whole picture; results of older versions lack it.
+    /// Camera of the whole image; results of older versions lack it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     camera: Option<Camera>,
-    /// The part of the whole picture that was used; results of older versions lack it.
+    /// The part of the whole image that was used; results of older versions lack it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     crop: Option<Rect>,
 }
@@ -127,9 +127,9 @@ pub struct Saved {
     pub parameters: Parameters,
     /// Frames per second.
     pub fps: f64,
-    /// Camera of the whole picture; results of older versions lack it.
+    /// Camera of the whole image; results of older versions lack it.
     pub camera: Option<Camera>,
-    /// The part of the whole picture that was used; results of older versions lack it.
+    /// The part of the whole image that was used; results of older versions lack it.
     pub crop: Option<Rect>,
 }
 

@@ -8,12 +8,12 @@ use rayon::prelude::*;
 use super::{Log, Saved, history, read, read_metrics};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::io;
+use crate::io::{self, jpeg};
 use crate::mesh::{Mesh, Positions};
 use crate::motion::parameters::Parameters;
 use crate::report::chart::{self, Chart, Series};
 use crate::report::embed::Window;
-use crate::report::film::{Film, Load, Source, jpeg_of};
+use crate::report::film::{Film, Load, Source};
 use crate::report::{
     ClothData, Field, KeyNumber, LightData, Map, Motion, Parameter, ReportData, Surface, embed, page,
 };
@@ -244,10 +244,10 @@ fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
     text.lines().skip(1).map(read).collect::<Result<_>>().map(Some)
 }
 
-/// The recovered print and, where they were estimated, the material maps; of each the part that `window` shows.
+/// The recovered texture and, where they were estimated, the material maps; of each the part that `window` shows.
 fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
     let all = [
-        ("texture", "recovered print, with the first frame's light", "texture.png"),
+        ("texture", "recovered texture, with the first frame's light", "texture.png"),
         ("diffuse", "diffuse", "material/diffuse.png"),
         ("roughness", "roughness: black is smooth, white is matt", "material/roughness.png"),
         ("metallic", "metallic: black is none, white is metal", "material/metallic.png"),
@@ -259,7 +259,7 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
         let side = |s: u32| ((f64::from(s) * scale).round() as u32).max(1);
         let small = ::image::imageops::thumbnail(&picture, side(width), side(height));
-        Ok(Map { key, label, picture: embed::base64(&jpeg_of(&small, MAP_QUALITY)) })
+        Ok(Map { key, label, picture: embed::base64(&jpeg::encode(&small, MAP_QUALITY)) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
 }
@@ -286,11 +286,11 @@ fn light(folder: &Path) -> Result<Option<LightData>> {
         width: data.width,
         height: data.height,
         radiance: embed::base64_of(&data.data),
-        picture: embed::base64(&jpeg_of(&picture, MAP_QUALITY)),
+        picture: embed::base64(&jpeg::encode(&picture, MAP_QUALITY)),
     }))
 }
 
-/// The frames that the folder has pictures of.
+/// The frames that the folder has images of.
 fn film(folder: &Path, saved: &Saved, motion: &[Positions], budget: usize) -> Result<Film> {
     let first = saved.run.frames[0];
     let path = |name: &str, n: usize| match name {
@@ -312,7 +312,7 @@ fn film(folder: &Path, saved: &Saved, motion: &[Positions], budget: usize) -> Re
         camera.unwrap_or(Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: size[0], height: size[1] });
     let layers = [
         ("observed", "video"),
-        ("render", "drawn with the recovered print"),
+        ("render", "drawn with the recovered texture"),
         ("rerendered", "drawn with the recovered material and light"),
     ];
     let source = |(key, label): (&'static str, &'static str)| {
@@ -326,7 +326,7 @@ fn film(folder: &Path, saved: &Saved, motion: &[Positions], budget: usize) -> Re
     Ok(film)
 }
 
-/// A picture of size `size`, or that part of a whole frame.
+/// An image of size `size`, or that part of a whole frame.
 fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage> {
     let picture = io::image::read_bytes(&path)?;
     let [width, height] = [picture.width() as usize, picture.height() as usize];
@@ -347,18 +347,10 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage
 /// The pixels that the moving fabric comes over; None if it is never in sight.
 pub(super) fn in_sight(motion: &[Positions], camera: &Camera) -> Option<Rect> {
     let (width, height) = (camera.width, camera.height);
-    let mut view = Rect { x0: width, y0: height, x1: 0, y1: 0 };
-    for p in motion.iter().flatten().filter(|p: &&DVec3| p.z > 1e-6) {
+    let pixel = |p: &DVec3| {
         let p_pixel = camera.project(*p).round();
-        if p_pixel.min_element() >= 0.0 && p_pixel.x < width as f64 && p_pixel.y < height as f64 {
-            let (x, y) = (p_pixel.x as usize, p_pixel.y as usize);
-            view = Rect {
-                x0: view.x0.min(x),
-                y0: view.y0.min(y),
-                x1: view.x1.max(x + 1),
-                y1: view.y1.max(y + 1),
-            };
-        }
-    }
-    (view.x0 < view.x1).then_some(view)
+        let inside = p_pixel.min_element() >= 0.0 && p_pixel.x < width as f64 && p_pixel.y < height as f64;
+        inside.then_some((p_pixel.x as usize, p_pixel.y as usize))
+    };
+    Rect::around(motion.iter().flatten().filter(|p| p.z > 1e-6).filter_map(pixel))
 }

@@ -11,6 +11,7 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_bounded};
+use crate::text::hex;
 
 /// Says what the file is, and in which layout.
 const FORMAT: &str = "tessuto checkpoint 1";
@@ -190,11 +191,6 @@ fn parse(bytes: &[u8]) -> std::result::Result<(Header, BTreeMap<String, Vec<u8>>
         body = rest;
     }
     Ok((header, parts))
-}
-
-/// Lower-case hexadecimal.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 #[cfg(test)]

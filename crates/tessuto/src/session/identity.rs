@@ -2,9 +2,9 @@
 
 use sha2::{Digest, Sha256};
 
-use super::checkpoint::hex;
 use crate::error::Result;
 use crate::scene::Scene;
+use crate::text::hex;
 
 /// SHA-256 of everything that is computed with: `settings` as text, the camera, the template and all pixels.
 ///

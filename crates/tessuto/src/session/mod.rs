@@ -1,7 +1,7 @@
 //! What a long computation talks to: an observer of its steps, checkpoints, and resuming from them.
 //!
-//! A stage asks [`Session::restore`] for the state that an interrupted run left, goes on from there or starts, and
-//! tells every finished step with its present state. The state is written now and then, and when the caller asks to
+//! A stage asks [`Session::restore`] for the state that an interrupted run left, resumes from there or starts, and
+//! reports every finished step with its present state. The state is written now and then, and when the caller asks to
 //! stop. A resumed computation does the same operations on the same numbers, so that its result has the same bytes.
 
 mod checkpoint;

@@ -4,10 +4,11 @@ use std::process::Command;
 
 use glam::{DVec2, DVec3};
 use image::RgbImage;
+use tessuto::io::jpeg;
 use tessuto::mesh::grid;
 use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
 use tessuto::report::embed::{Window, base64};
-use tessuto::report::film::{Film, Source, jpeg_of};
+use tessuto::report::film::{Film, Source};
 use tessuto::report::{
     ClothData, Field, FramePictures, HistoryRow, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData,
     Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
@@ -183,7 +184,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         maps: vec![Map {
             key: "texture",
             label: "recovered print",
-            picture: base64(&jpeg_of(&picture(1), 80)),
+            picture: base64(&jpeg::encode(&picture(1), 80)),
         }],
         light: None,
         charts: chart::of_history(&history, &parameters),

@@ -6,9 +6,9 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::export::Clip;
 use crate::image::Image;
-use crate::io;
+use crate::io::image::rgb8;
+use crate::io::{self, jpeg};
 use crate::mesh::{Mesh, Positions};
-use crate::report::film;
 use crate::scene::Scene;
 
 /// Largest side [px] and quality of the images: some 40 kB each.
@@ -49,7 +49,7 @@ impl<'a> Subject<'a> {
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
             camera: Some(scene.camera),
-            picture: Some(Box::new(|n| Ok(film::rgb8(&scene.frames.frame(n)?.rgb)))),
+            picture: Some(Box::new(|n| Ok(rgb8(&scene.frames.frame(n)?.rgb)))),
             truth: truth.points.as_deref().or(truth.vertices.as_deref()),
         }
     }
@@ -82,7 +82,7 @@ impl<'a> Subject<'a> {
 
     /// Camera of the [encoded](Self::encoded) images.
     pub(super) fn small_camera(&self) -> Option<Camera> {
-        self.camera.map(|c| film::scaled(&c, whole(&c), film::size(whole(&c), SIDE)))
+        self.camera.map(|c| c.cropped(whole(&c)).resized(jpeg::fitted(whole(&c), SIDE)))
     }
 
     /// Frame `n` as JPEG, small.
@@ -100,7 +100,7 @@ impl<'a> Subject<'a> {
                 "use the folder as tessuto wrote it",
             ));
         }
-        Ok(film::jpeg(&rgb, whole(camera), SIDE, QUALITY))
+        Ok(jpeg::encode_part(&rgb, whole(camera), SIDE, QUALITY))
     }
 }
 
@@ -152,5 +152,5 @@ impl Corners {
 
 /// The bytes of an image, shape [height, width, 3].
 pub(super) fn rgb_bytes(image: &Image) -> Vec<u8> {
-    film::rgb8(image).into_raw()
+    rgb8(image).into_raw()
 }
