@@ -90,7 +90,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             }
             let k = parameters.stiffness();
             let (accelerations, loose) =
-                accelerations_of_motion(&scene.template, &fit.dynamics, k, &frames, &config.inverse);
+                accelerations_of_motion(&cloth, &fit.dynamics, k, &frames, &config.inverse);
             parameters.accelerations = accelerations;
             session.lap("forces and stiffnesses");
             (parameters, lost.or(stuck).or(loose))
