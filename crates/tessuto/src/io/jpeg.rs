@@ -25,6 +25,8 @@ pub fn encode_part(image: &RgbImage, region: Rect, side: u32, quality: u8) -> Ve
 /// `image` as JPEG.
 pub fn encode(image: &RgbImage, quality: u8) -> Vec<u8> {
     let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, quality).encode_image(image).expect("a vector takes every byte");
+    JpegEncoder::new_with_quality(&mut bytes, quality)
+        .encode_image(image)
+        .expect("a vector takes every byte");
     bytes
 }

@@ -94,7 +94,8 @@ impl Film {
             pairs.par_iter().map(|(s, n)| (sources[*s].load)(*n)).collect::<Result<_>>()?;
         let region = region(&samples, camera, shown);
         let fits = |(side, quality): &(u32, u8)| {
-            let bytes: usize = samples.par_iter().map(|p| jpeg::encode_part(p, region, *side, *quality).len()).sum();
+            let bytes: usize =
+                samples.par_iter().map(|p| jpeg::encode_part(p, region, *side, *quality).len()).sum();
             // Frames between the samples may be richer.
             bytes as f64 / samples.len() as f64 * 4.0 / 3.0 * 1.04 * (frame_count * sources.len()) as f64
                 <= budget as f64
