@@ -228,6 +228,7 @@ fn state(query: &str, shared: &Mutex<Shared>) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tessuto::session::named;
 
     fn get(address: &str, request: &str) -> String {
         let mut stream = TcpStream::connect(address).unwrap();
@@ -251,8 +252,13 @@ mod tests {
         let post = format!("POST / HTTP/1.1\r\nhost: {address}\r\n\r\n");
         assert!(get(&address, &post).starts_with("HTTP/1.1 405"));
 
-        let epoch =
-            Epoch { stage: "track", step: 1, of: 9, losses: vec![("total", 0.5)], ..Epoch::default() };
+        let epoch = Epoch {
+            stage: "track".into(),
+            step: 1,
+            of: 9,
+            losses: named([("total", 0.5)]),
+            ..Epoch::default()
+        };
         live.step(&epoch, &[Positions::from([Default::default(); 4])]);
         let news = ask("/state?version=0&motion=0");
         assert!(news.contains(r#""version":1,"motion":1,"ended":false"#), "{news}");

@@ -24,9 +24,9 @@ pub struct Calibration {
 /// A focal length, as it is stated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Focal {
-    /// fx and fy [px].
+    /// fx and fy `[px]`.
     Pixels([f64; 2]),
-    /// Horizontal field of view [rad].
+    /// Horizontal field of view `[rad]`.
     Angle(f64),
 }
 
@@ -43,7 +43,7 @@ impl Calibration {
         }
     }
 
-    /// The camera of images of `size` [px]; a calibration for images of the same shape but another size is scaled,
+    /// The camera of images of `size` `[px]`; a calibration for images of the same shape but another size is scaled,
     /// with a note.
     ///
     /// # Errors

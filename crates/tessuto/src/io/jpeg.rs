@@ -6,14 +6,14 @@ use ::image::imageops::{crop_imm, thumbnail};
 
 use crate::camera::Rect;
 
-/// Size [px] of `region` with sides of at most `side`, never enlarged.
+/// Size `[px]` of `region` with sides of at most `side`, never enlarged.
 pub fn fitted(region: Rect, side: u32) -> [u32; 2] {
     let (width, height) = (region.width() as f64, region.height() as f64);
     let scale = (f64::from(side) / width.max(height)).min(1.0);
     [width, height].map(|s| ((s * scale).round() as u32).max(1))
 }
 
-/// The part `region` of `image` as JPEG, with sides of at most `side` [px].
+/// The part `region` of `image` as JPEG, with sides of at most `side` `[px]`.
 pub fn encode_part(image: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
     let [x, y, w, h] = [region.x0, region.y0, region.width(), region.height()].map(|v| v as u32);
     let [width, height] = fitted(region, side);

@@ -28,17 +28,17 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::scene::{Scene, Truth};
 
 /// What a motion is compared with.
 #[derive(Debug, Clone, Copy)]
 pub struct Inputs<'a> {
-    /// The mesh whose vertices move, shape [V].
+    /// The mesh whose vertices move, shape `[V]`.
     pub template: &'a Mesh,
     /// Any camera whose pixel grid is the video's: the full image's or a crop's.
     pub camera: &'a Camera,
-    /// What is known of the true motion, shape [N].
+    /// What is known of the true motion, shape `[N]`.
     pub truth: &'a Truth,
     /// Number of the first frame, for the output and the random stream.
     pub first_frame: usize,
@@ -60,28 +60,28 @@ impl<'a> From<&'a Scene> for Inputs<'a> {
 /// P: measured points, S: as many area-uniform samples of the mesh, T: its triangles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
-    /// L1 Chamfer distance [m]: mean_P min_S |p−s| + mean_S min_P |p−s|.
+    /// L1 Chamfer distance `[m]`: mean_P min_S |p−s| + mean_S min_P |p−s|.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cd1: Option<f64>,
-    /// L2 Chamfer distance [m²]: the same with squared distances.
+    /// L2 Chamfer distance `[m²]`: the same with squared distances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cd2: Option<f64>,
-    /// Point-to-surface distance [m]: mean_P min_T d(p, t) + mean_T min_P d(p, t), exact.
+    /// Point-to-surface distance `[m]`: mean_P min_T d(p, t) + mean_T min_P d(p, t), exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s1: Option<f64>,
-    /// The same with squared distances [m²].
+    /// The same with squared distances `[m²]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s2: Option<f64>,
-    /// Point-to-surface distance [m] by the inexact formula of the published evaluator.
+    /// Point-to-surface distance `[m]` by the inexact formula of the published evaluator.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s1_published: Option<f64>,
-    /// The same with squared distances [m²].
+    /// The same with squared distances `[m²]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s2_published: Option<f64>,
-    /// Depth difference δ [m]: mean |z_mesh − z_measured| over the points the mesh covers.
+    /// Depth difference δ `[m]`: mean |z_mesh − z_measured| over the points the mesh covers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<f64>,
-    /// Mean distance [m] of corresponding vertices.
+    /// Mean distance `[m]` of corresponding vertices.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vertex: Option<f64>,
 }
@@ -161,12 +161,12 @@ pub struct Evaluation {
 
 /// Errors of `motion` against the truth of `inputs`, for the frames `range` (indices into `motion`).
 ///
-/// - `motion`: vertex positions [m], camera frame, shape [N, V]
+/// - `motion`: vertex positions `[m]`, camera frame, shape [N, V]
 /// - `seed`: of the surface samples; a frame's samples depend on `seed` and its number only
 ///
 /// The result does not depend on the number of threads.
 /// `Error::Input` when shapes differ, values are not finite or there is no truth.
-pub fn evaluate(inputs: &Inputs, motion: &[Positions], range: Range<usize>, seed: u64) -> Result<Evaluation> {
+pub fn evaluate(inputs: &Inputs, motion: &Motion, range: Range<usize>, seed: u64) -> Result<Evaluation> {
     validate(inputs, motion, &range)?;
     let triangles = inputs.template.triangles();
     let frames: Vec<FrameMetrics> = range
@@ -189,7 +189,7 @@ fn mean(frames: &[FrameMetrics]) -> Metrics {
     Metrics::from_values(sum.map(|s| s.map(|s| s / frames.len() as f64)))
 }
 
-fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Result<()> {
+fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()> {
     let Inputs { template, truth, first_frame, .. } = inputs;
     let count = template.positions.len();
     if truth.points.is_none() && truth.vertices.is_none() {
@@ -213,7 +213,7 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
     }
     let lengths = [
         ("gt/points", truth.points.as_ref().map(Vec::len)),
-        ("gt/vertices.npy", truth.vertices.as_ref().map(Vec::len)),
+        ("gt/vertices.npy", truth.vertices.as_deref().map(<[_]>::len)),
     ];
     for (name, length) in lengths {
         if let Some(length) = length.filter(|l| *l != motion.len()) {
@@ -224,12 +224,8 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
             ));
         }
     }
-    for (k, positions) in motion.iter().enumerate() {
-        check_positions(&format!("motion, frame {}", first_frame + k), positions, count)?;
-    }
-    for (k, positions) in truth.vertices.iter().flatten().enumerate() {
-        check_positions(&format!("gt/vertices.npy, frame {}", first_frame + k), positions, count)?;
-    }
+    motion.check_vertices(count, "motion")?;
+    truth.vertices.iter().try_for_each(|vertices| vertices.check_vertices(count, "gt/vertices.npy"))?;
     for (k, points) in truth.points.iter().flatten().enumerate() {
         let place = format!("gt/points, frame {}", first_frame + k);
         if let Some(i) = points.iter().position(|p| !p.is_finite() || p.z <= 0.0) {
@@ -244,8 +240,8 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
             ));
         }
     }
-    check_scale("gt/vertices.npy", truth.vertices.as_ref(), motion, 2)?;
-    check_scale("gt/points", truth.points.as_ref(), motion, 20)?;
+    check_scale("gt/vertices.npy", truth.vertices.as_deref(), motion, 2)?;
+    check_scale("gt/points", truth.points.as_deref(), motion, 20)?;
     let area = template.area();
     if area <= 0.0 || !area.is_finite() {
         return Err(Error::input("template", format!("its area is {area} m²"), "give a mesh with faces"));
@@ -254,12 +250,7 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
 }
 
 /// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
-fn check_scale(
-    place: &str,
-    truth: Option<&Vec<Positions>>,
-    motion: &[Positions],
-    least: usize,
-) -> Result<()> {
+fn check_scale(place: &str, truth: Option<&[Positions]>, motion: &[Positions], least: usize) -> Result<()> {
     let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
     let diagonal = |positions: &Positions| {
         let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -276,17 +267,4 @@ fn check_scale(
         problem,
         "give the truth in the unit of the template, see \"units\" in scene.json",
     ))
-}
-
-fn check_positions(place: &str, positions: &Positions, count: usize) -> Result<()> {
-    if positions.len() != count {
-        let problem = format!("it has {} vertices, the template has {count}", positions.len());
-        return Err(Error::input(place, problem, "evaluate a result of the same scene and template"));
-    }
-    if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
-        let wrong = positions.iter().filter(|p| !p.is_finite()).count();
-        let problem = format!("{wrong} vertices are not finite, the first is vertex {i}: {}", positions[i]);
-        return Err(Error::input(place, problem, "run the reconstruction again; its log names the cause"));
-    }
-    Ok(())
 }

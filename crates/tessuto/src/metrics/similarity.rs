@@ -2,7 +2,7 @@
 
 use crate::image::{Image, srgb};
 
-/// Peak signal-to-noise ratio [dB] of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
+/// Peak signal-to-noise ratio `[dB]` of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     assert_eq!(a.len(), b.len());
     let squared = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
@@ -65,12 +65,12 @@ pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
 
 /// Tiles along each side of the covered part.
 const TILES: usize = 8;
-/// Pictures that vary by less than this, as standard deviation within tiles, have no print to compare.
+/// Images that vary by less than this, as standard deviation within tiles, have no print to compare.
 const PLAIN: f64 = 0.02;
 
-/// How well the prints of two pictures lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
+/// How well the prints of two images lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
 /// covered part's bounding box, of the channels' mean. 1 is the same print, 0 another one. Light that brightens or darkens a tile
-/// as a whole makes no difference. None where a picture is plain.
+/// as a whole makes no difference. None where an image is plain.
 pub fn print_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
     let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
@@ -102,7 +102,7 @@ pub fn print_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> 
     (count > 0.0 && most > 0.0 && !plain(aa) && !plain(bb)).then(|| ab / most)
 }
 
-/// Half the width of the window [px].
+/// Half the width of the window `[px]`.
 const RADIUS: usize = 5;
 
 /// Structural similarity in [−1, 1] of images in [0, 1]: mean over channels and over all 11×11
@@ -195,7 +195,7 @@ mod tests {
 
     #[test]
     fn prints_are_recognised_in_other_light_and_told_from_others() {
-        // Stripes, `shift` px to the right, on the left three quarters of the picture.
+        // Stripes, `shift` px to the right, on the left three quarters of the image.
         let stripes = |shift: usize, light: &dyn Fn(usize) -> f32| {
             let mut image = Image::new(64, 48, 3);
             for y in 0..48 {

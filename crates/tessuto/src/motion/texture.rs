@@ -6,7 +6,7 @@ use crate::math::finite;
 use crate::mesh::Positions;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::session::{Epoch, Session};
+use crate::session::{Epoch, Session, named};
 use crate::video::Frame;
 
 use super::rollout::losses::{LossWeights, image_loss};
@@ -15,7 +15,7 @@ use super::rollout::losses::{LossWeights, image_loss};
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TextureSettings {
-    /// Width and height [texels].
+    /// Width and height `[texels]`.
     pub size: usize,
     /// Number of steps.
     pub epochs: usize,
@@ -32,7 +32,7 @@ impl Default for TextureSettings {
 }
 
 /// Optimises a texture, from grey 0.5, until the mesh at `shape` looks like `frame`.
-/// Source: [SAFT] §2.3 phase 1, §2.5.1.
+/// Source: \[SAFT\] §2.3 phase 1, §2.5.1.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the loss is not finite; what the session's observer returns.
@@ -75,11 +75,11 @@ pub fn fit_texture(
             }
         }
         session.tell(&Epoch {
-            stage: "texture",
+            stage: "texture".into(),
             step: epoch + 1,
             of: settings.epochs,
             active_frames: 1,
-            losses: vec![("colour", colour)],
+            losses: named([("colour", colour)]),
             parameters: Vec::new(),
         })?;
     }

@@ -8,7 +8,7 @@ use crate::camera::Camera;
 use crate::mesh::vertex_normals;
 use crate::raster::{Rasterizer, Rendering, Texture};
 
-/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `positions` [m] for which
+/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `positions` `[m]` for which
 /// `wanted` says so, with their pixel indices, in the order of rows.
 pub fn visible_points(
     rasterizer: &Rasterizer,

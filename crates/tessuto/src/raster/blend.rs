@@ -9,18 +9,18 @@ pub(super) struct Blend {
     pub receiver: u32,
     /// Pixel that it receives from.
     pub partner: u32,
-    /// In [0, ½].
+    /// In `[0, ½]`.
     pub weight: f32,
     /// c[partner] − c[receiver], unblended.
     pub contrast: [f32; 4],
     /// Vertices A and B of the silhouette edge.
     pub edge: [u32; 2],
-    /// Derivative of the weight with respect to the edge plane A × B [1/m²].
+    /// Derivative of the weight with respect to the edge plane A × B `[1/m²]`.
     pub weight_by_plane: DVec3,
 }
 
 impl Blend {
-    /// Gradients with respect to the edge's vertices A and B [m], for the image gradient `grad` at the
+    /// Gradients with respect to the edge's vertices A and B `[m]`, for the image gradient `grad` at the
     /// receiver.
     pub fn edge_gradients(&self, positions: &[DVec3], grad: Vec4) -> [DVec3; 2] {
         let w = self.weight_by_plane * f64::from(grad.dot(Vec4::from_array(self.contrast)));

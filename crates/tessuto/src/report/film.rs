@@ -9,7 +9,7 @@ use crate::camera::{Camera, Rect};
 use crate::error::Result;
 use crate::io::jpeg;
 
-/// Largest side [px] and JPEG quality, best first.
+/// Largest side `[px]` and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [
     (800, 74),
     (720, 72),
@@ -55,9 +55,9 @@ pub struct Layer {
 /// Images of all frames, cut to where there is something to see.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Film {
-    /// Width [px].
+    /// Width `[px]`.
     pub width: u32,
-    /// Height [px].
+    /// Height `[px]`.
     pub height: u32,
     /// JPEG quality.
     pub quality: u8,

@@ -61,9 +61,9 @@ impl Kind {
 /// What the ends of the colour bars mean; the same for all frames, so that they can be compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
-    /// Depth [m] at the two ends.
+    /// Depth `[m]` at the two ends.
     pub depth: [f64; 2],
-    /// Depth difference [m] at the ends: ± this.
+    /// Depth difference `[m]` at the ends: ± this.
     pub depth_difference: f64,
     /// Colour difference (sRGB, of 1) at the upper end.
     pub colour_difference: f64,

@@ -46,7 +46,7 @@ pub struct ReportData {
     pub parameters: Vec<Parameter>,
     /// Comparison with the truth, where there is any.
     pub evaluation: Option<Evaluation>,
-    /// Name of each stage and its wall-clock time [s].
+    /// Name of each stage and its wall-clock time `[s]`.
     pub timings: Vec<(String, f64)>,
     /// What the user should know before trusting the result.
     pub warnings: Vec<String>,
@@ -89,9 +89,9 @@ pub struct Map {
 /// The light as a lat-long image; its middle is where the camera looks, the top row is up.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct LightData {
-    /// Width [px].
+    /// Width `[px]`.
     pub width: usize,
-    /// Height [px].
+    /// Height `[px]`.
     pub height: usize,
     /// Linear radiance, f32 [height, width, 3], base64.
     pub radiance: String,
@@ -121,7 +121,7 @@ impl KeyNumber {
 /// A recovered parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Its name in [`HistoryRow::parameters`].
+    /// Its name in the [steps](crate::session::Epoch::parameters).
     pub name: String,
     /// What it is.
     pub label: String,
@@ -131,19 +131,4 @@ pub struct Parameter {
     pub unit: String,
     /// Anything worth saying, such as a bound that was hit; may be empty.
     pub note: String,
-}
-
-/// What one step of the optimisation left behind.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct HistoryRow {
-    /// Its stage.
-    pub stage: String,
-    /// Steps finished in this stage.
-    pub step: usize,
-    /// How many frames took part.
-    pub active_frames: usize,
-    /// Losses by name.
-    pub losses: Vec<(String, f64)>,
-    /// Parameters by name.
-    pub parameters: Vec<(String, f64)>,
 }

@@ -14,18 +14,17 @@ pub struct Log {
     pub commands: Vec<String>,
     /// Remarks on input and result.
     pub warnings: Vec<String>,
-    /// Stage and its wall time [s].
+    /// Stage and its wall time `[s]`.
     pub timings: Vec<(String, f64)>,
 }
 
 impl Log {
-    /// That of the result in `folder`; an empty one for results of older versions.
+    /// That of the result in `folder`.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input).
     pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join("log.json");
-        if path.is_file() { read_json(&path) } else { Ok(Self::default()) }
+        read_json(&folder.join("log.json"))
     }
 
     /// Writes it into `folder`.
@@ -36,7 +35,7 @@ impl Log {
         write_json(&folder.join("log.json"), self)
     }
 
-    /// Sets the time [s] of `stage`.
+    /// Sets the time `[s]` of `stage`.
     pub fn set_time(&mut self, stage: &str, seconds: f64) {
         match self.timings.iter_mut().find(|(name, _)| name == stage) {
             Some(entry) => entry.1 = seconds,

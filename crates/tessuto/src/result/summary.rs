@@ -19,7 +19,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Log, read, read_json, read_metrics, write_json};
+use super::{Folder, read_json, write_json};
 use crate::error::Result;
 use crate::metrics::{Grade, Verdict, judge};
 
@@ -37,7 +37,7 @@ pub struct Summary {
     pub frames: [usize; 2],
     /// Vertices of the template.
     pub vertices: usize,
-    /// Wall time of all stages [s].
+    /// Wall time of all stages `[s]`.
     pub seconds: f64,
     /// Absent for motions that were not compared with a video.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -47,22 +47,21 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// From the other files of the result in `folder`.
+    /// From the other files of a result.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) naming the file that cannot be used.
-    pub fn of(folder: &Path) -> Result<Self> {
-        let saved = read(folder)?;
-        let log = Log::read(folder)?;
-        let agreement = read_metrics(folder)?.unwrap_or_default().agreement;
+    pub fn of(folder: &Folder) -> Result<Self> {
+        let log = folder.log()?;
+        let agreement = folder.metrics()?.map_or(&[][..], |metrics| &metrics.agreement);
         Ok(Self {
-            name: saved.run.name(),
-            version: saved.run.version,
-            frames: saved.run.frames,
-            vertices: saved.mesh.positions.len(),
+            name: folder.run.name(),
+            version: folder.run.version.clone(),
+            frames: folder.run.frames,
+            vertices: folder.mesh.positions.len(),
             seconds: log.timings.iter().map(|(_, seconds)| seconds).sum(),
-            verdict: judge(&agreement),
-            warnings: log.warnings,
+            verdict: judge(agreement),
+            warnings: log.warnings.clone(),
         })
     }
 

@@ -14,13 +14,13 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use lattice::MeshKind;
 
-/// Side of the texture [texel].
+/// Side of the texture `[texel]`.
 const TEXTURE_SIZE: usize = 512;
 /// Images are drawn this much larger and averaged, so that fine texture does not alias.
 const OVERSAMPLING: usize = 2;
@@ -34,7 +34,7 @@ pub struct Settings {
     pub frames: usize,
     /// Frames per second.
     pub fps: f64,
-    /// Width and height of the images [px].
+    /// Width and height of the images `[px]`.
     pub size: usize,
     /// Columns and rows of vertices.
     pub grid: [usize; 2],
@@ -145,7 +145,7 @@ pub fn make(settings: &Settings) -> Result<Scene> {
         first_frame: 0,
         template,
         frames,
-        truth: Truth { points: Some(points), vertices: Some(motion) },
+        truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?) },
     })
 }
 
@@ -179,7 +179,7 @@ fn enlarged(camera: &Camera) -> Camera {
     }
 }
 
-/// Surface points [m] on a regular grid of pixels, as a depth sensor at the camera would see them.
+/// Surface points `[m]` on a regular grid of pixels, as a depth sensor at the camera would see them.
 fn seen_points(camera: &Camera, rendering: &Rendering) -> Vec<DVec3> {
     let covered = rendering.inverse_depth.iter().filter(|d| **d > 0.0).count();
     let spacing = (covered as f64 / POINT_COUNT as f64).sqrt().max(1.0);

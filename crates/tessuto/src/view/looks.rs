@@ -48,7 +48,7 @@ pub fn draw_shaded(
     picture
 }
 
-/// Depth as a colour, the nearest of `range` [m] dark and the farthest bright, on black.
+/// Depth as a colour, the nearest of `range` `[m]` dark and the farthest bright, on black.
 pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, positions: &Positions, range: [f64; 2]) -> Image {
     let mut rendering = Rendering::new();
     rasterizer.render(camera, positions, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
@@ -65,7 +65,7 @@ pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, positions: &Position
     picture
 }
 
-/// Least and largest z over all `shapes` [m].
+/// Least and largest z over all `shapes` `[m]`.
 pub fn depth_range(motion: &[Positions]) -> [f64; 2] {
     let z = || motion.iter().flatten().map(|x: &DVec3| x.z);
     [z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max)]

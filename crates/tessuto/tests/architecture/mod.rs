@@ -7,15 +7,14 @@ use std::path::{Path, PathBuf};
 use imports::Crate;
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 19] = [
+const LAYERS: [&[&str]; 18] = [
     &["math", "error", "text"],
     &["camera", "image", "mesh"],
     &["video"],
     &["scene"],
     &["raster"],
     &["io"],
-    &["output"],
-    &["session"],
+    &["output", "session"],
     &["sim", "optim", "metrics", "decoder", "template"],
     &["pbr"],
     &["motion"],
@@ -25,7 +24,7 @@ const LAYERS: [&[&str]; 19] = [
     &["report"],
     &["result"],
     &["check", "export", "import", "view"],
-    &["synth"],
+    &["run", "synth"],
     &["lib"],
 ];
 

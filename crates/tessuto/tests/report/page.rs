@@ -1,4 +1,4 @@
-//! The pictures, the contact sheet and the page of a small made-up reconstruction.
+//! The images, the contact sheet and the page of a small made-up reconstruction.
 
 use std::process::Command;
 
@@ -10,10 +10,13 @@ use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
 use tessuto::report::embed::{Window, base64};
 use tessuto::report::film::{Film, Source};
 use tessuto::report::{
-    ClothData, Field, FramePictures, HistoryRow, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData,
-    Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
+    ClothData, Field, FramePictures, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData, Scales,
+    Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
 };
+use tessuto::session::Epoch;
 use tessuto::{Camera, Frame, Image, Positions};
+
+use crate::support::missing::not_tested;
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
@@ -34,7 +37,7 @@ fn disc(x: f32, z: f32) -> (Image, Image, Image) {
     images
 }
 
-/// Calls `look` with the pictures of a disc that is 4 px too far left and 10 mm too far away.
+/// Calls `look` with the images of a disc that is 4 px too far left and 10 mm too far away.
 fn with_pictures(look: impl FnOnce(&FramePictures)) {
     let (rgb, mask, depth) = disc(28.0, 1.21);
     let (observed_rgb, observed_mask, measured) = disc(32.0, 1.20);
@@ -143,10 +146,11 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         Source { key, label: key, load: Box::new(move |n| Ok(pictures[(n + k) % 2].clone())) }
     };
     let sources = [source("observed", 0), source("render", 1), source("rerendered", 0)];
-    let history: Vec<HistoryRow> = (1..30)
-        .map(|step| HistoryRow {
+    let history: Vec<Epoch> = (1..30)
+        .map(|step| Epoch {
             stage: "refine".into(),
             step,
+            of: 29,
             active_frames: frame_count,
             losses: vec![("total".into(), 0.5f64.powi(step as i32)), ("</script><b>".into(), 0.1)],
             parameters: vec![("stretch".into(), 200.0 + step as f64)],
@@ -296,8 +300,7 @@ fn page_runs_in_chromium() {
         .into_iter()
         .find(|p| Command::new(p).arg("--version").output().is_ok_and(|o| o.status.success()))
     else {
-        println!("skipped: Chromium is not installed");
-        return;
+        return not_tested("Chromium");
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");

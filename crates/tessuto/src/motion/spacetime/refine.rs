@@ -6,7 +6,7 @@ use super::{Fitted, Positions, Problem, diverged};
 use crate::error::Result;
 use crate::math::damping::Damping;
 use crate::motion::terms::TERMS;
-use crate::session::{Epoch, Session, foreign_state};
+use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Damping at the start of each level, relative to the acceleration term.
 const DAMPING: Damping =
@@ -66,12 +66,12 @@ impl Problem<'_> {
                 losses.extend((0..TERMS).map(|k| (names[k], step.terms[k])));
                 losses.push(("acceleration", step.acceleration));
                 let epoch = Epoch {
-                    stage: "refine",
+                    stage: "refine".into(),
                     step: refined.steps,
                     of: levels * iterations,
                     active_frames: count,
-                    losses,
-                    parameters: vec![("level", level as f64)],
+                    losses: named(losses),
+                    parameters: named([("level", level as f64)]),
                 };
                 // Keep the step if it lowers E.
                 match step.next {

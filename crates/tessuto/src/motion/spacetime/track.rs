@@ -6,7 +6,7 @@ use super::{Fitted, LevelSearch, Positions, Problem, diverged};
 use crate::error::Result;
 use crate::math::damping::Damping;
 use crate::math::factor::Scratch;
-use crate::session::{Epoch, Session, foreign_state};
+use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
@@ -16,7 +16,7 @@ const DAMPING: Damping =
 /// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
 const STEPS: usize = 8;
 const ATTEMPTS: usize = 6;
-/// A frame is found when no vertex moves by more than this [m].
+/// A frame is found when no vertex moves by more than this `[m]`.
 const FOUND: f64 = 2e-5;
 
 /// What [`Problem::track`] goes on from.
@@ -78,11 +78,11 @@ impl Problem<'_> {
             }
             frames.push(x);
             let epoch = Epoch {
-                stage: "track",
+                stage: "track".into(),
                 step: n,
                 of: count - 1,
                 active_frames: n + 1,
-                losses: vec![("total", value)],
+                losses: named([("total", value)]),
                 parameters: Vec::new(),
             };
             session.step(&epoch, &tracked.frames, Some(&tracked))?;
