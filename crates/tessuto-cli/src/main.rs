@@ -23,6 +23,7 @@ mod synth;
 mod template;
 mod threads;
 mod verify;
+mod video;
 mod watch;
 
 use std::io::ErrorKind;

@@ -97,7 +97,7 @@ fn a_grid_from_triangles_without_uv() {
     scene.put("cloth.fbx", "Kaydara FBX Binary");
     let foreign = scene.path("cloth.fbx");
     let (status, text) = run(&scene, &["--from", foreign.to_str().unwrap(), "--remesh", "5", "--force"]);
-    assert!(status == Some(3) && text.contains("no OBJ, PLY or glTF file"), "{text}");
+    assert!(status == Some(3) && text.contains("not an OBJ, PLY or glTF file"), "{text}");
 }
 
 #[test]
