@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Whose motion: the result's, or the scene's true vertices.
     #[arg(long, value_enum, default_value_t = Motion::Result)]
     motion: Motion,
-    /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
+    /// Change one setting of appearance.*; `tessuto settings appearance` lists them. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
@@ -71,9 +71,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let default = || tessuto::Config::preset(tessuto::config::Preset::Default);
     let mut config = saved.as_ref().map_or_else(default, |saved| saved.run.settings.clone());
     let saved = saved.is_some();
-    for assignment in &arguments.set {
-        config.set(assignment)?;
-    }
+    config.set_all(arguments.set.iter().map(String::as_str))?;
     config.seed = arguments.seed.unwrap_or(config.seed);
     arguments.threads.start()?;
     let loaded = load(&arguments.scene, &LoadOptions { frames, ..LoadOptions::default() })?;

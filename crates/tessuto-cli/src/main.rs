@@ -16,6 +16,7 @@ mod record;
 mod render;
 mod report;
 mod say;
+mod settings;
 mod simulate;
 mod synth;
 mod template;
@@ -61,6 +62,7 @@ enum Command {
     Evaluate(evaluate::Arguments),
     Simulate(simulate::Arguments),
     Verify(verify::Arguments),
+    Settings(settings::Arguments),
     Synth(synth::Arguments),
     Demo(demo::Arguments),
 }
@@ -82,6 +84,7 @@ fn main() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
+        Command::Settings(arguments) => settings::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
     };

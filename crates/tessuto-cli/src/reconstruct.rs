@@ -39,9 +39,12 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Settings to start from: `default`, or `saft`, the published method.
-    #[arg(long, value_parser = parse_preset, default_value = "default")]
+    #[arg(long, value_parser = crate::frames::preset, default_value = "default")]
     preset: Preset,
-    /// Change one setting; config.json of a result lists all of them. May be repeated.
+    /// Settings to start from instead: config.json of a result, or settings alone as JSON.
+    #[arg(long, value_name = "FILE", conflicts_with = "preset")]
+    config: Option<PathBuf>,
+    /// Change one setting; `tessuto settings` lists all of them. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Only frames A to B − 1; the template belongs to frame A.
@@ -93,20 +96,13 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
     value.ok_or_else(|| "expected seconds, 0 to 1000000".to_owned())
 }
 
-fn parse_preset(text: &str) -> Result<Preset, String> {
-    match text {
-        "default" => Ok(Preset::Default),
-        "saft" => Ok(Preset::Saft),
-        _ => Err("the presets are: default, saft".to_owned()),
-    }
-}
-
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let mut config = Config::preset(arguments.preset);
-    for assignment in &arguments.set {
-        config.set(assignment)?;
-    }
+    let mut config = match &arguments.config {
+        Some(file) => Config::read(file)?,
+        None => Config::preset(arguments.preset),
+    };
+    config.set_all(arguments.set.iter().map(String::as_str))?;
     if let Some(seed) = arguments.seed {
         config.seed = seed;
     }
@@ -319,10 +315,7 @@ fn evaluate(scene: &Scene, motion: &[tessuto::Positions], seed: u64) -> Result<O
 
 /// The command line that repeats `run`: its preset and every setting that differs from it.
 fn repeat_command(run: &Run, out: &Path) -> String {
-    let preset = match run.settings.preset {
-        Preset::Saft => "saft",
-        Preset::Default => "default",
-    };
+    let preset = run.settings.preset.name();
     let mut command = format!(
         "tessuto reconstruct {} --out {} --preset {preset} --frames {}..{}",
         quoted(&run.scene),

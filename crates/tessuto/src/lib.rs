@@ -27,6 +27,7 @@ pub mod report;
 pub mod result;
 pub mod scene;
 pub mod session;
+pub mod settings;
 pub mod sim;
 pub mod synth;
 pub mod template;

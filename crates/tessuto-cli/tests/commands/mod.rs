@@ -10,4 +10,5 @@ mod report;
 mod rerun;
 mod resume;
 mod run;
+mod settings;
 mod template;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// From the bottom up; a module imports from lower layers and its own module only.
 const LAYERS: [&[&str]; 18] = [
     &["math", "error", "text"],
-    &["camera", "image", "mesh"],
+    &["camera", "image", "mesh", "settings"],
     &["video"],
     &["scene"],
     &["raster"],
