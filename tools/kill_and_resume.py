@@ -49,7 +49,8 @@ def main():
             process.kill()
             process.wait()
         checkpoints = len(list((folder / "killed.checkpoints").glob("*"))) if (folder / "killed.checkpoints").exists() else 0
-        subprocess.run(command(out, "--resume"), check=True, **quiet)
+        if not out.exists():
+            subprocess.run(command(out, "--resume"), check=True, **quiet)
         different = [name for name in COMPARED if not filecmp.cmp(whole / name, out / name, shallow=False)]
         same += not different
         print(f"{k + 1:3} killed after {moment:5.2f} s with {checkpoints} checkpoints: {'different: ' + ' '.join(different) if different else 'the same'}", flush=True)

@@ -36,10 +36,10 @@ def try_scene(program, folder, chosen, seed):
     scene, out = folder / "scene", folder / "result"
     words = [word for key, value in chosen.items() for word in (f"--{key}", value)]
     start = time.time()
-    status, said = run([program, "synth", scene, *words])
+    status, said = run([program, "synth", scene, "--force", *words])
     if status:
         return f"synth ended with {status}: {said[:2]}", None, time.time() - start
-    status, said = run([program, "reconstruct", scene, "--out", out, "--no-appearance", "--seed", seed, "--set", "texture.size=128"])
+    status, said = run([program, "reconstruct", scene, "--out", out, "--force", "--no-appearance", "--seed", seed, "--set", "texture.size=128"])
     seconds = time.time() - start
     if status:
         errors = [line for line in said if line.startswith("error") or "panicked" in line or "hint" in line]

@@ -8,16 +8,19 @@ use anyhow::Context as _;
 use clap::{Args, ValueEnum};
 use tessuto::appearance::{self, AppearanceSettings};
 use tessuto::io::scene::{LoadOptions, load};
+use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::Geometry;
 use tessuto::raster::Rasterizer;
 use tessuto::session::Session;
 use tessuto::text::quoted;
 use tessuto::{Error, Positions, Scene, io, result};
 
-use crate::output::OutputFolder;
 use crate::progress::{Progress, stop_on_interrupt};
 use crate::say::{self, aside, say};
 use crate::threads::Threads;
+
+/// What it writes or changes in the folder.
+const WRITTEN: [&str; 5] = ["material", "rerendered", "metrics.json", "log.json", "report.html"];
 
 /// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
 #[derive(Args)]
@@ -89,6 +92,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     stop_on_interrupt().context("cannot listen for Ctrl-C")?;
     let mut progress = Progress::new();
+    manifest::check_manifest(folder)?;
+    manifest::check_parts(&WRITTEN.map(|name| folder.join(name)), true)?;
     let outputs = Outputs::prepare(folder)?;
     let session = &mut Session::new(|epoch, motion| progress.step(epoch, motion));
     let summary = outputs.compute(scene, &motion, &config.appearance, config.seed, session)?;
@@ -102,9 +107,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         log.set_command(&repeat_command(arguments));
         log.write(folder)?;
         result::write_page(folder)?;
-        let new = ["material/", "rerendered/", "metrics.json", "log.json", "report.html"];
-        result::refresh_manifest(folder, &new)?;
     }
+    manifest::record_or_begin(folder, FolderKind::Appearance, &WRITTEN)?;
     say::output(format_args!("{}", summary.table));
     say!("{}", folder.join("material").display());
     say!("{}", folder.join("rerendered").display());
@@ -147,11 +151,8 @@ pub struct Outputs {
 impl Outputs {
     /// Starts both inside `folder`; older ones stay until [`publish`](Self::publish).
     pub fn prepare(folder: &Path) -> Result<Self, Error> {
-        let has = |name: &'static str| move |f: &Path| f.join(name).is_file();
-        Ok(Self {
-            material: OutputFolder::prepare_if(&folder.join("material"), has("environment.exr"))?,
-            rerendered: OutputFolder::prepare_if(&folder.join("rerendered"), has("psnr.csv"))?,
-        })
+        let part = |name: &str| OutputFolder::prepare_part(&folder.join(name));
+        Ok(Self { material: part("material")?, rerendered: part("rerendered")? })
     }
 
     /// Estimates, draws all frames again and writes everything; returns what to tell the user.
@@ -211,7 +212,8 @@ impl Outputs {
 
     /// Puts the finished folders in their places.
     pub fn publish(self) -> Result<(), Error> {
-        self.material.publish()?;
-        self.rerendered.publish()
+        crate::say_kept(self.material.publish()?);
+        crate::say_kept(self.rerendered.publish()?);
+        Ok(())
     }
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tessuto::Error;
 use tessuto::check::{CheckReport, Finding, Level, check_folder};
-use tessuto::io::image::write_png;
+use tessuto::io::image::{is_marked_png, write_marked_png};
 use tessuto::io::scene::LoadOptions;
 use tessuto::text::quoted;
 
@@ -17,7 +17,7 @@ pub struct Arguments {
     /// Scene folder (holds scene.json, template.obj, rgbs/, masks/).
     scene: PathBuf,
     /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges (cyan),
-    /// to this PNG file.
+    /// to this PNG file. An earlier such picture is replaced, nothing else is.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 }
@@ -29,11 +29,19 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// Checks the scene in a folder.
 pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
+    if let Some(path) = picture.filter(|path| path.symlink_metadata().is_ok() && !is_marked_png(path)) {
+        return Err(Error::input(
+            path.display().to_string(),
+            "was not written by `tessuto check`, and would be lost",
+            "choose another file for the picture",
+        )
+        .into());
+    }
     let report = check_folder(scene, &LoadOptions::default());
     let mut text = table(&report.findings);
     match (picture, &report.picture) {
         (Some(path), Some(picture)) => {
-            write_png(path, picture)?;
+            write_marked_png(path, picture)?;
             let _ = writeln!(text, "picture: {}", path.display());
         }
         (Some(_), None) => text.push_str("picture: not written, frames cannot be read\n"),

@@ -41,12 +41,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         settings.size,
         settings.size
     );
-    crate::synth::synth_into(&scene, &settings, false)?;
+    crate::synth::synth_into(&scene, &settings, true)?;
     say!("2. check of the scene");
     crate::check::check(&scene, None)?;
     say!("3. reconstruction from the pictures and the first frame's shape");
     let config = Config::preset(Preset::Default);
-    let evaluation = crate::reconstruct::reconstruct_into(&scene, None, config, Extras::default(), &result)?;
+    let evaluation = crate::reconstruct::reconstruct_into(
+        &scene,
+        None,
+        config,
+        Extras { force: true, ..Extras::default() },
+        &result,
+    )?;
     say!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
     if let Some(mean) = evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
         let largest = largest_displacement(&scene)?;

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use tessuto::export::{Clip, Format, export};
+use tessuto::output::{FolderKind, manifest};
 
 use crate::say::{aside, say};
 
@@ -31,7 +32,7 @@ pub struct Arguments {
     /// Folder to write to [default: <RESULT>/export].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace files that are there already.
+    /// Replace earlier exports. Files that tessuto did not write, or that have changed, are never replaced.
     #[arg(long)]
     force: bool,
 }
@@ -45,7 +46,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         aside!("warning: parameters.json holds no camera (result of an older version): exported without one");
     }
     let folder = arguments.out.clone().unwrap_or_else(|| arguments.result.join("export"));
-    for path in export(&clip, &arguments.to, &folder, arguments.force)? {
+    let paths = export(&clip, &arguments.to, &folder, arguments.force)?;
+    // Beside another program's manifest.json none can be kept: what is there then is not replaced again.
+    if manifest::check_manifest(&folder).is_ok() {
+        let names: Vec<_> = paths.iter().filter_map(|path| path.file_name()?.to_str()).collect();
+        manifest::record_or_begin(&folder, FolderKind::Export, &names)?;
+    }
+    for path in paths {
         say!("{}", path.display());
     }
     Ok(())

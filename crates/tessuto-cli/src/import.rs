@@ -6,10 +6,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use tessuto::import::{Masks, Settings, import};
+use tessuto::io::atomic_write;
+use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::{Error, Result};
 
 use crate::lens::{Lens, ffmpeg};
-use crate::output::OutputFolder;
 use crate::say::say;
 use crate::threads::Threads;
 
@@ -56,7 +57,7 @@ pub struct Arguments {
     /// Take numbered pictures with gaps for evenly spaced in time.
     #[arg(long)]
     allow_gaps: bool,
-    /// Replace a scene folder that is there; its template is kept where no other is given.
+    /// Replace a scene that tessuto wrote and nobody changed; its template is kept where no other is given.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -70,7 +71,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let out = &arguments.out;
     check_target(arguments)?;
-    let kept = out.join("template.obj");
+    let kept = Some(out.join("template.obj")).filter(|kept| arguments.template.is_none() && kept.is_file());
     let settings = Settings {
         input: arguments.input.clone(),
         masks: arguments.masks.clone().map_or(Masks::Alpha, Masks::Path),
@@ -81,13 +82,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         stride: arguments.stride,
         downscale: arguments.downscale,
         allow_gaps: arguments.allow_gaps,
-        template: arguments.template.clone().or_else(|| kept.is_file().then(|| kept.clone())),
+        template: arguments.template.clone().or_else(|| kept.clone()),
         ffmpeg: ffmpeg(),
     };
     let name = out.canonicalize().unwrap_or_else(|_| out.clone());
     let name = name.file_name().map_or_else(|| "scene".to_owned(), |n| n.to_string_lossy().into_owned());
-    let output =
-        OutputFolder::prepare_if(out, |folder| arguments.force && folder.join("scene.json").is_file())?;
+    let carried_over: &[&str] = if kept.is_some() { &["template.obj"] } else { &[] };
+    let output = OutputFolder::prepare_keeping(out, FolderKind::Scene, arguments.force, carried_over)?;
     let imported = {
         let (bar, count) = (bar(), AtomicUsize::new(0));
         import(&settings, &name, output.partial(), &|written| {
@@ -95,7 +96,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             bar.set_message(format!("{count} files, {written}"));
         })?
     };
-    output.publish()?;
+    if let Some(kept) = &kept {
+        let template = std::fs::read(kept).map_err(|source| Error::Output { path: kept.clone(), source })?;
+        atomic_write(&output.partial().join("template.obj"), &template)?;
+    }
+    crate::say_kept(output.publish()?);
     for note in &imported.notes {
         say!("note: {note}");
     }
@@ -140,15 +145,6 @@ fn check_target(arguments: &Arguments) -> Result<()> {
             source.display().to_string(),
             format!("lies in {}, which would be replaced", out.display()),
             "choose another folder for the scene",
-        ));
-    }
-    let ours = ["scene.json", "template.obj", "rgbs", "masks"];
-    let others = out.read_dir().into_iter().flatten().flatten().map(|entry| entry.file_name());
-    if let Some(other) = others.into_iter().find(|name| there && !ours.iter().any(|o| name == o)) {
-        return Err(Error::input(
-            out.join(other).display().to_string(),
-            "is not part of an imported scene, and would be lost",
-            "move it away, or choose another folder for the scene",
         ));
     }
     Ok(())

@@ -9,7 +9,6 @@ mod frames;
 mod import;
 mod lens;
 mod live;
-mod output;
 mod progress;
 mod reconstruct;
 mod record;
@@ -65,6 +64,13 @@ enum Command {
     Settings(settings::Arguments),
     Synth(synth::Arguments),
     Demo(demo::Arguments),
+}
+
+/// Says where an earlier folder was kept because somebody put files into it while it was being replaced.
+fn say_kept(kept: Option<std::path::PathBuf>) {
+    if let Some(folder) = kept {
+        aside!("note: files came into the earlier folder meanwhile; it is kept as {}", folder.display());
+    }
 }
 
 fn main() -> ExitCode {

@@ -10,6 +10,7 @@ use tessuto::config::{Config, Preset};
 use tessuto::export::{Clip, Format, export};
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{self, Evaluation, QUANTITIES};
+use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::result::{self, Run};
 use tessuto::session::{Checkpoints, Session, identity};
 use tessuto::text::quoted;
@@ -17,7 +18,6 @@ use tessuto::{Error, Positions, Scene};
 
 use crate::appearance::Outputs;
 use crate::live::Server;
-use crate::output::{OutputFolder, beside};
 use crate::progress::{Progress, stop_on_interrupt};
 use crate::record::Recorder;
 use crate::say::{self, aside, say};
@@ -58,6 +58,9 @@ pub struct Arguments {
     /// Motion only; material and light are not estimated.
     #[arg(long)]
     no_appearance: bool,
+    /// Replace an earlier result that nobody changed since.
+    #[arg(long)]
+    force: bool,
     /// Go on where an interrupted run of the same command was. The result is the same, byte for byte.
     #[arg(long)]
     resume: bool,
@@ -85,6 +88,8 @@ pub struct Extras {
     pub live: Option<u16>,
     /// Write a recording for the viewer of rerun here.
     pub rerun: Option<PathBuf>,
+    /// Replace an earlier result.
+    pub force: bool,
     /// Go on from checkpoints.
     pub resume: bool,
     /// Least time between checkpoints; none are written without.
@@ -112,6 +117,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         appearance: !arguments.no_appearance,
         live: arguments.live,
         rerun: arguments.rerun.clone(),
+        force: arguments.force,
         resume: arguments.resume,
         checkpoint: Some(Duration::from_secs_f64(arguments.checkpoint)),
     };
@@ -136,7 +142,7 @@ pub fn reconstruct_into(
     if let Some(file) = &extras.rerun {
         Recorder::check(file, out)?;
     }
-    let output = OutputFolder::prepare(out)?;
+    let output = OutputFolder::prepare(out, FolderKind::Result, extras.force)?;
     let server = extras.live.map(Server::bind).transpose()?;
     let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
     let scene = &loaded.scene;
@@ -168,7 +174,8 @@ pub fn reconstruct_into(
         progress.borrow_mut().live = Some(server.start(result::live_page(scene, &run, &command)?));
     }
     let session = &mut Session::new(|epoch, motion| progress.borrow_mut().step(epoch, motion));
-    let checkpoints = keep_checkpoints(session, scene, &run.settings, out, &extras)?;
+    let checkpoints =
+        keep_checkpoints(session, scene, &run.settings, &output.beside(".checkpoints"), &extras)?;
     if let Some(file) = &extras.rerun {
         let recorder = Recorder::start(file, scene, &run.settings, session.history())?;
         progress.borrow_mut().recorder = Some(recorder);
@@ -215,8 +222,7 @@ pub fn reconstruct_into(
     export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
     // A page that cannot be made must not cost the result either.
     let page = result::write_page(output.partial());
-    result::write_manifest(output.partial())?;
-    output.publish()?;
+    crate::say_kept(output.publish()?);
     checkpoints.iter().try_for_each(Checkpoints::remove)?;
     page?;
     let mut recorded = Ok(());
@@ -249,19 +255,18 @@ pub fn reconstruct_into(
     }
 }
 
-/// Lets `session` keep its states beside `out`, and go on from those that are there if that is asked for.
+/// Lets `session` keep its states in `folder`, and go on from those that are there if that is asked for.
 fn keep_checkpoints(
     session: &mut Session,
     scene: &Scene,
     settings: &Config,
-    out: &Path,
+    folder: &Path,
     extras: &Extras,
 ) -> Result<Option<Checkpoints>, Error> {
     let Some(interval) = extras.checkpoint else { return Ok(None) };
-    let folder = beside(out, ".checkpoints");
     let text = serde_json::to_string(settings).expect("plain data");
     let identity = identity(scene, &text)?;
-    let open = || Checkpoints::open(&folder, identity.clone(), interval);
+    let open = || Checkpoints::open(folder, identity.clone(), interval);
     let found = match extras.resume {
         true => open().newest(&mut |problem| aside!("warning: {problem}"))?,
         false => None,
@@ -285,7 +290,8 @@ fn say_how_to_go_on(error: &Error, command: &str, extras: &Extras) {
     if matches!(error, Error::Interrupted(_)) && extras.checkpoint.is_some() {
         let rerun =
             extras.rerun.as_ref().map_or_else(String::new, |file| format!(" --rerun {}", quoted(file)));
-        aside!("go on with: {command}{rerun} --resume");
+        let force = if extras.force { " --force" } else { "" };
+        aside!("go on with: {command}{rerun}{force} --resume");
     }
 }
 

@@ -24,17 +24,15 @@ impl Recorder {
     /// result folder `out`, which appears as a whole.
     ///
     /// # Errors
-    /// [`Error::Usage`].
+    /// [`Error::Input`], [`Error::Usage`].
     pub fn check(file: &Path, out: &Path) -> Result<()> {
         let place = || file.display().to_string();
         let mut start = Vec::new();
         let opened = File::open(file).and_then(|f| f.take(START).read_to_end(&mut start));
         // An empty file is what a run leaves that was killed at once.
         if file.exists() && !(opened.is_ok() && (start.is_empty() || is_ours(&start))) {
-            return Err(Error::usage(
-                format!("--rerun {}: something is there that tessuto did not write", place()),
-                "choose another file, or move it away",
-            ));
+            let problem = "was not written by tessuto, and would be lost";
+            return Err(Error::input(place(), problem, "choose another file for --rerun, or move it away"));
         }
         let whole = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_path_buf());
         let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| whole(path));
@@ -114,11 +112,13 @@ mod tests {
         for name in ["new.rrd", "empty.rrd", "result.rrd", "no/such/folder.rrd"] {
             Recorder::check(&at(name), &out).unwrap();
         }
-        for (name, reason) in
-            [("other.rrd", "did not write"), ("result", "did not write"), ("result/a.rrd", "as a whole")]
-        {
+        for (name, reason, status) in [
+            ("other.rrd", "not written by", 3),
+            ("result", "not written by", 3),
+            ("result/a.rrd", "as a whole", 2),
+        ] {
             let error = Recorder::check(&at(name), &out).unwrap_err();
-            assert_eq!(error.exit_code(), 2);
+            assert_eq!(error.exit_code(), status);
             assert!(error.to_string().contains(reason) && error.to_string().contains(name), "{error}");
         }
         // A result that is not there yet.

@@ -7,12 +7,12 @@ use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use tessuto::camera::Camera;
 use tessuto::image::Image;
+use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use tessuto::raster::{Rasterizer, Texture};
 use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use tessuto::{Error, Positions, appearance, io, result};
 
-use crate::output::OutputFolder;
 use crate::say::say;
 use crate::threads::Threads;
 
@@ -55,6 +55,9 @@ pub struct Arguments {
     /// Folder to write [default: RESULT/views/LOOK].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Replace earlier views that nobody changed since.
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     threads: Threads,
 }
@@ -127,11 +130,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let view = viewpoint(arguments, &motion, camera)?;
     let motion: Vec<Positions> = motion.iter().map(|shape| view.shape(shape)).collect();
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("views").join(name(look)));
-    if let Some(parent) = out.parent().filter(|p| !p.as_os_str().is_empty()) {
-        std::fs::create_dir_all(parent)
-            .map_err(|source| Error::Output { path: parent.to_path_buf(), source })?;
-    }
-    let output = OutputFolder::prepare_if(&out, is_render)?;
+    let output = OutputFolder::prepare(&out, FolderKind::Views, arguments.force)?;
     let painter = Painter::new(arguments, &saved.mesh, &motion, &view, look)?;
     let bar = ProgressBar::new(range.len() as u64);
     for n in range.clone() {
@@ -144,23 +143,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         say!("depth from {near:.3} m (dark) to {far:.3} m (bright)");
     }
     let video = encode(output.partial(), range.start, saved.fps);
-    output.publish()?;
+    crate::say_kept(output.publish()?);
+    manifest::record(&[&out])?;
     say!("{}", out.display());
     match video {
         Ok(()) => say!("{}", out.join("video.mp4").display()),
         Err(why) => say!("no video.mp4: {why}"),
     }
     Ok(())
-}
-
-/// Whether `folder` holds what this command writes, and nothing else.
-fn is_render(folder: &Path) -> bool {
-    let ours = |name: &str| {
-        let number = name.strip_prefix("frame_").and_then(|n| n.strip_suffix(".png"));
-        name == "video.mp4" || number.is_some_and(|n| n.parse::<usize>().is_ok())
-    };
-    let entries = std::fs::read_dir(folder).into_iter().flatten();
-    entries.flatten().all(|entry| ours(&entry.file_name().to_string_lossy()))
 }
 
 fn input(path: &Path, problem: String, hint: &str) -> anyhow::Error {

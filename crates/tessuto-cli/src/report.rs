@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use tessuto::output::manifest;
 use tessuto::result;
 
 use crate::say::say;
@@ -23,8 +24,10 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
+    let page = arguments.result.join("report.html");
+    manifest::check_parts(&[&page], true)?;
     result::write_page(&arguments.result)?;
-    result::refresh_manifest(&arguments.result, &["report.html"])?;
-    say!("{}", arguments.result.join("report.html").display());
+    manifest::record(&[&page])?;
+    say!("{}", page.display());
     Ok(())
 }

@@ -1,8 +1,9 @@
 //! `tessuto simulate`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
+use tessuto::output::manifest;
 use tessuto::reconstruct::simulate;
 use tessuto::result;
 use tessuto::sim::Cloth;
@@ -29,10 +30,15 @@ pub struct Arguments {
     /// Write the motion here, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
     #[arg(long, value_name = "FILE.npy")]
     out: Option<PathBuf>,
+    /// Replace the array that is at --out.
+    #[arg(long)]
+    force: bool,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let out = arguments.out.clone().unwrap_or_else(|| arguments.result.join("simulated.npy"));
+    check_target(&out, arguments.force || arguments.out.is_none())?;
     let mut saved = result::read(&arguments.result)?;
     for assignment in &arguments.set {
         set(&mut saved.parameters.log_stiffness, assignment)?;
@@ -48,14 +54,29 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let cloth = Cloth::new(&saved.mesh);
     let settings = &saved.run.settings;
     let motion = simulate(&cloth, settings, saved.fps, &saved.mesh.positions, &saved.parameters)?;
-    let out = arguments.out.clone().unwrap_or_else(|| arguments.result.join("simulated.npy"));
     io::npy::write_shapes(&out, &motion)?;
+    manifest::record(&[&out])?;
     let original = io::npy::read_shapes(&arguments.result.join("motion.npy"))?;
     let frames = original.iter().zip(&motion);
     let distances = frames.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.distance(*b)));
     say!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
     say!("{}", out.display());
     Ok(())
+}
+
+/// Refuses to replace a file that is not an earlier motion. One outside of folders with a manifest is replaced if it is
+/// an array of positions, and if `replace` is set.
+fn check_target(out: &Path, replace: bool) -> Result<(), Error> {
+    let loose = out.symlink_metadata().is_ok_and(|found| found.is_file()) && !manifest::is_within_ours(out);
+    match loose && replace && io::npy::read_shapes(out).is_ok() {
+        true => Ok(()),
+        false if loose && !replace => Err(Error::input(
+            out.display().to_string(),
+            "is there already, and would be replaced",
+            "add --force if it is an earlier motion, or choose another file",
+        )),
+        false => manifest::check_parts(&[out], replace),
+    }
 }
 
 fn set(log_stiffness: &mut [f64; 3], assignment: &str) -> Result<(), Error> {

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
+use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::synth::lattice::MeshKind;
-use tessuto::synth::write::{is_synthetic, write};
+use tessuto::synth::write::write;
 use tessuto::synth::{Settings, make};
 
-use crate::output::OutputFolder;
 use crate::say::say;
 
 /// Make a scene from scratch: a printed cloth in a gust of wind, with complete truth.
@@ -53,7 +53,7 @@ pub struct Arguments {
     /// Seed of print, wind and mesh.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Replace a scene folder that this command did not write.
+    /// Replace a scene folder that tessuto wrote and nobody changed since.
     #[arg(long)]
     force: bool,
 }
@@ -96,14 +96,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Makes the scene and writes it; `force` also replaces scenes of other origin, never anything else.
+/// Makes the scene and writes it; `force` replaces an unchanged scene of tessuto's, never anything else.
 pub fn synth_into(out: &Path, settings: &Settings, force: bool) -> tessuto::Result<()> {
     settings.validate()?;
-    let ours = |folder: &Path| is_synthetic(folder) || force && folder.join("scene.json").is_file();
-    let output = OutputFolder::prepare_if(out, ours)?;
+    let output = OutputFolder::prepare(out, FolderKind::Scene, force)?;
     let scene = make(settings)?;
     write(output.partial(), &scene, settings)?;
-    output.publish()
+    crate::say_kept(output.publish()?);
+    Ok(())
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use clap::Args;
 use tessuto::io::scene::first_frame;
 use tessuto::io::{image, model, obj};
 use tessuto::mesh::weld;
+use tessuto::output::manifest;
 use tessuto::template::fix::Fix;
 use tessuto::template::outline::Outline;
 use tessuto::template::rectangle::{locate, patch};
@@ -74,7 +75,7 @@ pub struct Arguments {
     /// File to write [default: the scene's template.obj].
     #[arg(long, value_name = "FILE.obj")]
     out: Option<PathBuf>,
-    /// Replace the file if it is there.
+    /// Replace the file if it is there; one that tessuto did not write is kept under another name.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -154,7 +155,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Some(size) => flat(arguments, &view, size)?,
         None => from_mesh(arguments, scene)?,
     };
+    keep_foreign(&out)?;
     obj::write(&out, &mesh, None)?;
+    manifest::record(&[&out])?;
     mesh.positions.iter_mut().for_each(|p| *p *= view.metres);
     say!("{}: {} vertices, {} faces", out.display(), mesh.positions.len(), mesh.faces.len());
     if let Some((mask, _)) = &view.mask {
@@ -167,6 +170,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if scene {
         say!("next: tessuto check {} --picture check.png", quoted(&arguments.target));
     }
+    Ok(())
+}
+
+/// Renames a mesh that tessuto did not write, or that was changed since: it is not lost.
+fn keep_foreign(out: &Path) -> Result<()> {
+    if manifest::check_parts(&[out], true).is_ok() {
+        return Ok(());
+    }
+    let place = |n: usize| out.with_extension(format!("before{n}.obj"));
+    let kept = (1..).map(place).find(|path| path.symlink_metadata().is_err()).expect("names do not end");
+    std::fs::rename(out, &kept).map_err(|source| Error::Output { path: kept.clone(), source })?;
+    say!("note: {} is kept as {}", out.display(), kept.display());
     Ok(())
 }
 

@@ -2,23 +2,24 @@
 
 use std::path::PathBuf;
 
-use tessuto::{Error, result};
+use tessuto::Error;
+use tessuto::output::manifest;
 
 use crate::say::say;
 
-/// Check that a result folder is complete and unchanged.
+/// Check that a folder tessuto wrote (result, scene, views) is complete and unchanged.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Compares every file with its size and SHA-256 in manifest.json, which is written last. Files that are not in it are named but
 are no fault.")]
 pub struct Arguments {
-    /// Result folder.
+    /// Result, scene or folder of views.
     result: PathBuf,
 }
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let verified = result::verify(&arguments.result)?;
+    let verified = manifest::verify(&arguments.result)?;
     for name in &verified.unknown {
         say!("not in the manifest: {name}");
     }

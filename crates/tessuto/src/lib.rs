@@ -20,6 +20,7 @@ pub mod mesh;
 pub mod metrics;
 pub mod motion;
 pub mod optim;
+pub mod output;
 pub mod pbr;
 pub mod raster;
 pub mod reconstruct;

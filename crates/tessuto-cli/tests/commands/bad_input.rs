@@ -256,7 +256,7 @@ fn a_full_disk_leaves_the_earlier_result_and_no_rest() {
     // From no byte at all to all but the last large file.
     let mut full = 0;
     for blocks in [0, 1, 4, 16, 64, 256] {
-        let (code, said) = finish(&mut limited(&quick(&scene(), &out), blocks));
+        let (code, said) = finish(&mut limited(quick(&scene(), &out).arg("--force"), blocks));
         if code == Some(0) {
             continue;
         }
@@ -350,7 +350,9 @@ fn two_runs_do_not_share_a_folder() {
     let out = folder.path().join("result");
     let partial = folder.path().join("result.partial");
     std::fs::create_dir(&partial).unwrap();
-    std::fs::write(partial.join("theirs"), "theirs").unwrap();
+    for name in ["theirs", ".tessuto-unfinished"] {
+        std::fs::write(partial.join(name), "theirs").unwrap();
+    }
     let lock = std::fs::File::open(&partial).unwrap();
     lock.lock().unwrap();
     fail(2, &mut quick(&scene(), &out), &["another run is writing", "result.partial", "hint: "]);

@@ -11,4 +11,5 @@ mod rerun;
 mod resume;
 mod run;
 mod settings;
+mod strangers;
 mod template;

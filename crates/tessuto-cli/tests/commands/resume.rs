@@ -77,6 +77,9 @@ fn killed_runs_go_on_to_the_same_bytes() {
         // Killed three times, each time later; then it may finish.
         let mut went_on = false;
         for share in [0.3, 0.6, 0.8] {
+            if out.exists() {
+                break;
+            }
             let mut child = start(folder, &out, preset, share > 0.3);
             std::thread::sleep(Duration::from_secs_f64(share * seconds));
             child.kill().unwrap();
@@ -85,7 +88,10 @@ fn killed_runs_go_on_to_the_same_bytes() {
             went_on |= checkpoints(&out).exists();
         }
         assert!(went_on, "no checkpoint was ever written");
-        finish(start(folder, &out, preset, true));
+        // On an idle machine the last one may have come to its end.
+        if !out.exists() {
+            finish(start(folder, &out, preset, true));
+        }
         assert_same(&whole, &out);
     }
 }

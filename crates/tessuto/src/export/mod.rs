@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::io::atomic_write;
+use crate::output::{OutputFolder, manifest};
 pub use clip::{Clip, Material};
 
 /// A kind of output.
@@ -80,10 +81,12 @@ impl Output {
     }
 }
 
-/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written.
+/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written, for the
+/// [manifest](manifest::record_or_begin).
 ///
 /// # Errors
-/// [`Error::Input`] if one of the files is there already, unless `force`; nothing is written then.
+/// [`Error::Input`] if one of the files is there already, unless `force` is set and a manifest lists it as it is;
+/// nothing is written then.
 /// [`Error::Output`].
 pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Result<Vec<PathBuf>> {
     let mut formats = formats.to_vec();
@@ -93,20 +96,8 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
     for format in formats {
         outputs.extend(files(clip, format)?);
     }
-    let taken: Vec<String> = outputs
-        .iter()
-        .map(|o| folder.join(o.name()))
-        .filter(|path| path.exists())
-        .map(|path| path.display().to_string())
-        .collect();
-    if !taken.is_empty() && !force {
-        return Err(Error::input(
-            taken.join(", "),
-            "there already, and would be replaced",
-            "add --force to replace it, or choose another folder with --out",
-        ));
-    }
-    io(folder, std::fs::create_dir_all(folder))?;
+    manifest::check_parts(&outputs.iter().map(|o| folder.join(o.name())).collect::<Vec<_>>(), force)?;
+    std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
     outputs.into_iter().map(|output| write(folder, output)).collect()
 }
 
@@ -134,33 +125,18 @@ fn write(folder: &Path, output: Output) -> Result<PathBuf> {
     let target = folder.join(output.name());
     match output {
         Output::File(_, bytes) => atomic_write(&target, &bytes)?,
-        Output::Folder(name, files) => {
-            // Fill it under another name, so that a half-written one never looks finished.
-            let partial = folder.join(format!(".{name}.partial"));
-            if partial.exists() {
-                io(&partial, std::fs::remove_dir_all(&partial))?;
+        Output::Folder(_, files) => {
+            let output = OutputFolder::prepare_part(&target)?;
+            for (file, bytes) in files {
+                let path = output.partial().join(file);
+                std::fs::write(&path, bytes).map_err(|e| failed(&path, e))?;
             }
-            io(&partial, std::fs::create_dir(&partial))?;
-            let filled = files.iter().try_for_each(|(file, bytes)| {
-                let path = partial.join(file);
-                io(&path, std::fs::write(&path, bytes))
-            });
-            let published = filled.and_then(|()| {
-                if target.is_dir() {
-                    io(&target, std::fs::remove_dir_all(&target))?;
-                }
-                io(&target, std::fs::rename(&partial, &target))
-            });
-            if published.is_err() {
-                // The first error is the one to report.
-                let _ = std::fs::remove_dir_all(&partial);
-            }
-            published?;
+            output.publish()?;
         }
     }
     Ok(target)
 }
 
-fn io<T>(path: &Path, result: std::io::Result<T>) -> Result<T> {
-    result.map_err(|source| Error::Output { path: path.to_path_buf(), source })
+fn failed(path: &Path, source: std::io::Error) -> Error {
+    Error::Output { path: path.to_path_buf(), source }
 }

@@ -3,7 +3,7 @@
 //! Every bit depth and colour type is read: 16 bits keep their precision, grey becomes RGB, palettes
 //! are resolved, alpha is dropped. Nothing is decoded before its size is known to be bearable.
 
-use std::io::Cursor;
+use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
 use ::image::metadata::Orientation;
@@ -59,6 +59,24 @@ pub fn read_grey(path: &Path) -> Result<Image> {
 /// Writes an image of 1 or 3 channels as 8-bit PNG; values are clamped to [0, 1] and rounded.
 pub fn write_png(path: &Path, image: &Image) -> Result<()> {
     atomic_write(path, &encode_png(image))
+}
+
+/// Header of a PNG: signature and the chunk IHDR [bytes].
+const PNG_HEADER: usize = 33;
+/// A chunk of text, with its checksum, that says which program wrote the picture.
+const PNG_MARK: &[u8] = b"\0\0\0\x16tEXtSoftware\0tessuto check\x14\x51\x9f\x42";
+
+/// [`write_png`] of a picture that [`is_marked_png`] recognises.
+pub fn write_marked_png(path: &Path, image: &Image) -> Result<()> {
+    let png = encode_png(image);
+    atomic_write(path, &[&png[..PNG_HEADER], PNG_MARK, &png[PNG_HEADER..]].concat())
+}
+
+/// Whether [`write_marked_png`] wrote the file.
+pub fn is_marked_png(path: &Path) -> bool {
+    let mut start = [0; PNG_HEADER + PNG_MARK.len()];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && start.ends_with(PNG_MARK)
 }
 
 /// The bytes of an 8-bit PNG of an image of 1 or 3 channels; values are clamped to [0, 1] and rounded.

@@ -16,14 +16,12 @@
 mod history;
 mod live;
 mod log;
-mod manifest;
 mod page;
 mod pictures;
 
 pub use history::history_csv;
 pub use live::{live_page, live_state};
 pub use log::Log;
-pub use manifest::{Verified, refresh_manifest, verify, write_manifest};
 pub use page::write_page;
 
 use std::path::{Path, PathBuf};

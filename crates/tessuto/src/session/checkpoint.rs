@@ -149,17 +149,24 @@ impl Checkpoints {
         Ok(())
     }
 
-    /// Removes the folder: the computation is finished, or starts anew.
+    /// Removes the checkpoints, and the folder unless somebody else's files are in it: the computation is finished, or
+    /// starts anew.
     ///
     /// # Errors
     /// [`Error::Output`].
     pub fn remove(&self) -> Result<()> {
-        match std::fs::remove_dir_all(&self.folder) {
-            Err(source) if source.kind() != std::io::ErrorKind::NotFound => {
-                Err(Error::Output { path: self.folder.clone(), source })
-            }
-            _ => Ok(()),
+        let entries = std::fs::read_dir(&self.folder).into_iter().flatten().flatten().map(|e| e.path());
+        // What a killed run had not finished writing.
+        let is_half = |path: &PathBuf| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            name.starts_with(".checkpoint-") && name.ends_with(".tmp")
+        };
+        let halves: Vec<_> = entries.filter(is_half).collect();
+        for path in self.files().into_iter().map(|(_, path)| path).chain(halves) {
+            std::fs::remove_file(&path).map_err(|source| Error::Output { path, source })?;
         }
+        let _ = std::fs::remove_dir(&self.folder);
+        Ok(())
     }
 }
 

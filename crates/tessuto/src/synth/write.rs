@@ -37,11 +37,3 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         None => Ok(()),
     }
 }
-
-/// Whether [`write`](fn@write) made the scene in `folder`.
-pub fn is_synthetic(folder: &Path) -> bool {
-    let read = || -> Option<serde_json::Value> {
-        serde_json::from_slice(&std::fs::read(folder.join("scene.json")).ok()?).ok()
-    };
-    read().is_some_and(|manifest| manifest["notes"]["generator"] == GENERATOR)
-}
