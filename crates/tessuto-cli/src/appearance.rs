@@ -20,7 +20,8 @@ use crate::say::{self, aside, say};
 use crate::threads::Threads;
 
 /// What it writes or changes in the folder.
-const WRITTEN: [&str; 5] = ["material", "rerendered", "metrics.json", "log.json", "report.html"];
+const WRITTEN: [&str; 6] =
+    ["material", "rerendered", "metrics.json", "log.json", "summary.json", "report.html"];
 
 /// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
 #[derive(Args)]
@@ -106,6 +107,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         summary.times.iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
         log.set_command(&repeat_command(arguments));
         log.write(folder)?;
+        result::Summary::of(folder)?.write(folder)?;
         result::write_page(folder)?;
     }
     manifest::record_or_begin(folder, FolderKind::Appearance, &WRITTEN)?;

@@ -220,6 +220,8 @@ pub fn reconstruct_into(
     }
     let clip = Clip::read(output.partial())?;
     export(&clip, &[Format::Glb, Format::Usd], &output.partial().join("export"), true)?;
+    let summary = result::Summary::of(output.partial())?;
+    summary.write(output.partial())?;
     // A page that cannot be made must not cost the result either.
     let page = result::write_page(output.partial());
     crate::say_kept(output.publish()?);
@@ -243,6 +245,11 @@ pub fn reconstruct_into(
         }
     }
     say::output(format_args!("{table}"));
+    match (summary.doubt(), &summary.verdict) {
+        (Some(doubt), _) => aside!("warning: the result is {doubt}"),
+        (None, Some(verdict)) => say!("{}", verdict.sentence),
+        (None, None) => {}
+    }
     say!("{}", out.display());
     say!("  look at {}", out.join("report.html").display());
     say!("  and at  {}", out.join("pictures/contact_sheet.png").display());

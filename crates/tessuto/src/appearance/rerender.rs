@@ -3,11 +3,12 @@
 use crate::error::Result;
 use crate::image::Image;
 use crate::mesh::Positions;
+use crate::metrics::masked_psnr;
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;
 
-/// A frame drawn again.
+/// A re-rendered frame.
 #[derive(Debug, Clone)]
 pub struct Rerendered {
     /// sRGB colour on black, the size of the full frame, shape [height, width, 3].
@@ -37,21 +38,20 @@ pub fn rerender(
     let mut rgb = Image::new(full_width, full_height, 3);
     let observed = scene.frames.frame(frame)?;
     let mut difference = Image::new(drawn.width, drawn.height, 3);
-    let (mut squares, mut count) = (0.0, 0);
+    let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m > 0.5).collect();
     for y in 0..drawn.height {
         for x in 0..drawn.width {
             let value = drawn.pixel(x, y);
             rgb.pixel_mut(x + scene.crop.x0, y + scene.crop.y0).copy_from_slice(value);
-            if observed.mask.pixel(x, y)[0] > 0.5 {
+            if covered[y * drawn.width + x] {
                 let pairs = value.iter().zip(observed.rgb.pixel(x, y));
                 for ((a, b), shown) in pairs.zip(difference.pixel_mut(x, y)) {
-                    squares += f64::from(a - b).powi(2);
                     *shown = (4.0 * (a - b).abs()).min(1.0);
                 }
-                count += 3;
             }
         }
     }
-    let psnr = -10.0 * (squares / f64::from(count.max(1))).max(1e-12).log10();
+    // Without a pixel nothing differs.
+    let psnr = masked_psnr(&drawn, &observed.rgb, &covered).unwrap_or(120.0);
     Ok(Rerendered { rgb, difference, psnr })
 }

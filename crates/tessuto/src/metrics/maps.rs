@@ -9,7 +9,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::resample::bicubic;
-use super::similarity::{correlation, psnr, ssim};
+use super::similarity::{correlation, masked_psnr, psnr, ssim, taken};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
@@ -155,12 +155,6 @@ pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
     covered
 }
 
-/// The covered pixels' values, shape [covered, channels].
-fn taken(image: &Image, covered: &[bool]) -> Vec<f32> {
-    let pixels = image.data.chunks_exact(image.channels).zip(covered);
-    pixels.filter(|(_, c)| **c).flat_map(|(p, _)| p.iter().copied()).collect()
-}
-
 /// Means of three channels each.
 fn means(values: &[f32]) -> Vec<f32> {
     values.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect()
@@ -206,8 +200,7 @@ fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
         picture.expect_size(scene.full_size)?;
         let observed = scene.frames.frame(k)?;
         let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m > 0.5).collect();
-        let (a, b) = (taken(&picture.rgb(scene.crop), &covered), taken(&observed.rgb, &covered));
-        Ok((!a.is_empty()).then(|| psnr(&a, &b)))
+        Ok(masked_psnr(&picture.rgb(scene.crop), &observed.rgb, &covered))
     };
     let ratios = scene.frames.map(0..scene.frames.len(), || (), ratio)?;
     let found: Vec<f64> = ratios.into_iter().flatten().collect();

@@ -1,7 +1,9 @@
 //! How far a motion is from what is known of the true one: Chamfer distance, point-to-surface
 //! distance, depth difference and vertex distance, per frame and as means over the frames; and how
-//! good material maps are ([`maps`]).
+//! good material maps are ([`maps`]). Without truth: how well the frames agree with the video and with what cloth can do
+//! ([`agreement`]), and whether that is good ([`verdict`]).
 
+pub mod agreement;
 mod boxes;
 pub mod chamfer;
 pub mod depth;
@@ -11,9 +13,12 @@ pub mod published;
 mod resample;
 pub mod similarity;
 pub mod surface;
+pub mod verdict;
 
+pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;
-pub use similarity::{correlation, psnr, ssim};
+pub use similarity::{correlation, masked_psnr, print_correlation, psnr, ssim};
+pub use verdict::{Grade, OverFrames, Verdict, judge};
 
 use std::ops::Range;
 
@@ -149,6 +154,9 @@ pub struct Evaluation {
     /// Material maps and re-rendered frames, where the result has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maps: Option<MapMetrics>,
+    /// Agreement with the video, which needs no truth; one entry per frame of the result, ascending.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub agreement: Vec<FrameAgreement>,
 }
 
 /// Errors of `motion` against the truth of `inputs`, for the frames `range` (indices into `motion`).
@@ -168,7 +176,7 @@ pub fn evaluate(inputs: &Inputs, motion: &[Positions], range: Range<usize>, seed
             metrics: frame::measure(inputs, &triangles, &motion[k], k, seed),
         })
         .collect();
-    Ok(Evaluation { mean: mean(&frames), frames, maps: None })
+    Ok(Evaluation { mean: mean(&frames), frames, ..Evaluation::default() })
 }
 
 fn mean(frames: &[FrameMetrics]) -> Metrics {

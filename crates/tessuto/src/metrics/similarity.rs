@@ -9,6 +9,19 @@ pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     -10.0 * (squared.sum::<f64>() / a.len() as f64).max(1e-12).log10()
 }
 
+/// [`psnr`] of all channels of the pixels that are `covered`, shape [height · width]; None where none is.
+pub fn masked_psnr(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
+    assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
+    let (a, b) = (taken(a, covered), taken(b, covered));
+    (!a.is_empty()).then(|| psnr(&a, &b))
+}
+
+/// The covered pixels' values, shape [covered, channels].
+pub(super) fn taken(image: &Image, covered: &[bool]) -> Vec<f32> {
+    let pixels = image.data.chunks_exact(image.channels).zip(covered);
+    pixels.filter(|(_, c)| **c).flat_map(|(p, _)| p.iter().copied()).collect()
+}
+
 /// Pearson's correlation; None where either is (nearly) constant.
 pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
     assert_eq!(a.len(), b.len());
@@ -25,6 +38,45 @@ pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
     // A quarter of a grey level of 8 bits: less is no variation of a picture.
     let constant = |sum: f64| (sum / count).sqrt() < 1e-3;
     (!a.is_empty() && !constant(aa) && !constant(bb)).then(|| ab / (aa * bb).sqrt())
+}
+
+/// Tiles along each side of the covered part.
+const TILES: usize = 8;
+/// Pictures that vary by less than this, as standard deviation within tiles, have no print to compare.
+const PLAIN: f64 = 0.02;
+
+/// How well the prints of two pictures lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
+/// covered part's bounding box, of the channels' mean. 1 is the same print, 0 another one. Light that brightens or darkens a tile
+/// as a whole makes no difference. None where a picture is plain.
+pub fn print_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
+    assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
+    let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
+    let (x0, y0) = places().fold((a.width, a.height), |(x, y), p| (x.min(p.0), y.min(p.1)));
+    let (x1, y1) = places().fold((0, 0), |(x, y), p| (x.max(p.0 + 1), y.max(p.1 + 1)));
+    // Count, Σa, Σb, Σa², Σb², Σab of each tile.
+    let mut sums = [[0.0; 6]; TILES * TILES];
+    for (x, y) in places() {
+        let grey = |image: &Image| {
+            let sum: f32 = image.pixel(x, y).iter().sum();
+            f64::from(sum) / image.channels as f64
+        };
+        let (a, b) = (grey(a), grey(b));
+        let tile = (y - y0) * TILES / (y1 - y0) * TILES + (x - x0) * TILES / (x1 - x0);
+        for (sum, v) in sums[tile].iter_mut().zip([1.0, a, b, a * a, b * b, a * b]) {
+            *sum += v;
+        }
+    }
+    let (mut count, mut aa, mut bb, mut ab, mut most) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for [n, a, b, a2, b2, product] in sums.into_iter().filter(|s| s[0] > 0.0) {
+        let (va, vb) = ((a2 - a * a / n).max(0.0), (b2 - b * b / n).max(0.0));
+        count += n;
+        aa += va;
+        bb += vb;
+        ab += product - a * b / n;
+        most += (va * vb).sqrt();
+    }
+    let plain = |sum: f64| (sum / count).sqrt() < PLAIN;
+    (count > 0.0 && most > 0.0 && !plain(aa) && !plain(bb)).then(|| ab / most)
 }
 
 /// Half the width of the window [px].
@@ -116,6 +168,33 @@ mod tests {
         let mut holed = covered.clone();
         holed[5 * 13 + 6] = false;
         assert_eq!(ssim(&grey(0.5), &grey(0.5), &holed), None);
+    }
+
+    #[test]
+    fn prints_are_recognised_in_other_light_and_told_from_others() {
+        // Stripes, `shift` px to the right, on the left three quarters of the picture.
+        let stripes = |shift: usize, light: &dyn Fn(usize) -> f32| {
+            let mut image = Image::new(64, 48, 3);
+            for y in 0..48 {
+                for x in 0..64 {
+                    let phase = (x + 64 - shift) as f32 * std::f32::consts::TAU / 8.0;
+                    image.pixel_mut(x, y).fill(light(x) * (0.5 + 0.3 * phase.sin()));
+                }
+            }
+            image
+        };
+        let covered: Vec<bool> = (0..64 * 48).map(|i| i % 64 < 48).collect();
+        let even = |_: usize| 1.0;
+        let print = stripes(0, &even);
+        let found = |b: &Image| print_correlation(&print, b, &covered);
+        assert!((found(&print).unwrap() - 1.0).abs() < 1e-9);
+        // Each tile is 6 px wide; the light falls to a quarter from the left to the right.
+        let dimmed = found(&stripes(0, &|x| 1.0 - 0.75 * (x / 6) as f32 / 8.0)).unwrap();
+        assert!((dimmed - 1.0).abs() < 1e-5, "{dimmed}");
+        assert!(found(&stripes(4, &even)).unwrap() < -0.8);
+        assert!(found(&stripes(2, &even)).unwrap().abs() < 0.3);
+        assert_eq!(found(&stripes(0, &|_| 0.05)), None);
+        assert_eq!(print_correlation(&print, &print, &vec![false; 64 * 48]), None);
     }
 
     #[test]

@@ -108,6 +108,20 @@ impl Ranges {
         }
         out
     }
+
+    /// Of the depths alone of vertices [m], camera frame, that `camera` sees.
+    pub fn of_vertices(vertices: &[DVec3], camera: &Camera) -> Self {
+        let size = DVec2::new(camera.width as f64, camera.height as f64);
+        let seen = |p: &&DVec3| {
+            p.z > 0.0 && {
+                let p_pixel = camera.project(**p).round();
+                p_pixel.cmpge(DVec2::ZERO).all() && p_pixel.cmplt(size).all()
+            }
+        };
+        let depths = vertices.iter().filter(seen).map(|p| p.z);
+        let depth = depths.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], z| [l.min(z), h.max(z)]);
+        Self { depth, differences: [0; STEPS.len()] }
+    }
 }
 
 impl Scales {

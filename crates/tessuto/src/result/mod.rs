@@ -6,7 +6,9 @@
 //! forces.npy       [(N−1)·parts, V, 3] f32  dynamic part D of force per mass [m/s²]
 //! parameters.json                 stiffnesses and constant force with units, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
-//! texture.png      history.csv    metrics.json (where there is truth)
+//! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
+//! metrics.json                    every frame's agreement with the video; errors, where there is truth
+//! texture.png      history.csv
 //! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
 //! log.json                        commands, times, warnings
 //! pictures/        report.html
@@ -18,11 +20,13 @@ mod live;
 mod log;
 mod page;
 mod pictures;
+mod summary;
 
 pub use history::history_csv;
 pub use live::{live_page, live_state};
 pub use log::Log;
 pub use page::write_page;
+pub use summary::Summary;
 
 use std::path::{Path, PathBuf};
 
@@ -144,18 +148,21 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     write_json(&folder.join("parameters.json"), &parameter_file(&result.parameters, scene))?;
     write_json(&folder.join("config.json"), context.run)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
-    write_metrics(folder, scene, &result.motion, context.evaluation)?;
-    pictures::write(folder, scene, result)?;
+    let agreement = pictures::write(folder, scene, result)?;
+    let evaluation = Evaluation { agreement, ..context.evaluation.cloned().unwrap_or_default() };
+    write_metrics(folder, scene, &result.motion, Some(&evaluation))?;
     let log = Log {
         commands: vec![context.command.to_owned()],
         warnings: context.warnings.to_vec(),
         timings: result.timings.clone(),
     };
-    log.write(folder)
+    log.write(folder)?;
+    Summary::of(folder)?.write(folder)
 }
 
 /// Writes metrics.json: the errors of the motion `shapes`, shape [N, V], and the likeness of the maps where `folder` holds
-/// `material/` or `rerendered/`. Nothing is written where there is neither. Call it again once maps are there.
+/// `material/` or `rerendered/`. Nothing is written where there is neither. Call it again once maps are there; the
+/// agreement with the video then stays what it was.
 ///
 /// # Errors
 /// [`Error::Input`] for a map that cannot be read; [`Error::Output`].
@@ -169,7 +176,10 @@ pub fn write_metrics(
     if motion.is_none() && maps.is_none() {
         return Ok(());
     }
-    let evaluation = Evaluation { maps, ..motion.cloned().unwrap_or_default() };
+    let mut evaluation = Evaluation { maps, ..motion.cloned().unwrap_or_default() };
+    if evaluation.agreement.is_empty() {
+        evaluation.agreement = read_metrics(folder)?.unwrap_or_default().agreement;
+    }
     write_json(&folder.join("metrics.json"), &evaluation)
 }
 

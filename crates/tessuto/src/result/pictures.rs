@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::io;
 use crate::mesh::Positions;
+use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::raster::{Rasterizer, Rendering};
 use crate::reconstruct::Reconstruction;
 use crate::report::pictures::{FramePictures, Ranges, Scales, measured_depth_image};
@@ -16,11 +17,12 @@ use crate::video::Frame;
 /// A vertex farther behind the nearest surface [m] is hidden.
 const HIDDEN: f64 = 0.01;
 
-/// Draws frames of a result, one by one: all of them together could fill the memory.
+/// Renders frames of a result, one by one: all of them together could fill the memory.
 struct Painter<'a> {
     scene: &'a Scene,
     result: &'a Reconstruction,
     rasterizer: Rasterizer,
+    meter: AgreementMeter,
 }
 
 /// Images of one frame of the result.
@@ -31,8 +33,15 @@ struct Rendered {
     measured: Option<Image>,
 }
 
+/// Numbers of one frame.
+struct Measured {
+    agreement: FrameAgreement,
+    /// Depth errors at the vertices [m].
+    errors: Vec<f32>,
+}
+
 impl Painter<'_> {
-    fn draw(&self, rendering: &mut Rendering, n: usize) -> Rendered {
+    fn render(&self, rendering: &mut Rendering, n: usize) -> Rendered {
         let (scene, shape) = (self.scene, &self.result.motion[n]);
         self.rasterizer.render(&scene.camera, shape, &self.result.texture, rendering);
         let (width, height) = (rendering.width, rendering.height);
@@ -42,47 +51,48 @@ impl Painter<'_> {
             channels: range.len(),
             data: rendering.rgba.iter().flat_map(|c| c[range.clone()].to_vec()).collect(),
         };
-        Rendered {
-            rgb: channel(0..3),
-            mask: channel(3..4),
-            depth: rendering.depth_image(),
-            measured: self.measured(n),
-        }
+        let measured = scene.truth.points.as_ref().map(|p| measured_depth_image(&p[n], &scene.camera));
+        Rendered { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured }
     }
 
-    fn measured(&self, n: usize) -> Option<Image> {
-        self.scene.truth.points.as_ref().map(|p| measured_depth_image(&p[n], &self.scene.camera))
-    }
-
-    /// What the scales must cover of frame `n`, and the depth errors at the vertices.
-    fn measure(&self, rendering: &mut Rendering, n: usize) -> (Ranges, Vec<f32>) {
-        let shape = &self.result.motion[n];
-        self.rasterizer.render(&self.scene.camera, shape, &self.result.texture, rendering);
-        let (depth, measured) = (rendering.depth_image(), self.measured(n));
-        let errors = depth_errors(self.scene, shape, &depth, measured.as_ref());
-        (Ranges::of(&depth, measured.as_ref()), errors)
+    /// Writes the pictures of frame `n` and measures it.
+    fn finish(&self, rendered: &Rendered, n: usize, folder: &Path, scales: &Scales) -> Result<Measured> {
+        let (scene, shape) = (self.scene, &self.result.motion[n]);
+        let number = scene.first_frame + n;
+        let observed = &*scene.frames.frame(n)?;
+        rendered.pictures(observed).write(folder, number, scales)?;
+        Ok(Measured {
+            agreement: self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed),
+            errors: depth_errors(scene, shape, &rendered.depth, rendered.measured.as_ref()),
+        })
     }
 }
 
-/// Writes pictures/ and, where there is truth, the errors at the vertices.
-pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Result<()> {
-    let painter = Painter { scene, result, rasterizer: Rasterizer::new(&scene.template) };
-    let all = 0..result.motion.len();
-    let measured =
-        scene.frames.map(all.clone(), Rendering::new, |rendering, n| Ok(painter.measure(rendering, n)))?;
-    write_errors(folder, scene, &result.motion, &measured)?;
-    let scales = Scales::fitting(measured.iter().map(|(ranges, _)| *ranges));
+/// Writes pictures/ and, where there is truth, the errors at the vertices; returns how well the frames agree with the
+/// video. Every frame is rendered once.
+pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Result<Vec<FrameAgreement>> {
+    let (rasterizer, meter) = (Rasterizer::new(&scene.template), AgreementMeter::new(&scene.template));
+    let painter = Painter { scene, result, rasterizer, meter };
+    // The frames of the contact sheet stay; their pixels and the vertices of all frames set the scales.
+    let chosen = chosen_frames(result.motion.len());
+    let render = |rendering: &mut Rendering, k: usize| Ok(painter.render(rendering, chosen[k]));
+    let kept = scene.frames.map(0..chosen.len(), Rendering::new, render)?;
+    let of_pixels = kept.iter().map(|r| Ranges::of(&r.depth, r.measured.as_ref()));
+    let of_vertices = result.motion.iter().map(|shape| Ranges::of_vertices(shape, &scene.camera));
+    let scales = Scales::fitting(of_pixels.chain(of_vertices));
     let target = folder.join("pictures");
-    scene.frames.map(all, Rendering::new, |rendering, n| {
-        let drawn = painter.draw(rendering, n);
-        drawn.pictures(&*scene.frames.frame(n)?).write(&target, scene.first_frame + n, &scales)
-    })?;
-    let chosen = chosen_frames(result.motion.len())
-        .into_iter()
-        .map(|n| Ok((scene.first_frame + n, painter.draw(&mut Rendering::new(), n), scene.frames.frame(n)?)));
-    let chosen: Vec<_> = chosen.collect::<Result<_>>()?;
-    let shown: Vec<_> = chosen.iter().map(|(n, drawn, observed)| (*n, drawn.pictures(observed))).collect();
-    io::image::write_png(&target.join("contact_sheet.png"), &contact_sheet(&shown, &scales))
+    let finish = |rendering: &mut Rendering, n: usize| match chosen.binary_search(&n) {
+        Ok(k) => painter.finish(&kept[k], n, &target, &scales),
+        Err(_) => painter.finish(&painter.render(rendering, n), n, &target, &scales),
+    };
+    let measured = scene.frames.map(0..result.motion.len(), Rendering::new, finish)?;
+    write_errors(folder, scene, &result.motion, &measured)?;
+    let observed: Vec<_> = chosen.iter().map(|n| scene.frames.frame(*n)).collect::<Result<_>>()?;
+    let numbers = chosen.iter().map(|n| scene.first_frame + n);
+    let shown: Vec<_> =
+        numbers.zip(kept.iter().zip(&observed)).map(|(n, (r, frame))| (n, r.pictures(frame))).collect();
+    io::image::write_png(&target.join("contact_sheet.png"), &contact_sheet(&shown, &scales))?;
+    Ok(measured.into_iter().map(|m| m.agreement).collect())
 }
 
 impl Rendered {
@@ -97,15 +107,10 @@ impl Rendered {
     }
 }
 
-fn write_errors(
-    folder: &Path,
-    scene: &Scene,
-    motion: &[Positions],
-    measured: &[(Ranges, Vec<f32>)],
-) -> Result<()> {
+fn write_errors(folder: &Path, scene: &Scene, motion: &[Positions], measured: &[Measured]) -> Result<()> {
     let size = [motion.len(), scene.template.positions.len()];
     if scene.truth.points.is_some() {
-        let errors: Vec<f32> = measured.iter().flat_map(|(_, errors)| errors).copied().collect();
+        let errors: Vec<f32> = measured.iter().flat_map(|m| &m.errors).copied().collect();
         io::npy::write(&folder.join("depth_error.npy"), &size, &errors)?;
     }
     if let Some(truth) = &scene.truth.vertices {

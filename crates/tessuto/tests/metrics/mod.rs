@@ -1,4 +1,5 @@
-//! Errors against the truth.
+//! Errors against the truth, and the verdict without it.
 
 mod agreement;
 mod analytic;
+mod verdict;

@@ -191,7 +191,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         evaluation: Some(Evaluation {
             mean: row(0).metrics,
             frames: (0..frame_count).map(row).collect(),
-            maps: None,
+            ..Evaluation::default()
         }),
         timings: vec![("motion".into(), 4000.0), ("report".into(), 1.5)],
         warnings: vec!["a & b".into()],

@@ -1,0 +1,219 @@
+//! How well one frame of a result agrees with the video and with what cloth can do; no truth is needed.
+
+use std::collections::HashMap;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::similarity::{masked_psnr, print_correlation};
+use crate::image::Image;
+use crate::mesh::Mesh;
+use crate::video::Frame;
+
+/// Normals of neighbouring triangles farther apart than this make a crease: cos 120°.
+const CREASE: f64 = -0.5;
+
+/// Agreement of one frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct FrameAgreement {
+    /// Number of the frame in the scene folder.
+    pub frame: usize,
+    /// Intersection over union of two sets of pixels: those whose mask is above one half, and those whose rendered
+    /// coverage is; absent where both are empty.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub silhouette: Option<f64>,
+    /// PSNR [dB] of the mesh rendered with the recovered print against the video's sRGB colours, over the pixels in which
+    /// both mask and rendered coverage are above one half; absent where there is none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub psnr: Option<f64>,
+    /// How well the same print lies on that of the video, over the same pixels: see [`print_correlation`]; absent for plain
+    /// cloth.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub print: Option<f64>,
+    /// Mean of |strain| over the threads, the edges of the template's polygons; strain = length / length in the
+    /// template − 1.
+    pub strain_mean: f64,
+    /// |strain| that one thread in a hundred exceeds.
+    pub strain_p99: f64,
+    /// Largest |strain|.
+    pub strain_max: f64,
+    /// Share of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
+    /// the template does so.
+    pub creased: f64,
+}
+
+/// Measures frames of one mesh.
+#[derive(Debug, Clone)]
+pub struct AgreementMeter {
+    /// Threads and their lengths [m] in the template.
+    threads: Vec<([u32; 2], f64)>,
+    triangles: Vec<[u32; 3]>,
+    /// Two triangles on either side of an inner edge that is no crease of the template.
+    neighbours: Vec<[u32; 2]>,
+    /// Number of inner edges.
+    inner_edges: usize,
+}
+
+impl AgreementMeter {
+    /// For motions of `template`.
+    pub fn new(template: &Mesh) -> Self {
+        let p = &template.positions;
+        let length = |[a, b]: [u32; 2]| p[a as usize].distance(p[b as usize]);
+        let threads = template.edges().into_iter().map(|e| (e, length(e))).filter(|(_, l)| *l > 0.0);
+        let triangles = template.triangles();
+        let mut neighbours = neighbours(&triangles);
+        let inner_edges = neighbours.len();
+        let normals = normals(&triangles, p);
+        neighbours.retain(|pair| !is_crease(&normals, *pair));
+        Self { threads: threads.collect(), triangles, neighbours, inner_edges }
+    }
+
+    /// Agreement of frame number `frame`.
+    ///
+    /// - `positions`: of the vertices [m], shape [V]
+    /// - `rgb`, `coverage`: the mesh rendered at these positions, of the size of `observed`
+    pub fn measure(
+        &self,
+        frame: usize,
+        positions: &[DVec3],
+        rgb: &Image,
+        coverage: &Image,
+        observed: &Frame,
+    ) -> FrameAgreement {
+        let (mut both, mut union) = (0usize, 0usize);
+        let pixels = coverage.data.iter().zip(&observed.mask.data);
+        let common: Vec<bool> = pixels
+            .map(|(a, b)| {
+                let (a, b) = (*a > 0.5, *b > 0.5);
+                both += usize::from(a && b);
+                union += usize::from(a || b);
+                a && b
+            })
+            .collect();
+        let [strain_mean, strain_p99, strain_max] = self.strain(positions);
+        FrameAgreement {
+            frame,
+            silhouette: (union > 0).then(|| both as f64 / union as f64),
+            psnr: masked_psnr(rgb, &observed.rgb, &common),
+            print: print_correlation(rgb, &observed.rgb, &common),
+            strain_mean,
+            strain_p99,
+            strain_max,
+            creased: self.creased(positions),
+        }
+    }
+
+    /// Mean, 99th percentile and maximum of |strain|.
+    fn strain(&self, positions: &[DVec3]) -> [f64; 3] {
+        let strain = |([a, b], length): &([u32; 2], f64)| {
+            (positions[*a as usize].distance(positions[*b as usize]) / length - 1.0).abs()
+        };
+        let mut strains: Vec<f64> = self.threads.iter().map(strain).collect();
+        let count = strains.len();
+        if count == 0 {
+            return [0.0; 3];
+        }
+        let mean = strains.iter().sum::<f64>() / count as f64;
+        strains.sort_unstable_by(f64::total_cmp);
+        [mean, strains[(99 * count).div_ceil(100) - 1], strains[count - 1]]
+    }
+
+    fn creased(&self, positions: &[DVec3]) -> f64 {
+        let normals = normals(&self.triangles, positions);
+        let count = self.neighbours.iter().filter(|pair| is_crease(&normals, **pair)).count();
+        count as f64 / self.inner_edges.max(1) as f64
+    }
+}
+
+/// Unit normals of the triangles; zero for those without area.
+fn normals(triangles: &[[u32; 3]], p: &[DVec3]) -> Vec<DVec3> {
+    let normal = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| p[v as usize]);
+        (b - a).cross(c - a).normalize_or_zero()
+    };
+    triangles.iter().map(normal).collect()
+}
+
+fn is_crease(normals: &[DVec3], [a, b]: [u32; 2]) -> bool {
+    normals[a as usize].dot(normals[b as usize]) < CREASE
+}
+
+/// The triangles on either side of each edge that has two, in the order of the second.
+fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mut first: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut out = Vec::new();
+    for (t, corners) in triangles.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (corners[k], corners[(k + 1) % 3]);
+            match first.insert([a.min(b), a.max(b)], t as u32) {
+                Some(other) => out.push([other, t as u32]),
+                None => continue,
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::grid;
+
+    /// A frame whose mask is columns `from..to` of a 20×10 picture, all of it of one grey.
+    fn columns(from: usize, to: usize, grey: f32) -> Frame {
+        let mut frame = Frame { rgb: Image::new(20, 10, 3), mask: Image::new(20, 10, 1) };
+        for y in 0..10 {
+            for x in from..to {
+                frame.rgb.pixel_mut(x, y).fill(grey);
+                frame.mask.pixel_mut(x, y)[0] = 1.0;
+            }
+        }
+        frame
+    }
+
+    #[test]
+    fn silhouette_and_colours_count_the_pixels_that_they_say() {
+        let mesh = grid(3, 3, glam::DVec2::ONE, 1.0);
+        let meter = AgreementMeter::new(&mesh);
+        let (drawn, observed) = (columns(2, 12, 0.5), columns(4, 14, 0.6));
+        let found = meter.measure(7, &mesh.positions, &drawn.rgb, &drawn.mask, &observed);
+        assert_eq!((found.frame, found.silhouette), (7, Some(8.0 / 12.0)));
+        // Inside both, all differ by a tenth; outside, by far more.
+        assert!((found.psnr.unwrap() - 20.0).abs() < 1e-5, "{found:?}");
+        let nothing = columns(0, 0, 0.0);
+        let found = meter.measure(0, &mesh.positions, &nothing.rgb, &nothing.mask, &observed);
+        assert_eq!((found.silhouette, found.psnr), (Some(0.0), None));
+        let found = meter.measure(0, &mesh.positions, &nothing.rgb, &nothing.mask, &nothing);
+        assert_eq!((found.silhouette, found.psnr), (None, None));
+    }
+
+    #[test]
+    fn strain_of_a_cloth_pulled_along_x() {
+        let mesh = grid(5, 4, glam::DVec2::ONE, 1.0);
+        let meter = AgreementMeter::new(&mesh);
+        let pulled: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(1.25 * p.x, p.y, p.z)).collect();
+        let [mean, p99, largest] = meter.strain(&pulled);
+        // 16 of the 31 threads run along x.
+        assert!((mean - 0.25 * 16.0 / 31.0).abs() < 1e-12 && (largest - 0.25).abs() < 1e-12);
+        assert!((p99 - 0.25).abs() < 1e-12);
+        // One of a hundred and more threads does not count for the percentile.
+        let mesh = grid(12, 12, glam::DVec2::ONE, 1.0);
+        let meter = AgreementMeter::new(&mesh);
+        let mut torn = mesh.positions.clone();
+        torn[0].x -= 1.0;
+        let [_, p99, largest] = meter.strain(&torn);
+        assert!(p99 < 1e-9 && largest > 5.0, "{p99} {largest}");
+    }
+
+    #[test]
+    fn a_fold_creases_one_line_of_edges_and_a_folded_template_none() {
+        let mut mesh = grid(5, 5, glam::DVec2::ONE, 1.0);
+        let folded: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(p.x.abs(), p.y, p.z)).collect();
+        let meter = AgreementMeter::new(&mesh);
+        assert_eq!(meter.creased(&mesh.positions), 0.0);
+        // 16 diagonals and 24 inner threads; the fold runs along 4 of these.
+        assert!((meter.creased(&folded) - 4.0 / 40.0).abs() < 1e-12);
+        mesh.positions.clone_from(&folded);
+        assert_eq!(AgreementMeter::new(&mesh).creased(&folded), 0.0);
+    }
+}

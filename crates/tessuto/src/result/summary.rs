@@ -1,0 +1,90 @@
+//! summary.json: is the result good? For people, and for scripts that look at many results.
+//!
+//! ```text
+//! name             of the scene's folder
+//! version          of the program
+//! frames           [first, one past the last]
+//! vertices         of the template
+//! seconds          wall time of all stages [s]
+//! verdict          grade, sentence, frames that are not good, and of each quantity mean, worst value and its frame:
+//!                  silhouette (intersection over union), psnr [dB], print (correlation), |strain| (of 1: mean, 99th
+//!                  percentile, largest), creased edges (of 1)
+//! warnings         remarks on input and result
+//! ```
+//!
+//! The verdict needs no truth; its limits are in [`crate::metrics::verdict`], the numbers of every frame in
+//! metrics.json under `agreement`. Only `seconds` differs from run to run.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Log, page, read, read_json, read_metrics, write_json};
+use crate::error::Result;
+use crate::metrics::{Grade, Verdict, judge};
+
+const NAME: &str = "summary.json";
+
+/// What a result is in short.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Summary {
+    /// Name of the scene's folder.
+    pub name: String,
+    /// Version of the program.
+    pub version: String,
+    /// First frame and one past the last.
+    pub frames: [usize; 2],
+    /// Vertices of the template.
+    pub vertices: usize,
+    /// Wall time of all stages [s].
+    pub seconds: f64,
+    /// Absent for motions that were not compared with a video.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub verdict: Option<Verdict>,
+    /// Remarks on input and result.
+    pub warnings: Vec<String>,
+}
+
+impl Summary {
+    /// From the other files of the result in `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Input`](crate::Error::Input) naming the file that cannot be used.
+    pub fn of(folder: &Path) -> Result<Self> {
+        let saved = read(folder)?;
+        let log = Log::read(folder)?;
+        let agreement = read_metrics(folder)?.unwrap_or_default().agreement;
+        Ok(Self {
+            name: page::name_of(&saved.run.scene),
+            version: saved.run.version,
+            frames: saved.run.frames,
+            vertices: saved.mesh.positions.len(),
+            seconds: log.timings.iter().map(|(_, seconds)| seconds).sum(),
+            verdict: judge(&agreement),
+            warnings: log.warnings,
+        })
+    }
+
+    /// That of the result in `folder`; None if it has none.
+    ///
+    /// # Errors
+    /// [`Error::Input`](crate::Error::Input).
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(NAME);
+        if path.is_file() { read_json(&path).map(Some) } else { Ok(None) }
+    }
+
+    /// Writes it into `folder`.
+    ///
+    /// # Errors
+    /// [`Error::Output`](crate::Error::Output).
+    pub fn write(&self, folder: &Path) -> Result<()> {
+        write_json(&folder.join(NAME), self)
+    }
+
+    /// The sentence of a verdict that is not good.
+    pub fn doubt(&self) -> Option<&str> {
+        self.verdict.as_ref().filter(|v| v.grade > Grade::Good).map(|v| v.sentence.as_str())
+    }
+}

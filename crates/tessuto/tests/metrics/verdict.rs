@@ -1,0 +1,123 @@
+//! A result is called good or not for the right frames, in the files that it leaves; no truth is looked at.
+
+use glam::DVec3;
+use tessuto::config::{Config, Preset};
+use tessuto::metrics::{Grade, Verdict};
+use tessuto::motion::parameters::Parameters;
+use tessuto::motion::texture::fit_texture;
+use tessuto::raster::{Rasterizer, Texture};
+use tessuto::reconstruct::Reconstruction;
+use tessuto::result::{self, Context, Run, Summary};
+use tessuto::session::Session;
+use tessuto::sim::Accelerations;
+use tessuto::{Scene, synth};
+
+const FRAMES: usize = 12;
+/// From this frame on a motion is spoilt.
+const HALF: usize = 6;
+
+/// A made-up scene without its truth, its true motion and its print as the first frame shows it.
+fn scene() -> (Scene, Vec<Vec<DVec3>>, Texture) {
+    let settings = synth::Settings {
+        frames: FRAMES,
+        size: 160,
+        grid: [13, 13],
+        seed: 2,
+        wind: 20.0,
+        ..synth::Settings::default()
+    };
+    let mut scene = synth::make(&settings).unwrap();
+    let motion = std::mem::take(&mut scene.truth).vertices.unwrap();
+    let mut config = Config::preset(Preset::Default);
+    config.set("texture.size=128").unwrap();
+    let texture = fit_texture(
+        &Rasterizer::new(&scene.template),
+        &scene.camera,
+        &scene.template.positions,
+        &scene.frames.frame(0).unwrap(),
+        &config.texture,
+        &mut Session::new(|_, _| Ok(())),
+    );
+    (scene, motion, texture.unwrap())
+}
+
+/// The verdict on `motion`, as summary.json of its folder tells it.
+fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict {
+    let folder = tempfile::tempdir().unwrap();
+    let vertices = scene.template.positions.len();
+    let accelerations = Accelerations {
+        constant: DVec3::ZERO,
+        dynamic: vec![vec![DVec3::ZERO; vertices]; FRAMES - 1],
+        entries_per_frame: 1,
+    };
+    let reconstruction = Reconstruction {
+        motion,
+        parameters: Parameters { log_stiffness: [2.0, -3.0, -3.0], accelerations },
+        texture: texture.clone(),
+        history: Vec::new(),
+        timings: vec![("refine".into(), 1.5), ("track".into(), 2.0)],
+        failure: None,
+    };
+    let run = Run {
+        version: "0.0".into(),
+        scene: "somewhere/cloth".into(),
+        frames: [0, FRAMES],
+        settings: Config::preset(Preset::Default),
+    };
+    let warnings = ["a remark".to_owned()];
+    let context = Context { scene, run: &run, evaluation: None, warnings: &warnings, command: "" };
+    result::write(folder.path(), &context, &reconstruction).unwrap();
+    let summary = Summary::read(folder.path()).unwrap().expect("summary.json");
+    assert_eq!((summary.name.as_str(), summary.vertices, summary.seconds), ("cloth", vertices, 3.5));
+    assert_eq!((summary.frames, summary.warnings.as_slice()), ([0, FRAMES], &warnings[..]));
+    let frames = result::read_metrics(folder.path()).unwrap().expect("metrics.json").agreement;
+    assert_eq!(frames.iter().map(|f| f.frame).collect::<Vec<_>>(), (0..FRAMES).collect::<Vec<_>>());
+    let summary_doubted = summary.doubt().is_some();
+    let verdict = summary.verdict.expect("a verdict");
+    assert_eq!(summary_doubted, verdict.grade > Grade::Good);
+    verdict
+}
+
+#[test]
+fn the_true_motion_is_good_and_spoilt_halves_are_named() {
+    let (scene, motion, texture) = scene();
+    let found = verdict(&scene, &texture, motion.clone());
+    assert_eq!(found.grade, Grade::Good, "{}", found.sentence);
+    assert!(found.sentence.starts_with("good: silhouette "), "{}", found.sentence);
+    assert!(found.silhouette.unwrap().worst > 0.97, "{found:?}");
+
+    let size = {
+        let p = &scene.template.positions;
+        (p[12] - p[0]).length()
+    };
+    let spoilt = |change: &dyn Fn(usize, DVec3, DVec3) -> DVec3| -> Vec<Vec<DVec3>> {
+        let frame = |(n, shape): (usize, &Vec<DVec3>)| -> Vec<DVec3> {
+            let centre = shape.iter().sum::<DVec3>() / shape.len() as f64;
+            let moved = |(v, p): (usize, &DVec3)| if n < HALF { *p } else { change(v, *p, centre) };
+            shape.iter().enumerate().map(moved).collect()
+        };
+        motion.iter().enumerate().map(frame).collect()
+    };
+    type Change<'a> = &'a dyn Fn(usize, DVec3, DVec3) -> DVec3;
+    let shifted: Change = &|_, p, _| p + 0.2 * size * DVec3::X;
+    // The print slides over a silhouette that stays: only colours tell.
+    let slid: Change = &|_, p, centre| centre + (p - centre) * DVec3::new(-1.0, 1.0, 1.0);
+    let stretched: Change = &|_, p, centre| centre + (p - centre) * DVec3::new(1.0, 1.0, 8.0);
+    let crumpled: Change = &|v, p, _| {
+        let towards = [DVec3::X, DVec3::Y, -DVec3::X, -DVec3::Y, DVec3::Z][v * 7 % 5];
+        p + 0.1 * size * towards
+    };
+    let cases = [
+        ("shifted", shifted, "silhouette 0."),
+        ("slid", slid, "print off"),
+        ("stretched", stretched, "strained by"),
+        ("crumpled", crumpled, "creased"),
+    ];
+    for (name, change, reason) in cases {
+        let found = verdict(&scene, &texture, spoilt(change));
+        assert!(found.grade > Grade::Good, "{name}: {}", found.sentence);
+        assert_eq!(found.doubtful_frames, (HALF..FRAMES).collect::<Vec<_>>(), "{name}: {}", found.sentence);
+        assert!(found.sentence.contains("from frame 6 on"), "{name}: {}", found.sentence);
+        assert!(found.sentence.contains(reason), "{name}: {}", found.sentence);
+    }
+}
