@@ -23,7 +23,7 @@ use crate::record::Recorder;
 use crate::say::{self, aside, say};
 use crate::threads::Threads;
 
-/// Recover motion, stiffnesses, forces and texture from a scene folder.
+/// Recover motion and texture from a scene folder, with forces and stiffnesses that replay it.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:

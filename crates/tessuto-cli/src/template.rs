@@ -250,13 +250,13 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
     let found = locate(&view.camera, size, corners)?;
     say!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" "));
     say!(
-        "distances of the corners: {}; {}",
-        found.positions.map(|p| format!("{:.3} m", p.length())).join(", "),
+        "depths of the corners: {}; {}",
+        found.positions.map(|p| format!("{:.3} m", p.z)).join(", "),
         if found.rigid {
             format!("a plane rectangle fits them to {:.2} px", found.rigid_error)
         } else {
             format!(
-                "no plane rectangle fits (off by {:.1} px): taken for a sheet that sags or bends",
+                "no plane rectangle fits (off by {:.1} px): treated as a sheet that sags or bends",
                 found.rigid_error
             )
         }

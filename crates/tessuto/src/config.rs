@@ -108,6 +108,24 @@ impl DynamicsSettings {
     }
 }
 
+impl DynamicsSettings {
+    /// A warning where stiffnesses, given by log10, lie at their bounds.
+    pub fn doubt(&self, log_stiffness: [f64; 3]) -> Option<String> {
+        let rows = [("stretch", self.stretch), ("bend", self.bend), ("shear", self.shear)];
+        let found: Vec<String> = rows
+            .iter()
+            .zip(log_stiffness)
+            .filter_map(|((name, range), log_k)| {
+                let bound = range.bound_at(log_k)?;
+                Some(format!("{name} at its {bound} bound ({:.2e})", 10f64.powf(log_k)))
+            })
+            .collect();
+        let hint =
+            "read stiffness and forces as effective values of the replay, not as properties of the fabric";
+        (!found.is_empty()).then(|| format!("stiffness: {}\n  hint: {hint}", found.join(", ")))
+    }
+}
+
 /// Largest seed: JSON's other readers keep integers up to here.
 const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
 
@@ -402,6 +420,14 @@ mod tests {
             let said = read("none of them").unwrap_err().to_string();
             assert_eq!(said.split('`').skip(3).step_by(2).count(), words.len(), "{said}");
         }
+    }
+
+    #[test]
+    fn stiffnesses_at_a_bound_are_doubted() {
+        let dynamics = DynamicsSettings::default();
+        assert_eq!(dynamics.doubt([2.0, -3.0, -4.0]), None);
+        let doubt = dynamics.doubt([1.00004, -3.0, -2.0]).unwrap();
+        assert!(doubt.contains("stretch at its lower bound (1.00e1), shear at its upper bound"), "{doubt}");
     }
 
     #[test]

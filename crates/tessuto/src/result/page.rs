@@ -117,8 +117,11 @@ fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
     let d = &saved.run.settings.dynamics;
     let note = |k: usize| {
         let range = [d.stretch, d.bend, d.shear][k];
-        let at = |bound: f64| (log_stiffness[k] - bound).abs() < 1e-4;
-        if at(range.low) || at(range.high) { "at its bound".to_owned() } else { String::new() }
+        let [low, high] = [range.low, range.high].map(|k| 10f64.powf(k));
+        match range.bound_at(log_stiffness[k]) {
+            Some(bound) => format!("at its {bound} bound, of {low:.0e} to {high:.0e}: no measurement"),
+            None => "effective value of the replay".to_owned(),
+        }
     };
     let parameter = |name: &str, label: &str, value, unit: &str, note| Parameter {
         name: name.to_owned(),
