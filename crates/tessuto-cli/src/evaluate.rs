@@ -8,7 +8,7 @@ use tessuto::appearance;
 use tessuto::io::npy;
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate};
-use tessuto::{Error, Positions, result};
+use tessuto::{Error, Motion, result};
 
 use crate::say::{self, aside};
 
@@ -33,13 +33,13 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let result = &arguments.result;
-    let motion = npy::read_shapes(&if result.is_dir() { result.join("motion.npy") } else { result.clone() })?;
+    let motion = npy::read_motion(&if result.is_dir() { result.join("motion.npy") } else { result.clone() })?;
     let own = result::read_run(result)?.map(|run| run.frames[0]..run.frames[1]);
     let frames = arguments.frames.clone().or(own.clone());
     let loaded = load(&arguments.scene, &LoadOptions { frames: frames.clone(), ..LoadOptions::default() })?;
     loaded.warnings.iter().for_each(|warning| aside!("warning: {warning}"));
     let scene = &loaded.scene;
-    let motion = part(&motion, own, frames, scene.frames.len())?;
+    let motion = &part(motion, own, frames, scene.frames.len())?;
     let folder = Some(&arguments.result).filter(|r| r.is_dir());
     let maps = folder.map_or(Ok(None), |folder| appearance::evaluate(scene, folder, motion))?;
     let truth = scene.truth.points.is_some() || scene.truth.vertices.is_some();
@@ -58,11 +58,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 /// The frames of `motion` that are `asked` for, of the scene's. It holds its `own` frames; one that does not say which
 /// holds those that are asked for, or all of the scene's.
 fn part(
-    motion: &[Positions],
+    motion: Motion,
     own: Option<Range<usize>>,
     asked: Option<Range<usize>>,
     loaded: usize,
-) -> tessuto::Result<&[Positions]> {
+) -> tessuto::Result<Motion> {
     let Some(asked) = asked else { return Ok(motion) };
     let start = match &own {
         Some(own) if own.start <= asked.start && asked.end <= own.end => own.start,
@@ -76,7 +76,8 @@ fn part(
         None if motion.len() == loaded => return Ok(motion),
         None => 0,
     };
-    Ok(motion.get(asked.start - start..asked.end - start).unwrap_or(motion))
+    let part = asked.start - start..asked.end - start;
+    Ok(if part.end <= motion.len() { motion.frames(part) } else { motion })
 }
 
 /// The motion's errors: one line per frame, the means, what the columns are; then one line per value of the maps.

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::appearance::AppearanceSettings;
+use crate::appearance::{AppearanceSettings, MapPrior};
 use crate::error::{Error, Result};
 use crate::io::read_bounded;
 use crate::motion::inverse::accelerations::InverseSettings;
@@ -224,7 +224,9 @@ impl Config {
             let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
             put(&mut all, key, value)?;
         }
-        *self = Self::from_json(all)?;
+        let changed = Self::from_json(all)?;
+        changed.check_build()?;
+        *self = changed;
         Ok(())
     }
 
@@ -279,6 +281,17 @@ impl Config {
                 "dynamics.integrator = linearized_euler with method = spacetime",
                 "forces are read off by implicit_euler: set it, or method=rollout",
             ));
+        }
+        Ok(())
+    }
+
+    /// Refuses what this build was made without. Results of other builds are read nevertheless.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn check_build(&self) -> Result<()> {
+        if cfg!(not(feature = "decoder")) && self.appearance.prior == MapPrior::Decoder {
+            return Err(Error::left_out("appearance.prior=decoder", "decoder"));
         }
         Ok(())
     }
@@ -451,5 +464,15 @@ mod tests {
         for damaged in ["", "[]", "{", r#"{"settings": 3}"#] {
             assert_eq!(read(damaged).unwrap_err().exit_code(), 3, "{damaged}");
         }
+    }
+    #[cfg(not(feature = "decoder"))]
+    #[test]
+    fn the_decoder_is_refused_by_builds_without_it_and_read_from_results() {
+        let mut config = Config::preset(Preset::Default);
+        let error = config.set("appearance.prior=decoder").unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("--features full"), "{error}");
+        config.appearance.prior = MapPrior::Decoder;
+        config.validate().unwrap();
+        config.check_build().unwrap_err();
     }
 }

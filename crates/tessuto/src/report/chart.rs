@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use super::{HistoryRow, Parameter};
+use super::Parameter;
 use crate::metrics::{Evaluation, FrameMetrics, QUANTITIES};
+use crate::session::{Epoch, Name};
 
 /// One line of a chart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,7 +61,7 @@ pub fn of_errors(evaluation: &Evaluation) -> Option<Chart> {
 }
 
 /// The losses of every stage over its steps, and those of `parameters` that changed with them.
-pub fn of_history(history: &[HistoryRow], parameters: &[Parameter]) -> Vec<Chart> {
+pub fn of_history(history: &[Epoch], parameters: &[Parameter]) -> Vec<Chart> {
     let mut charts = Vec::new();
     for rows in history.chunk_by(|a, b| a.stage == b.stage) {
         let x: Vec<f64> = rows.iter().map(|r| r.step as f64).collect();
@@ -96,13 +97,13 @@ pub(crate) fn spans_decades(series: &[Series]) -> bool {
 }
 
 /// The named values of `pick` over `rows`, in the order of their first appearance.
-fn series(rows: &[HistoryRow], pick: impl Fn(&HistoryRow) -> &Vec<(String, f64)>) -> Vec<Series> {
+fn series(rows: &[Epoch], pick: impl Fn(&Epoch) -> &Vec<(Name, f64)>) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
     for (k, row) in rows.iter().enumerate() {
         for (name, value) in pick(row) {
             let value = Some(*value).filter(|v| v.is_finite());
             let at = all.iter().position(|s| s.name == *name).unwrap_or_else(|| {
-                all.push(Series { name: name.clone(), values: vec![None; rows.len()] });
+                all.push(Series { name: name.to_string(), values: vec![None; rows.len()] });
                 all.len() - 1
             });
             all[at].values[k] = value;
@@ -114,15 +115,16 @@ fn series(rows: &[HistoryRow], pick: impl Fn(&HistoryRow) -> &Vec<(String, f64)>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::named;
 
     #[test]
     fn stages_have_charts_of_their_own_and_missing_values_are_gaps() {
-        let row = |stage: &str, step, losses: &[(&str, f64)]| HistoryRow {
-            stage: stage.to_owned(),
+        let row = |stage: &'static str, step, losses: &[(&'static str, f64)]| Epoch {
+            stage: stage.into(),
             step,
             active_frames: 2,
-            losses: losses.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect(),
-            parameters: Vec::new(),
+            losses: named(losses.iter().copied()),
+            ..Epoch::default()
         };
         let history = [
             row("texture", 1, &[("colour", 1.0)]),
