@@ -37,7 +37,7 @@ pub struct Arguments {
     /// `original`, or LEFT[,UP]: degrees about the middle of the fabric, as near as it fits.
     #[arg(long, default_value = "45", value_name = "VIEW", value_parser = parse_view, allow_hyphen_values = true)]
     camera: View,
-    /// Light: a lat-long render_frame, .exr or .hdr, its middle where the recording camera looked [default: the
+    /// Light: a lat-long image, .exr or .hdr, its middle where the recording camera looked [default: the
     /// recovered one].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,

@@ -80,11 +80,11 @@ settings! {
         substeps: usize = 4, number(1.0..=64.0, "");
         /// Factor on the velocity per 5 ms; a longer step takes a power of it.
         damping_per_5ms: f64 = 0.9, number(0.0..=1.0, "");
-        /// log10 of the stretch stiffness [N/m].
+        /// log10 of the stretch stiffness `[N/m]`.
         stretch: StiffnessRange = range(200f64.log10(), 1.0, 3.0), stiffness("stretch", "log10 N/m", -3.0, 8.0);
-        /// log10 of the bend stiffness [J/rad²].
+        /// log10 of the bend stiffness `[J/rad²]`.
         bend: StiffnessRange = range(-3.0, -4.0, -2.0), stiffness("bend", "log10 J/rad²", -10.0, 4.0);
-        /// log10 of the shear stiffness [J/rad²].
+        /// log10 of the shear stiffness `[J/rad²]`.
         shear: StiffnessRange = range(-4.0, -5.0, -2.0), stiffness("shear", "log10 J/rad²", -10.0, 4.0);
     }
 }

@@ -27,7 +27,7 @@ settings! {
 }
 
 /// Optimises a texture, from grey 0.5, until the mesh at `shape` looks like `frame`.
-/// Source: [SAFT] §2.3 phase 1, §2.5.1.
+/// Source: \[SAFT\] §2.3 phase 1, §2.5.1.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the loss is not finite; what the session's observer returns.

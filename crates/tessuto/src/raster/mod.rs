@@ -61,12 +61,12 @@ impl Rasterizer {
         }
     }
 
-    /// Vertex indices of each triangle, shape [T].
+    /// Vertex indices of each triangle, shape `[T]`.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Indices into [`uvs`](Self::uvs) of each triangle, shape [T].
+    /// Indices into [`uvs`](Self::uvs) of each triangle, shape `[T]`.
     pub fn triangle_uvs(&self) -> &[[u32; 3]] {
         &self.triangle_uvs
     }
@@ -86,7 +86,7 @@ impl Rasterizer {
         &mut self.uvs
     }
 
-    /// Draws the mesh with vertices at `positions` [m] (camera frame, shape [V]), textured and
+    /// Draws the mesh with vertices at `positions` `[m]` (camera frame, shape `[V]`), textured and
     /// antialiased, over black.
     pub fn render(&self, camera: &Camera, positions: &[DVec3], texture: &Texture, out: &mut Rendering) {
         assert_eq!(positions.len(), self.vertex_count, "as many positions as the mesh has vertices");

@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::io;
 use crate::metrics::{Evaluation, Metrics, QUANTITIES};
 
-/// Size [bytes] that the page keeps to by choosing the size of its pictures.
+/// Size `[bytes]` that the page keeps to by choosing the size of its pictures.
 pub const BUDGET: usize = 14 << 20;
 
 /// Styles, in the order of the page.
@@ -71,7 +71,7 @@ struct Row {
 /// Writes the page to `path`.
 ///
 /// # Errors
-/// [`Error::Output`].
+/// [`Error::Output`](crate::Error::Output).
 pub fn write(path: &Path, data: &ReportData) -> Result<()> {
     io::atomic_write(path, render(data).as_bytes())
 }

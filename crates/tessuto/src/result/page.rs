@@ -22,7 +22,7 @@ use crate::sim::Accelerations;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;
-/// Largest side of an embedded map [px], and JPEG quality of maps.
+/// Largest side of an embedded map `[px]`, and JPEG quality of maps.
 const MAP_SIDE: u32 = 1024;
 const MAP_QUALITY: u8 = 86;
 
@@ -226,7 +226,7 @@ fn frame_charts(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<V
     Ok(charts)
 }
 
-/// Second column of rerendered/psnr.csv [dB].
+/// Second column of rerendered/psnr.csv `[dB]`.
 fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
     if !path.is_file() {
         return Ok(None);

@@ -193,7 +193,7 @@ impl<'a> Session<'a> {
         self.observer.note(text);
     }
 
-    /// Ended stages and their wall times [s], of this run alone.
+    /// Ended stages and their wall times `[s]`, of this run alone.
     pub fn timings(&self) -> &[(String, f64)] {
         &self.timings
     }
