@@ -23,7 +23,9 @@ mod simulate;
 mod synth;
 mod template;
 mod threads;
+mod values;
 mod verify;
+mod video;
 mod watch;
 
 use std::io::ErrorKind;

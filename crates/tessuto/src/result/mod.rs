@@ -21,6 +21,7 @@ mod live;
 mod log;
 mod page;
 mod pictures;
+mod replay;
 mod summary;
 
 pub use folder::{Folder, read_metrics};
@@ -28,6 +29,7 @@ pub use history::history_csv;
 pub use live::{live_page, live_state};
 pub use log::Log;
 pub use page::write_page;
+pub use replay::write_replay;
 pub use summary::Summary;
 
 use std::path::{Path, PathBuf};
@@ -75,7 +77,7 @@ fn quantity<T>(value: T, unit: &str) -> Quantity<T> {
 }
 
 /// A stiffness, and how free its search was.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 struct FoundStiffness {
     value: f64,
     unit: String,
@@ -199,14 +201,11 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
     let (crop, camera) = (scene.crop, scene.camera);
     let camera =
         Camera { cx: camera.cx + crop.x0 as f64, cy: camera.cy + crop.y0 as f64, width, height, ..camera };
-    let stiffness = p.stiffness();
-    let ranges = [dynamics.stretch, dynamics.bend, dynamics.shear];
-    let found = |k: usize, unit| found_stiffness(stiffness[k], p.log_stiffness[k], ranges[k], unit);
-    ParameterFile {
+    let file = ParameterFile {
         remark: REMARK.to_owned(),
-        stretch: found(0, "N/m"),
-        bend: found(1, "J/rad^2"),
-        shear: found(2, "J/rad^2"),
+        stretch: FoundStiffness::default(),
+        bend: FoundStiffness::default(),
+        shear: FoundStiffness::default(),
         log10_stiffness: p.log_stiffness,
         constant_force: quantity(p.accelerations.constant.to_array(), "m/s^2"),
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
@@ -215,6 +214,21 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
         frame_rate: quantity(scene.fps, "1/s"),
         camera,
         crop,
+    };
+    parameters_in(file, p, dynamics)
+}
+
+/// `file` with the stiffnesses of `p`.
+fn parameters_in(file: ParameterFile, p: &Parameters, dynamics: &DynamicsSettings) -> ParameterFile {
+    let stiffness = p.stiffness();
+    let ranges = [dynamics.stretch, dynamics.bend, dynamics.shear];
+    let found = |k: usize, unit| found_stiffness(stiffness[k], p.log_stiffness[k], ranges[k], unit);
+    ParameterFile {
+        stretch: found(0, "N/m"),
+        bend: found(1, "J/rad^2"),
+        shear: found(2, "J/rad^2"),
+        log10_stiffness: p.log_stiffness,
+        ..file
     }
 }
 

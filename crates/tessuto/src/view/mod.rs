@@ -1,7 +1,8 @@
 //! The cloth from elsewhere and under another light.
 
 mod looks;
+mod painter;
 mod viewpoint;
 
-pub use looks::{depth_range, draw_depth, draw_shaded, draw_texture};
+pub use painter::{Drawing, Lit, Painter};
 pub use viewpoint::Viewpoint;
