@@ -84,6 +84,11 @@ impl<'a> Session<'a> {
         }
     }
 
+    /// Nobody hears, nothing is kept.
+    pub fn silent() -> Self {
+        Self::new(|_, _| Ok(()))
+    }
+
     /// Keeps states in `checkpoints` from now on, and goes on from `found`.
     ///
     /// # Errors
