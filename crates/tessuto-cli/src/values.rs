@@ -1,6 +1,7 @@
 //! Values of options that are more than a number.
 
 use tessuto::template::remesh::Resolution;
+use tessuto::view::View;
 
 /// A point [px] or a size.
 pub type Pair = [f64; 2];
@@ -47,15 +48,6 @@ pub fn axes(text: &str) -> Result<[bool; 3], String> {
     } else {
         Err("name axes, such as y or yz".to_owned())
     }
-}
-
-/// Where a camera stands.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum View {
-    /// Where the video was recorded.
-    Original,
-    /// Turned about the middle of the fabric by degrees to the left and upwards.
-    About(f64, f64),
 }
 
 /// `original`, `LEFT` or `LEFT,UP`.

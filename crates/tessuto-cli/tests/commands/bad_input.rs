@@ -84,7 +84,9 @@ fn lasting(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     for (path, _) in &mut files {
         *path = path.strip_prefix(folder).unwrap().to_path_buf();
     }
-    files.retain(|(path, _)| !["log.json", "report.html", "manifest.json"].iter().any(|n| path.ends_with(n)));
+    files.retain(|(path, _)| {
+        !["log.json", "summary.json", "report.html", "manifest.json"].iter().any(|n| path.ends_with(n))
+    });
     files
 }
 

@@ -1,8 +1,9 @@
 //! The cloth from elsewhere and under another light.
 
 mod looks;
-mod painter;
+mod render;
 mod viewpoint;
 
-pub use painter::{Drawing, Lit, Painter};
+pub use looks::{depth_range, draw_depth, draw_shaded, draw_texture};
+pub use render::{Look, RenderOptions, Rendered, View, render};
 pub use viewpoint::Viewpoint;
