@@ -81,7 +81,7 @@ impl AppearanceSettings {
     /// Checks what several settings must be together; ranges are the table's.
     ///
     /// # Errors
-    /// [`Error::Usage`] naming both settings.
+    /// [`Error::Usage`](crate::Error::Usage) naming both settings.
     pub fn check_order(&self) -> Result<()> {
         ordered(
             "appearance.light_coarsest",
