@@ -5,6 +5,7 @@ mod check;
 mod demo;
 mod evaluate;
 mod export;
+mod ffmpeg;
 mod findings;
 mod frames;
 mod import;

@@ -12,7 +12,7 @@ use tessuto::{Error, io};
 use crate::repeat;
 use crate::say::say;
 
-/// Replay a recovered motion from its parameters and forces alone, or a changed one.
+/// Replay a recovered motion from its parameters and forces alone, or with changed ones.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -28,7 +28,7 @@ pub struct Arguments {
     /// Change a stiffness: stretch [N/m], bend [J/rad²] or shear [J/rad²]. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Scale the dynamic forces.
+    /// Scale the dynamic forces by this factor.
     #[arg(long, default_value_t = 1.0, value_name = "SCALE")]
     forces: f64,
     /// Result folder to write; or, if it ends in .npy, the motion alone, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
@@ -86,7 +86,7 @@ fn check_target(out: &Path, replace: bool) -> Result<(), Error> {
         true => Ok(()),
         false if loose && !replace => Err(Error::input(
             out.display().to_string(),
-            "is there already, and would be replaced",
+            "already exists and would be replaced",
             "add --force if it is an earlier motion, or choose another file",
         )),
         false => manifest::check_parts(&[out], replace),

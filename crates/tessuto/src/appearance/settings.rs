@@ -40,8 +40,8 @@ settings! {
         steps: usize = 400, number(0.0..=1e6, "");
         /// Pixels of each step, drawn from all frames.
         batch: usize = 25_000, number(1.0..=1e8, "px");
-        /// Samples, in eights, of each of a pixel's two estimates.
-        passes: usize = 1, number(1.0..=1e4, "8 samples");
+        /// Samples in each of a pixel's two estimates, rounded up to a multiple of 8.
+        samples_per_pixel: usize = 8, number(8.0..=8e4, "");
         /// Most pixels that are kept, drawn from all frames.
         most_pixels: usize = 3_000_000, number(1.0..=1e9, "px");
         /// Adam's learning rate of the maps.
@@ -69,11 +69,11 @@ settings! {
         /// Weight of the mean of the metallic map: what no highlight shows to be metal is paint.
         metallic_pull: f64 = 0.0, number(0.0..=1e3, "");
         /// Fraction of the steps from which on patches with large errors count less; 1: all count alike to the end.
-        trust_from: f64 = 0.6, number(0.0..=1.0, "");
-        /// Fraction of the directions to the light that are drawn uniformly.
-        uniform_share: f64 = 0.25, number(0.0..=1.0, "");
-        /// Samples, in eights, of each pixel of the final frames.
-        render_passes: usize = 3, number(1.0..=1e4, "8 samples");
+        reweight_from: f64 = 0.6, number(0.0..=1.0, "");
+        /// Fraction of the light samples that are drawn uniformly over the sphere.
+        uniform_fraction: f64 = 0.25, number(0.0..=1.0, "");
+        /// Samples for each pixel of the final images, rounded up to a multiple of 8.
+        render_samples_per_pixel: usize = 24, number(8.0..=8e4, "");
     }
 }
 
