@@ -5,6 +5,7 @@ mod check;
 mod demo;
 mod evaluate;
 mod export;
+mod ffmpeg;
 mod frames;
 mod import;
 mod lens;

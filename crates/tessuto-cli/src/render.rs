@@ -11,10 +11,10 @@ use crate::say::say;
 use crate::threads::Threads;
 use crate::video;
 
-/// Draw a recovered fabric from another place, under another light, plain or by depth.
+/// Render a recovered fabric from another viewpoint, under another environment map, plain or as depth.
 #[derive(Args)]
 #[command(after_help = "\
-Writes one picture per frame, named by its number (frame_000.png …), and, where the program ffmpeg is installed
+Writes one image per frame, named by its number (frame_000.png …), and, where the program ffmpeg is installed
 (or named by TESSUTO_FFMPEG), video.mp4.
 
 Examples:
@@ -25,24 +25,24 @@ Examples:
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
-    /// `original`, or LEFT[,UP]: degrees about the middle of the fabric, as near as it fits.
+    /// `original`, or LEFT[,UP]: degrees around the centre of the fabric, at the distance where it fills the image.
     #[arg(long, default_value = "45", value_name = "VIEW", value_parser = parse_view, allow_hyphen_values = true)]
     camera: View,
-    /// Light: a lat-long image, .exr or .hdr, its middle where the recording camera looked [default: the
+    /// Environment map: lat-long image, .exr or .hdr, its centre in the direction of the recording camera [default: the
     /// recovered one].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
-    /// Size of the pictures [px] [default: that of the video].
+    /// Size of the images [px] [default: that of the video].
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<[usize; 2]>,
-    /// What to draw: material (the estimated one), texture (the first frame's print), shaded (grey) or depth (as a
+    /// What to draw: material (the estimated one), texture (as filmed in the first frame), shaded (grey) or depth (as a
     /// colour) [default: material where it was estimated, else texture].
     #[arg(long)]
     look: Option<Look>,
     /// Frames A to B − 1, counted from the result's first.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<std::ops::Range<usize>>,
-    /// Light samples per pixel; a multiple of 8.
+    /// Light samples per pixel, rounded up to a multiple of 8.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(8..=65536))]
     samples: u32,
     /// Folder to write [default: RESULT/views/LOOK].

@@ -5,7 +5,7 @@ use std::process::{Command, Stdio};
 
 /// `frame_*.png` in `folder` to `video.mp4`, by the program ffmpeg.
 pub fn encode(folder: &Path, first: usize, fps: f64) -> Result<(), String> {
-    let status = Command::new(crate::lens::ffmpeg())
+    let status = Command::new(crate::ffmpeg::ffmpeg())
         .current_dir(folder)
         .args(["-v", "error", "-y", "-framerate", &fps.to_string(), "-start_number", &first.to_string()])
         .args(["-i", "frame_%03d.png"])

@@ -1,4 +1,4 @@
-//! Pre-flight check: what a person should know of a scene before hours are spent on it.
+//! Pre-flight check: what to know about a scene before spending hours on it.
 //!
 //! A check fails exactly where [loading](crate::io::scene::load) fails; but it names every error it
 //! can reach, measures what may be wrong without being an error, and draws the template over frame 0.
@@ -37,7 +37,7 @@ pub struct Finding {
     pub hint: String,
 }
 
-/// Everything found, and the picture that shows it.
+/// Everything found, and the image that shows it.
 #[derive(Debug, Clone)]
 pub struct CheckReport {
     /// Errors first, then figures and warnings in a fixed order.

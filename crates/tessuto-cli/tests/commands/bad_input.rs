@@ -132,7 +132,7 @@ fn any_number_of_threads_and_any_repetition_gives_the_same_bytes() {
         let mut command = Command::new(PROGRAM);
         command.arg("reconstruct").arg(scene()).arg("--out").arg(&out).args(&QUICK[..6]);
         command.args(["--set", "appearance.steps=3", "--set", "appearance.batch=200"]);
-        command.args(["--set", "appearance.map_size=16", "--set", "appearance.render_passes=1"]);
+        command.args(["--set", "appearance.map_size=16", "--set", "appearance.render_samples_per_pixel=8"]);
         succeed(command.args(["--threads", threads]));
         lasting(&out)
     };

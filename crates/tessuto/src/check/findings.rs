@@ -1,4 +1,4 @@
-//! The figures of a check, one function a topic.
+//! The measurements of a check, one function per topic.
 
 use sha2::{Digest, Sha256};
 
@@ -24,8 +24,8 @@ pub(super) fn of_video(scene: &Scene) -> Result<Vec<Finding>> {
 
 /// What is kept of a frame to compare it with others.
 struct Glance {
-    /// Share of the full picture that is fabric.
-    share: f64,
+    /// Fraction of the full image that is fabric.
+    fraction: f64,
     /// Of the colours.
     digest: [u8; 32],
 }
@@ -34,8 +34,8 @@ impl Glance {
     fn at(scene: &Scene, n: usize) -> Result<Self> {
         let frame = scene.frames.frame(n)?;
         let full = (scene.full_size[0] * scene.full_size[1]) as f64;
-        let share = frame.mask.data.iter().filter(|v| **v >= 0.5).count() as f64 / full;
-        Ok(Self { share, digest: Sha256::digest(bytemuck::cast_slice(&frame.rgb.data)).into() })
+        let fraction = frame.mask.data.iter().filter(|v| **v >= 0.5).count() as f64 / full;
+        Ok(Self { fraction, digest: Sha256::digest(bytemuck::cast_slice(&frame.rgb.data)).into() })
     }
 }
 
@@ -88,25 +88,25 @@ fn frames(scene: &Scene) -> Finding {
 }
 
 fn masks(scene: &Scene, looked_at: &[Glance]) -> Finding {
-    let shares: Vec<f64> = looked_at.iter().map(|glance| glance.share).collect();
+    let fractions: Vec<f64> = looked_at.iter().map(|glance| glance.fraction).collect();
     let (mut low, mut high) = (0, 0);
-    for (n, share) in shares.iter().enumerate() {
-        low = if *share < shares[low] { n } else { low };
-        high = if *share > shares[high] { n } else { high };
+    for (n, fraction) in fractions.iter().enumerate() {
+        low = if *fraction < fractions[low] { n } else { low };
+        high = if *fraction > fractions[high] { n } else { high };
     }
     let detail = format!(
-        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the picture",
-        100.0 * shares[low],
+        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the image",
+        100.0 * fractions[low],
         scene.first_frame + low,
-        100.0 * shares[high],
+        100.0 * fractions[high],
         scene.first_frame + high
     );
-    if shares[high] > 0.9 {
+    if fractions[high] > 0.9 {
         return doubt("masks", detail, "masks this full are often inverted; white must be fabric");
     }
     // Fabric does not appear or vanish between two frames.
     let ratio = |pair: &[f64]| pair[0].max(pair[1]) / pair[0].min(pair[1]);
-    match shares.windows(2).position(|pair| ratio(pair) > 1.5) {
+    match fractions.windows(2).position(|pair| ratio(pair) > 1.5) {
         Some(n) => {
             let frame = scene.first_frame + n;
             let hint = "look at these masks";
@@ -188,7 +188,7 @@ fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {
 }
 
 /// The option that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
-/// changes no picture.
+/// changes no image.
 fn rescaling(scene: &Scene) -> String {
     let length = diagonal(&scene.template.positions);
     if DIAGONAL.contains(&length) {

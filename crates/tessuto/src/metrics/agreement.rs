@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::mesh::grid;
 
-    /// A frame whose mask is columns `from..to` of a 20×10 picture, all of it of one grey.
+    /// A frame whose mask is columns `from..to` of a 20×10 image, all of it of one grey.
     fn columns(from: usize, to: usize, grey: f32) -> Frame {
         let mut frame = Frame { rgb: Image::new(20, 10, 3), mask: Image::new(20, 10, 1) };
         for y in 0..10 {

@@ -9,12 +9,12 @@ use super::Folder;
 use super::folder::UNCHANGED;
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::io;
+use crate::io::{self, jpeg};
 use crate::mesh::Positions;
 use crate::motion::parameters::Parameters;
 use crate::report::chart::{self, Chart, Series};
 use crate::report::embed::Window;
-use crate::report::film::{Film, Load, Source, jpeg_of};
+use crate::report::film::{Film, Load, Source};
 use crate::report::{
     ClothData, Field, KeyNumber, LightData, Map, Motion, Parameter, ReportData, Surface, embed, page,
 };
@@ -72,8 +72,8 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         key_numbers.push(KeyNumber::new("time", format!("{total:.0}"), "s"));
     }
     Ok(ReportData {
-        title: name_of(&saved.run.scene),
-        subtitle: super::live::subtitle(&saved.run),
+        title: saved.run.name(),
+        subtitle: saved.run.subtitle(),
         command: log.commands.join("\n"),
         key_numbers,
         film: film(folder, saved, motion, budget)?,
@@ -88,12 +88,6 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         config: serde_json::to_string_pretty(&saved.run).expect("plain data"),
         live: false,
     })
-}
-
-/// The name of the scene's folder.
-pub(super) fn name_of(scene: &Path) -> String {
-    let whole = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
-    whole.file_name().map_or_else(|| "fabric".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
 /// What was recovered besides the motion.
@@ -232,14 +226,14 @@ fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
         |problem: String| Error::input(path.display().to_string(), problem, "run `tessuto appearance` again");
     let text = io::read_text(path)?;
     let value = |line: &str| line.split(',').nth(1).and_then(|v| v.parse().ok());
-    let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is no frame and its PSNR")));
+    let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is not a frame number and its PSNR")));
     text.lines().skip(1).map(read).collect::<Result<_>>().map(Some)
 }
 
-/// The recovered print and, where they were estimated, the material maps; of each the part that `window` shows.
+/// The recovered texture and, where they were estimated, the material maps; of each the part that `window` shows.
 fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
     let all = [
-        ("texture", "recovered print, with the first frame's light", "texture.png"),
+        ("texture", "recovered texture, with the first frame's light", "texture.png"),
         ("diffuse", "diffuse", "material/diffuse.png"),
         ("roughness", "roughness: black is smooth, white is matt", "material/roughness.png"),
         ("metallic", "metallic: black is none, white is metal", "material/metallic.png"),
@@ -251,7 +245,7 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
         let side = |s: u32| ((f64::from(s) * scale).round() as u32).max(1);
         let small = ::image::imageops::thumbnail(&picture, side(width), side(height));
-        Ok(Map { key, label, picture: embed::base64(&jpeg_of(&small, MAP_QUALITY)) })
+        Ok(Map { key, label, picture: embed::base64(&jpeg::encode(&small, MAP_QUALITY)) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
 }
@@ -278,11 +272,11 @@ fn light(folder: &Path) -> Result<Option<LightData>> {
         width: data.width,
         height: data.height,
         radiance: embed::base64_of(&data.data),
-        picture: embed::base64(&jpeg_of(&picture, MAP_QUALITY)),
+        picture: embed::base64(&jpeg::encode(&picture, MAP_QUALITY)),
     }))
 }
 
-/// The frames that the folder has pictures of.
+/// The frames that the folder has images of.
 fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> Result<Film> {
     let first = saved.run.frames[0];
     let path = |name: &str, n: usize| match name {
@@ -300,7 +294,7 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
     let shown = in_sight(motion, &camera);
     let layers = [
         ("observed", "video"),
-        ("render", "drawn with the recovered print"),
+        ("render", "drawn with the recovered texture"),
         ("rerendered", "drawn with the recovered material and light"),
     ];
     let source = |(key, label): (&'static str, &'static str)| {
@@ -312,7 +306,7 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
     Film::new(&sources, motion.len(), &camera, shown, budget)
 }
 
-/// A picture of size `size`, or that part of a whole frame.
+/// An image of size `size`, or that part of a whole frame.
 fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage> {
     let picture = io::image::read_bytes(&path)?;
     let [width, height] = [picture.width() as usize, picture.height() as usize];
@@ -333,18 +327,10 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage
 /// The pixels that the moving fabric comes over; None if it is never in sight.
 pub(super) fn in_sight(motion: &[Positions], camera: &Camera) -> Option<Rect> {
     let (width, height) = (camera.width, camera.height);
-    let mut view = Rect { x0: width, y0: height, x1: 0, y1: 0 };
-    for p in motion.iter().flatten().filter(|p: &&DVec3| p.z > 1e-6) {
+    let pixel = |p: &DVec3| {
         let p_pixel = camera.project(*p).round();
-        if p_pixel.min_element() >= 0.0 && p_pixel.x < width as f64 && p_pixel.y < height as f64 {
-            let (x, y) = (p_pixel.x as usize, p_pixel.y as usize);
-            view = Rect {
-                x0: view.x0.min(x),
-                y0: view.y0.min(y),
-                x1: view.x1.max(x + 1),
-                y1: view.y1.max(y + 1),
-            };
-        }
-    }
-    (view.x0 < view.x1).then_some(view)
+        let inside = p_pixel.min_element() >= 0.0 && p_pixel.x < width as f64 && p_pixel.y < height as f64;
+        inside.then_some((p_pixel.x as usize, p_pixel.y as usize))
+    };
+    Rect::around(motion.iter().flatten().filter(|p| p.z > 1e-6).filter_map(pixel))
 }

@@ -1,4 +1,4 @@
-//! The cloth from elsewhere and under another light.
+//! The cloth from other viewpoints and under other environment maps.
 
 mod looks;
 mod render;

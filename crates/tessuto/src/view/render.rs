@@ -15,14 +15,14 @@ use crate::raster::{Rasterizer, Texture};
 use crate::result::Folder;
 
 /// Fraction of the light samples that are drawn uniformly from all directions.
-const UNIFORM_SHARE: f64 = 0.05;
+const UNIFORM_FRACTION: f64 = 0.05;
 
 /// What is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
     /// The estimated material under a light.
     Material,
-    /// The print as seen in the first frame.
+    /// The texture as filmed in the first frame.
     Texture,
     /// Plain grey, lit from the camera.
     Shaded,
@@ -64,7 +64,7 @@ pub enum View {
 /// What to render.
 #[derive(Debug, Clone)]
 pub struct RenderOptions {
-    /// What is drawn: material where it was estimated, else the print, if it is not given.
+    /// What is drawn: material where it was estimated, else the texture, if it is not given.
     pub look: Option<Look>,
     /// Where it is seen from.
     pub view: View,
@@ -114,7 +114,7 @@ pub fn render(
     let material = result.material()?;
     let look = options.look.unwrap_or(if material.is_some() { Look::Material } else { Look::Texture });
     let viewpoint = viewpoint(options, motion, result.camera)?;
-    let motion: Vec<Positions> = motion.iter().map(|positions| viewpoint.shape(positions)).collect();
+    let motion: Vec<Positions> = motion.iter().map(|positions| viewpoint.positions(positions)).collect();
     let target = out.map_or_else(|| result.path().join("views").join(look.name()), Path::to_path_buf);
     let output = OutputFolder::prepare(&target, FolderKind::Views, options.replace)?;
     let drawing = match (look, material) {
@@ -123,7 +123,7 @@ pub fn render(
             light: Box::new(light(result, options, &viewpoint)?),
             // What lies beyond the last frame is not asked for.
             geometry: Geometry::new(&result.mesh, &motion[..range.end]),
-            passes: options.samples.div_ceil(8),
+            samples_per_pixel: options.samples,
         },
         (Look::Material, None) => {
             return Err(Error::input(
@@ -168,7 +168,7 @@ fn light(result: &Folder, options: &RenderOptions, viewpoint: &Viewpoint) -> Res
     let light = io::hdr::read_environment(options.environment.as_ref().unwrap_or(&recovered))?;
     let texels = light.data.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
     let map = EnvironmentMap { width: light.width, height: light.height, texels };
-    Ok(EnvironmentSampler::new(&viewpoint.environment(&map), UNIFORM_SHARE))
+    Ok(EnvironmentSampler::new(&viewpoint.environment(&map), UNIFORM_FRACTION))
 }
 
 /// Draws frames of one look.
@@ -179,7 +179,12 @@ struct Painter<'a> {
 }
 
 enum Drawing<'a> {
-    Material { material: &'a Material, light: Box<EnvironmentSampler>, geometry: Geometry, passes: usize },
+    Material {
+        material: &'a Material,
+        light: Box<EnvironmentSampler>,
+        geometry: Geometry,
+        samples_per_pixel: usize,
+    },
     Texture(Texture),
     Shaded(Geometry),
     Depth([f64; 2]),
@@ -189,9 +194,9 @@ impl Painter<'_> {
     fn draw(&self, n: usize, positions: &Positions) -> Image {
         let Self { rasterizer, camera, drawing } = self;
         match drawing {
-            Drawing::Material { material, light, geometry, passes } => {
+            Drawing::Material { material, light, geometry, samples_per_pixel } => {
                 let scene = RenderScene { rasterizer, geometry, material, light };
-                render_frame(&scene, camera, (n, positions), *passes)
+                render_frame(&scene, camera, (n, positions), *samples_per_pixel)
             }
             Drawing::Texture(texture) => draw_texture(rasterizer, camera, positions, texture),
             Drawing::Shaded(geometry) => draw_shaded(rasterizer, camera, geometry, (n, positions)),

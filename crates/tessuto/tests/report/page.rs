@@ -1,13 +1,14 @@
-//! The pictures, the contact sheet and the page of a small made-up reconstruction.
+//! The images, the contact sheet and the page of a small made-up reconstruction.
 
 use std::process::Command;
 
 use glam::{DVec2, DVec3};
 use image::RgbImage;
+use tessuto::io::jpeg;
 use tessuto::mesh::grid;
 use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
 use tessuto::report::embed::{Window, base64};
-use tessuto::report::film::{Film, Source, jpeg_of};
+use tessuto::report::film::{Film, Source};
 use tessuto::report::{
     ClothData, Field, FramePictures, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData, Scales,
     Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
@@ -36,7 +37,7 @@ fn disc(x: f32, z: f32) -> (Image, Image, Image) {
     images
 }
 
-/// Calls `look` with the pictures of a disc that is 4 px too far left and 10 mm too far away.
+/// Calls `look` with the images of a disc that is 4 px too far left and 10 mm too far away.
 fn with_pictures(look: impl FnOnce(&FramePictures)) {
     let (rgb, mask, depth) = disc(28.0, 1.21);
     let (observed_rgb, observed_mask, measured) = disc(32.0, 1.20);
@@ -187,7 +188,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         maps: vec![Map {
             key: "texture",
             label: "recovered print",
-            picture: base64(&jpeg_of(&picture(1), 80)),
+            picture: base64(&jpeg::encode(&picture(1), 80)),
         }],
         light: None,
         charts: chart::of_history(&history, &parameters),
