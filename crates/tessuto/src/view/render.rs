@@ -85,7 +85,7 @@ pub struct RenderOptions {
 pub struct Rendered {
     /// The folder.
     pub folder: PathBuf,
-    /// Nearest (dark) and farthest (bright) depth [m], where depth was drawn.
+    /// Nearest (dark) and farthest (bright) depth `[m]`, where depth was drawn.
     pub depth: Option<[f64; 2]>,
     /// Where an earlier folder is kept because somebody put files into it meanwhile.
     pub kept: Option<PathBuf>,
