@@ -68,7 +68,7 @@ pub struct RenderOptions {
     pub look: Option<Look>,
     /// Where it is seen from.
     pub view: View,
-    /// Light: a lat-long picture in place of the recovered one.
+    /// Environment map, a lat-long image, in place of the recovered one.
     pub environment: Option<PathBuf>,
     /// Width and height `[px]` in place of the video's.
     pub size: Option<[usize; 2]>,
