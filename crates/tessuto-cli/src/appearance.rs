@@ -23,7 +23,7 @@ use crate::threads::Threads;
 const WRITTEN: [&str; 6] =
     ["material", "rerendered", "metrics.json", "log.json", "summary.json", "report.html"];
 
-/// Estimate material maps and light of a scene whose motion is known, and draw its frames again.
+/// Estimate material maps and light of a scene whose motion is known, and re-render its frames.
 #[derive(Args)]
 #[command(after_help = "\
 Writes into RESULT: material/ (maps, light, and a note that tells their conventions) and rerendered/ (frames,
@@ -159,7 +159,7 @@ impl Outputs {
         Ok(Self { material: part("material")?, rerendered: part("rerendered")? })
     }
 
-    /// Estimates, draws all frames again and writes everything; returns what to tell the user.
+    /// Estimates, re-renders all frames and writes everything; returns what to tell the user.
     pub fn compute(
         &self,
         scene: &Scene,
@@ -206,7 +206,7 @@ impl Outputs {
         io::atomic_write(&self.rerendered.partial().join("psnr.csv"), csv.as_bytes())?;
         let mean = sum / motion.len().max(1) as f64;
         let times =
-            [("material and light", fitted), ("drawing again", start.elapsed().as_secs_f64() - fitted)];
+            [("material and light", fitted), ("re-rendering", start.elapsed().as_secs_f64() - fitted)];
         let mut table = format!("{:<16} {mean:.2} dB\n", "re-rendered PSNR");
         for (stage, seconds) in times {
             let _ = writeln!(table, "{stage:<18} {seconds:.0} s");

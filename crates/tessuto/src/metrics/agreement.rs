@@ -104,7 +104,7 @@ impl AgreementMeter {
     }
 
     /// Mean, 99th percentile and maximum of |strain|.
-    fn strain(&self, positions: &[DVec3]) -> [f64; 3] {
+    pub fn strain(&self, positions: &[DVec3]) -> [f64; 3] {
         let strain = |([a, b], length): &([u32; 2], f64)| {
             (positions[*a as usize].distance(positions[*b as usize]) / length - 1.0).abs()
         };

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::mesh::Positions;
 use crate::report::embed::Window;
 use crate::report::film::{self, Film, Source};
-use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
+use crate::report::{ClothData, Motion, ReportData, Surface, chart, page as report};
 use crate::scene::Scene;
 use crate::session::Epoch;
 
@@ -26,12 +26,8 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let shown = page::in_sight(&template, &scene.camera);
     let data = ReportData {
         title: page::name_of(&run.scene),
-        subtitle: subtitle(run),
+        subtitle: subtitle(run, scene.template.positions.len()),
         command: command.to_owned(),
-        key_numbers: vec![
-            KeyNumber::new("frames", scene.frames.len().to_string(), ""),
-            KeyNumber::new("vertices", scene.template.positions.len().to_string(), ""),
-        ],
         cloth: Some(ClothData {
             fps: scene.fps,
             first_frame: scene.first_frame,
@@ -74,11 +70,15 @@ pub fn live_state(epochs: &[Epoch], motion: Option<&[Positions]>) -> String {
 }
 
 /// What was done, with which preset and version.
-pub(super) fn subtitle(run: &Run) -> String {
+pub(super) fn subtitle(run: &Run, vertices: usize) -> String {
     let preset = match run.settings.preset {
         Preset::Saft => "saft",
         Preset::Default => "default",
     };
     let [first, end] = run.frames;
-    format!("frames {first} to {}, preset {preset}, tessuto {}", end.saturating_sub(1), run.version)
+    format!(
+        "frames {first} to {}, {vertices} vertices, preset {preset}, tessuto {}",
+        end.saturating_sub(1),
+        run.version
+    )
 }

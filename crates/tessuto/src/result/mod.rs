@@ -15,7 +15,9 @@
 //! manifest.json                   sizes and hashes of all of these, written last
 //! ```
 
+mod curves;
 mod history;
+mod light;
 mod live;
 mod log;
 mod page;
