@@ -96,11 +96,11 @@ def check_losses(dataset, result):
     compared = 0
     for stage in dict.fromkeys(row["stage"] for row in rows):
         numbers = [n for n, row in enumerate(rows, 1) if row["stage"] == stage]
-        for name in rows[0]:
+        for name in (column.removeprefix("loss.") for column in rows[0] if column.startswith("loss.")):
             if f"/losses/{stage}/{name}:Scalars:scalars" not in names:
                 continue
             steps, values = column(dataset, "step", f"/losses/{stage}/{name}:Scalars:scalars")
-            expected = [float(rows[n - 1][name]) for n in numbers]
+            expected = [float(rows[n - 1]["loss." + name]) for n in numbers]
             same = [v[0] for _, v in sorted(zip(steps, values))] == expected and sorted(steps) == numbers
             compared += same
             if not same:

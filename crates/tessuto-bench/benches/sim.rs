@@ -5,7 +5,8 @@ use glam::{DVec2, DVec3};
 use tessuto::math::factor::Scratch;
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
-use tessuto::sim::step::{StepGradients, step, step_vjp};
+use tessuto::sim::state::StepGradients;
+use tessuto::sim::step::{step, step_vjp};
 use tessuto::sim::{Cloth, Integrator, State, StepSettings, Stiffness};
 
 /// Cloth in motion: a wavy sheet with random velocities and forces of the size of gravity.

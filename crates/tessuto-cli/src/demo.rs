@@ -3,13 +3,17 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use anyhow::Context as _;
 use clap::Args;
 use tessuto::config::{Config, Preset};
+use tessuto::run::{self, RunOptions};
 use tessuto::synth::Settings;
 
-use crate::reconstruct::Extras;
+use crate::progress::stop_on_interrupt;
+use crate::repeat;
 use crate::say::say;
 use crate::threads::Threads;
+use crate::watch::{self, Watch};
 
 /// See it work: make a small scene, recover its motion from the pictures alone, compare with the truth.
 #[derive(Args)]
@@ -46,15 +50,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     crate::check::check(&scene, None)?;
     say!("3. reconstruction from the pictures and the first frame's shape");
     let config = Config::preset(Preset::Default);
-    let evaluation = crate::reconstruct::reconstruct_into(
-        &scene,
-        None,
-        config,
-        Extras { force: true, ..Extras::default() },
-        &result,
-    )?;
+    // An earlier demonstration is its own.
+    let mut options = RunOptions { appearance: false, replace: true, ..RunOptions::new(config) };
+    options.command = repeat::reconstruct(&scene, &result, &options);
+    let mut watch = Watch::new(false);
+    stop_on_interrupt().context("cannot listen for Ctrl-C")?;
+    let finished = run::run(&scene, &result, &options, &mut watch);
+    watch.stop();
+    let outcome = finished?;
+    watch::tell(&outcome, &result);
+    outcome.failure.map_or(Ok(()), Err)?;
     say!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
-    if let Some(mean) = evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
+    if let Some(mean) = outcome.evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
         let largest = largest_displacement(&scene)?;
         say!(
             "   the cloth moved by up to {:.0} mm; its vertices were found to {:.1} mm on average",
@@ -71,7 +78,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 
 /// Farthest that a vertex is from its place in frame 0 [m].
 fn largest_displacement(scene: &Path) -> tessuto::Result<f64> {
-    let truth = tessuto::io::npy::read_shapes(&scene.join("gt/vertices.npy"))?;
+    let truth = tessuto::io::npy::read_motion(&scene.join("gt/vertices.npy"))?;
     let distances = truth.iter().flat_map(|shape| shape.iter().zip(&truth[0]).map(|(p, q)| p.distance(*q)));
     Ok(distances.fold(0.0, f64::max))
 }

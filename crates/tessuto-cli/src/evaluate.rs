@@ -33,7 +33,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let file = &arguments.result;
     let file = if file.is_dir() { file.join("motion.npy") } else { file.clone() };
-    let motion = npy::read_shapes(&file)?;
+    let motion = npy::read_motion(&file)?;
     let loaded =
         load(&arguments.scene, &LoadOptions { frames: arguments.frames.clone(), ..LoadOptions::default() })?;
     for warning in &loaded.warnings {
@@ -43,9 +43,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     // A motion of the whole scene is cut to the frames; one of just these frames is taken as it is.
     let motion = match &arguments.frames {
         Some(range) if motion.len() != scene.frames.len() && range.end <= motion.len() => {
-            &motion[range.clone()]
+            &motion.frames(range.clone())
         }
-        _ => &motion[..],
+        _ => &motion,
     };
     let folder = Some(&arguments.result).filter(|r| r.is_dir());
     let maps = folder.map_or(Ok(None), |folder| appearance::evaluate(scene, folder, motion))?;

@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 use tessuto::export::{Clip, Format, export};
-use tessuto::output::{FolderKind, manifest};
+use tessuto::result::Folder;
 
-use crate::say::{aside, say};
+use crate::say::say;
 
 /// Write a result for other programs: Blender, Houdini, Unreal, the web, NumPy, rerun.
 #[derive(Args)]
@@ -22,7 +22,8 @@ Formats:
   ply   one binary file per frame, with normals and uv (y up)
   pc2   point cache, and the mesh it belongs to (y up)
   npz   motion, faces, uv, camera, forces, parameters (camera axes: x right, y down, z forward)
-  rrd   recording for rerun: video, camera, mesh and texture over time (camera axes)")]
+  rrd   recording for rerun: video, camera, mesh and texture over time (camera axes);
+        in builds with --features full")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
@@ -39,20 +40,9 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let clip = Clip::read(&arguments.result)?;
-    if clip.camera.is_none()
-        && arguments.to.iter().any(|f| matches!(f, Format::Glb | Format::Usd | Format::Npz | Format::Rrd))
-    {
-        aside!("warning: parameters.json holds no camera (result of an older version): exported without one");
-    }
+    let clip = Clip::of(&Folder::open(&arguments.result)?)?;
     let folder = arguments.out.clone().unwrap_or_else(|| arguments.result.join("export"));
-    let paths = export(&clip, &arguments.to, &folder, arguments.force)?;
-    // Beside another program's manifest.json none can be kept: what is there then is not replaced again.
-    if manifest::check_manifest(&folder).is_ok() {
-        let names: Vec<_> = paths.iter().filter_map(|path| path.file_name()?.to_str()).collect();
-        manifest::record_or_begin(&folder, FolderKind::Export, &names)?;
-    }
-    for path in paths {
+    for path in export(&clip, &arguments.to, &folder, arguments.force)? {
         say!("{}", path.display());
     }
     Ok(())

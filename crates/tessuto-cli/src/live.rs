@@ -99,7 +99,7 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 }
 
 impl Live {
-    /// Takes note of a finished step; the motion is copied now and then only, and at the end of a stage.
+    /// Records a finished step; the motion is copied now and then only, and at the end of a stage.
     pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) {
         let due = self.last_motion.is_none_or(|t| t.elapsed() > BETWEEN_MOTIONS) || epoch.step == epoch.of;
         let copy = (due && !motion.is_empty()).then(|| Arc::new(motion.to_vec()));
@@ -228,6 +228,7 @@ fn state(query: &str, shared: &Mutex<Shared>) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tessuto::session::named;
 
     fn get(address: &str, request: &str) -> String {
         let mut stream = TcpStream::connect(address).unwrap();
@@ -251,8 +252,13 @@ mod tests {
         let post = format!("POST / HTTP/1.1\r\nhost: {address}\r\n\r\n");
         assert!(get(&address, &post).starts_with("HTTP/1.1 405"));
 
-        let epoch =
-            Epoch { stage: "track", step: 1, of: 9, losses: vec![("total", 0.5)], ..Epoch::default() };
+        let epoch = Epoch {
+            stage: "track".into(),
+            step: 1,
+            of: 9,
+            losses: named([("total", 0.5)]),
+            ..Epoch::default()
+        };
         live.step(&epoch, &[Positions::from([Default::default(); 4])]);
         let news = ask("/state?version=0&motion=0");
         assert!(news.contains(r#""version":1,"motion":1,"ended":false"#), "{news}");

@@ -11,8 +11,10 @@ mod lens;
 mod live;
 mod progress;
 mod reconstruct;
+#[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
 mod record;
 mod render;
+mod repeat;
 mod report;
 mod say;
 mod simulate;
@@ -20,6 +22,7 @@ mod synth;
 mod template;
 mod threads;
 mod verify;
+mod watch;
 
 use std::io::ErrorKind;
 use std::process::ExitCode;

@@ -1,19 +1,32 @@
-//! What is shown while a reconstruction runs.
+//! What is shown of a run: one line that moves on a terminal, a line now and then elsewhere.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
+use tessuto::run::Stage;
 use tessuto::session::Epoch;
-use tessuto::{Error, Positions, Result};
+use tessuto::{Error, Result};
 
-use crate::live::Live;
-use crate::record::Recorder;
 use crate::say::aside;
+
+/// Lines are at least this far apart within a stage.
+const BETWEEN_LINES: Duration = Duration::from_secs(5);
+/// Least part of the run, and of time, that a guess of the rest is made from.
+const ENOUGH: (f64, Duration) = (0.02, Duration::from_secs(2));
 
 /// Set by Ctrl-C and SIGTERM.
 static STOP: AtomicBool = AtomicBool::new(false);
+
+/// `-v`, of the commands that take long.
+#[derive(Args)]
+pub struct Verbosity {
+    /// Show the losses and parameters of the steps.
+    #[arg(short, long)]
+    pub verbose: bool,
+}
 
 /// Asks the running step to be the last one when the user interrupts; a second interrupt ends at once.
 pub fn stop_on_interrupt() -> anyhow::Result<()> {
@@ -25,96 +38,156 @@ pub fn stop_on_interrupt() -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Progress of all stages: a bar with the time left on a terminal, a line now and then elsewhere.
+/// Where a run is, and how long the rest will take.
 pub struct Progress {
     bar: Option<ProgressBar>,
-    stage: &'static str,
+    verbose: bool,
+    stages: Vec<Stage>,
+    current: usize,
     started: Instant,
-    last_line: Instant,
-    /// A page that shows the same.
-    pub live: Option<Live>,
-    /// A recording of it.
-    pub recorder: Option<Recorder>,
+    /// Part of the run that was done when this program began with it.
+    before: Option<f64>,
+    last_line: Option<Instant>,
 }
 
 impl Progress {
     /// Nothing shown yet.
-    pub fn new() -> Self {
-        let now = Instant::now();
-        Self { bar: None, stage: "", started: now, last_line: now, live: None, recorder: None }
+    pub fn new(verbose: bool) -> Self {
+        let started = Instant::now();
+        Self { bar: None, verbose, stages: Vec::new(), current: 0, started, before: None, last_line: None }
     }
 
-    /// Shows a finished step, and the motion so far where there is a page for it.
-    ///
-    /// # Errors
-    /// [`Error::Interrupted`] if the user asked to stop.
-    pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) -> Result<()> {
-        if STOP.load(Ordering::SeqCst) {
-            self.finish();
-            return Err(Error::Interrupted(format!(
-                "stopped in stage {}, step {} of {}",
-                epoch.stage, epoch.step, epoch.of
-            )));
-        }
-        if let Some(live) = &mut self.live {
-            live.step(epoch, motion);
-        }
-        if let Some(recorder) = &mut self.recorder {
-            recorder.step(epoch, motion);
-        }
-        if self.stage != epoch.stage {
-            self.begin(epoch);
-        }
-        let text = describe(epoch);
-        match &self.bar {
-            Some(bar) => {
-                bar.set_position(epoch.step as u64);
-                bar.set_message(text);
-            }
-            None => self.line(epoch, &text),
-        }
-        Ok(())
-    }
-
-    fn begin(&mut self, epoch: &Epoch) {
-        self.finish();
-        self.stage = epoch.stage;
+    /// A run of these stages begins.
+    pub fn begin(&mut self, stages: &[Stage]) {
+        self.stages = stages.to_vec();
         self.started = Instant::now();
-        if std::io::stderr().is_terminal() {
-            let style = ProgressStyle::with_template(
-                "{prefix:>9} {bar:24} {pos:>4}/{len} {elapsed_precise} left {eta_precise} {wide_msg}",
-            )
-            .expect("a constant template");
-            let bar = ProgressBar::new(epoch.of as u64).with_style(style).with_prefix(epoch.stage);
+        let dumb = std::env::var_os("TERM").is_none_or(|term| term == "dumb" || term.is_empty());
+        if std::io::stderr().is_terminal() && !dumb && !self.verbose {
+            let style = ProgressStyle::with_template("{bar:16} {msg}").expect("a constant template");
+            let bar = ProgressBar::new(1000).with_style(style);
             bar.enable_steady_tick(Duration::from_millis(250));
             self.bar = Some(bar);
         }
     }
 
-    /// A plain line at the first and last step and every five seconds.
-    fn line(&mut self, epoch: &Epoch, text: &str) {
-        let due = self.last_line.elapsed() > Duration::from_secs(5);
-        if due || epoch.step == 1 || epoch.step == epoch.of {
-            self.last_line = Instant::now();
-            let left =
-                self.started.elapsed().as_secs_f64() / epoch.step as f64 * (epoch.of - epoch.step) as f64;
-            aside!("{:>9} {:>4}/{} left {left:.0} s  {text}", epoch.stage, epoch.step, epoch.of);
+    /// A stage begins; one that the run did not name counts as part of the one before.
+    pub fn stage(&mut self, name: &str) {
+        if let Some(k) = self.stages.iter().position(|stage| stage.name == name) {
+            self.current = k;
+            self.last_line = None;
+            self.show(0, 0, None);
         }
     }
 
-    /// Ends the present bar.
+    /// Shows that `done` of `of` parts of the stage are finished, and what is known of the last.
+    pub fn show(&mut self, done: usize, of: usize, epoch: Option<&Epoch>) {
+        let fraction = self.fraction(done as f64 / of.max(1) as f64);
+        let before = *self.before.get_or_insert(fraction);
+        let left = time_left(fraction - before, 1.0 - fraction, self.started.elapsed());
+        let text = self.text(done, of, left);
+        if let Some(bar) = &self.bar {
+            bar.set_position((1000.0 * fraction) as u64);
+            bar.set_message(text);
+            return;
+        }
+        if self.last_line.is_none_or(|t| t.elapsed() > BETWEEN_LINES) || done == of && of > 0 {
+            self.last_line = Some(Instant::now());
+            aside!("{text}{}", epoch.filter(|_| self.verbose).map_or_else(String::new, values));
+        }
+    }
+
+    /// Part of the run that is done.
+    fn fraction(&self, of_stage: f64) -> f64 {
+        let total: f64 = self.stages.iter().map(|stage| stage.weight).sum();
+        let before: f64 = self.stages.iter().take(self.current).map(|stage| stage.weight).sum();
+        let present = self.stages.get(self.current).map_or(0.0, |stage| stage.weight);
+        if total > 0.0 { (before + of_stage * present) / total } else { 0.0 }
+    }
+
+    fn text(&self, done: usize, of: usize, left: Option<f64>) -> String {
+        let name = self.stages.get(self.current).map_or("", |stage| stage.name);
+        let steps = if of > 0 { format!(" {done}/{of}") } else { String::new() };
+        let left = left.map_or_else(String::new, |seconds| format!(", about {} left", duration(seconds)));
+        format!("stage {} of {}, {name}{steps}{left}", self.current + 1, self.stages.len())
+    }
+
+    /// Ends with the error of an interruption if the user asked to stop.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn check_stop(&mut self, epoch: &Epoch) -> Result<()> {
+        if !STOP.load(Ordering::SeqCst) {
+            return Ok(());
+        }
+        self.finish();
+        let Epoch { stage, step, of, .. } = epoch;
+        Err(Error::Interrupted(format!("stopped in stage {stage}, step {step} of {of}")))
+    }
+
+    /// Says a line above the bar.
+    pub fn line(&self, text: &str) {
+        match &self.bar {
+            Some(bar) => bar.suspend(|| aside!("{text}")),
+            None => aside!("{text}"),
+        }
+    }
+
+    /// Removes the bar.
     pub fn finish(&mut self) {
         if let Some(bar) = self.bar.take() {
-            bar.finish();
+            bar.finish_and_clear();
         }
     }
 }
 
-/// Losses and parameters in one line.
-fn describe(epoch: &Epoch) -> String {
-    let mut text = format!("frames {}", epoch.active_frames);
-    for (name, value) in epoch.losses.iter().chain(&epoch.parameters) {
-        text.push_str(&format!("  {name} {value:.3e}"));
+/// Seconds that the `rest` of the run will take, if so much was `done` in `elapsed`.
+fn time_left(done: f64, rest: f64, elapsed: Duration) -> Option<f64> {
+    (done > ENOUGH.0 && elapsed > ENOUGH.1).then(|| elapsed.as_secs_f64() * rest / done)
+}
+
+/// A time as people say it.
+fn duration(seconds: f64) -> String {
+    match seconds {
+        s if s < 55.0 => format!("{:.0} s", 5.0 * (s / 5.0).ceil()),
+        s if s < 3300.0 => format!("{:.0} min", (s / 60.0).ceil()),
+        s => format!("{:.1} h", s / 3600.0),
     }
-    text
+}
+
+/// Losses and parameters of a step.
+fn values(epoch: &Epoch) -> String {
+    let pairs = epoch.losses.iter().chain(&epoch.parameters);
+    pairs.map(|(name, value)| format!("  {name} {value:.3e}")).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stage(name: &'static str, weight: f64) -> Stage {
+        Stage { name, weight }
+    }
+
+    #[test]
+    fn the_line_tells_stage_and_time_and_fits_80_columns() {
+        let mut progress = Progress::new(false);
+        progress.stages = vec![stage("texture", 1.0), stage("forces and stiffnesses", 3.0)];
+        progress.current = 1;
+        assert!((progress.fraction(0.5) - 2.5 / 4.0).abs() < 1e-12);
+        let text = progress.text(99_999, 99_999, Some(3000.0));
+        assert_eq!(text, "stage 2 of 2, forces and stiffnesses 99999/99999, about 50 min left");
+        // The bar and a space come before.
+        assert!(text.chars().count() + 17 <= 88, "{}", text.len());
+        assert_eq!(progress.text(0, 0, None), "stage 2 of 2, forces and stiffnesses");
+    }
+
+    #[test]
+    fn the_time_left_is_guessed_from_what_this_program_did() {
+        assert_eq!(time_left(0.01, 0.5, Duration::from_secs(60)), None);
+        assert_eq!(time_left(0.25, 0.5, Duration::from_secs(1)), None);
+        let left = time_left(0.25, 0.5, Duration::from_secs(60)).unwrap();
+        assert!((left - 120.0).abs() < 1e-9);
+        let said = [3.0, 54.0, 61.0, 7200.0].map(duration);
+        assert_eq!(said, ["5 s", "55 s", "2 min", "2.0 h"]);
+    }
 }

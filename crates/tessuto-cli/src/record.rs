@@ -61,7 +61,7 @@ impl Recorder {
         Ok(Self { recording: Some(recording), failure: None })
     }
 
-    /// Takes note of a finished step.
+    /// Records a finished step.
     pub fn step(&mut self, epoch: &Epoch, motion: &[Positions]) {
         self.attempt(|recording| recording.step(epoch, motion));
     }

@@ -10,8 +10,9 @@ use tessuto::image::Image;
 use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use tessuto::raster::{Rasterizer, Texture};
+use tessuto::result::Folder;
 use tessuto::view::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
-use tessuto::{Error, Positions, appearance, io, result};
+use tessuto::{Error, Positions, appearance, io};
 
 use crate::say::say;
 use crate::threads::Threads;
@@ -102,22 +103,13 @@ fn parse_size(text: &str) -> Result<[usize; 2], String> {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let folder = &arguments.result;
-    let saved = result::read(folder)?;
-    let motion_file = folder.join("motion.npy");
-    let motion = io::npy::read_shapes(&motion_file)?;
-    let vertices = saved.mesh.positions.len();
-    if let Some(n) = motion.iter().position(|s| s.len() != vertices) {
-        let problem = format!("frame {n} has {} vertices, mesh.obj has {vertices}", motion[n].len());
-        return Err(input(&motion_file, problem, "give an unchanged result folder"));
-    }
+    let saved = Folder::open(folder)?;
+    let motion = saved.motion()?;
     let range = arguments.frames.clone().unwrap_or(0..motion.len());
     if range.end > motion.len() {
         let problem = format!("--frames {}..{}: there are {}", range.start, range.end, motion.len());
         return Err(Error::usage(problem, "give a range within them").into());
     }
-    let camera = saved.camera.ok_or_else(|| {
-        input(&folder.join("config.json"), "no camera is recorded".into(), "run `tessuto reconstruct` again")
-    })?;
     let has_material = folder.join("material/environment.exr").is_file();
     let look = arguments.look.unwrap_or(if has_material { Look::Material } else { Look::Texture });
     if look == Look::Material && !has_material {
@@ -127,7 +119,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             "run `tessuto appearance` first, or choose --look texture",
         ));
     }
-    let view = viewpoint(arguments, &motion, camera)?;
+    let view = viewpoint(arguments, motion, saved.camera)?;
     let motion: Vec<Positions> = motion.iter().map(|shape| view.shape(shape)).collect();
     let out = arguments.out.clone().unwrap_or_else(|| folder.join("views").join(name(look)));
     let output = OutputFolder::prepare(&out, FolderKind::Views, arguments.force)?;

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use tessuto::output::manifest;
-use tessuto::result;
+use tessuto::result::{self, Folder};
 
 use crate::say::say;
 use crate::threads::Threads;
@@ -26,7 +26,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let page = arguments.result.join("report.html");
     manifest::check_parts(&[&page], true)?;
-    result::write_page(&arguments.result)?;
+    result::write_page(&Folder::open(&arguments.result)?)?;
     manifest::record(&[&page])?;
     say!("{}", page.display());
     Ok(())

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use tessuto::output::manifest;
 use tessuto::reconstruct::simulate;
-use tessuto::result;
+use tessuto::result::Folder;
 use tessuto::sim::Cloth;
 use tessuto::{Error, io};
 
@@ -39,7 +39,7 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let out = arguments.out.clone().unwrap_or_else(|| arguments.result.join("simulated.npy"));
     check_target(&out, arguments.force || arguments.out.is_none())?;
-    let mut saved = result::read(&arguments.result)?;
+    let mut saved = Folder::open(&arguments.result)?;
     for assignment in &arguments.set {
         set(&mut saved.parameters.log_stiffness, assignment)?;
     }
@@ -56,7 +56,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let motion = simulate(&cloth, settings, saved.fps, &saved.mesh.positions, &saved.parameters)?;
     io::npy::write_shapes(&out, &motion)?;
     manifest::record(&[&out])?;
-    let original = io::npy::read_shapes(&arguments.result.join("motion.npy"))?;
+    let original = saved.motion()?;
     let frames = original.iter().zip(&motion);
     let distances = frames.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.distance(*b)));
     say!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
@@ -68,7 +68,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 /// an array of positions, and if `replace` is set.
 fn check_target(out: &Path, replace: bool) -> Result<(), Error> {
     let loose = out.symlink_metadata().is_ok_and(|found| found.is_file()) && !manifest::is_within_ours(out);
-    match loose && replace && io::npy::read_shapes(out).is_ok() {
+    match loose && replace && io::npy::read_motion(out).is_ok() {
         true => Ok(()),
         false if loose && !replace => Err(Error::input(
             out.display().to_string(),

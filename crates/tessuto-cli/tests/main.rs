@@ -3,5 +3,7 @@
 //! Alone: `cargo test --release -p tessuto-cli --test main commands::render`.
 
 mod commands;
+#[path = "../../tessuto/tests/support/missing.rs"]
+mod missing;
 #[path = "../../tessuto/tests/support/scene_maker.rs"]
 mod scene_maker;

@@ -5,7 +5,7 @@
 use tessuto::config::{Config, Preset};
 use tessuto::metrics::{Inputs, evaluate};
 use tessuto::session::Session;
-use tessuto::{reconstruct, synth};
+use tessuto::{Motion, reconstruct, synth};
 
 fn main() -> tessuto::Result<()> {
     let scene = synth::make(&synth::Settings {
@@ -18,21 +18,21 @@ fn main() -> tessuto::Result<()> {
     let mut config = Config::preset(Preset::Default);
     config.set("texture.size=128")?;
 
-    let mut last_stage = "";
+    let mut last_stage = tessuto::session::Name::default();
     let mut session = Session::new(|epoch, _| {
         if epoch.stage != last_stage {
-            last_stage = epoch.stage;
+            last_stage.clone_from(&epoch.stage);
             println!("{last_stage}");
         }
         Ok(())
     });
     let result = reconstruct(&scene, &config, &mut session)?;
 
-    let error = |motion| -> tessuto::Result<f64> {
+    let error = |motion: &Motion| -> tessuto::Result<f64> {
         let evaluation = evaluate(&Inputs::from(&scene), motion, 0..scene.frames.len(), 0)?;
         Ok(evaluation.mean.vertex.expect("a made-up scene has true vertices"))
     };
-    let still = vec![scene.template.positions.clone(); scene.frames.len()];
+    let still = Motion::new(vec![scene.template.positions.clone(); scene.frames.len()])?;
     let (found, template) = (error(&result.motion)?, error(&still)?);
     println!("mean vertex error {:.2} mm, of the template held still {:.2} mm", 1e3 * found, 1e3 * template);
     assert!(found < 2e-3 && found < 0.5 * template, "{found} m");

@@ -52,6 +52,12 @@ impl Camera {
         DVec2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy)
     }
 
+    /// Derivatives of u and v of [`project`](Self::project) by the point `p` [px/m].
+    pub fn projection_rows(&self, p: DVec3) -> [DVec3; 2] {
+        let (a, b) = (self.fx / p.z, self.fy / p.z);
+        [DVec3::new(a, 0.0, -a * p.x / p.z), DVec3::new(0.0, b, -b * p.y / p.z)]
+    }
+
     /// Direction, with z = 1, of the ray through pixel position `p_pixel`.
     pub fn ray(&self, p_pixel: DVec2) -> DVec3 {
         DVec3::new((p_pixel.x - self.cx) / self.fx, (p_pixel.y - self.cy) / self.fy, 1.0)

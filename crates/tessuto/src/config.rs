@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::appearance::AppearanceSettings;
+use crate::appearance::{AppearanceSettings, MapPrior};
 use crate::error::{Error, Result};
 use crate::motion::inverse::accelerations::InverseSettings;
 use crate::motion::inverse::stiffness::MaterialSettings;
@@ -157,6 +157,7 @@ impl Config {
             Error::usage(format!("--set {key}={value}: {e}"), format!("the present value is {old}"))
         })?;
         changed.validate()?;
+        changed.check_build()?;
         *self = changed;
         Ok(())
     }
@@ -217,6 +218,17 @@ impl Config {
         }
         Ok(())
     }
+
+    /// Refuses what this build was made without. Results of other builds are read nevertheless.
+    ///
+    /// # Errors
+    /// [`Error::Usage`].
+    pub fn check_build(&self) -> Result<()> {
+        if cfg!(not(feature = "decoder")) && self.appearance.prior == MapPrior::Decoder {
+            return Err(Error::left_out("appearance.prior=decoder", "decoder"));
+        }
+        Ok(())
+    }
 }
 
 /// Dotted keys of all values that are no objects.
@@ -260,5 +272,15 @@ mod tests {
         assert!(message(config.set("texture.size=big").unwrap_err()).contains("512"));
         assert!(message(config.set("inverse.tracking_stiffness=-1").unwrap_err()).contains("between"));
         assert_eq!(config, before);
+    }
+    #[cfg(not(feature = "decoder"))]
+    #[test]
+    fn the_decoder_is_refused_by_builds_without_it_and_read_from_results() {
+        let mut config = Config::preset(Preset::Default);
+        let error = config.set("appearance.prior=decoder").unwrap_err();
+        assert!(error.exit_code() == 2 && error.to_string().contains("--features full"), "{error}");
+        config.appearance.prior = MapPrior::Decoder;
+        config.validate().unwrap();
+        config.check_build().unwrap_err();
     }
 }

@@ -1,13 +1,13 @@
 //! The one error type of the library. Every message names the place, the value found and the way out.
 
+use std::fmt;
 use std::path::PathBuf;
 
 /// What can go wrong, by whose turn it is to act.
-#[derive(Debug, thiserror::Error)]
+#[derive(Debug)]
 #[non_exhaustive]
 pub enum Error {
     /// Wrong option or value, found before any file is read.
-    #[error("{problem}\n  hint: {hint}")]
     Usage {
         /// What is wrong, with the value found.
         problem: String,
@@ -15,7 +15,6 @@ pub enum Error {
         hint: String,
     },
     /// A file of the scene or result cannot be used.
-    #[error("{place}: {problem}\n  hint: {hint}")]
     Input {
         /// File, and frame, line or key where it applies.
         place: String,
@@ -25,7 +24,6 @@ pub enum Error {
         hint: String,
     },
     /// The computation left the finite numbers or cannot go on.
-    #[error("numerical failure in {place}: {problem}\n  hint: {hint}")]
     Numerical {
         /// Stage, epoch and frame.
         place: String,
@@ -35,9 +33,6 @@ pub enum Error {
         hint: String,
     },
     /// A file cannot be written.
-    #[error(
-        "cannot write {path}: {source}\n  hint: check free space and permissions, or choose another folder with --out"
-    )]
     Output {
         /// File or folder.
         path: PathBuf,
@@ -45,8 +40,33 @@ pub enum Error {
         source: std::io::Error,
     },
     /// The user asked to stop.
-    #[error("interrupted: {0}")]
     Interrupted(String),
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Usage { problem, hint } => write!(f, "{problem}\n  hint: {hint}"),
+            Self::Input { place, problem, hint } => write!(f, "{place}: {problem}\n  hint: {hint}"),
+            Self::Numerical { place, problem, hint } => {
+                write!(f, "numerical failure in {place}: {problem}\n  hint: {hint}")
+            }
+            Self::Output { path, source } => {
+                write!(f, "cannot write {}: {source}\n  hint: ", path.display())?;
+                f.write_str("check free space and permissions, or choose another folder with --out")
+            }
+            Self::Interrupted(place) => write!(f, "interrupted: {place}"),
+        }
+    }
+}
+
+impl std::error::Error for Error {
+    fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
+        match self {
+            Self::Output { source, .. } => Some(source),
+            _ => None,
+        }
+    }
 }
 
 /// `Result` with this crate's [`Error`].
@@ -74,6 +94,14 @@ impl Error {
     /// Wrong option or value.
     pub fn usage(problem: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), hint: hint.into() }
+    }
+
+    /// `asked` needs the cargo feature `feature`, which this build was made without.
+    pub fn left_out(asked: impl fmt::Display, feature: &str) -> Self {
+        Self::usage(
+            format!("{asked}: this build was made without the feature `{feature}`"),
+            "cargo install --path crates/tessuto-cli --features full",
+        )
     }
 
     /// Numerical failure at `place` (stage, epoch, frame).

@@ -2,7 +2,7 @@
 
 use crate::config::{Config, Method};
 use crate::error::{Error, Result};
-use crate::mesh::Positions;
+use crate::mesh::{Motion, Positions};
 use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
 use crate::motion::inverse::stiffness::fit_material;
 use crate::motion::parameters::Parameters;
@@ -18,7 +18,7 @@ use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
 #[derive(Debug)]
 pub struct Reconstruction {
     /// Positions at every frame, shape [N, V]: the rollout of `parameters`.
-    pub motion: Vec<Positions>,
+    pub motion: Motion,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
     /// Colours of the surface.
@@ -38,12 +38,14 @@ pub struct Reconstruction {
 /// whatever the session's observer returns.
 pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Result<Reconstruction> {
     config.validate()?;
+    config.check_build()?;
     scene.check()?;
     let cloth = Cloth::new(&scene.template);
     let rasterizer = Rasterizer::new(&scene.template);
     let template = &scene.template.positions;
 
     // What the fabric looks like, from the first frame.
+    session.begin("texture");
     let side = config.texture.size;
     let fits = |t: &Texture| [t.width, t.height, t.texels.len()] == [side, side, side * side];
     let texture = match session.restore("texture")? {
@@ -59,7 +61,6 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         )?,
     };
     session.finish("texture", &texture);
-    session.lap("texture");
 
     // How it moves, and what moves it.
     let fit = RolloutFit {
@@ -72,16 +73,16 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     };
     let (parameters, failure) = match config.method {
         Method::Rollout => {
-            let fitted = fit.run(fit.start(), session)?;
-            session.lap("rollout");
-            fitted
+            session.begin("rollout");
+            fit.run(fit.start(), session)?
         }
         Method::Spacetime => {
             let problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
+            session.begin("track");
             let (tracked, lost) = problem.track(session)?;
-            session.lap("track");
+            session.begin("refine");
             let (frames, stuck) = problem.refine(tracked, session)?;
-            session.lap("refine");
+            session.begin("forces and stiffnesses");
             let mut parameters = fit.start();
             if config.material.fit {
                 let steps = interpolated(&frames, config.dynamics.substeps);
@@ -90,16 +91,16 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             }
             let k = parameters.stiffness();
             let (accelerations, loose) =
-                accelerations_of_motion(&scene.template, &fit.dynamics, k, &frames, &config.inverse);
+                accelerations_of_motion(&cloth, &fit.dynamics, k, &frames, &config.inverse);
             parameters.accelerations = accelerations;
-            session.lap("forces and stiffnesses");
             (parameters, lost.or(stuck).or(loose))
         }
     };
 
     // The motion is what these parameters make, nothing else.
+    session.begin("rollout of the result");
     let motion = simulate(&cloth, config, scene.fps, template, &parameters)?;
-    session.lap("rollout of the result");
+    session.end();
     let history = session.history_of(&["texture", "track", "refine", "rollout"]);
     let timings = session.timings().to_vec();
     Ok(Reconstruction { motion, parameters, texture, history, timings, failure })
@@ -115,12 +116,12 @@ pub fn simulate(
     fps: f64,
     template: &Positions,
     parameters: &Parameters,
-) -> Result<Vec<Positions>> {
+) -> Result<Motion> {
     let dynamics = config.dynamics.at(fps);
     let initial = State { x: template.clone(), v: vec![glam::DVec3::ZERO; template.len()] };
     let stiffness = Stiffness::uniform(cloth, parameters.stiffness());
     let inputs =
         RolloutInputs { initial: &initial, accelerations: &parameters.accelerations, stiffness: &stiffness };
     let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.entries_per_frame + 1;
-    Ok(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
+    Motion::new(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
 }

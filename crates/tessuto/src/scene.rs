@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion};
 use crate::video::Video;
 
 /// What is known of the true motion; used by evaluation only.
@@ -15,7 +15,7 @@ pub struct Truth {
     /// Measured surface points [m] per frame, camera frame.
     pub points: Option<Vec<Vec<DVec3>>>,
     /// True positions [m] of the template's vertices per frame.
-    pub vertices: Option<Vec<Positions>>,
+    pub vertices: Option<Motion>,
 }
 
 /// Everything the reconstruction starts from.

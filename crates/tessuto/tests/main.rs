@@ -12,5 +12,6 @@ mod motion;
 mod pbr;
 mod raster;
 mod report;
+mod run;
 mod sim;
 mod support;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use crate::missing::not_tested;
 use crate::scene_maker::{FRAMES, SIZE, colour, contents, fabric, mask, template};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -406,8 +407,7 @@ fn what_ffmpeg_says_of_a_video_is_passed_on() {
 fn a_video_through_ffmpeg() {
     let ffmpeg = std::env::var_os("TESSUTO_FFMPEG").unwrap_or_else(|| "ffmpeg".into());
     if Command::new(&ffmpeg).arg("-version").output().is_err() {
-        eprintln!("no ffmpeg here: not tested");
-        return;
+        return not_tested("ffmpeg");
     }
     let recording = Recording::new();
     let encode = |from: &str, to: &str, more: &[&str]| {

@@ -7,6 +7,7 @@ mod import;
 mod output;
 mod render;
 mod report;
+#[cfg(feature = "rerun")]
 mod rerun;
 mod resume;
 mod run;

@@ -50,10 +50,10 @@ fn a_reader_that_has_gone_is_no_fault_and_a_full_disk_is() {
         &["--version"],
         &["check", &scene],
         &["report", &result],
-        &["render", &result, "--look", "depth", "--size", "32x32"],
+        &["render", &result, "--look", "depth", "--size", "32x32", "--force"],
         &["export", &result, "--to", "npz", "--force"],
         &["evaluate", &scene, &result],
-        &["simulate", &result, "--out", text(&npy)],
+        &["simulate", &result, "--out", text(&npy), "--force"],
         &["verify", &result],
     ];
     for arguments in commands {

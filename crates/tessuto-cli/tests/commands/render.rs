@@ -196,6 +196,8 @@ fn ffmpeg_gets_the_frames_and_its_failure_keeps_them() {
         "{got}"
     );
     write("exit 1");
-    assert!(succeed(&arguments, &program).contains("no video.mp4: ffmpeg ended"));
+    assert!(
+        succeed(&[&arguments[..], &["--force"]].concat(), &program).contains("no video.mp4: ffmpeg ended")
+    );
     assert!(out.join("frame_002.png").is_file() && !out.join("video.mp4").exists());
 }

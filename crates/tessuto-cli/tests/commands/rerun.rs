@@ -49,11 +49,12 @@ fn a_recording_changes_nothing_and_replaces_only_recordings() {
     let mine = at("mine.rrd");
     std::fs::write(&mine, b"mine").unwrap();
     for (file, code, reason) in [
-        (mine.clone(), 2, "did not write"),
+        (mine.clone(), 3, "not written by tessuto"),
         (at("recorded").join("run.rrd"), 2, "replaced as a whole"),
         (at("no/such/run.rrd"), 5, "cannot write"),
     ] {
-        let (found, said) = run("recorded", Some(&file));
+        let out = if code == 5 { "third" } else { "recorded" };
+        let (found, said) = run(out, Some(&file));
         assert_eq!(found, Some(code), "{said}");
         assert!(said.contains(reason) && said.contains(text(&file)) && said.contains("hint:"), "{said}");
     }

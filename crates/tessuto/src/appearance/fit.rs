@@ -13,11 +13,11 @@ use crate::decoder::DecoderConfig;
 use crate::error::{Error, Result};
 use crate::image::srgb;
 use crate::math::rng::mix32;
-use crate::mesh::Positions;
+use crate::mesh::Motion;
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;
-use crate::session::{Epoch, Session, foreign_state};
+use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
@@ -58,7 +58,7 @@ impl Appearance {
 /// observer returns.
 pub fn fit(
     scene: &Scene,
-    motion: &[Positions],
+    motion: &Motion,
     geometry: &Geometry,
     settings: &AppearanceSettings,
     seed: u64,
@@ -158,12 +158,12 @@ pub fn fit(
         let smoothness = settings.light_smoothness;
         sky.step(settings.light_rows, &gradients.light, colour, smoothness, settings.light_rate * fall);
         let epoch = Epoch {
-            stage: "appearance",
+            stage: "appearance".into(),
             step: step + 1,
             of: settings.steps,
             active_frames: motion.len(),
-            losses: vec![("colour", gradients.loss * f64::from(scale))],
-            parameters: vec![("light_rows", rows as f64), ("light_colour", colour)],
+            losses: named([("colour", gradients.loss * f64::from(scale))]),
+            parameters: named([("light_rows", rows as f64), ("light_colour", colour)]),
         };
         // The directions are drawn anew where the next run would draw them too.
         let saved = ((step + 1) % REDRAW == 0 && session.wants_state()).then(|| State {
@@ -204,10 +204,7 @@ fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<
         #[cfg(not(feature = "decoder"))]
         MapPrior::Decoder => {
             let _ = seed;
-            Err(Error::usage(
-                "appearance.prior=decoder, but this build has no decoder",
-                "build with --features decoder, or set appearance.prior=smooth",
-            ))
+            Err(Error::left_out("appearance.prior=decoder", "decoder"))
         }
     }
 }
@@ -219,9 +216,8 @@ fn rows_at(settings: &AppearanceSettings, at: f64) -> usize {
     (settings.light_coarsest << level).min(settings.light_finest)
 }
 
-fn check(scene: &Scene, motion: &[Positions]) -> Result<()> {
+fn check(scene: &Scene, motion: &Motion) -> Result<()> {
     let place = || format!("motion for {}", scene.folder.display());
-    let vertices = scene.template.positions.len();
     if motion.len() != scene.frames.len() {
         return Err(Error::input(
             place(),
@@ -229,15 +225,9 @@ fn check(scene: &Scene, motion: &[Positions]) -> Result<()> {
             "give a result of the same frames of this scene",
         ));
     }
+    motion.check_vertices(scene.template.positions.len(), &place())?;
     for (n, shape) in motion.iter().enumerate() {
-        if shape.len() != vertices {
-            return Err(Error::input(
-                format!("{}, frame {n}", place()),
-                format!("{} vertices, template.obj has {vertices}", shape.len()),
-                "give a result of this scene",
-            ));
-        }
-        if let Some(v) = shape.iter().position(|p| !(p.is_finite() && p.length() < 1e4)) {
+        if let Some(v) = shape.iter().position(|p| p.length() >= 1e4) {
             return Err(Error::input(
                 format!("{}, frame {n}", place()),
                 format!("vertex {v} is at {}", shape[v]),

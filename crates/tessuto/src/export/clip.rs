@@ -8,9 +8,9 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::motion::parameters::Parameters;
-use crate::result;
+use crate::result::Folder;
 
 /// The pictures that make up the look.
 #[derive(Debug, Clone, PartialEq)]
@@ -50,15 +50,15 @@ pub struct Clip {
     /// The template.
     pub mesh: Mesh,
     /// Positions [m], camera frame, shape [N, V].
-    pub motion: Vec<Positions>,
+    pub motion: Motion,
     /// Frames per second.
     pub fps: f64,
     /// Number of the first frame in the video.
     pub first_frame: usize,
-    /// Camera of the whole picture; results of older versions lack it.
-    pub camera: Option<Camera>,
-    /// The part of the whole picture that was computed on; results of older versions lack it.
-    pub crop: Option<Rect>,
+    /// Camera of the whole picture.
+    pub camera: Camera,
+    /// The part of the whole picture that was computed on.
+    pub crop: Rect,
     /// Pictures of all frames, cut to the crop; none if the result lacks some.
     pub pictures: Vec<PathBuf>,
     /// The look.
@@ -68,39 +68,26 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// Reads the folder that a reconstruction left; `material/` where it exists, `texture.png` otherwise.
+    /// That of a result: `material/` where it exists, `texture.png` otherwise.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file.
-    pub fn read(folder: &Path) -> Result<Self> {
-        let saved = result::read(folder)?;
-        let path = folder.join("motion.npy");
-        let motion = io::npy::read_shapes(&path)?;
-        let found = motion.first().map_or(0, Vec::len);
-        if motion.is_empty() || found != saved.mesh.positions.len() {
-            return Err(Error::input(
-                path.display().to_string(),
-                format!(
-                    "has {} frames of {found} vertices, mesh.obj has {} vertices",
-                    motion.len(),
-                    saved.mesh.positions.len()
-                ),
-                "use the folder as `tessuto reconstruct` wrote it",
-            ));
-        }
-        let name = identifier(&saved.run.scene);
+    pub fn of(folder: &Folder) -> Result<Self> {
+        let name = identifier(&folder.run.scene);
+        let motion = folder.motion()?.clone();
+        let first_frame = folder.run.frames[0];
         Ok(Self {
-            material: read_material(folder, &name)?,
+            material: read_material(folder.path(), &name)?,
             name,
-            pictures: pictures(folder, saved.run.frames[0], motion.len()),
-            version: saved.run.version,
-            mesh: saved.mesh,
+            pictures: pictures(folder.path(), first_frame, motion.len()),
+            version: folder.run.version.clone(),
+            mesh: folder.mesh.clone(),
             motion,
-            fps: saved.fps,
-            first_frame: saved.run.frames[0],
-            camera: saved.camera,
-            crop: saved.crop,
-            parameters: saved.parameters,
+            fps: folder.fps,
+            first_frame,
+            camera: folder.camera,
+            crop: folder.crop,
+            parameters: folder.parameters.clone(),
         })
     }
 
@@ -190,11 +177,11 @@ pub(super) mod tests {
         Clip {
             name: "cloth".into(),
             version: "0".into(),
-            motion: vec![mesh.positions.clone()],
+            motion: Motion::new(vec![mesh.positions.clone()]).unwrap(),
             fps: 25.0,
             first_frame: 0,
-            camera: None,
-            crop: None,
+            camera: Camera { fx: 50.0, fy: 50.0, cx: 16.0, cy: 12.0, width: 32, height: 24 },
+            crop: Rect { x0: 0, y0: 0, x1: 32, y1: 24 },
             pictures: Vec::new(),
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {

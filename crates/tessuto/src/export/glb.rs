@@ -177,17 +177,16 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
         push(&mut gltf["images"], image);
         push(&mut gltf["textures"], json!({"sampler": 0, "source": source}));
     }
-    if let Some(c) = &clip.camera {
-        // A glTF camera is centred with square pixels: the exact one is in the extras.
-        let perspective = json!({
-            "yfov": 2.0 * (0.5 * c.height as f64 / c.fy).atan(),
-            "aspectRatio": c.width as f64 / c.fx * c.fy / c.height as f64,
-            "znear": 0.01, "zfar": 100.0,
-        });
-        gltf["cameras"] =
-            json!([{"type": "perspective", "name": "camera", "perspective": perspective, "extras": c}]);
-        nodes.push(json!({"name": "camera", "camera": 0}));
-    }
+    let c = &clip.camera;
+    // A glTF camera is centred with square pixels: the exact one is in the extras.
+    let perspective = json!({
+        "yfov": 2.0 * (0.5 * c.height as f64 / c.fy).atan(),
+        "aspectRatio": c.width as f64 / c.fx * c.fy / c.height as f64,
+        "znear": 0.01, "zfar": 100.0,
+    });
+    gltf["cameras"] =
+        json!([{"type": "perspective", "name": "camera", "perspective": perspective, "extras": c}]);
+    nodes.push(json!({"name": "camera", "camera": 0}));
     gltf["scenes"][0]["nodes"] = (0..nodes.len()).collect();
     gltf["nodes"] = nodes.into();
     gltf["buffers"] = json!([{"byteLength": buffer.bytes.len()}]);
@@ -281,13 +280,16 @@ fn container(gltf: &Value, mut binary: Vec<u8>) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mesh::Motion;
 
     #[test]
     fn a_long_clip_is_cut_into_segments_that_share_a_frame() {
         let mesh = crate::mesh::grid(3, 2, glam::DVec2::new(0.2, 0.1), 1.0);
         let moved = |n: usize| mesh.positions.iter().map(|p| *p + glam::DVec3::Z * 0.01 * n as f64).collect();
-        let clip =
-            Clip { motion: (0..6).map(moved).collect(), ..super::super::clip::tests::clip(mesh.clone()) };
+        let clip = Clip {
+            motion: Motion::new((0..6).map(moved).collect()).unwrap(),
+            ..super::super::clip::tests::clip(mesh.clone())
+        };
         for (max_targets, counts) in [(2, vec![2, 2, 1]), (5, vec![5]), (256, vec![5])] {
             let bytes = encode_segments(&clip, max_targets);
             let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;

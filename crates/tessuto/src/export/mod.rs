@@ -8,6 +8,7 @@ mod clip;
 mod glb;
 mod npz;
 mod pc2;
+#[cfg(feature = "rerun")]
 pub mod rrd;
 mod sequence;
 mod usd;
@@ -16,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::io::atomic_write;
-use crate::output::{OutputFolder, manifest};
+use crate::output::{FolderKind, OutputFolder, manifest};
 pub use clip::{Clip, Material};
 
 /// A kind of output.
@@ -34,13 +35,18 @@ pub enum Format {
     Pc2,
     /// NumPy archive of motion, faces, uv, camera, forces and parameters, in the camera frame.
     Npz,
-    /// Recording for the viewer of rerun: video, camera, mesh and texture over time, in the camera frame.
+    /// Recording for the viewer of rerun: video, camera, mesh and texture over time, in the camera frame. Needs the cargo
+    /// feature `rerun`.
     Rrd,
 }
 
 impl Format {
-    /// All of them.
-    pub const ALL: [Self; 7] = [Self::Glb, Self::Usd, Self::Obj, Self::Ply, Self::Pc2, Self::Npz, Self::Rrd];
+    const KNOWN: [Self; 7] = [Self::Glb, Self::Usd, Self::Obj, Self::Ply, Self::Pc2, Self::Npz, Self::Rrd];
+    /// All that this build can write.
+    pub const ALL: &[Self] = match Self::KNOWN.split_last() {
+        Some((_, without_rrd)) if !cfg!(feature = "rerun") => without_rrd,
+        _ => &Self::KNOWN,
+    };
 
     /// What `--to` calls it.
     pub fn key(self) -> &'static str {
@@ -60,10 +66,10 @@ impl std::str::FromStr for Format {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        Self::ALL
+        Self::KNOWN
             .into_iter()
             .find(|f| f.key() == text.to_ascii_lowercase())
-            .ok_or_else(|| format!("the formats are: {}", Self::ALL.map(Self::key).join(", ")))
+            .ok_or_else(|| format!("the formats are: {}", Self::KNOWN.map(Self::key).join(", ")))
     }
 }
 
@@ -81,8 +87,8 @@ impl Output {
     }
 }
 
-/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written, for the
-/// [manifest](manifest::record_or_begin).
+/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written. The manifest of
+/// the folder or of the result around it lists the files, so that they can be replaced later.
 ///
 /// # Errors
 /// [`Error::Input`] if one of the files is there already, unless `force` is set and a manifest lists it as it is;
@@ -98,7 +104,14 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
     }
     manifest::check_parts(&outputs.iter().map(|o| folder.join(o.name())).collect::<Vec<_>>(), force)?;
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
-    outputs.into_iter().map(|output| write(folder, output)).collect()
+    let names: Vec<String> = outputs.iter().map(|output| output.name().to_owned()).collect();
+    let paths = outputs.into_iter().map(|output| write(folder, output)).collect::<Result<_>>()?;
+    // Beside another program's manifest.json none can be kept: what is there then is not replaced again.
+    if manifest::check_manifest(folder).is_ok() {
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        manifest::record_or_begin(folder, FolderKind::Export, &names)?;
+    }
+    Ok(paths)
 }
 
 fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {
@@ -117,7 +130,10 @@ fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {
             Output::File(format!("{name}.pc2"), pc2::encode(clip)),
         ],
         Format::Npz => vec![Output::File(format!("{name}.npz"), npz::encode(clip))],
+        #[cfg(feature = "rerun")]
         Format::Rrd => vec![Output::File(format!("{name}.rrd"), rrd::encode(clip)?)],
+        #[cfg(not(feature = "rerun"))]
+        Format::Rrd => return Err(Error::left_out("--to rrd", "rerun")),
     })
 }
 

@@ -46,10 +46,9 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
         ),
         ("dynamic_parts", array(&[], &[accelerations.entries_per_frame as u32])),
     ];
-    if let Some(c) = &clip.camera {
-        let values = [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64];
-        files.push(("camera", array(&[6], &values)));
-    }
+    let c = &clip.camera;
+    let values = [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64];
+    files.push(("camera", array(&[6], &values)));
     zip(&files)
 }
 

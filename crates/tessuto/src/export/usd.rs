@@ -24,9 +24,7 @@ pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
     );
     mesh(clip, &mut out);
     material(clip, textures, &mut out);
-    if clip.camera.is_some() {
-        camera(clip, &mut out);
-    }
+    camera(clip, &mut out);
     out.push_str("}\n");
     out.into_bytes()
 }
@@ -134,7 +132,7 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
 
 /// The pinhole at the origin that looks along −z. The film covers the pixels' areas, from −½ to width − ½.
 fn camera(clip: &Clip, out: &mut String) {
-    let Some(c) = &clip.camera else { return };
+    let c = &clip.camera;
     let (w, h) = (c.width as f64, c.height as f64);
     let focal = c.fx * FILM_WIDTH / w;
     let film_height = h * focal / c.fy;

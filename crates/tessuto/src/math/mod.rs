@@ -1,6 +1,8 @@
 //! Numbers without a domain: random streams, sparse symmetric systems, gradient checks.
 
 pub mod block_matrix;
+pub mod conjugate_gradients;
+pub mod damping;
 mod dissection;
 pub mod factor;
 pub mod gradient_check;

@@ -1,10 +1,12 @@
 //! Polygon mesh: the template of the first frame, whose edges are the threads of the cloth.
 
+mod motion;
 mod topology;
 mod weld;
 
 use glam::{DVec2, DVec3};
 
+pub use motion::Motion;
 pub use topology::{pieces, pinched};
 pub use weld::weld;
 

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::scene::{Scene, Truth};
 
 /// What a motion is compared with.
@@ -166,7 +166,7 @@ pub struct Evaluation {
 ///
 /// The result does not depend on the number of threads.
 /// `Error::Input` when shapes differ, values are not finite or there is no truth.
-pub fn evaluate(inputs: &Inputs, motion: &[Positions], range: Range<usize>, seed: u64) -> Result<Evaluation> {
+pub fn evaluate(inputs: &Inputs, motion: &Motion, range: Range<usize>, seed: u64) -> Result<Evaluation> {
     validate(inputs, motion, &range)?;
     let triangles = inputs.template.triangles();
     let frames: Vec<FrameMetrics> = range
@@ -189,7 +189,7 @@ fn mean(frames: &[FrameMetrics]) -> Metrics {
     Metrics::from_values(sum.map(|s| s.map(|s| s / frames.len() as f64)))
 }
 
-fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Result<()> {
+fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()> {
     let Inputs { template, truth, first_frame, .. } = inputs;
     let count = template.positions.len();
     if truth.points.is_none() && truth.vertices.is_none() {
@@ -213,7 +213,7 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
     }
     let lengths = [
         ("gt/points", truth.points.as_ref().map(Vec::len)),
-        ("gt/vertices.npy", truth.vertices.as_ref().map(Vec::len)),
+        ("gt/vertices.npy", truth.vertices.as_deref().map(<[_]>::len)),
     ];
     for (name, length) in lengths {
         if let Some(length) = length.filter(|l| *l != motion.len()) {
@@ -224,12 +224,8 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
             ));
         }
     }
-    for (k, shape) in motion.iter().enumerate() {
-        check_shape(&format!("motion, frame {}", first_frame + k), shape, count)?;
-    }
-    for (k, shape) in truth.vertices.iter().flatten().enumerate() {
-        check_shape(&format!("gt/vertices.npy, frame {}", first_frame + k), shape, count)?;
-    }
+    motion.check_vertices(count, "motion")?;
+    truth.vertices.iter().try_for_each(|vertices| vertices.check_vertices(count, "gt/vertices.npy"))?;
     for (k, points) in truth.points.iter().flatten().enumerate() {
         let place = format!("gt/points, frame {}", first_frame + k);
         if let Some(i) = points.iter().position(|p| !p.is_finite() || p.z <= 0.0) {
@@ -244,8 +240,8 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
             ));
         }
     }
-    check_scale("gt/vertices.npy", truth.vertices.as_ref(), motion, 2)?;
-    check_scale("gt/points", truth.points.as_ref(), motion, 20)?;
+    check_scale("gt/vertices.npy", truth.vertices.as_deref(), motion, 2)?;
+    check_scale("gt/points", truth.points.as_deref(), motion, 20)?;
     let area = template.area();
     if area <= 0.0 || !area.is_finite() {
         return Err(Error::input("template", format!("its area is {area} m²"), "give a mesh with faces"));
@@ -254,12 +250,7 @@ fn validate(inputs: &Inputs, motion: &[Positions], range: &Range<usize>) -> Resu
 }
 
 /// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
-fn check_scale(
-    place: &str,
-    truth: Option<&Vec<Positions>>,
-    motion: &[Positions],
-    least: usize,
-) -> Result<()> {
+fn check_scale(place: &str, truth: Option<&[Positions]>, motion: &[Positions], least: usize) -> Result<()> {
     let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
     let diagonal = |shape: &Positions| {
         let low = shape.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -276,17 +267,4 @@ fn check_scale(
         problem,
         "give the truth in the unit of the template, see \"units\" in scene.json",
     ))
-}
-
-fn check_shape(place: &str, shape: &Positions, count: usize) -> Result<()> {
-    if shape.len() != count {
-        let problem = format!("it has {} vertices, the template has {count}", shape.len());
-        return Err(Error::input(place, problem, "evaluate a result of the same scene and template"));
-    }
-    if let Some(i) = shape.iter().position(|p| !p.is_finite()) {
-        let wrong = shape.iter().filter(|p| !p.is_finite()).count();
-        let problem = format!("{wrong} vertices are not finite, the first is vertex {i}: {}", shape[i]);
-        return Err(Error::input(place, problem, "run the reconstruction again; its log names the cause"));
-    }
-    Ok(())
 }

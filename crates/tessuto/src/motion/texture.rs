@@ -6,7 +6,7 @@ use crate::math::finite;
 use crate::mesh::Positions;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::session::{Epoch, Session};
+use crate::session::{Epoch, Session, named};
 use crate::video::Frame;
 
 use super::rollout::losses::{LossWeights, image_loss};
@@ -75,11 +75,11 @@ pub fn fit_texture(
             }
         }
         session.tell(&Epoch {
-            stage: "texture",
+            stage: "texture".into(),
             step: epoch + 1,
             of: settings.epochs,
             active_frames: 1,
-            losses: vec![("colour", colour)],
+            losses: named([("colour", colour)]),
             parameters: Vec::new(),
         })?;
     }

@@ -118,12 +118,17 @@ pub fn record(paths: &[impl AsRef<Path>]) -> Result<()> {
     })
 }
 
-/// [`record`] for files `names` in `folder`; where no manifest lists what is in the folder, it gets one of `kind`.
+/// [`record`] for files `names` in `folder`; where no manifest lists what is in the folder, it gets one of `kind`. Nothing
+/// happens in a folder that is being written as a whole: its manifest comes last.
 ///
 /// # Errors
 /// As [`record`]; [`Error::Input`] if the folder has a manifest.json of another program.
 pub fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Result<()> {
     check_manifest(folder)?;
+    let real = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    if real.ancestors().any(|around| around.join(WORKING[0]).is_file()) {
+        return Ok(());
+    }
     if names.first().and_then(|name| owner_of(&folder.join(name))).is_some() {
         return record(&names.iter().map(|name| folder.join(name)).collect::<Vec<_>>());
     }

@@ -2,8 +2,9 @@
 
 use serde::Serialize;
 
-use super::{HistoryRow, Parameter};
+use super::Parameter;
 use crate::metrics::{Evaluation, FrameMetrics, QUANTITIES};
+use crate::session::{Epoch, Name};
 
 /// One line of a chart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,7 +61,7 @@ pub fn of_errors(evaluation: &Evaluation) -> Option<Chart> {
 }
 
 /// The losses of every stage over its steps, and those of `parameters` that changed with them.
-pub fn of_history(history: &[HistoryRow], parameters: &[Parameter]) -> Vec<Chart> {
+pub fn of_history(history: &[Epoch], parameters: &[Parameter]) -> Vec<Chart> {
     let mut charts = Vec::new();
     for rows in history.chunk_by(|a, b| a.stage == b.stage) {
         let x: Vec<f64> = rows.iter().map(|r| r.step as f64).collect();
@@ -89,12 +90,12 @@ pub fn of_history(history: &[HistoryRow], parameters: &[Parameter]) -> Vec<Chart
 
 /// The losses of one stage. Where each step adds a frame, they are that frame's. Where a stage goes through levels of
 /// detail, whose sums are over different pixels, those of a level are told as shares of its first total.
-fn of_losses(rows: &[HistoryRow], mut losses: Vec<Series>) -> Chart {
+fn of_losses(rows: &[Epoch], mut losses: Vec<Series>) -> Chart {
     let stage = &rows[0].stage;
     let mut x: Vec<f64> = rows.iter().map(|r| r.step as f64).collect();
     let adds_a_frame =
         rows.len() > 1 && rows.windows(2).all(|w| w[1].active_frames == w[0].active_frames + 1);
-    let level = |row: &HistoryRow| row.parameters.iter().find(|(name, _)| name == "level").map(|(_, v)| *v);
+    let level = |row: &Epoch| row.parameters.iter().find(|(name, _)| *name == "level").map(|(_, v)| *v);
     let levels: Vec<usize> = rows.chunk_by(|a, b| level(a) == level(b)).map(<[_]>::len).collect();
     let total = losses.iter().position(|s| s.name == "total");
     let (title, x_label) = match total {
@@ -138,13 +139,13 @@ pub(crate) fn spans_decades(series: &[Series]) -> bool {
 }
 
 /// The named values of `pick` over `rows`, in the order of their first appearance.
-fn series(rows: &[HistoryRow], pick: impl Fn(&HistoryRow) -> &Vec<(String, f64)>) -> Vec<Series> {
+fn series(rows: &[Epoch], pick: impl Fn(&Epoch) -> &Vec<(Name, f64)>) -> Vec<Series> {
     let mut all: Vec<Series> = Vec::new();
     for (k, row) in rows.iter().enumerate() {
         for (name, value) in pick(row) {
             let value = Some(*value).filter(|v| v.is_finite());
             let at = all.iter().position(|s| s.name == *name).unwrap_or_else(|| {
-                all.push(Series { name: name.clone(), values: vec![None; rows.len()] });
+                all.push(Series { name: name.to_string(), values: vec![None; rows.len()] });
                 all.len() - 1
             });
             all[at].values[k] = value;
@@ -156,15 +157,16 @@ fn series(rows: &[HistoryRow], pick: impl Fn(&HistoryRow) -> &Vec<(String, f64)>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::named;
 
     #[test]
     fn stages_have_charts_of_their_own_and_missing_values_are_gaps() {
-        let row = |stage: &str, step, losses: &[(&str, f64)]| HistoryRow {
-            stage: stage.to_owned(),
+        let row = |stage: &'static str, step, losses: &[(&'static str, f64)]| Epoch {
+            stage: stage.into(),
             step,
             active_frames: 2,
-            losses: losses.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect(),
-            parameters: Vec::new(),
+            losses: named(losses.iter().copied()),
+            ..Epoch::default()
         };
         let history = [
             row("texture", 1, &[("colour", 1.0)]),
@@ -181,12 +183,13 @@ mod tests {
 
     #[test]
     fn curves_of_stages_that_go_well_do_not_rise() {
-        let row = |stage: &str, step, active_frames, total: f64, level: Option<f64>| HistoryRow {
-            stage: stage.to_owned(),
+        let row = |stage: &'static str, step, active_frames, total: f64, level: Option<f64>| Epoch {
+            stage: stage.into(),
             step,
+            of: step,
             active_frames,
-            losses: vec![("total".to_owned(), total), ("bend".to_owned(), 0.1 * total)],
-            parameters: level.map(|l| ("level".to_owned(), l)).into_iter().collect(),
+            losses: vec![("total".into(), total), ("bend".into(), 0.1 * total)],
+            parameters: level.map(|l| ("level".into(), l)).into_iter().collect(),
         };
         let history = [
             row("track", 1, 2, 5.0, None),

@@ -125,7 +125,7 @@ impl KeyNumber {
 /// A recovered parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Its name in [`HistoryRow::parameters`].
+    /// Its name in the [steps](crate::session::Epoch::parameters).
     pub name: String,
     /// What it is.
     pub label: String,
@@ -135,19 +135,4 @@ pub struct Parameter {
     pub unit: String,
     /// Anything worth saying, such as a bound that was hit; may be empty.
     pub note: String,
-}
-
-/// What one step of the optimisation left behind.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct HistoryRow {
-    /// Its stage.
-    pub stage: String,
-    /// Steps finished in this stage.
-    pub step: usize,
-    /// How many frames took part.
-    pub active_frames: usize,
-    /// Losses by name.
-    pub losses: Vec<(String, f64)>,
-    /// Parameters by name.
-    pub parameters: Vec<(String, f64)>,
 }

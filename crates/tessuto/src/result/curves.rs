@@ -4,7 +4,7 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::Saved;
+use super::Folder;
 use super::page::force_magnitudes;
 use crate::error::{Error, Result};
 use crate::io;
@@ -12,11 +12,10 @@ use crate::mesh::Positions;
 use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::report::chart::{Chart, Series, spans_decades};
 
-/// What the motion and the files of the result in `folder` tell of each frame. Results of older versions have no
+/// What the motion and the other files of a result tell of each frame. Results of older versions have no
 /// `agreement`; their strain is measured anew.
 pub(super) fn over_frames(
-    folder: &Path,
-    saved: &Saved,
+    saved: &Folder,
     motion: &[Positions],
     agreement: &[FrameAgreement],
 ) -> Result<Vec<Chart>> {
@@ -46,7 +45,7 @@ pub(super) fn over_frames(
         charts.push(chart("Silhouette, intersection over union", "%", vec![("silhouette", silhouette)]));
     }
     let mut colours = Vec::new();
-    let lit = read_psnr(&folder.join("rerendered/psnr.csv"))?.filter(|p| p.len() == motion.len());
+    let lit = read_psnr(&saved.path().join("rerendered/psnr.csv"))?.filter(|p| p.len() == motion.len());
     colours.extend(lit.map(|psnr| ("material and light", psnr)));
     if measured {
         colours.push(("recovered print", of(&|f| f.psnr)));

@@ -1,33 +1,38 @@
 //! history.csv: losses and parameters of every step of every stage.
+//!
+//! Its columns are `stage,step,active_frames` and then `loss.NAME` and `parameter.NAME`, empty where a step has no such
+//! value.
 
 use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::report::HistoryRow;
 use crate::session::Epoch;
 
-/// Columns that are parameters in any stage, and those that are in stage `rollout` but losses elsewhere.
-const PARAMETERS: [&str; 7] =
-    ["constant_x", "constant_y", "constant_z", "rate", "level", "light_rows", "light_colour"];
-const STIFFNESSES: [&str; 3] = ["stretch", "bend", "shear"];
+/// The two kinds of columns.
+const LOSS: &str = "loss.";
+const PARAMETER: &str = "parameter.";
 
 /// One row per step; columns are the union of all names.
 pub fn history_csv(history: &[Epoch]) -> String {
-    let mut columns: Vec<&str> = Vec::new();
-    for epoch in history {
-        for (name, _) in epoch.losses.iter().chain(&epoch.parameters) {
-            if !columns.contains(name) {
-                columns.push(name);
-            }
+    let mut columns: Vec<String> = Vec::new();
+    let cells = |epoch: &Epoch| -> Vec<(String, f64)> {
+        let of = |kind: &str, values: &[(_, f64)]| -> Vec<_> {
+            values.iter().map(|(name, value)| (format!("{kind}{name}"), *value)).collect()
+        };
+        [of(LOSS, &epoch.losses), of(PARAMETER, &epoch.parameters)].concat()
+    };
+    for (name, _) in history.iter().flat_map(cells) {
+        if !columns.contains(&name) {
+            columns.push(name);
         }
     }
     let mut out = format!("stage,step,active_frames,{}\n", columns.join(","));
     for epoch in history {
         let _ = write!(out, "{},{},{}", epoch.stage, epoch.step, epoch.active_frames);
+        let cells = cells(epoch);
         for column in &columns {
-            let value = epoch.losses.iter().chain(&epoch.parameters).find(|(name, _)| name == column);
-            let _ = match value {
+            let _ = match cells.iter().find(|(name, _)| name == column) {
                 Some((_, value)) => write!(out, ",{value:e}"),
                 None => write!(out, ","),
             };
@@ -41,7 +46,7 @@ pub fn history_csv(history: &[Epoch]) -> String {
 ///
 /// # Errors
 /// [`Error::Input`] naming the line.
-pub(super) fn read(path: &Path) -> Result<Vec<HistoryRow>> {
+pub(super) fn read(path: &Path) -> Result<Vec<Epoch>> {
     if !path.is_file() {
         return Ok(Vec::new());
     }
@@ -50,53 +55,44 @@ pub(super) fn read(path: &Path) -> Result<Vec<HistoryRow>> {
     };
     let text = crate::io::read_text(path)?;
     let columns: Vec<&str> = text.lines().next().unwrap_or_default().split(',').skip(3).collect();
-    let row = |(n, line): (usize, &str)| {
+    let epoch = |(n, line): (usize, &str)| {
         let cells: Vec<&str> = line.split(',').collect();
         let count = |k: usize| cells.get(k).and_then(|c| c.parse().ok());
         let (Some(step), Some(active_frames)) = (count(1), count(2)) else {
             return Err(fail(n + 1, format!("“{line}” is no step")));
         };
-        let mut row = HistoryRow { stage: cells[0].to_owned(), step, active_frames, ..HistoryRow::default() };
-        for (name, cell) in columns.iter().zip(&cells[3..]).filter(|(_, cell)| !cell.is_empty()) {
-            let value = cell.parse().map_err(|_| fail(n + 1, format!("{name} is “{cell}”")))?;
-            let values = if is_parameter(cells[0], name) { &mut row.parameters } else { &mut row.losses };
-            values.push(((*name).to_owned(), value));
+        let stage = cells[0].to_owned().into();
+        let mut epoch = Epoch { stage, step, of: step, active_frames, ..Epoch::default() };
+        for (column, cell) in columns.iter().zip(&cells[3..]).filter(|(_, cell)| !cell.is_empty()) {
+            let value = cell.parse().map_err(|_| fail(n + 1, format!("{column} is “{cell}”")))?;
+            let (values, name) = match (column.strip_prefix(LOSS), column.strip_prefix(PARAMETER)) {
+                (Some(name), _) => (&mut epoch.losses, name),
+                (None, Some(name)) => (&mut epoch.parameters, name),
+                (None, None) => return Err(fail(1, format!("“{column}” is neither a loss nor a parameter"))),
+            };
+            values.push((name.to_owned().into(), value));
         }
-        Ok(row)
+        Ok(epoch)
     };
-    text.lines().enumerate().skip(1).map(row).collect()
-}
-
-fn is_parameter(stage: &str, name: &str) -> bool {
-    PARAMETERS.contains(&name) || stage == "rollout" && STIFFNESSES.contains(&name)
-}
-
-/// The row of a step in memory.
-pub(super) fn row(epoch: &Epoch) -> HistoryRow {
-    let named = |values: &[(&str, f64)]| values.iter().map(|(n, v)| ((*n).to_owned(), *v)).collect();
-    HistoryRow {
-        stage: epoch.stage.to_owned(),
-        step: epoch.step,
-        active_frames: epoch.active_frames,
-        losses: named(&epoch.losses),
-        parameters: named(&epoch.parameters),
-    }
+    text.lines().enumerate().skip(1).map(epoch).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::named;
 
     #[test]
     fn steps_are_read_as_they_were_written() {
-        let epoch = |stage, losses: &[(&'static str, f64)], parameters: &[(&'static str, f64)]| Epoch {
-            stage,
-            step: 1,
-            of: 1,
-            active_frames: 4,
-            losses: losses.to_vec(),
-            parameters: parameters.to_vec(),
-        };
+        let epoch =
+            |stage: &'static str, losses: &[(&'static str, f64)], parameters: &[(&'static str, f64)]| Epoch {
+                stage: stage.into(),
+                step: 1,
+                of: 1,
+                active_frames: 4,
+                losses: named(losses.iter().copied()),
+                parameters: named(parameters.iter().copied()),
+            };
         let history = [
             epoch("refine", &[("total", 1.25), ("bend", 0.1)], &[("level", 2.0)]),
             epoch("rollout", &[("total", f64::NAN)], &[("bend", 1e-3), ("constant_x", -0.5)]),
@@ -104,12 +100,21 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("history.csv");
         assert!(read(&path).unwrap().is_empty());
-        std::fs::write(&path, history_csv(&history)).unwrap();
-        let rows = read(&path).unwrap();
-        assert_eq!(rows[0], row(&history[0]));
-        assert_eq!(rows[1].parameters, row(&history[1]).parameters);
-        assert!(rows[1].losses[0].1.is_nan());
-        std::fs::write(&path, "stage,step,active_frames,total\nrefine,1,2,3\nrefine,x,2,3\n").unwrap();
-        assert!(read(&path).unwrap_err().to_string().contains("history.csv:3"));
+        let text = history_csv(&history);
+        assert!(
+            text.starts_with("stage,step,active_frames,loss.total,loss.bend,parameter.level,parameter.bend")
+        );
+        std::fs::write(&path, text).unwrap();
+        let read_back = read(&path).unwrap();
+        assert_eq!(read_back[0], history[0]);
+        assert_eq!(read_back[1].parameters, history[1].parameters);
+        assert!(read_back[1].losses[0].1.is_nan());
+        for (text, place) in [
+            ("stage,step,active_frames,loss.total\nrefine,1,2,3\nrefine,x,2,3\n", "history.csv:3"),
+            ("stage,step,active_frames,total\nrefine,1,2,3\n", "history.csv:1"),
+        ] {
+            std::fs::write(&path, text).unwrap();
+            assert!(read(&path).unwrap_err().to_string().contains(place));
+        }
     }
 }

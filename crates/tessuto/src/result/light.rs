@@ -87,7 +87,7 @@ mod tests {
     #[test]
     fn a_flat_cloth_tells_of_the_light_behind_the_camera_alone() {
         let mesh = grid(4, 4, glam::DVec2::ONE, 1.0);
-        let seen = observed(&mesh, &[mesh.positions.clone()]);
+        let seen = observed(&mesh, std::slice::from_ref(&mesh.positions));
         let row = &seen[ROWS / 2 * 2 * ROWS..][..2 * ROWS];
         // The middle is where the camera looks, the borders are behind it.
         assert!(row[0] && row[2 * ROWS - 1] && !row[ROWS]);

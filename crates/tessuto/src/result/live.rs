@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Run, history, page};
+use super::{Run, page};
 use crate::config::Preset;
 use crate::error::Result;
 use crate::mesh::Positions;
@@ -47,8 +47,8 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
 
 /// What the page's script reads while it runs.
 #[derive(Serialize)]
-struct State {
-    stage: Option<&'static str>,
+struct State<'a> {
+    stage: Option<&'a str>,
     step: usize,
     of: usize,
     charts: Vec<crate::report::Chart>,
@@ -57,13 +57,12 @@ struct State {
 
 /// The curves so far and, if there is one, the motion so far, as JSON.
 pub fn live_state(epochs: &[Epoch], motion: Option<&[Positions]>) -> String {
-    let rows: Vec<_> = epochs.iter().map(history::row).collect();
     let last = epochs.last();
     let state = State {
-        stage: last.map(|e| e.stage),
+        stage: last.map(|e| &*e.stage),
         step: last.map_or(0, |e| e.step),
         of: last.map_or(1, |e| e.of),
-        charts: chart::of_history(&rows, &[]),
+        charts: chart::of_history(epochs, &[]),
         motion: motion.map(Motion::new),
     };
     serde_json::to_string(&state).expect("plain data")

@@ -19,13 +19,12 @@ pub struct Log {
 }
 
 impl Log {
-    /// That of the result in `folder`; an empty one for results of older versions.
+    /// That of the result in `folder`.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input).
     pub fn read(folder: &Path) -> Result<Self> {
-        let path = folder.join("log.json");
-        if path.is_file() { read_json(&path) } else { Ok(Self::default()) }
+        read_json(&folder.join("log.json"))
     }
 
     /// Writes it into `folder`.

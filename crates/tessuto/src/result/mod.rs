@@ -16,6 +16,7 @@
 //! ```
 
 mod curves;
+mod folder;
 mod history;
 mod light;
 mod live;
@@ -24,6 +25,7 @@ mod page;
 mod pictures;
 mod summary;
 
+pub use folder::{Folder, read_metrics};
 pub use history::history_csv;
 pub use live::{live_page, live_state};
 pub use log::Log;
@@ -32,19 +34,17 @@ pub use summary::Summary;
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Rect};
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::io;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::Motion;
 use crate::metrics::Evaluation;
 use crate::motion::parameters::Parameters;
 use crate::reconstruct::Reconstruction;
 use crate::scene::Scene;
-use crate::sim::Accelerations;
 
 /// Which run it was.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -92,29 +92,10 @@ struct ParameterFile {
     dynamic_parts: usize,
     area_density: Quantity<f64>,
     frame_rate: Quantity<f64>,
-    /// Camera of the whole picture; results of older versions lack it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    camera: Option<Camera>,
-    /// The part of the whole picture that was used; results of older versions lack it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    crop: Option<Rect>,
-}
-
-/// A result folder in memory, as far as a simulation needs it.
-#[derive(Debug)]
-pub struct Saved {
-    /// The run.
-    pub run: Run,
-    /// The template.
-    pub mesh: Mesh,
-    /// Stiffnesses and forces.
-    pub parameters: Parameters,
-    /// Frames per second.
-    pub fps: f64,
-    /// Camera of the whole picture; results of older versions lack it.
-    pub camera: Option<Camera>,
-    /// The part of the whole picture that was used; results of older versions lack it.
-    pub crop: Option<Rect>,
+    /// Camera of the whole picture.
+    camera: Camera,
+    /// The part of the whole picture that was used.
+    crop: Rect,
 }
 
 /// What goes into the folder besides the reconstruction.
@@ -131,7 +112,8 @@ pub struct Context<'a> {
     pub command: &'a str,
 }
 
-/// Writes everything but the page into the existing `folder`; call [`write_page`] once it is complete.
+/// Writes everything but summary and page into the existing `folder`; make these once it is complete, by
+/// [`Summary::of`] and [`write_page`].
 ///
 /// # Errors
 /// [`Error::Output`].
@@ -158,51 +140,30 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
         warnings: context.warnings.to_vec(),
         timings: result.timings.clone(),
     };
-    log.write(folder)?;
-    Summary::of(folder)?.write(folder)
+    log.write(folder)
 }
 
-/// Writes metrics.json: the errors of the motion `shapes`, shape [N, V], and the likeness of the maps where `folder` holds
-/// `material/` or `rerendered/`. Nothing is written where there is neither. Call it again once maps are there; the
-/// agreement with the video then stays what it was.
+/// Writes metrics.json: the errors of `motion`, which were measured as `errors`, and the likeness of the maps where
+/// `folder` holds `material/` or `rerendered/`. Nothing is written where there is neither. Call it again once maps are
+/// there; the agreement with the video then stays what it was.
 ///
 /// # Errors
 /// [`Error::Input`] for a map that cannot be read; [`Error::Output`].
 pub fn write_metrics(
     folder: &Path,
     scene: &Scene,
-    shapes: &[Positions],
-    motion: Option<&Evaluation>,
+    motion: &Motion,
+    errors: Option<&Evaluation>,
 ) -> Result<()> {
-    let maps = crate::appearance::evaluate(scene, folder, shapes)?;
-    if motion.is_none() && maps.is_none() {
+    let maps = crate::appearance::evaluate(scene, folder, motion)?;
+    if errors.is_none() && maps.is_none() {
         return Ok(());
     }
-    let mut evaluation = Evaluation { maps, ..motion.cloned().unwrap_or_default() };
+    let mut evaluation = Evaluation { maps, ..errors.cloned().unwrap_or_default() };
     if evaluation.agreement.is_empty() {
         evaluation.agreement = read_metrics(folder)?.unwrap_or_default().agreement;
     }
     write_json(&folder.join("metrics.json"), &evaluation)
-}
-
-/// metrics.json of a result folder, where there is one.
-///
-/// # Errors
-/// [`Error::Input`] if it cannot be read.
-pub fn read_metrics(folder: &Path) -> Result<Option<Evaluation>> {
-    let path = folder.join("metrics.json");
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let fail = |problem: String| {
-        Error::input(
-            path.display().to_string(),
-            problem,
-            "delete the file, or restore it; it is written anew",
-        )
-    };
-    let text = io::read_text(&path)?;
-    serde_json::from_str(&text).map(Some).map_err(|e| fail(e.to_string()))
 }
 
 fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
@@ -227,72 +188,8 @@ fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
         dynamic_parts: p.accelerations.entries_per_frame,
         area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
         frame_rate: quantity(scene.fps, "1/s"),
-        camera: Some(camera),
-        crop: Some(crop),
-    }
-}
-
-/// Reads what [`write`] wrote.
-///
-/// # Errors
-/// [`Error::Input`] naming the file.
-pub fn read(folder: &Path) -> Result<Saved> {
-    let run: Run = read_json(&folder.join("config.json"))?;
-    let file: ParameterFile = read_json(&folder.join("parameters.json"))?;
-    run.settings.validate().map_err(|e| {
-        Error::input(
-            folder.join("config.json").display().to_string(),
-            e.to_string().replace("\n  hint: ", "; "),
-            "restore the file, or run the command in log.json again",
-        )
-    })?;
-    let mesh = io::obj::read(&folder.join("mesh.obj"))?;
-    let path = folder.join("forces.npy");
-    let dynamic = io::npy::read_shapes(&path)?;
-    let bad = |problem: String| {
-        Error::input(path.display().to_string(), problem, "use the folder as `tessuto reconstruct` wrote it")
-    };
-    if let Some(entry) = dynamic.iter().find(|d| d.len() != mesh.positions.len()) {
-        return Err(bad(format!("{} vertices, mesh.obj has {}", entry.len(), mesh.positions.len())));
-    }
-    let stiffness = [file.stretch.value, file.bend.value, file.shear.value];
-    if stiffness.iter().any(|k| !k.is_finite() || *k <= 0.0) || file.dynamic_parts == 0 {
-        return Err(bad(format!("stiffnesses {stiffness:?}, parts {}", file.dynamic_parts)));
-    }
-    check_view(&file, &folder.join("parameters.json"))?;
-    let constant = DVec3::from_array(file.constant_force.value);
-    if !constant.is_finite() || dynamic.iter().flatten().any(|d| !d.is_finite()) {
-        return Err(bad("a force is not finite".to_owned()));
-    }
-    let accelerations = Accelerations { constant, dynamic, entries_per_frame: file.dynamic_parts };
-    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, accelerations };
-    // Whoever edits the values means the values.
-    if parameters.stiffness() != stiffness {
-        parameters.log_stiffness = stiffness.map(f64::log10);
-    }
-    Ok(Saved { run, mesh, parameters, fps: file.frame_rate.value, camera: file.camera, crop: file.crop })
-}
-
-/// Refuses a frame rate, camera or crop that no video has.
-fn check_view(file: &ParameterFile, path: &Path) -> Result<()> {
-    let fail = |problem: String| {
-        let hint = "use the folder as `tessuto reconstruct` wrote it";
-        Err(Error::input(path.display().to_string(), problem, hint))
-    };
-    let fps = file.frame_rate.value;
-    if !(fps > 0.0 && fps <= 1e5) {
-        return fail(format!("the frame rate is {fps} per second"));
-    }
-    let Some(c) = &file.camera else { return Ok(()) };
-    let sides = [c.width, c.height].iter().all(|n| (1..=io::image::MAX_SIDE).contains(n));
-    if !sides || [c.fx, c.fy].iter().any(|f| *f <= 0.0) {
-        return fail(format!("the camera has {}×{} px, fx {}, fy {}", c.width, c.height, c.fx, c.fy));
-    }
-    match file.crop {
-        Some(r) if r.x0 >= r.x1 || r.y0 >= r.y1 || r.x1 > c.width || r.y1 > c.height => {
-            fail(format!("the crop is {r:?} of {}×{} px", c.width, c.height))
-        }
-        _ => Ok(()),
+        camera,
+        crop,
     }
 }
 

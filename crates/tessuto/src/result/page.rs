@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Log, Saved, curves, history, light, read, read_metrics};
+use super::folder::UNCHANGED;
+use super::{Folder, curves, light};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::Positions;
 use crate::metrics::{self, Evaluation, Verdict};
 use crate::motion::parameters::Parameters;
 use crate::report::chart;
@@ -25,37 +26,36 @@ const LEAST_FILM: usize = 2 << 20;
 const MAP_SIDE: u32 = 1024;
 pub(super) const MAP_QUALITY: u8 = 86;
 
-/// Writes report.html of the result in `folder`. Everything it shows is read from the folder: it can be written anew
-/// whenever the folder has changed.
+/// Writes report.html of a result. Everything it shows is read from the folder: it can be written anew whenever the
+/// folder has changed.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file that cannot be used; [`Error::Output`].
-pub fn write_page(folder: &Path) -> Result<()> {
-    page::write(&folder.join("report.html"), &report_data(folder)?)
+pub fn write_page(folder: &Folder) -> Result<()> {
+    page::write(&folder.path().join("report.html"), &report_data(folder)?)
 }
 
-fn report_data(folder: &Path) -> Result<ReportData> {
-    let saved = read(folder)?;
-    let log = Log::read(folder)?;
-    let motion = read_motion(folder, &saved.mesh)?;
-    let evaluation = read_metrics(folder)?;
-    let parameters = parameter_rows(&saved);
-    let mut steps = history::read(&folder.join("history.csv"))?;
-    steps.extend(history::read(&folder.join("material/history.csv"))?);
+fn report_data(saved: &Folder) -> Result<ReportData> {
+    let folder = saved.path();
+    let log = saved.log()?.clone();
+    let motion = saved.motion()?;
+    let evaluation = saved.metrics()?.cloned();
+    let parameters = parameter_rows(saved);
+    let steps = saved.history()?;
     let agreement = evaluation.as_ref().map_or(&[][..], |e| &e.agreement);
-    let mut charts = curves::over_frames(folder, &saved, &motion, agreement)?;
-    charts.extend(chart::of_history(&steps, &parameters));
+    let mut charts = curves::over_frames(saved, motion, agreement)?;
+    charts.extend(chart::of_history(steps, &parameters));
     let window = Window::of(&saved.mesh);
     let cloth = ClothData {
         fps: saved.fps,
         first_frame: saved.run.frames[0],
         frame_count: motion.len(),
-        camera: saved.camera,
+        camera: Some(saved.camera),
         surface: Surface::new(&saved.mesh, window),
-        motion: Motion::new(&motion),
-        fields: fields(folder, &saved, &motion)?,
+        motion: Motion::new(motion),
+        fields: fields(folder, saved, motion)?,
     };
-    let (maps, light) = (maps(folder, window)?, light::light(folder, &saved.mesh, &motion)?);
+    let (maps, light) = (maps(folder, window)?, light::light(folder, &saved.mesh, motion)?);
     let sizes = maps.iter().map(|m| m.picture.len()).sum::<usize>()
         + light.as_ref().map_or(0, |l| l.picture.len() + l.radiance.len())
         + cloth.motion.steps.len()
@@ -76,7 +76,7 @@ fn report_data(folder: &Path) -> Result<ReportData> {
         command: log.commands.join("\n"),
         key_numbers: key_numbers(verdict.as_ref(), evaluation.as_ref()),
         verdict,
-        film: film(folder, &saved, &motion, budget)?,
+        film: film(folder, saved, motion, budget)?,
         cloth: Some(cloth),
         maps,
         light,
@@ -120,22 +120,8 @@ pub(super) fn name_of(scene: &Path) -> String {
     whole.file_name().map_or_else(|| "fabric".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
-fn read_motion(folder: &Path, mesh: &Mesh) -> Result<Vec<Positions>> {
-    let path = folder.join("motion.npy");
-    let motion = io::npy::read_shapes(&path)?;
-    let (found, expected) = (motion.first().map_or(0, Vec::len), mesh.positions.len());
-    if found == expected {
-        return Ok(motion);
-    }
-    Err(Error::input(
-        path.display().to_string(),
-        format!("has {} frames of {found} vertices, mesh.obj has {expected} vertices", motion.len()),
-        "use the folder as `tessuto reconstruct` wrote it",
-    ))
-}
-
 /// What was recovered besides the motion.
-fn parameter_rows(saved: &Saved) -> Vec<Parameter> {
+fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     let Parameters { log_stiffness, accelerations } = &saved.parameters;
     let [stretch, bend, shear] = saved.parameters.stiffness();
     let d = &saved.run.settings.dynamics;
@@ -194,7 +180,7 @@ pub(super) fn force_magnitudes(
 }
 
 /// What the fabric can be coloured by; strain is left to the script, which has all it needs.
-fn fields(folder: &Path, saved: &Saved, motion: &[Positions]) -> Result<Vec<Field>> {
+fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Field>> {
     let vertex_count = saved.mesh.positions.len();
     let from_file = |name: &str, texts: [&'static str; 3], diverging| -> Result<Option<Field>> {
         let path = folder.join(name);
@@ -206,7 +192,7 @@ fn fields(folder: &Path, saved: &Saved, motion: &[Positions]) -> Result<Vec<Fiel
             return Err(Error::input(
                 path.display().to_string(),
                 format!("has shape {:?}, expected [{}, {vertex_count}]", array.shape, motion.len()),
-                "use the folder as `tessuto reconstruct` wrote it",
+                UNCHANGED,
             ));
         }
         let values: Vec<Vec<f32>> = array
@@ -248,7 +234,7 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
 }
 
 /// The frames that the folder has pictures of.
-fn film(folder: &Path, saved: &Saved, motion: &[Positions], budget: usize) -> Result<Film> {
+fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> Result<Film> {
     let first = saved.run.frames[0];
     let path = |name: &str, n: usize| match name {
         "rerendered" => folder.join(format!("rerendered/rgb_{:03}.png", first + n)),
@@ -260,13 +246,9 @@ fn film(folder: &Path, saved: &Saved, motion: &[Positions], budget: usize) -> Re
     }
     let size = io::image::read_bytes(&observed)?.dimensions();
     let size = [size.0 as usize, size.1 as usize];
-    let crop = saved.crop.unwrap_or(Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] });
-    let known = saved.crop.is_some() || saved.camera.is_some_and(|c| [c.width, c.height] == size);
-    let camera = saved.camera.filter(|_| known).map(|c| c.cropped(crop));
-    let shown = camera.and_then(|camera| in_sight(motion, &camera));
-    // A camera of this size is needed even where the true one is unknown.
-    let pixels =
-        camera.unwrap_or(Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: size[0], height: size[1] });
+    let crop = saved.crop;
+    let camera = saved.camera.cropped(crop);
+    let shown = in_sight(motion, &camera);
     let layers = [
         ("observed", "video"),
         ("render", "re-rendered: recovered print"),
@@ -276,11 +258,9 @@ fn film(folder: &Path, saved: &Saved, motion: &[Positions], budget: usize) -> Re
         let load: Load = Box::new(move |n| load(path(key, n), size, crop));
         Source { key, label, load }
     };
-    let there = |(key, _): &(&str, &str)| path(key, 0).is_file() && (known || *key != "rerendered");
+    let there = |(key, _): &(&str, &str)| path(key, 0).is_file();
     let sources: Vec<Source> = layers.into_iter().filter(there).map(source).collect();
-    let mut film = Film::new(&sources, motion.len(), &pixels, shown, budget)?;
-    film.camera = film.camera.filter(|_| known);
-    Ok(film)
+    Film::new(&sources, motion.len(), &camera, shown, budget)
 }
 
 /// A picture of size `size`, or that part of a whole frame.
@@ -294,7 +274,7 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage
         return Err(Error::input(
             path.display().to_string(),
             format!("is {width}×{height} pixels, the first frame is {}×{}", size[0], size[1]),
-            "use the folder as tessuto wrote it",
+            UNCHANGED,
         ));
     }
     let [x, y, w, h] = [crop.x0, crop.y0, size[0], size[1]].map(|v| v as u32);

@@ -117,7 +117,7 @@ fn write_errors(folder: &Path, scene: &Scene, motion: &[Positions], measured: &[
         let distance = |(a, b): (&Positions, &Positions)| -> Vec<f32> {
             a.iter().zip(b).map(|(p, q)| p.distance(*q) as f32).collect()
         };
-        let errors: Vec<f32> = motion.iter().zip(truth).flat_map(distance).collect();
+        let errors: Vec<f32> = motion.iter().zip(truth.iter()).flat_map(distance).collect();
         io::npy::write(&folder.join("vertex_error.npy"), &size, &errors)?;
     }
     Ok(())

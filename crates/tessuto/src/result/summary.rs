@@ -19,7 +19,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Log, page, read, read_json, read_metrics, write_json};
+use super::{Folder, page, read_json, write_json};
 use crate::error::Result;
 use crate::metrics::{Grade, Verdict, judge};
 
@@ -47,22 +47,21 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// From the other files of the result in `folder`.
+    /// From the other files of a result.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) naming the file that cannot be used.
-    pub fn of(folder: &Path) -> Result<Self> {
-        let saved = read(folder)?;
-        let log = Log::read(folder)?;
-        let agreement = read_metrics(folder)?.unwrap_or_default().agreement;
+    pub fn of(folder: &Folder) -> Result<Self> {
+        let log = folder.log()?;
+        let agreement = folder.metrics()?.map_or(&[][..], |metrics| &metrics.agreement);
         Ok(Self {
-            name: page::name_of(&saved.run.scene),
-            version: saved.run.version,
-            frames: saved.run.frames,
-            vertices: saved.mesh.positions.len(),
+            name: page::name_of(&folder.run.scene),
+            version: folder.run.version.clone(),
+            frames: folder.run.frames,
+            vertices: folder.mesh.positions.len(),
             seconds: log.timings.iter().map(|(_, seconds)| seconds).sum(),
-            verdict: judge(&agreement),
-            warnings: log.warnings,
+            verdict: judge(agreement),
+            warnings: log.warnings.clone(),
         })
     }
 

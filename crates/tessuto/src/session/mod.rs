@@ -15,7 +15,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 pub use checkpoint::{Checkpoints, Found};
-pub use epoch::Epoch;
+pub use epoch::{Epoch, Name, named};
 pub use identity::identity;
 
 use crate::error::{Error, Result};
@@ -24,33 +24,62 @@ use crate::mesh::Positions;
 /// Name of the part of a checkpoint that holds the steps so far.
 const HISTORY: &str = "history";
 
-/// Hears of a step and the motion so far.
-type Observer<'a> = dyn FnMut(&Epoch, &[Positions]) -> Result<()> + 'a;
+/// Hears of a computation's progress.
+pub trait Observer {
+    /// A stage begins.
+    fn stage(&mut self, _name: &str) {}
+
+    /// So much of a stage without steps of its own is done.
+    fn advance(&mut self, _done: usize, _of: usize) {}
+
+    /// Something that the user may want to know.
+    fn note(&mut self, _text: &str) {}
+
+    /// A step is finished. `motion` is the motion so far of the first frames, empty from stages that do not change it.
+    ///
+    /// # Errors
+    /// Ends the computation with this error.
+    fn step(&mut self, epoch: &Epoch, motion: &[Positions]) -> Result<()>;
+}
+
+/// A closure that hears of steps only.
+struct Steps<F>(F);
+
+impl<F: FnMut(&Epoch, &[Positions]) -> Result<()>> Observer for Steps<F> {
+    fn step(&mut self, epoch: &Epoch, motion: &[Positions]) -> Result<()> {
+        self.0(epoch, motion)
+    }
+}
 
 /// See the module.
 pub struct Session<'a> {
-    observer: Box<Observer<'a>>,
+    observer: Box<dyn Observer + 'a>,
     checkpoints: Option<Checkpoints>,
     /// The stages' latest states, MessagePack.
     states: BTreeMap<String, Vec<u8>>,
     history: Vec<Epoch>,
     timings: Vec<(String, f64)>,
-    clock: Instant,
+    /// The present stage, and since when.
+    stage: Option<(String, Instant)>,
     /// The observer's error, while a step is awaited that can be saved.
     stopping: Option<Error>,
 }
 
 impl<'a> Session<'a> {
-    /// `observer` receives every finished step, and the motion so far of the first frames (empty from stages that do
-    /// not change it); an error it returns ends the computation with that error.
+    /// A session whose steps `observer` hears of, as an [`Observer`] would.
     pub fn new(observer: impl FnMut(&Epoch, &[Positions]) -> Result<()> + 'a) -> Self {
+        Self::observed(Steps(observer))
+    }
+
+    /// A session that `observer` hears of.
+    pub fn observed(observer: impl Observer + 'a) -> Self {
         Self {
             observer: Box::new(observer),
             checkpoints: None,
             states: BTreeMap::new(),
             history: Vec::new(),
             timings: Vec::new(),
-            clock: Instant::now(),
+            stage: None,
             stopping: None,
         }
     }
@@ -63,7 +92,7 @@ impl<'a> Session<'a> {
         self.checkpoints = Some(checkpoints);
         self.states = found.map(|f| f.parts).unwrap_or_default();
         if let Some(bytes) = self.states.remove(HISTORY) {
-            self.history = epoch::from_bytes(&bytes).map_err(|e| unreadable(HISTORY, &e))?;
+            self.history = rmp_serde::from_slice(&bytes).map_err(|e| unreadable(HISTORY, &e))?;
         }
         Ok(())
     }
@@ -101,13 +130,13 @@ impl<'a> Session<'a> {
     ) -> Result<()> {
         self.history.push(epoch.clone());
         if self.stopping.is_none() {
-            self.stopping = (self.observer)(epoch, motion).err();
+            self.stopping = self.observer.step(epoch, motion).err();
         }
         let Some(checkpoints) = &self.checkpoints else { return self.stopping.take().map_or(Ok(()), Err) };
         // Stopping waits for a step that can be saved.
         let Some(state) = state else { return Ok(()) };
         if self.stopping.is_some() || checkpoints.is_due() {
-            self.finish(epoch.stage, state);
+            self.finish(&epoch.stage, state);
             self.save(epoch)?;
         }
         self.stopping.take().map_or(Ok(()), Err)
@@ -119,7 +148,7 @@ impl<'a> Session<'a> {
     /// What the observer returned.
     pub fn tell(&mut self, epoch: &Epoch) -> Result<()> {
         self.history.push(epoch.clone());
-        (self.observer)(epoch, &[])
+        self.observer.step(epoch, &[])
     }
 
     fn save(&mut self, epoch: &Epoch) -> Result<()> {
@@ -137,16 +166,34 @@ impl<'a> Session<'a> {
 
     /// Steps so far of the `stages`.
     pub fn history_of(&self, stages: &[&str]) -> Vec<Epoch> {
-        self.history.iter().filter(|e| stages.contains(&e.stage)).cloned().collect()
+        self.history.iter().filter(|e| stages.contains(&&*e.stage)).cloned().collect()
     }
 
-    /// Notes that the time since the last call was `stage`'s.
-    pub fn lap(&mut self, stage: &str) {
-        self.timings.push((stage.to_owned(), self.clock.elapsed().as_secs_f64()));
-        self.clock = Instant::now();
+    /// Begins `stage`: the time until the next one begins is its own.
+    pub fn begin(&mut self, stage: &str) {
+        self.end();
+        self.observer.stage(stage);
+        self.stage = Some((stage.to_owned(), Instant::now()));
     }
 
-    /// Stages and their wall times [s], of this run alone.
+    /// Ends the present stage.
+    pub fn end(&mut self) {
+        if let Some((name, start)) = self.stage.take() {
+            self.timings.push((name, start.elapsed().as_secs_f64()));
+        }
+    }
+
+    /// Tells that so much of the present stage, which has no steps, is done.
+    pub fn advance(&mut self, done: usize, of: usize) {
+        self.observer.advance(done, of);
+    }
+
+    /// Passes a remark on to the observer.
+    pub fn note(&mut self, text: &str) {
+        self.observer.note(text);
+    }
+
+    /// Ended stages and their wall times [s], of this run alone.
     pub fn timings(&self) -> &[(String, f64)] {
         &self.timings
     }
@@ -180,7 +227,7 @@ mod tests {
         while k < 10 {
             sum += k * k;
             k += 1;
-            let epoch = Epoch { stage: "squares", step: k as usize, of: 10, ..Epoch::default() };
+            let epoch = Epoch { stage: "squares".into(), step: k as usize, of: 10, ..Epoch::default() };
             // Only even states can be gone on from.
             session.step(&epoch, &[], k.is_multiple_of(2).then_some(&(k, sum)))?;
         }

@@ -1,5 +1,7 @@
 //! The cloth as a mechanical system: masses, springs, and sums over them.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -77,8 +79,8 @@ pub enum HessianKind {
     GaussNewton,
 }
 
-/// Masses and springs of a mesh, with the sparse pattern of their second derivatives.
-#[derive(Debug)]
+/// Masses and springs of a mesh, with the sparse pattern of their second derivatives, which clones share.
+#[derive(Debug, Clone)]
 pub struct Cloth {
     /// Lumped masses [kg], shape [V].
     pub masses: Vec<f64>,
@@ -91,9 +93,9 @@ pub struct Cloth {
     /// Pattern's pairs (corner 1, 0), (2, 0), (2, 1) of every triangle, for terms that act on triangles.
     pub triangle_pairs: Vec<[usize; 3]>,
     /// Pattern of Hessians and of the systems to solve.
-    pub pattern: BlockPattern,
+    pub pattern: Arc<BlockPattern>,
     /// Symbolic factorisation of `pattern`.
-    pub analysis: Analysis,
+    pub analysis: Arc<Analysis>,
 }
 
 impl Cloth {
@@ -141,7 +143,15 @@ impl Cloth {
             .collect();
         let pattern = BlockPattern::new(x, &pairs);
         let analysis = Analysis::new(&pattern);
-        Self { masses, edges, bends, shears, triangle_pairs, pattern, analysis }
+        Self {
+            masses,
+            edges,
+            bends,
+            shears,
+            triangle_pairs,
+            pattern: Arc::new(pattern),
+            analysis: Arc::new(analysis),
+        }
     }
 
     /// Number of vertices.
@@ -179,8 +189,8 @@ impl Cloth {
     /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` [N], shape [V].
     pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
         let mut second = vec![DVec3::ZERO; out.len()];
-        let [first_half, second_half] = self.hinge_halves(stiffness);
-        let of_hinge = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
+        let [first_half, second_half] = self.angle_halves(stiffness);
+        let of_spring = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
             let [u, w] = arms(x, h.vertices);
             h.scatter(angle::gradient(u, w, k, h.rest_angle).map(|g| g * scale), out);
         };
@@ -189,9 +199,9 @@ impl Cloth {
                 for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
                     e.scatter(stretch::gradient(e.along(x), k, e.rest_length) * scale, out);
                 }
-                first_half.for_each(|h| of_hinge(h, out));
+                first_half.for_each(|h| of_spring(h, out));
             },
-            || second_half.for_each(|h| of_hinge(h, &mut second)),
+            || second_half.for_each(|h| of_spring(h, &mut second)),
         );
         out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
     }
@@ -201,17 +211,17 @@ impl Cloth {
         &self,
         stiffness: &Stiffness,
         x: &[DVec3],
-        curvature: HessianKind,
+        kind: HessianKind,
         scale: f64,
         matrix: &mut BlockMatrix,
         scratch: &mut Scratch,
     ) {
         // Two sums, added in the end: the same bits on one thread and on two.
         let mut second = scratch.zero_matrix(&self.pattern);
-        let [first_half, second_half] = self.hinge_halves(stiffness);
+        let [first_half, second_half] = self.angle_halves(stiffness);
         rayon::join(
             || {
-                let of_edge = match curvature {
+                let of_edge = match kind {
                     HessianKind::Exact => stretch::hessian,
                     HessianKind::Projected | HessianKind::GaussNewton => stretch::hessian_projected,
                 };
@@ -220,30 +230,30 @@ impl Cloth {
                     e.vertices.iter().for_each(|&v| matrix.add_diagonal(&self.pattern, v as usize, &h));
                     matrix.add_pair(&self.pattern, e.pair, &-h);
                 }
-                self.add_hinge_hessians(first_half, x, curvature, scale, matrix);
+                self.add_angle_hessians(first_half, x, kind, scale, matrix);
             },
-            || self.add_hinge_hessians(second_half, x, curvature, scale, &mut second),
+            || self.add_angle_hessians(second_half, x, kind, scale, &mut second),
         );
         matrix.add(&second);
         scratch.recycle_matrix(second);
     }
 
-    fn add_hinge_hessians<'a>(
+    fn add_angle_hessians<'a>(
         &self,
         hinges: impl Iterator<Item = (&'a AngleSpring, f64)>,
         x: &[DVec3],
-        curvature: HessianKind,
+        kind: HessianKind,
         scale: f64,
         matrix: &mut BlockMatrix,
     ) {
-        let of_hinge = match curvature {
+        let of_spring = match kind {
             HessianKind::Exact => angle::hessian,
             HessianKind::Projected => angle::hessian_projected,
             HessianKind::GaussNewton => angle::hessian_gauss_newton,
         };
         for (spring, k) in hinges {
             let [u, w] = arms(x, spring.vertices);
-            let h = of_hinge(u, w, k * scale, spring.rest_angle);
+            let h = of_spring(u, w, k * scale, spring.rest_angle);
             let [a, o, c] = spring.vertices.map(|v| v as usize);
             let [ao, ac, oc] = spring.pairs;
             // u = o − a, w = c − o.
@@ -266,8 +276,8 @@ impl Cloth {
         out: &mut [DVec3],
     ) {
         let mut second = vec![DVec3::ZERO; out.len()];
-        let [first_half, second_half] = self.hinge_halves(stiffness);
-        let of_hinge = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
+        let [first_half, second_half] = self.angle_halves(stiffness);
+        let of_spring = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
             let (at, va, vb) = (arms(x, h.vertices), arms(a, h.vertices), arms(b, h.vertices));
             h.scatter(angle::third(at, k * scale, h.rest_angle, va, vb), out);
         };
@@ -277,9 +287,9 @@ impl Cloth {
                     let third = stretch::third(e.along(x), k * scale, e.rest_length, e.along(a), e.along(b));
                     e.scatter(third, out);
                 }
-                first_half.for_each(|h| of_hinge(h, out));
+                first_half.for_each(|h| of_spring(h, out));
             },
-            || second_half.for_each(|h| of_hinge(h, &mut second)),
+            || second_half.for_each(|h| of_spring(h, &mut second)),
         );
         out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
     }
@@ -322,18 +332,18 @@ impl Cloth {
     }
 
     /// Bending, then shearing pairs, each with its stiffness.
-    fn hinges<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a AngleSpring, f64)> + Send {
+    fn angles<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a AngleSpring, f64)> + Send {
         let bends = self.bends.iter().zip(stiffness.bend.iter().copied());
         bends.chain(self.shears.iter().zip(stiffness.shear.iter().copied()))
     }
 
-    /// [`Self::hinges`] in two halves, always the same.
-    fn hinge_halves<'a>(
+    /// [`Self::angles`] in two halves, always the same.
+    fn angle_halves<'a>(
         &'a self,
         stiffness: &'a Stiffness,
     ) -> [Box<dyn Iterator<Item = (&'a AngleSpring, f64)> + Send + 'a>; 2] {
         let half = usize::midpoint(self.bends.len(), self.shears.len());
-        [Box::new(self.hinges(stiffness).take(half)), Box::new(self.hinges(stiffness).skip(half))]
+        [Box::new(self.angles(stiffness).take(half)), Box::new(self.angles(stiffness).skip(half))]
     }
 }
 

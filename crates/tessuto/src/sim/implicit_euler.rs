@@ -10,17 +10,18 @@
 use glam::DVec3;
 
 use super::cloth::{Cloth, HessianKind, Stiffness};
-use super::step::{State, StepGradients, StepSettings, StepTape, check_finite};
+use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
 use crate::error::{Error, Result};
 use crate::math::block_matrix::BlockMatrix;
+use crate::math::conjugate_gradients::{End, conjugate_gradients};
 use crate::math::dot;
 use crate::math::factor::{Factor, Scratch};
 use crate::mesh::Positions;
 
-/// Share of the decrease promised by the slope that a step must reach (Armijo).
+/// Fraction of the decrease promised by the slope that a step must reach (Armijo).
 const SUFFICIENT_DECREASE: f64 = 1e-4;
-/// Conjugate gradients end when the residual's square, measured by the preconditioner, has fallen to at most this share.
-const CG_SHARE: f64 = 1e-2;
+/// Conjugate gradients end when the residual's square, measured by the preconditioner, has fallen to at most this fraction.
+const CG_TOLERANCE: f64 = 1e-2;
 /// Most iterations of conjugate gradients; with more a new factorisation is faster.
 const CG_LIMIT: usize = 12;
 
@@ -48,8 +49,8 @@ pub fn step(
         let first_square =
             *first_square.get_or_insert_with(|| dot(&gradient, &gradient).max(f64::MIN_POSITIVE));
         // Nearer to the minimum the quadratic model is worth a more exact solution.
-        let share = CG_SHARE.min((dot(&gradient, &gradient) / first_square).sqrt());
-        let newton = potential.newton_step(&d, &gradient, share, &mut kept, scratch);
+        let tolerance = CG_TOLERANCE.min((dot(&gradient, &gradient) / first_square).sqrt());
+        let newton = potential.newton_step(&d, &gradient, tolerance, &mut kept, scratch);
         let length = newton.iter().fold(0.0, |m: f64, s| m.max(s.abs().max_element()));
         let slope = -dot(&gradient, &newton);
         if !length.is_finite() || !value.is_finite() {
@@ -125,8 +126,8 @@ impl Potential<'_> {
     fn newton_step(
         &self,
         d: &[DVec3],
-        gradient: &[DVec3],
-        share: f64,
+        gradient: &Positions,
+        tolerance: f64,
         kept: &mut Option<Factor>,
         scratch: &mut Scratch,
     ) -> Positions {
@@ -135,7 +136,7 @@ impl Potential<'_> {
         let exact = hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Exact, scratch);
         let mut step = None;
         if let Some(factor) = kept {
-            let (found, end) = self.conjugate_gradients(&exact, factor, gradient, share, scratch);
+            let (found, end) = self.iterate(&exact, factor, gradient, tolerance, scratch);
             match end {
                 End::Converged => step = Some(found),
                 _ => kept.take().into_iter().for_each(|factor| scratch.recycle(factor)),
@@ -152,7 +153,7 @@ impl Potential<'_> {
                     hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Projected, scratch);
                 let factor = analysis.factorize(pattern, &projected, scratch);
                 scratch.recycle_matrix(projected);
-                let (step, _) = self.conjugate_gradients(&exact, &factor, gradient, share, scratch);
+                let (step, _) = self.iterate(&exact, &factor, gradient, tolerance, scratch);
                 *kept = Some(factor);
                 step
             }
@@ -161,52 +162,20 @@ impl Potential<'_> {
         step
     }
 
-    /// Solves `matrix` s = `gradient` by conjugate gradients, preconditioned with `factor`. Where they do not converge, s is still
-    /// a direction of descent.
-    fn conjugate_gradients(
+    /// Solves `matrix` s = `gradient`, preconditioned with `factor`.
+    fn iterate(
         &self,
         matrix: &BlockMatrix,
         factor: &Factor,
-        gradient: &[DVec3],
-        share: f64,
+        gradient: &Positions,
+        tolerance: f64,
         scratch: &mut Scratch,
     ) -> (Positions, End) {
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
-        let mut residual = gradient.to_vec();
-        let mut z = analysis.solve(pattern, factor, &residual, scratch);
-        let mut p = z.clone();
-        let mut rz = dot(&residual, &z);
-        let target = share * rz;
-        let mut step = vec![DVec3::ZERO; gradient.len()];
-        for k in 0..CG_LIMIT {
-            let product = matrix.multiply(pattern, &p);
-            let curvature = dot(&p, &product);
-            let curved = curvature > 0.0;
-            if !curved {
-                // The first direction is the preconditioner's own Newton step.
-                return (if k == 0 { p } else { step }, End::Indefinite);
-            }
-            let scale = rz / curvature;
-            step.iter_mut().zip(&p).for_each(|(s, p)| *s += *p * scale);
-            residual.iter_mut().zip(&product).for_each(|(r, hp)| *r -= *hp * scale);
-            z = analysis.solve(pattern, factor, &residual, scratch);
-            let next = dot(&residual, &z);
-            if next <= target {
-                return (step, End::Converged);
-            }
-            let beta = next / rz;
-            rz = next;
-            p.iter_mut().zip(&z).for_each(|(p, z)| *p = *z + *p * beta);
-        }
-        (step, End::Limit)
+        let multiply = |p: &Positions| matrix.multiply(pattern, p);
+        let precondition = |r: &Positions| analysis.solve(pattern, factor, r, scratch);
+        conjugate_gradients(gradient, multiply, precondition, tolerance, CG_LIMIT)
     }
-}
-
-/// How conjugate gradients ended.
-enum End {
-    Converged,
-    Indefinite,
-    Limit,
 }
 
 /// ∂²Φ = M/h² + ∂²E.
@@ -215,11 +184,11 @@ fn hessian(
     stiffness: &Stiffness,
     x: &[DVec3],
     h: f64,
-    curvature: HessianKind,
+    kind: HessianKind,
     scratch: &mut Scratch,
 ) -> BlockMatrix {
     let mut matrix = scratch.zero_matrix(&cloth.pattern);
-    cloth.add_hessian(stiffness, x, curvature, 1.0, &mut matrix, scratch);
+    cloth.add_hessian(stiffness, x, kind, 1.0, &mut matrix, scratch);
     matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0 / (h * h));
     matrix
 }

@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::cloth::{Cloth, HessianKind, Stiffness};
-use super::step::{State, StepGradients, StepSettings, StepTape, check_finite};
+use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
 use crate::error::{Error, Result};
 use crate::math::factor::{Factor, Scratch};
 

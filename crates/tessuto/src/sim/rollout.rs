@@ -3,7 +3,8 @@
 use glam::DVec3;
 
 use super::cloth::{Cloth, Stiffness};
-use super::step::{State, StepGradients, StepSettings, StepTape, step, step_vjp};
+use super::state::{State, StepGradients, StepSettings, StepTape};
+use super::step::{step, step_vjp};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;

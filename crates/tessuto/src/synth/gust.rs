@@ -11,8 +11,7 @@ use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::math::rng::Rng;
 use crate::mesh::{Mesh, Positions};
-use crate::sim::step::step;
-use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness};
+use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness, TiedCloth};
 
 /// Width and height of the cloth [m].
 const SIZE: DVec2 = DVec2::new(0.5, 0.5);
@@ -58,9 +57,7 @@ pub fn simulate(settings: &Settings) -> Result<(Mesh, Vec<Positions>)> {
 
 /// A cloth with some vertices tied to fixed points.
 struct Hanging {
-    /// Its masses are those of the cloth; ties are added for each step.
     cloth: Cloth,
-    masses: Vec<f64>,
     stiffness: Stiffness,
     /// Vertex and the point that holds it.
     pins: Vec<(usize, DVec3)>,
@@ -76,7 +73,6 @@ impl Hanging {
             (i, DVec3::new(p.x * (1.0 - SLACK), p.y, p.z))
         });
         Self {
-            masses: cloth.masses.clone(),
             stiffness: Stiffness::uniform(&cloth, [settings.stretch, settings.bend, settings.shear]),
             pins: pins.to_vec(),
             scratch: Scratch::default(),
@@ -107,7 +103,7 @@ impl Hanging {
         Ok(state.x)
     }
 
-    /// One step. A tie of stiffness κ to p is a second inertia: M' = M + h² κ, M' a' = M a + κ (p − x − h δ v).
+    /// One step of length `h` [s].
     fn step(
         &mut self,
         state: State,
@@ -115,13 +111,6 @@ impl Hanging {
         damping: f64,
         acceleration: impl Fn(usize) -> DVec3,
     ) -> Result<State> {
-        let mut accelerations: Positions = (0..state.x.len()).map(acceleration).collect();
-        self.cloth.masses.copy_from_slice(&self.masses);
-        for &(i, p) in &self.pins {
-            let pull = (p - state.x[i] - state.v[i] * (h * damping)) * PIN;
-            self.cloth.masses[i] += h * h * PIN;
-            accelerations[i] = (accelerations[i] * self.masses[i] + pull) / self.cloth.masses[i];
-        }
         let settings = StepSettings {
             integrator: Integrator::ImplicitEuler,
             step: h,
@@ -129,8 +118,12 @@ impl Hanging {
             tolerance: 1e-7,
             newton_limit: 200,
         };
-        let tape = step(&self.cloth, &settings, &self.stiffness, state, &accelerations, &mut self.scratch)?;
-        Ok(tape.after)
+        let (mut ties, mut targets) = (vec![0.0; state.x.len()], state.x.clone());
+        for &(i, p) in &self.pins {
+            (ties[i], targets[i]) = (PIN, p);
+        }
+        let tied = TiedCloth::new(&self.cloth, &ties, &settings);
+        Ok(tied.step(&self.stiffness, state, &targets, acceleration, &mut self.scratch)?.after)
     }
 }
 

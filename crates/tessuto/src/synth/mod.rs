@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
@@ -145,7 +145,7 @@ pub fn make(settings: &Settings) -> Result<Scene> {
         first_frame: 0,
         template,
         frames,
-        truth: Truth { points: Some(points), vertices: Some(motion) },
+        truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?) },
     })
 }
 

@@ -10,7 +10,7 @@ const LAYERS: [&[&str]; 18] = [
     &["scene"],
     &["raster"],
     &["io"],
-    &["session"],
+    &["output", "session"],
     &["sim", "optim", "metrics", "decoder", "template"],
     &["pbr"],
     &["motion"],
@@ -20,7 +20,7 @@ const LAYERS: [&[&str]; 18] = [
     &["report"],
     &["result"],
     &["check", "export", "import", "view"],
-    &["synth"],
+    &["run", "synth"],
     &["lib"],
 ];
 

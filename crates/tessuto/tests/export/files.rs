@@ -7,8 +7,9 @@ use glam::{DVec2, DVec3};
 use serde_json::Value;
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;
+use tessuto::result::Folder;
 use tessuto::sim::Accelerations;
-use tessuto::{Camera, Image, Mesh, io};
+use tessuto::{Camera, Image, Mesh, Motion, Rect, io};
 
 const FRAMES: usize = 4;
 
@@ -28,11 +29,11 @@ fn clip(maps: bool) -> Clip {
     Clip {
         name: "cloth".into(),
         version: "0.0".into(),
-        motion: (0..FRAMES).map(bent).collect(),
+        motion: Motion::new((0..FRAMES).map(bent).collect()).unwrap(),
         fps: 25.0,
         first_frame: 7,
-        camera: Some(Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 }),
-        crop: None,
+        camera: Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 },
+        crop: Rect { x0: 0, y0: 0, x1: 640, y1: 480 },
         pictures: Vec::new(),
         material: Material {
             name: "cloth".into(),
@@ -151,7 +152,7 @@ fn usd_is_the_text_it_should_be() {
 fn sequences_and_caches_hold_every_frame() {
     let (clip, folder) = (clip(false), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
-    export(&clip, &Format::ALL, folder.path(), false).unwrap();
+    export(&clip, Format::ALL, folder.path(), false).unwrap();
     for n in 0..FRAMES {
         let mesh: Mesh = io::obj::read(&at(&format!("cloth_obj/cloth_{:04}.obj", n + 7))).unwrap();
         let found: Vec<f32> = mesh.positions.iter().flat_map(|p| p.as_vec3().to_array()).collect();
@@ -187,7 +188,7 @@ fn npz_is_a_zip_file_of_arrays() {
         if names.last().unwrap() == "motion.npy" {
             let path = folder.path().join("motion.npy");
             std::fs::write(&path, &bytes[start..start + size]).unwrap();
-            assert_eq!(io::npy::read_shapes(&path).unwrap(), clip.motion);
+            assert_eq!(io::npy::read_motion(&path).unwrap(), clip.motion);
         }
         at = start + size;
     }
@@ -206,25 +207,29 @@ fn nothing_is_replaced_without_force() {
     let target = folder.path().join("out");
     std::fs::create_dir(&target).unwrap();
     std::fs::write(target.join("cloth.glb"), b"mine").unwrap();
-    let error = export(&clip, &Format::ALL, &target, false).unwrap_err();
+    let error = export(&clip, Format::ALL, &target, false).unwrap_err();
     assert_eq!(error.exit_code(), 3);
-    let message = error.to_string();
-    assert!(message.contains("cloth.glb") && message.contains("--force"), "{message}");
+    assert!(error.to_string().contains("cloth.glb"), "{error}");
+    assert_eq!(export(&clip, Format::ALL, &target, true).unwrap_err().exit_code(), 3, "it is not tessuto's");
     let entries = |folder: &Path| std::fs::read_dir(folder).unwrap().count();
     assert_eq!((entries(&target), std::fs::read(target.join("cloth.glb")).unwrap()), (1, b"mine".to_vec()));
 
-    let written = export(&clip, &[Format::Usd, Format::Glb, Format::Glb], &target, true).unwrap();
-    assert_eq!((written.len(), entries(&target)), (3, 3));
+    std::fs::remove_file(target.join("cloth.glb")).unwrap();
+    let written = export(&clip, &[Format::Usd, Format::Glb, Format::Glb], &target, false).unwrap();
+    // And the manifest.
+    assert_eq!((written.len(), entries(&target)), (3, 4));
+    let message = export(&clip, &[Format::Glb], &target, false).unwrap_err().to_string();
+    assert!(message.contains("cloth.glb") && message.contains("--force"), "{message}");
     let first = std::fs::read(target.join("cloth.glb")).unwrap();
     export(&clip, &[Format::Glb, Format::Usd], &target, true).unwrap();
     assert_eq!(std::fs::read(target.join("cloth.glb")).unwrap(), first, "same clip, same bytes");
-    assert_eq!(entries(&target), 3, "something half-written is left");
+    assert_eq!(entries(&target), 4, "something half-written is left");
 }
 
 #[test]
 fn a_folder_that_is_no_result_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let error = Clip::read(folder.path()).unwrap_err();
+    let error = Folder::open(folder.path()).unwrap_err();
     assert_eq!(error.exit_code(), 3);
     assert!(error.to_string().contains("config.json"), "{error}");
 }
@@ -293,4 +298,15 @@ fn models_that_are_refused() {
     let model = io::model::read(&path).unwrap();
     assert!(model.has_uv);
     assert_eq!(model.mesh.uvs, [DVec2::ZERO, DVec2::X, DVec2::Y]);
+}
+
+#[cfg(not(feature = "rerun"))]
+#[test]
+fn a_recording_is_refused_by_builds_without_it_before_anything_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let formats = [Format::Glb, "rrd".parse().unwrap()];
+    let error = export(&clip(false), &formats, folder.path(), false).unwrap_err();
+    assert_eq!(error.exit_code(), 2);
+    assert!(error.to_string().contains("--features full"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

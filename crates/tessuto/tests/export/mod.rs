@@ -1,4 +1,5 @@
 //! Results for other programs.
 
 mod files;
+#[cfg(feature = "rerun")]
 mod rrd;

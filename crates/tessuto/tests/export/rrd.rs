@@ -14,9 +14,9 @@ use glam::DVec3;
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;
-use tessuto::session::Epoch;
+use tessuto::session::{Epoch, named};
 use tessuto::sim::Accelerations;
-use tessuto::{Camera, Image, Mesh, Positions, Rect};
+use tessuto::{Camera, Image, Mesh, Motion, Positions, Rect};
 
 const CAMERA: Camera = Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 };
 const CROP: Rect = Rect { x0: 20, y0: 30, x1: 84, y1: 78 };
@@ -27,8 +27,8 @@ fn moved(mesh: &Mesh, n: usize) -> Positions {
 }
 
 fn epoch(stage: &'static str, step: usize, of: usize) -> Epoch {
-    let losses = vec![("total", 1.0 / step as f64), ("out line", step as f64)];
-    Epoch { stage, step, of, losses, parameters: vec![("bend", 0.1)], ..Epoch::default() }
+    let losses = named([("total", 1.0 / step as f64), ("out line", step as f64)]);
+    Epoch { stage: stage.into(), step, of, losses, parameters: named([("bend", 0.1)]), ..Epoch::default() }
 }
 
 /// One chunk.
@@ -232,11 +232,11 @@ fn an_exported_result_is_read_back_as_it_was() {
     let clip = Clip {
         name: "cloth".into(),
         version: "0.0".into(),
-        motion: (0..frames).map(|n| moved(&mesh, n)).collect(),
+        motion: Motion::new((0..frames).map(|n| moved(&mesh, n)).collect()).unwrap(),
         fps: 25.0,
         first_frame: 7,
-        camera: Some(CAMERA),
-        crop: Some(CROP),
+        camera: CAMERA,
+        crop: CROP,
         pictures,
         material: Material {
             name: "cloth".into(),
@@ -327,7 +327,7 @@ fn run(out: impl Write, ended: bool) -> tessuto::Result<()> {
         fps: 50.0,
         first_frame: 3,
         frame_count: 2,
-        camera: Some(CAMERA),
+        camera: CAMERA,
         picture: None,
         truth: Some(&truth),
     };

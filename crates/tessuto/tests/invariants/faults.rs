@@ -208,7 +208,7 @@ fn one_frame_has_a_shape_and_a_texture() {
         config.set("texture.size=16").unwrap();
         let result = reconstruct(&still, &config, &mut Session::new(|_, _| Ok(()))).unwrap();
         assert!(result.failure.is_none(), "{:?}", result.failure);
-        assert_eq!(result.motion, [still.template.positions.clone()]);
+        assert_eq!(result.motion[..], [still.template.positions.clone()]);
     }
 }
 
@@ -226,7 +226,7 @@ fn states_of_another_cloth_are_refused() {
     for (stage, state) in states {
         let mut session = Session::new(|_, _| Ok(()));
         session.keep_in(open(), None).unwrap();
-        session.step(&Epoch { stage, ..Epoch::default() }, &[], Some(&state)).unwrap();
+        session.step(&Epoch { stage: stage.into(), ..Epoch::default() }, &[], Some(&state)).unwrap();
         let mut session = Session::new(|_, _| Ok(()));
         session.keep_in(open(), open().newest(&mut |_| panic!()).unwrap()).unwrap();
         let error = reconstruct(&scene(), &config(), &mut session).unwrap_err();

@@ -180,7 +180,7 @@ fn config(bytes: &[u8]) -> Result<()> {
         _ => ("config.json", bytes),
     };
     file(&format!("result/{name}"), bytes);
-    tessuto::result::read(&folder().join("result")).map(drop)
+    tessuto::result::Folder::open(&folder().join("result")).map(drop)
 }
 
 /// The settings of the default preset as JSON.

@@ -4,7 +4,7 @@ use std::io::Cursor;
 use std::time::Duration;
 
 use ::image::{DynamicImage, ImageFormat};
-use tessuto::session::{Checkpoints, Epoch, Session};
+use tessuto::session::{Checkpoints, Epoch, Session, named};
 
 use super::readers::{CONFIG, PARAMETERS, default_settings};
 
@@ -72,7 +72,8 @@ fn checkpoint() -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let mut session = Session::new(|_, _| Ok(()));
     session.keep_in(Checkpoints::open(folder.path(), "scene".into(), Duration::ZERO), None).expect("empty");
-    let epoch = Epoch { stage: "track", step: 1, of: 2, losses: vec![("total", 0.5)], ..Epoch::default() };
+    let epoch =
+        Epoch { stage: "track".into(), step: 1, of: 2, losses: named([("total", 0.5)]), ..Epoch::default() };
     session.step(&epoch, &[], Some(&tracked())).expect("a checkpoint");
     std::fs::read(folder.path().join("checkpoint-000001.bin")).expect("a checkpoint")
 }

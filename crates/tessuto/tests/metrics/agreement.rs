@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::support::recordings::{scene, wave};
 use tessuto::io::image::{read, write_png};
 use tessuto::metrics::{Inputs, evaluate, maps};
-use tessuto::{Image, Positions, Scene};
+use tessuto::{Image, Motion, Positions, Scene};
 
 /// `expected`: cd1, cd2, p2s1, p2s2, depth of `motion(template, truth)` on scene `name`, and vertex.
 fn agrees(
@@ -19,7 +19,7 @@ fn agrees(
     let count = data.truth.points.as_ref().unwrap().len();
     let motion = motion(&data, count);
     let start = std::time::Instant::now();
-    let m = evaluate(&Inputs::from(&data), &motion, 0..count, 0).unwrap().mean;
+    let m = evaluate(&Inputs::from(&data), &Motion::new(motion).unwrap(), 0..count, 0).unwrap().mean;
     println!("{name}: {count} frames in {:.2} s: {m:?}", start.elapsed().as_secs_f64());
     let pairs = [
         (m.cd1, Some(cd1)),
@@ -41,7 +41,7 @@ fn agrees(
 /// The true motion with a fifth of the wave added.
 fn near_truth(data: &Scene, count: usize) -> Vec<Positions> {
     let template = &data.template.positions;
-    let mut shapes = data.truth.vertices.clone().unwrap();
+    let mut shapes = data.truth.vertices.clone().unwrap().into_frames();
     for (shape, moved) in shapes.iter_mut().zip(wave(template, count)) {
         for ((p, moved), still) in shape.iter_mut().zip(moved).zip(template) {
             *p += 0.2 * (moved - *still);
@@ -61,7 +61,7 @@ fn published_variant_of_the_real_recording() {
     // numpy, all pairs, frame 0: 0.0735 mm and 0.0415 mm for the two directions (exact: 1.90 mm and 0.49 mm).
     let Some(data) = scene("R1") else { return };
     let motion = vec![data.template.positions.clone(); data.frames.len()];
-    let m = evaluate(&Inputs::from(&data), &motion, 0..1, 0).unwrap().mean;
+    let m = evaluate(&Inputs::from(&data), &Motion::new(motion).unwrap(), 0..1, 0).unwrap().mean;
     let near = |found: Option<f64>, expected: f64| (found.unwrap() / expected - 1.0).abs() < 1e-9;
     assert!(
         near(m.p2s1_published, 1.150_195_329_7e-4) && near(m.p2s2_published, 8.355_907_870_3e-8),

@@ -7,10 +7,10 @@ use tessuto::motion::parameters::Parameters;
 use tessuto::motion::texture::fit_texture;
 use tessuto::raster::{Rasterizer, Texture};
 use tessuto::reconstruct::Reconstruction;
-use tessuto::result::{self, Context, Run, Summary};
+use tessuto::result::{self, Context, Folder, Run, Summary};
 use tessuto::session::Session;
 use tessuto::sim::Accelerations;
-use tessuto::{Scene, synth};
+use tessuto::{Motion, Scene, synth};
 
 const FRAMES: usize = 12;
 /// From this frame on a motion is spoilt.
@@ -27,7 +27,7 @@ fn scene() -> (Scene, Vec<Vec<DVec3>>, Texture) {
         ..synth::Settings::default()
     };
     let mut scene = synth::make(&settings).unwrap();
-    let motion = std::mem::take(&mut scene.truth).vertices.unwrap();
+    let motion = std::mem::take(&mut scene.truth).vertices.unwrap().into_frames();
     let mut config = Config::preset(Preset::Default);
     config.set("texture.size=128").unwrap();
     let texture = fit_texture(
@@ -51,7 +51,7 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
         entries_per_frame: 1,
     };
     let reconstruction = Reconstruction {
-        motion,
+        motion: Motion::new(motion).unwrap(),
         parameters: Parameters { log_stiffness: [2.0, -3.0, -3.0], accelerations },
         texture: texture.clone(),
         history: Vec::new(),
@@ -67,7 +67,10 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
     let warnings = ["a remark".to_owned()];
     let context = Context { scene, run: &run, evaluation: None, warnings: &warnings, command: "" };
     result::write(folder.path(), &context, &reconstruction).unwrap();
+    let made = Summary::of(&Folder::open(folder.path()).unwrap()).unwrap();
+    made.write(folder.path()).unwrap();
     let summary = Summary::read(folder.path()).unwrap().expect("summary.json");
+    assert_eq!(summary, made);
     assert_eq!((summary.name.as_str(), summary.vertices, summary.seconds), ("cloth", vertices, 3.5));
     assert_eq!((summary.frames, summary.warnings.as_slice()), ([0, FRAMES], &warnings[..]));
     let frames = result::read_metrics(folder.path()).unwrap().expect("metrics.json").agreement;

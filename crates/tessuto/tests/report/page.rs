@@ -9,10 +9,13 @@ use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
 use tessuto::report::embed::{Window, base64};
 use tessuto::report::film::{Film, Source, jpeg_of};
 use tessuto::report::{
-    ClothData, Field, FramePictures, HistoryRow, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData,
-    Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
+    ClothData, Field, FramePictures, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData, Scales,
+    Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
 };
+use tessuto::session::Epoch;
 use tessuto::{Camera, Frame, Image, Positions};
+
+use crate::support::missing::not_tested;
 
 const WIDTH: usize = 64;
 const HEIGHT: usize = 48;
@@ -142,10 +145,11 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         Source { key, label: key, load: Box::new(move |n| Ok(pictures[(n + k) % 2].clone())) }
     };
     let sources = [source("observed", 0), source("render", 1), source("rerendered", 0)];
-    let history: Vec<HistoryRow> = (1..30)
-        .map(|step| HistoryRow {
+    let history: Vec<Epoch> = (1..30)
+        .map(|step| Epoch {
             stage: "refine".into(),
             step,
+            of: 29,
             active_frames: frame_count,
             losses: vec![("total".into(), 0.5f64.powi(step as i32)), ("</script><b>".into(), 0.1)],
             parameters: vec![("stretch".into(), 200.0 + step as f64)],
@@ -180,6 +184,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
                 .collect(),
         }),
         film: Film::new(&sources, frame_count, &camera, None, 11 << 20).unwrap(),
+        verdict: None,
         maps: vec![Map {
             key: "texture",
             label: "recovered print",
@@ -295,8 +300,7 @@ fn page_runs_in_chromium() {
         .into_iter()
         .find(|p| Command::new(p).arg("--version").output().is_ok_and(|o| o.status.success()))
     else {
-        println!("skipped: Chromium is not installed");
-        return;
+        return not_tested("Chromium");
     };
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");

@@ -1,5 +1,6 @@
 //! What several tests share.
 
+pub mod missing;
 pub mod raster_scenes;
 pub mod recordings;
 pub mod scene_maker;

@@ -1,30 +1,22 @@
 //! The recorded and rendered scenes, which lie beside the workspace and not in it, and a smooth, made-up motion.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use glam::DVec3;
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::{Positions, Scene};
 
-/// How many times a test did without what it asked for.
-static SKIPPED: AtomicUsize = AtomicUsize::new(0);
+use super::missing::not_tested;
 
 /// The file or folder `name` among the recordings. Where it is not there, `None` and a line on stderr that names the
-/// test; with `CI` in the environment that is a failure.
+/// test; with `CI=true` in the environment that is a failure.
 pub fn recorded(name: &str) -> Option<PathBuf> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data").join(name);
     if path.exists() {
         return Some(path);
     }
-    assert!(std::env::var("CI").is_err(), "{} is missing", path.display());
-    let count = SKIPPED.fetch_add(1, Ordering::Relaxed) + 1;
-    let thread = std::thread::current();
-    let test = thread.name().unwrap_or("a test");
-    // Written past the harness, which shows only what failing tests print.
-    let mut console = std::io::stderr().lock();
-    let _ = writeln!(console, "not tested ({count}): {test}: ../shared/data/{name} is missing");
+    assert!(std::env::var("CI").as_deref() != Ok("true"), "{} is missing", path.display());
+    not_tested(&format!("../shared/data/{name}"));
     None
 }
 

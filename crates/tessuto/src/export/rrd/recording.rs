@@ -101,7 +101,7 @@ impl<W: Write> Recording<W> {
         Ok(recording)
     }
 
-    /// Takes note of a finished step, and a few times in each stage of the last frame of the motion so far, which may be
+    /// Records a finished step, and a few times in each stage of the last frame of the motion so far, which may be
     /// empty.
     ///
     /// # Errors
@@ -110,7 +110,7 @@ impl<W: Write> Recording<W> {
         self.steps += 1;
         for (kind, values) in [("losses", &epoch.losses), ("parameters", &epoch.parameters)] {
             for (name, value) in values {
-                let entity = format!("{kind}/{}/{}", part(epoch.stage), part(name));
+                let entity = format!("{kind}/{}/{}", part(&epoch.stage), part(name));
                 let (steps, rows) = self.curves.entry(entity).or_default();
                 steps.push(self.steps);
                 rows.push(*value);
@@ -175,7 +175,7 @@ impl<W: Write> Recording<W> {
     }
 
     fn camera(&mut self, subject: &Subject) -> Result<()> {
-        let Some(c) = subject.small_camera() else { return Ok(()) };
+        let c = subject.small_camera();
         let depth = subject.mesh.positions.iter().map(|p| p.z).fold(0.0, f64::max);
         // By columns. Here pixel centres are at whole numbers, in the viewer pixel corners are.
         let matrix = [[c.fx, 0.0, 0.0, 0.0, c.fy, 0.0, c.cx + 0.5, c.cy + 0.5, 1.0].map(|v| v as f32)];
@@ -193,7 +193,7 @@ impl<W: Write> Recording<W> {
     }
 
     fn video(&mut self, subject: &Subject) -> Result<()> {
-        let (Some(picture), Some(camera)) = (&subject.picture, &subject.camera) else { return Ok(()) };
+        let (Some(picture), camera) = (&subject.picture, &subject.camera) else { return Ok(()) };
         for start in (0..subject.frame_count).step_by(FRAMES_TOGETHER) {
             let range = start..(start + FRAMES_TOGETHER).min(subject.frame_count);
             let encoded = range.clone().into_par_iter().map(|n| subject.encoded(picture, camera, n));

@@ -28,7 +28,7 @@ pub struct Subject<'a> {
     /// Number of frames.
     pub frame_count: usize,
     /// Camera of the pictures.
-    pub camera: Option<Camera>,
+    pub camera: Camera,
     /// Picture of frame n, from 0, as the camera sees it.
     pub picture: Option<Picture<'a>>,
     /// Points [m] on the true surface in every frame.
@@ -48,7 +48,7 @@ impl<'a> Subject<'a> {
             fps: scene.fps,
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
-            camera: Some(scene.camera),
+            camera: scene.camera,
             picture: Some(Box::new(|n| Ok(film::rgb8(&scene.frames.frame(n)?.rgb)))),
             truth: truth.points.as_deref().or(truth.vertices.as_deref()),
         }
@@ -59,14 +59,7 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// [`Error::Input`] if the first picture cannot be read.
     pub fn of_clip(clip: &'a Clip) -> Result<Self> {
-        let size = |path| io::image::size(path);
-        let whole = |[width, height]: [usize; 2]| Rect { x0: 0, y0: 0, x1: width, y1: height };
-        let crop = clip.crop.or(clip.camera.map(|c| whole([c.width, c.height])));
-        // Without the crop, results of older versions have pictures that their camera does not fit to.
-        let shown = match clip.pictures.first() {
-            Some(path) => crop.is_some_and(|c| size(path).is_ok_and(|s| s == [c.width(), c.height()])),
-            None => false,
-        };
+        let shown = !clip.pictures.is_empty();
         let picture: Picture = Box::new(|n| io::image::read_bytes(&clip.pictures[n]));
         Ok(Self {
             name: &clip.name,
@@ -74,15 +67,16 @@ impl<'a> Subject<'a> {
             fps: clip.fps,
             first_frame: clip.first_frame,
             frame_count: clip.motion.len(),
-            camera: clip.camera.map(|c| if shown { c.cropped(crop.unwrap_or(whole([0, 0]))) } else { c }),
+            camera: if shown { clip.camera.cropped(clip.crop) } else { clip.camera },
             picture: shown.then_some(picture),
             truth: None,
         })
     }
 
     /// Camera of the [encoded](Self::encoded) pictures.
-    pub(super) fn small_camera(&self) -> Option<Camera> {
-        self.camera.map(|c| film::scaled(&c, whole(&c), film::size(whole(&c), SIDE)))
+    pub(super) fn small_camera(&self) -> Camera {
+        let all = whole(&self.camera);
+        film::scaled(&self.camera, all, film::size(all, SIDE))
     }
 
     /// Frame `n` as JPEG, small.

@@ -10,7 +10,7 @@ use super::listing::numbered;
 use super::manifest::Manifest;
 use crate::error::{Error, Result};
 use crate::io::npy;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::scene::Truth;
 
 /// Reads the truth of the frames `range`, scaled to metres. Files that cannot be used add to `errors`.
@@ -21,21 +21,15 @@ pub(crate) fn read(
     template: Option<&Mesh>,
     errors: &mut Vec<Error>,
 ) -> Truth {
-    let mut keep = |result: Result<Option<Vec<Positions>>>| {
-        result.unwrap_or_else(|e| {
-            errors.push(e);
-            None
-        })
-    };
-    let mut truth = Truth {
-        points: keep(points(folder, manifest, range.clone())),
-        vertices: keep(vertices(folder, manifest, range, template)),
-    };
-    let scale = manifest.units.scale();
-    for shape in truth.points.iter_mut().chain(&mut truth.vertices).flatten() {
-        shape.iter_mut().for_each(|p| *p *= scale);
-    }
-    truth
+    let points = points(folder, manifest, range.clone()).unwrap_or_else(|e| {
+        errors.push(e);
+        None
+    });
+    let vertices = vertices(folder, manifest, range, template).unwrap_or_else(|e| {
+        errors.push(e);
+        None
+    });
+    Truth { points, vertices }
 }
 
 fn points(folder: &Path, manifest: &Manifest, range: Range<usize>) -> Result<Option<Vec<Positions>>> {
@@ -46,7 +40,9 @@ fn points(folder: &Path, manifest: &Manifest, range: Range<usize>) -> Result<Opt
     let numbers = (range, manifest.n_frames);
     let paths = numbered(folder, "gt/points", "points_", &["npy"], numbers, &mut Vec::new())?;
     let read: Vec<Result<Positions>> = paths.par_iter().map(|p| npy::read_points(p)).collect();
-    read.into_iter().collect::<Result<_>>().map(Some)
+    let mut points: Vec<Positions> = read.into_iter().collect::<Result<_>>()?;
+    scale(&mut points, manifest);
+    Ok(Some(points))
 }
 
 fn vertices(
@@ -54,13 +50,13 @@ fn vertices(
     manifest: &Manifest,
     range: Range<usize>,
     template: Option<&Mesh>,
-) -> Result<Option<Vec<Positions>>> {
+) -> Result<Option<Motion>> {
     let path = folder.join("gt/vertices.npy");
     if !path.exists() {
         return Ok(None);
     }
-    let mut shapes = npy::read_shapes(&inside(folder, &path)?)?;
-    let found = [shapes.len(), shapes.first().map_or(0, Vec::len)];
+    let shapes = npy::read_motion(&inside(folder, &path)?)?;
+    let found = [shapes.len(), shapes.vertex_count()];
     let expected = [manifest.n_frames, template.map_or(found[1], |t| t.positions.len())];
     if found != expected {
         return Err(Error::input(
@@ -72,5 +68,13 @@ fn vertices(
             "give the position of every template vertex in every frame, or remove the file",
         ));
     }
-    Ok(Some(shapes.drain(range).collect()))
+    let mut frames = shapes.frames(range).into_frames();
+    scale(&mut frames, manifest);
+    Motion::new(frames).map(Some)
+}
+
+/// Metres from the units of the scene.
+fn scale(frames: &mut [Positions], manifest: &Manifest) {
+    let scale = manifest.units.scale();
+    frames.iter_mut().flatten().for_each(|p| *p *= scale);
 }

@@ -12,9 +12,9 @@ use glam::DVec3;
 use super::super::parameters::Dynamics;
 use crate::error::Error;
 use crate::math::factor::Scratch;
-use crate::mesh::{Mesh, Positions};
+use crate::mesh::Positions;
 use crate::sim::step::step;
-use crate::sim::{Accelerations, Cloth, State, Stiffness};
+use crate::sim::{Accelerations, Cloth, State, Stiffness, TiedCloth};
 
 /// Settings of the tied simulation.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -57,7 +57,7 @@ pub fn interpolated(frames: &[Positions], substeps: usize) -> Vec<Positions> {
 /// acceleration that the centre of mass needs; D is exact in 32-bit numbers. Where the simulation fails, D is zero
 /// from that sub-step on and the failure is returned too.
 pub fn accelerations_of_motion(
-    template: &Mesh,
+    cloth: &Cloth,
     dynamics: &Dynamics,
     stiffness: [f64; 3],
     frames: &[Positions],
@@ -66,27 +66,15 @@ pub fn accelerations_of_motion(
     let (h, damping) = (dynamics.step.step, dynamics.step.damping);
     let kappa = settings.tracking_stiffness;
     let targets = interpolated(frames, dynamics.substeps);
-    let cloth = Cloth::new(template);
-    // The tie is a second inertia: M' = M + h² κ, M' y' = M y + h² κ x*.
-    let mut tied = Cloth::new(template);
-    tied.masses.iter_mut().for_each(|m| *m += h * h * kappa);
-    let stiffness = Stiffness::uniform(&cloth, stiffness);
-    let constant = mean_acceleration(&cloth, &targets, h, damping);
+    let tied = TiedCloth::new(cloth, &vec![kappa; cloth.vertex_count()], &dynamics.step);
+    let stiffness = Stiffness::uniform(cloth, stiffness);
+    let constant = mean_acceleration(cloth, &targets, h, damping);
     let mut accelerations = Accelerations::zeros(frames.len(), dynamics.substeps, cloth.vertex_count());
     accelerations.constant = constant;
     let mut scratch = Scratch::default();
     let mut state = State { x: targets[0].clone(), v: vec![DVec3::ZERO; cloth.vertex_count()] };
     for (target, dynamic) in targets[1..].iter().zip(&mut accelerations.dynamic) {
-        let acceleration: Positions = (0..target.len())
-            .map(|i| {
-                let drift = state.v[i] * (h * damping);
-                let share = h * h * kappa / tied.masses[i];
-                let own = drift + constant * (h * h);
-                // (y' − x − h δ v)/h² of the tied step.
-                (own * (1.0 - share) + (target[i] - state.x[i]) * share - drift) / (h * h)
-            })
-            .collect();
-        let tape = match step(&tied, &dynamics.step, &stiffness, state, &acceleration, &mut scratch) {
+        let tape = match tied.step(&stiffness, state, target, |_| constant, &mut scratch) {
             Ok(tape) => tape,
             Err(failure) => return (accelerations, Some(failure)),
         };
@@ -95,7 +83,7 @@ pub fn accelerations_of_motion(
             *d = pull.as_vec3().as_dvec3();
         }
         let total: Positions = dynamic.iter().map(|d| constant + *d).collect();
-        state = match step(&cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch) {
+        state = match step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch) {
             Ok(tape) => tape.after,
             Err(failure) => {
                 dynamic.fill(DVec3::ZERO);
@@ -149,7 +137,7 @@ mod tests {
         };
         let targets: Vec<Positions> = (0..8).map(swing).collect();
         let (accelerations, failure) = accelerations_of_motion(
-            &mesh,
+            &cloth,
             &dynamics,
             k,
             &targets,

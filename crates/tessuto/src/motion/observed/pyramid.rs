@@ -116,3 +116,40 @@ fn blurred(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
     }
     out
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::math::rng::Rng;
+
+    #[test]
+    fn slopes_are_those_of_the_bilinear_colours() {
+        let (w, h) = (24, 20);
+        let mut rng = Rng::new(3, 0);
+        let (mut rgb, mut mask) = (Image::new(w, h, 3), Image::new(w, h, 1));
+        rgb.data.iter_mut().for_each(|c| *c = 0.5 + 0.5 * rng.signed() as f32);
+        mask.data.fill(1.0);
+        let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: w, height: h };
+        let levels = pyramid(&Frame { rgb, mask }, &camera, [0, 1]);
+        for level in &levels {
+            let mut largest = 0.0f32;
+            for k in 0..50 {
+                // Inside one cell, where the colour is bilinear: there central differences are exact.
+                let cell = DVec2::new((k % 7) as f64, (k / 7) as f64);
+                let p = cell + DVec2::new(0.2 + 0.6 * rng.uniform(), 0.2 + 0.6 * rng.uniform());
+                let at = level.sample(p).unwrap();
+                for (axis, slope) in [(DVec2::X, at.du), (DVec2::Y, at.dv)] {
+                    let h = 0.1;
+                    let [more, less] = [p + axis * h, p - axis * h].map(|p| level.sample(p).unwrap().value);
+                    for c in 0..3 {
+                        let difference = (more[c] - less[c]) / (2.0 * h as f32);
+                        assert!((difference - slope[c]).abs() < 1e-5, "{difference} {}", slope[c]);
+                        largest = largest.max(slope[c].abs());
+                    }
+                }
+            }
+            assert!(largest > 0.05, "no slope to compare");
+        }
+    }
+}

@@ -1,7 +1,9 @@
 //! Points fixed on the surface, at which frames are compared.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
+use super::pyramid::Level;
 use crate::camera::Camera;
 use crate::mesh::Mesh;
 
@@ -48,6 +50,46 @@ pub fn interior_points(
         }
     }
     points
+}
+
+/// The surface points of one resolution, by triangle.
+#[derive(Debug, Clone)]
+pub struct SurfaceSamples {
+    /// Triangles of the mesh.
+    pub triangles: Vec<[u32; 3]>,
+    /// The points, ordered by triangle.
+    pub points: Vec<SurfaceSample>,
+    /// `points[start[t]..start[t + 1]]` lie on triangle t.
+    start: Vec<usize>,
+}
+
+impl SurfaceSamples {
+    /// Points about a pixel apart in the image of the mesh as `camera` sees it at `positions`.
+    pub fn new(mesh: &Mesh, positions: &[DVec3], camera: &Camera) -> Self {
+        let triangles = mesh.triangles();
+        let points = interior_points(mesh, positions, camera, 1.0);
+        let mut start = vec![0; triangles.len() + 1];
+        points.iter().for_each(|p| start[p.triangle as usize + 1] += 1);
+        for t in 0..triangles.len() {
+            start[t + 1] += start[t];
+        }
+        Self { triangles, points, start }
+    }
+
+    /// Indices of the points of a triangle.
+    pub fn of_triangle(&self, triangle: usize) -> std::ops::Range<usize> {
+        self.start[triangle]..self.start[triangle + 1]
+    }
+
+    /// What `level` shows at each point of the mesh at `x`; `None` where it shows no fabric.
+    pub fn observe(&self, level: &Level, x: &[DVec3]) -> Vec<Option<[f32; 3]>> {
+        let of_point = |point: &SurfaceSample| {
+            let corners = self.triangles[point.triangle as usize].map(|v| x[v as usize]);
+            let p = corners.iter().zip(point.weights).map(|(x, w)| *x * w).sum::<DVec3>();
+            (p.z > 0.0).then(|| level.sample(level.camera.project(p))).flatten().map(|c| c.value)
+        };
+        self.points.par_iter().with_min_len(512).map(of_point).collect()
+    }
 }
 
 /// A point of a boundary edge: (1 − t)·first + t·second.

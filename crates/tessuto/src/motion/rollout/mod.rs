@@ -16,7 +16,7 @@ use crate::mesh::Positions;
 use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::scene::Scene;
-use crate::session::{Epoch, Session, foreign_state};
+use crate::session::{Epoch, Session, foreign_state, named};
 use crate::sim::{
     Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
 };
@@ -303,18 +303,18 @@ impl RolloutFit<'_> {
     ) -> Epoch {
         let l = &gradients.losses;
         Epoch {
-            stage: "rollout",
+            stage: "rollout".into(),
             step: epoch + 1,
             of: self.epoch_count(),
             active_frames: active,
-            losses: vec![
+            losses: named([
                 ("total", gradients.total),
                 ("colour", l.colour),
                 ("silhouette", l.silhouette),
                 ("energy", l.energy),
                 ("force", l.force),
-            ],
-            parameters: vec![
+            ]),
+            parameters: named([
                 ("stretch", k[0]),
                 ("bend", k[1]),
                 ("shear", k[2]),
@@ -322,7 +322,7 @@ impl RolloutFit<'_> {
                 ("constant_y", c.y),
                 ("constant_z", c.z),
                 ("rate", rate),
-            ],
+            ]),
         }
     }
 

@@ -1,5 +1,111 @@
-//! Terms of the objective of one frame.
+//! Terms of the objective of one frame, one in each file.
+//!
+//! A [`Term`] gives its value and, at a point, a gradient and a positive semi-definite second-order system.
+//! [`FrameTerms::list`] is the one list of them: the search sums over it, and so does the test that compares every
+//! term's gradient with finite differences, so that a new term cannot come without proof.
 
 pub mod colour;
+pub mod elastic;
+pub mod outline;
+pub mod robust;
 pub mod signed_bend;
 pub mod strain;
+
+use glam::{DMat3, DVec3};
+
+use crate::math::block_matrix::BlockMatrix;
+use crate::math::factor::Scratch;
+use crate::mesh::Positions;
+use crate::sim::Cloth;
+use colour::Colour;
+use elastic::Elastic;
+use outline::Outline;
+use signed_bend::SignedBend;
+use strain::Strain;
+
+/// One term of the objective of one frame, a function of its positions x [m], shape [V].
+pub trait Term: Sync {
+    /// Its name in the history of losses.
+    fn name(&self) -> &'static str;
+
+    /// The term at `x`.
+    fn value(&self, x: &[DVec3]) -> f64;
+
+    /// Adds ∂/∂x of [`value`](Self::value) and a positive semi-definite stand-in for its second derivative to `system`;
+    /// returns the value. What the derivatives hold fixed is [`held`](Self::held).
+    fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64;
+
+    /// The function that the gradient at `x` belongs to, where that is not [`value`](Self::value) because something
+    /// that depends on the positions is held fixed.
+    fn held<'s>(&'s self, _x: &[DVec3]) -> Option<Box<dyn Fn(&[DVec3]) -> f64 + 's>> {
+        None
+    }
+}
+
+/// Second-order model of one frame's objective: gradient, shape [V], and matrix, shape [3V, 3V].
+pub struct FrameSystem {
+    /// ∂E/∂x.
+    pub gradient: Positions,
+    /// Positive semi-definite stand-in for ∂²E/∂x².
+    pub matrix: BlockMatrix,
+    scratch: Scratch,
+}
+
+impl FrameSystem {
+    /// All zeros.
+    pub fn zeros(cloth: &Cloth) -> Self {
+        Self {
+            gradient: vec![DVec3::ZERO; cloth.vertex_count()],
+            matrix: BlockMatrix::zeros(&cloth.pattern),
+            scratch: Scratch::default(),
+        }
+    }
+}
+
+/// a bᵀ.
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// The terms that do not depend on the frame.
+pub struct PriorTerms<'a> {
+    /// Lengths of edges.
+    pub strain: Strain<'a>,
+    /// Bending with its sign.
+    pub signed_bend: SignedBend<'a>,
+    /// Bending and shearing angles.
+    pub elastic: Elastic<'a>,
+}
+
+/// All terms of one frame at one resolution.
+pub struct FrameTerms<'a> {
+    /// What the cloth is like.
+    pub priors: &'a PriorTerms<'a>,
+    /// Against the colours of other frames.
+    pub colour: Colour<'a>,
+    /// Against the outline of the mask.
+    pub outline: Outline<'a>,
+}
+
+/// Number of terms.
+pub const TERMS: usize = 5;
+
+impl FrameTerms<'_> {
+    /// The terms, in the order in which they are summed.
+    pub fn list(&self) -> [&dyn Term; TERMS] {
+        let p = self.priors;
+        [&p.strain, &p.signed_bend, &p.elastic, &self.colour, &self.outline]
+    }
+
+    /// Sum of the terms.
+    pub fn value(&self, x: &[DVec3]) -> f64 {
+        self.list().iter().map(|term| term.value(x)).sum()
+    }
+
+    /// The value of every term at `x`, and the system of their sum.
+    pub fn linearise(&self, cloth: &Cloth, x: &[DVec3]) -> ([f64; TERMS], FrameSystem) {
+        let mut system = FrameSystem::zeros(cloth);
+        let values = self.list().map(|term| term.add_system(x, &mut system));
+        (values, system)
+    }
+}

@@ -3,22 +3,22 @@
 //! The angle springs of the simulation do not tell a fold from its mirror image, and neither do lengths seen
 //! from the front. The height of a vertex over its two opposite neighbours, along the surface normal, does:
 //!
-//!   E = Σ ½ τ² ln(1 + r²/τ²),  r = (η − η0)/(l σ),  η = (x_a − 2 x_o + x_c)·n_o,
+//!   E = Σ ½ τ² ln(1 + (r/τ)²),  r = (η − η0)/(l σ),  η = (x_a − 2 x_o + x_c)·n_o,
 //!
-//! with the mean arm length l of the template. The tail beyond τ spreads lets sharp folds form. The normal n_o of each evaluation is held fixed in the
-//! derivatives: its own change multiplies the in-surface part of x_a − 2 x_o + x_c, which is small.
+//! with the mean arm length l of the template. The tail beyond τ spreads lets sharp folds form. The derivatives hold the
+//! normals n_o fixed: their change multiplies the in-surface part of x_a − 2 x_o + x_c, which is small.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
-use super::strain::cauchy;
-use crate::math::block_matrix::BlockMatrix;
+use super::robust::cauchy;
+use super::{FrameSystem, Term, outer};
 use crate::mesh::Positions;
 use crate::sim::Cloth;
 use crate::sim::cloth::AngleSpring;
 
-/// Rest heights of the bending pairs of a cloth.
-#[derive(Debug, Clone)]
-pub struct SignedBendPrior {
+/// See the module.
+pub struct SignedBend<'a> {
+    cloth: &'a Cloth,
     triangles: Vec<[u32; 3]>,
     /// η0 [m] per bending pair.
     rest: Vec<f64>,
@@ -27,10 +27,11 @@ pub struct SignedBendPrior {
     tail: f64,
 }
 
-impl SignedBendPrior {
-    /// At rest in the shape `x`; `sigma` is the spread σ of the bending angle [rad], `tail` is τ.
-    pub fn new(cloth: &Cloth, triangles: &[[u32; 3]], x: &[DVec3], sigma: f64, tail: f64) -> Self {
-        let mut prior = Self { triangles: triangles.to_vec(), rest: Vec::new(), scale: Vec::new(), tail };
+impl<'a> SignedBend<'a> {
+    /// At rest in the positions `x`; `sigma` is the spread σ of the bending angle [rad], `tail` is τ.
+    pub fn new(cloth: &'a Cloth, triangles: &[[u32; 3]], x: &[DVec3], sigma: f64, tail: f64) -> Self {
+        let mut prior =
+            Self { cloth, triangles: triangles.to_vec(), rest: Vec::new(), scale: Vec::new(), tail };
         let normals = prior.normals(x);
         for spring in &cloth.bends {
             let [a, o, c] = spring.vertices.map(|v| x[v as usize]);
@@ -52,33 +53,50 @@ impl SignedBendPrior {
         normals.into_iter().map(DVec3::normalize_or_zero).collect()
     }
 
-    /// E at shape `x`.
-    pub fn value(&self, cloth: &Cloth, x: &[DVec3]) -> f64 {
-        let normals = self.normals(x);
-        let of = |((spring, rest), scale): ((&AngleSpring, &f64), &f64)| {
-            cauchy((height(spring, x, &normals) - rest) * scale, self.tail).0
-        };
-        cloth.bends.iter().zip(&self.rest).zip(&self.scale).map(of).sum()
+    /// E with given normals.
+    fn value_with(&self, normals: &[DVec3], x: &[DVec3]) -> f64 {
+        let springs = self.cloth.bends.iter().zip(&self.rest).zip(&self.scale);
+        springs.map(|((spring, rest), s)| cauchy((height(spring, x, normals) - rest) * s, self.tail).0).sum()
+    }
+}
+
+impl Term for SignedBend<'_> {
+    fn name(&self) -> &'static str {
+        "signed_bend"
     }
 
-    /// Adds the gradient and the Gauss-Newton Hessian of [`value`](Self::value).
-    pub fn add_system(&self, cloth: &Cloth, x: &[DVec3], gradient: &mut [DVec3], matrix: &mut BlockMatrix) {
+    fn value(&self, x: &[DVec3]) -> f64 {
+        self.value_with(&self.normals(x), x)
+    }
+
+    /// The matrix is that of Gauss and Newton.
+    fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
+        let pattern = &self.cloth.pattern;
         let normals = self.normals(x);
-        for ((spring, rest), scale) in cloth.bends.iter().zip(&self.rest).zip(&self.scale) {
+        let mut value = 0.0;
+        for ((spring, rest), scale) in self.cloth.bends.iter().zip(&self.rest).zip(&self.scale) {
             let residual = height(spring, x, &normals) - rest;
-            let w = cauchy(residual * scale, self.tail).1 * scale * scale;
+            let (rho, weight) = cauchy(residual * scale, self.tail);
+            value += rho;
+            let w = weight * scale * scale;
             let [a, o, c] = spring.vertices.map(|v| v as usize);
             let n = normals[o];
-            let nn = DMat3::from_cols(n * n.x, n * n.y, n * n.z) * w;
+            let nn = outer(n, n) * w;
             for (v, s) in [(a, 1.0), (o, -2.0), (c, 1.0)] {
-                gradient[v] += n * (w * residual * s);
-                matrix.add_diagonal(&cloth.pattern, v, &(nn * (s * s)));
+                system.gradient[v] += n * (w * residual * s);
+                system.matrix.add_diagonal(pattern, v, &(nn * (s * s)));
             }
             let [ao, ac, oc] = spring.pairs;
             for (pair, s) in [(ao, -2.0), (ac, 1.0), (oc, -2.0)] {
-                matrix.add_pair(&cloth.pattern, pair, &(nn * s));
+                system.matrix.add_pair(pattern, pair, &(nn * s));
             }
         }
+        value
+    }
+
+    fn held<'s>(&'s self, x: &[DVec3]) -> Option<Box<dyn Fn(&[DVec3]) -> f64 + 's>> {
+        let normals = self.normals(x);
+        Some(Box::new(move |x| self.value_with(&normals, x)))
     }
 }
 
@@ -91,8 +109,8 @@ fn height(spring: &AngleSpring, x: &[DVec3], normals: &[DVec3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::dot;
     use crate::math::rng::Rng;
-    use crate::math::{dot, flat, gradient_check, vectors};
     use crate::mesh::grid;
     use glam::DVec2;
 
@@ -106,45 +124,27 @@ mod tests {
         let mut mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
         mesh.positions = bent(1.0);
         let cloth = Cloth::new(&mesh);
-        let prior = SignedBendPrior::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
-        assert!(prior.value(&cloth, &bent(1.0)) < 1e-20);
-        assert!(prior.value(&cloth, &bent(-1.0)) > 1.0);
+        let prior = SignedBend::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
+        assert!(prior.value(&bent(1.0)) < 1e-20);
+        assert!(prior.value(&bent(-1.0)) > 1.0);
         let k = crate::sim::Stiffness::uniform(&cloth, [1.0; 3]);
         assert!(cloth.energy(&k, &bent(-1.0)).total() < 1e-20, "the springs do not see it");
     }
 
     #[test]
-    fn gradient_is_that_of_the_value_with_fixed_normals() {
+    fn without_tail_the_matrix_is_the_second_derivative_at_fixed_normals() {
         let mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
         let cloth = Cloth::new(&mesh);
-        let prior = SignedBendPrior::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
+        let prior = SignedBend::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 1e9);
         let mut rng = Rng::new(2, 0);
         let x: Positions = bent(1.0).iter().map(|p| *p + rng.vector() * 1e-3).collect();
-        let normals = prior.normals(&x);
-        let mut gradient = vec![DVec3::ZERO; x.len()];
-        let mut matrix = BlockMatrix::zeros(&cloth.pattern);
-        prior.add_system(&cloth, &x, &mut gradient, &mut matrix);
-        let value = |x: &[DVec3]| -> f64 {
-            let of = |(k, h): (usize, &AngleSpring)| {
-                cauchy((height(h, x, &normals) - prior.rest[k]) * prior.scale[k], prior.tail).0
-            };
-            cloth.bends.iter().enumerate().map(of).sum()
-        };
-        let worst = gradient_check::check(flat(&x), flat(&gradient), 1e-5, 10, 1, |x| value(&vectors(x)));
-        assert!(worst.relative_error < 1e-7, "{worst:?}");
-        // Without tail and with fixed normals the value is quadratic: the matrix is its second derivative.
-        let plain = SignedBendPrior { tail: 1e9, ..prior.clone() };
-        let (mut gradient, mut matrix) = (vec![DVec3::ZERO; x.len()], BlockMatrix::zeros(&cloth.pattern));
-        plain.add_system(&cloth, &x, &mut gradient, &mut matrix);
-        let value = |x: &[DVec3]| -> f64 {
-            let of = |(k, h): (usize, &AngleSpring)| {
-                ((height(h, x, &normals) - plain.rest[k]) * plain.scale[k]).powi(2)
-            };
-            0.5 * cloth.bends.iter().enumerate().map(of).sum::<f64>()
-        };
+        let mut system = FrameSystem::zeros(&cloth);
+        let value = prior.add_system(&x, &mut system);
+        let held = prior.held(&x).unwrap();
         let d: Positions = x.iter().map(|_| rng.vector() * 1e-3).collect();
         let moved: Positions = x.iter().zip(&d).map(|(x, d)| *x + *d).collect();
-        let predicted = value(&x) + dot(&gradient, &d) + 0.5 * dot(&d, &matrix.multiply(&cloth.pattern, &d));
-        assert!((value(&moved) - predicted).abs() < 1e-6 * predicted, "{} {predicted}", value(&moved));
+        let curved = dot(&d, &system.matrix.multiply(&cloth.pattern, &d));
+        let predicted = value + dot(&system.gradient, &d) + 0.5 * curved;
+        assert!((held(&moved) - predicted).abs() < 1e-6 * predicted, "{} {predicted}", held(&moved));
     }
 }

@@ -1,13 +1,14 @@
 //! NumPy arrays (.npy) of floats: point clouds [n, 3] and moving meshes [N, V, 3].
 
+mod header;
+
 use std::path::Path;
 
 use glam::DVec3;
-use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_bounded};
-use crate::mesh::Positions;
+use crate::mesh::{Motion, Positions};
 
 /// Largest file read [bytes]; 4 GiB is 10,000 frames of 17,000 vertices.
 const MAX_BYTES: u64 = 4 << 30;
@@ -31,60 +32,36 @@ pub fn read(path: &Path) -> Result<Array> {
             "write it again with numpy.save(path, array.astype(\"float32\"))",
         )
     };
-    if nesting(&bytes) > MAX_NESTING {
-        return Err(fail("has a header of nested lists".to_owned()));
-    }
-    let mut rest = &bytes[..];
-    let header = npyz::NpyHeader::from_reader(&mut rest)
+    let (header, rest) = header::read(&bytes)
         .map_err(|e| fail(format!("is not a readable .npy file of {} bytes: {e}", bytes.len())))?;
-    let size = match header.dtype() {
-        DType::Plain(t) if t.type_char() == TypeChar::Float && matches!(t.size_field(), 4 | 8) => {
-            t.size_field()
-        }
-        other => return Err(fail(format!("holds {}, expected float32 or float64", other.descr()))),
+    let (big_endian, size) = match &*header.descr {
+        "<f4" | "=f4" => (false, 4),
+        "<f8" | "=f8" => (false, 8),
+        ">f4" => (true, 4),
+        ">f8" => (true, 8),
+        other => return Err(fail(format!("holds '{other}', expected float32 or float64"))),
     };
     // Check the promise of the header before any memory is set aside for it.
-    let promised = header.shape().iter().try_fold(size, |product, n| product.checked_mul(*n));
+    let promised = header.shape.iter().try_fold(size, |product: u64, n| product.checked_mul(*n));
     if promised != Some(rest.len() as u64) {
         return Err(fail(format!(
             "promises shape {:?} of {size}-byte values but holds {} bytes of them",
-            header.shape(),
+            header.shape,
             rest.len()
         )));
     }
-    let shape: Vec<usize> = header.shape().iter().map(|n| *n as usize).collect();
-    let fortran = header.order() == Order::Fortran;
-    let file = NpyFile::with_header(header, rest);
+    let shape: Vec<usize> = header.shape.iter().map(|n| *n as usize).collect();
     let data = match size {
-        4 => file.into_vec::<f32>().map(|v| v.into_iter().map(f64::from).collect()),
-        _ => file.into_vec::<f64>(),
+        4 => numbers(rest, if big_endian { f32::from_be_bytes } else { f32::from_le_bytes }),
+        _ => numbers(rest, if big_endian { f64::from_be_bytes } else { f64::from_le_bytes }),
     };
-    let data = data.map_err(|e| fail(format!("cannot be decoded: {e}")))?;
-    let data = if fortran { c_order(&shape, &data) } else { data };
+    let data = if header.fortran_order { c_order(&shape, &data) } else { data };
     Ok(Array { shape, data })
 }
 
-/// Deepest nesting of brackets in the header's text. Arrays of numbers need two; the parser's time doubles with each.
-const MAX_NESTING: usize = 8;
-
-/// How deep the brackets are nested in the header of a file.
-fn nesting(bytes: &[u8]) -> usize {
-    // Magic, version, length: 2 bytes in version 1, 4 in later ones.
-    let length = match bytes.get(6..12) {
-        Some([1, _, a, b, ..]) => usize::from(u16::from_le_bytes([*a, *b])) + 10,
-        Some([_, _, a, b, c, d]) => (u32::from_le_bytes([*a, *b, *c, *d]) as usize).saturating_add(12),
-        _ => 0,
-    };
-    let (mut depth, mut deepest) = (0_usize, 0);
-    for byte in &bytes[..length.min(bytes.len())] {
-        match byte {
-            b'[' | b'(' | b'{' => depth += 1,
-            b']' | b')' | b'}' => depth = depth.saturating_sub(1),
-            _ => {}
-        }
-        deepest = deepest.max(depth);
-    }
-    deepest
+/// The values stored as `N` bytes each.
+fn numbers<const N: usize, T: Into<f64>>(bytes: &[u8], value: fn([u8; N]) -> T) -> Vec<f64> {
+    bytes.as_chunks().0.iter().map(|b| value(*b).into()).collect()
 }
 
 /// `data`, stored with the first axis running fastest, in C order.
@@ -112,7 +89,15 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
     }
 }
 
-/// Reads a moving mesh [m], shape [N, V, 3], all finite.
+/// Reads a motion [m], shape [N, V, 3].
+pub fn read_motion(path: &Path) -> Result<Motion> {
+    Motion::new(read_shapes(path)?).map_err(|error| match error {
+        Error::Input { problem, hint, .. } => Error::input(path.display().to_string(), problem, hint),
+        other => other,
+    })
+}
+
+/// Reads a field of vectors over a mesh and time, shape [N, V, 3], all finite; N may be 0.
 pub fn read_shapes(path: &Path) -> Result<Vec<Positions>> {
     let array = read(path)?;
     match array.shape[..] {
@@ -144,29 +129,44 @@ fn vectors(path: &Path, array: &Array) -> Result<Vec<DVec3>> {
     Ok(array.data.chunks_exact(3).map(DVec3::from_slice).collect())
 }
 
+/// A number that [`encode`] can store.
+pub trait Number: Copy {
+    /// What NumPy calls the type.
+    const DESCR: &str;
+
+    /// Appends the number's bytes, the lowest one first.
+    fn append(self, bytes: &mut Vec<u8>);
+}
+
+macro_rules! numbers {
+    ($($number:ty = $descr:literal),+) => {$(
+        impl Number for $number {
+            const DESCR: &str = $descr;
+
+            fn append(self, bytes: &mut Vec<u8>) {
+                bytes.extend_from_slice(&self.to_le_bytes());
+            }
+        }
+    )+};
+}
+numbers!(f32 = "<f4", f64 = "<f8", u32 = "<u4");
+
 /// Writes `data` (numbers in C order) with this shape.
-pub fn write<T: npyz::AutoSerialize + Copy>(path: &Path, shape: &[usize], data: &[T]) -> Result<()> {
+pub fn write<T: Number>(path: &Path, shape: &[usize], data: &[T]) -> Result<()> {
     atomic_write(path, &encode(shape, data))
 }
 
 /// The bytes of a .npy file of `data` (numbers in C order) with this shape.
-pub fn encode<T: npyz::AutoSerialize + Copy>(shape: &[usize], data: &[T]) -> Vec<u8> {
+pub fn encode<T: Number>(shape: &[usize], data: &[T]) -> Vec<u8> {
     assert_eq!(
         shape.iter().product::<usize>(),
         data.len(),
         "shape {shape:?} does not fit {} values",
         data.len()
     );
-    let shape: Vec<u64> = shape.iter().map(|n| *n as u64).collect();
-    let mut bytes = Vec::new();
-    let written =
-        npyz::WriteOptions::new().default_dtype().shape(&shape).writer(&mut bytes).begin_nd().and_then(
-            |mut writer| {
-                writer.extend(data.iter().copied())?;
-                writer.finish()
-            },
-        );
-    written.expect("a vector takes every byte");
+    let mut bytes = header::write(T::DESCR, shape);
+    bytes.reserve(size_of_val(data));
+    data.iter().for_each(|v| v.append(&mut bytes));
     bytes
 }
 

@@ -1,0 +1,50 @@
+//! Command lines that repeat what was done.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use tessuto::config::Preset;
+use tessuto::run::RunOptions;
+use tessuto::run::appearance::{AppearanceOptions, MotionSource};
+use tessuto::text::quoted;
+
+const PRESETS: [(&str, Preset); 2] = [("default", Preset::Default), ("saft", Preset::Saft)];
+
+/// The preset of this name.
+pub fn parse_preset(text: &str) -> Result<Preset, String> {
+    let found = PRESETS.iter().find(|(name, _)| *name == text);
+    found.map(|(_, preset)| *preset).ok_or_else(|| "the presets are: default, saft".to_owned())
+}
+
+/// `tessuto reconstruct` with the preset of `options` and every setting that differs from it.
+pub fn reconstruct(scene: &Path, out: &Path, options: &RunOptions) -> String {
+    let settings = &options.config;
+    let preset = PRESETS.iter().find(|(_, preset)| *preset == settings.preset).map_or("default", |p| p.0);
+    let mut command =
+        format!("tessuto reconstruct {} --out {} --preset {preset}", quoted(scene), quoted(out));
+    if let Some(frames) = &options.frames {
+        let _ = write!(command, " --frames {}..{}", frames.start, frames.end);
+    }
+    for (key, value) in settings.changes() {
+        let _ = write!(command, " --set {key}={value}");
+    }
+    if !options.appearance {
+        command.push_str(" --no-appearance");
+    }
+    command
+}
+
+/// `tessuto appearance` with `options`.
+pub fn appearance(scene: &Path, result: &Path, options: &AppearanceOptions) -> String {
+    let mut command = format!("tessuto appearance {} {}", quoted(scene), quoted(result));
+    if options.motion == MotionSource::Truth {
+        command.push_str(" --motion gt");
+    }
+    for change in &options.changes {
+        let _ = write!(command, " --set {change}");
+    }
+    if let Some(seed) = options.seed {
+        let _ = write!(command, " --seed {seed}");
+    }
+    command
+}

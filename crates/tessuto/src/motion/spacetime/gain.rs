@@ -1,0 +1,137 @@
+//! Gains: the brightness of every vertex and channel relative to the first frame that explains a frame best.
+
+use crate::motion::observed::samples::SurfaceSamples;
+use crate::motion::terms::colour::PointColours;
+use crate::motion::terms::robust::geman_mcclure;
+
+/// Jacobi iterations; each starts from the last, so that the gains of a frame settle over the steps of the search.
+const ITERATIONS: usize = 30;
+/// Pull to 1, relative to the smoothness, that keeps the gains of what is never seen defined.
+const PULL: f64 = 1e-3;
+
+/// Moves `gain`, shape [V, 3], towards the minimum of
+///
+///   ½ Σ_p w_p (g_p T_p − I_p)² + ½ λ [ Σ_edges (g_a − g_b)² + 1e-3 Σ_v (g_v − 1)² ]
+///
+/// in each channel, by Jacobi iterations. I is `observed`, T `reference`, g_p linear over p's triangle (its products of
+/// two corners are lumped onto the diagonal), w_p the robust weight of spread `sigma` at the start, and λ is
+/// `smoothness` times the mean diagonal of the data.
+pub fn fit_gain(
+    samples: &SurfaceSamples,
+    adjacency: &[Vec<u32>],
+    reference: &PointColours,
+    observed: &PointColours,
+    smoothness: f64,
+    sigma: f64,
+    gain: &mut [[f32; 3]],
+) {
+    let data = normal_equations(samples, reference, observed, sigma, gain);
+    let seen = data.iter().filter(|d| d[1][1] > 0.0).count().max(1);
+    let lambda = [0, 1, 2].map(|k| {
+        let mean = data.iter().map(|d| d[k][1]).sum::<f64>() / seen as f64;
+        (smoothness * mean).max(1e-12)
+    });
+    for _ in 0..ITERATIONS {
+        let old = gain.to_vec();
+        for (v, around) in adjacency.iter().enumerate() {
+            for k in 0..3 {
+                let sum: f64 = around.iter().map(|&n| f64::from(old[n as usize][k])).sum();
+                let [num, den] = data[v][k];
+                let pull = PULL * lambda[k];
+                gain[v][k] =
+                    ((num + lambda[k] * sum + pull) / (den + lambda[k] * around.len() as f64 + pull)) as f32;
+            }
+        }
+    }
+}
+
+/// Σ w b_v T I and Σ w b_v T² of every vertex and channel, b_v the vertex's barycentric weight at a point.
+fn normal_equations(
+    samples: &SurfaceSamples,
+    reference: &PointColours,
+    observed: &PointColours,
+    sigma: f64,
+    gain: &[[f32; 3]],
+) -> Vec<[[f64; 2]; 3]> {
+    let mut data = vec![[[0.0f64; 2]; 3]; gain.len()];
+    for ((point, t), i) in samples.points.iter().zip(reference).zip(observed) {
+        let (Some(t), Some(i)) = (t, i) else { continue };
+        let corners = samples.triangles[point.triangle as usize];
+        let predicted = |k: usize| -> f32 {
+            (0..3).map(|c| point.weights[c] as f32 * gain[corners[c] as usize][k]).sum::<f32>() * t[k]
+        };
+        let sq: f64 = (0..3).map(|k| f64::from(predicted(k) - i[k]).powi(2)).sum();
+        let ratio = geman_mcclure(sq, sigma).1;
+        for (c, &v) in corners.iter().enumerate() {
+            for k in 0..3 {
+                let w = point.weights[c] * ratio * f64::from(t[k]);
+                data[v as usize][k][0] += w * f64::from(i[k]);
+                data[v as usize][k][1] += w * f64::from(t[k]);
+            }
+        }
+    }
+    data
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera;
+    use crate::math::gradient_check::check;
+    use crate::math::rng::Rng;
+    use crate::mesh::grid;
+    use glam::DVec2;
+
+    const SIGMA: f64 = 0.1;
+
+    /// Samples of a flat cloth, its adjacency, colours T and colours I = gain·T.
+    fn clip(gain: f32) -> (SurfaceSamples, Vec<Vec<u32>>, PointColours, PointColours) {
+        let mesh = grid(5, 4, DVec2::new(0.2, 0.15), 1.0);
+        let camera = Camera { fx: 200.0, fy: 200.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
+        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera);
+        let mut rng = Rng::new(1, 0);
+        let mut colour = || 0.5 + 0.3 * rng.signed() as f32;
+        let reference: PointColours =
+            samples.points.iter().map(|_| Some([colour(), colour(), colour()])).collect();
+        let observed = reference.iter().map(|t| t.map(|t| t.map(|t| gain * t))).collect();
+        (samples, mesh.neighbours(), reference, observed)
+    }
+
+    #[test]
+    fn the_normal_equations_are_the_derivative_of_the_squares() {
+        let (samples, _, reference, observed) = clip(1.2);
+        let mut rng = Rng::new(2, 0);
+        let gain: Vec<[f32; 3]> = (0..20).map(|_| [1.0 + 0.05 * rng.signed() as f32; 3]).collect();
+        let data = normal_equations(&samples, &reference, &observed, 1e9, &gain);
+        let gradient: Vec<f64> =
+            data.iter().zip(&gain).map(|(d, g)| d[1][1] * f64::from(g[1]) - d[1][0]).collect();
+        let squares = |g: &[f64]| -> f64 {
+            let colours = reference.iter().zip(&observed).map(|(t, i)| [t.unwrap()[1], i.unwrap()[1]]);
+            let of_point =
+                |(point, [t, i]): (&crate::motion::observed::samples::SurfaceSample, [f32; 2])| -> f64 {
+                    let corners = samples.triangles[point.triangle as usize];
+                    let term = |c: usize| (g[corners[c] as usize] * f64::from(t) - f64::from(i)).powi(2);
+                    (0..3).map(|c| 0.5 * point.weights[c] * term(c)).sum()
+                };
+            samples.points.iter().zip(colours).map(of_point).sum()
+        };
+        let at: Vec<f64> = gain.iter().map(|g| f64::from(g[1])).collect();
+        let worst = check(&at, &gradient, 1e-4, 10, 3, squares);
+        println!("{worst:?}");
+        assert!(worst.relative_error < 1e-6, "{worst:?}");
+    }
+
+    #[test]
+    fn a_change_of_brightness_is_found_and_outliers_are_not() {
+        let (samples, adjacency, reference, mut observed) = clip(1.2);
+        // One point in fifty shows something else.
+        observed.iter_mut().step_by(50).for_each(|i| *i = Some([0.0, 1.0, 0.0]));
+        let mut gain = vec![[1.0f32; 3]; 20];
+        for _ in 0..30 {
+            fit_gain(&samples, &adjacency, &reference, &observed, 1.0, SIGMA, &mut gain);
+        }
+        for g in gain.iter().flatten() {
+            assert!((g - 1.2).abs() < 0.01, "{g}");
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! One step on all frames together.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::acceleration::{self, second_differences, second_differences_transposed};
+use super::{LevelSearch, Positions};
+use crate::math::conjugate_gradients::conjugate_gradients;
+use crate::math::factor::{Factor, Scratch};
+use crate::motion::terms::{FrameSystem, TERMS};
+use crate::sim::Cloth;
+
+/// Conjugate gradients end when the square of the preconditioned residual has fallen to this fraction, or after so many
+/// iterations.
+const CG_TOLERANCE: f64 = 1e-4;
+const CG_LIMIT: usize = 60;
+
+/// What [`LevelSearch::joint_step`] found.
+pub(super) struct JointStep {
+    /// Sum over the frames of every term before the step.
+    pub terms: [f64; TERMS],
+    /// The acceleration term before the step.
+    pub acceleration: f64,
+    /// Positions after it, shape [N, V]; `None` if it does not lower E.
+    pub next: Option<Vec<Positions>>,
+}
+
+impl JointStep {
+    /// E before the step.
+    pub fn value(&self) -> f64 {
+        self.terms.iter().sum::<f64>() + self.acceleration
+    }
+}
+
+impl LevelSearch<'_, '_> {
+    /// One Gauss-Newton step on the frames 1 … N−1, damped by κλ with the weight κ of the acceleration term.
+    pub fn joint_step(&self, frames: &[Positions], lambda: f64) -> JointStep {
+        let cloth = self.problem.cloth;
+        let kappa = self.problem.acceleration_weight();
+        // Linearise every frame.
+        let linearised: Vec<_> =
+            frames.par_iter().enumerate().skip(1).map(|(n, x)| self.terms(n).linearise(cloth, x)).collect();
+        let mut terms = [0.0; TERMS];
+        linearised.iter().for_each(|(values, _)| (0..TERMS).for_each(|k| terms[k] += values[k]));
+        let systems: Vec<FrameSystem> = linearised.into_iter().map(|(_, system)| system).collect();
+        let mut step = JointStep { terms, acceleration: acceleration::value(frames, kappa), next: None };
+        // Solve for the step.
+        let joint = JointSystem { cloth, systems: &systems, kappa, lambda };
+        let gradient = joint.gradient(frames);
+        let change = joint.solve(&gradient);
+        // Take it if it helps.
+        let mut next = frames.to_vec();
+        for (x, s) in next[1..].iter_mut().zip(&change) {
+            x.iter_mut().zip(s).for_each(|(x, s)| *x -= *s);
+        }
+        let values: Vec<f64> =
+            next.par_iter().enumerate().skip(1).map(|(n, x)| self.terms(n).value(x)).collect();
+        let next_value = values.iter().sum::<f64>() + acceleration::value(&next, kappa);
+        step.next = (next_value <= step.value()).then_some(next);
+        step
+    }
+}
+
+/// The system H + κ DᵀD + κλ over the frames 1 … N−1, with the frames' own matrices in H.
+pub(super) struct JointSystem<'a> {
+    pub cloth: &'a Cloth,
+    pub systems: &'a [FrameSystem],
+    /// Weight κ of the acceleration term [1/m²].
+    pub kappa: f64,
+    pub lambda: f64,
+}
+
+impl JointSystem<'_> {
+    /// ∂E/∂x at `frames`, shape [N−1, V].
+    pub fn gradient(&self, frames: &[Positions]) -> Vec<Positions> {
+        let bent = bend_in_time(frames);
+        let frame = |(system, bent): (&FrameSystem, &Positions)| {
+            system.gradient.iter().zip(bent).map(|(g, b)| *g + *b * self.kappa).collect()
+        };
+        self.systems.iter().zip(&bent[1..]).map(frame).collect()
+    }
+
+    pub fn multiply(&self, p: &[Positions]) -> Vec<Positions> {
+        let mut padded = vec![vec![DVec3::ZERO; self.cloth.vertex_count()]];
+        padded.extend_from_slice(p);
+        let bent = bend_in_time(&padded);
+        (0..p.len())
+            .into_par_iter()
+            .map(|n| {
+                let mut out = self.systems[n].matrix.multiply(&self.cloth.pattern, &p[n]);
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out += (bent[n + 1][i] + p[n][i] * self.lambda) * self.kappa;
+                }
+                out
+            })
+            .collect()
+    }
+
+    /// Cholesky factor of every frame's block, its neighbours in time left out.
+    fn factors(&self) -> Vec<Factor> {
+        let Cloth { pattern, analysis, .. } = self.cloth;
+        let ones = vec![1.0; self.cloth.vertex_count()];
+        let factor = |scratch: &mut Scratch, system: &FrameSystem| {
+            let mut matrix = system.matrix.clone();
+            matrix.add_masses(pattern, &ones, self.kappa * (acceleration::DIAGONAL + self.lambda));
+            analysis.factorize(pattern, &matrix, scratch)
+        };
+        self.systems.par_iter().map_init(Scratch::default, factor).collect()
+    }
+
+    /// Solves the system for `rhs`, shape [N−1, V].
+    pub fn solve(&self, rhs: &Vec<Positions>) -> Vec<Positions> {
+        let Cloth { pattern, analysis, .. } = self.cloth;
+        let factors = self.factors();
+        let precondition = |r: &Vec<Positions>| -> Vec<Positions> {
+            let solve =
+                |scratch: &mut Scratch, (r, f): (&Positions, &Factor)| analysis.solve(pattern, f, r, scratch);
+            r.par_iter().zip(&factors).map_init(Scratch::default, solve).collect()
+        };
+        conjugate_gradients(rhs, |p| self.multiply(p), precondition, CG_TOLERANCE, CG_LIMIT).0
+    }
+}
+
+/// DᵀD x of the second differences D in time.
+fn bend_in_time(frames: &[Positions]) -> Vec<Positions> {
+    second_differences_transposed(&second_differences(frames), [frames.len(), frames[0].len()])
+}

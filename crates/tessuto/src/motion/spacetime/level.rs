@@ -1,0 +1,122 @@
+//! The search at one resolution: what the frames are compared with, and the terms of each.
+
+use rayon::prelude::*;
+
+use super::gain::fit_gain;
+use super::{Positions, Problem};
+use crate::motion::observed::samples::SurfaceSamples;
+use crate::motion::terms::FrameTerms;
+use crate::motion::terms::colour::{Colour, PointColours};
+use crate::motion::terms::outline::Outline;
+
+/// State of the search at one level of the pyramid.
+pub(super) struct LevelSearch<'p, 'a> {
+    pub problem: &'p Problem<'a>,
+    level: usize,
+    samples: SurfaceSamples,
+    /// What the first frame shows at the samples.
+    reference: PointColours,
+    /// Gains of every frame, shape [N, V, 3].
+    pub gains: Vec<Vec<[f32; 3]>>,
+    /// What the adjacent frames show at the samples, shape [N]; empty while not known.
+    adjacent: Vec<PointColours>,
+}
+
+impl<'a> Problem<'a> {
+    /// The search at `level`, with gains of 1.
+    pub(super) fn at_level(&self, level: usize) -> LevelSearch<'_, 'a> {
+        let template = &self.scene.template;
+        let first = &self.observed.levels[0][level];
+        let samples = SurfaceSamples::new(template, &template.positions, &first.camera);
+        let frame_count = self.scene.frames.len();
+        LevelSearch {
+            problem: self,
+            level,
+            reference: samples.observe(first, &template.positions),
+            samples,
+            gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
+            adjacent: vec![PointColours::new(); frame_count],
+        }
+    }
+}
+
+impl LevelSearch<'_, '_> {
+    /// The terms of one frame.
+    pub fn terms(&self, frame: usize) -> FrameTerms<'_> {
+        let p = self.problem;
+        let s = &p.settings;
+        // Pixels of level 0 in one of this level.
+        let area = (1usize << (2 * self.level)) as f64;
+        FrameTerms {
+            priors: &p.priors,
+            colour: Colour {
+                cloth: p.cloth,
+                samples: &self.samples,
+                level: &p.observed.levels[frame][self.level],
+                reference: &self.reference,
+                gain: &self.gains[frame],
+                adjacent: &self.adjacent[frame],
+                adjacent_weight: s.neighbour_weight,
+                sigma: s.colour,
+                weight: area / (s.colour * s.colour * s.colour_area),
+            },
+            outline: Outline {
+                cloth: p.cloth,
+                boundary: &p.boundary,
+                distance: &p.observed.outlines[frame],
+                camera: &p.scene.camera,
+                sigma: s.outline,
+                weight: 1.0 / (s.outline * s.outline * s.outline_length),
+            },
+        }
+    }
+
+    /// What `frame` shows at the samples of the mesh at `x`.
+    pub fn observe(&self, frame: usize, x: &Positions) -> PointColours {
+        self.samples.observe(&self.problem.observed.levels[frame][self.level], x)
+    }
+
+    /// Fits the gains of one frame to its positions.
+    pub fn update_gain(&mut self, frame: usize, x: &Positions) {
+        let observed = self.observe(frame, x);
+        let mut gain = std::mem::take(&mut self.gains[frame]);
+        self.fit_gain(&observed, &mut gain);
+        self.gains[frame] = gain;
+    }
+
+    /// Compares `frame` with what `adjacent` shows from now on; with nothing if that is empty.
+    pub fn set_adjacent(&mut self, frame: usize, adjacent: PointColours) {
+        self.adjacent[frame] = adjacent;
+    }
+
+    /// Fits the gains of all frames, and what their adjacent frames show, to the present positions.
+    pub fn update_references(&mut self, frames: &[Positions]) {
+        let observed: Vec<PointColours> =
+            frames.par_iter().enumerate().map(|(n, x)| self.observe(n, x)).collect();
+        let mut gains = std::mem::take(&mut self.gains);
+        gains.par_iter_mut().zip(&observed).skip(1).for_each(|(gain, seen)| self.fit_gain(seen, gain));
+        self.gains = gains;
+        if self.problem.settings.neighbour_weight > 0.0 {
+            self.adjacent = (0..frames.len()).map(|n| adjacent_mean(&observed, n)).collect();
+        }
+    }
+
+    fn fit_gain(&self, observed: &PointColours, gain: &mut [[f32; 3]]) {
+        let s = &self.problem.settings;
+        let adjacency = &self.problem.adjacency;
+        fit_gain(&self.samples, adjacency, &self.reference, observed, s.gain_smoothness, s.colour, gain);
+    }
+}
+
+/// Mean of what the frames before and after `n` show; of the one that there is at the ends and where only one sees a point.
+fn adjacent_mean(observed: &[PointColours], n: usize) -> PointColours {
+    let mean = |a: &Option<[f32; 3]>, b: &Option<[f32; 3]>| match (a, b) {
+        (Some(a), Some(b)) => Some([0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))),
+        (a, b) => a.or(*b),
+    };
+    let before = &observed[n.saturating_sub(1)];
+    match observed.get(n + 1) {
+        Some(after) => before.iter().zip(after).map(|(a, b)| mean(a, b)).collect(),
+        None => before.clone(),
+    }
+}

@@ -1,0 +1,193 @@
+//! Every term of the objective against finite differences, and the joint system against its parts.
+
+use glam::DVec3;
+
+use super::joint::JointSystem;
+use super::{LevelSearch, Problem, SpacetimeSettings, acceleration};
+use crate::camera::{Camera, Rect};
+use crate::image::Image;
+use crate::math::gradient_check::{Worst, check, check_coarse};
+use crate::math::rng::Rng;
+use crate::math::{dot, flat, vectors};
+use crate::mesh::{Mesh, Positions, grid};
+use crate::motion::terms::{FrameSystem, FrameTerms, Term};
+use crate::scene::{Scene, Truth};
+use crate::sim::Cloth;
+use crate::video::{Frame, Video};
+
+const SIZE: usize = 96;
+const FRAMES: usize = 4;
+
+/// Smooth colours that differ a little from frame to frame, in a round mask that is a few pixels larger than the cloth:
+/// the objective has no jumps where a point comes into view.
+fn frame(n: usize) -> Frame {
+    let (mut rgb, mut mask) = (Image::new(SIZE, SIZE, 3), Image::new(SIZE, SIZE, 1));
+    for y in 0..SIZE {
+        for x in 0..SIZE {
+            let (u, v) = (x as f32 + 0.6 * n as f32, y as f32 - 0.4 * n as f32);
+            for c in 0..3 {
+                let k = c as f32 + 1.0;
+                let wave = (0.05 * k * u).sin() * (0.06 * v + k).cos() + 0.5 * (0.03 * (u + k * v)).sin();
+                rgb.data[3 * (y * SIZE + x) + c] = 0.5 + 0.25 * wave;
+            }
+            let r = (x as f32 - 47.5).hypot(y as f32 - 47.5);
+            mask.data[y * SIZE + x] = f32::from(r < 44.0);
+        }
+    }
+    Frame { rgb, mask }
+}
+
+fn scene() -> Scene {
+    let camera = Camera { fx: 300.0, fy: 290.0, cx: 47.5, cy: 47.5, width: SIZE, height: SIZE };
+    let flat = grid(7, 6, glam::DVec2::new(0.18, 0.15), 1.0);
+    let positions = flat.positions.iter().map(|p| *p + DVec3::Z * (1.5 * p.x * p.x + 0.3 * p.y)).collect();
+    Scene {
+        name: "proof".into(),
+        folder: "proof".into(),
+        fps: 50.0,
+        camera,
+        crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
+        full_size: [SIZE, SIZE],
+        first_frame: 0,
+        template: Mesh { positions, ..flat },
+        frames: Video::from((0..FRAMES).map(frame).collect::<Vec<_>>()),
+        truth: Truth::default(),
+    }
+}
+
+/// Positions of every frame, off by about a millimetre, so that every residual is there.
+fn disturbed(scene: &Scene) -> Vec<Positions> {
+    let mut rng = Rng::new(4, 0);
+    let mut near = |x: &Positions| x.iter().map(|p| *p + rng.vector() * 1.5e-3).collect();
+    let mut frames = vec![scene.template.positions.clone()];
+    (1..FRAMES).for_each(|_| frames.push(near(&scene.template.positions)));
+    frames
+}
+
+/// Calls `test` with a search whose gains and adjacent frames are known.
+fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
+    let scene = scene();
+    let cloth = Cloth::new(&scene.template);
+    // Many points: what 32 bits leave over evens out.
+    let settings = SpacetimeSettings { finest: 0, coarsest: 0, ..SpacetimeSettings::default() };
+    let problem = Problem::new(&scene, &cloth, settings).unwrap();
+    let frames = disturbed(&scene);
+    let mut search = problem.at_level(0);
+    search.update_references(&frames);
+    let mut rng = Rng::new(8, 0);
+    let gains = search.gains.iter_mut().flatten().flatten();
+    gains.for_each(|g| *g *= 1.0 + 0.1 * rng.signed() as f32);
+    test(&search, &frames);
+}
+
+fn system_of(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> (f64, FrameSystem) {
+    let mut system = FrameSystem::zeros(cloth);
+    (term.add_system(x, &mut system), system)
+}
+
+/// The function that a term's gradient at `x` belongs to.
+fn differentiated<'t>(term: &'t dyn Term, x: &[DVec3]) -> Box<dyn Fn(&[DVec3]) -> f64 + 't> {
+    term.held(x).unwrap_or_else(|| Box::new(move |x| term.value(x)))
+}
+
+/// Terms of images are sums of numbers of 32 bits, sampled bilinearly.
+fn of_images(term: &dyn Term) -> bool {
+    ["colour", "outline"].contains(&term.name())
+}
+
+fn gradient_error(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> Worst {
+    let function = differentiated(term, x);
+    let gradient = system_of(term, cloth, x).1.gradient;
+    let function = |x: &[f64]| function(&vectors(x));
+    match of_images(term) {
+        true => check_coarse(flat(x), flat(&gradient), 1e-4, 20, 1, function),
+        false => check(flat(x), flat(&gradient), 1e-7, 20, 1, function),
+    }
+}
+
+#[test]
+fn every_term_agrees_with_central_differences() {
+    with_search(|search, frames| {
+        let terms: FrameTerms = search.terms(2);
+        for term in terms.list() {
+            let worst = gradient_error(term, search.problem.cloth, &frames[2]);
+            println!("{:<12} {worst:?}", term.name());
+            let bound = if of_images(term) { 1e-3 } else { 1e-6 };
+            assert!(worst.relative_error <= bound, "{}: {worst:?}", term.name());
+        }
+    });
+}
+
+#[test]
+fn every_term_has_one_value_and_a_system_without_negative_curvature() {
+    with_search(|search, frames| {
+        let cloth = search.problem.cloth;
+        let mut rng = Rng::new(12, 0);
+        for term in search.terms(1).list() {
+            let x = &frames[1];
+            let (value, system) = system_of(term, cloth, x);
+            assert!(value > 0.0 && (value / term.value(x) - 1.0).abs() < 1e-12, "{}", term.name());
+            assert!((differentiated(term, x)(x) / value - 1.0).abs() < 1e-12, "{}", term.name());
+            for _ in 0..50 {
+                let d: Positions = x.iter().map(|_| rng.vector()).collect();
+                let curvature = dot(&d, &system.matrix.multiply(&cloth.pattern, &d));
+                assert!(curvature > 0.0, "{}: {curvature}", term.name());
+            }
+        }
+    });
+}
+
+#[test]
+fn the_joint_system_is_the_sum_of_its_parts() {
+    with_search(|search, frames| {
+        let (cloth, kappa, lambda) = (search.problem.cloth, search.problem.acceleration_weight(), 0.3);
+        let systems: Vec<FrameSystem> =
+            (1..FRAMES).map(|n| search.terms(n).linearise(cloth, &frames[n]).1).collect();
+        let joint = JointSystem { cloth, systems: &systems, kappa, lambda };
+        // Its gradient is that of all frames' terms and of the acceleration, each term with what it holds fixed.
+        let terms: Vec<FrameTerms> = (1..FRAMES).map(|n| search.terms(n)).collect();
+        let functions: Vec<Vec<_>> = terms
+            .iter()
+            .zip(&frames[1..])
+            .map(|(terms, x)| terms.list().map(|term| differentiated(term, x)).into_iter().collect())
+            .collect();
+        let objective = |numbers: &[f64]| -> f64 {
+            let mut moved = vec![frames[0].clone()];
+            moved.extend(numbers.chunks_exact(3 * frames[0].len()).map(vectors));
+            let of_frames: f64 =
+                functions.iter().zip(&moved[1..]).map(|(f, x)| f.iter().map(|f| f(x)).sum::<f64>()).sum();
+            of_frames + acceleration::value(&moved, kappa)
+        };
+        let numbers =
+            |frames: &[Positions]| frames.iter().flat_map(|x| flat(x)).copied().collect::<Vec<f64>>();
+        let gradient = joint.gradient(frames);
+        let worst = check_coarse(&numbers(&frames[1..]), &numbers(&gradient), 1e-4, 10, 1, objective);
+        println!("joint gradient {worst:?}");
+        assert!(worst.relative_error < 1e-3, "{worst:?}");
+        // Its product with a direction is that of H, DᵀD and the damping.
+        let mut rng = Rng::new(9, 0);
+        let mut random = || -> Vec<Positions> {
+            gradient.iter().map(|g| g.iter().map(|_| rng.vector()).collect()).collect()
+        };
+        let (a, b) = (random(), random());
+        let product = |a: &[Positions], b: &[Positions]| a.iter().zip(b).map(|(a, b)| dot(a, b)).sum::<f64>();
+        let with_first = |a: &[Positions]| -> Vec<Positions> {
+            std::iter::once(vec![DVec3::ZERO; a[0].len()]).chain(a.iter().cloned()).collect()
+        };
+        let [bent_a, bent_b] = [&a, &b].map(|v| acceleration::second_differences(&with_first(v)));
+        let frames_own: f64 =
+            (0..systems.len()).map(|n| dot(&a[n], &systems[n].matrix.multiply(&cloth.pattern, &b[n]))).sum();
+        let expected = frames_own + kappa * product(&bent_a, &bent_b) + kappa * lambda * product(&a, &b);
+        let found = product(&a, &joint.multiply(&b));
+        assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
+        // Its solution leaves nothing over that a hundredth of the gradient could tell.
+        let left: Vec<Positions> = joint
+            .multiply(&joint.solve(&gradient))
+            .iter()
+            .zip(&gradient)
+            .map(|(a, g)| a.iter().zip(g).map(|(a, g)| *a - *g).collect())
+            .collect();
+        let ratio = (product(&left, &left) / product(&gradient, &gradient)).sqrt();
+        assert!(ratio < 0.02, "{ratio}");
+    });
+}

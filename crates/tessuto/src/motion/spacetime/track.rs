@@ -1,0 +1,144 @@
+//! The start of the search: the fabric followed frame by frame.
+
+use serde::{Deserialize, Serialize};
+
+use super::{Fitted, LevelSearch, Positions, Problem, diverged};
+use crate::error::Result;
+use crate::math::damping::Damping;
+use crate::math::factor::Scratch;
+use crate::session::{Epoch, Session, foreign_state, named};
+
+/// Fraction of the last frame's velocity that a frame is expected to go on with.
+const INERTIA: f64 = 0.9;
+/// Damping at the start of each frame and level, relative to the acceleration term.
+const DAMPING: Damping =
+    Damping { lambda: 1e-3, accepted: 0.3, rejected: 10.0, least: 0.0, least_rejected: 1e-2 };
+/// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
+const STEPS: usize = 8;
+const ATTEMPTS: usize = 6;
+/// A frame is found when no vertex moves by more than this [m].
+const FOUND: f64 = 2e-5;
+
+/// What [`Problem::track`] goes on from.
+#[derive(Serialize, Deserialize)]
+struct Tracked {
+    /// Positions so far.
+    frames: Vec<Positions>,
+    /// Gains of the last of them, by resolution.
+    gains: Vec<Vec<[f32; 3]>>,
+}
+
+impl Problem<'_> {
+    /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one frame, with
+    /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
+    ///
+    /// If a frame's objective is no longer finite, the last good positions are held from there on and the failure is
+    /// returned with them.
+    ///
+    /// # Errors
+    /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    pub fn track(&self, session: &mut Session) -> Result<Fitted> {
+        let count = self.scene.frames.len();
+        let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
+        let mut tracked = session.restore("track")?.unwrap_or_else(|| Tracked {
+            frames: vec![self.scene.template.positions.clone()],
+            gains: levels.iter().map(|level| level.gains[0].clone()).collect(),
+        });
+        let matches = (1..=count).contains(&tracked.frames.len())
+            && tracked.gains.len() == levels.len()
+            && self.matches(&tracked.frames, &tracked.gains);
+        if !matches {
+            return Err(foreign_state("track"));
+        }
+        let mut scratch = Scratch::default();
+        for n in tracked.frames.len()..count {
+            // Predict the frame from the two before.
+            let frames = &mut tracked.frames;
+            let last = &frames[n - 1];
+            let predicted: Positions = match n.checked_sub(2) {
+                Some(k) => last.iter().zip(&frames[k]).map(|(x, old)| *x + (*x - *old) * INERTIA).collect(),
+                None => last.clone(),
+            };
+            // Fit it at every resolution.
+            let mut x = predicted.clone();
+            let mut value = 0.0;
+            for (level, gains) in levels.iter_mut().zip(&mut tracked.gains) {
+                level.gains[n].clone_from(gains);
+                level.set_adjacent(n, level.observe(n - 1, last));
+                (x, value) = match level.fit_frame(n, x, &predicted, &mut scratch) {
+                    Ok(fitted) => fitted,
+                    Err(failure) => {
+                        let held = frames[n - 1].clone();
+                        frames.resize(count, held);
+                        return Ok((tracked.frames, Some(failure)));
+                    }
+                };
+                gains.clone_from(&level.gains[n]);
+                level.set_adjacent(n, Vec::new());
+            }
+            frames.push(x);
+            let epoch = Epoch {
+                stage: "track".into(),
+                step: n,
+                of: count - 1,
+                active_frames: n + 1,
+                losses: named([("total", value)]),
+                parameters: Vec::new(),
+            };
+            session.step(&epoch, &tracked.frames, Some(&tracked))?;
+        }
+        session.finish("track", &tracked);
+        Ok((tracked.frames, None))
+    }
+}
+
+impl LevelSearch<'_, '_> {
+    /// Fits one frame with a pull towards its prediction.
+    fn fit_frame(
+        &mut self,
+        frame: usize,
+        mut x: Positions,
+        predicted: &Positions,
+        scratch: &mut Scratch,
+    ) -> Result<(Positions, f64)> {
+        let cloth = self.problem.cloth;
+        let kappa = self.problem.acceleration_weight();
+        let pull = |x: &Positions| -> f64 {
+            0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
+        };
+        let ones = vec![1.0; x.len()];
+        let (mut damping, mut value) = (DAMPING, f64::INFINITY);
+        for _ in 0..self.problem.settings.iterations.min(STEPS) {
+            self.update_gain(frame, &x);
+            let terms = self.terms(frame);
+            let (values, system) = terms.linearise(cloth, &x);
+            value = values.iter().sum::<f64>() + pull(&x);
+            if !value.is_finite() {
+                return Err(diverged(&format!("frame {frame}"), value));
+            }
+            let gradient: Positions =
+                (0..x.len()).map(|i| system.gradient[i] + (x[i] - predicted[i]) * kappa).collect();
+            // Shorten the step until the objective falls.
+            for _ in 0..ATTEMPTS {
+                let mut matrix = system.matrix.clone();
+                matrix.add_masses(&cloth.pattern, &ones, kappa * (1.0 + damping.lambda));
+                let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
+                let step = cloth.analysis.solve(&cloth.pattern, &factor, &gradient, scratch);
+                scratch.recycle(factor);
+                let next: Positions = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
+                let next_value = terms.value(&next) + pull(&next);
+                if next_value <= value {
+                    let moved = step.iter().fold(0.0, |m: f64, s| m.max(s.length()));
+                    (x, value) = (next, next_value);
+                    damping.accept();
+                    if moved < FOUND {
+                        return Ok((x, value));
+                    }
+                    break;
+                }
+                damping.reject();
+            }
+        }
+        Ok((x, value))
+    }
+}

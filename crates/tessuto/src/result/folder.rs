@@ -1,0 +1,204 @@
+//! A result folder, opened: each part is read when it is first asked for, and once.
+
+use std::cell::OnceCell;
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+
+use super::{Log, ParameterFile, Run, history, read_json};
+use crate::appearance;
+use crate::camera::{Camera, Rect};
+use crate::error::{Error, Result};
+use crate::io;
+use crate::mesh::{Mesh, Motion};
+use crate::metrics::Evaluation;
+use crate::motion::parameters::Parameters;
+use crate::pbr::Material;
+use crate::session::Epoch;
+use crate::sim::Accelerations;
+
+/// What helps if a file of a result cannot be used.
+pub(super) const UNCHANGED: &str = "use the folder as tessuto wrote it";
+
+/// See the module. What a simulation needs is read at once.
+#[derive(Debug)]
+pub struct Folder {
+    path: PathBuf,
+    /// The run.
+    pub run: Run,
+    /// The template.
+    pub mesh: Mesh,
+    /// Stiffnesses and forces.
+    pub parameters: Parameters,
+    /// Frames per second.
+    pub fps: f64,
+    /// Camera of the whole picture.
+    pub camera: Camera,
+    /// The part of the whole picture that was used.
+    pub crop: Rect,
+    motion: OnceCell<Motion>,
+    material: OnceCell<Option<Material>>,
+    metrics: OnceCell<Option<Evaluation>>,
+    log: OnceCell<Log>,
+    history: OnceCell<Vec<Epoch>>,
+}
+
+impl Folder {
+    /// Opens what [`write`](fn@super::write) wrote.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file that cannot be used.
+    pub fn open(path: &Path) -> Result<Self> {
+        let run: Run = read_json(&path.join("config.json"))?;
+        let file: ParameterFile = read_json(&path.join("parameters.json"))?;
+        run.settings.validate().map_err(|e| {
+            Error::input(
+                path.join("config.json").display().to_string(),
+                e.to_string().replace("\n  hint: ", "; "),
+                "restore the file, or run the command in log.json again",
+            )
+        })?;
+        check_view(&file, &path.join("parameters.json"))?;
+        let mesh = io::obj::read(&path.join("mesh.obj"))?;
+        let parameters = parameters(&file, &mesh, &path.join("forces.npy"))?;
+        Ok(Self {
+            path: path.to_path_buf(),
+            run,
+            mesh,
+            parameters,
+            fps: file.frame_rate.value,
+            camera: file.camera,
+            crop: file.crop,
+            motion: OnceCell::new(),
+            material: OnceCell::new(),
+            metrics: OnceCell::new(),
+            log: OnceCell::new(),
+            history: OnceCell::new(),
+        })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Positions at every frame, of the vertices of [`mesh`](Self::mesh).
+    ///
+    /// # Errors
+    /// [`Error::Input`] if motion.npy cannot be used.
+    pub fn motion(&self) -> Result<&Motion> {
+        once(&self.motion, || {
+            let path = self.path.join("motion.npy");
+            let motion = io::npy::read_motion(&path)?;
+            motion.check_vertices(self.mesh.positions.len(), &path.display().to_string())?;
+            Ok(motion)
+        })
+    }
+
+    /// The maps in material/, where they were estimated.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the map that cannot be used.
+    pub fn material(&self) -> Result<Option<&Material>> {
+        let folder = self.path.join("material");
+        let read = || folder.join("environment.exr").is_file().then(|| appearance::read_material(&folder));
+        once(&self.material, || read().transpose()).map(Option::as_ref)
+    }
+
+    /// metrics.json, where there is one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it cannot be read.
+    pub fn metrics(&self) -> Result<Option<&Evaluation>> {
+        once(&self.metrics, || read_metrics(&self.path)).map(Option::as_ref)
+    }
+
+    /// Commands, times and warnings.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if log.json cannot be read.
+    pub fn log(&self) -> Result<&Log> {
+        once(&self.log, || Log::read(&self.path))
+    }
+
+    /// Every step of every stage, those of material and light last.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the line that cannot be read.
+    pub fn history(&self) -> Result<&[Epoch]> {
+        let read = || {
+            let of = |name: &str| history::read(&self.path.join(name));
+            Ok([of("history.csv")?, of("material/history.csv")?].concat())
+        };
+        once(&self.history, read).map(Vec::as_slice)
+    }
+}
+
+/// The value in `cell`, made at the first time.
+fn once<T>(cell: &OnceCell<T>, make: impl FnOnce() -> Result<T>) -> Result<&T> {
+    if let Some(value) = cell.get() {
+        return Ok(value);
+    }
+    let value = make()?;
+    Ok(cell.get_or_init(|| value))
+}
+
+/// metrics.json of a folder, where there is one.
+///
+/// # Errors
+/// [`Error::Input`] if it cannot be read.
+pub fn read_metrics(folder: &Path) -> Result<Option<Evaluation>> {
+    let path = folder.join("metrics.json");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let fail = |problem: String| {
+        let hint = "delete the file, or restore it; it is written anew";
+        Error::input(path.display().to_string(), problem, hint)
+    };
+    let text = io::read_text(&path)?;
+    serde_json::from_str(&text).map(Some).map_err(|e| fail(e.to_string()))
+}
+
+/// Stiffnesses, and forces from the file `forces`.
+fn parameters(file: &ParameterFile, mesh: &Mesh, forces: &Path) -> Result<Parameters> {
+    let bad = |problem: String| Err(Error::input(forces.display().to_string(), problem, UNCHANGED));
+    let dynamic = io::npy::read_shapes(forces)?;
+    if let Some(entry) = dynamic.iter().find(|d| d.len() != mesh.positions.len()) {
+        return bad(format!("{} vertices, mesh.obj has {}", entry.len(), mesh.positions.len()));
+    }
+    let stiffness = [file.stretch.value, file.bend.value, file.shear.value];
+    if stiffness.iter().any(|k| !k.is_finite() || *k <= 0.0) || file.dynamic_parts == 0 {
+        return bad(format!("stiffnesses {stiffness:?}, parts {}", file.dynamic_parts));
+    }
+    let constant = DVec3::from_array(file.constant_force.value);
+    if !constant.is_finite() {
+        return bad("a force is not finite".to_owned());
+    }
+    let accelerations = Accelerations { constant, dynamic, entries_per_frame: file.dynamic_parts };
+    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, accelerations };
+    // Whoever edits the values means the values.
+    if parameters.stiffness() != stiffness {
+        parameters.log_stiffness = stiffness.map(f64::log10);
+    }
+    Ok(parameters)
+}
+
+/// Refuses a frame rate, camera or crop that no video has.
+fn check_view(file: &ParameterFile, path: &Path) -> Result<()> {
+    let fail = |problem: String| Err(Error::input(path.display().to_string(), problem, UNCHANGED));
+    let fps = file.frame_rate.value;
+    if !(fps > 0.0 && fps <= 1e5) {
+        return fail(format!("the frame rate is {fps} per second"));
+    }
+    let c = &file.camera;
+    let sides = [c.width, c.height].iter().all(|n| (1..=io::image::MAX_SIDE).contains(n));
+    if !sides || [c.fx, c.fy].iter().any(|f| *f <= 0.0) {
+        return fail(format!("the camera has {}×{} px, fx {}, fy {}", c.width, c.height, c.fx, c.fy));
+    }
+    let r = &file.crop;
+    if r.x0 >= r.x1 || r.y0 >= r.y1 || r.x1 > c.width || r.y1 > c.height {
+        return fail(format!("the crop is {r:?} of {}×{} px", c.width, c.height));
+    }
+    Ok(())
+}

@@ -1,0 +1,177 @@
+//! Material and light of a scene whose motion is known, into a folder.
+
+use std::cell::RefCell;
+use std::fmt::Write as _;
+use std::path::Path;
+
+use super::observer::{Observer, Shared, Stage, kept_aside};
+use crate::appearance::{self, AppearanceSettings};
+use crate::config::{Config, Preset};
+use crate::error::{Error, Result};
+use crate::io;
+use crate::io::scene::{LoadOptions, load};
+use crate::mesh::Motion;
+use crate::output::{FolderKind, OutputFolder, manifest};
+use crate::pbr::Geometry;
+use crate::raster::Rasterizer;
+use crate::result::{self, Run};
+use crate::scene::Scene;
+use crate::session::Session;
+
+/// Stages as they are announced.
+pub(super) const FIT: &str = "material and light";
+pub(super) const RERENDER: &str = "re-rendering";
+
+/// What is written into any folder, and what is changed in a result besides.
+const WRITTEN: [&str; 3] = ["material", "rerendered", "metrics.json"];
+const CHANGED: [&str; 6] =
+    ["material", "rerendered", "metrics.json", "log.json", "summary.json", "report.html"];
+
+/// Whose motion is taken.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MotionSource {
+    /// That of the result.
+    Result,
+    /// The scene's true vertices.
+    Truth,
+}
+
+/// What to do.
+#[derive(Debug, Clone)]
+pub struct AppearanceOptions {
+    /// Whose motion is taken.
+    pub motion: MotionSource,
+    /// Changes `key=value` of the result's settings.
+    pub changes: Vec<String>,
+    /// Seed of everything random, in place of the result's.
+    pub seed: Option<u64>,
+    /// The command line that repeats the estimate, for the result's log.
+    pub command: String,
+}
+
+/// What was estimated.
+#[derive(Debug)]
+pub struct AppearanceOutcome {
+    /// Mean PSNR of the re-rendered frames [dB].
+    pub psnr: f64,
+    /// Stage and its wall time [s].
+    pub timings: Vec<(String, f64)>,
+    /// Whether the folder is a result, whose page was written anew.
+    pub is_result: bool,
+}
+
+/// Estimates material and light of the scene in `scene_folder` into `folder`, a result of the scene or, with the true
+/// motion, any folder. What is there of an earlier estimate is replaced if nobody changed it since.
+///
+/// # Errors
+/// [`Error::Input`] for a scene or result that cannot be used, and for files that are not tessuto's where it would
+/// write; [`Error::Usage`] for a setting; [`Error::Output`]; whatever the observer returns.
+pub fn run(
+    scene_folder: &Path,
+    folder: &Path,
+    options: &AppearanceOptions,
+    observer: &mut dyn Observer,
+) -> Result<AppearanceOutcome> {
+    let saved = folder.join("config.json").is_file().then(|| result::Folder::open(folder)).transpose()?;
+    if saved.is_none() && options.motion == MotionSource::Result {
+        return Err(Error::input(
+            folder.display().to_string(),
+            "there is no config.json, so this is no result of a reconstruction",
+            "give the folder that a reconstruction wrote, or take the true motion (--motion gt)",
+        ));
+    }
+    let mut settings =
+        saved.as_ref().map_or_else(|| Config::preset(Preset::Default), |saved| saved.run.settings.clone());
+    options.changes.iter().try_for_each(|change| settings.set(change))?;
+    settings.seed = options.seed.unwrap_or(settings.seed);
+    let frames = saved.as_ref().map(|saved| saved.run.frames[0]..saved.run.frames[1]);
+    let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
+    loaded.warnings.iter().for_each(|warning| observer.warning(warning));
+    let scene = &loaded.scene;
+    let motion = match (options.motion, &saved) {
+        (MotionSource::Result, Some(saved)) => saved.motion()?,
+        _ => scene.truth.vertices.as_ref().ok_or_else(|| {
+            let place = scene_folder.join("gt/vertices.npy").display().to_string();
+            Error::input(place, "the scene has no true vertices", "take the motion of a result")
+        })?,
+    };
+    manifest::check_manifest(folder)?;
+    let files = if saved.is_some() { &CHANGED[..] } else { &WRITTEN };
+    manifest::check_parts(&files.iter().map(|name| folder.join(name)).collect::<Vec<_>>(), true)?;
+
+    let run = Run {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        scene: scene_folder.to_path_buf(),
+        frames: [scene.first_frame, scene.first_frame + scene.frames.len()],
+        settings,
+    };
+    let stages = [Stage { name: FIT, weight: 6.0 }, Stage { name: RERENDER, weight: 1.0 }];
+    observer.begin(scene, &run, &stages, &[])?;
+    let observer = RefCell::new(observer);
+    let session = &mut Session::observed(Shared(&observer));
+    let settings = &run.settings;
+    let psnr = estimate(folder, scene, motion, &settings.appearance, settings.seed, session)?;
+
+    // The motion's errors stay what they were.
+    let evaluation = result::read_metrics(folder)?;
+    result::write_metrics(folder, scene, motion, evaluation.as_ref())?;
+    if saved.is_some() {
+        let mut log = result::Log::read(folder)?;
+        session.timings().iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
+        log.set_command(&options.command);
+        log.write(folder)?;
+        let changed = result::Folder::open(folder)?;
+        result::Summary::of(&changed)?.write(folder)?;
+        result::write_page(&changed)?;
+    }
+    manifest::record_or_begin(folder, FolderKind::Appearance, files)?;
+    Ok(AppearanceOutcome { psnr, timings: session.timings().to_vec(), is_result: saved.is_some() })
+}
+
+/// Estimates, draws all frames again, and writes material/ and rerendered/ into `folder`, each whole or not at all;
+/// returns the mean PSNR of the frames [dB].
+pub(super) fn estimate(
+    folder: &Path,
+    scene: &Scene,
+    motion: &Motion,
+    settings: &AppearanceSettings,
+    seed: u64,
+    session: &mut Session,
+) -> Result<f64> {
+    let [material, rerendered] =
+        ["material", "rerendered"].map(|n| OutputFolder::prepare_part(&folder.join(n)));
+    let (material, rerendered) = (material?, rerendered?);
+    let place = format!("motion for {}", scene.folder.display());
+    motion.check_vertices(scene.template.positions.len(), &place)?;
+
+    session.begin(FIT);
+    let geometry = Geometry::new(&scene.template, motion);
+    let found = appearance::fit(scene, motion, &geometry, settings, seed, session)?;
+    appearance::write_material(material.partial(), &found)?;
+    let history = result::history_csv(&found.history);
+    io::atomic_write(&material.partial().join("history.csv"), history.as_bytes())?;
+
+    session.begin(RERENDER);
+    let rasterizer = Rasterizer::new(&scene.template);
+    let maps = found.maps();
+    let mut csv = String::from("frame,psnr_db\n");
+    let mut sum = 0.0;
+    for (n, positions) in motion.iter().enumerate() {
+        let look = (&maps, &found.environment);
+        let passes = settings.render_passes;
+        let drawn = appearance::rerender(scene, &rasterizer, &geometry, (n, positions), look, passes)?;
+        let frame = scene.first_frame + n;
+        let file = |kind: &str| rerendered.partial().join(format!("{kind}_{frame:03}.png"));
+        io::image::write_png(&file("rgb"), &drawn.rgb)?;
+        io::image::write_png(&file("difference"), &drawn.difference)?;
+        let _ = writeln!(csv, "{frame},{:.3}", drawn.psnr);
+        sum += drawn.psnr;
+        session.advance(n + 1, motion.len());
+    }
+    io::atomic_write(&rerendered.partial().join("psnr.csv"), csv.as_bytes())?;
+    session.end();
+    for kept in [material.publish()?, rerendered.publish()?].into_iter().flatten() {
+        session.note(&kept_aside(&kept));
+    }
+    Ok(sum / motion.len().max(1) as f64)
+}

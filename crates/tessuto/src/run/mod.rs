@@ -1,0 +1,220 @@
+//! The whole run: from a scene folder to a finished result folder.
+//!
+//! [`run`] loads the scene, reconstructs, writes, estimates material and light, exports, makes the page and puts the
+//! folder in its place. An [`Observer`] hears of everything meanwhile. [`appearance`](mod@appearance) does the same for
+//! material and light of a motion that is known.
+
+pub mod appearance;
+mod observer;
+
+use std::cell::RefCell;
+use std::ops::Range;
+use std::path::Path;
+use std::time::Duration;
+
+use observer::Shared;
+pub use observer::{Observer, Silent, Stage};
+
+use crate::config::{Config, Method};
+use crate::error::{Error, Result};
+use crate::export::{Clip, Format, export};
+use crate::io::scene::{LoadOptions, load};
+use crate::mesh::Motion;
+use crate::metrics::{self, Evaluation};
+use crate::output::{FolderKind, OutputFolder};
+use crate::reconstruct::reconstruct;
+use crate::result::{self, Run, Summary};
+use crate::scene::Scene;
+use crate::session::{Checkpoints, Session, identity};
+
+/// What to do.
+#[derive(Debug, Clone)]
+pub struct RunOptions {
+    /// All settings.
+    pub config: Config,
+    /// Only these frames; the template belongs to the first.
+    pub frames: Option<Range<usize>>,
+    /// Estimate material and light.
+    pub appearance: bool,
+    /// Replace an earlier result, if it is all tessuto's.
+    pub replace: bool,
+    /// Go on from the checkpoints that an interrupted run left.
+    pub resume: bool,
+    /// Least time between checkpoints; none are written without.
+    pub checkpoint: Option<Duration>,
+    /// The command line that repeats the run, for the result's log.
+    pub command: String,
+}
+
+impl RunOptions {
+    /// Everything that `config` says, into a new folder, without checkpoints.
+    pub fn new(config: Config) -> Self {
+        Self {
+            config,
+            frames: None,
+            appearance: true,
+            replace: false,
+            resume: false,
+            checkpoint: None,
+            command: String::new(),
+        }
+    }
+
+    /// The stages of a run, in order, with their usual part of the time.
+    fn stages(&self) -> Vec<Stage> {
+        let stage = |name: &'static str, weight: f64| Stage { name, weight };
+        let mut stages = vec![stage("texture", 2.0)];
+        match self.config.method {
+            Method::Rollout => stages.push(stage("rollout", 300.0)),
+            Method::Spacetime => {
+                stages.extend([stage("track", 10.0), stage("refine", 20.0)]);
+                stages.push(stage("forces and stiffnesses", 5.0));
+            }
+        }
+        if self.appearance {
+            stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
+        }
+        stages.push(stage("report", 3.0));
+        stages
+    }
+}
+
+/// What a finished run left. The folder is there even if `failure` is set.
+#[derive(Debug)]
+pub struct Outcome {
+    /// Whether the result is good.
+    pub summary: Summary,
+    /// Errors against the truth, where there is one.
+    pub evaluation: Option<Evaluation>,
+    /// Mean PSNR of the re-rendered frames [dB].
+    pub rerendered_psnr: Option<f64>,
+    /// Stage and its wall time [s], of this run alone.
+    pub timings: Vec<(String, f64)>,
+    /// What went wrong but cost neither the motion nor the folder.
+    pub failure: Option<Error>,
+}
+
+/// Recovers the motion of the scene in `scene_folder`, and its material and light if asked to, into the folder `out`,
+/// which appears whole or not at all. Failures of all but the motion do not cost the result.
+///
+/// # Errors
+/// [`Error::Input`] for a scene that cannot be used, and if anything but a result of tessuto's is at `out`;
+/// [`Error::Numerical`] if not even a first state is finite; [`Error::Output`]; whatever the observer returns.
+pub fn run(
+    scene_folder: &Path,
+    out: &Path,
+    options: &RunOptions,
+    observer: &mut dyn Observer,
+) -> Result<Outcome> {
+    // Everything that can be refused is refused before the work.
+    let output = OutputFolder::prepare(out, FolderKind::Result, options.replace)?;
+    let loaded =
+        load(scene_folder, &LoadOptions { frames: options.frames.clone(), ..LoadOptions::default() })?;
+    let scene = &loaded.scene;
+    let mut warnings = loaded.warnings;
+    warnings.iter().for_each(|warning| observer.warning(warning));
+    let first = scene.first_frame;
+    let run = Run {
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        scene: scene_folder.to_path_buf(),
+        frames: [first, first + scene.frames.len()],
+        settings: options.config.clone(),
+    };
+
+    let observer = RefCell::new(observer);
+    let session = &mut Session::observed(Shared(&observer));
+    let place = output.beside(".checkpoints");
+    let checkpoints = keep_checkpoints(session, scene, &place, options, &observer)?;
+    observer.borrow_mut().begin(scene, &run, &options.stages(), session.history())?;
+
+    // Motion, and at once what is known of it.
+    let found = reconstruct(scene, &run.settings, session)?;
+    observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
+    warnings.extend(found.failure.iter().map(Error::to_string));
+    let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
+    let context = result::Context {
+        scene,
+        run: &run,
+        evaluation: evaluation.as_ref(),
+        warnings: &warnings,
+        command: &options.command,
+    };
+    let folder = output.partial().to_path_buf();
+    let folder = &folder;
+    result::write(folder, &context, &found)?;
+
+    // Material and light. The motion is finished work: whatever happens here, it is written.
+    let mut failure = found.failure;
+    let mut rerendered_psnr = None;
+    if options.appearance && failure.is_none() {
+        let settings = &run.settings;
+        match appearance::estimate(folder, scene, &found.motion, &settings.appearance, settings.seed, session)
+        {
+            Ok(psnr) => {
+                rerendered_psnr = Some(psnr);
+                result::write_metrics(folder, scene, &found.motion, evaluation.as_ref())?;
+            }
+            // Nothing is lost: it goes on from the checkpoint.
+            Err(error @ Error::Interrupted(_)) if checkpoints.is_some() => return Err(error),
+            Err(error) => failure = Some(error),
+        }
+    }
+
+    // For other programs and for people, from the folder alone.
+    let timings = session.timings().to_vec();
+    session.begin("report");
+    let mut log = result::Log::read(folder)?;
+    timings.iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
+    log.write(folder)?;
+    let opened = result::Folder::open(folder)?;
+    export(&Clip::of(&opened)?, &[Format::Glb, Format::Usd], &folder.join("export"), true)?;
+    let summary = Summary::of(&opened)?;
+    summary.write(folder)?;
+    let page = result::write_page(&opened);
+    if let Some(kept) = output.publish()? {
+        observer.borrow_mut().note(&observer::kept_aside(&kept));
+    }
+    checkpoints.iter().try_for_each(Checkpoints::remove)?;
+    Ok(Outcome { summary, evaluation, rerendered_psnr, timings, failure: failure.or(page.err()) })
+}
+
+/// Lets `session` keep its states in `folder`, and go on from those that are there if that is asked for.
+fn keep_checkpoints(
+    session: &mut Session,
+    scene: &Scene,
+    folder: &Path,
+    options: &RunOptions,
+    observer: &RefCell<&mut dyn Observer>,
+) -> Result<Option<Checkpoints>> {
+    let Some(interval) = options.checkpoint else { return Ok(None) };
+    let text = serde_json::to_string(&options.config).expect("plain data");
+    let identity = identity(scene, &text)?;
+    let open = || Checkpoints::open(folder, identity.clone(), interval);
+    let found = match options.resume {
+        true => open().newest(&mut |problem| observer.borrow_mut().warning(problem))?,
+        false => None,
+    };
+    let mut observer = observer.borrow_mut();
+    match &found {
+        Some(found) => observer.note(&format!("going on after {}", found.reached)),
+        None if options.resume => {
+            observer.note(&format!("no checkpoint in {}: starting from the beginning", folder.display()));
+        }
+        None if folder.exists() => {
+            let text =
+                format!("{} of an earlier run, which could have been resumed, is replaced", folder.display());
+            observer.note(&text);
+            open().remove()?;
+        }
+        None => {}
+    }
+    session.keep_in(open(), found)?;
+    Ok(Some(open()))
+}
+
+fn evaluate(scene: &Scene, motion: &Motion, seed: u64) -> Result<Option<Evaluation>> {
+    if scene.truth.points.is_none() && scene.truth.vertices.is_none() {
+        return Ok(None);
+    }
+    metrics::evaluate(&scene.into(), motion, 0..motion.len(), seed).map(Some)
+}
