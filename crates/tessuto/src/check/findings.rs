@@ -10,8 +10,6 @@ use crate::io::scene::template::{DIAGONAL, command, diagonal};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
 
-/// Intersection over union of template and first mask below which a scene is wrong, and doubtful.
-const OVERLAP: [f64; 2] = [0.4, 0.8];
 /// Nearer than this [m] no camera films cloth.
 const NEAREST: f64 = 0.1;
 /// Columns and rows of the raster on which overlapping uv is measured.
@@ -147,18 +145,12 @@ fn scale(scene: &Scene) -> Finding {
     Finding { level: Level::Error, detail, hint: hint.into(), ..finding }
 }
 
-/// A template that lies elsewhere than the first mask says nothing about this fabric.
+/// Loading refuses a template that lies beside the mask, and doubts one that lies badly on it.
 fn template_overlap(scene: &Scene, iou: f64) -> Finding {
-    let detail =
-        format!("template and mask of frame {}: {iou:.3} (intersection over union)", scene.first_frame);
-    let hint = "look at `tessuto check --picture`: the template (cyan) must lie on the mask (yellow); correct the mask of the \
-                first frame, the camera, or make the template anew with `tessuto template`";
-    let level = match iou {
-        v if v < OVERLAP[0] => Level::Error,
-        v if v < OVERLAP[1] => Level::Warning,
-        _ => return ok("overlap", detail),
-    };
-    Finding { level, what: "overlap".into(), detail, hint: hint.into() }
+    ok(
+        "overlap",
+        format!("template and mask of frame {}: {iou:.3} (intersection over union)", scene.first_frame),
+    )
 }
 
 fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {

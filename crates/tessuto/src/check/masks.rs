@@ -6,7 +6,7 @@ use crate::mesh::pieces;
 use crate::scene::Scene;
 
 /// The largest piece of a mask holds less than this: error, and warning.
-const LARGEST: [f64; 2] = [0.5, 0.995];
+const LARGEST: [f64; 2] = [0.5, 0.998];
 /// Share of a mask that is grey, neither black nor white: error, and warning. Soft edges of cloth of a hundred pixels are a
 /// few percent.
 const GREY: [f64; 2] = [0.5, 0.25];
