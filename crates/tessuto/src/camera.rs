@@ -3,20 +3,20 @@
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// Pinhole intrinsics [px]. The centre of pixel (column i, row j) is at (i, j).
+/// Pinhole intrinsics `[px]`. The centre of pixel (column i, row j) is at (i, j).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Camera {
-    /// Focal length along x [px].
+    /// Focal length along x `[px]`.
     pub fx: f64,
-    /// Focal length along y [px].
+    /// Focal length along y `[px]`.
     pub fy: f64,
-    /// Principal point, column [px].
+    /// Principal point, column `[px]`.
     pub cx: f64,
-    /// Principal point, row [px].
+    /// Principal point, row `[px]`.
     pub cy: f64,
-    /// Image width [px].
+    /// Image width `[px]`.
     pub width: usize,
-    /// Image height [px].
+    /// Image height `[px]`.
     pub height: usize,
 }
 
@@ -35,19 +35,19 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Width [px].
+    /// Width `[px]`.
     pub fn width(&self) -> usize {
         self.x1 - self.x0
     }
 
-    /// Height [px].
+    /// Height `[px]`.
     pub fn height(&self) -> usize {
         self.y1 - self.y0
     }
 }
 
 impl Camera {
-    /// Pixel position of a point `p` [m] in front of the camera: u = fx·x/z + cx, v = fy·y/z + cy.
+    /// Pixel position of a point `p` `[m]` in front of the camera: u = fx·x/z + cx, v = fy·y/z + cy.
     pub fn project(&self, p: DVec3) -> DVec2 {
         DVec2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy)
     }

@@ -25,7 +25,7 @@ pub struct Reconstruction {
     pub texture: Texture,
     /// Every step of every stage.
     pub history: Vec<Epoch>,
-    /// Stage and its wall time [s].
+    /// Stage and its wall time `[s]`.
     pub timings: Vec<(String, f64)>,
     /// Set if the optimisation diverged; the result is then the best state before.
     pub failure: Option<Error>,

@@ -12,9 +12,9 @@ use crate::video::Video;
 /// What is known of the true motion; used by evaluation only.
 #[derive(Debug, Clone, Default)]
 pub struct Truth {
-    /// Measured surface points [m] per frame, camera frame.
+    /// Measured surface points `[m]` per frame, camera frame.
     pub points: Option<Vec<Vec<DVec3>>>,
-    /// True positions [m] of the template's vertices per frame.
+    /// True positions `[m]` of the template's vertices per frame.
     pub vertices: Option<Motion>,
 }
 
@@ -31,7 +31,7 @@ pub struct Scene {
     pub camera: Camera,
     /// The crop in the full image.
     pub crop: Rect,
-    /// Full image width and height [px].
+    /// Full image width and height `[px]`.
     pub full_size: [usize; 2],
     /// Index, in the folder, of the first of `frames`.
     pub first_frame: usize,

@@ -4,7 +4,7 @@ use std::path::{Path, is_separator};
 
 /// Most edits between a mistyped name and the one that was meant.
 const CLOSE: usize = 3;
-/// Longest mistyped name that is compared [characters]; one of a damaged file may be as long as the file.
+/// Longest mistyped name that is compared `[characters]`; one of a damaged file may be as long as the file.
 const LONGEST: usize = 64;
 
 /// Fewest insertions, deletions and replacements of characters that turn `a` into `b`, upper and lower case alike.

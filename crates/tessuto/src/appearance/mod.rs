@@ -1,8 +1,8 @@
 //! Material and light from a video whose motion is known.
 //!
-//! [`fit`] goes through the files here: `observations` (what the pixels see, once), `texels` or `decoded` (the maps as they
+//! [`fit()`] goes through the files here: `observations` (what the pixels see, once), `texels` or `decoded` (the maps as they
 //! are optimised) and `environment_parameters` (the light as it is optimised), with `loss` between them, weighted by `patch_weights`.
-//! [`rerender`] draws the frames again.
+//! [`rerender()`] draws the frames again.
 //!
 //! Only the product of brightness of cloth and light is in the pictures: the light starts at a given radiance, and
 //! the maps follow.

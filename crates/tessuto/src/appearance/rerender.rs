@@ -15,7 +15,7 @@ pub struct Rerendered {
     pub rgb: Image,
     /// |drawn − video| inside the mask, four times as bright, shape [crop height, crop width, 3].
     pub difference: Image,
-    /// Peak signal-to-noise ratio [dB] against the video where its mask is above one half, inside the crop.
+    /// Peak signal-to-noise ratio `[dB]` against the video where its mask is above one half, inside the crop.
     pub psnr: f64,
 }
 

@@ -19,9 +19,9 @@ pub enum MapPrior {
 pub struct AppearanceSettings {
     /// How the maps are made: smooth or decoder.
     pub prior: MapPrior,
-    /// Width and height of the maps [texel], over the part of uv space that the template uses.
+    /// Width and height of the maps `[texel]`, over the part of uv space that the template uses.
     pub map_size: usize,
-    /// Rows of the light [texel]; it has twice as many columns.
+    /// Rows of the light `[texel]`; it has twice as many columns.
     pub light_rows: usize,
     /// Rows of the light as it is optimised, at first; doubled at equal shares of the steps.
     pub light_coarsest: usize,

@@ -3,7 +3,7 @@
 use crate::mesh::Mesh;
 use crate::pbr::{CHANNELS, Material};
 
-/// Largest side of a written map [texel].
+/// Largest side of a written map `[texel]`.
 const LARGEST: usize = 2048;
 
 /// Rectangle of uv space.

@@ -10,7 +10,7 @@ use crate::io::scene::template::{DIAGONAL, command, diagonal};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
 
-/// Nearer than this [m] no camera films cloth.
+/// Nearer than this `[m]` no camera films cloth.
 const NEAREST: f64 = 0.1;
 /// Columns and rows of the raster on which overlapping uv is measured.
 const UV_RASTER: usize = 512;

@@ -11,7 +11,7 @@ const TEMPLATE: [f32; 3] = [0.0, 0.9, 1.0];
 const OUTLINE: [f32; 3] = [1.0, 0.85, 0.0];
 
 const GAP: f32 = 0.25;
-/// Between two frames [px].
+/// Between two frames `[px]`.
 const GAP_WIDTH: usize = 4;
 
 /// The crops of the first, middle and last frame side by side, with the outlines of their masks; the first with the
@@ -63,7 +63,7 @@ fn outlined(frame: &Frame) -> Image {
     picture
 }
 
-/// A thin line between two points [px], as far as it is inside the picture.
+/// A thin line between two points `[px]`, as far as it is inside the picture.
 fn line(picture: &mut Image, a: DVec2, b: DVec2) {
     let size = DVec2::new(picture.width as f64, picture.height as f64);
     // The part of a + t (b − a) inside the picture, so that a far end costs nothing.

@@ -49,7 +49,7 @@ pub struct Clip {
     pub version: String,
     /// The template.
     pub mesh: Mesh,
-    /// Positions [m], camera frame, shape [N, V].
+    /// Positions `[m]`, camera frame, shape [N, V].
     pub motion: Motion,
     /// Frames per second.
     pub fps: f64,

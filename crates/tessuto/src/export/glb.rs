@@ -67,7 +67,7 @@ impl Buffer {
         accessor
     }
 
-    /// Times [s], with the bounds that animation inputs need.
+    /// Times `[s]`, with the bounds that animation inputs need.
     fn times(&mut self, times: &[f32]) -> usize {
         let accessor = self.floats(times, "SCALAR", 1, None);
         self.accessors[accessor]["min"] = json!([times[0]]);

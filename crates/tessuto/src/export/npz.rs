@@ -6,9 +6,9 @@ use crate::sim::cloth::AREA_DENSITY;
 
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
 ///
-/// `motion` [N, V, 3], `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` [F], `face_vertices` and
+/// `motion` [N, V, 3], `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` `[F]`, `face_vertices` and
 /// `face_uvs` [Σ face_sizes], `fps`, `first_frame`, `camera` [fx, fy, cx, cy, width, height], `stretch`, `bend`,
-/// `shear`, `area_density`, `constant_force` [3], `dynamic_force` [(N − 1)·parts, V, 3], `dynamic_parts`.
+/// `shear`, `area_density`, `constant_force` `[3]`, `dynamic_force` [(N − 1)·parts, V, 3], `dynamic_parts`.
 pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
     let vectors = |shapes: &[crate::Positions]| -> Vec<f32> {

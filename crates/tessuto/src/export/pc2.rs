@@ -2,7 +2,7 @@
 
 use super::Clip;
 
-/// Header and positions [m], y up, frame after frame, little-endian.
+/// Header and positions `[m]`, y up, frame after frame, little-endian.
 pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let mut out = b"POINTCACHE2\0".to_vec();
     out.extend(1i32.to_le_bytes());

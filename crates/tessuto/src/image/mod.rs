@@ -5,9 +5,9 @@ pub mod srgb;
 /// Interleaved float image; row 0 is the top.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Image {
-    /// Width [px].
+    /// Width `[px]`.
     pub width: usize,
-    /// Height [px].
+    /// Height `[px]`.
     pub height: usize,
     /// Values per pixel.
     pub channels: usize,
@@ -21,13 +21,13 @@ impl Image {
         Self { width, height, channels, data: vec![0.0; width * height * channels] }
     }
 
-    /// The values of pixel (column `x`, row `y`), shape [channels].
+    /// The values of pixel (column `x`, row `y`), shape `[channels]`.
     pub fn pixel(&self, x: usize, y: usize) -> &[f32] {
         let start = (y * self.width + x) * self.channels;
         &self.data[start..start + self.channels]
     }
 
-    /// The values of pixel (column `x`, row `y`), shape [channels].
+    /// The values of pixel (column `x`, row `y`), shape `[channels]`.
     pub fn pixel_mut(&mut self, x: usize, y: usize) -> &mut [f32] {
         let start = (y * self.width + x) * self.channels;
         &mut self.data[start..start + self.channels]

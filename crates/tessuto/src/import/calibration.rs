@@ -28,9 +28,9 @@ pub struct Calibration {
 /// A focal length, as it is stated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Focal {
-    /// fx and fy [px].
+    /// fx and fy `[px]`.
     Pixels([f64; 2]),
-    /// Horizontal field of view [rad].
+    /// Horizontal field of view `[rad]`.
     Angle(f64),
 }
 
@@ -99,7 +99,7 @@ impl Calibration {
         }
     }
 
-    /// The camera of pictures of `size` [px]; a calibration for pictures of the same shape but another size is scaled,
+    /// The camera of pictures of `size` `[px]`; a calibration for pictures of the same shape but another size is scaled,
     /// with a note.
     ///
     /// # Errors

@@ -28,7 +28,7 @@ pub(super) struct Colours {
 }
 
 impl Colours {
-    /// The camera and the straightening of frames of `size` [px].
+    /// The camera and the straightening of frames of `size` `[px]`.
     pub fn new(settings: &Settings, size: [usize; 2], count: usize, notes: &mut Vec<String>) -> Result<Self> {
         let factor = settings.downscale;
         if size.iter().any(|n| n / factor < 2) {
@@ -57,7 +57,7 @@ impl Colours {
         Ok(Self { frames: 0..count, camera, undistortion })
     }
 
-    /// Width and height of the frames before they are made smaller [px].
+    /// Width and height of the frames before they are made smaller `[px]`.
     pub fn size(&self) -> [usize; 2] {
         [self.camera.width, self.camera.height]
     }

@@ -12,7 +12,7 @@ use crate::io::image::MAX_SIDE;
 /// How to get the program.
 const INSTALL: &str = "install it (Debian, Ubuntu: sudo apt install ffmpeg; macOS: brew install ffmpeg; Windows: winget install ffmpeg), \
      set TESSUTO_FFMPEG to where it is, or extract the frames elsewhere and import their folder";
-/// A mean rate so close to the nominal one [share] is constant but for rounding.
+/// A mean rate so close to the nominal one `[share]` is constant but for rounding.
 const CONSTANT: f64 = 0.01;
 /// Most of ffmpeg's complaints that are kept.
 const MAX_COMPLAINTS: usize = 20;
@@ -31,7 +31,7 @@ pub(super) struct Video {
 
 /// One frame, 8-bit colour, shape [height, width, 3].
 pub(super) struct Raw {
-    /// Width and height [px].
+    /// Width and height `[px]`.
     pub size: [usize; 2],
     pub rgb: Vec<u8>,
 }

@@ -11,14 +11,14 @@ use crate::image::Image;
 use crate::io::image::MAX_SIDE;
 use crate::io::{atomic_write, read_bounded};
 
-/// Largest file, and largest decoded picture [bytes]: 8192×4096 pixels of 4 floats have 512 MiB.
+/// Largest file, and largest decoded picture `[bytes]`: 8192×4096 pixels of 4 floats have 512 MiB.
 const MAX_BYTES: u64 = 640 << 20;
 /// Decoded bytes beyond these that each byte of the file may stand for: a few bytes of a header must not take the memory of
 /// the largest picture. Compression of a uniform sky reaches a little more, of any other far less.
 const MAX_RATIO: u64 = 500;
 /// Decoded bytes that any file may have.
 const ALWAYS_BYTES: u64 = 64 << 20;
-/// Largest side of a tile [px]; usual are 32 to 1024.
+/// Largest side of a tile `[px]`; usual are 32 to 1024.
 const MAX_TILE: u32 = 4096;
 /// Largest radiance accepted. The sun in a picture of half floats ends at 65504; beyond this bound
 /// a single pixel would drown the rest in the noise of f32.

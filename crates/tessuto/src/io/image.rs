@@ -14,9 +14,9 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::{atomic_write, read_bounded};
 
-/// Largest width and height [px].
+/// Largest width and height `[px]`.
 pub const MAX_SIDE: usize = 16_384;
-/// Largest file, and largest decoded picture [bytes].
+/// Largest file, and largest decoded picture `[bytes]`.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// A decoded picture that has not been converted to floats yet.
@@ -61,7 +61,7 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
     atomic_write(path, &encode_png(image))
 }
 
-/// Header of a PNG: signature and the chunk IHDR [bytes].
+/// Header of a PNG: signature and the chunk IHDR `[bytes]`.
 const PNG_HEADER: usize = 33;
 /// A chunk of text, with its checksum, that says which program wrote the picture.
 const PNG_MARK: &[u8] = b"\0\0\0\x16tEXtSoftware\0tessuto check\x14\x51\x9f\x42";
@@ -98,7 +98,7 @@ pub(crate) fn encode_png_bytes(pixels: &[u8], [width, height]: [usize; 2], chann
     png.into_inner()
 }
 
-/// Width and height of a picture as [`read`] gives it [px].
+/// Width and height of a picture as [`read`] gives it `[px]`.
 pub fn size(path: &Path) -> Result<[usize; 2]> {
     let full = open(path)?.full();
     Ok([full.x1, full.y1])
@@ -163,7 +163,7 @@ impl Picture {
         Rect { x0: 0, y0: 0, x1: self.dynamic.width() as usize, y1: self.dynamic.height() as usize }
     }
 
-    /// Error unless the picture has this size [px].
+    /// Error unless the picture has this size `[px]`.
     pub fn expect_size(&self, [width, height]: [usize; 2]) -> Result<()> {
         let full = self.full();
         if (full.x1, full.y1) == (width, height) {

@@ -14,7 +14,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Largest JSON or CSV file of a result [bytes].
+/// Largest JSON or CSV file of a result `[bytes]`.
 const MAX_TEXT: u64 = 256 << 20;
 
 /// The text in the file at `path`.

@@ -12,9 +12,9 @@ use crate::mesh::{Face, Mesh};
 
 /// Most vertices, texture coordinates and faces read, each.
 const MAX_COUNT: usize = 5_000_000;
-/// Longest line [bytes], continuation lines included.
+/// Longest line `[bytes]`, continuation lines included.
 const MAX_LINE: usize = 64 << 10;
-/// Largest file [bytes].
+/// Largest file `[bytes]`.
 const MAX_BYTES: u64 = 2 << 30;
 /// Largest coordinate taken seriously; a kilometre in millimetres.
 const MAX_COORDINATE: f64 = 1e6;
@@ -207,7 +207,7 @@ pub fn write(path: &Path, mesh: &Mesh, material: Option<Material<'_>>) -> Result
     atomic_write(path, encode(mesh, material).as_bytes())
 }
 
-/// The text that [`write`] writes.
+/// The text that [`write()`] writes.
 pub fn encode(mesh: &Mesh, material: Option<Material<'_>>) -> String {
     let mut text = String::new();
     if let Some(material) = material {

@@ -35,7 +35,7 @@ pub struct BlockPattern {
 
 impl BlockPattern {
     /// The pattern with every diagonal block and the blocks of `pairs` (repetitions allowed; the
-    /// k-th pair is addressed as k in [`BlockMatrix::add_pair`]). `positions` [V] say which vertices are near
+    /// k-th pair is addressed as k in [`BlockMatrix::add_pair`]). `positions` `[V]` say which vertices are near
     /// each other; only the speed depends on them.
     pub fn new(positions: &[DVec3], pairs: &[[u32; 2]]) -> Self {
         let vertex_count = positions.len();

@@ -17,7 +17,7 @@ pub(super) struct Part {
     pub halves: Vec<Part>,
 }
 
-/// Cuts the graph with the symmetric `neighbours` [V] at the medians of `positions` [V].
+/// Cuts the graph with the symmetric `neighbours` `[V]` at the medians of `positions` `[V]`.
 ///
 /// The positions steer the quality of the order only; any are allowed.
 pub(super) fn dissect(positions: &[DVec3], neighbours: &[Vec<usize>]) -> Part {

@@ -10,7 +10,7 @@ pub use motion::Motion;
 pub use topology::{pieces, pinched};
 pub use weld::weld;
 
-/// Vertex positions [m] of one moment, camera frame, shape [V].
+/// Vertex positions `[m]` of one moment, camera frame, shape `[V]`.
 pub type Positions = Vec<DVec3>;
 
 /// One polygon: corner k has vertex `vertices[k]` and texture coordinate `uvs[k]`.
@@ -25,7 +25,7 @@ pub struct Face {
 /// Polygon mesh with texture coordinates. Vertices are never split at uv seams.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mesh {
-    /// Vertex positions [m], camera frame, shape [V].
+    /// Vertex positions `[m]`, camera frame, shape `[V]`.
     pub positions: Vec<DVec3>,
     /// Texture coordinates; (0, 0) is the lower left corner of the texture image, row 0 is v = 1.
     pub uvs: Vec<DVec2>,
@@ -34,12 +34,12 @@ pub struct Mesh {
 }
 
 impl Mesh {
-    /// Vertices of the triangles: each polygon is a fan around its corner 0. Shape [T].
+    /// Vertices of the triangles: each polygon is a fan around its corner 0. Shape `[T]`.
     pub fn triangles(&self) -> Vec<[u32; 3]> {
         self.faces.iter().flat_map(|f| fan(&f.vertices)).collect()
     }
 
-    /// Texture coordinates of the [triangles](Self::triangles), indices into `uvs`. Shape [T].
+    /// Texture coordinates of the [triangles](Self::triangles), indices into `uvs`. Shape `[T]`.
     pub fn triangle_uvs(&self) -> Vec<[u32; 3]> {
         self.faces.iter().flat_map(|f| fan(&f.uvs)).collect()
     }
@@ -62,7 +62,7 @@ impl Mesh {
         edges
     }
 
-    /// Neighbours along polygon edges of every vertex, ascending. Shape [V].
+    /// Neighbours along polygon edges of every vertex, ascending. Shape `[V]`.
     pub fn neighbours(&self) -> Vec<Vec<u32>> {
         let mut neighbours = vec![Vec::new(); self.positions.len()];
         for [a, b] in self.edges() {
@@ -75,13 +75,13 @@ impl Mesh {
         neighbours
     }
 
-    /// Area [m²] of the triangulated surface at `positions`.
+    /// Area `[m²]` of the triangulated surface at `positions`.
     pub fn area(&self) -> f64 {
         self.triangles().iter().map(|t| triangle_area(&self.positions, *t)).sum()
     }
 }
 
-/// Area [m²] of one triangle.
+/// Area `[m²]` of one triangle.
 pub fn triangle_area(positions: &[DVec3], [a, b, c]: [u32; 3]) -> f64 {
     let (a, b, c) = (positions[a as usize], positions[b as usize], positions[c as usize]);
     0.5 * (b - a).cross(c - a).length()
@@ -91,7 +91,7 @@ fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
     (1..corners.len().saturating_sub(1)).map(|k| [corners[0], corners[k], corners[k + 1]])
 }
 
-/// Flat grid of quads in the plane z = `depth` [m], centred on the optical axis: `columns`×`rows`
+/// Flat grid of quads in the plane z = `depth` `[m]`, centred on the optical axis: `columns`×`rows`
 /// vertices, row-major from the upper left, uv = (column/(columns−1), 1 − row/(rows−1)).
 pub fn grid(columns: usize, rows: usize, size: DVec2, depth: f64) -> Mesh {
     assert!(columns >= 2 && rows >= 2, "a grid needs at least 2×2 vertices, not {columns}×{rows}");

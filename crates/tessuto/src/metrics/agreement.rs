@@ -22,7 +22,7 @@ pub struct FrameAgreement {
     /// coverage is; absent where both are empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silhouette: Option<f64>,
-    /// PSNR [dB] of the mesh rendered with the recovered print against the video's sRGB colours, over the pixels in which
+    /// PSNR `[dB]` of the mesh rendered with the recovered print against the video's sRGB colours, over the pixels in which
     /// both mask and rendered coverage are above one half; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
@@ -45,7 +45,7 @@ pub struct FrameAgreement {
 /// Measures frames of one mesh.
 #[derive(Debug, Clone)]
 pub struct AgreementMeter {
-    /// Threads and their lengths [m] in the template.
+    /// Threads and their lengths `[m]` in the template.
     threads: Vec<([u32; 2], f64)>,
     triangles: Vec<[u32; 3]>,
     /// Two triangles on either side of an inner edge that is no crease of the template.
@@ -70,7 +70,7 @@ impl AgreementMeter {
 
     /// Agreement of frame number `frame`.
     ///
-    /// - `positions`: of the vertices [m], shape [V]
+    /// - `positions`: of the vertices `[m]`, shape `[V]`
     /// - `rgb`, `coverage`: the mesh rendered at these positions, of the size of `observed`
     pub fn measure(
         &self,

@@ -6,9 +6,9 @@ use super::boxes::{Bounds, BoxTree};
 use crate::math::rng::Rng;
 use crate::mesh::triangle_area;
 
-/// `count` points, uniform in area, on the surface of `triangles`. Positions [count].
+/// `count` points, uniform in area, on the surface of `triangles`. Positions `[count]`.
 ///
-/// - `positions`: vertices [m], shape [V]; the total area must be positive
+/// - `positions`: vertices `[m]`, shape `[V]`; the total area must be positive
 ///
 /// A triangle is drawn by inversion of the cumulated area; inside it the point is
 /// (1 − √u) a + √u (1 − v) b + √u v c with u, v uniform in [0, 1).
@@ -32,7 +32,7 @@ pub fn sample(positions: &[DVec3], triangles: &[[u32; 3]], count: usize, rng: &m
         .collect()
 }
 
-/// Squared distance [m²] from each point of `from` to the nearest of `to`. Positions [from].
+/// Squared distance `[m²]` from each point of `from` to the nearest of `to`. Positions `[from]`.
 pub fn nearest_squared(from: &[DVec3], to: &[DVec3]) -> Vec<f64> {
     let tree = BoxTree::of_points(to);
     let nearest = |p: &DVec3| tree.nearest(&Bounds::around([*p]), |k| p.distance_squared(to[k]));

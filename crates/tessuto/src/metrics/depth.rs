@@ -5,11 +5,11 @@ use glam::{DVec2, DVec3};
 
 use crate::camera::Camera;
 
-/// Depth difference δ [m]: mean |z_mesh − z| over the measured points whose pixel the mesh covers;
+/// Depth difference δ `[m]`: mean |z_mesh − z| over the measured points whose pixel the mesh covers;
 /// None if it covers none.
 ///
-/// - `points`: measured [m], camera frame, z > 0, shape [P]; a point's pixel is its rounded projection
-/// - `positions`: vertices [m], camera frame, shape [V]
+/// - `points`: measured `[m]`, camera frame, z > 0, shape `[P]`; a point's pixel is its rounded projection
+/// - `positions`: vertices `[m]`, camera frame, shape `[V]`
 pub fn mean_difference(
     points: &[DVec3],
     positions: &[DVec3],
@@ -35,7 +35,7 @@ pub fn mean_difference(
     (count > 0).then(|| sum / count as f64)
 }
 
-/// Smallest depth [m] of the mesh at each pixel (row, column), infinite where it is not hit.
+/// Smallest depth `[m]` of the mesh at each pixel (row, column), infinite where it is not hit.
 ///
 /// - `pixels`: ascending, each once. Triangles with a vertex behind the camera are left out.
 pub fn depths(

@@ -6,7 +6,7 @@ use super::{Inputs, Metrics, chamfer, depth, published, surface};
 use crate::math::rng::Rng;
 use crate::mesh::Positions;
 
-/// Errors of `shape` [m], shape [V], against frame `index` of the truth.
+/// Errors of `shape` `[m]`, shape `[V]`, against frame `index` of the truth.
 pub(super) fn measure(
     inputs: &Inputs,
     triangles: &[[u32; 3]],

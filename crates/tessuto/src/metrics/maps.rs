@@ -20,13 +20,13 @@ use crate::scene::Scene;
 /// Likeness of maps and frames to the truth. What cannot be compared is absent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct MapMetrics {
-    /// PSNR [dB] of the diffuse map, sRGB-encoded.
+    /// PSNR `[dB]` of the diffuse map, sRGB-encoded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse_psnr: Option<f64>,
     /// SSIM of the same.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse_ssim: Option<f64>,
-    /// PSNR [dB] of the diffuse map, sRGB-encoded, after the best factor per channel in linear space:
+    /// PSNR `[dB]` of the diffuse map, sRGB-encoded, after the best factor per channel in linear space:
     /// brightness of light and cloth cannot be told apart.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse_psnr_scaled: Option<f64>,
@@ -36,7 +36,7 @@ pub struct MapMetrics {
     /// The factors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse_scale: Option<[f64; 3]>,
-    /// PSNR [dB] of the roughness map.
+    /// PSNR `[dB]` of the roughness map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roughness_psnr: Option<f64>,
     /// SSIM of the same.
@@ -45,7 +45,7 @@ pub struct MapMetrics {
     /// Correlation of the same; absent where truth or estimate is constant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub roughness_corr: Option<f64>,
-    /// PSNR [dB] of the metallic map.
+    /// PSNR `[dB]` of the metallic map.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metallic_psnr: Option<f64>,
     /// SSIM of the same.
@@ -54,10 +54,10 @@ pub struct MapMetrics {
     /// Correlation of the same; absent where truth or estimate is constant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub metallic_corr: Option<f64>,
-    /// Mean over the re-rendered frames of the PSNR [dB] inside the observed mask and the crop.
+    /// Mean over the re-rendered frames of the PSNR `[dB]` inside the observed mask and the crop.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames_psnr: Option<f64>,
-    /// PSNR [dB] of the cloth under another light, drawn with the maps, against the same with the true maps.
+    /// PSNR `[dB]` of the cloth under another light, drawn with the maps, against the same with the true maps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub relit_psnr: Option<f64>,
     /// The same after the best factor per channel of the linear colours.
@@ -152,7 +152,7 @@ fn pair(scene: &Scene, result: &Path, name: &str) -> Result<Option<(Image, Image
     Ok(Some((estimate_map, truth_map, covered)))
 }
 
-/// Which texels of a map of `width`×`height` the template uses, shape [height · width]; row 0 is v = 1.
+/// Which texels of a map of `width`×`height` the template uses, shape `[height · width]`; row 0 is v = 1.
 pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
     let mut covered = vec![false; width * height];
     // The corners of the picture are the centres of its corner texels.
@@ -201,7 +201,7 @@ fn scaled(image: &Image, scale: [f64; 3]) -> Image {
     Image { data: image.data.iter().enumerate().map(value).collect(), ..*image }
 }
 
-/// Mean PSNR [dB] of the re-rendered frames and their number.
+/// Mean PSNR `[dB]` of the re-rendered frames and their number.
 fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
     let ratio = |(): &mut (), k: usize| -> Result<Option<f64>> {
         let path = result.join(format!("rerendered/rgb_{:03}.png", scene.first_frame + k));

@@ -34,11 +34,11 @@ use crate::scene::{Scene, Truth};
 /// What a motion is compared with.
 #[derive(Debug, Clone, Copy)]
 pub struct Inputs<'a> {
-    /// The mesh whose vertices move, shape [V].
+    /// The mesh whose vertices move, shape `[V]`.
     pub template: &'a Mesh,
     /// Any camera whose pixel grid is the video's: the full image's or a crop's.
     pub camera: &'a Camera,
-    /// What is known of the true motion, shape [N].
+    /// What is known of the true motion, shape `[N]`.
     pub truth: &'a Truth,
     /// Number of the first frame, for the output and the random stream.
     pub first_frame: usize,
@@ -60,28 +60,28 @@ impl<'a> From<&'a Scene> for Inputs<'a> {
 /// P: measured points, S: as many area-uniform samples of the mesh, T: its triangles.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
-    /// L1 Chamfer distance [m]: mean_P min_S |p−s| + mean_S min_P |p−s|.
+    /// L1 Chamfer distance `[m]`: mean_P min_S |p−s| + mean_S min_P |p−s|.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cd1: Option<f64>,
-    /// L2 Chamfer distance [m²]: the same with squared distances.
+    /// L2 Chamfer distance `[m²]`: the same with squared distances.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cd2: Option<f64>,
-    /// Point-to-surface distance [m]: mean_P min_T d(p, t) + mean_T min_P d(p, t), exact.
+    /// Point-to-surface distance `[m]`: mean_P min_T d(p, t) + mean_T min_P d(p, t), exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s1: Option<f64>,
-    /// The same with squared distances [m²].
+    /// The same with squared distances `[m²]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s2: Option<f64>,
-    /// Point-to-surface distance [m] by the inexact formula of the published evaluator.
+    /// Point-to-surface distance `[m]` by the inexact formula of the published evaluator.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s1_published: Option<f64>,
-    /// The same with squared distances [m²].
+    /// The same with squared distances `[m²]`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub p2s2_published: Option<f64>,
-    /// Depth difference δ [m]: mean |z_mesh − z_measured| over the points the mesh covers.
+    /// Depth difference δ `[m]`: mean |z_mesh − z_measured| over the points the mesh covers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub depth: Option<f64>,
-    /// Mean distance [m] of corresponding vertices.
+    /// Mean distance `[m]` of corresponding vertices.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vertex: Option<f64>,
 }
@@ -161,7 +161,7 @@ pub struct Evaluation {
 
 /// Errors of `motion` against the truth of `inputs`, for the frames `range` (indices into `motion`).
 ///
-/// - `motion`: vertex positions [m], camera frame, shape [N, V]
+/// - `motion`: vertex positions `[m]`, camera frame, shape [N, V]
 /// - `seed`: of the surface samples; a frame's samples depend on `seed` and its number only
 ///
 /// The result does not depend on the number of threads.

@@ -6,10 +6,10 @@
 
 use glam::DVec3;
 
-/// What the published formula adds to the denominator [m⁴].
+/// What the published formula adds to the denominator `[m⁴]`.
 const EXTRA: f64 = 1e-5;
 
-/// Squared distances [m²] as in [`super::surface::distances_squared`], with the inexact inside test.
+/// Squared distances `[m²]` as in [`super::surface::distances_squared`], with the inexact inside test.
 ///
 /// - `exact`: the exact ones. They bound the result: whatever is truly inside is also accepted
 ///   here, and where a pair is accepted its plane distance is not above the exact one.

@@ -2,7 +2,7 @@
 
 use crate::image::Image;
 
-/// `image` at `width`×`height` [px] by cubic convolution (Keys 1981, a = −½); where it shrinks, the
+/// `image` at `width`×`height` `[px]` by cubic convolution (Keys 1981, a = −½); where it shrinks, the
 /// kernel is stretched by the same factor, so that nothing is skipped. Values stay in [0, 1].
 ///
 /// The same as Pillow's `BICUBIC`, but for its rounding to 8 bits.

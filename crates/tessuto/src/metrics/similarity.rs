@@ -2,7 +2,7 @@
 
 use crate::image::Image;
 
-/// Peak signal-to-noise ratio [dB] of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
+/// Peak signal-to-noise ratio `[dB]` of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     assert_eq!(a.len(), b.len());
     let squared = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
@@ -79,7 +79,7 @@ pub fn print_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> 
     (count > 0.0 && most > 0.0 && !plain(aa) && !plain(bb)).then(|| ab / most)
 }
 
-/// Half the width of the window [px].
+/// Half the width of the window `[px]`.
 const RADIUS: usize = 5;
 
 /// Structural similarity in [−1, 1] of pictures in [0, 1]: mean over channels and over all 11×11

@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::boxes::{Bounds, BoxTree};
 
-/// Squared distance [m²] of `p` to the triangle `[a, b, c]`, all [m]. A triangle without area is
+/// Squared distance `[m²]` of `p` to the triangle `[a, b, c]`, all `[m]`. A triangle without area is
 /// its edges.
 pub fn point_triangle_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let n = (b - a).cross(c - a);
@@ -21,7 +21,7 @@ pub fn point_triangle_squared(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     point_segment_squared(p, a, b).min(point_segment_squared(p, b, c)).min(point_segment_squared(p, c, a))
 }
 
-/// Squared distance [m²] of `p` to the segment from `a` to `b`, which may be a point.
+/// Squared distance `[m²]` of `p` to the segment from `a` to `b`, which may be a point.
 pub fn point_segment_squared(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     let d = b - a;
     let dd = d.length_squared();
@@ -29,8 +29,8 @@ pub fn point_segment_squared(p: DVec3, a: DVec3, b: DVec3) -> f64 {
     (a + d * t).distance_squared(p)
 }
 
-/// Squared distances [m²] of each point to the nearest triangle, shape [P], and of each triangle
-/// to the nearest point, shape [T]. Exact.
+/// Squared distances `[m²]` of each point to the nearest triangle, shape `[P]`, and of each triangle
+/// to the nearest point, shape `[T]`. Exact.
 pub fn distances_squared(points: &[DVec3], positions: &[DVec3], triangles: &[[u32; 3]]) -> [Vec<f64>; 2] {
     let corners: Vec<[DVec3; 3]> = triangles.iter().map(|t| t.map(|i| positions[i as usize])).collect();
     let triangle_bounds: Vec<Bounds> = corners.iter().map(|t| Bounds::around(*t)).collect();

@@ -64,7 +64,7 @@ pub struct Verdict {
     /// See [`FrameAgreement::silhouette`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silhouette: Option<OverFrames>,
-    /// PSNR [dB], see [`FrameAgreement::psnr`].
+    /// PSNR `[dB]`, see [`FrameAgreement::psnr`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<OverFrames>,
     /// See [`FrameAgreement::print`].

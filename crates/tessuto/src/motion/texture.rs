@@ -15,7 +15,7 @@ use super::rollout::losses::{LossWeights, image_loss};
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TextureSettings {
-    /// Width and height [texels].
+    /// Width and height `[texels]`.
     pub size: usize,
     /// Number of steps.
     pub epochs: usize,
@@ -32,7 +32,7 @@ impl Default for TextureSettings {
 }
 
 /// Optimises a texture, from grey 0.5, until the mesh at `shape` looks like `frame`.
-/// Source: [SAFT] §2.3 phase 1, §2.5.1.
+/// Source: \[SAFT\] §2.3 phase 1, §2.5.1.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the loss is not finite; what the session's observer returns.

@@ -1,7 +1,7 @@
 //! Output folders: they appear whole or not at all, two programs never write the same one, and nothing is replaced
 //! but what tessuto wrote itself and nobody changed since.
 //!
-//! A folder of tessuto's holds a [manifest](manifest) of all its files. Only a folder whose manifest lists every file
+//! A folder of tessuto's holds a [manifest] of all its files. Only a folder whose manifest lists every file
 //! in it, with the bytes that are there, may be replaced, and only if the caller asks for it. Files appear in
 //! `<target>.partial` first. A target that cannot be renamed (a mount point, the working directory) is filled from a
 //! folder inside it instead.

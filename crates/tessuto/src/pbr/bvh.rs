@@ -6,15 +6,15 @@ use wide::f32x8;
 /// Triangles per leaf, at most.
 const LEAF: usize = 4;
 
-/// Hits nearer than this [m] do not count: a point's own place on the cloth is known no better.
+/// Hits nearer than this `[m]` do not count: a point's own place on the cloth is known no better.
 pub(super) const NEAREST: f32 = 1e-5;
 
 /// Axis-aligned box with two children, or with triangles.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Node {
-    /// Lower corner [m].
+    /// Lower corner `[m]`.
     pub low: Vec3,
-    /// Upper corner [m].
+    /// Upper corner `[m]`.
     pub high: Vec3,
     /// Inner node: the second child; the first one follows the node. Leaf: the first triangle.
     pub index: u32,
@@ -38,7 +38,7 @@ pub(super) struct Bvh {
 }
 
 impl Bvh {
-    /// The tree of `triangles` with vertices at `shape` [m].
+    /// The tree of `triangles` with vertices at `shape` `[m]`.
     pub fn new(triangles: &[[u32; 3]], shape: &[DVec3]) -> Self {
         let corners = |t: &[u32; 3]| t.map(|v| shape[v as usize].as_vec3());
         let mut items: Vec<Triangle> = triangles

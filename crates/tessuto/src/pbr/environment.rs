@@ -41,7 +41,7 @@ impl EnvironmentMap {
         row.min(self.height - 1) * self.width + column.min(self.width - 1)
     }
 
-    /// Solid angle [sr] of one texel of `row`.
+    /// Solid angle `[sr]` of one texel of `row`.
     pub fn solid_angle(&self, row: usize) -> f64 {
         let edge = |j: usize| (PI * j as f64 / self.height as f64).cos();
         2.0 * PI / self.width as f64 * (edge(row) - edge(row + 1))

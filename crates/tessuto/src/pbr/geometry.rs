@@ -27,7 +27,7 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// The triangles of `mesh` with vertices at `motion` [m], camera frame, shape [N, V]. The camera is the
+    /// The triangles of `mesh` with vertices at `motion` `[m]`, camera frame, shape [N, V]. The camera is the
     /// origin.
     pub fn new(mesh: &Mesh, motion: &[Positions]) -> Self {
         let triangles = mesh.triangles();

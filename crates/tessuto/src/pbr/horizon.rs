@@ -17,7 +17,7 @@ pub(super) type Horizon = [f32; SECTORS];
 /// Added to every slope, relative and absolute: far above the rounding of a traced ray in f32.
 const MARGIN: f64 = 2e-3;
 
-/// Lengths [m] below this are rounding.
+/// Lengths `[m]` below this are rounding.
 const TINY: f64 = 1e-11;
 
 /// Monotonic in the azimuth of (x, y), from 0 at +x to 4: the way along the square |x| + |y| = 1.
@@ -76,7 +76,7 @@ struct Site<'a> {
     axes: [DVec3; 3],
     /// Corners in the plane.
     corners: [DVec2; 3],
-    /// Radius of the corners around the centroid [m].
+    /// Radius of the corners around the centroid `[m]`.
     radius: f64,
     slopes: [f64; SECTORS],
 }

@@ -10,11 +10,11 @@ pub const CHANNELS: usize = 5;
 /// constantly.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
-    /// Width [texel].
+    /// Width `[texel]`.
     pub width: usize,
-    /// Height [texel].
+    /// Height `[texel]`.
     pub height: usize,
-    /// Linear base colour T_D [3], roughness T_R, metallic T_M and three zeros that fill a vector register,
+    /// Linear base colour T_D `[3]`, roughness T_R, metallic T_M and three zeros that fill a vector register,
     /// shape [height, width].
     pub texels: Vec<[f32; 8]>,
 }
@@ -81,7 +81,7 @@ impl Material {
         sum
     }
 
-    /// Diffuse [3], roughness and metallic at `uv`.
+    /// Diffuse `[3]`, roughness and metallic at `uv`.
     pub fn sample(&self, uv: [f32; 2]) -> [f32; CHANNELS] {
         let [r, g, b, roughness, metallic, ..] = self.lookup(&self.footprint(uv));
         [r, g, b, roughness, metallic]

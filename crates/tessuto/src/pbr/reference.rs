@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::{EnvironmentMap, Material, SurfacePoint};
 use crate::math::rng::Rng;
 
-/// BRDF f(o, i) [1/sr] of `texel` = (diffuse [3], roughness, metallic) for unit vectors to viewer and light and the
+/// BRDF f(o, i) [1/sr] of `texel` = (diffuse `[3]`, roughness, metallic) for unit vectors to viewer and light and the
 /// unit normal. Formulas: [`super::brdf`].
 pub fn brdf(texel: [f64; 5], n: DVec3, o: DVec3, i: DVec3) -> DVec3 {
     let [r, g, b, roughness, metallic] = texel;

@@ -9,7 +9,7 @@ use crate::raster::{Rasterizer, Rendering, Texture};
 /// A point of the cloth as a pixel sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfacePoint {
-    /// Position [m], camera frame.
+    /// Position `[m]`, camera frame.
     pub position: Vec3,
     /// Shading normal: the vertices' normals interpolated, on the side that the camera sees, unit.
     pub normal: Vec3,
@@ -19,7 +19,7 @@ pub struct SurfacePoint {
     pub patch: u32,
 }
 
-/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `shape` [m] for which
+/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `shape` `[m]` for which
 /// `wanted` says so, with their pixel indices, in the order of rows.
 pub fn visible_points(
     rasterizer: &Rasterizer,

@@ -9,7 +9,7 @@ use crate::mesh::Mesh;
 /// A variant of the axes whose overlap is this much larger than the template's own is named.
 pub(crate) const VARIANT_GAIN: f64 = 0.2;
 
-/// Calls `visit(column, row)` for every integer point of 0..width × 0..height in the triangle `p` [px].
+/// Calls `visit(column, row)` for every integer point of 0..width × 0..height in the triangle `p` `[px]`.
 /// Points on an edge belong to the triangle if `closed`.
 pub(crate) fn fill_triangle(
     p: [DVec2; 3],
@@ -41,7 +41,7 @@ pub(crate) fn fill_triangle(
     }
 }
 
-/// Which pixels `mesh` at `positions` [m] covers, shape [height · width]; triangles that reach behind
+/// Which pixels `mesh` at `positions` `[m]` covers, shape [height · width]; triangles that reach behind
 /// the camera are left out.
 pub(crate) fn template_coverage(mesh: &Mesh, positions: &[DVec3], camera: &Camera) -> Vec<bool> {
     let mut covered = vec![false; camera.width * camera.height];

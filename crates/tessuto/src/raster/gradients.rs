@@ -8,7 +8,7 @@ use super::{Rasterizer, Texture};
 /// Loss gradients, summed over all adjoint calls since [`clear`](Self::clear).
 #[derive(Debug, Clone, Default)]
 pub struct Gradients {
-    /// With respect to vertex positions [1/m], shape [V].
+    /// With respect to vertex positions [1/m], shape `[V]`.
     pub positions: Vec<DVec3>,
     /// With respect to texels, shape [height, width]; left out if `None`. The fourth channel is that
     /// of the texels' fixed 1.
@@ -17,7 +17,7 @@ pub struct Gradients {
     pub uvs: Option<Vec<DVec2>>,
     /// Scratch: sums of each band's triangles.
     pub(super) band_sums: Vec<Vec<RaySums>>,
-    /// Scratch: sums of each triangle, shape [T].
+    /// Scratch: sums of each triangle, shape `[T]`.
     pub(super) triangle_sums: Vec<RaySums>,
 }
 

@@ -5,6 +5,28 @@
 //! (texture), `silhouette` (antialiasing). [`Rasterizer::render_vjp`] goes back. [`mod@reference`]
 //! is the same picture, written plainly.
 //!
+//! ```
+//! use glam::DVec2;
+//! use tessuto::Camera;
+//! use tessuto::raster::{Gradients, Rasterizer, Rendering, Texture};
+//!
+//! let mesh = tessuto::mesh::grid(4, 4, DVec2::splat(0.2), 1.0);
+//! let camera = Camera { fx: 100.0, fy: 100.0, cx: 15.5, cy: 15.5, width: 32, height: 32 };
+//! let texture = Texture::uniform(8, 8, [0.8, 0.4, 0.2]);
+//! let rasterizer = Rasterizer::new(&mesh);
+//! let mut rendering = Rendering::new();
+//! rasterizer.render(&camera, &mesh.positions, &texture, &mut rendering);
+//! let coverage = |r: &Rendering| r.rgba.iter().map(|c| c[3]).sum::<f32>();
+//! assert!((coverage(&rendering) - 400.0).abs() < 1.0, "20×20 pixels");
+//!
+//! // The covered area grows where border vertices move outwards, and where the mesh comes nearer.
+//! let mut gradients = Gradients::new(&rasterizer);
+//! let grad_rgba = vec![[0.0, 0.0, 0.0, 1.0]; 32 * 32];
+//! rasterizer.render_vjp(&camera, &mesh.positions, &texture, &rendering, &grad_rgba, None, &mut gradients);
+//! assert!(gradients.positions[3].x > 0.0 && gradients.positions[0].x < 0.0);
+//! assert!(gradients.positions.iter().map(|g| g.z).sum::<f64>() < 0.0);
+//! ```
+//!
 //! Geometry is computed in f64, colours in f32. Results are the same, bit for bit, for any number of
 //! threads.
 
@@ -61,12 +83,12 @@ impl Rasterizer {
         }
     }
 
-    /// Vertex indices of each triangle, shape [T].
+    /// Vertex indices of each triangle, shape `[T]`.
     pub fn triangles(&self) -> &[[u32; 3]] {
         &self.triangles
     }
 
-    /// Indices into [`uvs`](Self::uvs) of each triangle, shape [T].
+    /// Indices into [`uvs`](Self::uvs) of each triangle, shape `[T]`.
     pub fn triangle_uvs(&self) -> &[[u32; 3]] {
         &self.triangle_uvs
     }
@@ -86,7 +108,7 @@ impl Rasterizer {
         &mut self.uvs
     }
 
-    /// Draws the mesh with vertices at `positions` [m] (camera frame, shape [V]), textured and
+    /// Draws the mesh with vertices at `positions` `[m]` (camera frame, shape `[V]`), textured and
     /// antialiased, over black.
     pub fn render(&self, camera: &Camera, positions: &[DVec3], texture: &Texture, out: &mut Rendering) {
         assert_eq!(positions.len(), self.vertex_count, "as many positions as the mesh has vertices");

@@ -4,18 +4,18 @@ use glam::{DVec2, DVec3};
 
 use crate::camera::Camera;
 
-/// Triangles that reach nearer than this [m] to the camera's plane are not drawn: rays through a
+/// Triangles that reach nearer than this `[m]` to the camera's plane are not drawn: rays through a
 /// triangle that crosses the plane z = 0 do not describe it.
 pub const NEAR: f64 = 1e-3;
 
-/// Rays through the pixel centres, r = (x[i], y[j], 1).
+/// Rays through the pixel centres, r = (`x[i]`, `y[j]`, 1).
 #[derive(Debug, Clone, Default)]
 pub(super) struct Rays {
     /// (i − cx)/fx of every column.
     pub x: Vec<f64>,
     /// (j − cy)/fy of every row.
     pub y: Vec<f64>,
-    /// Focal lengths fx and fy [px].
+    /// Focal lengths fx and fy `[px]`.
     pub focal: [f64; 2],
 }
 
@@ -30,7 +30,7 @@ impl Rays {
     }
 }
 
-/// A triangle with corners x_k [m], seen along rays r. With M = (x_0 x_1 x_2), the numbers
+/// A triangle with corners x_k `[m]`, seen along rays r. With M = (x_0 x_1 x_2), the numbers
 /// b̃ = M⁻¹ r are its barycentric coordinates times s = Σ b̃_k = 1/z, and any quantity q that is
 /// linear on the surface obeys s q = (Σ q_k rows_k(M⁻¹)) · r: a *plane*.
 ///
@@ -57,9 +57,9 @@ pub(super) struct Projected {
     pub columns: [u32; 2],
     /// First row, and one past the last, of the bounding box.
     pub rows: [u32; 2],
-    /// −fx/m_k.x: the edge passes row j at column cx + (m_k.y y[j] + m_k.z) · this.
+    /// −fx/m_k.x: the edge passes row j at column cx + (m_k.y `y[j]` + m_k.z) · this.
     root_scale: [f64; 3],
-    /// Principal point, column [px].
+    /// Principal point, column `[px]`.
     cx: f64,
 }
 
@@ -79,7 +79,7 @@ impl Projected {
         cx: 0.0,
     };
 
-    /// The triangle with `corners` [m] and their texel coordinates `texels`. Not drawn are triangles
+    /// The triangle with `corners` `[m]` and their texel coordinates `texels`. Not drawn are triangles
     /// seen exactly from the side, those that reach nearer than [`NEAR`] and those with corners that
     /// are not finite.
     pub fn new(camera: &Camera, corners: [DVec3; 3], texels: [DVec2; 3]) -> Self {

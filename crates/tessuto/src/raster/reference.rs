@@ -9,9 +9,9 @@ use crate::camera::Camera;
 /// Texture with f64 texels; see [`super::Texture`].
 #[derive(Debug, Clone)]
 pub struct PlainTexture {
-    /// Width [texel].
+    /// Width `[texel]`.
     pub width: usize,
-    /// Height [texel].
+    /// Height `[texel]`.
     pub height: usize,
     /// Red, green, blue and 1.0, shape [height, width].
     pub texels: Vec<[f64; 4]>,
@@ -24,7 +24,7 @@ pub struct PlainRendering {
     pub triangle: Vec<Option<usize>>,
     /// Number of triangles over each pixel centre.
     pub hits: Vec<usize>,
-    /// Depth z [m] of each pixel, 0 where there is no triangle.
+    /// Depth z `[m]` of each pixel, 0 where there is no triangle.
     pub depth: Vec<f64>,
     /// Antialiased colour and coverage of each pixel.
     pub rgba: Vec<[f64; 4]>,
@@ -59,7 +59,7 @@ fn bilinear(texture: &PlainTexture, uv: DVec2) -> [f64; 4] {
     })
 }
 
-/// The picture of `rasterizer`'s mesh at `positions` [m].
+/// The picture of `rasterizer`'s mesh at `positions` `[m]`.
 pub fn render(
     rasterizer: &Rasterizer,
     camera: &Camera,

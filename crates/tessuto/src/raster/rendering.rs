@@ -10,9 +10,9 @@ use crate::image::Image;
 /// again by the next rendering into it.
 #[derive(Debug, Clone, Default)]
 pub struct Rendering {
-    /// Width [px].
+    /// Width `[px]`.
     pub width: usize,
-    /// Height [px].
+    /// Height `[px]`.
     pub height: usize,
     /// Triangle seen at each pixel centre, [`Rendering::NO_TRIANGLE`] where there is none, shape
     /// [height, width].
@@ -30,9 +30,9 @@ pub struct Rendering {
     pub(super) bins: Bins,
     /// Silhouette blends found in each band of rows.
     pub(super) blends: Vec<Vec<Blend>>,
-    /// Size of the texture that the planes in `projected` belong to [texel].
+    /// Size of the texture that the planes in `projected` belong to `[texel]`.
     pub(super) texture_size: [usize; 2],
-    /// Everything outside is background, [x0, x1) × [y0, y1) [px].
+    /// Everything outside is background, [x0, x1) × [y0, y1) `[px]`.
     pub(super) drawn: Option<Rect>,
 }
 
@@ -45,13 +45,13 @@ impl Rendering {
         Self::default()
     }
 
-    /// Depth z [m] at the centre of pixel (column `x`, row `y`), `None` where no triangle is seen.
+    /// Depth z `[m]` at the centre of pixel (column `x`, row `y`), `None` where no triangle is seen.
     pub fn depth(&self, x: usize, y: usize) -> Option<f64> {
         let inverse = self.inverse_depth[y * self.width + x];
         (inverse > 0.0).then(|| 1.0 / inverse)
     }
 
-    /// Depth z [m] of every pixel, 0 where no triangle is seen, shape [height, width, 1].
+    /// Depth z `[m]` of every pixel, 0 where no triangle is seen, shape [height, width, 1].
     pub fn depth_image(&self) -> Image {
         let depth = |&inverse: &f64| if inverse > 0.0 { (1.0 / inverse) as f32 } else { 0.0 };
         let data = self.inverse_depth.iter().map(depth).collect();

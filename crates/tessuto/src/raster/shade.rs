@@ -81,7 +81,7 @@ pub(super) struct ImageGradients<'a> {
 }
 
 /// Sums of each triangle of band `band`, over its visible pixels there and as if there were no
-/// antialiasing, into `sums`, in the order of the band's bin. `slots` is scratch, shape [T].
+/// antialiasing, into `sums`, in the order of the band's bin. `slots` is scratch, shape `[T]`.
 pub(super) fn band_sums(
     rendering: &Rendering,
     texture: &Texture,
@@ -152,7 +152,7 @@ fn run_sums(
     ])
 }
 
-/// Where pixel number `pixel`, which shows triangle `p`, looks into the texture [texel].
+/// Where pixel number `pixel`, which shows triangle `p`, looks into the texture `[texel]`.
 #[inline]
 pub(super) fn texel_at(rendering: &Rendering, p: &Projected, pixel: usize) -> [f64; 2] {
     let (x, y) = (rendering.rays.x[pixel % rendering.width], rendering.rays.y[pixel / rendering.width]);

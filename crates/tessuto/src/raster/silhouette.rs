@@ -27,7 +27,7 @@ use super::{Rasterizer, Rendering};
 /// smaller than pixels.
 pub(super) const MAX_STEPS: usize = 16;
 
-/// One pixel's share in another: out[receiver] += weight · (c[partner] − c[receiver]).
+/// One pixel's share in another: `out[receiver]` += weight · (`c[partner]` − `c[receiver]`).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Blend {
     /// Pixel that changes.
@@ -36,7 +36,7 @@ pub(super) struct Blend {
     pub partner: u32,
     /// In [0, ½].
     pub weight: f32,
-    /// c[partner] − c[receiver], unblended.
+    /// `c[partner]` − `c[receiver]`, unblended.
     pub contrast: [f32; 4],
     /// Vertices A and B of the silhouette edge.
     pub edge: [u32; 2],
@@ -50,7 +50,7 @@ struct Crossing {
     edge: [u32; 2],
     /// (A × B) · r at the occluder's and the other pixel's ray.
     values: [f64; 2],
-    /// A × B [m²].
+    /// A × B `[m²]`.
     plane: DVec3,
 }
 
@@ -191,7 +191,7 @@ pub(super) fn apply_blends(rendering: &mut Rendering) {
 }
 
 impl Blend {
-    /// Gradients with respect to the edge's vertices A and B [m], for the image gradient `grad` at the
+    /// Gradients with respect to the edge's vertices A and B `[m]`, for the image gradient `grad` at the
     /// receiver.
     pub fn edge_gradients(&self, positions: &[DVec3], grad: Vec4) -> [DVec3; 2] {
         let w = self.weight_by_plane * f64::from(grad.dot(Vec4::from_array(self.contrast)));

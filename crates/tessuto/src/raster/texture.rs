@@ -9,9 +9,9 @@ use crate::image::Image;
 /// centres the texture goes on constantly.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Texture {
-    /// Width [texel].
+    /// Width `[texel]`.
     pub width: usize,
-    /// Height [texel].
+    /// Height `[texel]`.
     pub height: usize,
     /// Red, green, blue and 1.0 (the mask), shape [height, width].
     pub texels: Vec<[f32; 4]>,

@@ -7,7 +7,7 @@ use super::projected::{Projected, Rays};
 pub(super) struct Rows<'a> {
     /// Row of the image that the slices start with.
     pub first_row: usize,
-    /// Image width [px].
+    /// Image width `[px]`.
     pub width: usize,
     /// See [`Rendering::triangle`].
     pub triangle: &'a mut [u32],

@@ -30,11 +30,11 @@ pub fn base64_of<T: bytemuck::NoUninit>(numbers: &[T]) -> String {
 pub struct Motion {
     /// Frames it has.
     pub frames: usize,
-    /// Lower corner and extent [m], f32 [N, 6].
+    /// Lower corner and extent `[m]`, f32 [N, 6].
     pub boxes: String,
     /// Steps of extent / 65535, u16 [N, V, 3].
     pub steps: String,
-    /// Largest distance [m], per axis, of an embedded position from its own.
+    /// Largest distance `[m]`, per axis, of an embedded position from its own.
     pub precision: f64,
 }
 
@@ -109,7 +109,7 @@ impl Field {
 pub struct Surface {
     /// V.
     pub vertices: usize,
-    /// Vertex of every corner, u32 [C].
+    /// Vertex of every corner, u32 `[C]`.
     pub corners: String,
     /// Texture coordinate of every corner, f32 [C, 2].
     pub uvs: String,
@@ -117,7 +117,7 @@ pub struct Surface {
     pub triangles: String,
     /// Vertices of every polygon edge, u32 [E, 2].
     pub edges: String,
-    /// Lengths of the edges in the template [m], f32 [E].
+    /// Lengths of the edges in the template `[m]`, f32 `[E]`.
     pub lengths: String,
 }
 
@@ -155,7 +155,7 @@ impl Window {
         [at(0), at(1)]
     }
 
-    /// Column, row, width and height [px] in a picture of this size, whose row 0 is v = 1.
+    /// Column, row, width and height `[px]` in a picture of this size, whose row 0 is v = 1.
     pub fn pixels(&self, width: u32, height: u32) -> [u32; 4] {
         let at = |share: f64, n: u32| (share * f64::from(n)).round() as u32;
         let (x0, x1) = (at(self.low[0], width), at(self.high[0], width));

@@ -11,7 +11,7 @@ use crate::camera::{Camera, Rect};
 use crate::error::Result;
 use crate::image::Image;
 
-/// Largest side [px] and JPEG quality, best first.
+/// Largest side `[px]` and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [
     (800, 74),
     (720, 72),
@@ -57,9 +57,9 @@ pub struct Layer {
 /// Pictures of all frames, cut to where there is something to see.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Film {
-    /// Width [px].
+    /// Width `[px]`.
     pub width: u32,
-    /// Height [px].
+    /// Height `[px]`.
     pub height: u32,
     /// JPEG quality.
     pub quality: u8,
@@ -160,14 +160,14 @@ fn region(samples: &[RgbImage], camera: &Camera, shown: Option<Rect>) -> Rect {
     }
 }
 
-/// Size [px] of `region` with sides of at most `side`, never enlarged.
+/// Size `[px]` of `region` with sides of at most `side`, never enlarged.
 pub fn size(region: Rect, side: u32) -> [u32; 2] {
     let (width, height) = (region.width() as f64, region.height() as f64);
     let scale = (f64::from(side) / width.max(height)).min(1.0);
     [width, height].map(|s| ((s * scale).round() as u32).max(1))
 }
 
-/// The part `region` of `picture` as JPEG, with sides of at most `side` [px].
+/// The part `region` of `picture` as JPEG, with sides of at most `side` `[px]`.
 pub fn jpeg(picture: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
     let [x, y, w, h] = [region.x0, region.y0, region.width(), region.height()].map(|v| v as u32);
     let [width, height] = size(region, side);
@@ -191,7 +191,7 @@ pub fn jpeg_of(picture: &RgbImage, quality: u8) -> Vec<u8> {
     bytes
 }
 
-/// Camera of the part `region` at this size [px].
+/// Camera of the part `region` at this size `[px]`.
 pub fn scaled(camera: &Camera, region: Rect, [width, height]: [u32; 2]) -> Camera {
     let cut = camera.cropped(region);
     let (sx, sy) = (f64::from(width) / cut.width as f64, f64::from(height) / cut.height as f64);

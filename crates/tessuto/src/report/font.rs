@@ -3,12 +3,12 @@
 use super::colour::Colour;
 use crate::image::Image;
 
-/// Distance [px] from one letter to the next, at scale 1.
+/// Distance `[px]` from one letter to the next, at scale 1.
 pub const ADVANCE: usize = 6;
-/// Height [px] of a letter, at scale 1.
+/// Height `[px]` of a letter, at scale 1.
 pub const HEIGHT: usize = 7;
 
-/// Width [px] of `text`.
+/// Width `[px]` of `text`.
 pub fn width(text: &str, scale: usize) -> usize {
     (text.chars().count() * ADVANCE).saturating_sub(1) * scale
 }
@@ -26,7 +26,7 @@ pub fn draw(image: &mut Image, [x, y]: [usize; 2], text: &str, scale: usize, col
     }
 }
 
-/// Colour the rectangle at (column, row) `corner` of `size` [px]; what lies outside is cut off.
+/// Colour the rectangle at (column, row) `corner` of `size` `[px]`; what lies outside is cut off.
 pub fn fill(image: &mut Image, corner: [usize; 2], size: [usize; 2], colour: Colour) {
     for y in corner[1]..(corner[1] + size[1]).min(image.height) {
         for x in corner[0]..(corner[0] + size[0]).min(image.width) {

@@ -5,7 +5,7 @@ use super::font;
 use super::pictures::{Kind, Scales};
 use crate::image::Image;
 
-/// Height [px] of the strip at scale 1.
+/// Height `[px]` of the strip at scale 1.
 pub const STRIP: usize = 30;
 const INK: Colour = [0.13, 0.13, 0.13];
 const PAPER: Colour = [1.0, 1.0, 1.0];
@@ -49,7 +49,7 @@ impl Legend {
         }
     }
 
-    /// Draw into the strip of `width` [px] whose upper left corner is at (column, row) `corner`:
+    /// Draw into the strip of `width` `[px]` whose upper left corner is at (column, row) `corner`:
     /// the title to the left, the bar with its ticks below to the right. `scale`: size of the letters.
     pub fn draw(&self, image: &mut Image, [x, y]: [usize; 2], width: usize, scale: usize) {
         font::draw(image, [x + 4, y + 6 * scale], &self.title, scale, INK);

@@ -47,7 +47,7 @@ pub struct ReportData {
     pub parameters: Vec<Parameter>,
     /// Comparison with the truth, where there is any.
     pub evaluation: Option<Evaluation>,
-    /// Name of each stage and its wall-clock time [s].
+    /// Name of each stage and its wall-clock time `[s]`.
     pub timings: Vec<(String, f64)>,
     /// What the user should know before trusting the result.
     pub warnings: Vec<String>,
@@ -90,11 +90,11 @@ pub struct Map {
 /// The light as a lat-long picture; its middle is where the camera looks, the top row is up.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct LightData {
-    /// Width [px].
+    /// Width `[px]`.
     pub width: usize,
-    /// Height [px].
+    /// Height `[px]`.
     pub height: usize,
-    /// Linear radiance, f32 [height, width, 3], base64.
+    /// Linear radiance, f32 `[height, width, 3]`, base64.
     pub radiance: String,
     /// The same for looking at, JPEG, base64.
     #[serde(skip)]

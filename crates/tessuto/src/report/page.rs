@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::io;
 use crate::metrics::{Evaluation, OverFrames, QUANTITIES, Verdict};
 
-/// Size [bytes] that the page keeps to by choosing the size of its pictures.
+/// Size `[bytes]` that the page keeps to by choosing the size of its pictures.
 pub const BUDGET: usize = 14 << 20;
 
 /// Styles, in the order of the page.
@@ -70,7 +70,7 @@ struct Row {
     worst: Option<(String, usize)>,
 }
 
-/// A length [m] or an area [m²] in the unit that people measure cloth in; other units stay.
+/// A length `[m]` or an area `[m²]` in the unit that people measure cloth in; other units stay.
 fn readable(value: f64, unit: &str) -> (String, &str) {
     match unit {
         "m" => (significant(1e3 * value), "mm"),
@@ -89,7 +89,7 @@ fn significant(value: f64) -> String {
 /// Writes the page to `path`.
 ///
 /// # Errors
-/// [`Error::Output`].
+/// [`Error::Output`](crate::Error::Output).
 pub fn write(path: &Path, data: &ReportData) -> Result<()> {
     io::atomic_write(path, render(data).as_bytes())
 }

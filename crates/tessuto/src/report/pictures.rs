@@ -73,9 +73,9 @@ impl Kind {
 /// What the ends of the colour bars mean; the same for all frames, so that they can be compared.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
-    /// Depth [m] at the two ends.
+    /// Depth `[m]` at the two ends.
     pub depth: [f64; 2],
-    /// Depth difference [m] at the ends: ± this.
+    /// Depth difference `[m]` at the ends: ± this.
     pub depth_difference: f64,
     /// Colour difference (sRGB, of 1) at the upper end.
     pub colour_difference: f64,
@@ -84,17 +84,17 @@ pub struct Scales {
 /// What the scales must cover of one frame.
 #[derive(Debug, Clone, Copy)]
 pub struct Ranges {
-    /// Least and largest depth [m]; the first is larger where there is none.
+    /// Least and largest depth `[m]`; the first is larger where there is none.
     depth: [f64; 2],
     /// Number of pixels for which each of the [`STEPS`] is the first to cover the depth difference.
     differences: [usize; STEPS.len()],
 }
 
-/// Ends that a scale of depth differences may have [m].
+/// Ends that a scale of depth differences may have `[m]`.
 const STEPS: [f64; 13] = [1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0];
 
 impl Ranges {
-    /// Of a depth image and, where there is one, a measured one [m]; 0 is no depth.
+    /// Of a depth image and, where there is one, a measured one `[m]`; 0 is no depth.
     pub fn of(depth: &Image, measured: Option<&Image>) -> Self {
         let mut out = Self { depth: [f64::INFINITY, f64::NEG_INFINITY], differences: [0; STEPS.len()] };
         for z in depth.data.iter().filter(|z| **z > 0.0).map(|z| f64::from(*z)) {
@@ -109,7 +109,7 @@ impl Ranges {
         out
     }
 
-    /// Of the depths alone of vertices [m], camera frame, that `camera` sees.
+    /// Of the depths alone of vertices `[m]`, camera frame, that `camera` sees.
     pub fn of_vertices(vertices: &[DVec3], camera: &Camera) -> Self {
         let size = DVec2::new(camera.width as f64, camera.height as f64);
         let seen = |p: &&DVec3| {
@@ -152,11 +152,11 @@ pub struct FramePictures<'a> {
     pub rgb: &'a Image,
     /// Rendered coverage in [0, 1], shape [height, width, 1].
     pub mask: &'a Image,
-    /// Rendered depth [m], 0 where there is no fabric, shape [height, width, 1].
+    /// Rendered depth `[m]`, 0 where there is no fabric, shape [height, width, 1].
     pub depth: &'a Image,
     /// The video.
     pub observed: &'a Frame,
-    /// Measured depth [m], 0 where there is none; see [`measured_depth_image`].
+    /// Measured depth `[m]`, 0 where there is none; see [`measured_depth_image`].
     pub measured_depth: Option<&'a Image>,
 }
 
@@ -218,7 +218,7 @@ impl FramePictures<'_> {
     }
 }
 
-/// Depth image [m] of measured `points` [m], camera frame: each point at its rounded projection, the
+/// Depth image `[m]` of measured `points` `[m]`, camera frame: each point at its rounded projection, the
 /// nearer one where two meet, gaps between points filled from their neighbours, 0 elsewhere.
 /// Positions [height, width, 1] of `camera`. For looking at, not for measuring.
 pub fn measured_depth_image(points: &[DVec3], camera: &Camera) -> Image {

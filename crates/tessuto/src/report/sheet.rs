@@ -9,10 +9,10 @@ use crate::image::Image;
 
 const INK: Colour = [0.13, 0.13, 0.13];
 const PAPER: Colour = [1.0, 1.0, 1.0];
-/// Width [px] of one small picture.
+/// Width `[px]` of one small picture.
 const CELL: usize = 190;
 const GAP: usize = 4;
-/// Space [px] for the rows' and the columns' names.
+/// Space `[px]` for the rows' and the columns' names.
 const LEFT: usize = 134;
 const TOP: usize = 26;
 /// Most frames on a sheet.
@@ -107,7 +107,7 @@ fn fabric(frames: &[(usize, FramePictures)]) -> Rect {
     }
 }
 
-/// The part `view` of `image` at `width`×`height` [px]: means over the pixels that fall into each new one.
+/// The part `view` of `image` at `width`×`height` `[px]`: means over the pixels that fall into each new one.
 fn shrunk(image: &Image, view: Rect, [width, height]: [usize; 2]) -> Image {
     let mut out = Image::new(width, height, image.channels);
     // At least one source pixel each, also when enlarging.

@@ -75,7 +75,7 @@ pub(super) fn over_frames(
     Ok(charts)
 }
 
-/// Second column of rerendered/psnr.csv [dB].
+/// Second column of rerendered/psnr.csv `[dB]`.
 fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
     if !path.is_file() {
         return Ok(None);

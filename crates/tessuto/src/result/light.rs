@@ -58,7 +58,7 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
     }))
 }
 
-/// Which directions of a lat-long picture, shape [ROWS, 2·ROWS], the side of the cloth that the camera sees faced at a time.
+/// Which directions of a lat-long picture, shape `[ROWS, 2·ROWS]`, the side of the cloth that the camera sees faced at a time.
 fn observed(mesh: &Mesh, motion: &[Positions]) -> Vec<bool> {
     let triangles = mesh.triangles();
     let stride = triangles.len().div_ceil(TRIANGLES).max(1);

@@ -14,7 +14,7 @@ pub struct Log {
     pub commands: Vec<String>,
     /// Remarks on input and result.
     pub warnings: Vec<String>,
-    /// Stage and its wall time [s].
+    /// Stage and its wall time `[s]`.
     pub timings: Vec<(String, f64)>,
 }
 
@@ -35,7 +35,7 @@ impl Log {
         write_json(&folder.join("log.json"), self)
     }
 
-    /// Sets the time [s] of `stage`.
+    /// Sets the time `[s]` of `stage`.
     pub fn set_time(&mut self, stage: &str, seconds: f64) {
         match self.timings.iter_mut().find(|(name, _)| name == stage) {
             Some(entry) => entry.1 = seconds,

@@ -22,7 +22,7 @@ use crate::sim::cloth::AREA_DENSITY;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;
-/// Largest side of an embedded map [px], and JPEG quality of maps.
+/// Largest side of an embedded map `[px]`, and JPEG quality of maps.
 const MAP_SIDE: u32 = 1024;
 pub(super) const MAP_QUALITY: u8 = 86;
 
@@ -161,7 +161,7 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     ]
 }
 
-/// ‖C + D‖ [m/s²] at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
+/// ‖C + D‖ `[m/s²]` at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
 pub(super) fn force_magnitudes(
     accelerations: &Accelerations,
     frame_count: usize,

@@ -14,7 +14,7 @@ use crate::report::sheet::{chosen_frames, contact_sheet};
 use crate::scene::Scene;
 use crate::video::Frame;
 
-/// A vertex farther behind the nearest surface [m] is hidden.
+/// A vertex farther behind the nearest surface `[m]` is hidden.
 const HIDDEN: f64 = 0.01;
 
 /// Renders frames of a result, one by one: all of them together could fill the memory.
@@ -36,7 +36,7 @@ struct Rendered {
 /// Numbers of one frame.
 struct Measured {
     agreement: FrameAgreement,
-    /// Depth errors at the vertices [m].
+    /// Depth errors at the vertices `[m]`.
     errors: Vec<f32>,
 }
 
@@ -123,7 +123,7 @@ fn write_errors(folder: &Path, scene: &Scene, motion: &[Positions], measured: &[
     Ok(())
 }
 
-/// Depth minus measured depth [m] at every vertex that is in sight, NaN elsewhere and where none was measured.
+/// Depth minus measured depth `[m]` at every vertex that is in sight, NaN elsewhere and where none was measured.
 fn depth_errors(scene: &Scene, shape: &Positions, depth: &Image, measured: Option<&Image>) -> Vec<f32> {
     let Some(measured) = measured else { return vec![f32::NAN; shape.len()] };
     let (width, height) = (measured.width as f64, measured.height as f64);

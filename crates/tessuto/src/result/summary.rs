@@ -37,7 +37,7 @@ pub struct Summary {
     pub frames: [usize; 2],
     /// Vertices of the template.
     pub vertices: usize,
-    /// Wall time of all stages [s].
+    /// Wall time of all stages `[s]`.
     pub seconds: f64,
     /// Absent for motions that were not compared with a video.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -52,9 +52,9 @@ pub struct AppearanceOptions {
 /// What was estimated.
 #[derive(Debug)]
 pub struct AppearanceOutcome {
-    /// Mean PSNR of the re-rendered frames [dB].
+    /// Mean PSNR of the re-rendered frames `[dB]`.
     pub psnr: f64,
-    /// Stage and its wall time [s].
+    /// Stage and its wall time `[s]`.
     pub timings: Vec<(String, f64)>,
     /// Whether the folder is a result, whose page was written anew.
     pub is_result: bool,
@@ -129,7 +129,7 @@ pub fn run(
 }
 
 /// Estimates, draws all frames again, and writes material/ and rerendered/ into `folder`, each whole or not at all;
-/// returns the mean PSNR of the frames [dB].
+/// returns the mean PSNR of the frames `[dB]`.
 pub(super) fn estimate(
     folder: &Path,
     scene: &Scene,

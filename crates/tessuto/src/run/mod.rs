@@ -86,9 +86,9 @@ pub struct Outcome {
     pub summary: Summary,
     /// Errors against the truth, where there is one.
     pub evaluation: Option<Evaluation>,
-    /// Mean PSNR of the re-rendered frames [dB].
+    /// Mean PSNR of the re-rendered frames `[dB]`.
     pub rerendered_psnr: Option<f64>,
-    /// Stage and its wall time [s], of this run alone.
+    /// Stage and its wall time `[s]`, of this run alone.
     pub timings: Vec<(String, f64)>,
     /// What went wrong but cost neither the motion nor the folder.
     pub failure: Option<Error>,

@@ -16,7 +16,7 @@ use crate::io::{atomic_write, read_bounded};
 const FORMAT: &str = "tessuto checkpoint 1";
 /// Files kept: if the newest turns out damaged, the one before is used.
 const KEPT: usize = 2;
-/// Largest file that is read [bytes].
+/// Largest file that is read `[bytes]`.
 const MAX_BYTES: u64 = 8 << 30;
 /// Longest header that is read.
 const HEADER_LIMIT: usize = 1 << 16;

@@ -84,6 +84,11 @@ impl<'a> Session<'a> {
         }
     }
 
+    /// Nobody hears, nothing is kept.
+    pub fn silent() -> Self {
+        Self::new(|_, _| Ok(()))
+    }
+
     /// Keeps states in `checkpoints` from now on, and goes on from `found`.
     ///
     /// # Errors
@@ -193,7 +198,7 @@ impl<'a> Session<'a> {
         self.observer.note(text);
     }
 
-    /// Ended stages and their wall times [s], of this run alone.
+    /// Ended stages and their wall times `[s]`, of this run alone.
     pub fn timings(&self) -> &[(String, f64)] {
         &self.timings
     }

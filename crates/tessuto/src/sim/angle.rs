@@ -7,15 +7,15 @@ use crate::math::hyper_dual::{self, Scalar, Vector, dot, scale, subtract};
 
 /// Keeps the derivative of arccos finite: angles run from arccos(1 − ε) = 8.1° to 171.9°.
 const EPSILON: f64 = 0.01;
-/// Square of a length [m] that is added to squared lengths, so that directions stay finite.
+/// Square of a length `[m]` that is added to squared lengths, so that directions stay finite.
 const SQ_LENGTH_FLOOR: f64 = 1e-18;
 
 /// Deflection between two edges a → o → c: θ = arccos((1 − ε) û·ŵ), ε = 0.01; small where the path is straight.
 ///
-/// - `u` = o − a, `w` = c − o [m]
-/// - returns θ [rad]
+/// - `u` = o − a, `w` = c − o `[m]`
+/// - returns θ `[rad]`
 ///
-/// Source: [SAFT] §1.2, ε from the published program.
+/// Source: \[SAFT\] §1.2, ε from the published program.
 pub fn angle(u: DVec3, w: DVec3) -> f64 {
     let cosine =
         u.dot(w) / ((u.length_squared() + SQ_LENGTH_FLOOR) * (w.length_squared() + SQ_LENGTH_FLOOR)).sqrt();
@@ -24,8 +24,8 @@ pub fn angle(u: DVec3, w: DVec3) -> f64 {
 
 /// Energy of one angle spring: E = ½ k (θ − θ0)², θ = [`angle`]`(u, w)`.
 ///
-/// - `stiffness` k [J/rad²]; `rest_angle` θ0 [rad]
-/// - returns E [J]
+/// - `stiffness` k [J/rad²]; `rest_angle` θ0 `[rad]`
+/// - returns E `[J]`
 pub fn value(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> f64 {
     0.5 * stiffness * (angle(u, w) - rest_angle).powi(2)
 }

@@ -12,7 +12,7 @@ use crate::mesh::{Mesh, triangle_area};
 
 /// Area density ρ [kg/m²]. Only force per mass can be seen in a video, so its value sets a scale only.
 pub const AREA_DENSITY: f64 = 0.1;
-/// Angle pairs whose rest deflection is below this bend, the others shear [rad].
+/// Angle pairs whose rest deflection is below this bend, the others shear `[rad]`.
 const BEND_LIMIT: f64 = std::f64::consts::FRAC_PI_4;
 /// Elements of one parallel task; fewer cost more to hand over than to do.
 const TASK: usize = 1000;
@@ -22,7 +22,7 @@ const TASK: usize = 1000;
 pub struct Edge {
     /// End points.
     pub vertices: [u32; 2],
-    /// Length without load [m].
+    /// Length without load `[m]`.
     pub rest_length: f64,
     /// Pattern's pair (second, first end point).
     pub pair: usize,
@@ -33,7 +33,7 @@ pub struct Edge {
 pub struct AngleSpring {
     /// a, o, c.
     pub vertices: [u32; 3],
-    /// Deflection without load [rad].
+    /// Deflection without load `[rad]`.
     pub rest_angle: f64,
     /// Pattern's pairs (a, o), (a, c), (o, c).
     pub pairs: [usize; 3],
@@ -50,7 +50,7 @@ pub struct Stiffness {
     pub shear: Vec<f64>,
 }
 
-/// Elastic energy by kind [J].
+/// Elastic energy by kind `[J]`.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Energy {
     /// Of the edges.
@@ -62,7 +62,7 @@ pub struct Energy {
 }
 
 impl Energy {
-    /// Sum of the kinds [J].
+    /// Sum of the kinds `[J]`.
     pub fn total(&self) -> f64 {
         self.stretch + self.bend + self.shear
     }
@@ -82,7 +82,7 @@ pub enum HessianKind {
 /// Masses and springs of a mesh, with the sparse pattern of their second derivatives, which clones share.
 #[derive(Debug, Clone)]
 pub struct Cloth {
-    /// Lumped masses [kg], shape [V].
+    /// Lumped masses `[kg]`, shape `[V]`.
     pub masses: Vec<f64>,
     /// Stretch springs.
     pub edges: Vec<Edge>,
@@ -169,7 +169,7 @@ impl Cloth {
         self.edges[edge].pair
     }
 
-    /// Elastic energy of shape `x` [m].
+    /// Elastic energy of shape `x` `[m]`.
     pub fn energy(&self, stiffness: &Stiffness, x: &[DVec3]) -> Energy {
         let hinges = |hinges: &[AngleSpring], k: &[f64]| {
             let of = |(h, &k): (&AngleSpring, &f64)| {
@@ -186,7 +186,7 @@ impl Cloth {
         }
     }
 
-    /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` [N], shape [V].
+    /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` `[N]`, shape `[V]`.
     pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
         let mut second = vec![DVec3::ZERO; out.len()];
         let [first_half, second_half] = self.angle_halves(stiffness);

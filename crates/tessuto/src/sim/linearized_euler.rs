@@ -3,7 +3,7 @@
 //! v̂ = δ v;  A = M + h² ∂²E(x);  A v' = M v̂ + h (M g − ∂E(x));  x' = x + h v'.
 //!
 //! A is symmetric but not always positive definite: the exact Hessian of compressed cloth is not.
-//! Source: [SAFT] §1.1 (eq. 5); the force has no velocity part here.
+//! Source: \[SAFT\] §1.1 (eq. 5); the force has no velocity part here.
 
 use glam::DVec3;
 

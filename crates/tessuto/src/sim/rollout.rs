@@ -52,7 +52,7 @@ pub struct RolloutGradients {
 /// The record of a rollout over `frames.len()` frames.
 #[derive(Debug)]
 pub struct Rollout {
-    /// Positions at every frame, shape [N].
+    /// Positions at every frame, shape `[N]`.
     pub frames: Vec<Positions>,
     tapes: Vec<StepTape>,
     substeps: usize,

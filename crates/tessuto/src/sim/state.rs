@@ -22,17 +22,17 @@ pub enum Integrator {
 pub struct StepSettings {
     /// The integrator.
     pub integrator: Integrator,
-    /// Length h of the sub-step [s].
+    /// Length h of the sub-step `[s]`.
     pub step: f64,
     /// Factor δ on the velocity before each sub-step.
     pub damping: f64,
-    /// Newton's method ends when no coordinate moves by more than this [m].
+    /// Newton's method ends when no coordinate moves by more than this `[m]`.
     pub tolerance: f64,
     /// Newton's method ends after this many iterations at the latest.
     pub newton_limit: usize,
 }
 
-/// Position [m] and velocity [m/s] of every vertex, shape [V] each.
+/// Position `[m]` and velocity [m/s] of every vertex, shape `[V]` each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     /// Positions.

@@ -8,7 +8,7 @@ use super::{implicit_euler, linearized_euler};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 
-/// Takes one sub-step under external `acceleration` [m/s²], shape [V].
+/// Takes one sub-step under external `acceleration` [m/s²], shape `[V]`.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] if the result is not finite.

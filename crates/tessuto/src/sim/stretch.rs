@@ -4,15 +4,15 @@ use glam::{DMat3, DVec3};
 
 use crate::math::hyper_dual::{self, Scalar, Vector, dot, scale};
 
-/// Lengths below this [m] are taken as this, so that directions stay finite.
+/// Lengths below this `[m]` are taken as this, so that directions stay finite.
 const LENGTH_FLOOR: f64 = 1e-9;
 
 /// Stretch energy of one spring: E = ½ k (‖e‖ − l)².
 ///
-/// - `e` = x1 − x0 [m]; `stiffness` k [N/m]; `rest_length` l [m], > 0
-/// - returns E [J]
+/// - `e` = x1 − x0 `[m]`; `stiffness` k [N/m]; `rest_length` l `[m]`, > 0
+/// - returns E `[J]`
 ///
-/// Source: [SAFT] §1.2.
+/// Source: \[SAFT\] §1.2.
 pub fn value(e: DVec3, stiffness: f64, rest_length: f64) -> f64 {
     0.5 * stiffness * (e.length() - rest_length).powi(2)
 }

@@ -25,7 +25,7 @@ pub struct TiedCloth {
 }
 
 impl TiedCloth {
-    /// Ties of stiffness κ [N/m], shape [V], to vertices of `cloth`; 0 ties nothing.
+    /// Ties of stiffness κ [N/m], shape `[V]`, to vertices of `cloth`; 0 ties nothing.
     pub fn new(cloth: &Cloth, ties: &[f64], settings: &StepSettings) -> Self {
         let sq_step = settings.step * settings.step;
         let mut cloth = cloth.clone();
@@ -34,7 +34,7 @@ impl TiedCloth {
         Self { cloth, settings: *settings, held }
     }
 
-    /// [`step`] under external `acceleration` [m/s²] with the vertices tied to `targets` [m], shape [V] each.
+    /// [`step`] under external `acceleration` [m/s²] with the vertices tied to `targets` `[m]`, shape `[V]` each.
     ///
     /// # Errors
     /// [`crate::Error::Numerical`] if the result is not finite.

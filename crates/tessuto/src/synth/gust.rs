@@ -13,9 +13,9 @@ use crate::math::rng::Rng;
 use crate::mesh::{Mesh, Positions};
 use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness, TiedCloth};
 
-/// Width and height of the cloth [m].
+/// Width and height of the cloth `[m]`.
 const SIZE: DVec2 = DVec2::new(0.5, 0.5);
-/// Distance from the camera [m].
+/// Distance from the camera `[m]`.
 const DEPTH: f64 = 1.0;
 /// Acceleration of gravity, downwards [m/s²].
 const GRAVITY: DVec3 = DVec3::new(0.0, 9.81, 0.0);
@@ -28,7 +28,7 @@ const FINE: usize = 48;
 /// Steps until all swinging has ended, with a damping of a quarter per step; fine cloth is nearly at rest already.
 const SETTLING: usize = 120;
 const SETTLING_FINE: usize = 30;
-/// Longest time step [s].
+/// Longest time step `[s]`.
 const STEP: f64 = 5e-3;
 
 /// Template's topology and the shape at every frame, shape [N, V].
@@ -103,7 +103,7 @@ impl Hanging {
         Ok(state.x)
     }
 
-    /// One step of length `h` [s].
+    /// One step of length `h` `[s]`.
     fn step(
         &mut self,
         state: State,
@@ -152,7 +152,7 @@ impl Gust {
         Self { strength, random: std::array::from_fn(|_| rng.signed()) }
     }
 
-    /// Acceleration [m/s²] of the cloth at `uv`, `time` [s] after the gust's start.
+    /// Acceleration [m/s²] of the cloth at `uv`, `time` `[s]` after the gust's start.
     fn acceleration(&self, uv: DVec2, time: f64) -> DVec3 {
         let [r0, r1, r2, r3, r4, r5] = self.random;
         let rise = (time / 0.12).min(1.0);

@@ -20,7 +20,7 @@ pub enum MeshKind {
 /// Vertices are moved by up to this share of the distance to their neighbours.
 const JITTER: f64 = 0.3;
 
-/// A flat cloth of `size` [m] at `depth` [m] with `columns`×`rows` vertices, row by row from the upper left.
+/// A flat cloth of `size` `[m]` at `depth` `[m]` with `columns`×`rows` vertices, row by row from the upper left.
 pub fn lattice(kind: MeshKind, [columns, rows]: [usize; 2], size: DVec2, depth: f64, seed: u64) -> Mesh {
     let mut mesh = grid(columns, rows, size, depth);
     if kind == MeshKind::Quads {

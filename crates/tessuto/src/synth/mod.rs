@@ -20,7 +20,7 @@ use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use lattice::MeshKind;
 
-/// Side of the print [texel].
+/// Side of the print `[texel]`.
 const PRINT_SIZE: usize = 512;
 /// Pictures are drawn this much larger and averaged, so that fine print does not alias.
 const OVERSAMPLING: usize = 2;
@@ -34,7 +34,7 @@ pub struct Settings {
     pub frames: usize,
     /// Frames per second.
     pub fps: f64,
-    /// Width and height of the pictures [px].
+    /// Width and height of the pictures `[px]`.
     pub size: usize,
     /// Columns and rows of vertices.
     pub grid: [usize; 2],
@@ -179,7 +179,7 @@ fn enlarged(camera: &Camera) -> Camera {
     }
 }
 
-/// Surface points [m] on a regular grid of pixels, as a depth sensor at the camera would see them.
+/// Surface points `[m]` on a regular grid of pixels, as a depth sensor at the camera would see them.
 fn seen_points(camera: &Camera, rendering: &Rendering) -> Vec<DVec3> {
     let covered = rendering.inverse_depth.iter().filter(|d| **d > 0.0).count();
     let spacing = (covered as f64 / POINT_COUNT as f64).sqrt().max(1.0);

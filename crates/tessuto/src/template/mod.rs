@@ -15,7 +15,7 @@ use crate::image::Image;
 use crate::mesh::Mesh;
 use crate::raster::coverage::{overlap, template_coverage};
 
-/// Intersection over union of a mesh [m], as `camera` sees it, and a mask of the same size.
+/// Intersection over union of a mesh `[m]`, as `camera` sees it, and a mask of the same size.
 pub fn overlap_with_mask(mesh: &Mesh, camera: &Camera, mask: &Image) -> f64 {
     overlap(&template_coverage(mesh, &mesh.positions, camera), mask)
 }

@@ -16,11 +16,11 @@ const REFINED: f64 = 0.03;
 /// The border of the largest piece of fabric.
 #[derive(Debug, Clone)]
 pub struct Outline {
-    /// Points between pixels [px], clockwise as seen in the picture, closed.
+    /// Points between pixels `[px]`, clockwise as seen in the picture, closed.
     pub points: Vec<DVec2>,
     /// Pixels of the piece, shape [height · width].
     pub inside: Vec<bool>,
-    /// Width and height of the picture [px].
+    /// Width and height of the picture `[px]`.
     pub size: [usize; 2],
     /// What a user should know.
     pub notes: Vec<String>,
@@ -60,7 +60,7 @@ impl Outline {
         Ok(Self { points, inside, size, notes })
     }
 
-    /// The four corners [px] of the quadrilateral that fits the outline best: upper left, upper right, lower right,
+    /// The four corners `[px]` of the quadrilateral that fits the outline best: upper left, upper right, lower right,
     /// lower left.
     pub fn corners(&self) -> [DVec2; 4] {
         let quad = widest_quad(&simplified(hull(&self.points), HULL_CORNERS));

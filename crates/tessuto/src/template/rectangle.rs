@@ -21,9 +21,9 @@ const LIFT: f64 = 0.05;
 /// Where the corners are in space.
 #[derive(Debug, Clone, Copy)]
 pub struct Corners {
-    /// Upper left, upper right, lower right, lower left [m], camera frame.
+    /// Upper left, upper right, lower right, lower left `[m]`, camera frame.
     pub positions: [DVec3; 4],
-    /// Root mean square distance of the rigid rectangle's corners from those seen [px].
+    /// Root mean square distance of the rigid rectangle's corners from those seen `[px]`.
     pub rigid_error: f64,
     /// Whether the rigid rectangle was taken.
     pub rigid: bool,
@@ -31,7 +31,7 @@ pub struct Corners {
     pub ambiguous: bool,
 }
 
-/// Finds the corners of a rectangle of `size` (width along the upper side, height) [m] seen at `p_pixel` [px]: upper
+/// Finds the corners of a rectangle of `size` (width along the upper side, height) `[m]` seen at `p_pixel` `[px]`: upper
 /// left, upper right, lower right, lower left.
 ///
 /// # Errors
@@ -96,7 +96,7 @@ impl Pose {
     }
 }
 
-/// The pose whose homography takes `model` [m] to `rays` (plane z = 1): exact for a rigid rectangle.
+/// The pose whose homography takes `model` `[m]` to `rays` (plane z = 1): exact for a rigid rectangle.
 fn from_homography(model: [DVec2; 4], rays: [DVec2; 4]) -> Pose {
     // h33 = 1: the middle of the rectangle is in front of the camera. Two equations a corner.
     let scale = model[2].length();
@@ -135,7 +135,7 @@ fn solve<const N: usize>(mut rows: Vec<[f64; N]>) -> Vec<f64> {
     (0..n).map(|k| if rows[k][k] == 0.0 { 0.0 } else { rows[k][n] / rows[k][k] }).collect()
 }
 
-/// Gauss-Newton with damping on the reprojection error; the pose and its root mean square error [px].
+/// Gauss-Newton with damping on the reprojection error; the pose and its root mean square error `[px]`.
 fn refine(mut pose: Pose, camera: &Camera, model: [DVec2; 4], p_pixel: [DVec2; 4]) -> (Pose, f64) {
     let residuals = |pose: &Pose| -> Option<[DVec2; 4]> {
         let points = model.map(|c| pose.apply(c));

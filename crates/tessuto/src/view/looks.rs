@@ -43,7 +43,7 @@ pub fn draw_shaded(
     picture
 }
 
-/// Depth as a colour, the nearest of `range` [m] dark and the farthest bright, on black.
+/// Depth as a colour, the nearest of `range` `[m]` dark and the farthest bright, on black.
 pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, shape: &Positions, range: [f64; 2]) -> Image {
     let mut rendering = Rendering::new();
     rasterizer.render(camera, shape, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
@@ -60,7 +60,7 @@ pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, shape: &Positions, r
     picture
 }
 
-/// Least and largest z over all `shapes` [m].
+/// Least and largest z over all `shapes` `[m]`.
 pub fn depth_range(shapes: &[Positions]) -> [f64; 2] {
     let z = || shapes.iter().flatten().map(|x: &DVec3| x.z);
     [z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max)]

@@ -9,7 +9,7 @@ use crate::pbr::EnvironmentMap;
 
 /// Margin around the fabric, as a share of the picture.
 const MARGIN: f64 = 0.05;
-/// Nearest that a vertex may come to the camera [m].
+/// Nearest that a vertex may come to the camera `[m]`.
 const NEAREST: f64 = 0.05;
 
 /// A camera somewhere: a point x of the recording camera's frame is at R x + t in this one's.
@@ -17,7 +17,7 @@ const NEAREST: f64 = 0.05;
 pub struct Viewpoint {
     /// R, axes as in OpenCV.
     pub rotation: DMat3,
-    /// t [m].
+    /// t `[m]`.
     pub translation: DVec3,
     /// Intrinsics.
     pub camera: Camera,
@@ -29,7 +29,7 @@ impl Viewpoint {
         Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO, camera }
     }
 
-    /// Turned about the middle of the fabric by `left` and `up` [rad] as seen from the recording camera, looking at
+    /// Turned about the middle of the fabric by `left` and `up` `[rad]` as seen from the recording camera, looking at
     /// that middle, and as near as the whole `motion`, shape [N, V], fits into the picture.
     ///
     /// # Errors

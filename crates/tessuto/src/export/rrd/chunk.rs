@@ -22,7 +22,7 @@ const SORBET: &str = "0.1.3";
 pub(super) enum Times {
     /// Whole numbers.
     Sequence(&'static str, Vec<i64>),
-    /// Durations [ns].
+    /// Durations `[ns]`.
     Duration(&'static str, Vec<i64>),
 }
 

@@ -1,6 +1,6 @@
 //! Recordings for the viewer of rerun (<https://rerun.io>), written while a reconstruction runs or from its result.
 //!
-//! Metres, camera axes (x right, y down, z forward). Timelines: `frame` (number in the video), `time` [s] of the same rows,
+//! Metres, camera axes (x right, y down, z forward). Timelines: `frame` (number in the video), `time` `[s]` of the same rows,
 //! `step` (counts the finished steps of all stages). Entities:
 //!
 //! | entity | rows | content |

@@ -23,9 +23,9 @@ const SHAPES_PER_STAGE: usize = 20;
 /// Frames encoded at once, and most bytes of positions in a chunk.
 const FRAMES_TOGETHER: usize = 16;
 const CHUNK_BYTES: usize = 1 << 20;
-/// Largest side of the texture [px], which is stored as plain bytes.
+/// Largest side of the texture `[px]`, which is stored as plain bytes.
 const TEXTURE_SIDE: usize = 1024;
-/// Most measured points shown of a frame; their radius [m] and colour.
+/// Most measured points shown of a frame; their radius `[m]` and colour.
 const TRUTH_POINTS: usize = 4000;
 const TRUTH_RADIUS: f32 = 0.001;
 const TRUTH_COLOUR: u32 = 0xFF8C_00FF;

@@ -11,7 +11,7 @@ use crate::mesh::{Mesh, Positions};
 use crate::report::film;
 use crate::scene::Scene;
 
-/// Largest side [px] and quality of the pictures: some 40 kB each.
+/// Largest side `[px]` and quality of the pictures: some 40 kB each.
 const SIDE: u32 = 640;
 const QUALITY: u8 = 72;
 
@@ -31,7 +31,7 @@ pub struct Subject<'a> {
     pub camera: Camera,
     /// Picture of frame n, from 0, as the camera sees it.
     pub picture: Option<Picture<'a>>,
-    /// Points [m] on the true surface in every frame.
+    /// Points `[m]` on the true surface in every frame.
     pub truth: Option<&'a [Positions]>,
 }
 
@@ -138,7 +138,7 @@ impl Corners {
         Self { uvs: uv_of.iter().map(place).collect(), vertices, triangles }
     }
 
-    /// Positions [m] of the corners of `shape`.
+    /// Positions `[m]` of the corners of `shape`.
     pub fn of(&self, shape: &Positions) -> Vec<[f32; 3]> {
         self.vertices.iter().map(|v| shape[*v as usize].as_vec3().to_array()).collect()
     }

@@ -14,7 +14,7 @@ use super::{obj, read_bounded};
 use crate::error::{Error, Result};
 use crate::mesh::{Face, Mesh, weld};
 
-/// Largest file [bytes].
+/// Largest file `[bytes]`.
 const MAX_BYTES: u64 = 1 << 30;
 /// Most vertices and faces, each.
 const MAX_COUNT: usize = 5_000_000;

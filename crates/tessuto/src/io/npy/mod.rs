@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_bounded};
 use crate::mesh::{Motion, Positions};
 
-/// Largest file read [bytes]; 4 GiB is 10,000 frames of 17,000 vertices.
+/// Largest file read `[bytes]`; 4 GiB is 10,000 frames of 17,000 vertices.
 const MAX_BYTES: u64 = 4 << 30;
 
 /// A float array in memory.
@@ -80,7 +80,7 @@ fn c_order(shape: &[usize], data: &[f64]) -> Vec<f64> {
     out
 }
 
-/// Reads points [m], shape [n, 3], all finite.
+/// Reads points `[m]`, shape [n, 3], all finite.
 pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
     let array = read(path)?;
     match array.shape[..] {
@@ -89,7 +89,7 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
     }
 }
 
-/// Reads a motion [m], shape [N, V, 3].
+/// Reads a motion `[m]`, shape [N, V, 3].
 pub fn read_motion(path: &Path) -> Result<Motion> {
     Motion::new(read_shapes(path)?).map_err(|error| match error {
         Error::Input { problem, hint, .. } => Error::input(path.display().to_string(), problem, hint),
@@ -170,13 +170,13 @@ pub fn encode<T: Number>(shape: &[usize], data: &[T]) -> Vec<u8> {
     bytes
 }
 
-/// Writes points [m] as f32, shape [n, 3].
+/// Writes points `[m]` as f32, shape [n, 3].
 pub fn write_points(path: &Path, points: &[DVec3]) -> Result<()> {
     let data: Vec<f32> = points.iter().flat_map(|p| p.as_vec3().to_array()).collect();
     write(path, &[points.len(), 3], &data)
 }
 
-/// Writes a moving mesh [m] as f32, shape [N, V, 3]; all shapes have as many vertices.
+/// Writes a moving mesh `[m]` as f32, shape [N, V, 3]; all shapes have as many vertices.
 pub fn write_shapes(path: &Path, shapes: &[Positions]) -> Result<()> {
     let data: Vec<f32> = shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect();
     write(path, &[shapes.len(), shapes.first().map_or(0, Vec::len), 3], &data)

@@ -17,7 +17,7 @@ use crate::image::Image;
 use crate::io::image;
 use crate::video::{Frame, PIXEL_BYTES, Video};
 
-/// Most memory [bytes] that one frame may take.
+/// Most memory `[bytes]` that one frame may take.
 const MAX_FRAME_BYTES: usize = 1 << 30;
 pub(super) const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 

@@ -15,7 +15,7 @@ use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap
 use crate::scene::Scene;
 use crate::text::quoted;
 
-/// Sizes of cloth taken seriously: length of the bounding box's diagonal [m].
+/// Sizes of cloth taken seriously: length of the bounding box's diagonal `[m]`.
 pub(crate) const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
 /// Overlap with the first mask below which the template is refused, and below which it is doubted.
 const OVERLAP_REFUSED: f64 = 0.5;
@@ -65,7 +65,7 @@ pub(crate) fn command(folder: &Path, options: &str) -> String {
     format!("tessuto template {} {options}", quoted(folder))
 }
 
-/// Diagonal of the bounding box [m].
+/// Diagonal of the bounding box `[m]`.
 pub(crate) fn diagonal(positions: &[DVec3]) -> f64 {
     let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);

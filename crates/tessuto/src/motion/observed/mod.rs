@@ -25,9 +25,9 @@ const LEAST_SIDE: usize = 2;
 pub struct Observed {
     /// Finest and coarsest level of the pyramids in use.
     pub range: [usize; 2],
-    /// Pyramids; levels finer than the finest in use have no colours. Shape [N][levels].
+    /// Pyramids; levels finer than the finest in use have no colours. Shape `[N][levels]`.
     pub levels: Vec<Vec<Level>>,
-    /// Outlines, shape [N].
+    /// Outlines, shape `[N]`.
     pub outlines: Vec<OutlineDistance>,
 }
 

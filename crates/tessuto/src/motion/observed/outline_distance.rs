@@ -4,7 +4,7 @@ use glam::DVec2;
 
 use crate::image::Image;
 
-/// Signed distance [px] to the outline of a mask: positive on the fabric. Zero gradient far away.
+/// Signed distance `[px]` to the outline of a mask: positive on the fabric. Zero gradient far away.
 #[derive(Debug, Clone)]
 pub struct OutlineDistance {
     /// Pixels of the mask along one pixel of `distance`.
@@ -15,7 +15,7 @@ pub struct OutlineDistance {
     distance: Vec<f32>,
 }
 
-/// Distances beyond this [px] are cut: what is farther does not pull.
+/// Distances beyond this `[px]` are cut: what is farther does not pull.
 pub const REACH: f32 = 40.0;
 /// The outline within this distance of the image border, in pixels of the distances, may be cut by it and does not count.
 const BORDER: f64 = 3.0;

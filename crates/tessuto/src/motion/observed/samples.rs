@@ -99,7 +99,7 @@ pub struct EdgePoint {
     pub vertices: [u32; 2],
     /// Weights of the end points.
     pub weights: [f64; 2],
-    /// Length it stands for in the first frame [px].
+    /// Length it stands for in the first frame `[px]`.
     pub length: f64,
 }
 

@@ -29,7 +29,7 @@ pub struct Losses {
     pub colour: f64,
     /// Mean squared mask difference.
     pub silhouette: f64,
-    /// Mean elastic energy [J].
+    /// Mean elastic energy `[J]`.
     pub energy: f64,
     /// Mean acceleration across the view ray [m/s²].
     pub force: f64,

@@ -1,7 +1,7 @@
 //! Motion by simulation: forces and stiffnesses are optimised until the simulated, rendered cloth looks
 //! like the video. Every epoch is one rollout, one adjoint and one step of every group of parameters.
 //!
-//! Source: [SAFT] §1.3-1.4, §2.2-2.3 and Table 1.
+//! Source: \[SAFT\] §1.3-1.4, §2.2-2.3 and Table 1.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};

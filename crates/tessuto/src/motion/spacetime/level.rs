@@ -18,7 +18,7 @@ pub(super) struct LevelSearch<'p, 'a> {
     reference: PointColours,
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
-    /// What the adjacent frames show at the samples, shape [N]; empty while not known.
+    /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
 }
 

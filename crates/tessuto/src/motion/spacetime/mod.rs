@@ -1,7 +1,7 @@
 //! The default method: the positions of all frames at once, those that explain the video with the least strain,
 //! bending and acceleration.
 //!
-//! Unknown are the positions x_n [m] of every vertex in every frame n = 1 … N−1; x_0 is the template. Sought is the
+//! Unknown are the positions x_n `[m]` of every vertex in every frame n = 1 … N−1; x_0 is the template. Sought is the
 //! minimum of
 //!
 //!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + elastic(x_n) ]
@@ -11,22 +11,22 @@
 //! |---|---|---|---|
 //! | [colour](super::terms::colour), first frame | I_n(π(x_p)) − g_n(p) T(p) of every surface point p, sRGB | (a_p/a) ρ(r)/σ² | `colour` |
 //! | colour, adjacent frames | I_n(π(x_p)) − A_n(p), A_n the mean of what frames n±1 show | ω (a_p/a) ρ(r)/σ² | `colour`, weight ω `neighbour_weight` |
-//! | [outline](super::terms::outline) | distance [px] of every boundary point to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` [px] |
+//! | [outline](super::terms::outline) | distance `[px]` of every boundary point to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
 //! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ) | `strain` |
-//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length [rad] | c(r/σ) | `signed_bend` [rad] |
-//! | [elastic](super::terms::elastic) | change of every bending and shearing angle [rad] | ½ (r/σ)² | `bend`, `shear` [rad] |
-//! | [acceleration](acceleration) | second difference of every vertex over time [m] | ½ (r/σ)² | `acceleration` [m] |
+//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]` | c(r/σ) | `signed_bend` `[rad]` |
+//! | [elastic](super::terms::elastic) | change of every bending and shearing angle `[rad]` | ½ (r/σ)² | `bend`, `shear` `[rad]` |
+//! | [acceleration] | second difference of every vertex over time `[m]` | ½ (r/σ)² | `acceleration` `[m]` |
 //!
 //! All are negative logarithms of probabilities, without unit: a residual of one σ costs ½. ρ is Geman and McClure's
 //! kernel, c Cauchy's with its tail τ (`tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`)
-//! is the area [px] and l (`outline_length`) the length [px] whose errors vary together; a larger σ, a or l makes a term
+//! is the area `[px]` and l (`outline_length`) the length `[px]` whose errors vary together; a larger σ, a or l makes a term
 //! weaker. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
 //! held fixed, like A_n, while a step in x is taken.
 //!
-//! [`track`] finds a start frame by frame; [`refine`] then lowers E over all frames together by Gauss-Newton steps with
+//! `track` finds a start frame by frame; `refine` then lowers E over all frames together by Gauss-Newton steps with
 //! Levenberg's damping. Both go from coarse to fine images.
 
 pub mod acceleration;
@@ -57,7 +57,7 @@ pub use settings::SpacetimeSettings;
 /// Positions [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);
 
-/// Distance between the points of the boundary at which outlines are compared [px].
+/// Distance between the points of the boundary at which outlines are compared `[px]`.
 const BOUNDARY_SPACING: f64 = 4.0;
 
 /// Everything about the clip that stays fixed.

@@ -10,13 +10,13 @@ pub struct SpacetimeSettings {
     pub strain: f64,
     /// Number of spreads beyond which strain and bending are taken for a fold, see [`crate::motion::terms::strain`].
     pub tail: f64,
-    /// Spread of the bending angle at a vertex [rad].
+    /// Spread of the bending angle at a vertex `[rad]`.
     pub bend: f64,
-    /// Spread of the signed bending angle at a vertex [rad], see [`crate::motion::terms::signed_bend`].
+    /// Spread of the signed bending angle at a vertex `[rad]`, see [`crate::motion::terms::signed_bend`].
     pub signed_bend: f64,
-    /// Spread of the shearing angle at a vertex [rad].
+    /// Spread of the shearing angle at a vertex `[rad]`.
     pub shear: f64,
-    /// Spread of the second difference of a vertex between frames [m].
+    /// Spread of the second difference of a vertex between frames `[m]`.
     pub acceleration: f64,
     /// Colour differences beyond this count less and less.
     pub colour: f64,
@@ -24,9 +24,9 @@ pub struct SpacetimeSettings {
     pub colour_area: f64,
     /// Weight of the comparison with the frames before and after, relative to that with the first frame.
     pub neighbour_weight: f64,
-    /// Distances of the outline beyond this count less and less [px].
+    /// Distances of the outline beyond this count less and less `[px]`.
     pub outline: f64,
-    /// Length of outline [px] whose errors vary together.
+    /// Length of outline `[px]` whose errors vary together.
     pub outline_length: f64,
     /// Smoothness of the brightness field, relative to the data.
     pub gain_smoothness: f64,

@@ -16,7 +16,7 @@ const DAMPING: Damping =
 /// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
 const STEPS: usize = 8;
 const ATTEMPTS: usize = 6;
-/// A frame is found when no vertex moves by more than this [m].
+/// A frame is found when no vertex moves by more than this `[m]`.
 const FOUND: f64 = 2e-5;
 
 /// What [`Problem::track`] goes on from.

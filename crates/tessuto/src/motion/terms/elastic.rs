@@ -13,7 +13,7 @@ pub struct Elastic<'a> {
 }
 
 impl<'a> Elastic<'a> {
-    /// With the spreads σ of the bending and the shearing angle [rad].
+    /// With the spreads σ of the bending and the shearing angle `[rad]`.
     pub fn new(cloth: &'a Cloth, bend: f64, shear: f64) -> Self {
         Self { cloth, stiffness: Stiffness::uniform(cloth, [0.0, bend.powi(-2), shear.powi(-2)]) }
     }

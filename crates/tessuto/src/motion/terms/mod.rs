@@ -23,7 +23,7 @@ use outline::Outline;
 use signed_bend::SignedBend;
 use strain::Strain;
 
-/// One term of the objective of one frame, a function of its positions x [m], shape [V].
+/// One term of the objective of one frame, a function of its positions x `[m]`, shape `[V]`.
 pub trait Term: Sync {
     /// Its name in the history of losses.
     fn name(&self) -> &'static str;
@@ -42,7 +42,7 @@ pub trait Term: Sync {
     }
 }
 
-/// Second-order model of one frame's objective: gradient, shape [V], and matrix, shape [3V, 3V].
+/// Second-order model of one frame's objective: gradient, shape `[V]`, and matrix, shape [3V, 3V].
 pub struct FrameSystem {
     /// ∂E/∂x.
     pub gradient: Positions,

@@ -2,8 +2,8 @@
 //!
 //!   E = Σ_q w_q ρ(d(π(x_q))),  w_q = L_q/(σ² l),
 //!
-//! over points q of the boundary, with the signed distance d [px] to the outline, the projection π, the length L_q
-//! of boundary that q stands for [px], the length l whose errors vary together, and Geman and McClure's ρ of spread σ.
+//! over points q of the boundary, with the signed distance d `[px]` to the outline, the projection π, the length L_q
+//! of boundary that q stands for `[px]`, the length l whose errors vary together, and Geman and McClure's ρ of spread σ.
 
 use glam::DVec3;
 
@@ -24,14 +24,14 @@ pub struct Outline<'a> {
     pub distance: &'a OutlineDistance,
     /// Camera of level 0.
     pub camera: &'a Camera,
-    /// Distances beyond this count less and less [px].
+    /// Distances beyond this count less and less `[px]`.
     pub sigma: f64,
     /// Weight of one pixel of boundary, 1/(σ² l).
     pub weight: f64,
 }
 
 impl Outline<'_> {
-    /// Distance [px] of a boundary point and its derivative by the point; `None` where it does not count.
+    /// Distance `[px]` of a boundary point and its derivative by the point; `None` where it does not count.
     fn residual(&self, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
         let [a, b] = point.vertices.map(|v| x[v as usize]);
         let p = a * point.weights[0] + b * point.weights[1];

@@ -20,7 +20,7 @@ use crate::sim::cloth::AngleSpring;
 pub struct SignedBend<'a> {
     cloth: &'a Cloth,
     triangles: Vec<[u32; 3]>,
-    /// η0 [m] per bending pair.
+    /// η0 `[m]` per bending pair.
     rest: Vec<f64>,
     /// 1/(l σ) per bending pair.
     scale: Vec<f64>,
@@ -28,7 +28,7 @@ pub struct SignedBend<'a> {
 }
 
 impl<'a> SignedBend<'a> {
-    /// At rest in the positions `x`; `sigma` is the spread σ of the bending angle [rad], `tail` is τ.
+    /// At rest in the positions `x`; `sigma` is the spread σ of the bending angle `[rad]`, `tail` is τ.
     pub fn new(cloth: &'a Cloth, triangles: &[[u32; 3]], x: &[DVec3], sigma: f64, tail: f64) -> Self {
         let mut prior =
             Self { cloth, triangles: triangles.to_vec(), rest: Vec::new(), scale: Vec::new(), tail };
