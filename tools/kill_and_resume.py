@@ -27,7 +27,7 @@ def main():
 
     def command(out, *more):
         settings = ["texture.size=64", "appearance.steps=80", "appearance.batch=1000", "appearance.map_size=64",
-                    "appearance.render_passes=1"]
+                    "appearance.render_samples_per_pixel=8"]
         sets = [word for setting in settings for word in ("--set", setting)]
         return [arguments.tessuto, "reconstruct", scene, "--out", out, "--preset", arguments.preset, "--checkpoint", "0.2", *sets, *more]
 

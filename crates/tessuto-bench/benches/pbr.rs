@@ -44,18 +44,18 @@ fn pbr(criterion: &mut Criterion) {
     let mut gradients = Gradients::default();
 
     let mut group = criterion.benchmark_group("pbr");
-    // Two estimates of one pass each: 16 samples per pixel.
+    // Two estimates of one bundle each: 16 samples per pixel.
     group.throughput(Throughput::Elements((points.len() * 2 * LANES) as u64));
     group.sample_size(10);
     group.bench_function("camera samples with derivatives", |bench| {
         let loss = |_: usize, c: &[[f32; 3]; 2]| (c[0][0], [[0.1, 0.2, -0.3]; 2]);
-        bench.iter(|| accumulate(&shader, &points, 7, 1, loss, &mut gradients));
+        bench.iter(|| accumulate(&shader, &points, 7, LANES, loss, &mut gradients));
     });
     let traced = geometry.clone().without_horizons();
     let shader = Shader { geometry: &traced, ..shader };
     group.bench_function("every ray traced", |bench| {
         let loss = |_: usize, c: &[[f32; 3]; 2]| (c[0][0], [[0.1, 0.2, -0.3]; 2]);
-        bench.iter(|| accumulate(&shader, &points, 7, 1, loss, &mut gradients));
+        bench.iter(|| accumulate(&shader, &points, 7, LANES, loss, &mut gradients));
     });
     group.bench_function("geometry of one frame", |bench| {
         bench.iter(|| Geometry::new(&mesh, std::slice::from_ref(&mesh.positions)));

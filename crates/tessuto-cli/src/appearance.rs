@@ -12,10 +12,10 @@ use crate::say::say;
 use crate::threads::Threads;
 use crate::watch::{self, Watch};
 
-/// Estimate material maps and light of a scene whose motion is known, and re-render its frames.
+/// Estimate material maps and environment map of a scene whose motion is known, and re-render its frames.
 #[derive(Args)]
 #[command(after_help = "\
-Writes into RESULT: material/ (maps, light, and a note that tells their conventions) and rerendered/ (frames,
+Writes into RESULT: material/ (maps, environment map, and a note on their conventions) and rerendered/ (frames,
 differences from the video, psnr.csv).
 
 Examples:
@@ -27,7 +27,7 @@ pub struct Arguments {
     scene: PathBuf,
     /// Result folder of `tessuto reconstruct` for this scene; with --motion gt, any folder.
     result: PathBuf,
-    /// Whose motion: the result's, or the scene's true vertices.
+    /// Which motion: the result's, or the scene's true vertices.
     #[arg(long, value_enum, default_value_t = Motion::Result)]
     motion: Motion,
     /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
@@ -37,7 +37,7 @@ pub struct Arguments {
     threads: Threads,
     #[command(flatten)]
     verbosity: Verbosity,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     #[arg(long)]
     seed: Option<u64>,
 }

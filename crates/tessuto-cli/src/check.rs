@@ -11,18 +11,18 @@ use tessuto::text::quoted;
 
 use crate::say::{self, say};
 
-/// Look at a scene before computing on it: a table of findings, exit status 3 if one is an error.
+/// Check a scene before computing on it: a table of findings, exit status 3 if one is an error.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene folder (holds scene.json, template.obj, rgbs/, masks/).
     scene: PathBuf,
     /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges (cyan),
-    /// to this PNG file. An earlier such picture is replaced, nothing else is.
+    /// to this PNG file. An earlier such image is replaced, nothing else is.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 }
 
-/// Runs the command: prints the table, writes the picture if asked, fails if there are errors.
+/// Runs the command: prints the table, writes the image if asked, fails if there are errors.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     check(&arguments.scene, arguments.picture.as_deref())
 }
@@ -33,7 +33,7 @@ pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
         return Err(Error::input(
             path.display().to_string(),
             "was not written by `tessuto check`, and would be lost",
-            "choose another file for the picture",
+            "choose another file for the image",
         )
         .into());
     }

@@ -15,7 +15,7 @@ use crate::say::say;
 use crate::threads::Threads;
 use crate::watch::{self, Watch};
 
-/// See it work: make a small scene, recover its motion from the pictures alone, compare with the truth.
+/// See it work: make a small scene, recover its motion from the video alone, compare with the truth.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -48,7 +48,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     crate::synth::synth_into(&scene, &settings, true)?;
     say!("2. check of the scene");
     crate::check::check(&scene, None)?;
-    say!("3. reconstruction from the pictures and the first frame's shape");
+    say!("3. reconstruction from the images and the first frame's shape");
     let config = Config::preset(Preset::Default);
     // An earlier demonstration is its own.
     let mut options = RunOptions { appearance: false, replace: true, ..RunOptions::new(config) };
@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     say!("scene:    {}", scene.display());
     say!("result:   {}", result.display());
     say!("report:   {}", result.join("report.html").display());
-    say!("pictures: {}", result.join("pictures/contact_sheet.png").display());
+    say!("images: {}", result.join("pictures/contact_sheet.png").display());
     Ok(())
 }
 

@@ -10,11 +10,12 @@ use tessuto::io::atomic_write;
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::{Error, Result};
 
-use crate::lens::{Lens, ffmpeg};
+use crate::ffmpeg::ffmpeg;
+use crate::lens::Lens;
 use crate::say::say;
 use crate::threads::Threads;
 
-/// Make a scene folder from a video or pictures, masks and a camera, and check it.
+/// Make a scene folder from a video or images, masks and a camera, and check it.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -26,14 +27,14 @@ Examples:
 Videos are decoded by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask is
 fabric; masks pair with frames by name, else by number; a video of masks pairs frame by frame.")]
 pub struct Arguments {
-    /// Video file, or folder of PNG or JPEG pictures.
+    /// Video file, or folder of PNG or JPEG images.
     input: PathBuf,
     /// Scene folder to write.
     out: PathBuf,
-    /// Masks: folder of pictures, or a video; white is fabric.
+    /// Masks: folder of images, or a video; white is fabric.
     #[arg(long, value_name = "PATH", required_unless_present = "alpha", conflicts_with = "alpha")]
     masks: Option<PathBuf>,
-    /// Take the masks from the transparency (alpha) of the pictures.
+    /// Take the masks from the alpha channel of the images.
     #[arg(long)]
     alpha: bool,
     /// Black is fabric in the masks.
@@ -42,19 +43,19 @@ pub struct Arguments {
     /// The fabric in the first frame: OBJ, PLY or glTF, camera axes, metres, with uv.
     #[arg(long, value_name = "FILE")]
     template: Option<PathBuf>,
-    /// Frames per second; needed for pictures. A video of another rate is resampled.
+    /// Frames per second; required for images. A video of another rate is resampled.
     #[arg(long)]
     fps: Option<f64>,
     /// Only frames A to B − 1 of the input.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<std::ops::Range<usize>>,
-    /// Every so-manyth frame.
+    /// Use every N-th frame.
     #[arg(long, value_name = "N", default_value_t = 1)]
     stride: usize,
-    /// So many pixels, in each direction, become one.
+    /// Shrink frames by this integer factor.
     #[arg(long, value_name = "N", default_value_t = 1)]
     downscale: usize,
-    /// Take numbered pictures with gaps for evenly spaced in time.
+    /// Treat numbered images with gaps as evenly spaced in time.
     #[arg(long)]
     allow_gaps: bool,
     /// Replace a scene that tessuto wrote and nobody changed; its template is kept where no other is given.
@@ -131,7 +132,7 @@ fn check_target(arguments: &Arguments) -> Result<()> {
     if there && !arguments.force {
         return Err(Error::input(
             out.display().to_string(),
-            "a scene is there already, and would be replaced",
+            "a scene already exists here and would be replaced",
             "add --force to replace it, or choose another folder",
         ));
     }

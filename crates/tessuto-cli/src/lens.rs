@@ -1,10 +1,10 @@
 //! The camera on the command line, for the commands that make scenes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use tessuto::Error;
-use tessuto::import::{Calibration, Distortion, Focal};
+use tessuto::import::{Calibration, Distortion, Focal, read_calibration};
 
 /// Options that describe the camera.
 #[derive(Args)]
@@ -46,10 +46,10 @@ impl Lens {
     /// The calibration asked for.
     ///
     /// # Errors
-    /// [`Error::Usage`] if there is none, or if its values cannot be; [`Error::Input`] of its file.
+    /// [`Error::Usage`] if there is none, or if its values are impossible; [`Error::Input`] of its file.
     pub fn calibration(&self) -> tessuto::Result<Calibration> {
         if let Some(path) = &self.camera {
-            return Calibration::read(path, self.camera_id);
+            return read_calibration(path, self.camera_id);
         }
         let focal = match (self.fx, self.fov) {
             (Some(fx), _) => Focal::Pixels([fx, self.fy.unwrap_or(fx)]),
@@ -80,10 +80,4 @@ impl Lens {
             ..Calibration::new("the camera options", focal)
         })
     }
-}
-
-/// The program that decodes videos: TESSUTO_FFMPEG, or ffmpeg in the search path.
-pub fn ffmpeg() -> PathBuf {
-    let set = std::env::var_os("TESSUTO_FFMPEG").filter(|path| !path.is_empty());
-    set.map_or_else(|| Path::new("ffmpeg").to_path_buf(), PathBuf::from)
 }

@@ -1,6 +1,6 @@
 //! The page of a running reconstruction, served to browsers on this machine alone.
 //!
-//! A handful of GET requests need no HTTP library: `/` is the page, `/state` the news as JSON. The reconstruction only
+//! A handful of GET requests need no HTTP library: `/` is the page, `/state` its latest state as JSON. The reconstruction only
 //! leaves copies of its state here; making JSON of them is the server's work.
 
 use std::io::{Read, Write};
@@ -150,7 +150,7 @@ fn serve(mut stream: TcpStream, port: u16, shared: &Mutex<Shared>) {
          Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n",
         body.len()
     );
-    // A client that has gone away is no fault.
+    // A client that has gone away is not a fault.
     let sent = stream.write_all(header.as_bytes()).and_then(|()| stream.write_all(body.as_bytes()));
     let mut shared = lock(shared);
     if sent.is_ok() && shared.end == Some(End::Finished) && Arc::ptr_eq(&shared.page, &body) {

@@ -5,6 +5,7 @@ mod check;
 mod demo;
 mod evaluate;
 mod export;
+mod ffmpeg;
 mod frames;
 mod import;
 mod lens;
@@ -22,6 +23,7 @@ mod synth;
 mod template;
 mod threads;
 mod verify;
+mod video;
 mod watch;
 
 use std::io::ErrorKind;

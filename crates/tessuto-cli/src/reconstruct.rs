@@ -44,7 +44,7 @@ pub struct Arguments {
     threads: Threads,
     #[command(flatten)]
     verbosity: Verbosity,
-    /// Seed of everything random.
+    /// Seed of all random numbers.
     #[arg(long)]
     seed: Option<u64>,
     /// Motion only; material and light are not estimated.
@@ -53,19 +53,19 @@ pub struct Arguments {
     /// Replace an earlier result that nobody changed since.
     #[arg(long)]
     force: bool,
-    /// Go on where an interrupted run of the same command was. The result is the same, byte for byte.
+    /// Resume an interrupted run of the same command. The result is the same, byte for byte.
     #[arg(long)]
     resume: bool,
     /// Seconds between checkpoints, which are kept beside the result folder until it is finished.
     #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = parse_seconds)]
     checkpoint: f64,
-    /// Show the work in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
+    /// Show the run in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
     live: Option<u16>,
-    /// Write a recording for the viewer of rerun while the work goes on.
+    /// Write a recording for the rerun viewer while the run goes on.
     ///
     /// It holds the video, the camera, the losses of every step and the recovered motion; it can be opened at any time.
-    /// A recording of tessuto that is there already is replaced, nothing else is. The result is the same with and
+    /// An earlier recording by tessuto is replaced, nothing else is. The result is the same with and
     /// without. Needs a build with `--features full`.
     #[arg(long, value_name = "FILE.rrd")]
     rerun: Option<PathBuf>,

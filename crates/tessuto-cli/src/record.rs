@@ -1,4 +1,4 @@
-//! `--rerun`: a recording for the viewer of rerun, written while a reconstruction runs.
+//! `--rerun`: a recording for the rerun viewer, written while a reconstruction runs.
 
 use std::fs::{File, OpenOptions};
 use std::io::Read;
@@ -66,12 +66,12 @@ impl Recorder {
         self.attempt(|recording| recording.step(epoch, motion));
     }
 
-    /// Writes the recovered motion, and its print.
+    /// Writes the recovered motion, and its texture.
     pub fn motion(&mut self, motion: &[Positions], texture: &Image) {
         self.attempt(|recording| recording.motion(motion).and_then(|()| recording.texture(texture)));
     }
 
-    /// Writes a better print.
+    /// Writes a better texture.
     pub fn texture(&mut self, texture: &Image) {
         self.attempt(|recording| recording.texture(texture));
     }

@@ -9,7 +9,7 @@ use tessuto::result::{self, Folder};
 use crate::say::say;
 use crate::threads::Threads;
 
-/// Write the page of a result anew: report.html, one file that needs no network and nothing beside it.
+/// Rebuild the page of a result: report.html, one self-contained file that needs no network.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:

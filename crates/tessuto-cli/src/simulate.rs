@@ -11,7 +11,7 @@ use tessuto::{Error, io};
 
 use crate::say::say;
 
-/// Replay a recovered motion from its parameters and forces alone, or a changed one.
+/// Replay a recovered motion from its parameters and forces alone, or with changed ones.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -24,13 +24,13 @@ pub struct Arguments {
     /// Change a stiffness: stretch [N/m], bend [J/rad²] or shear [J/rad²]. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Scale the dynamic forces.
+    /// Scale the dynamic forces by this factor.
     #[arg(long, default_value_t = 1.0, value_name = "SCALE")]
     forces: f64,
     /// Write the motion here, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
     #[arg(long, value_name = "FILE.npy")]
     out: Option<PathBuf>,
-    /// Replace the array that is at --out.
+    /// Replace an existing array at --out.
     #[arg(long)]
     force: bool,
 }
@@ -72,7 +72,7 @@ fn check_target(out: &Path, replace: bool) -> Result<(), Error> {
         true => Ok(()),
         false if loose && !replace => Err(Error::input(
             out.display().to_string(),
-            "is there already, and would be replaced",
+            "already exists and would be replaced",
             "add --force if it is an earlier motion, or choose another file",
         )),
         false => manifest::check_parts(&[out], replace),

@@ -10,7 +10,7 @@ use tessuto::synth::{Settings, make};
 
 use crate::say::say;
 
-/// Make a scene from scratch: a printed cloth in a gust of wind, with complete truth.
+/// Make a synthetic scene: a textured cloth in a gust of wind, with complete ground truth.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -23,13 +23,13 @@ pub struct Arguments {
     /// Number of frames.
     #[arg(long, default_value_t = Settings::default().frames)]
     frames: usize,
-    /// Width and height of the pictures [px].
+    /// Width and height of the images [px].
     #[arg(long, value_name = "PX", default_value_t = Settings::default().size)]
     size: usize,
     /// Columns and rows of vertices.
     #[arg(long, value_name = "CxR", value_parser = parse_grid, default_value = "21x21")]
     grid: [usize; 2],
-    /// Faces: a regular grid of quads, the same cut into triangles, or uneven triangles.
+    /// Faces: a regular grid of quads, the same grid cut into triangles, or irregular triangles.
     #[arg(long, value_enum, default_value_t = Kind::Quads)]
     mesh: Kind,
     /// Strength of the gust [m/s²].
@@ -50,7 +50,7 @@ pub struct Arguments {
     /// Frames per second.
     #[arg(long, default_value_t = Settings::default().fps)]
     fps: f64,
-    /// Seed of print, wind and mesh.
+    /// Seed of texture, wind and mesh.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Replace a scene folder that tessuto wrote and nobody changed since.
@@ -58,7 +58,7 @@ pub struct Arguments {
     force: bool,
 }
 
-/// Sorts of meshes.
+/// Kinds of meshes.
 #[derive(Clone, Copy, ValueEnum)]
 enum Kind {
     Quads,

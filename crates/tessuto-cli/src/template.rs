@@ -21,7 +21,7 @@ use crate::say::say;
 /// A point [px] or a size.
 type Pair = [f64; 2];
 
-/// Make or mend the template, the fabric in the first frame.
+/// Make or repair the template, the mesh of the fabric in the first frame.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -32,9 +32,9 @@ Examples:
   tessuto template first.png --mask mask.png --fov 63 --flat 70x50cm --from-mask --out towel.obj
 
 The size is width along the upper side times height, as measured on the fabric laid flat. Corners are clockwise from
-the upper left, as seen in the picture. tessuto check SCENE --picture check.png shows the template on the first frame.")]
+the upper left, as seen in the image. tessuto check SCENE --picture check.png shows the template on the first frame.")]
 pub struct Arguments {
-    /// Scene folder; or a picture of the fabric, with --mask, a camera and --out.
+    /// Scene folder; or an image of the fabric, with --mask, a camera and --out.
     target: PathBuf,
     /// A flat or nearly flat rectangle of this size, such as 0.7x0.5m, 70x50cm or 700x500mm.
     #[arg(long, value_name = "WxH", value_parser = parse_size, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
@@ -63,19 +63,19 @@ pub struct Arguments {
     /// Negate these coordinates, such as yz.
     #[arg(long, value_name = "AXES", value_parser = parse_axes)]
     flip: Option<[bool; 3]>,
-    /// Exchange two coordinates before that, such as xy.
+    /// Swap two coordinates before that, such as xy.
     #[arg(long, value_name = "AXES", value_parser = parse_axes)]
     swap: Option<[bool; 3]>,
     /// Merge vertices that lie at the same place.
     #[arg(long)]
     weld: bool,
-    /// Mask of the picture, where that is no scene.
+    /// Mask of the image, where the first argument is an image.
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
     /// File to write [default: the scene's template.obj].
     #[arg(long, value_name = "FILE.obj")]
     out: Option<PathBuf>,
-    /// Replace the file if it is there; one that tessuto did not write is kept under another name.
+    /// Replace an existing file; one that tessuto did not write is kept under another name.
     #[arg(long)]
     force: bool,
     #[command(flatten)]
@@ -136,10 +136,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         (None, true) => arguments.target.join("template.obj"),
         (None, false) => {
             let problem =
-                format!("{} is no scene folder, and --out is not given", arguments.target.display());
+                format!("{} is not a scene folder, and --out is not given", arguments.target.display());
             return Err(Error::usage(
                 problem,
-                "name a scene folder, or a picture with --mask FILE, a camera and --out FILE.obj",
+                "name a scene folder, or an image with --mask FILE, a camera and --out FILE.obj",
             )
             .into());
         }
@@ -147,7 +147,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     if out.exists() && !arguments.force {
         let hint = "add --force to replace it, or write elsewhere with --out";
         return Err(
-            Error::input(out.display().to_string(), "is there already, and would be replaced", hint).into()
+            Error::input(out.display().to_string(), "already exists and would be replaced", hint).into()
         );
     }
     let view = view(arguments, scene)?;
@@ -197,18 +197,18 @@ fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     let size = image::size(&arguments.target)?;
     let calibration = arguments.lens.calibration()?;
     if !calibration.distortion.is_none() {
-        let hint = "import the pictures first, which removes it, and name the scene folder here";
+        let hint = "import the images first, which removes it, and name the scene folder here";
         return Err(Error::input(&calibration.place, "has lens distortion, which is not removed here", hint));
     }
     let mut notes = Vec::new();
-    let camera = calibration.fit(size, &mut notes)?;
+    let camera = calibration.scaled_to(size, &mut notes)?;
     note(&notes);
     let mask = arguments.mask.as_ref().map(|path| {
         let (mask, _) = image::read_mask(path)?;
         if [mask.width, mask.height] != size {
             let problem =
-                format!("is {}×{} pixels, but the picture {}×{}", mask.width, mask.height, size[0], size[1]);
-            return Err(Error::input(path.display().to_string(), problem, "give the mask of this picture"));
+                format!("is {}×{} pixels, but the image {}×{}", mask.width, mask.height, size[0], size[1]);
+            return Err(Error::input(path.display().to_string(), problem, "give the mask of this image"));
         }
         Ok((mask, path.clone()))
     });
@@ -256,7 +256,7 @@ fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
             format!("a plane rectangle fits them to {:.2} px", found.rigid_error)
         } else {
             format!(
-                "no plane rectangle fits (off by {:.1} px): taken for a sheet that sags or bends",
+                "no plane rectangle fits (off by {:.1} px): treated as a sheet that sags or bends",
                 found.rigid_error
             )
         }
@@ -286,7 +286,7 @@ fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
         None if nothing => {
             return Err(Error::usage(
                 "nothing to do",
-                "make a rectangle (--flat WxH --from-mask), re-sample a mesh (--remesh 32 --from FILE), or mend the template (--scale, --flip, --swap, --weld)",
+                "make a rectangle (--flat WxH --from-mask), re-sample a mesh (--remesh 32 --from FILE), or repair the template (--scale, --flip, --swap, --weld)",
             ));
         }
         None if scene => arguments.target.join("template.obj"),

@@ -1,7 +1,7 @@
-//! Fits the untrained decoder to a picture and prints PSNR and seconds per step.
+//! Fits the untrained decoder to an image and prints PSNR and seconds per step.
 //!
 //! ```sh
-//! cargo run --release -p tessuto --example decoder_fit -- picture=diffuse.png config=published steps=100
+//! cargo run --release -p tessuto --example decoder_fit -- image=diffuse.png config=published steps=100
 //! cargo run --release -p tessuto --example decoder_fit -- tiles=1 latent=16 channels=64,64,32 rate=5e-3 steps=200
 //! ```
 
@@ -27,7 +27,7 @@ fn main() {
             "rate" => config.learning_rate = number(),
             "beta2" => config.betas[1] = number(),
             "steps" => last = number() as usize,
-            "picture" => picture = Some(tessuto::io::image::read(value.as_ref()).expect("a picture")),
+            "picture" => picture = Some(tessuto::io::image::read(value.as_ref()).expect("an image")),
             _ => panic!("{key}: no such argument"),
         }
     }

@@ -35,6 +35,32 @@ pub struct Rect {
 }
 
 impl Rect {
+    /// The smallest rectangle that contains both.
+    pub fn union(self, other: Self) -> Self {
+        Self {
+            x0: self.x0.min(other.x0),
+            y0: self.y0.min(other.y0),
+            x1: self.x1.max(other.x1),
+            y1: self.y1.max(other.y1),
+        }
+    }
+
+    /// Wider by `margin` on each side, within an image of this width and height.
+    pub fn padded(self, margin: usize, [width, height]: [usize; 2]) -> Self {
+        Self {
+            x0: self.x0.saturating_sub(margin),
+            y0: self.y0.saturating_sub(margin),
+            x1: (self.x1 + margin).min(width),
+            y1: (self.y1 + margin).min(height),
+        }
+    }
+
+    /// The smallest rectangle that contains the pixels (column, row); `None` if there are none.
+    pub fn around(pixels: impl IntoIterator<Item = (usize, usize)>) -> Option<Self> {
+        pixels.into_iter().map(|(x, y)| Self { x0: x, y0: y, x1: x + 1, y1: y + 1 }).reduce(Self::union)
+    }
+
+    /// Width `[px]`.
     /// Width `[px]`.
     pub fn width(&self) -> usize {
         self.x1 - self.x0
@@ -74,6 +100,20 @@ impl Camera {
         }
     }
 
+    /// The camera of the same image at another size `[px]`.
+    pub fn resized(&self, [width, height]: [u32; 2]) -> Self {
+        let (sx, sy) = (f64::from(width) / self.width as f64, f64::from(height) / self.height as f64);
+        // Pixel centres are at whole numbers, so it is the pixels' corners that scale.
+        Self {
+            fx: self.fx * sx,
+            fy: self.fy * sy,
+            cx: (self.cx + 0.5) * sx - 0.5,
+            cy: (self.cy + 0.5) * sy - 0.5,
+            width: width as usize,
+            height: height as usize,
+        }
+    }
+
     /// The camera of the image whose pixels are the means of `factor`×`factor` blocks
     /// (incomplete blocks at the right and lower border are dropped).
     pub fn downsampled(&self, factor: usize) -> Self {
@@ -95,6 +135,13 @@ mod tests {
     use super::*;
 
     const CAMERA: Camera = Camera { fx: 800.0, fy: 700.0, cx: 319.5, cy: 239.5, width: 640, height: 480 };
+
+    #[test]
+    fn a_rectangle_around_pixels_holds_them_and_no_more() {
+        let found = Rect::around([(3, 7), (5, 2), (4, 4)]);
+        assert_eq!(found, Some(Rect { x0: 3, y0: 2, x1: 6, y1: 8 }));
+        assert_eq!(Rect::around([]), None);
+    }
 
     #[test]
     fn ray_is_the_inverse_of_project() {

@@ -1,4 +1,4 @@
-//! Pre-flight check: what a person should know of a scene before hours are spent on it.
+//! Pre-flight check: what to know about a scene before spending hours on it.
 //!
 //! A check fails where [loading](crate::io::scene::load) fails, and where masks or template cannot be those of one piece of
 //! fabric; it names every error it can reach, measures what may be wrong without being an error, and draws the template
@@ -39,7 +39,7 @@ pub struct Finding {
     pub hint: String,
 }
 
-/// Everything found, and the picture that shows it.
+/// Everything found, and the image that shows it.
 #[derive(Debug, Clone)]
 pub struct CheckReport {
     /// Errors first, then figures and warnings in a fixed order.

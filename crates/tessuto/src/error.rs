@@ -3,7 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
-/// What can go wrong, by whose turn it is to act.
+/// Error kinds, by who must act.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum Error {
@@ -129,8 +129,8 @@ mod tests {
     #[test]
     fn what_a_file_holds_is_repeated_in_part_only() {
         let message =
-            |word: String| Error::input("a.txt", format!("{word} is no number"), "correct it").to_string();
-        assert_eq!(message("é".into()), "a.txt: é is no number\n  hint: correct it");
+            |word: String| Error::input("a.txt", format!("{word} is not a number"), "correct it").to_string();
+        assert_eq!(message("é".into()), "a.txt: é is not a number\n  hint: correct it");
         for word in ["é", "x", "漢"] {
             let text = message(word.repeat(5000));
             assert!(text.len() < 2100 && text.ends_with("…\n  hint: correct it"), "{}", text.len());

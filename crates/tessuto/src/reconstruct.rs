@@ -31,7 +31,7 @@ pub struct Reconstruction {
     pub failure: Option<Error>,
 }
 
-/// Recovers the motion of the fabric in `scene`. `session` hears of every finished step; it may know of earlier ones.
+/// Recovers the motion of the fabric in `scene`. Every finished step is reported to `session`, which may hold the state of an interrupted run.
 ///
 /// # Errors
 /// [`Error::Input`] for a scene that cannot be computed on; [`Error::Numerical`] if not even a first state is finite;

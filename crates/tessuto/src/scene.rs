@@ -72,11 +72,7 @@ impl Scene {
                     let found = format!("{}×{} px of {} channels", image.width, image.height, image.channels);
                     let expected = format!("{}×{} px of {channels}", camera.width, camera.height);
                     let place = format!("frame {}, {what}", self.first_frame + k);
-                    return fail(
-                        place,
-                        format!("{found}, expected {expected}"),
-                        "give all pictures one size",
-                    );
+                    return fail(place, format!("{found}, expected {expected}"), "give all images one size");
                 }
             }
         }

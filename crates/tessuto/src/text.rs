@@ -1,4 +1,4 @@
-//! Words for people: names that were mistyped, paths that a shell takes.
+//! Text helpers: names that were mistyped, paths that a shell takes, hexadecimal.
 
 use std::path::{Path, is_separator};
 
@@ -20,6 +20,11 @@ pub(crate) fn nearest_key<'a>(key: &str, known: &'a [String]) -> Option<&'a str>
     let distance = |k: &&'a str| edits(key, k).min(edits(key, last(k)));
     let best = known.iter().map(String::as_str).min_by_key(distance)?;
     (distance(&best) <= CLOSE).then_some(best)
+}
+
+/// Lower-case hexadecimal.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// `path` as a POSIX shell takes it: as it is where no character is special, else in single quotes.

@@ -84,7 +84,9 @@ fn lasting(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     for (path, _) in &mut files {
         *path = path.strip_prefix(folder).unwrap().to_path_buf();
     }
-    files.retain(|(path, _)| !["log.json", "report.html", "manifest.json"].iter().any(|n| path.ends_with(n)));
+    files.retain(|(path, _)| {
+        !["log.json", "summary.json", "report.html", "manifest.json"].iter().any(|n| path.ends_with(n))
+    });
     files
 }
 
@@ -130,7 +132,7 @@ fn any_number_of_threads_and_any_repetition_gives_the_same_bytes() {
         let mut command = Command::new(PROGRAM);
         command.arg("reconstruct").arg(scene()).arg("--out").arg(&out).args(&QUICK[..6]);
         command.args(["--set", "appearance.steps=3", "--set", "appearance.batch=200"]);
-        command.args(["--set", "appearance.map_size=16", "--set", "appearance.render_passes=1"]);
+        command.args(["--set", "appearance.map_size=16", "--set", "appearance.render_samples_per_pixel=8"]);
         succeed(command.args(["--threads", threads]));
         lasting(&out)
     };

@@ -85,7 +85,7 @@ fn picture_is_written_only_where_asked() {
     let output = check(&scene, &["--picture", "p.png"], working_folder.path());
     assert_eq!(output.status.code(), Some(0));
     let picture = tessuto::io::image::read(&working_folder.path().join("p.png")).unwrap();
-    // Three times the crop (16 pixels and a margin of 4 on each side, as far as the picture reaches), 4 pixels between.
+    // Three times the crop (16 pixels and a margin of 4 on each side, as far as the image reaches), 4 pixels between.
     assert_eq!((picture.width, picture.height), (3 * 24 + 2 * 4, 22));
     assert_eq!(contents(working_folder.path()).len(), 1);
     assert_eq!(scene.contents(), before);
@@ -156,7 +156,7 @@ fn frames_unreadable() {
     let size = std::fs::metadata(scene.path("rgbs/rgb_001.png")).unwrap().len();
     // The lowest of the broken frames, whatever thread met it first.
     refused(&scene, &["rgb_001.png", "cannot be decoded", &format!("file of {size} bytes")]);
-    for (name, text) in [("rgbs/rgb_002.png", "not a picture"), ("masks/mask_000.png", "")] {
+    for (name, text) in [("rgbs/rgb_002.png", "not an image"), ("masks/mask_000.png", "")] {
         let scene = TinyScene::new();
         scene.put(name, text);
         refused(&scene, &[name, "is neither PNG nor JPEG"]);
@@ -185,7 +185,7 @@ fn empty_and_inverted_masks() {
         write_png(&scene.path(&name), &tessuto::Image::new(SIZE, SIZE, 1)).unwrap();
         refused(&scene, &[&name, "the mask is empty", "brightest value is 0 of 255"]);
     }
-    // Smaller than the picture's half, so that the inverse is the better guess by far.
+    // Smaller than the image's half, so that the inverse is the better guess by far.
     let scene = TinyScene::new();
     let mut inverse = mask();
     inverse.data.iter_mut().for_each(|v| *v = 1.0 - *v);

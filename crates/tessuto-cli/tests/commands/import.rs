@@ -1,4 +1,4 @@
-//! Scenes from what people have: pictures, videos, masks and camera files of other programs, good and bad.
+//! Scenes from what people have: images, videos, masks and camera files of other programs, good and bad.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -7,9 +7,10 @@ use crate::missing::not_tested;
 use crate::scene_maker::{FRAMES, SIZE, colour, contents, fabric, mask, template};
 use serde_json::Value;
 use tempfile::TempDir;
+use tessuto::Image;
+use tessuto::import::{Calibration, read_calibration};
 use tessuto::io::image::{read, read_mask, write_png};
 use tessuto::io::obj;
-use tessuto::{Image, import::Calibration};
 
 /// A folder whose name has a space and letters beyond ASCII, with frames, masks and a template.
 struct Recording {
@@ -83,7 +84,7 @@ fn one_line(bytes: &[u8]) -> String {
 const CAMERA: [&str; 6] = ["--fx", "40", "--cx", "11.5", "--cy", "13.5"];
 const MASKS: [&str; 2] = ["--masks", "@masks été"];
 
-/// The options every import of pictures here has, and `more`.
+/// The options every import of images here has, and `more`.
 fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
     [&MASKS[..], &CAMERA[..], &["--fps", "25"], more].concat()
 }
@@ -108,7 +109,7 @@ fn pictures_become_a_checked_scene() {
     }
     // What is there is not replaced unasked, and what does not belong to a scene not at all.
     let before = contents(&recording.path("scène 1"));
-    recording.refused(3, "frames été", &with(&[]), &["there already", "--force"]);
+    recording.refused(3, "frames été", &with(&[]), &["already exists", "--force"]);
     assert_eq!(contents(&recording.path("scène 1")), before);
     let (_, scene) =
         recording.imported("frames été", &with(&["--force", "--frames", "1..4", "--stride", "2"]));
@@ -219,7 +220,7 @@ fn frames_that_cannot_be_used() {
     let recording = Recording::new();
     write_png(&recording.path("frames été/shot 9.png"), &Image::new(SIZE + 1, SIZE, 3)).unwrap();
     recording.refused(3, "frames été", &with(&[]), &["shot 9.png", "25×24", "the first frame 24×24"]);
-    std::fs::write(recording.path("frames été/shot 9.png"), "no picture").unwrap();
+    std::fs::write(recording.path("frames été/shot 9.png"), "no image").unwrap();
     recording.refused(3, "frames été", &with(&[]), &["shot 9.png", "neither PNG nor JPEG"]);
 }
 
@@ -228,14 +229,14 @@ fn camera_file(name: &str, text: &str) -> tessuto::Result<Calibration> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, text).unwrap();
-    Calibration::read(&path, None)
+    read_calibration(&path, None)
 }
 
 #[test]
 fn cameras_of_other_programs() {
     let fitted = |name: &str, text: &str, size: [usize; 2]| {
         let calibration = camera_file(name, text).unwrap();
-        let camera = calibration.fit(size, &mut Vec::new()).unwrap();
+        let camera = calibration.scaled_to(size, &mut Vec::new()).unwrap();
         ([camera.fx, camera.fy, camera.cx, camera.cy], calibration.distortion)
     };
     let colmap = "# Camera list\n1 OPENCV 1920 1080 1500 1510 960 540 -0.1 0.02 0.001 -0.002\n";
@@ -306,8 +307,8 @@ fn cameras_that_are_refused() {
         );
     }
     let portrait = camera_file("cameras.txt", "1 PINHOLE 640 480 5 5 3 2").unwrap();
-    let error = portrait.fit([480, 640], &mut Vec::new()).unwrap_err().to_string();
-    assert!(error.contains("is for pictures of 640×480") && error.contains("turned by 90°"), "{error}");
+    let error = portrait.scaled_to([480, 640], &mut Vec::new()).unwrap_err().to_string();
+    assert!(error.contains("is for images of 640×480") && error.contains("turned by 90°"), "{error}");
 }
 
 #[test]
@@ -325,7 +326,7 @@ fn videos_without_ffmpeg_tell_how_to_get_it() {
     }
 }
 
-/// A stand-in for ffmpeg that says `said` of a file and sends the test's frames as pictures.
+/// A stand-in for ffmpeg that says `said` of a file and sends the test's frames as images.
 #[cfg(unix)]
 fn stand_in(recording: &Recording, said: &str, end: &str) -> PathBuf {
     use std::io::Write as _;

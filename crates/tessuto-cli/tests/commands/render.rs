@@ -53,7 +53,7 @@ fn made() -> (PathBuf, PathBuf) {
             "appearance.steps=4",
             "appearance.batch=500",
             "appearance.map_size=32",
-            "appearance.render_passes=1",
+            "appearance.render_samples_per_pixel=8",
         ] {
             arguments.extend(["--set", setting]);
         }
@@ -135,7 +135,7 @@ fn lights_that_are_none_are_refused_and_nothing_is_written() {
         &["render", text(&result), "--environment", text(&file), "--out", text(&out)],
         &["light.exr", "12"],
     );
-    std::fs::write(&file, "no picture").unwrap();
+    std::fs::write(&file, "no image").unwrap();
     refused(&["render", text(&result), "--environment", text(&file), "--out", text(&out)], &["light.exr"]);
     let missing = folder.path().join("missing.hdr");
     refused(

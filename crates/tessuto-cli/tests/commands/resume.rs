@@ -32,7 +32,7 @@ fn start(folder: &Path, out: &Path, preset: &str, resume: bool) -> Child {
     let mut arguments = vec!["reconstruct", text(&scene), "--out", text(out), "--preset", preset];
     arguments.extend(["--checkpoint", "0", "--set", "texture.size=32", "--set", "texture.epochs=40"]);
     arguments.extend(["--set", "appearance.steps=60", "--set", "appearance.batch=500"]);
-    arguments.extend(["--set", "appearance.map_size=32", "--set", "appearance.render_passes=1"]);
+    arguments.extend(["--set", "appearance.map_size=32", "--set", "appearance.render_samples_per_pixel=8"]);
     if resume {
         arguments.push("--resume");
     }

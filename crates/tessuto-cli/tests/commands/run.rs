@@ -51,7 +51,12 @@ fn same_bytes_for_any_threads(settings: &[&str]) -> TempDir {
         let out = folder.path().join(threads);
         let mut arguments = vec!["reconstruct", text(&scene), "--out", text(&out), "--threads", threads];
         arguments.extend(["--set", "appearance.steps=4", "--set", "appearance.batch=500"]);
-        arguments.extend(["--set", "appearance.map_size=32", "--set", "appearance.render_passes=1"]);
+        arguments.extend([
+            "--set",
+            "appearance.map_size=32",
+            "--set",
+            "appearance.render_samples_per_pixel=8",
+        ]);
         arguments.extend(settings);
         succeed(&arguments);
     }

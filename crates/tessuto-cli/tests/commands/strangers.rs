@@ -135,7 +135,7 @@ fn a_folder_with_names_like_ours_is_not_ours() {
 fn a_finished_result_is_replaced_on_demand_and_only_if_it_is_all_ours() {
     let home = home();
     let at = |name: &str| home.path().join(name);
-    refused(home.path(), &reconstruct("result", &[]), &["a finished result is there already", "--force"]);
+    refused(home.path(), &reconstruct("result", &[]), &["a finished result already exists", "--force"]);
     // F2: additions and changes of the user's, at any depth.
     for name in ["notes.txt", "blends/shot010.blend", "pictures/observed/mine.png", "export/scene.fbx"] {
         put(&at("result").join(name), "mine");
@@ -207,7 +207,7 @@ fn folders_that_cannot_be_renamed_are_filled() {
     let before = number(&work);
     succeed(&work, &run(&[]));
     succeed(&work, &["verify", "."]);
-    refused(&work, &run(&[]), &["a finished result is there already"]);
+    refused(&work, &run(&[]), &["a finished result already exists"]);
     succeed(&work, &run(&["--force", "--frames", "0..2"]));
     succeed(&work, &["verify", "."]);
     #[cfg(unix)]
@@ -247,7 +247,8 @@ fn a_mount_point_is_filled() {
 fn appearance_replaces_what_the_result_lists() {
     let home = home();
     let at = |name: &str| home.path().join(name);
-    let quick = ["steps=2", "batch=100", "map_size=16", "render_passes=1"].map(|s| format!("appearance.{s}"));
+    let quick = ["steps=2", "batch=100", "map_size=16", "render_samples_per_pixel=8"]
+        .map(|s| format!("appearance.{s}"));
     let sets = quick.iter().flat_map(|s| ["--set", s]);
     let appearance: Vec<&str> = ["appearance", "scene", "result"].into_iter().chain(sets).collect();
     put(&at("result/material/environment.exr"), "my light");
@@ -275,7 +276,7 @@ fn appearance_replaces_what_the_result_lists() {
 fn single_files_are_replaced_only_if_tessuto_wrote_them() {
     let home = home();
     let at = |name: &str| home.path().join(name);
-    // check --picture: again and again, but no other picture.
+    // check --picture: again and again, but no other image.
     succeed(home.path(), &["check", "scene", "--picture", "check.png"]);
     succeed(home.path(), &["check", "scene", "--picture", "check.png"]);
     std::fs::copy(at("scene/rgbs/rgb_000.png"), at("photo.png")).unwrap();
@@ -319,7 +320,7 @@ fn scenes_are_replaced_only_if_they_are_all_ours() {
     let at = |name: &str| home.path().join(name);
     let synth = ["synth", "scene", "--frames", "2", "--size", "64", "--grid", "5x5"];
     let forced = [&synth[..], &["--force"]].concat();
-    refused(home.path(), &synth, &["a finished scene is there already", "--force"]);
+    refused(home.path(), &synth, &["a finished scene already exists", "--force"]);
     put(&at("scene/gt/notes.txt"), "mine");
     refused(home.path(), &forced, &["scene/gt/notes.txt", "would be lost"]);
     std::fs::remove_file(at("scene/gt/notes.txt")).unwrap();

@@ -1,4 +1,4 @@
-//! `tessuto template`: rectangles from corners and masks, grids from meshes, wrong units and axes put right.
+//! `tessuto template`: rectangles from corners and masks, grids from meshes, wrong units and axes fixed.
 
 use std::process::Command;
 
@@ -46,7 +46,7 @@ fn a_rectangle_from_its_corners_and_from_the_mask() {
     let corners = ["3.5,5.5", "19.5,5.5", "19.5,21.5", "3.5,21.5"];
     let flat = [&["--flat", "40x40cm", "--grid", "5", "--corners"][..], &corners[..]].concat();
     let (status, text) = run(&scene, &flat);
-    assert!(status == Some(3) && text.contains("there already") && text.contains("--force"), "{text}");
+    assert!(status == Some(3) && text.contains("already exists") && text.contains("--force"), "{text}");
     let (status, text) = run(&scene, &[&flat[..], &["--force"]].concat());
     assert!(status == Some(0) && text.contains("a plane rectangle fits them to 0.00 px"), "{text}");
     assert!(farthest(&made(&scene), &template()) < 1e-6);
@@ -97,7 +97,7 @@ fn a_grid_from_triangles_without_uv() {
     scene.put("cloth.fbx", "Kaydara FBX Binary");
     let foreign = scene.path("cloth.fbx");
     let (status, text) = run(&scene, &["--from", foreign.to_str().unwrap(), "--remesh", "5", "--force"]);
-    assert!(status == Some(3) && text.contains("no OBJ, PLY or glTF file"), "{text}");
+    assert!(status == Some(3) && text.contains("not an OBJ, PLY or glTF file"), "{text}");
 }
 
 #[test]

@@ -166,7 +166,7 @@ tessuto.ClothView = class {
     const of = pairs => pairs.filter(([key]) => key in this.materials || (key === "lit" && this.canBeLit));
     const values = Object.values(this.fields).map(f => [f.key, `${f.label} [${f.unit}]`]);
     return [
-      ["Look", of([["lit", "recovered material and light"], ["texture", "recovered print"], ["plain", "plain"]])],
+      ["Look", of([["lit", "recovered material and light"], ["texture", "recovered texture"], ["plain", "plain"]])],
       ["Map", of([["diffuse", "albedo"], ["roughness", "roughness"], ["metallic", "metallic"]])],
       ["Value", values],
     ].filter(([, members]) => members.length > 0);

@@ -1,4 +1,4 @@
-//! The light as it is optimised: the logarithm of the radiance on a coarse grid, later on finer ones.
+//! The environment map as it is optimised: the logarithm of the radiance on a coarse grid, later on finer ones.
 
 use serde::{Deserialize, Serialize};
 
@@ -15,16 +15,16 @@ pub(super) struct EnvironmentParameters {
 }
 
 impl EnvironmentParameters {
-    /// The same `radiance` from everywhere.
+    /// The same `radiance` from every direction.
     pub fn new(rows: usize, radiance: f64) -> Self {
         let logs = vec![radiance.ln(); 6 * rows * rows];
         Self { rows, adam: Adam::new(logs.len(), 1.0), logs }
     }
 
     /// Whether its values are those of its grid.
-    pub fn fits(&self) -> bool {
+    pub fn matches(&self) -> bool {
         let len = self.rows.checked_mul(self.rows).and_then(|n| n.checked_mul(6));
-        len == Some(self.logs.len()) && self.adam.fits(self.logs.len())
+        len == Some(self.logs.len()) && self.adam.matches(self.logs.len())
     }
 
     /// Rows of the present grid.
@@ -132,19 +132,19 @@ mod tests {
 
     #[test]
     fn a_uniform_sky_stays_uniform_at_any_size() {
-        let mut sky = EnvironmentParameters::new(4, 1.5);
-        sky.refine(8);
-        let e = sky.environment(32, 1.0);
+        let mut parameters = EnvironmentParameters::new(4, 1.5);
+        parameters.refine(8);
+        let e = parameters.environment(32, 1.0);
         assert!(e.texels.iter().flatten().all(|v| (v - 1.5).abs() < 1e-6));
     }
 
     #[test]
     fn a_step_goes_against_the_gradient() {
-        let mut sky = EnvironmentParameters::new(4, 1.0);
+        let mut parameters = EnvironmentParameters::new(4, 1.0);
         let mut gradient = vec![[0.0; 3]; 2 * 16 * 16];
         gradient[5 * 32 + 9] = [1.0, 0.0, -1.0];
-        sky.step(16, &gradient, 1.0, 0.0, 0.1);
-        let texel = sky.environment(16, 1.0).texels[5 * 32 + 9];
+        parameters.step(16, &gradient, 1.0, 0.0, 0.1);
+        let texel = parameters.environment(16, 1.0).texels[5 * 32 + 9];
         assert!(texel[0] < 1.0 && texel[1] == 1.0 && texel[2] > 1.0, "{texel:?}");
     }
 }

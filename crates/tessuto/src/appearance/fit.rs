@@ -22,13 +22,13 @@ use crate::session::{Epoch, Session, foreign_state, named};
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
 
-/// What [`fit`] goes on from.
+/// What [`fit`] resumes from.
 #[derive(Serialize, Deserialize)]
 struct State {
     steps: usize,
     maps: MapState,
-    sky: EnvironmentParameters,
-    trust: PatchWeights,
+    lighting: EnvironmentParameters,
+    patch_weights: PatchWeights,
 }
 
 /// What the cloth is made of, and what shines on it.
@@ -88,18 +88,18 @@ pub fn fit(
     planes.resize(4 * size * size, settings.roughness_start as f32);
     planes.resize(5 * size * size, settings.metallic_start as f32);
     let mut maps = maps(settings, &planes, seed)?;
-    let mut sky = EnvironmentParameters::new(settings.light_coarsest, settings.light_start);
+    let mut lighting = EnvironmentParameters::new(settings.light_coarsest, settings.light_start);
 
-    let mut trust = PatchWeights::new(motion.len(), rasterizer.triangles().len());
+    let mut patch_weights = PatchWeights::new(motion.len(), rasterizer.triangles().len());
     let state: Option<State> = session.restore("appearance")?;
     let first = state.as_ref().map_or(0, |s| s.steps);
     if let Some(state) = state {
-        if !(state.sky.fits() && state.trust.fits(&trust)) {
+        if !(state.lighting.matches() && state.patch_weights.matches(&patch_weights)) {
             return Err(foreign_state("appearance"));
         }
         maps.restore(&state.maps)?;
-        sky = state.sky;
-        trust = state.trust;
+        lighting = state.lighting;
+        patch_weights = state.patch_weights;
     }
     let mut gradients = Gradients::default();
     let mut light = None;
@@ -108,19 +108,19 @@ pub fn fit(
     for step in first..settings.steps {
         let at = step as f64 / settings.steps as f64;
         let rows = rows_at(settings, at);
-        if rows != sky.rows() {
-            sky.refine(rows);
+        if rows != lighting.rows() {
+            lighting.refine(rows);
         }
         let span = (settings.colour_from - settings.grey_until).max(1e-9);
         let colour = ((at - settings.grey_until) / span).clamp(0.0, 1.0);
-        let environment = sky.environment(settings.light_rows, colour);
+        let environment = lighting.environment(settings.light_rows, colour);
         let light = match &mut light {
             Some(light) if step % REDRAW != 0 => light,
-            other => other.insert(EnvironmentSampler::new(&environment, settings.uniform_share)),
+            other => other.insert(EnvironmentSampler::new(&environment, settings.uniform_fraction)),
         };
         light.set_radiance(&environment);
-        if step % REDRAW == 0 && at >= settings.trust_from {
-            trust.update();
+        if step % REDRAW == 0 && at >= settings.reweight_from {
+            patch_weights.update();
         }
         let material = Material::from_planes(size, size, &maps.maps());
 
@@ -137,14 +137,17 @@ pub fn fit(
         let scale = 1.0 / (3 * settings.batch) as f32;
         let mean = |i: usize, estimates: &[[f32; 3]; 2]| {
             let (value, adjoints) = loss(observed[i], estimates);
-            // The more obliquely a surface is seen, the farther the same error of the motion shifts the print.
+            // The more obliquely a surface is seen, the farther the same error of the motion shifts the texture.
             let cosine = batch[i].normal.dot(batch[i].position.normalize());
-            let weight = scale * trust.weight(batch[i].patch) * cosine * cosine;
+            let weight = scale * patch_weights.weight(batch[i].patch) * cosine * cosine;
             (value, adjoints.map(|a| a.map(|a| a * weight)))
         };
-        accumulate(&shader, &batch, !step_seed, settings.passes, mean, &mut gradients);
+        accumulate(&shader, &batch, !step_seed, settings.samples_per_pixel, mean, &mut gradients);
         if at >= settings.grey_until {
-            batch.iter().zip(&gradients.losses).for_each(|(point, error)| trust.note(point.patch, *error));
+            batch
+                .iter()
+                .zip(&gradients.losses)
+                .for_each(|(point, error)| patch_weights.note(point.patch, *error));
         }
         if !gradients.loss.is_finite() {
             return Err(Error::numerical(
@@ -156,7 +159,7 @@ pub fn fit(
         let fall = settings.final_rate.powf((2.0 * at - 1.0).max(0.0));
         maps.step(&gradients.material, settings.map_rate * fall);
         let smoothness = settings.light_smoothness;
-        sky.step(settings.light_rows, &gradients.light, colour, smoothness, settings.light_rate * fall);
+        lighting.step(settings.light_rows, &gradients.light, colour, smoothness, settings.light_rate * fall);
         let epoch = Epoch {
             stage: "appearance".into(),
             step: step + 1,
@@ -169,15 +172,20 @@ pub fn fit(
         let saved = ((step + 1) % REDRAW == 0 && session.wants_state()).then(|| State {
             steps: step + 1,
             maps: maps.save(),
-            sky: sky.clone(),
-            trust: trust.clone(),
+            lighting: lighting.clone(),
+            patch_weights: patch_weights.clone(),
         });
         session.step(&epoch, &[], saved.as_ref())?;
     }
     let material = Material::from_planes(size, size, &maps.maps());
     let colour = if settings.steps == 0 { 0.0 } else { 1.0 };
     let history = session.history_of(&["appearance"]);
-    Ok(Appearance { material, window, environment: sky.environment(settings.light_rows, colour), history })
+    Ok(Appearance {
+        material,
+        window,
+        environment: lighting.environment(settings.light_rows, colour),
+        history,
+    })
 }
 
 /// The maps that start from `planes`.
@@ -209,7 +217,7 @@ fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<
     }
 }
 
-/// Rows of the light's grid after a share `at` of the steps; the finest has the last two of the equal shares.
+/// Rows of the light's grid after the fraction `at` of the steps; the finest has the last two of the equal intervals.
 fn rows_at(settings: &AppearanceSettings, at: f64) -> usize {
     let levels = (settings.light_finest as f64 / settings.light_coarsest as f64).log2().ceil() as u32;
     let level = ((at * f64::from(levels + 2)) as u32).min(levels);
@@ -226,11 +234,11 @@ fn check(scene: &Scene, motion: &Motion) -> Result<()> {
         ));
     }
     motion.check_vertices(scene.template.positions.len(), &place())?;
-    for (n, shape) in motion.iter().enumerate() {
-        if let Some(v) = shape.iter().position(|p| p.length() >= 1e4) {
+    for (n, positions) in motion.iter().enumerate() {
+        if let Some(v) = positions.iter().position(|p| p.length() >= 1e4) {
             return Err(Error::input(
                 format!("{}, frame {n}", place()),
-                format!("vertex {v} is at {}", shape[v]),
+                format!("vertex {v} is at {}", positions[v]),
                 "positions are metres in the camera's frame; reconstruct the motion again",
             ));
         }

@@ -4,7 +4,7 @@
 //! are optimised) and `environment_parameters` (the light as it is optimised), with `loss` between them, weighted by `patch_weights`.
 //! [`rerender()`] draws the frames again.
 //!
-//! Only the product of brightness of cloth and light is in the pictures: the light starts at a given radiance, and
+//! Only the product of brightness of cloth and light is in the images: the light starts at a given radiance, and
 //! the maps follow.
 
 #[cfg(feature = "decoder")]

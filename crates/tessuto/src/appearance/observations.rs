@@ -41,9 +41,9 @@ pub(super) fn observe(
     let total: usize = counts.iter().sum();
     let starts: Vec<usize> =
         counts.iter().scan(0, |sum, count| Some(std::mem::replace(sum, *sum + count))).collect();
-    let share = (most as f64 / total.max(1) as f64).min(1.0);
-    let limit = (share * f64::from(u32::MAX)) as u32;
-    let drawn = |i: usize| share >= 1.0 || mix32(mix32(seed).wrapping_add(i as u32)) < limit;
+    let probability = (most as f64 / total.max(1) as f64).min(1.0);
+    let limit = (probability * f64::from(u32::MAX)) as u32;
+    let drawn = |i: usize| probability >= 1.0 || mix32(mix32(seed).wrapping_add(i as u32)) < limit;
     let frames = scene.frames.map(0..motion.len(), Rendering::new, |rendering, n| {
         let frame = scene.frames.frame(n)?;
         let mut next = starts[n];

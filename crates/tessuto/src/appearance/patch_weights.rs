@@ -1,4 +1,4 @@
-//! How far each triangle of each frame is believed.
+//! Robust weights per triangle and frame.
 //!
 //! Where the motion is off, pixels show another part of the cloth than the estimate thinks, and no material explains
 //! them. The mean squared error s_c of a patch c (a triangle in a frame), known without the noise of rendering from
@@ -21,13 +21,13 @@ pub(super) struct PatchWeights {
 }
 
 impl PatchWeights {
-    /// Everything is believed alike.
+    /// All patches count alike.
     pub fn new(frames: usize, triangles: usize) -> Self {
         Self { triangles, errors: vec![(0.0, 0.0); frames * triangles], weights: Vec::new() }
     }
 
-    /// Whether it speaks of as many patches as `other`.
-    pub fn fits(&self, other: &Self) -> bool {
+    /// Whether it has as many patches as `other`.
+    pub fn matches(&self, other: &Self) -> bool {
         let count = other.errors.len();
         self.triangles == other.triangles
             && self.errors.len() == count
@@ -80,14 +80,14 @@ mod tests {
 
     #[test]
     fn bad_patches_count_less_and_the_mean_weight_is_one() {
-        let mut trust = PatchWeights::new(2, 3);
-        assert_eq!(trust.weight(5), 1.0);
+        let mut weights_by_patch = PatchWeights::new(2, 3);
+        assert_eq!(weights_by_patch.weight(5), 1.0);
         for k in 0..600u32 {
             let patch = k % 6;
-            trust.note(patch, if patch == 4 { 0.09 } else { 0.01 });
+            weights_by_patch.note(patch, if patch == 4 { 0.09 } else { 0.01 });
         }
-        trust.update();
-        let weights: Vec<f32> = (0..6).map(|p| trust.weight(p)).collect();
+        weights_by_patch.update();
+        let weights: Vec<f32> = (0..6).map(|p| weights_by_patch.weight(p)).collect();
         assert!((weights.iter().sum::<f32>() - 6.0).abs() < 1e-4, "{weights:?}");
         assert!(
             weights[4] < 0.3 * weights[0] && weights[3] < weights[0] && weights[3] > weights[4],

@@ -1,22 +1,20 @@
-//! How good maps are for what they are made for: the cloth under another light, against the true maps under it.
+//! How good maps are for their purpose: the cloth relit with them, against the same with the true maps.
 
 use std::path::Path;
 
 use super::read_material;
 use crate::camera::Camera;
 use crate::error::Result;
-use crate::image::srgb;
 use crate::mesh::{Mesh, Positions};
 use crate::metrics::maps::{self, MapMetrics};
-use crate::metrics::similarity::psnr;
+use crate::metrics::similarity::{best_scale, psnr, scaled};
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
 use crate::scene::Scene;
 
 /// Frames that are compared, spread over the motion.
 const FRAMES: usize = 3;
-/// Passes of eight samples per pixel.
-const PASSES: usize = 4;
+const SAMPLES_PER_PIXEL: usize = 32;
 
 /// [`maps::evaluate`], and where the scene has true maps the PSNR of relit frames of `motion`, shape [N, V].
 ///
@@ -55,9 +53,14 @@ pub fn relit_psnr(
     let geometry = &Geometry::new(template, &chosen);
     let light = &EnvironmentSampler::new(&studio(), 0.1);
     let (mut a, mut b) = (Vec::new(), Vec::new());
-    for (n, shape) in chosen.iter().enumerate() {
+    for (n, positions) in chosen.iter().enumerate() {
         let [drawn, expected] = [estimate, truth].map(|material| {
-            render_frame(&RenderScene { rasterizer, geometry, material, light }, camera, (n, shape), PASSES)
+            render_frame(
+                &RenderScene { rasterizer, geometry, material, light },
+                camera,
+                (n, positions),
+                SAMPLES_PER_PIXEL,
+            )
         });
         let pixels = drawn.data.chunks_exact(3).zip(expected.data.chunks_exact(3));
         for (x, y) in pixels.filter(|(_, y)| y.iter().any(|v| *v > 0.0)) {
@@ -65,17 +68,7 @@ pub fn relit_psnr(
             b.extend_from_slice(y);
         }
     }
-    let mut factors = [0.0f32; 3];
-    for (c, factor) in factors.iter_mut().enumerate() {
-        let pairs = a.iter().zip(&b).skip(c).step_by(3).map(|(x, y)| (srgb::decode(*x), srgb::decode(*y)));
-        let (xy, xx) = pairs.fold((0.0f64, 1e-12f64), |(xy, xx), (x, y)| {
-            (xy + f64::from(x) * f64::from(y), xx + f64::from(x).powi(2))
-        });
-        *factor = (xy / xx) as f32;
-    }
-    let scale = |(k, x): (usize, &f32)| srgb::encode(srgb::decode(*x) * factors[k % 3]).clamp(0.0, 1.0);
-    let scaled: Vec<f32> = a.iter().enumerate().map(scale).collect();
-    [psnr(&a, &b), psnr(&scaled, &b)]
+    [psnr(&a, &b), psnr(&scaled(&a, best_scale(&a, &b)), &b)]
 }
 
 /// A light that no scene was recorded in: a warm lamp at the upper left in front of the cloth, a cold one at the right, and

@@ -1,4 +1,4 @@
-//! The frames as the estimate explains them.
+//! Frames re-rendered from the estimate.
 
 use crate::error::Result;
 use crate::image::Image;
@@ -19,7 +19,7 @@ pub struct Rerendered {
     pub psnr: f64,
 }
 
-/// Draws frame `frame` with the maps on all of uv space, the light, and `passes` passes of eight samples per pixel.
+/// Draws frame `frame` with the maps on all of uv space, the light, and `samples_per_pixel` samples.
 ///
 /// # Errors
 /// Those of reading the frame.
@@ -27,13 +27,13 @@ pub fn rerender(
     scene: &Scene,
     rasterizer: &Rasterizer,
     geometry: &Geometry,
-    (frame, shape): (usize, &Positions),
+    (frame, positions): (usize, &Positions),
     (maps, environment): (&Material, &EnvironmentMap),
-    passes: usize,
+    samples_per_pixel: usize,
 ) -> Result<Rerendered> {
     let light = &EnvironmentSampler::new(environment, 0.05);
     let cloth = RenderScene { rasterizer, geometry, material: maps, light };
-    let drawn = render_frame(&cloth, &scene.camera, (frame, shape), passes);
+    let drawn = render_frame(&cloth, &scene.camera, (frame, positions), samples_per_pixel);
     let [full_width, full_height] = scene.full_size;
     let mut rgb = Image::new(full_width, full_height, 3);
     let observed = scene.frames.frame(frame)?;

@@ -23,7 +23,7 @@ pub struct AppearanceSettings {
     pub map_size: usize,
     /// Rows of the light `[texel]`; it has twice as many columns.
     pub light_rows: usize,
-    /// Rows of the light as it is optimised, at first; doubled at equal shares of the steps.
+    /// Rows of the light as it is optimised, at first; doubled at equal intervals.
     pub light_coarsest: usize,
     /// Rows of the light as it is optimised, in the end.
     pub light_finest: usize,
@@ -31,8 +31,8 @@ pub struct AppearanceSettings {
     pub steps: usize,
     /// Pixels, drawn from all frames, of each step.
     pub batch: usize,
-    /// Passes of eight samples in each of a pixel's two estimates.
-    pub passes: usize,
+    /// Samples in each of a pixel's two estimates, rounded up to a multiple of 8.
+    pub samples_per_pixel: usize,
     /// Pixels kept, drawn from all frames, at most.
     pub most_pixels: usize,
     /// Adam's learning rate of the maps.
@@ -41,9 +41,9 @@ pub struct AppearanceSettings {
     pub light_rate: f64,
     /// Both rates fall by this factor over the second half of the steps.
     pub final_rate: f64,
-    /// Share of the steps with grey light.
+    /// Fraction of the steps with grey light.
     pub grey_until: f64,
-    /// Share of the steps from which on the light has its full colour.
+    /// Fraction of the steps after which the light has its full colour.
     pub colour_from: f64,
     /// Radiance that the light starts with, from everywhere.
     pub light_start: f64,
@@ -59,12 +59,12 @@ pub struct AppearanceSettings {
     pub surface_smoothness: f64,
     /// Weight of the mean of the metallic map: what no highlight shows to be metal is paint.
     pub metallic_pull: f64,
-    /// Share of the steps from which on patches with large errors count less; 1: all count alike to the end.
-    pub trust_from: f64,
-    /// Share of the directions to the light that are drawn uniformly.
-    pub uniform_share: f64,
-    /// Passes of eight samples for each pixel of the final pictures.
-    pub render_passes: usize,
+    /// Fraction of the steps after which patches with large errors count less; 1: all count alike to the end.
+    pub reweight_from: f64,
+    /// Fraction of the light samples that are drawn uniformly over the sphere.
+    pub uniform_fraction: f64,
+    /// Samples for each pixel of the final images, rounded up to a multiple of 8.
+    pub render_samples_per_pixel: usize,
 }
 
 impl Default for AppearanceSettings {
@@ -77,7 +77,7 @@ impl Default for AppearanceSettings {
             light_finest: 64,
             steps: 400,
             batch: 25_000,
-            passes: 1,
+            samples_per_pixel: 8,
             most_pixels: 3_000_000,
             map_rate: 0.01,
             light_rate: 0.03,
@@ -91,9 +91,9 @@ impl Default for AppearanceSettings {
             diffuse_smoothness: 3e-4,
             surface_smoothness: 1e-3,
             metallic_pull: 0.0,
-            trust_from: 0.6,
-            uniform_share: 0.25,
-            render_passes: 3,
+            reweight_from: 0.6,
+            uniform_fraction: 0.25,
+            render_samples_per_pixel: 24,
         }
     }
 }
@@ -108,7 +108,7 @@ impl AppearanceSettings {
             ("appearance.light_finest", self.light_finest as f64, 2.0, self.light_rows as f64),
             ("appearance.steps", self.steps as f64, 0.0, 1e6),
             ("appearance.batch", self.batch as f64, 1.0, 1e8),
-            ("appearance.passes", self.passes as f64, 1.0, 1e4),
+            ("appearance.samples_per_pixel", self.samples_per_pixel as f64, 8.0, 8e4),
             ("appearance.most_pixels", self.most_pixels as f64, 1.0, 1e9),
             ("appearance.map_rate", self.map_rate, 0.0, 1.0),
             ("appearance.light_rate", self.light_rate, 0.0, 1.0),
@@ -122,9 +122,9 @@ impl AppearanceSettings {
             ("appearance.diffuse_smoothness", self.diffuse_smoothness, 0.0, 1e3),
             ("appearance.surface_smoothness", self.surface_smoothness, 0.0, 1e3),
             ("appearance.metallic_pull", self.metallic_pull, 0.0, 1e3),
-            ("appearance.trust_from", self.trust_from, 0.0, 1.0),
-            ("appearance.uniform_share", self.uniform_share, 0.0, 1.0),
-            ("appearance.render_passes", self.render_passes as f64, 1.0, 1e4),
+            ("appearance.reweight_from", self.reweight_from, 0.0, 1.0),
+            ("appearance.uniform_fraction", self.uniform_fraction, 0.0, 1.0),
+            ("appearance.render_samples_per_pixel", self.render_samples_per_pixel as f64, 8.0, 8e4),
         ]
     }
 }

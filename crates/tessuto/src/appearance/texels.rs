@@ -20,7 +20,7 @@ pub(super) trait Maps {
     /// The maps, one plane per channel, shape [[`CHANNELS`], size, size], within their limits.
     fn maps(&mut self) -> Vec<f32>;
 
-    /// What [`restore`](Self::restore) goes on from.
+    /// What [`restore`](Self::restore) resumes from.
     fn save(&self) -> MapState;
 
     /// Takes back what [`save`](Self::save) gave.
@@ -72,7 +72,7 @@ impl Maps for Texels {
     fn restore(&mut self, state: &MapState) -> Result<()> {
         match state {
             MapState::Texels(values, adam)
-                if values.len() == self.values.len() && adam.fits(values.len()) =>
+                if values.len() == self.values.len() && adam.matches(values.len()) =>
             {
                 self.values.clone_from(values);
                 self.adam = adam.clone();

@@ -30,8 +30,8 @@ impl Window {
     /// The maps on all of uv space; outside the window they go on constantly. A smaller window makes for larger maps,
     /// so that no detail is lost as long as they stay within the largest size.
     pub fn spread(&self, material: &Material) -> Material {
-        let share = self.size[0].min(self.size[1]).min(1.0);
-        let factor = ((1.0 / share).ceil() as usize).next_power_of_two();
+        let fraction = self.size[0].min(self.size[1]).min(1.0);
+        let factor = ((1.0 / fraction).ceil() as usize).next_power_of_two();
         let side = |n: usize| (n * factor).min(LARGEST.max(n));
         let (width, height) = (side(material.width), side(material.height));
         let mut planes = vec![0.0; CHANNELS * width * height];

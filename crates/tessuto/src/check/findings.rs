@@ -1,4 +1,4 @@
-//! The figures of a check, one function a topic.
+//! The measurements of a check, one function per topic.
 
 use sha2::{Digest, Sha256};
 
@@ -170,7 +170,7 @@ fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {
 }
 
 /// The option that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
-/// changes no picture.
+/// changes no image.
 fn rescaling(scene: &Scene) -> String {
     let length = diagonal(&scene.template.positions);
     if DIAGONAL.contains(&length) {

@@ -1,4 +1,4 @@
-//! The picture of a check: what the program believes, drawn over what was filmed.
+//! The image of a check: masks and template drawn over the frames.
 
 use glam::DVec2;
 
@@ -52,7 +52,7 @@ fn outlined(frame: &Frame) -> Image {
     let fabric = |x: usize, y: usize| frame.mask.pixel(x, y)[0] >= 0.5;
     for y in 0..h {
         for x in 0..w {
-            // Fabric with a neighbour that is none.
+            // Fabric with a neighbour that is not fabric.
             let border =
                 |dx: usize, dy: usize| x + dx < w && y + dy < h && fabric(x, y) != fabric(x + dx, y + dy);
             if border(1, 0) || border(0, 1) {
@@ -63,10 +63,10 @@ fn outlined(frame: &Frame) -> Image {
     picture
 }
 
-/// A thin line between two points `[px]`, as far as it is inside the picture.
+/// A thin line between two points `[px]`, as far as it is inside the image.
 fn line(picture: &mut Image, a: DVec2, b: DVec2) {
     let size = DVec2::new(picture.width as f64, picture.height as f64);
-    // The part of a + t (b − a) inside the picture, so that a far end costs nothing.
+    // The part of a + t (b − a) inside the image, so that a far end costs nothing.
     let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
         let (start, step) = (a[axis], b[axis] - a[axis]);

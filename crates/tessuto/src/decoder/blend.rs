@@ -1,4 +1,4 @@
-//! Overlapping tiles to one picture.
+//! Overlapping tiles blended into one image.
 
 use rayon::prelude::*;
 
@@ -19,18 +19,18 @@ pub(super) struct Blend {
 impl Blend {
     pub(super) fn new(config: &DecoderConfig) -> Self {
         let (edge, overlap) = (config.tile_edge(), config.overlap);
-        // Sigmoid over the overlap, centred in it, from 1 % to 99 %: the shares of two neighbours sum to 1.
+        // Sigmoid over the overlap, centred in it, from 1 % to 99 %: the weights of two neighbours sum to 1.
         let rising = |k: usize| {
             let at = (k as f64 + 0.5) / overlap as f64 - 0.5;
             1.0 / (1.0 + (-10.0 * at).exp())
         };
         let ramp = |first: bool, last: bool| -> Vec<f32> {
-            let share = |k: usize| {
+            let weight = |k: usize| {
                 let up = if k < overlap && !first { rising(k) } else { 1.0 };
                 let down = if edge - 1 - k < overlap && !last { rising(edge - 1 - k) } else { 1.0 };
                 (up * down) as f32
             };
-            (0..edge).map(share).collect()
+            (0..edge).map(weight).collect()
         };
         let ramps = [ramp(false, false), ramp(true, false), ramp(false, true), ramp(true, true)];
         Self { tiles: config.tiles, tile_edge: edge, stride: edge - overlap, margin: overlap / 2, ramps }
@@ -44,7 +44,7 @@ impl Blend {
         &self.ramps[usize::from(tile == 0) + 2 * usize::from(tile + 1 == self.tiles)]
     }
 
-    /// Calls `f(map index, tile index, share)` for every pixel of channel `c` of every tile that is not cut off.
+    /// Calls `f(map index, tile index, weight)` for every pixel of channel `c` of every tile that is not cut off.
     fn for_each(&self, c: usize, mut f: impl FnMut(usize, usize, f32)) {
         let (n, edge) = (self.tile_edge, self.edge());
         for tile in 0..self.tiles * self.tiles {
@@ -69,7 +69,7 @@ impl Blend {
         let mut maps = vec![0.0; CHANNELS * self.edge() * self.edge()];
         maps.par_chunks_exact_mut(self.edge() * self.edge())
             .enumerate()
-            .for_each(|(c, map)| self.for_each(c, |at, tile, share| map[at] += share * tiles[tile]));
+            .for_each(|(c, map)| self.for_each(c, |at, tile, weight| map[at] += weight * tiles[tile]));
         maps
     }
 
@@ -79,7 +79,7 @@ impl Blend {
         assert_eq!(gradient.len(), CHANNELS * area, "a gradient of another size than the maps");
         let mut tiles = vec![0.0; self.tiles * self.tiles * CHANNELS * self.tile_edge * self.tile_edge];
         for (c, map) in gradient.chunks_exact(area).enumerate() {
-            self.for_each(c, |at, tile, share| tiles[tile] = share * map[at]);
+            self.for_each(c, |at, tile, weight| tiles[tile] = weight * map[at]);
         }
         tiles
     }

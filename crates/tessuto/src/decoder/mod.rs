@@ -24,9 +24,9 @@ pub struct DecoderConfig {
     pub tiles: usize,
     /// Overlap of neighbouring tiles [px], even; half of it is also cut off at the maps' border.
     pub overlap: usize,
-    /// Edge of a tile's latent picture [px].
+    /// Edge of a tile's latent image [px].
     pub latent_edge: usize,
-    /// Channels of the latent picture and after each transposed convolution; every one doubles the
+    /// Channels of the latent image and after each transposed convolution; every one doubles the
     /// edge, and one more doubling leads to the maps.
     pub channels: Vec<usize>,
     /// Adam's step.
@@ -76,7 +76,7 @@ impl DecoderConfig {
     }
 }
 
-/// The decoder: fixed random latent pictures, weights, and the optimiser's state.
+/// The decoder: fixed random latent images, weights, and the optimiser's state.
 pub struct Decoder {
     network: Network,
     blend: Blend,
@@ -154,7 +154,7 @@ impl Decoder {
     }
 }
 
-/// What [`Decoder::set_state`] goes on from.
+/// What [`Decoder::set_state`] resumes from.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct DecoderState {
     weights: Vec<f32>,

@@ -1,4 +1,4 @@
-//! The layers: from latent pictures and weights to tiles, and the gradient back, by the crate `burn`.
+//! The layers: from latent images and weights to tiles, and the gradient back, by the crate `burn`.
 
 use burn::tensor::activation::{leaky_relu, sigmoid};
 use burn::tensor::module::{conv_transpose2d, conv2d};
@@ -49,7 +49,7 @@ impl Layer {
     }
 }
 
-/// Layers and latent pictures.
+/// Layers and latent images.
 pub(super) struct Network {
     layers: Vec<Layer>,
     /// Uniform in [−1, 1), shape [tiles², channels, latent edge, latent edge].

@@ -2,20 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use glam::{DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
-use crate::mesh::{Mesh, Motion, Positions};
+use crate::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
 use crate::motion::parameters::Parameters;
 use crate::result::Folder;
 
-/// The pictures that make up the look.
+/// The images that make up the look.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
-    /// Start of the pictures' file names; other programs confuse pictures of equal names.
+    /// Start of the images' file names; other programs confuse images of equal names.
     pub name: String,
     /// Base colour, sRGB-encoded, shape [h, w, 3].
     pub base_colour: Image,
@@ -24,12 +24,12 @@ pub struct Material {
 }
 
 impl Material {
-    /// File name of picture `kind`.
+    /// File name of image `kind`.
     pub(super) fn file(&self, kind: &str) -> String {
         format!("{}_{kind}.png", self.name)
     }
 
-    /// The pictures as files.
+    /// The images as files.
     pub(super) fn files(&self) -> Vec<(String, Vec<u8>)> {
         let mut files = vec![(self.file("basecolor"), io::image::encode_png(&self.base_colour))];
         if let Some([roughness, metallic]) = &self.roughness_metallic {
@@ -55,11 +55,11 @@ pub struct Clip {
     pub fps: f64,
     /// Number of the first frame in the video.
     pub first_frame: usize,
-    /// Camera of the whole picture.
+    /// Camera of the whole image.
     pub camera: Camera,
-    /// The part of the whole picture that was computed on.
+    /// The part of the whole image that was computed on.
     pub crop: Rect,
-    /// Pictures of all frames, cut to the crop; none if the result lacks some.
+    /// Images of all frames, cut to the crop; none if the result lacks some.
     pub pictures: Vec<PathBuf>,
     /// The look.
     pub material: Material,
@@ -73,7 +73,7 @@ impl Clip {
     /// # Errors
     /// [`Error::Input`] naming the file.
     pub fn of(folder: &Folder) -> Result<Self> {
-        let name = identifier(&folder.run.scene);
+        let name = identifier(&folder.run.name());
         let motion = folder.motion()?.clone();
         let first_frame = folder.run.frames[0];
         Ok(Self {
@@ -91,44 +91,26 @@ impl Clip {
         })
     }
 
-    /// `shape` with y up.
-    pub(super) fn y_up(shape: &Positions) -> Vec<Vec3> {
-        shape.iter().map(|p| Vec3::new(p.x as f32, -p.y as f32, -p.z as f32)).collect()
+    /// `positions` with y up.
+    pub(super) fn y_up(positions: &Positions) -> Vec<Vec3> {
+        positions.iter().map(|p| Vec3::new(p.x as f32, -p.y as f32, -p.z as f32)).collect()
     }
 
     /// Unit vertex normals with y up: means of the triangles' normals, weighted by area; z where there is none.
-    pub(super) fn normals(&self, shape: &Positions) -> Vec<Vec3> {
-        let mut sums = vec![DVec3::ZERO; shape.len()];
-        for [a, b, c] in self.mesh.triangles() {
-            let [p, q, r] = [a, b, c].map(|v| shape[v as usize]);
-            let normal = (q - p).cross(r - p);
-            [a, b, c].into_iter().for_each(|v| sums[v as usize] += normal);
-        }
-        let unit =
-            |n: &DVec3| n.try_normalize().unwrap_or(DVec3::NEG_Z).as_vec3() * Vec3::new(1.0, -1.0, -1.0);
-        sums.iter().map(unit).collect()
+    pub(super) fn normals(&self, positions: &Positions) -> Vec<Vec3> {
+        let y_up =
+            |n: DVec3| if n == DVec3::ZERO { Vec3::Z } else { n.as_vec3() * Vec3::new(1.0, -1.0, -1.0) };
+        vertex_normals(&self.mesh.triangles(), positions).into_iter().map(y_up).collect()
     }
 
     /// One texture coordinate per vertex, if no vertex has several.
     pub(super) fn vertex_uvs(&self) -> Option<Vec<Vec2>> {
-        let mut found: Vec<Option<u32>> = vec![None; self.mesh.positions.len()];
-        for face in &self.mesh.faces {
-            for (vertex, uv) in face.vertices.iter().zip(&face.uvs) {
-                let first = *found[*vertex as usize].get_or_insert(*uv);
-                if self.mesh.uvs[first as usize] != self.mesh.uvs[*uv as usize] {
-                    return None;
-                }
-            }
-        }
-        let uv = |k: &Option<u32>| k.map_or(Vec2::ZERO, |k| self.mesh.uvs[k as usize].as_vec2());
-        Some(found.iter().map(uv).collect())
+        vertex_uvs(&self.mesh, 0.0).map(|uvs| uvs.into_iter().map(DVec2::as_vec2).collect())
     }
 }
 
-/// The name of `scene`'s folder, made safe for file names and USD prims.
-fn identifier(scene: &Path) -> String {
-    let whole = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
-    let name = whole.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+/// `name`, made safe for file names and USD prims.
+fn identifier(name: &str) -> String {
     let safe: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     match safe.chars().next() {
         Some(c) if !c.is_ascii_digit() && safe.chars().any(|c| c != '_') => safe,
@@ -152,7 +134,7 @@ fn read_material(folder: &Path, name: &str) -> Result<Material> {
     let scalar = |file: &str| io::image::read_grey(&map(file));
     let (base_colour, roughness, metallic) =
         (io::image::read(&diffuse)?, scalar("roughness.png")?, scalar("metallic.png")?);
-    // glTF packs the two into one picture.
+    // glTF packs the two into one image.
     if (roughness.width, roughness.height) != (metallic.width, metallic.height) {
         return Err(Error::input(
             map("metallic.png").display().to_string(),
@@ -194,13 +176,10 @@ pub(super) mod tests {
 
     #[test]
     fn names_are_safe_for_files_and_prims() {
-        for (folder, expected) in [
-            ("/a/S1", "S1"),
-            ("/a/my curtain.2", "my_curtain_2"),
-            ("/a/3 flags", "fabric_3_flags"),
-            ("/", "fabric"),
-        ] {
-            assert_eq!(identifier(Path::new(folder)), expected);
+        for (name, expected) in
+            [("S1", "S1"), ("my curtain.2", "my_curtain_2"), ("3 flags", "fabric_3_flags"), ("…", "fabric__")]
+        {
+            assert_eq!(identifier(name), expected);
         }
     }
 

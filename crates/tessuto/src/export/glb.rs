@@ -117,7 +117,7 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
         .iter()
         .flat_map(|[_, k]| {
             let uv = clip.mesh.uvs[*k as usize];
-            // glTF has v = 0 at the picture's first row.
+            // glTF has v = 0 at the image's first row.
             [uv.x as f32, (1.0 - uv.y) as f32]
         })
         .collect();
@@ -208,8 +208,8 @@ fn mesh(
     frames: std::ops::RangeInclusive<usize>,
 ) -> Value {
     let attributes = |n: usize| {
-        let shape = &clip.motion[n];
-        [corners.of(&Clip::y_up(shape)), corners.of(&clip.normals(shape))]
+        let positions = &clip.motion[n];
+        [corners.of(&Clip::y_up(positions)), corners.of(&clip.normals(positions))]
     };
     let base = attributes(*frames.start());
     let mut targets = Vec::new();
@@ -250,7 +250,7 @@ fn material(clip: &Clip) -> Value {
     json!({"name": clip.name, "pbrMetallicRoughness": look, "doubleSided": true})
 }
 
-/// The pictures of the material; roughness is green, metallic blue.
+/// The images of the material; roughness is green, metallic blue.
 fn pictures(clip: &Clip) -> Vec<(&'static str, Image)> {
     let mut pictures = vec![("basecolor", clip.material.base_colour.clone())];
     if let Some([roughness, metallic]) = &clip.material.roughness_metallic {

@@ -91,7 +91,7 @@ impl Output {
 /// the folder or of the result around it lists the files, so that they can be replaced later.
 ///
 /// # Errors
-/// [`Error::Input`] if one of the files is there already, unless `force` is set and a manifest lists it as it is;
+/// [`Error::Input`] if one of the files already exists, unless `force` is set and a manifest lists it as it is;
 /// nothing is written then.
 /// [`Error::Output`].
 pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Result<Vec<PathBuf>> {

@@ -11,8 +11,8 @@ use crate::sim::cloth::AREA_DENSITY;
 /// `shear`, `area_density`, `constant_force` `[3]`, `dynamic_force` [(N − 1)·parts, V, 3], `dynamic_parts`.
 pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
-    let vectors = |shapes: &[crate::Positions]| -> Vec<f32> {
-        shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect()
+    let vectors = |motion: &[crate::Positions]| -> Vec<f32> {
+        motion.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect()
     };
     let (frames, vertices) = (clip.motion.len(), mesh.positions.len());
     let triples = |t: Vec<[u32; 3]>| array(&[t.len(), 3], &t.concat());

@@ -11,8 +11,8 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     out.extend(0f32.to_le_bytes());
     out.extend(1f32.to_le_bytes());
     out.extend((clip.motion.len() as i32).to_le_bytes());
-    for shape in clip.motion.iter() {
-        for p in Clip::y_up(shape) {
+    for positions in clip.motion.iter() {
+        for p in Clip::y_up(positions) {
             p.to_array().iter().for_each(|v| out.extend(v.to_le_bytes()));
         }
     }

@@ -6,7 +6,7 @@ use super::Clip;
 use crate::io::obj;
 use crate::mesh::{Mesh, Positions};
 
-/// Files of the OBJ sequence: meshes, material, picture.
+/// Files of the OBJ sequence: meshes, material, image.
 pub(super) fn obj(clip: &Clip) -> Vec<(String, Vec<u8>)> {
     let name = &clip.name;
     let library = format!("{name}.mtl");
@@ -14,7 +14,7 @@ pub(super) fn obj(clip: &Clip) -> Vec<(String, Vec<u8>)> {
         .motion
         .par_iter()
         .enumerate()
-        .map(|(n, shape)| (frame_name(clip, n, "obj"), text(clip, shape, Some(&library))))
+        .map(|(n, vertices)| (frame_name(clip, n, "obj"), text(clip, vertices, Some(&library))))
         .collect();
     let mut mtl =
         format!("newmtl {name}\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd {}\n", clip.material.file("basecolor"));
@@ -36,8 +36,8 @@ fn frame_name(clip: &Clip, n: usize, ending: &str) -> String {
     format!("{}_{:04}.{ending}", clip.name, clip.first_frame + n)
 }
 
-fn text(clip: &Clip, shape: &Positions, library: Option<&str>) -> Vec<u8> {
-    let positions = Clip::y_up(shape).iter().map(|p| p.as_dvec3()).collect();
+fn text(clip: &Clip, vertices: &Positions, library: Option<&str>) -> Vec<u8> {
+    let positions = Clip::y_up(vertices).iter().map(|p| p.as_dvec3()).collect();
     let mesh = Mesh { positions, ..clip.mesh.clone() };
     let material = library.map(|library| obj::Material { library, name: &clip.name });
     obj::encode(&mesh, material).into_bytes()
@@ -55,9 +55,9 @@ pub(super) fn ply(clip: &Clip) -> Vec<(String, Vec<u8>)> {
         if uvs.is_some() { property(&["s", "t"]) } else { String::new() },
         clip.mesh.faces.len()
     );
-    let file = |(n, shape): (usize, &Positions)| {
+    let file = |(n, vertices): (usize, &Positions)| {
         let mut out = header.clone().into_bytes();
-        for (k, (p, normal)) in Clip::y_up(shape).iter().zip(clip.normals(shape)).enumerate() {
+        for (k, (p, normal)) in Clip::y_up(vertices).iter().zip(clip.normals(vertices)).enumerate() {
             let uv = uvs.as_ref().map_or(vec![], |uvs| uvs[k].to_array().to_vec());
             p.to_array()
                 .into_iter()

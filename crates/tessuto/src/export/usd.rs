@@ -13,7 +13,7 @@ use super::Clip;
 /// Width of the camera's film [tenths of a metre, as USD counts it]: that of 35 mm film.
 const FILM_WIDTH: f64 = 0.36;
 
-/// The file; its pictures lie in the folder `textures` beside it.
+/// The file; its images lie in the folder `textures` beside it.
 pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
     let (name, last, fps) = (&clip.name, clip.motion.len() - 1, clip.fps);
     let mut out = format!(
@@ -67,9 +67,9 @@ fn mesh(clip: &Clip, out: &mut String) {
     let uvs = list(&mesh.uvs, |out, uv| {
         let _ = write!(out, "({}, {})", uv.x as f32, uv.y as f32);
     });
-    let bounds = |shape: &[Vec3]| {
-        let low = shape.iter().copied().reduce(Vec3::min).unwrap_or_default();
-        let high = shape.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    let bounds = |positions: &[Vec3]| {
+        let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
+        let high = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
         vectors(&[low, high])
     };
     let extent = samples(clip, |n| bounds(&Clip::y_up(&clip.motion[n])));

@@ -1,14 +1,21 @@
 //! The sRGB transfer curve (IEC 61966-2-1).
 
-/// Linear value of an sRGB-encoded one.
-pub fn decode(s: f32) -> f32 {
-    if s <= 0.040_45 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+macro_rules! curve {
+    ($decode:ident, $encode:ident, $float:ty) => {
+        /// Linear value of an sRGB-encoded one.
+        pub fn $decode(s: $float) -> $float {
+            if s <= 0.040_45 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
+        }
+
+        /// sRGB encoding of a linear value; goes on above 1.
+        pub fn $encode(l: $float) -> $float {
+            if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
+        }
+    };
 }
 
-/// sRGB encoding of a linear value; goes on above 1.
-pub fn encode(l: f32) -> f32 {
-    if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
-}
+curve!(decode, encode, f32);
+curve!(decode_f64, encode_f64, f64);
 
 /// Derivative of [`encode`].
 pub fn encode_slope(l: f32) -> f32 {

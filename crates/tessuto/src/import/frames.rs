@@ -1,4 +1,4 @@
-//! The frames of the input: numbered pictures of a folder, or a video.
+//! The frames of the input: numbered images of a folder, or a video.
 
 use std::cmp::Ordering;
 use std::ops::Range;
@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::io::image;
 
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
-/// Pictures that other programs write and this one does not read.
+/// Images that other programs write and this one does not read.
 const FOREIGN: [&str; 9] = ["tif", "tiff", "exr", "webp", "heic", "bmp", "dng", "tga", "gif"];
 
 /// The input, before anything of it is decoded.
@@ -24,7 +24,7 @@ pub(super) struct Source {
 }
 
 pub(super) enum Kind {
-    /// The pictures of a folder in the order of time.
+    /// The images of a folder in the order of time.
     Pictures(Vec<PathBuf>),
     Video(Video),
 }
@@ -33,11 +33,11 @@ impl Source {
     /// Looks at the input.
     ///
     /// # Errors
-    /// [`Error::Usage`] if the frame rate of pictures is not given; [`Error::Input`].
+    /// [`Error::Usage`] if the frame rate of images is not given; [`Error::Input`].
     pub fn open(settings: &Settings, notes: &mut Vec<String>) -> Result<Self> {
         let input = &settings.input;
         if !input.exists() {
-            let hint = "name a video file, or a folder of PNG or JPEG pictures";
+            let hint = "name a video file, or a folder of PNG or JPEG images";
             return Err(Error::input(input.display().to_string(), "does not exist", hint));
         }
         if !input.is_dir() {
@@ -46,7 +46,7 @@ impl Source {
         }
         let Some(fps) = settings.fps else {
             return Err(Error::usage(
-                "pictures do not tell their frame rate",
+                "images do not tell their frame rate",
                 "add --fps, the frames per second of the recording (before --stride)",
             ));
         };
@@ -122,7 +122,7 @@ pub(super) fn choose(settings: &Settings, count: usize) -> Result<Vec<usize>> {
     Ok(range.step_by(settings.stride).collect())
 }
 
-/// The pictures in `folder`, by number where their names have one.
+/// The images in `folder`, by number where their names have one.
 pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     let unreadable = |e: std::io::Error| {
         Error::input(
@@ -148,10 +148,10 @@ pub(super) fn list(folder: &Path) -> Result<Vec<PathBuf>> {
     }
     if found.is_empty() {
         let problem = match &foreign {
-            Some(path) => format!("has no PNG or JPEG picture, but {}", name(path)),
-            None => "has no PNG or JPEG picture".to_owned(),
+            Some(path) => format!("has no PNG or JPEG image, but {}", name(path)),
+            None => "has no PNG or JPEG image".to_owned(),
         };
-        let hint = "convert them, e.g. magick mogrify -format png FOLDER/*; or name the folder that holds the pictures";
+        let hint = "convert them, e.g. magick mogrify -format png FOLDER/*; or name the folder that holds the images";
         return Err(Error::input(folder.display().to_string(), problem, hint));
     }
     found.sort_by(|a, b| natural(&name(a), &name(b)));
@@ -198,7 +198,7 @@ fn natural(a: &str, b: &str) -> Ordering {
     }
 }
 
-/// Refuses pictures whose numbers are not evenly spaced: a gap is a jump in time.
+/// Refuses images whose numbers are not evenly spaced: a gap is a jump in time.
 fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> Result<()> {
     let numbered: Option<Vec<(String, usize)>> = pictures.iter().map(|p| number(p)).collect();
     let Some(numbered) = numbered.filter(|n| n.len() > 1 && n.iter().all(|(text, _)| *text == n[0].0)) else {
@@ -210,7 +210,7 @@ fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> R
         return Err(Error::input(
             folder.display().to_string(),
             format!(
-                "the numbers of the pictures have a gap: {} is followed by {}",
+                "the numbers of the images have a gap: {} is followed by {}",
                 name(&pictures[k]),
                 name(&pictures[k + 1])
             ),
@@ -222,7 +222,7 @@ fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> R
     }
     if step > 1 {
         notes.push(format!(
-            "pictures are numbered in steps of {step}; --fps must be the rate of the pictures that are there"
+            "images are numbered in steps of {step}; --fps must be the rate of the images that are there"
         ));
     }
     Ok(())
@@ -241,10 +241,10 @@ mod tests {
 
     #[test]
     fn the_last_number_of_a_name() {
-        let of = |name: &str| number(Path::new(name));
-        assert_eq!(of("take2_frame007.png"), Some(("take2_frame".into(), 7)));
-        assert_eq!(of("été0012é.jpg"), Some(("été".into(), 12)));
-        assert_eq!(of("15.png"), Some((String::new(), 15)));
-        assert_eq!(of("cloth.png"), None);
+        let parts = |name: &str| number(Path::new(name));
+        assert_eq!(parts("take2_frame007.png"), Some(("take2_frame".into(), 7)));
+        assert_eq!(parts("été0012é.jpg"), Some(("été".into(), 12)));
+        assert_eq!(parts("15.png"), Some((String::new(), 15)));
+        assert_eq!(parts("cloth.png"), None);
     }
 }

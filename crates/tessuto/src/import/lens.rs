@@ -1,4 +1,4 @@
-//! A real lens: pinhole and Brown-Conrady distortion, and pictures freed of it.
+//! Lens distortion after Brown and Conrady, and its removal from images.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -58,10 +58,10 @@ impl Distortion {
     }
 }
 
-/// How to make the pictures of a pinhole camera from those of a lens with the same focal length and centre.
+/// How to make the images of a pinhole camera from those of a lens with the same focal length and centre.
 pub(super) struct Undistortion {
     size: [usize; 2],
-    /// Column and row in the lens's picture of every pixel; NaN where it shows nothing. Positions [height · width].
+    /// Column and row in the lens's image of every pixel; NaN where it shows nothing. Positions [height · width].
     sources: Vec<[f32; 2]>,
     /// Share of the pinhole camera's pixels that the lens shows, in [0, 1].
     pub seen: f64,
@@ -71,7 +71,7 @@ impl Undistortion {
     /// The table of `camera` with `distortion`.
     ///
     /// # Errors
-    /// [`Error::Input`] at `place` if most of the picture would be lost, which no real lens does.
+    /// [`Error::Input`] at `place` if most of the image would be lost, which no real lens does.
     pub fn new(camera: &Camera, distortion: &Distortion, place: &str) -> Result<Self> {
         let (w, h) = (camera.width, camera.height);
         let limit = distortion.valid_r2();
@@ -93,7 +93,7 @@ impl Undistortion {
         if seen < 0.5 {
             return Err(Error::input(
                 place,
-                format!("its lens distortion ({distortion:?}) leaves {:.0} % of the picture", 100.0 * seen),
+                format!("its lens distortion ({distortion:?}) leaves {:.0} % of the image", 100.0 * seen),
                 "check the coefficients and their order: k1 k2 p1 p2 k3",
             ));
         }

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::image;
 
-/// Compression leaves traces of this size [share of white] in black and white.
+/// Compression leaves traces of this size [fraction of white] in black and white.
 const TRACES: f32 = 0.1;
 
 /// Writes a mask for every frame.
@@ -43,7 +43,7 @@ pub(super) fn write(
                 stage.mask(colours, k, &mask)
             })?;
         }
-        (Masks::Alpha, Kind::Video(_)) => unreachable!("validated: alpha is read from pictures only"),
+        (Masks::Alpha, Kind::Video(_)) => unreachable!("validated: alpha is read from images only"),
         (Masks::Path(path), kind) if path.is_dir() => {
             let files = pair(kind, path, &wanted, notes)?;
             let resized = std::sync::atomic::AtomicUsize::new(0);
@@ -79,7 +79,7 @@ fn from_video(
     notes: &mut Vec<String>,
 ) -> Result<()> {
     if !path.exists() {
-        let hint = "name a folder of mask pictures or a video of masks, white where the fabric is";
+        let hint = "name a folder of mask images or a video of masks, white where the fabric is";
         return Err(Error::input(path.display().to_string(), "does not exist", hint));
     }
     let mut unheard = Vec::new();
@@ -233,7 +233,7 @@ fn resize(mask: Image, [width, height]: [usize; 2], path: &Path) -> Result<Image
                 "is {}×{} pixels, but the frames {width}×{height}: another shape",
                 mask.width, mask.height
             ),
-            "make masks of the frames' size; segmenters that cut or pad pictures must put them back",
+            "make masks of the frames' size; segmenters that cut or pad images must put them back",
         ));
     }
     let mut out = Image::new(width, height, 1);

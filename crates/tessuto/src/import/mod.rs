@@ -1,7 +1,8 @@
-//! A scene folder from what people have: a video or a folder of pictures, masks from a segmenter, a camera from
-//! anywhere. What is written is what the rest of the program reads: a pinhole camera, numbered frames and masks.
+//! Makes a scene folder from a video or a folder of images, masks from a segmenter, and a camera of any of several
+//! formats. What is written is what the rest of the program reads: a pinhole camera, numbered frames and masks.
 
 mod calibration;
+mod calibration_file;
 mod colmap;
 mod frames;
 mod lens;
@@ -24,12 +25,13 @@ use frames::Source;
 use pictures::Stage;
 
 pub use calibration::{Calibration, Focal};
+pub use calibration_file::read_calibration;
 pub use lens::Distortion;
 
 /// Where the masks come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Masks {
-    /// A folder of pictures, or a video; white is fabric.
+    /// A folder of images, or a video; white is fabric.
     Path(PathBuf),
     /// The alpha channel of the frames.
     Alpha,
@@ -38,7 +40,7 @@ pub enum Masks {
 /// What to import, and how.
 #[derive(Debug, Clone)]
 pub struct Settings {
-    /// A video file, or a folder of PNG and JPEG pictures.
+    /// A video file, or a folder of PNG and JPEG images.
     pub input: PathBuf,
     /// Where the fabric is.
     pub masks: Masks,
@@ -46,15 +48,15 @@ pub struct Settings {
     pub invert_masks: bool,
     /// The lens.
     pub calibration: Calibration,
-    /// Frames per second; a video is resampled to it. Needed for pictures.
+    /// Frames per second; a video is resampled to it. Needed for images.
     pub fps: Option<f64>,
     /// Only these frames of the input, counted from 0.
     pub frames: Option<Range<usize>>,
-    /// Every so-manyth of them.
+    /// Use every N-th of them.
     pub stride: usize,
     /// Pixels of the input, in each direction, that become one.
     pub downscale: usize,
-    /// Take numbered pictures with gaps for evenly spaced in time.
+    /// Treat numbered images with gaps as evenly spaced in time.
     pub allow_gaps: bool,
     /// The fabric in the first frame, in camera coordinates: OBJ, PLY or glTF.
     pub template: Option<PathBuf>,
@@ -122,15 +124,15 @@ fn validate(settings: &Settings) -> Result<()> {
         (1..=64).contains(&settings.downscale),
         "--downscale",
         settings.downscale.to_string(),
-        "give a whole number from 1 to 64: so many pixels become one in each direction",
+        "give a whole number from 1 to 64, the factor by which frames shrink",
     )?;
     if let Some(fps) = settings.fps {
         demand(fps > 0.0 && fps <= 100_000.0, "--fps", fps.to_string(), "give frames per second, above 0")?;
     }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(
-            format!("--alpha with {}, which is no folder", settings.input.display()),
-            "transparency is read from PNG pictures: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
+            format!("--alpha with {}, which is not a folder", settings.input.display()),
+            "transparency is read from PNG images: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
         ));
     }
     Ok(())

@@ -109,7 +109,7 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
             return Err(Error::input(
                 place,
                 format!("the camera model {model} is not read"),
-                "plumb_bob (k1 k2 p1 p2 k3) is; undistort fisheye pictures first, e.g. with cv2.fisheye.undistortImage",
+                "plumb_bob (k1 k2 p1 p2 k3) is; undistort fisheye images first, e.g. with cv2.fisheye.undistortImage",
             ));
         }
     }
@@ -117,7 +117,7 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
         return Err(Error::input(
             place,
             "the camera model fisheye is not read",
-            "undistort the pictures first, e.g. with cv2.fisheye.undistortImage",
+            "undistort the images first, e.g. with cv2.fisheye.undistortImage",
         ));
     }
     let k = found(&COEFFICIENTS).map(numbers).unwrap_or_default();

@@ -1,4 +1,4 @@
-//! From a decoded picture to a file of the scene: straightened, made smaller, compressed.
+//! From a decoded image to a file of the scene: undistorted, downscaled, compressed.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::{atomic_write, image};
 
-/// What all pictures go through.
+/// What all images go through.
 pub(super) struct Stage<'a> {
     pub settings: &'a Settings,
     folder: &'a Path,
@@ -43,7 +43,7 @@ impl Colours {
                 size[0], size[1]
             ));
         }
-        let camera = settings.calibration.fit(size, notes)?;
+        let camera = settings.calibration.scaled_to(size, notes)?;
         let lens = &settings.calibration.distortion;
         let undistortion = if lens.is_none() {
             None
@@ -52,7 +52,7 @@ impl Colours {
         };
         if let Some(undistortion) = &undistortion {
             let lost = 100.0 * (1.0 - undistortion.seen);
-            notes.push(format!("lens distortion removed; {lost:.1} % of the straightened pictures lie outside the recorded ones and are black"));
+            notes.push(format!("lens distortion removed; {lost:.1} % of the straightened images lie outside the recorded ones and are black"));
         }
         Ok(Self { frames: 0..count, camera, undistortion })
     }
@@ -69,7 +69,7 @@ impl<'a> Stage<'a> {
         Self { settings, folder, progress }
     }
 
-    /// Writes frame `k` from a picture file; copies the file where its pixels need no change.
+    /// Writes frame `k` from an image file; copies the file where its pixels need no change.
     pub fn colour_file(&self, colours: &Colours, k: usize, path: &Path) -> Result<()> {
         let picture = image::open(path)?;
         let full = picture.full();
@@ -131,7 +131,7 @@ fn expect_size(found: [usize; 2], expected: [usize; 2], path: &Path) -> Result<(
     Err(Error::input(
         path.display().to_string(),
         format!("is {}×{} pixels, but the first frame {}×{}", found[0], found[1], expected[0], expected[1]),
-        "all frames must have one size: remove pictures that do not belong, or turn them alike",
+        "all frames must have one size: remove images that do not belong, or turn them alike",
     ))
 }
 

@@ -12,7 +12,7 @@ use crate::io::image::MAX_SIDE;
 /// How to get the program.
 const INSTALL: &str = "install it (Debian, Ubuntu: sudo apt install ffmpeg; macOS: brew install ffmpeg; Windows: winget install ffmpeg), \
      set TESSUTO_FFMPEG to where it is, or extract the frames elsewhere and import their folder";
-/// A mean rate so close to the nominal one `[share]` is constant but for rounding.
+/// A mean rate so close to the nominal one `[fraction]` is constant but for rounding.
 const CONSTANT: f64 = 0.01;
 /// Most of ffmpeg's complaints that are kept.
 const MAX_COMPLAINTS: usize = 20;
@@ -59,7 +59,7 @@ impl Video {
             return Err(Error::input(
                 place,
                 format!("ffmpeg finds no video in it: {}", last.unwrap_or("nothing said").trim()),
-                "name a video file, or a folder of PNG or JPEG pictures",
+                "name a video file, or a folder of PNG or JPEG images",
             ));
         };
         let turn = said.split("rotation of ").nth(1).and_then(|t| t.split(" degrees").next());
@@ -134,7 +134,7 @@ impl Video {
     pub fn stream(&self, end: Option<usize>) -> Result<Stream> {
         let mut command = command(&self.ffmpeg);
         command.args(["-v", "error", "-protocol_whitelist", "file,pipe", "-i"]).arg(url(&self.path));
-        // V leaves out cover pictures; turning by the file's mark is what ffmpeg does by itself.
+        // V leaves out cover images; turning by the file's mark is what ffmpeg does by itself.
         command.args(["-map", "0:V:0"]);
         let rate = &self.rate;
         if self.resampled {

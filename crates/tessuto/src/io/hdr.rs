@@ -1,26 +1,26 @@
-//! Pictures of linear radiance: OpenEXR (half or float RGB) and Radiance .hdr, told apart by their
+//! Images of linear radiance: OpenEXR (half or float RGB) and Radiance .hdr, told apart by their
 //! content, to linear float images, and EXR back. Colours are linear Rec.709; nothing is encoded.
 
 use std::io::Cursor;
 use std::path::Path;
 
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat};
 
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::image::MAX_SIDE;
+use crate::io::image::decoder;
 use crate::io::{atomic_write, read_bounded};
 
-/// Largest file, and largest decoded picture `[bytes]`: 8192×4096 pixels of 4 floats have 512 MiB.
+/// Largest file, and largest decoded image `[bytes]`: 8192×4096 pixels of 4 floats have 512 MiB.
 const MAX_BYTES: u64 = 640 << 20;
 /// Decoded bytes beyond these that each byte of the file may stand for: a few bytes of a header must not take the memory of
-/// the largest picture. Compression of a uniform sky reaches a little more, of any other far less.
+/// the largest image. Compression of a uniform sky reaches a little more, of any other far less.
 const MAX_RATIO: u64 = 500;
 /// Decoded bytes that any file may have.
 const ALWAYS_BYTES: u64 = 64 << 20;
 /// Largest side of a tile `[px]`; usual are 32 to 1024.
 const MAX_TILE: u32 = 4096;
-/// Largest radiance accepted. The sun in a picture of half floats ends at 65504; beyond this bound
+/// Largest radiance accepted. The sun in an image of half floats ends at 65504; beyond this bound
 /// a single pixel would drown the rest in the noise of f32.
 pub const MAX_RADIANCE: f32 = 1e6;
 
@@ -46,13 +46,7 @@ pub fn read_linear(path: &Path) -> Result<Image> {
         return Err(broken(format!("has tiles of {width}×{height} pixels; {MAX_TILE} a side are read")));
     }
     let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), format);
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
-    limits.max_alloc = Some(2 * MAX_BYTES);
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(undecodable)?;
+    let decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
     let most = MAX_BYTES.min(ALWAYS_BYTES + MAX_RATIO * bytes.len() as u64);
     if decoder.total_bytes() > most {
@@ -63,7 +57,7 @@ pub fn read_linear(path: &Path) -> Result<Image> {
                 decoder.total_bytes(),
                 bytes.len()
             ),
-            "scale the picture down; 1024×512 pixels are plenty for a light",
+            "scale the image down; 1024×512 pixels are plenty for a light",
         ));
     }
     let dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
@@ -72,7 +66,7 @@ pub fn read_linear(path: &Path) -> Result<Image> {
 }
 
 /// The size of a tile in an OpenEXR file that is larger than [`MAX_TILE`]. The decoder takes memory for a whole tile, however
-/// small the picture is.
+/// small the image is.
 fn huge_tile(bytes: &[u8]) -> Option<[u32; 2]> {
     // Name, type and length of the attribute; two sizes and a mode follow.
     const ATTRIBUTE: &[u8] = b"tiles\0tiledesc\0\x09\0\0\0";
@@ -84,7 +78,7 @@ fn huge_tile(bytes: &[u8]) -> Option<[u32; 2]> {
     })
 }
 
-/// An environment map: lat-long picture of linear radiance, shape [H, 2 H, 3], every value finite,
+/// An environment map: lat-long image of linear radiance, shape [H, 2 H, 3], every value finite,
 /// not negative and at most [`MAX_RADIANCE`].
 ///
 /// # Errors
@@ -105,7 +99,7 @@ pub fn check_environment(image: &Image, place: &str) -> Result<()> {
         return Err(Error::input(
             place,
             format!("is {width}×{height} pixels; an environment map is twice as wide as high"),
-            "give a lat-long (equirectangular) picture of the whole sphere; crop or resize it to 2:1",
+            "give a lat-long (equirectangular) image of the whole sphere; crop or resize it to 2:1",
         ));
     }
     let wrong = |v: &f32| !(v.is_finite() && (0.0..=MAX_RADIANCE).contains(v));
@@ -115,7 +109,7 @@ pub fn check_environment(image: &Image, place: &str) -> Result<()> {
     let (problem, hint) = if !value.is_finite() {
         ("not finite", "repair the picture: replace NaN and infinity by the pixels around them")
     } else if value < 0.0 {
-        ("negative", "radiance cannot be negative: clamp the picture at 0, or look for a wrong colour space")
+        ("negative", "radiance cannot be negative: clamp the image at 0, or look for a wrong colour space")
     } else {
         ("too large", "clamp or scale the picture: at most 1e6 per channel")
     };

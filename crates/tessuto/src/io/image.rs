@@ -1,13 +1,13 @@
-//! PNG and JPEG pictures, told apart by their content, to float images and back.
+//! PNG and JPEG files, told apart by their content, to float images and back.
 //!
 //! Every bit depth and colour type is read: 16 bits keep their precision, grey becomes RGB, palettes
-//! are resolved, alpha is dropped. Nothing is decoded before its size is known to be bearable.
+//! are resolved, alpha is dropped. Nothing is decoded before its size is known to be acceptable.
 
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
 use ::image::metadata::Orientation;
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
+use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits};
 
 use crate::camera::Rect;
 use crate::error::{Error, Result};
@@ -16,14 +16,14 @@ use crate::io::{atomic_write, read_bounded};
 
 /// Largest width and height `[px]`.
 pub const MAX_SIDE: usize = 16_384;
-/// Largest file, and largest decoded picture `[bytes]`.
+/// Largest file, and largest decoded image `[bytes]`.
 const MAX_BYTES: u64 = 256 << 20;
 
-/// A decoded picture that has not been converted to floats yet.
+/// A decoded image that has not been converted to floats yet.
 pub(crate) struct Picture {
     path: PathBuf,
     dynamic: DynamicImage,
-    /// Whether a reader that knows nothing of orientation and transparency sees the same picture.
+    /// Whether a reader that knows nothing of orientation and transparency sees the same image.
     pub plain: bool,
     /// What was unusual about the file, for a warning.
     pub notes: Vec<&'static str>,
@@ -50,10 +50,16 @@ pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {
     Ok((mask, warning))
 }
 
-/// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured pictures.
+/// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured images.
 pub fn read_grey(path: &Path) -> Result<Image> {
     let picture = open(path)?;
     Ok(grey(picture.floats(picture.full(), false)))
+}
+
+/// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
+pub fn rgb8(image: &Image) -> ::image::RgbImage {
+    let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
+    ::image::RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
 }
 
 /// Writes an image of 1 or 3 channels as 8-bit PNG; values are clamped to [0, 1] and rounded.
@@ -63,10 +69,10 @@ pub fn write_png(path: &Path, image: &Image) -> Result<()> {
 
 /// Header of a PNG: signature and the chunk IHDR `[bytes]`.
 const PNG_HEADER: usize = 33;
-/// A chunk of text, with its checksum, that says which program wrote the picture.
+/// A chunk of text, with its checksum, that says which program wrote the image.
 const PNG_MARK: &[u8] = b"\0\0\0\x16tEXtSoftware\0tessuto check\x14\x51\x9f\x42";
 
-/// [`write_png`] of a picture that [`is_marked_png`] recognises.
+/// [`write_png`] of an image that [`is_marked_png`] recognises.
 pub fn write_marked_png(path: &Path, image: &Image) -> Result<()> {
     let png = encode_png(image);
     atomic_write(path, &[&png[..PNG_HEADER], PNG_MARK, &png[PNG_HEADER..]].concat())
@@ -98,7 +104,7 @@ pub(crate) fn encode_png_bytes(pixels: &[u8], [width, height]: [usize; 2], chann
     png.into_inner()
 }
 
-/// Width and height of a picture as [`read`] gives it `[px]`.
+/// Width and height of an image as [`read`] gives it `[px]`.
 pub fn size(path: &Path) -> Result<[usize; 2]> {
     let full = open(path)?.full();
     Ok([full.x1, full.y1])
@@ -111,7 +117,7 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
         Error::input(
             path.display().to_string(),
             format!("{problem} (file of {} bytes)", bytes.len()),
-            "copy or extract this picture again; PNG and JPEG are read",
+            "copy or extract this image again; PNG and JPEG are read",
         )
     };
     let mut notes = Vec::new();
@@ -127,13 +133,7 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
     }
 
     let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
-    let mut reader = ImageReader::with_format(Cursor::new(&bytes[..]), format);
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
-    limits.max_alloc = Some(2 * MAX_BYTES);
-    reader.limits(limits);
-    let mut decoder = reader.into_decoder().map_err(undecodable)?;
+    let mut decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
     // The limits bind the decoder's own buffers only, so look at the result's size before asking for it.
     if decoder.total_bytes() > MAX_BYTES {
         let (w, h) = decoder.dimensions();
@@ -142,7 +142,7 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
         return Err(Error::input(
             path.display().to_string(),
             problem,
-            "scale the pictures and the camera down",
+            "scale the images and the camera down",
         ));
     }
     match decoder.original_color_type() {
@@ -157,13 +157,29 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
     Ok(Picture { path: path.to_path_buf(), dynamic, plain, notes })
 }
 
+/// The decoder of `bytes` in `format`, for at most [`MAX_SIDE`] pixels a side. Its own buffers take at most twice
+/// `most_bytes`; the caller must hold its `total_bytes` against a bound of the result before asking for it.
+pub(super) fn decoder(
+    bytes: &[u8],
+    format: ImageFormat,
+    most_bytes: u64,
+) -> ImageResult<impl ImageDecoder + '_> {
+    let mut limits = Limits::default();
+    limits.max_image_width = Some(MAX_SIDE as u32);
+    limits.max_image_height = Some(MAX_SIDE as u32);
+    limits.max_alloc = Some(2 * most_bytes);
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    reader.limits(limits);
+    reader.into_decoder()
+}
+
 impl Picture {
-    /// The whole picture.
+    /// The whole image.
     pub fn full(&self) -> Rect {
         Rect { x0: 0, y0: 0, x1: self.dynamic.width() as usize, y1: self.dynamic.height() as usize }
     }
 
-    /// Error unless the picture has this size `[px]`.
+    /// Error unless the image has this size `[px]`.
     pub fn expect_size(&self, [width, height]: [usize; 2]) -> Result<()> {
         let full = self.full();
         if (full.x1, full.y1) == (width, height) {
@@ -199,7 +215,7 @@ impl Picture {
         self.dynamic.into_rgb8().into_raw()
     }
 
-    /// Opacity in [0, 1], shape [height, width, 1], where the picture has any.
+    /// Opacity in [0, 1], shape [height, width, 1], where the image has any.
     pub fn alpha(&self) -> Option<Image> {
         let color = self.dynamic.color();
         if !color.has_alpha() {
@@ -225,7 +241,7 @@ impl Picture {
         }
     }
 
-    /// `region` in [0, 1]; grey pictures have 1 channel unless `spread` asks for 3.
+    /// `region` in [0, 1]; grey images have 1 channel unless `spread` asks for 3.
     fn floats(&self, region: Rect, spread: bool) -> Image {
         let width = self.dynamic.width() as usize;
         let channels = usize::from(self.dynamic.color().channel_count());
@@ -295,7 +311,7 @@ impl Layout {
     }
 }
 
-/// Whether the picture's data ends with an end marker. The decoder fills what a truncated file lacks
+/// Whether the image's data ends with an end marker. The decoder fills what a truncated file lacks
 /// with grey and says nothing. An embedded preview has an end marker of its own, so segments are walked.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let mut at = 2;

@@ -3,6 +3,7 @@
 mod atomic;
 pub mod hdr;
 pub mod image;
+pub mod jpeg;
 pub mod model;
 pub mod npy;
 pub mod obj;

@@ -159,7 +159,7 @@ impl BlockMatrix {
     }
 
     /// Whether it is of this pattern's size.
-    pub(super) fn fits(&self, pattern: &BlockPattern) -> bool {
+    pub(super) fn matches(&self, pattern: &BlockPattern) -> bool {
         self.values.len() == pattern.row.len()
     }
 

@@ -56,7 +56,7 @@ impl Scratch {
 
     /// The zero matrix, in the memory of an earlier one if there is any: fresh memory costs more than its use.
     pub fn zero_matrix(&mut self, pattern: &BlockPattern) -> BlockMatrix {
-        match self.matrices.pop().filter(|m| m.fits(pattern)) {
+        match self.matrices.pop().filter(|m| m.matches(pattern)) {
             Some(mut matrix) => {
                 matrix.clear();
                 matrix

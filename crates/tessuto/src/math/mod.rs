@@ -1,4 +1,4 @@
-//! Numbers without a domain: random streams, sparse symmetric systems, gradient checks.
+//! Domain-free numerics: random streams, sparse symmetric systems, gradient checks.
 
 pub mod block_matrix;
 pub mod conjugate_gradients;
@@ -10,11 +10,16 @@ pub mod hyper_dual;
 mod multifrontal;
 pub mod rng;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 /// Dot product of two fields of vectors.
 pub fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
+}
+
+/// a bᵀ.
+pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 /// The 3·V numbers of a field of vectors.

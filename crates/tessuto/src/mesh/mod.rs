@@ -1,13 +1,15 @@
 //! Polygon mesh: the template of the first frame, whose edges are the threads of the cloth.
 
+mod attributes;
 mod motion;
 mod topology;
 mod weld;
 
 use glam::{DVec2, DVec3};
 
+pub use attributes::{vertex_normals, vertex_uvs};
 pub use motion::Motion;
-pub use topology::{pieces, pinched};
+pub use topology::{EdgeUse, boundary_edges, edge_uses, pieces, pinched};
 pub use weld::weld;
 
 /// Vertex positions `[m]` of one moment, camera frame, shape `[V]`.

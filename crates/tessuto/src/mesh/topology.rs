@@ -1,8 +1,42 @@
-//! How the faces of a mesh hang together.
+//! Connectivity of a mesh: edges and their faces, borders, pieces.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 use super::Mesh;
+
+/// How the faces along an edge run through it.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct EdgeUse {
+    /// Faces that go from the smaller vertex to the larger one.
+    pub ascending: usize,
+    /// Faces that go the other way.
+    pub descending: usize,
+}
+
+impl EdgeUse {
+    /// Number of faces along the edge.
+    pub fn faces(&self) -> usize {
+        self.ascending + self.descending
+    }
+}
+
+/// The faces along every polygon edge, by its vertices `[smaller, larger]`.
+pub fn edge_uses(mesh: &Mesh) -> BTreeMap<[u32; 2], EdgeUse> {
+    let mut uses = BTreeMap::<[u32; 2], EdgeUse>::new();
+    for face in &mesh.faces {
+        for (k, &a) in face.vertices.iter().enumerate() {
+            let b = face.vertices[(k + 1) % face.vertices.len()];
+            let found = uses.entry([a.min(b), a.max(b)]).or_default();
+            *(if a < b { &mut found.ascending } else { &mut found.descending }) += 1;
+        }
+    }
+    uses
+}
+
+/// Edges of one face only, as `[smaller, larger]`, in ascending order.
+pub fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
+    edge_uses(mesh).into_iter().filter(|(_, found)| found.faces() == 1).map(|(edge, _)| edge).collect()
+}
 
 /// Number of faces of each connected piece, the largest first.
 pub fn pieces(mesh: &Mesh) -> Vec<usize> {
@@ -54,6 +88,16 @@ pub fn pinched(mesh: &Mesh) -> Vec<u32> {
 mod tests {
     use super::*;
     use crate::mesh::{Face, grid};
+
+    #[test]
+    fn a_grid_is_bounded_by_its_four_sides() {
+        let mut mesh = grid(4, 3, glam::DVec2::ONE, 1.0);
+        assert_eq!(boundary_edges(&mesh).len(), 2 * (3 + 2));
+        assert_eq!(edge_uses(&mesh).len(), mesh.edges().len());
+        assert!(edge_uses(&mesh).values().all(|u| u.ascending <= 1 && u.descending <= 1));
+        mesh.faces[0].vertices.reverse();
+        assert!(edge_uses(&mesh).values().any(|u| *u == EdgeUse { ascending: 2, descending: 0 }));
+    }
 
     #[test]
     fn pieces_and_pinches() {

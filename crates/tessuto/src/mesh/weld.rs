@@ -1,4 +1,4 @@
-//! Vertices at the same place, merged: other programs split them where texture coordinates differ.
+//! Merges vertices at the same place: other programs split them where texture coordinates differ.
 
 use std::collections::HashMap;
 

@@ -22,7 +22,7 @@ pub struct FrameAgreement {
     /// coverage is; absent where both are empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silhouette: Option<f64>,
-    /// PSNR `[dB]` of the mesh rendered with the recovered print against the video's sRGB colours, over the pixels in which
+    /// PSNR `[dB]` of the mesh rendered with the recovered texture against the video's sRGB colours, over the pixels in which
     /// both mask and rendered coverage are above one half; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
@@ -159,7 +159,7 @@ mod tests {
     use super::*;
     use crate::mesh::grid;
 
-    /// A frame whose mask is columns `from..to` of a 20×10 picture, all of it of one grey.
+    /// A frame whose mask is columns `from..to` of a 20×10 image, all of it of one grey.
     fn columns(from: usize, to: usize, grey: f32) -> Frame {
         let mut frame = Frame { rgb: Image::new(20, 10, 3), mask: Image::new(20, 10, 1) };
         for y in 0..10 {

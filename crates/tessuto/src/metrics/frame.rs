@@ -6,20 +6,20 @@ use super::{Inputs, Metrics, chamfer, depth, published, surface};
 use crate::math::rng::Rng;
 use crate::mesh::Positions;
 
-/// Errors of `shape` `[m]`, shape `[V]`, against frame `index` of the truth.
+/// Errors of `positions` `[m]`, shape `[V]`, against frame `index` of the truth.
 pub(super) fn measure(
     inputs: &Inputs,
     triangles: &[[u32; 3]],
-    shape: &Positions,
+    positions: &Positions,
     index: usize,
     seed: u64,
 ) -> Metrics {
     let mut metrics = Metrics::default();
     if let Some(vertices) = &inputs.truth.vertices {
-        metrics.vertex = Some(mean(shape.iter().zip(&vertices[index]).map(|(a, b)| a.distance(*b))));
+        metrics.vertex = Some(mean(positions.iter().zip(&vertices[index]).map(|(a, b)| a.distance(*b))));
     }
     if let Some(points) = &inputs.truth.points {
-        measure_points(&mut metrics, inputs, triangles, shape, &points[index], (seed, index));
+        measure_points(&mut metrics, inputs, triangles, positions, &points[index], (seed, index));
     }
     metrics
 }
@@ -28,19 +28,19 @@ fn measure_points(
     metrics: &mut Metrics,
     inputs: &Inputs,
     triangles: &[[u32; 3]],
-    shape: &Positions,
+    positions: &Positions,
     points: &[DVec3],
     (seed, index): (u64, usize),
 ) {
     let mut rng = Rng::new(seed, (inputs.first_frame + index) as u64);
-    let samples = chamfer::sample(shape, triangles, points.len(), &mut rng);
+    let samples = chamfer::sample(positions, triangles, points.len(), &mut rng);
     let pairs = [chamfer::nearest_squared(points, &samples), chamfer::nearest_squared(&samples, points)];
     (metrics.cd1, metrics.cd2) = both_means(&pairs);
-    let exact = surface::distances_squared(points, shape, triangles);
+    let exact = surface::distances_squared(points, positions, triangles);
     (metrics.p2s1, metrics.p2s2) = both_means(&exact);
-    let inexact = published::distances_squared(points, shape, triangles, &exact);
+    let inexact = published::distances_squared(points, positions, triangles, &exact);
     (metrics.p2s1_published, metrics.p2s2_published) = both_means(&inexact);
-    metrics.depth = depth::mean_difference(points, shape, triangles, inputs.camera);
+    metrics.depth = depth::mean_difference(points, positions, triangles, inputs.camera);
 }
 
 /// Sums of the two directions' means, of distances and of squared distances.

@@ -9,7 +9,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::resample::bicubic;
-use super::similarity::{correlation, masked_psnr, psnr, ssim, taken};
+use super::similarity::{best_scale, correlation, masked_psnr, psnr, scaled, ssim, taken};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
@@ -114,8 +114,8 @@ pub fn evaluate(scene: &Scene, result: &Path) -> Result<Option<MapMetrics>> {
             |e: &Image| (psnr(&taken(e, &covered), &taken(&truth, &covered)), ssim(e, &truth, &covered));
         let (ratio, similarity) = likeness(&estimate);
         (metrics.diffuse_psnr, metrics.diffuse_ssim) = (Some(ratio), similarity);
-        let scale = best_scale(&estimate, &truth, &covered);
-        let (ratio, similarity) = likeness(&scaled(&estimate, scale));
+        let scale = best_scale(&taken(&estimate, &covered), &taken(&truth, &covered));
+        let (ratio, similarity) = likeness(&Image { data: scaled(&estimate.data, scale), ..estimate });
         (metrics.diffuse_psnr_scaled, metrics.diffuse_ssim_scaled) = (Some(ratio), similarity);
         metrics.diffuse_scale = Some(scale);
     }
@@ -155,7 +155,7 @@ fn pair(scene: &Scene, result: &Path, name: &str) -> Result<Option<(Image, Image
 /// Which texels of a map of `width`×`height` the template uses, shape `[height · width]`; row 0 is v = 1.
 pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
     let mut covered = vec![false; width * height];
-    // The corners of the picture are the centres of its corner texels.
+    // The corners of the image are the centres of its corner texels.
     let scale = glam::DVec2::new(width as f64 - 1.0, height as f64 - 1.0);
     for triangle in template.triangle_uvs() {
         let corners = triangle.map(|k| {
@@ -170,35 +170,6 @@ pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
 /// Means of three channels each.
 fn means(values: &[f32]) -> Vec<f32> {
     values.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect()
-}
-
-fn linear_from_srgb(s: f64) -> f64 {
-    if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
-}
-
-fn srgb_from_linear(l: f64) -> f64 {
-    if l <= 0.0031308 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
-}
-
-/// argmin_k ‖k e − t‖² per channel of linear colour: Σ e t / Σ e².
-fn best_scale(estimate: &Image, truth: &Image, covered: &[bool]) -> [f64; 3] {
-    let (mut et, mut ee) = ([0.0; 3], [0.0; 3]);
-    let pixels = estimate.data.chunks_exact(3).zip(truth.data.chunks_exact(3)).zip(covered);
-    for ((e, t), _) in pixels.filter(|(_, covered)| **covered) {
-        for c in 0..3 {
-            let (e, t) = (linear_from_srgb(e[c].into()), linear_from_srgb(t[c].into()));
-            et[c] += e * t;
-            ee[c] += e * e;
-        }
-    }
-    std::array::from_fn(|c| et[c] / f64::max(ee[c], 1e-12))
-}
-
-fn scaled(image: &Image, scale: [f64; 3]) -> Image {
-    let value = |(k, v): (usize, &f32)| {
-        srgb_from_linear((linear_from_srgb((*v).into()) * scale[k % 3]).clamp(0.0, 1.0)) as f32
-    };
-    Image { data: image.data.iter().enumerate().map(value).collect(), ..*image }
 }
 
 /// Mean PSNR `[dB]` of the re-rendered frames and their number.

@@ -252,9 +252,9 @@ fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()
 /// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
 fn check_scale(place: &str, truth: Option<&[Positions]>, motion: &[Positions], least: usize) -> Result<()> {
     let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
-    let diagonal = |shape: &Positions| {
-        let low = shape.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-        let high = shape.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let diagonal = |positions: &Positions| {
+        let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         (high - low).length()
     };
     let ratio = diagonal(first) / diagonal(&motion[0]);

@@ -26,9 +26,9 @@ pub fn distances_squared(
         let [a, b, c] = t.map(|i| positions[i as usize]);
         Plane::new(a, b, c).map_or(*exact, |plane| plane.reduce(&mut blocks).min(*exact))
     };
-    let of_triangles = triangles.iter().zip(&exact[1]).map(plane).collect();
-    let of_points = blocks.iter().flat_map(|b| b.best).take(points.len()).collect();
-    [of_points, of_triangles]
+    let triangle_distances = triangles.iter().zip(&exact[1]).map(plane).collect();
+    let point_distances = blocks.iter().flat_map(|b| b.best).take(points.len()).collect();
+    [point_distances, triangle_distances]
 }
 
 /// Points side by side, for the processor's vector registers.

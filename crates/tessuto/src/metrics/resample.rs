@@ -1,4 +1,4 @@
-//! Pictures at another size.
+//! Images at another size.
 
 use crate::image::Image;
 

@@ -1,12 +1,35 @@
-//! How alike two pictures are: PSNR, SSIM and correlation.
+//! Image similarity: PSNR, SSIM and correlation.
 
-use crate::image::Image;
+use crate::image::{Image, srgb};
 
 /// Peak signal-to-noise ratio `[dB]` of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     assert_eq!(a.len(), b.len());
     let squared = a.iter().zip(b).map(|(a, b)| (f64::from(*a) - f64::from(*b)).powi(2));
     -10.0 * (squared.sum::<f64>() / a.len() as f64).max(1e-12).log10()
+}
+
+/// The factor per channel of linear colour that brings `estimate` nearest to `truth`, argmin_k ‖k e − t‖² = Σ e t / Σ e²;
+/// both are sRGB-encoded, shape [pixels, 3].
+pub fn best_scale(estimate: &[f32], truth: &[f32]) -> [f64; 3] {
+    assert_eq!(estimate.len(), truth.len());
+    let (mut et, mut ee) = ([0.0; 3], [0.0; 3]);
+    for (e, t) in estimate.chunks_exact(3).zip(truth.chunks_exact(3)) {
+        for c in 0..3 {
+            let (e, t) = (srgb::decode_f64(e[c].into()), srgb::decode_f64(t[c].into()));
+            et[c] += e * t;
+            ee[c] += e * e;
+        }
+    }
+    std::array::from_fn(|c| et[c] / f64::max(ee[c], 1e-12))
+}
+
+/// sRGB-encoded colours, shape [pixels, 3], with their linear values multiplied by `scale` and cut off at 1.
+pub fn scaled(colours: &[f32], scale: [f64; 3]) -> Vec<f32> {
+    let value = |(k, v): (usize, &f32)| {
+        srgb::encode_f64((srgb::decode_f64((*v).into()) * scale[k % 3]).clamp(0.0, 1.0)) as f32
+    };
+    colours.iter().enumerate().map(value).collect()
 }
 
 /// [`psnr`] of all channels of the pixels that are `covered`, shape [height · width]; None where none is.
@@ -35,19 +58,19 @@ pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
         bb += db * db;
         ab += da * db;
     }
-    // A quarter of a grey level of 8 bits: less is no variation of a picture.
+    // A quarter of a grey level of 8 bits: less is not variation of an image.
     let constant = |sum: f64| (sum / count).sqrt() < 1e-3;
     (!a.is_empty() && !constant(aa) && !constant(bb)).then(|| ab / (aa * bb).sqrt())
 }
 
 /// Tiles along each side of the covered part.
 const TILES: usize = 8;
-/// Pictures that vary by less than this, as standard deviation within tiles, have no print to compare.
+/// Images that vary by less than this, as standard deviation within tiles, have no print to compare.
 const PLAIN: f64 = 0.02;
 
-/// How well the prints of two pictures lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
+/// How well the prints of two images lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
 /// covered part's bounding box, of the channels' mean. 1 is the same print, 0 another one. Light that brightens or darkens a tile
-/// as a whole makes no difference. None where a picture is plain.
+/// as a whole makes no difference. None where an image is plain.
 pub fn print_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
     let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
@@ -82,7 +105,7 @@ pub fn print_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> 
 /// Half the width of the window `[px]`.
 const RADIUS: usize = 5;
 
-/// Structural similarity in [−1, 1] of pictures in [0, 1]: mean over channels and over all 11×11
+/// Structural similarity in [−1, 1] of images in [0, 1]: mean over channels and over all 11×11
 /// windows that lie wholly in the covered part, weighted by a Gaussian of σ = 1.5 px; None without one.
 ///
 /// - `covered`: shape [height · width]
@@ -115,7 +138,7 @@ pub fn ssim(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     Some(total / (count * a.channels) as f64)
 }
 
-/// Which pixels are centres of windows that lie wholly in the picture and are wholly covered.
+/// Which pixels are centres of windows that lie wholly in the image and are wholly covered.
 fn windows(covered: &[bool], width: usize, height: usize) -> Vec<bool> {
     // How many pixels in a row, up to this one, are covered; then the same down the columns.
     let mut whole = vec![false; covered.len()];
@@ -172,7 +195,7 @@ mod tests {
 
     #[test]
     fn prints_are_recognised_in_other_light_and_told_from_others() {
-        // Stripes, `shift` px to the right, on the left three quarters of the picture.
+        // Stripes, `shift` px to the right, on the left three quarters of the image.
         let stripes = |shift: usize, light: &dyn Fn(usize) -> f32| {
             let mut image = Image::new(64, 48, 3);
             for y in 0..48 {

@@ -23,7 +23,7 @@ impl Adam {
     }
 
     /// Whether it is the state of `len` parameters.
-    pub fn fits(&self, len: usize) -> bool {
+    pub fn matches(&self, len: usize) -> bool {
         self.mean.len() == len && self.mean_square.len() == len && self.steps >= 0
     }
 

@@ -12,6 +12,7 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_text};
+use crate::text::hex;
 
 /// Name of the file.
 pub(super) const NAME: &str = "manifest.json";
@@ -28,7 +29,7 @@ pub enum FolderKind {
     Result,
     /// A scene that was made up or imported.
     Scene,
-    /// Pictures of a result.
+    /// Images of a result.
     Views,
     /// Material and light of a motion that is elsewhere. Other files may be beside them.
     Appearance,
@@ -259,7 +260,7 @@ pub(super) fn check_replaceable(folder: &Path, kind: FolderKind, replace: bool, 
             "choose another folder, or move it away",
         ),
         Some(_) if !replace => fail(
-            format!("a finished {} is there already, and would be replaced", kind.name()),
+            format!("a finished {} already exists and would be replaced", kind.name()),
             "add --force to replace it, or choose another folder",
         ),
         // Without a manifest only what a run left while it worked can be there.
@@ -286,7 +287,7 @@ pub fn check_parts(paths: &[impl AsRef<Path>], replace: bool) -> Result<()> {
     }
     Err(Error::input(
         there.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
-        "is there already, and would be replaced",
+        "already exists and would be replaced",
         "add --force to replace it, or choose another place",
     ))
 }
@@ -385,7 +386,7 @@ fn entry_of(path: &Path) -> std::io::Result<Entry> {
         hash.update(&buffer[..n]);
         bytes += n as u64;
     }
-    Ok(Entry { bytes, sha256: hash.finalize().iter().map(|b| format!("{b:02x}")).collect() })
+    Ok(Entry { bytes, sha256: hex(&hash.finalize()) })
 }
 
 fn unreadable(path: &Path, error: &std::io::Error) -> Error {

@@ -1,8 +1,9 @@
-//! Many points at once: colours to a loss, its derivatives back to maps and light.
+//! Many points at once: from colours to a loss, and its derivatives back to material and environment map.
 
 use rayon::prelude::*;
 
-use super::material::{CHANNELS, Footprint};
+use super::gradient_sums::GradientSums;
+use super::material::CHANNELS;
 use super::{RadianceEstimate, Shader, SurfacePoint};
 use crate::math::rng::mix32;
 
@@ -21,39 +22,7 @@ pub struct Gradients {
     pub loss: f64,
     /// The loss that each point returned.
     pub losses: Vec<f32>,
-    parts: Vec<Sink>,
-}
-
-/// One part's sums.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Sink {
-    material: Vec<[f32; 8]>,
-    light: Vec<[f32; 4]>,
-    loss: f64,
-}
-
-impl Sink {
-    fn clear(&mut self, texels: usize, light: usize) {
-        self.material.clear();
-        self.material.resize(texels, [0.0; 8]);
-        self.light.clear();
-        self.light.resize(light, [0.0; 4]);
-        self.loss = 0.0;
-    }
-
-    #[inline]
-    pub fn add_material(&mut self, footprint: &Footprint, gradient: &[f32; 8]) {
-        for (texel, weight) in footprint.texels.iter().zip(footprint.weights) {
-            let sum = &mut self.material[*texel as usize];
-            sum.iter_mut().zip(gradient).for_each(|(s, g)| *s += weight * g);
-        }
-    }
-
-    #[inline]
-    pub fn add_light(&mut self, texel: u32, [r, g, b]: [f32; 3]) {
-        let sum = &mut self.light[texel as usize];
-        *sum = [sum[0] + r, sum[1] + g, sum[2] + b, 0.0];
-    }
+    parts: Vec<GradientSums>,
 }
 
 /// Estimates each point's colour twice, independently, and lets `loss` say, for point number i and the two linear
@@ -65,33 +34,33 @@ pub fn accumulate(
     shader: &Shader,
     points: &[SurfacePoint],
     seed: u32,
-    passes: usize,
+    samples_per_pixel: usize,
     loss: impl Fn(usize, &[[f32; 3]; 2]) -> (f32, [[f32; 3]; 2]) + Sync,
     gradients: &mut Gradients,
 ) {
     let texels = shader.material.texels.len();
     let [width, height] = shader.light.size();
     let Gradients { material, light, loss: total, losses, parts } = gradients;
-    parts.resize_with(PARTS, Sink::default);
+    parts.resize_with(PARTS, GradientSums::default);
     let length = points.len().div_ceil(PARTS).max(1);
     losses.clear();
     losses.resize(points.len(), 0.0);
-    let shares = points.par_chunks(length).zip(losses.par_chunks_mut(length));
-    parts[shares.len()..].iter_mut().for_each(|sink| sink.clear(texels, width * height));
-    parts.par_iter_mut().zip(shares).enumerate().for_each(|(part, (sink, (points, losses)))| {
-        sink.clear(texels, width * height);
+    let chunks = points.par_chunks(length).zip(losses.par_chunks_mut(length));
+    parts[chunks.len()..].iter_mut().for_each(|sums| sums.clear(texels, width * height));
+    parts.par_iter_mut().zip(chunks).enumerate().for_each(|(part, (sums, (points, losses)))| {
+        sums.clear(texels, width * height);
         let mut estimates = [RadianceEstimate::default(), RadianceEstimate::default()];
         for (k, (point, own)) in points.iter().zip(losses).enumerate() {
             let i = part * length + k;
-            let site = shader.site(point);
+            let context = shader.shading_context(point);
             for (k, estimate) in estimates.iter_mut().enumerate() {
-                shader.estimate_at(&site, point, key(seed, i, k as u32), passes, estimate);
+                shader.estimate_at(&context, point, key(seed, i, k as u32), samples_per_pixel, estimate);
             }
             let (value, adjoints) = loss(i, &[estimates[0].colour, estimates[1].colour]);
             *own = value;
-            sink.loss += f64::from(value);
+            sums.loss += f64::from(value);
             for (estimate, adjoint) in estimates.iter().zip(adjoints) {
-                shader.estimate_vjp(&site, estimate, adjoint, sink);
+                shader.estimate_vjp(&context, estimate, adjoint, sums);
             }
         }
     });

@@ -1,4 +1,4 @@
-//! How the cloth scatters light: a diffuse base and a microfacet layer, with draws and derivatives.
+//! The BRDF of the cloth: a diffuse base and a microfacet layer, with sampling and derivatives.
 //!
 //! f = T_D (1 − T_M)/π + D·G·F/(4 (n·o)(n·i)), with o to the viewer, i to the light, h between them:
 //! D is GGX with α = T_R², G Smith's for correlated heights, F = F0 + (1 − F0)(1 − o·h)⁵ and
@@ -6,7 +6,7 @@
 //!
 //! Sources: Walter et al. 2007, "Microfacet Models for Refraction through Rough Surfaces"; Heitz 2014,
 //! "Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs"; Schlick 1994, "An Inexpensive
-//! BRDF Model for Physically-based Rendering"; draws: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals
+//! BRDF Model for Physically-based Rendering"; sampling: Dupuy and Benyoub 2023, "Sampling Visible GGX Normals
 //! with Spherical Caps".
 //!
 //! Vectors are in the frame of the shading normal (0, 0, 1) and point away from the surface.
@@ -15,8 +15,8 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 
 use wide::f32x8;
 
-/// Share of either lobe in the draws, at least: without it a lobe that is small now could not be found again.
-const LEAST_SHARE: f32 = 0.15;
+/// Least probability of sampling either lobe: without it a lobe that is small now could not be found again.
+const LEAST_PROBABILITY: f32 = 0.15;
 
 /// The material at one point and what it takes to evaluate it for one viewer.
 #[derive(Debug, Clone, Copy)]
@@ -38,7 +38,7 @@ pub struct Brdf {
     /// √(α² + (1 − α²)(n·o)²).
     smith_o: f32,
     /// Probability of drawing from the microfacet lobe.
-    specular_share: f32,
+    specular_probability: f32,
 }
 
 /// [`Brdf::eval`] in eight directions. With these, f_c = diffuse_c/π + dg (F0_c (1 − s) + s).
@@ -71,7 +71,7 @@ impl Brdf {
         let mean = |c: [f32; 3]| (c[0] + c[1] + c[2]) / 3.0;
         // Schlick's reflectance of the mean surface is a fair guess of the lobe's albedo.
         let specular = mean(f0) + (1.0 - mean(f0)) * away2 * away2 * away;
-        let share = specular / (specular + mean(diffuse)).max(1e-6);
+        let probability = specular / (specular + mean(diffuse)).max(1e-6);
         Self {
             wo,
             base,
@@ -81,7 +81,7 @@ impl Brdf {
             f0,
             alpha2,
             smith_o: (alpha2 + (1.0 - alpha2) * wo[2] * wo[2]).sqrt(),
-            specular_share: share.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE),
+            specular_probability: probability.clamp(LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY),
         }
     }
 
@@ -113,8 +113,8 @@ impl Brdf {
         let away2 = away * away;
         // Visible normals: G1 D/(4 n·o) = D/(2 (n·o + √…)).
         let specular_pdf = d * half / (oz + smith_o);
-        let share = f32x8::splat(self.specular_share);
-        let pdf = share * specular_pdf + (one - share) * l * f32x8::splat(FRAC_1_PI);
+        let probability = f32x8::splat(self.specular_probability);
+        let pdf = probability * specular_pdf + (one - probability) * l * f32x8::splat(FRAC_1_PI);
         Eval {
             cosine: above.select(*z, f32x8::ZERO),
             dg,
@@ -148,7 +148,7 @@ impl Brdf {
         let [ox, oy, oz] = self.wo.map(f32x8::splat);
         let om = ox * mx + oy * my + oz * mz;
         let twice = om + om;
-        let specular = lobe.simd_lt(f32x8::splat(self.specular_share));
+        let specular = lobe.simd_lt(f32x8::splat(self.specular_probability));
         [
             specular.select(twice * mx - ox, dx),
             specular.select(twice * my - oy, dy),

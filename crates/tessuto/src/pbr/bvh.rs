@@ -1,4 +1,4 @@
-//! Tree of a shape's triangles: which of eight rays from one point are blocked.
+//! Bounding volume hierarchy of the triangles of one frame: which of eight rays from one point are blocked.
 
 use glam::{DVec3, Vec3};
 use wide::f32x8;
@@ -38,9 +38,9 @@ pub(super) struct Bvh {
 }
 
 impl Bvh {
-    /// The tree of `triangles` with vertices at `shape` `[m]`.
-    pub fn new(triangles: &[[u32; 3]], shape: &[DVec3]) -> Self {
-        let corners = |t: &[u32; 3]| t.map(|v| shape[v as usize].as_vec3());
+    /// The tree of `triangles` with vertices at `positions` `[m]`.
+    pub fn new(triangles: &[[u32; 3]], positions: &[DVec3]) -> Self {
+        let corners = |t: &[u32; 3]| t.map(|v| positions[v as usize].as_vec3());
         let mut items: Vec<Triangle> = triangles
             .iter()
             .enumerate()

@@ -1,8 +1,8 @@
-//! Noise of pictures: what falls onto the cloth varies slowly along it, so neighbouring pixels share their samples.
+//! Denoising: irradiance varies slowly along the cloth, so neighbouring pixels share their samples.
 //!
 //! Light is averaged before it meets the material: colour = diffuse · E + F0 · S + R, with E the irradiance over π and
 //! S, R what the microfacets send on. E, S and R are averaged over pixels of one surface that face the same way (a
-//! cross bilateral filter), each pixel then takes its own texel. So the print stays as sharp as it is; the price is
+//! cross bilateral filter), each pixel then takes its own texel. So the texture stays as sharp as it is; the price is
 //! that edges of shadows are softened over a few pixels. With radius 0 nothing is averaged.
 
 use glam::Vec3;
@@ -47,14 +47,14 @@ pub(super) fn denoise(
         for row in y.saturating_sub(radius)..(y + radius + 1).min(height) {
             for column in x.saturating_sub(radius)..(x + radius + 1).min(width) {
                 let Some(other) = &lit[row * width + column] else { continue };
-                let shares = gate.shares(other);
+                let similarity = gate.similarity(other);
                 let apart = (row.abs_diff(y).pow(2) + column.abs_diff(x).pow(2)) as f32;
                 let near = bump(apart / ((radius + 1) * (radius + 1)) as f32);
                 for (k, part) in other.parts.iter().enumerate() {
-                    let w = near * shares[k.min(1)];
+                    let w = near * similarity[k.min(1)];
                     (0..3).for_each(|c| sums[k][c] += w * part[c]);
                 }
-                (0..2).for_each(|k| weights[k] += near * shares[k]);
+                (0..2).for_each(|k| weights[k] += near * similarity[k]);
             }
         }
         [0, 1, 2].map(|k| sums[k].map(|s| s / weights[k.min(1)]))
@@ -89,7 +89,7 @@ impl<'a> Gate<'a> {
     }
 
     /// Weights of the other's irradiance and microfacets.
-    fn shares(&self, other: &Lit) -> [f32; 2] {
+    fn similarity(&self, other: &Lit) -> [f32; 2] {
         let own = self.own;
         let off = (other.position - own.position).dot(own.normal);
         let layer = bump(off * off * self.off_plane);

@@ -1,4 +1,4 @@
-//! Light from all around, as a picture.
+//! Environment map: radiance from every direction.
 
 use std::f64::consts::PI;
 
@@ -6,7 +6,7 @@ use glam::DVec3;
 
 /// Radiance that arrives from each direction, constant within a texel. Texel (column i, row j) has its centre
 /// at lon = ((i + ½)/W − ½)·2π, lat = (½ − (j + ½)/H)·π, and the direction to the light is
-/// (cos lat · sin lon, −sin lat, cos lat · cos lon) in the camera frame: the middle of the picture is where the
+/// (cos lat · sin lon, −sin lat, cos lat · cos lon) in the camera frame: the middle of the image is where the
 /// camera looks (+z), the top is up (−y), left and right border are behind the camera.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EnvironmentMap {

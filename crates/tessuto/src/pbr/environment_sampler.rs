@@ -1,4 +1,4 @@
-//! Directions drawn from an environment in proportion to its power.
+//! Importance sampling of an environment map: directions in proportion to its power.
 
 use std::f64::consts::PI;
 
@@ -14,7 +14,7 @@ pub struct EnvironmentSampler {
     height: u32,
     /// Red, green, blue radiance and the density [1/sr] with which the texel's directions are drawn.
     texels: Vec<[f32; 4]>,
-    /// Start of each texel's share of the 2³² random numbers, ascending. Densities are those of these whole
+    /// Start of each texel's interval of the 2³² random numbers, ascending. Densities are those of these whole
     /// numbers, so that drawing and density agree exactly.
     starts: Vec<u32>,
     /// First texel to look at for random numbers with the upper bits of this index.
@@ -28,9 +28,9 @@ pub struct EnvironmentSampler {
 }
 
 impl EnvironmentSampler {
-    /// Draws a share of `uniform_share` in [0, 1] uniformly from all directions, the rest in proportion to the
+    /// Draws the fraction `uniform_fraction` of the samples uniformly over the sphere, the rest in proportion to the
     /// mean radiance of red, green and blue.
-    pub fn new(environment: &EnvironmentMap, uniform_share: f64) -> Self {
+    pub fn new(environment: &EnvironmentMap, uniform_fraction: f64) -> Self {
         let (w, h) = (environment.width, environment.height);
         let mut light = Self {
             width: w as u32,
@@ -49,7 +49,7 @@ impl EnvironmentSampler {
                 .collect(),
         };
         light.set_radiance(environment);
-        light.set_distribution(environment, uniform_share);
+        light.set_distribution(environment, uniform_fraction);
         light
     }
 
@@ -66,7 +66,7 @@ impl EnvironmentSampler {
         }
     }
 
-    fn set_distribution(&mut self, environment: &EnvironmentMap, uniform_share: f64) {
+    fn set_distribution(&mut self, environment: &EnvironmentMap, uniform_fraction: f64) {
         let w = environment.width;
         let solid_angles: Vec<f64> = (0..environment.height).map(|j| environment.solid_angle(j)).collect();
         let power = |i: usize| {
@@ -75,8 +75,8 @@ impl EnvironmentSampler {
         };
         let total: f64 = (0..self.starts.len()).map(power).sum();
         // A dark environment is drawn uniformly.
-        let uniform = if total > 0.0 { uniform_share } else { 1.0 };
-        let by_power = if total > 0.0 { (1.0 - uniform_share) / total } else { 0.0 };
+        let uniform = if total > 0.0 { uniform_fraction } else { 1.0 };
+        let by_power = if total > 0.0 { (1.0 - uniform_fraction) / total } else { 0.0 };
         let mut sum = 0.0;
         let numbers = 2f64.powi(32);
         let mut start = 0u64;

@@ -1,4 +1,4 @@
-//! The moving cloth as rays see it.
+//! The moving cloth, prepared for visibility tests.
 
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -34,10 +34,10 @@ impl Geometry {
         let sectors = Sectors::new();
         let frames: Vec<(Bvh, Vec<Patch>)> = motion
             .par_iter()
-            .map(|shape| {
-                let bvh = Bvh::new(&triangles, shape);
+            .map(|positions| {
+                let bvh = Bvh::new(&triangles, positions);
                 let patches = (0..triangles.len() as u32)
-                    .map(|t| patch(&sectors, &triangles, shape, &bvh, t))
+                    .map(|t| patch(&sectors, &triangles, positions, &bvh, t))
                     .collect();
                 (bvh, patches)
             })
@@ -135,11 +135,11 @@ impl Geometry {
     }
 }
 
-fn patch(sectors: &Sectors, triangles: &[[u32; 3]], shape: &[DVec3], bvh: &Bvh, t: u32) -> Patch {
-    let [a, b, c] = triangles[t as usize].map(|v| shape[v as usize]);
+fn patch(sectors: &Sectors, triangles: &[[u32; 3]], positions: &[DVec3], bvh: &Bvh, t: u32) -> Patch {
+    let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
     let normal = (b - a).cross(c - a).normalize_or_zero();
     let normal = if normal.dot(a) > 0.0 { -normal } else { normal };
     let tangent = (b - a).normalize_or_zero();
-    let horizon = horizon(sectors, triangles, shape, bvh, t, normal, tangent);
+    let horizon = horizon(sectors, triangles, positions, bvh, t, normal, tangent);
     Patch { normal: normal.as_vec3(), tangent: tangent.as_vec3(), horizon }
 }

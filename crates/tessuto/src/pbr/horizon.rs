@@ -69,7 +69,7 @@ impl Sectors {
 struct Site<'a> {
     sectors: &'a Sectors,
     triangles: &'a [[u32; 3]],
-    shape: &'a [DVec3],
+    positions: &'a [DVec3],
     bvh: &'a Bvh,
     own: u32,
     centre: DVec3,
@@ -85,19 +85,20 @@ struct Site<'a> {
 pub(super) fn horizon(
     sectors: &Sectors,
     triangles: &[[u32; 3]],
-    shape: &[DVec3],
+    positions: &[DVec3],
     bvh: &Bvh,
     own: u32,
     normal: DVec3,
     tangent: DVec3,
 ) -> Horizon {
-    let corners = triangles[own as usize].map(|v| shape[v as usize]);
+    let corners = triangles[own as usize].map(|v| positions[v as usize]);
     let centre = (corners[0] + corners[1] + corners[2]) / 3.0;
     let axes = [tangent, normal.cross(tangent), normal];
     let flat = corners.map(|c| DVec2::new((c - centre).dot(axes[0]), (c - centre).dot(axes[1])));
     let radius = flat.iter().map(|c| c.length()).fold(0.0, f64::max);
     let slopes = [0.0; SECTORS];
-    let mut site = Site { sectors, triangles, shape, bvh, own, centre, axes, corners: flat, radius, slopes };
+    let mut site =
+        Site { sectors, triangles, positions, bvh, own, centre, axes, corners: flat, radius, slopes };
     if !normal.is_finite() || normal == DVec3::ZERO {
         return [f32::INFINITY; SECTORS];
     }
@@ -137,7 +138,7 @@ impl Site<'_> {
     }
 
     fn triangle(&mut self, t: u32) {
-        let corners = self.triangles[t as usize].map(|v| self.local(self.shape[v as usize]));
+        let corners = self.triangles[t as usize].map(|v| self.local(self.positions[v as usize]));
         let top = corners[0].z.max(corners[1].z).max(corners[2].z);
         // Below the plane, nothing is met; in it, up to rounding, nothing above the margin.
         if top <= TINY {

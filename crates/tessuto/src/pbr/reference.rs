@@ -1,4 +1,4 @@
-//! The light that leaves a point, written plainly: directions spread evenly over the hemisphere, every triangle
+//! Outgoing radiance of a point, written plainly: directions spread evenly over the hemisphere, every triangle
 //! tested, formulas in f64.
 
 use std::f64::consts::{PI, TAU};
@@ -28,10 +28,10 @@ pub fn brdf(texel: [f64; 5], n: DVec3, o: DVec3, i: DVec3) -> DVec3 {
 }
 
 /// Mean and variance of the mean of `count` directions' contributions to the linear colour of `point`, on the cloth
-/// `triangles` with vertices at `shape`; `own` is the triangle that the point lies on.
+/// `triangles` with vertices at `positions`; `own` is the triangle that the point lies on.
 pub fn colour(
     triangles: &[[u32; 3]],
-    shape: &[DVec3],
+    positions: &[DVec3],
     material: &Material,
     environment: &EnvironmentMap,
     (point, own): (&SurfacePoint, usize),
@@ -41,7 +41,7 @@ pub fn colour(
     let position = point.position.as_dvec3();
     let o = -position.normalize();
     let n = point.normal.as_dvec3().normalize();
-    let [a, b, c] = triangles[own].map(|v| shape[v as usize]);
+    let [a, b, c] = triangles[own].map(|v| positions[v as usize]);
     let facing = (b - a).cross(c - a);
     let facing = if facing.dot(o) < 0.0 { -facing } else { facing };
     let texel = material.sample(point.uv).map(f64::from);
@@ -52,7 +52,7 @@ pub fn colour(
         let (sin, cos) = (TAU * rng.uniform()).sin_cos();
         let i = DVec3::new(ring * cos, ring * sin, z);
         let i = if i.dot(n) < 0.0 { -i } else { i };
-        if i.dot(facing) <= 0.0 || blocked(triangles, shape, own, position, i) {
+        if i.dot(facing) <= 0.0 || blocked(triangles, positions, own, position, i) {
             continue;
         }
         let radiance = DVec3::from_array(environment.texels[environment.texel_of(i)].map(f64::from));
@@ -65,9 +65,15 @@ pub fn colour(
 }
 
 /// Whether a ray from `origin` meets a triangle other than `own`.
-pub fn blocked(triangles: &[[u32; 3]], shape: &[DVec3], own: usize, origin: DVec3, direction: DVec3) -> bool {
+pub fn blocked(
+    triangles: &[[u32; 3]],
+    positions: &[DVec3],
+    own: usize,
+    origin: DVec3,
+    direction: DVec3,
+) -> bool {
     triangles.iter().enumerate().any(|(t, corners)| {
-        let [a, b, c] = corners.map(|v| shape[v as usize] - origin);
+        let [a, b, c] = corners.map(|v| positions[v as usize] - origin);
         let sides = [b.cross(c), c.cross(a), a.cross(b)].map(|m| m.dot(direction));
         let inside = sides.iter().all(|s| *s >= 0.0) || sides.iter().all(|s| *s <= 0.0);
         let normal = (b - a).cross(c - a);

@@ -1,4 +1,4 @@
-//! Pictures of the cloth under a light.
+//! Images of the cloth under an environment map.
 
 use rayon::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::math::rng::mix32;
 use crate::mesh::Positions;
 use crate::raster::{Rasterizer, Rendering};
 
-/// What a picture shows.
+/// What an image shows.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderScene<'a> {
     /// The template's rasteriser.
@@ -24,26 +24,34 @@ pub struct RenderScene<'a> {
     pub light: &'a EnvironmentSampler,
 }
 
-/// Draws frame `frame`, whose vertices are at `shape`, as `camera` sees it from the origin, with `passes` passes of
-/// eight samples per pixel, which neighbours share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
+/// Draws frame `frame`, whose vertices are at `positions`, as `camera` sees it from the origin, with `samples_per_pixel` samples,
+/// rounded up to a multiple of eight, which neighbouring pixels share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
 pub fn render_frame(
-    cloth: &RenderScene,
+    scene: &RenderScene,
     camera: &Camera,
-    (frame, shape): (usize, &Positions),
-    passes: usize,
+    (frame, positions): (usize, &Positions),
+    samples_per_pixel: usize,
 ) -> Image {
     let mut rendering = Rendering::new();
     let seen =
-        visible_points(cloth.rasterizer, camera, cloth.geometry, frame, shape, &mut rendering, |_, _| true);
-    let shader = Shader { geometry: cloth.geometry, material: cloth.material, light: cloth.light };
+        visible_points(scene.rasterizer, camera, scene.geometry, frame, positions, &mut rendering, |_, _| {
+            true
+        });
+    let shader = Shader { geometry: scene.geometry, material: scene.material, light: scene.light };
     let seed = mix32(frame as u32 ^ 0x7e55_0170);
     let estimated: Vec<(Lit, [[f32; 3]; 2])> = seen
         .par_iter()
         .with_min_len(256)
         .map_init(RadianceEstimate::default, |estimate, (pixel, point)| {
-            let site = shader.site(point);
-            shader.estimate_at(&site, point, mix32(seed.wrapping_add(*pixel)), passes, estimate);
-            let brdf = &site.brdf;
+            let context = shader.shading_context(point);
+            shader.estimate_at(
+                &context,
+                point,
+                mix32(seed.wrapping_add(*pixel)),
+                samples_per_pixel,
+                estimate,
+            );
+            let brdf = &context.brdf;
             let lit = Lit {
                 position: point.position,
                 normal: point.normal,
@@ -66,24 +74,19 @@ pub fn render_frame(
         let [e, s, r] = smooth[*pixel as usize];
         linear[*pixel as usize] = Some(std::array::from_fn(|c| diffuse[c] * e[c] + f0[c] * s[c] + r[c]));
     }
-    let mut picture = Image::new(width, height, 3);
+    let mut image = Image::new(width, height, 3);
     for y in 0..height {
         for x in 0..width {
             let coverage = rendering.rgba[y * width + x][3].clamp(0.0, 1.0);
             if coverage == 0.0 {
                 continue;
             }
-            // A pixel whose centre just misses the cloth has a neighbour's colour.
-            let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
-            let near = candidates
-                .into_iter()
-                .filter(|&(x, y)| x < width && y < height)
-                .find_map(|(x, y)| linear[y * width + x]);
+            let near = rendering.covered_near(x, y).and_then(|(x, y)| linear[y * width + x]);
             if let Some(colour) = near {
                 let value = colour.map(|l| srgb::encode(l * coverage).clamp(0.0, 1.0));
-                picture.pixel_mut(x, y).copy_from_slice(&value);
+                image.pixel_mut(x, y).copy_from_slice(&value);
             }
         }
     }
-    picture
+    image
 }

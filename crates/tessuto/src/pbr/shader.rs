@@ -1,16 +1,16 @@
-//! The hot path: light that leaves one point towards the camera, estimated in bundles of eight directions.
+//! The hot path: radiance from one point towards the camera, estimated in bundles of eight directions.
 
 use glam::Vec3;
 use wide::{f32x8, u32x8};
 
-use super::accumulate::Sink;
 use super::brdf::{Brdf, Eval};
+use super::gradient_sums::GradientSums;
 use super::material::Footprint;
 use super::{EnvironmentSampler, Geometry, Material, SurfacePoint};
 use crate::math::rng::mix32;
 
-/// Directions in a bundle. A pass shades this many camera samples, each with one direction from the light and
-/// one from the BRDF.
+/// Directions in a bundle. Samples are taken in bundles of this many, each with one direction from the light and one
+/// from the BRDF.
 pub const LANES: usize = 8;
 
 /// Least cosine between shading normal and viewer: near outlines, interpolated normals lean away from the viewer
@@ -28,7 +28,7 @@ pub struct Shader<'a> {
     pub geometry: &'a Geometry,
     /// Its material.
     pub material: &'a Material,
-    /// The light.
+    /// The light around it.
     pub light: &'a EnvironmentSampler,
 }
 
@@ -39,7 +39,7 @@ struct Record {
     gains: [f32x8; 3],
 }
 
-/// Light that leaves a point, and what its derivatives need. With these sums over all directions, W_c being
+/// Outgoing radiance of a point, and what its derivatives need. With these sums over all directions, W_c being
 /// radiance · visibility · cosine / density, the colour is
 /// diffuse_c/π Σ W_c + F0_c Σ W_c dg (1 − s) + Σ W_c dg s.
 #[derive(Debug, Clone, Default)]
@@ -53,11 +53,11 @@ pub struct RadianceEstimate {
 }
 
 impl RadianceEstimate {
-    /// Irradiance over π, the microfacets' share by F0, and the rest: colour = diffuse · E + F0 · S + R.
+    /// Irradiance over π, the microfacets' part by F0, and the rest: colour = diffuse · E + F0 · S + R.
     pub(super) fn parts(&self, brdf: &Brdf) -> [[f32; 3]; 3] {
         let e = self.irradiance.map(|i| i * std::f32::consts::FRAC_1_PI);
-        let of = |c: usize| self.colour[c] - brdf.diffuse[c] * e[c] - brdf.f0[c] * self.by_f0[c];
-        [e, self.by_f0, [0, 1, 2].map(of)]
+        let rest = |c: usize| self.colour[c] - brdf.diffuse[c] * e[c] - brdf.f0[c] * self.by_f0[c];
+        [e, self.by_f0, [0, 1, 2].map(rest)]
     }
 }
 
@@ -69,7 +69,7 @@ pub(super) struct ShadingContext {
 }
 
 impl Shader<'_> {
-    pub(super) fn site(&self, point: &SurfacePoint) -> ShadingContext {
+    pub(super) fn shading_context(&self, point: &SurfacePoint) -> ShadingContext {
         let to_viewer = -point.position.normalize();
         let mut n = point.normal;
         let lean = n.dot(to_viewer);
@@ -87,32 +87,39 @@ impl Shader<'_> {
         }
     }
 
-    /// Estimates the light that leaves `point` with `passes` passes of [`LANES`] camera samples. Random numbers
-    /// are those of `key` and of nothing else.
-    pub fn estimate(&self, point: &SurfacePoint, key: u32, passes: usize, out: &mut RadianceEstimate) {
-        self.estimate_at(&self.site(point), point, key, passes, out);
+    /// Estimates the outgoing radiance of `point` with `samples_per_pixel` samples, rounded up to a multiple of [`LANES`].
+    /// Random numbers are those of `key` and of nothing else.
+    pub fn estimate(
+        &self,
+        point: &SurfacePoint,
+        key: u32,
+        samples_per_pixel: usize,
+        out: &mut RadianceEstimate,
+    ) {
+        self.estimate_at(&self.shading_context(point), point, key, samples_per_pixel, out);
     }
 
     pub(super) fn estimate_at(
         &self,
-        site: &ShadingContext,
+        context: &ShadingContext,
         point: &SurfacePoint,
         key: u32,
-        passes: usize,
+        samples_per_pixel: usize,
         out: &mut RadianceEstimate,
     ) {
         out.records.clear();
         let mut sums = [[f32x8::ZERO; 3]; 4];
-        let brdf = &site.brdf;
-        let scale = f32x8::splat(1.0 / (passes * LANES) as f32);
+        let brdf = &context.brdf;
+        let bundles = samples_per_pixel.div_ceil(LANES);
+        let scale = f32x8::splat(1.0 / (bundles * LANES) as f32);
         let offsets: [u32; 6] = std::array::from_fn(|d| mix32(key.wrapping_add((d as u32) << 28)));
-        for pass in 0..passes {
-            let numbers: [u32x8; 6] = std::array::from_fn(|d| additive(offsets[d], STEPS[d], pass));
+        for bundle in 0..bundles {
+            let numbers: [u32x8; 6] = std::array::from_fn(|d| additive(offsets[d], STEPS[d], bundle));
             let [pick, across, down, lobe, u, v] = numbers;
             let (light_texels, from_light) = self.light.sample(pick, unit(across), unit(down));
-            let local_light = rotate(&site.axes, &from_light);
+            let local_light = rotate(&context.axes, &from_light);
             let local_brdf = brdf.sample(unit(lobe), unit(u), unit(v));
-            let from_brdf = rotate_back(&site.axes, &local_brdf);
+            let from_brdf = rotate_back(&context.axes, &local_brdf);
             let brdf_texels = self.light.texels_of(&from_brdf);
             let mut wanted = [local_light[2].simd_gt(f32x8::ZERO), local_brdf[2].simd_gt(f32x8::ZERO)];
             self.geometry.keep_visible(point, &[from_light, from_brdf], &mut wanted);
@@ -131,15 +138,15 @@ impl Shader<'_> {
         (out.colour, out.irradiance, out.by_f0, out.by_alpha2) = (colour, irradiance, by_f0, by_alpha2);
     }
 
-    /// Adds the derivatives of `adjoint` · colour to `sink`: the material's, and the light's.
+    /// Adds the derivatives of `adjoint` · colour to `sums`: the material's, and the light's.
     pub(super) fn estimate_vjp(
         &self,
-        site: &ShadingContext,
+        context: &ShadingContext,
         estimate: &RadianceEstimate,
         adjoint: [f32; 3],
-        sink: &mut Sink,
+        sums: &mut GradientSums,
     ) {
-        let b = &site.brdf;
+        let b = &context.brdf;
         let mut texel = [0.0f32; 8];
         for c in 0..3 {
             let irradiance = estimate.irradiance[c] * std::f32::consts::FRAC_1_PI;
@@ -149,14 +156,14 @@ impl Shader<'_> {
             texel[3] += adjoint[c] * estimate.by_alpha2[c] * b.alpha2_slope();
             texel[4] += adjoint[c] * ((b.base[c] - 0.04) * f0 - b.base[c] * irradiance);
         }
-        sink.add_material(&site.footprint, &texel);
+        sums.add_material(&context.footprint, &texel);
         for record in &estimate.records {
             let gains: [[f32; 8]; 3] =
                 std::array::from_fn(|c| (record.gains[c] * f32x8::splat(adjoint[c])).to_array());
             for lane in 0..LANES {
                 let gain = [gains[0][lane], gains[1][lane], gains[2][lane]];
                 if gain != [0.0; 3] {
-                    sink.add_light(record.texels[lane], gain);
+                    sums.add_light(record.texels[lane], gain);
                 }
             }
         }
@@ -181,10 +188,10 @@ fn add(brdf: &Brdf, e: &Eval, w: f32x8, light: &[f32x8; 4], sums: &mut [[f32x8; 
     })
 }
 
-/// Numbers `offset` + (8 `pass` + lane) · `step`, modulo 2³².
+/// Numbers `offset` + (8 `bundle` + lane) · `step`, modulo 2³².
 #[inline]
-fn additive(offset: u32, step: u32, pass: usize) -> u32x8 {
-    let first = offset.wrapping_add(step.wrapping_mul((pass * LANES) as u32));
+fn additive(offset: u32, step: u32, bundle: usize) -> u32x8 {
+    let first = offset.wrapping_add(step.wrapping_mul((bundle * LANES) as u32));
     u32x8::from(std::array::from_fn::<u32, 8, _>(|lane| first.wrapping_add(step.wrapping_mul(lane as u32))))
 }
 

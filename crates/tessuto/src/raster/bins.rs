@@ -25,7 +25,7 @@ impl Bins {
         self.starts.resize(height.div_ceil(BAND_ROWS) + 1, 0);
         self.bounds = None;
         for p in projected.iter().filter(|p| !is_empty(p)) {
-            self.bounds = Some(self.bounds.map_or(rect(p), |b| union(b, rect(p))));
+            self.bounds = Some(self.bounds.map_or(rect(p), |b| b.union(rect(p))));
             for band in bands(p) {
                 self.starts[band + 1] += 1;
             }
@@ -50,11 +50,6 @@ impl Bins {
     pub fn band(&self, band: usize) -> &[u32] {
         &self.triangles[self.starts[band] as usize..self.starts[band + 1] as usize]
     }
-}
-
-/// The smallest rectangle that contains both.
-pub(super) fn union(a: Rect, b: Rect) -> Rect {
-    Rect { x0: a.x0.min(b.x0), y0: a.y0.min(b.y0), x1: a.x1.max(b.x1), y1: a.y1.max(b.y1) }
 }
 
 fn is_empty(p: &Projected) -> bool {

@@ -1,9 +1,9 @@
-//! Differentiable rasteriser: textured triangle mesh → picture with coverage and depth, and back.
+//! Differentiable rasteriser: textured triangle mesh → image with coverage and depth, and back.
 //!
 //! [`Rasterizer::render`] goes through the steps of the files here, in this order: `projected`
 //! (planes of each triangle), `bins` (bands of rows), `visibility` (z-buffer), `shade`
 //! (texture), `silhouette` (antialiasing). [`Rasterizer::render_vjp`] goes back. [`mod@reference`]
-//! is the same picture, written plainly.
+//! is the same image, written plainly.
 //!
 //! ```
 //! use glam::DVec2;
@@ -38,6 +38,7 @@ use crate::mesh::Mesh;
 
 mod adjacency;
 mod bins;
+mod blend;
 pub(crate) mod coverage;
 mod gradients;
 mod projected;
@@ -224,7 +225,7 @@ fn draw_bands(texture: &Texture, out: &mut Rendering) {
         y1: (b.y1 + 1).min(out.height),
     });
     let region = match (out.drawn, grown) {
-        (Some(a), Some(b)) => bins::union(a, b),
+        (Some(a), Some(b)) => a.union(b),
         (Some(a), None) | (None, Some(a)) => a,
         (None, None) => return,
     };

@@ -59,7 +59,7 @@ fn bilinear(texture: &PlainTexture, uv: DVec2) -> [f64; 4] {
     })
 }
 
-/// The picture of `rasterizer`'s mesh at `positions` `[m]`.
+/// The image of `rasterizer`'s mesh at `positions` `[m]`.
 pub fn render(
     rasterizer: &Rasterizer,
     camera: &Camera,

@@ -1,12 +1,12 @@
 //! What a rendering returns, and what its adjoint needs to know.
 
 use super::bins::Bins;
+use super::blend::Blend;
 use super::projected::{Projected, Rays};
-use super::silhouette::Blend;
 use crate::camera::Rect;
 use crate::image::Image;
 
-/// Picture of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used
+/// Image of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used
 /// again by the next rendering into it.
 #[derive(Debug, Clone, Default)]
 pub struct Rendering {
@@ -56,6 +56,16 @@ impl Rendering {
         let depth = |&inverse: &f64| if inverse > 0.0 { (1.0 / inverse) as f32 } else { 0.0 };
         let data = self.inverse_depth.iter().map(depth).collect();
         Image { width: self.width, height: self.height, channels: 1, data }
+    }
+
+    /// The pixel itself if a triangle covers its centre, or else a neighbour whose centre is covered: the edge pixels that
+    /// antialiasing gave coverage have no triangle of their own.
+    pub fn covered_near(&self, x: usize, y: usize) -> Option<(usize, usize)> {
+        let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
+        candidates.into_iter().find(|&(x, y)| {
+            let inside = x < self.width && y < self.height;
+            inside && self.triangle[y * self.width + x] != Self::NO_TRIANGLE
+        })
     }
 
     /// Number of pixels that the antialiasing changed, counted once for each neighbour blended in.

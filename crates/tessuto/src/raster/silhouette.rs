@@ -21,28 +21,12 @@ use glam::{DVec3, Vec4};
 
 use super::adjacency::{Across, NONE, edge};
 use super::bins::BAND_ROWS;
+use super::blend::Blend;
 use super::{Rasterizer, Rendering};
 
 /// Triangles that the walk between two pixel centres may cross; more only fit if triangles are far
 /// smaller than pixels.
 pub(super) const MAX_STEPS: usize = 16;
-
-/// One pixel's share in another: `out[receiver]` += weight · (`c[partner]` − `c[receiver]`).
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Blend {
-    /// Pixel that changes.
-    pub receiver: u32,
-    /// Pixel that it receives from.
-    pub partner: u32,
-    /// In [0, ½].
-    pub weight: f32,
-    /// `c[partner]` − `c[receiver]`, unblended.
-    pub contrast: [f32; 4],
-    /// Vertices A and B of the silhouette edge.
-    pub edge: [u32; 2],
-    /// Derivative of the weight with respect to the edge plane A × B [1/m²].
-    pub weight_by_plane: DVec3,
-}
 
 /// A silhouette edge between two pixel centres.
 struct Crossing {
@@ -50,7 +34,7 @@ struct Crossing {
     edge: [u32; 2],
     /// (A × B) · r at the occluder's and the other pixel's ray.
     values: [f64; 2],
-    /// A × B `[m²]`.
+    /// A × B [m²].
     plane: DVec3,
 }
 
@@ -181,22 +165,11 @@ fn walk(
     None
 }
 
-/// Adds the blends to the picture. They hold unblended colours, so their order does not matter to what
+/// Adds the blends to the image. They hold unblended colours, so their order does not matter to what
 /// they mean.
 pub(super) fn apply_blends(rendering: &mut Rendering) {
     for blend in rendering.blends.iter().flatten() {
         let rgba = &mut rendering.rgba[blend.receiver as usize];
         *rgba = (Vec4::from_array(*rgba) + Vec4::from_array(blend.contrast) * blend.weight).to_array();
-    }
-}
-
-impl Blend {
-    /// Gradients with respect to the edge's vertices A and B `[m]`, for the image gradient `grad` at the
-    /// receiver.
-    pub fn edge_gradients(&self, positions: &[DVec3], grad: Vec4) -> [DVec3; 2] {
-        let w = self.weight_by_plane * f64::from(grad.dot(Vec4::from_array(self.contrast)));
-        let [a, b] = self.edge.map(|v| positions[v as usize]);
-        // d(A × B) · w = dA · (B × w) + dB · (w × A)
-        [b.cross(w), w.cross(a)]
     }
 }

@@ -4,7 +4,7 @@ use glam::{DVec2, Vec4};
 
 use crate::image::Image;
 
-/// Picture on the surface. Row 0 is v = 1: the point (u, v) lies at texel coordinates
+/// Image on the surface. Row 0 is v = 1: the point (u, v) lies at texel coordinates
 /// x = u·width − ½, y = (1 − v)·height − ½, whole numbers being texel centres. Outside the outermost
 /// centres the texture goes on constantly.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -1,4 +1,4 @@
-//! Colour maps of the pictures.
+//! Colour maps of the images.
 
 /// sRGB-encoded colour in [0, 1].
 pub type Colour = [f32; 3];
@@ -38,14 +38,14 @@ const INFERNO: [[u8; 3]; 9] = [
 const SIGNED: [[u8; 3]; 5] =
     [[24, 74, 160], [112, 162, 219], [247, 247, 247], [236, 132, 100], [168, 24, 38]];
 
-/// Colour of `share` in [0, 1] for amounts: dark blue, green, yellow.
-pub fn sequential(share: f32) -> Colour {
-    interpolate(&VIRIDIS, share)
+/// Colour of `fraction` in [0, 1] for amounts: dark blue, green, yellow.
+pub fn sequential(fraction: f32) -> Colour {
+    interpolate(&VIRIDIS, fraction)
 }
 
-/// Colour of `share` in [0, 1] for errors: black, red, yellow.
-pub fn heat(share: f32) -> Colour {
-    interpolate(&INFERNO, share)
+/// Colour of `fraction` in [0, 1] for errors: black, red, yellow.
+pub fn heat(fraction: f32) -> Colour {
+    interpolate(&INFERNO, fraction)
 }
 
 /// Colour of `value` in [−1, 1]: blue below zero, white at zero, red above.
@@ -53,13 +53,13 @@ pub fn diverging(value: f32) -> Colour {
     interpolate(&SIGNED, 0.5 + 0.5 * value)
 }
 
-/// The straight line from `a` at `share` = 0 to `b` at 1.
-pub fn mix(a: Colour, b: Colour, share: f32) -> Colour {
-    [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * share)
+/// The straight line from `a` at `fraction` = 0 to `b` at 1.
+pub fn mix(a: Colour, b: Colour, fraction: f32) -> Colour {
+    [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * fraction)
 }
 
-fn interpolate(stops: &[[u8; 3]], share: f32) -> Colour {
-    let at = share.clamp(0.0, 1.0) * (stops.len() - 1) as f32;
+fn interpolate(stops: &[[u8; 3]], fraction: f32) -> Colour {
+    let at = fraction.clamp(0.0, 1.0) * (stops.len() - 1) as f32;
     let k = (at as usize).min(stops.len() - 2);
     let [a, b] = [stops[k], stops[k + 1]].map(|s| s.map(|v| f32::from(v) / 255.0));
     mix(a, b, at - k as f32)

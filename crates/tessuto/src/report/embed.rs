@@ -1,4 +1,4 @@
-//! Numbers and pictures as text inside the page: base64 of little-endian arrays, positions as 16-bit steps of the
+//! Numbers and images as text inside the page: base64 of little-endian arrays, positions as 16-bit steps of the
 //! frame's bounding box, scalars as 8-bit steps of a colour scale.
 
 use glam::DVec3;
@@ -155,9 +155,9 @@ impl Window {
         [at(0), at(1)]
     }
 
-    /// Column, row, width and height `[px]` in a picture of this size, whose row 0 is v = 1.
+    /// Column, row, width and height `[px]` in an image of this size, whose row 0 is v = 1.
     pub fn pixels(&self, width: u32, height: u32) -> [u32; 4] {
-        let at = |share: f64, n: u32| (share * f64::from(n)).round() as u32;
+        let at = |fraction: f64, n: u32| (fraction * f64::from(n)).round() as u32;
         let (x0, x1) = (at(self.low[0], width), at(self.high[0], width));
         let (y0, y1) = (at(1.0 - self.high[1], height), at(1.0 - self.low[1], height));
         [x0, y0, (x1 - x0).max(1), (y1 - y0).max(1)]

@@ -1,15 +1,13 @@
-//! The video and the drawn frames as small JPEG pictures that fit into a number of bytes.
+//! The video and the drawn frames as small JPEG images that fit into a number of bytes.
 
 use ::image::RgbImage;
-use ::image::codecs::jpeg::JpegEncoder;
-use ::image::imageops::{crop_imm, thumbnail};
 use rayon::prelude::*;
 use serde::Serialize;
 
 use super::embed::base64;
 use crate::camera::{Camera, Rect};
 use crate::error::Result;
-use crate::image::Image;
+use crate::io::jpeg;
 
 /// Largest side `[px]` and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [
@@ -30,7 +28,7 @@ const SAMPLES: usize = 5;
 /// Values up to this are background.
 const BLACK: u8 = 8;
 
-/// Gives the picture of frame n (from 0), at the size of the others.
+/// Gives the image of frame n (from 0), at the size of the others.
 pub type Load<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
 
 /// One way to see the frames.
@@ -39,7 +37,7 @@ pub struct Source<'a> {
     pub key: &'static str,
     /// What it is, for people.
     pub label: &'static str,
-    /// Pictures.
+    /// Images.
     pub load: Load<'a>,
 }
 
@@ -54,7 +52,7 @@ pub struct Layer {
     pub frames: Vec<String>,
 }
 
-/// Pictures of all frames, cut to where there is something to see.
+/// Images of all frames, cut to where there is something to see.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Film {
     /// Width `[px]`.
@@ -63,17 +61,17 @@ pub struct Film {
     pub height: u32,
     /// JPEG quality.
     pub quality: u8,
-    /// Camera of these pictures.
+    /// Camera of these images.
     pub camera: Option<Camera>,
     /// What there is to see.
     pub layers: Vec<Layer>,
 }
 
 impl Film {
-    /// The pictures of `frame_count` frames that together take at most `budget` bytes of base64, as large and good as
+    /// The images of `frame_count` frames that together take at most `budget` bytes of base64, as large and good as
     /// that allows; a budget below that of the smallest choice is exceeded.
     ///
-    /// - `camera`: of the sources' pictures
+    /// - `camera`: of the sources' images
     /// - `shown`: pixels that must stay in sight
     ///
     /// # Errors
@@ -96,7 +94,8 @@ impl Film {
             pairs.par_iter().map(|(s, n)| (sources[*s].load)(*n)).collect::<Result<_>>()?;
         let region = region(&samples, camera, shown);
         let fits = |(side, quality): &(u32, u8)| {
-            let bytes: usize = samples.par_iter().map(|p| jpeg(p, region, *side, *quality).len()).sum();
+            let bytes: usize =
+                samples.par_iter().map(|p| jpeg::encode_part(p, region, *side, *quality).len()).sum();
             // Frames between the samples may be richer.
             bytes as f64 / samples.len() as f64 * 4.0 / 3.0 * 1.04 * (frame_count * sources.len()) as f64
                 <= budget as f64
@@ -107,8 +106,8 @@ impl Film {
             let layers = encode(sources, frame_count, region, side, quality)?;
             let bytes: usize = layers.iter().flat_map(|l| &l.frames).map(String::len).sum();
             if bytes <= budget || choice + 1 == CHOICES.len() {
-                let [width, height] = size(region, side);
-                let camera = Some(scaled(camera, region, [width, height]));
+                let [width, height] = jpeg::fitted(region, side);
+                let camera = Some(camera.cropped(region).resized([width, height]));
                 return Ok(Self { width, height, quality, camera, layers });
             }
             choice += 1;
@@ -124,85 +123,23 @@ fn encode(
     quality: u8,
 ) -> Result<Vec<Layer>> {
     let layer = |source: &Source| {
-        let frame = |n| Ok(base64(&jpeg(&(source.load)(n)?, region, side, quality)));
+        let frame = |n| Ok(base64(&jpeg::encode_part(&(source.load)(n)?, region, side, quality)));
         let frames = (0..frame_count).into_par_iter().map(frame).collect::<Result<_>>()?;
         Ok(Layer { key: source.key, label: source.label, frames })
     };
     sources.iter().map(layer).collect()
 }
 
-/// The part of the pictures that is not black in any of `samples`, with `shown` and a margin.
+/// The part of the images that is not black in any of `samples`, with `shown` and a margin.
 fn region(samples: &[RgbImage], camera: &Camera, shown: Option<Rect>) -> Rect {
     let (width, height) = (camera.width, camera.height);
-    let mut view = shown.unwrap_or(Rect { x0: width, y0: height, x1: 0, y1: 0 });
-    for picture in samples {
-        for (x, y, pixel) in picture.enumerate_pixels() {
-            if pixel.0.iter().any(|v| *v > BLACK) {
-                let (x, y) = (x as usize, y as usize);
-                view = Rect {
-                    x0: view.x0.min(x),
-                    y0: view.y0.min(y),
-                    x1: view.x1.max(x + 1),
-                    y1: view.y1.max(y + 1),
-                };
-            }
-        }
-    }
-    if view.x0 >= view.x1 || view.y0 >= view.y1 {
-        return Rect { x0: 0, y0: 0, x1: width, y1: height };
-    }
-    let margin = view.width().max(view.height()) / 16 + 4;
-    Rect {
-        x0: view.x0.saturating_sub(margin),
-        y0: view.y0.saturating_sub(margin),
-        x1: (view.x1 + margin).min(width),
-        y1: (view.y1 + margin).min(height),
-    }
-}
-
-/// Size `[px]` of `region` with sides of at most `side`, never enlarged.
-pub fn size(region: Rect, side: u32) -> [u32; 2] {
-    let (width, height) = (region.width() as f64, region.height() as f64);
-    let scale = (f64::from(side) / width.max(height)).min(1.0);
-    [width, height].map(|s| ((s * scale).round() as u32).max(1))
-}
-
-/// The part `region` of `picture` as JPEG, with sides of at most `side` `[px]`.
-pub fn jpeg(picture: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
-    let [x, y, w, h] = [region.x0, region.y0, region.width(), region.height()].map(|v| v as u32);
-    let [width, height] = size(region, side);
-    let cut = crop_imm(picture, x, y, w, h);
-    let small = if (w, h) == (width, height) { cut.to_image() } else { thumbnail(&*cut, width, height) };
-    jpeg_of(&small, quality)
-}
-
-/// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
-pub fn rgb8(image: &Image) -> RgbImage {
-    let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
-    RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
-}
-
-/// `picture` as JPEG.
-pub fn jpeg_of(picture: &RgbImage, quality: u8) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    JpegEncoder::new_with_quality(&mut bytes, quality)
-        .encode_image(picture)
-        .expect("a vector takes every byte");
-    bytes
-}
-
-/// Camera of the part `region` at this size `[px]`.
-pub fn scaled(camera: &Camera, region: Rect, [width, height]: [u32; 2]) -> Camera {
-    let cut = camera.cropped(region);
-    let (sx, sy) = (f64::from(width) / cut.width as f64, f64::from(height) / cut.height as f64);
-    // Pixel centres are at whole numbers, so it is the pixels' corners that scale.
-    Camera {
-        fx: cut.fx * sx,
-        fy: cut.fy * sy,
-        cx: (cut.cx + 0.5) * sx - 0.5,
-        cy: (cut.cy + 0.5) * sy - 0.5,
-        width: width as usize,
-        height: height as usize,
+    let bright = samples.iter().flat_map(|image| {
+        let pixels = image.enumerate_pixels().filter(|(_, _, pixel)| pixel.0.iter().any(|v| *v > BLACK));
+        pixels.map(|(x, y, _)| (x as usize, y as usize))
+    });
+    match Rect::around(bright).into_iter().chain(shown).reduce(Rect::union) {
+        Some(view) => view.padded(view.width().max(view.height()) / 16 + 4, [width, height]),
+        None => Rect { x0: 0, y0: 0, x1: width, y1: height },
     }
 }
 

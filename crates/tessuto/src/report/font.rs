@@ -1,4 +1,4 @@
-//! Letters of 5×7 pixels, to write into pictures without a font file.
+//! Letters of 5×7 pixels, to write into images without a font file.
 
 use super::colour::Colour;
 use crate::image::Image;

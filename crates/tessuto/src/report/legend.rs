@@ -1,8 +1,8 @@
-//! Colour bar with its numbers and unit, drawn below a picture.
+//! Colour bar with its numbers and unit, drawn below an image.
 
 use super::colour::{Colour, diverging, heat, sequential};
 use super::font;
-use super::pictures::{Kind, Scales};
+use super::kind::{Kind, Scales};
 use crate::image::Image;
 
 /// Height `[px]` of the strip at scale 1.
@@ -17,14 +17,14 @@ pub struct Legend {
     pub title: String,
     /// Texts at the left end, in the middle and at the right end.
     pub ticks: [String; 3],
-    /// Colour at a share in [0, 1] of the bar.
+    /// Colour at a fraction in [0, 1] of the bar.
     pub colour: fn(f32) -> Colour,
 }
 
 impl Legend {
     /// None for photographs.
     pub fn of(kind: Kind, scales: &Scales) -> Option<Self> {
-        let signed = |share: f32| diverging(2.0 * share - 1.0);
+        let signed = |fraction: f32| diverging(2.0 * fraction - 1.0);
         match kind {
             Kind::Render | Kind::Observed => None,
             Kind::Difference => {
@@ -71,12 +71,12 @@ impl Legend {
     }
 }
 
-/// `picture` with the legend's strip below it.
-pub fn below(picture: &Image, legend: &Legend) -> Image {
-    let scale = if picture.width >= 420 { 2 } else { 1 };
-    let mut out = Image::new(picture.width, picture.height + scale * STRIP, 3);
-    out.data[..picture.data.len()].copy_from_slice(&picture.data);
-    font::fill(&mut out, [0, picture.height], [picture.width, scale * STRIP], PAPER);
-    legend.draw(&mut out, [0, picture.height], picture.width, scale);
+/// `image` with the legend's strip below it.
+pub fn below(image: &Image, legend: &Legend) -> Image {
+    let scale = if image.width >= 420 { 2 } else { 1 };
+    let mut out = Image::new(image.width, image.height + scale * STRIP, 3);
+    out.data[..image.data.len()].copy_from_slice(&image.data);
+    font::fill(&mut out, [0, image.height], [image.width, scale * STRIP], PAPER);
+    legend.draw(&mut out, [0, image.height], image.width, scale);
     out
 }

@@ -1,4 +1,4 @@
-//! What a person looks at after a reconstruction: pictures of every frame, a contact sheet and one
+//! What a person looks at after a reconstruction: images of every frame, a contact sheet and one
 //! self-contained page with the moving fabric, the video, numbers, curves and the command that repeats it.
 
 pub mod chart;
@@ -6,6 +6,7 @@ pub mod colour;
 pub mod embed;
 pub mod film;
 mod font;
+mod kind;
 mod legend;
 pub mod page;
 pub mod pictures;
@@ -66,7 +67,7 @@ pub struct ClothData {
     pub first_frame: usize,
     /// Frames of the video; the motion of a running reconstruction may have fewer.
     pub frame_count: usize,
-    /// Camera of the whole picture; results of older versions lack it.
+    /// Camera of the whole image; results of older versions lack it.
     pub camera: Option<Camera>,
     /// Topology.
     pub surface: Surface,
@@ -76,7 +77,7 @@ pub struct ClothData {
     pub fields: Vec<Field>,
 }
 
-/// A picture on the fabric's surface.
+/// An image on the fabric's surface.
 #[derive(Debug, Clone)]
 pub struct Map {
     /// Key, for the script: `texture`, `diffuse`, `roughness` or `metallic`.
@@ -87,7 +88,7 @@ pub struct Map {
     pub picture: String,
 }
 
-/// The light as a lat-long picture; its middle is where the camera looks, the top row is up.
+/// The light as a lat-long image; its middle is where the camera looks, the top row is up.
 #[derive(Debug, Clone, Default, serde::Serialize)]
 pub struct LightData {
     /// Width `[px]`.

@@ -1,4 +1,4 @@
-//! The page: one file that needs nothing else. Styles, scripts, pictures and numbers are inside it.
+//! The page: one file that needs nothing else. Styles, scripts, images and numbers are inside it.
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use crate::error::Result;
 use crate::io;
 use crate::metrics::{Evaluation, OverFrames, QUANTITIES, Verdict};
 
-/// Size `[bytes]` that the page keeps to by choosing the size of its pictures.
+/// Size `[bytes]` that the page keeps to by choosing the size of its images.
 pub const BUDGET: usize = 14 << 20;
 
 /// Styles, in the order of the page.
@@ -41,7 +41,7 @@ struct Page<'a> {
     parameters: Vec<Row>,
     agreement: Vec<Row>,
     errors: Vec<Row>,
-    /// Name, time, share of the longest in percent.
+    /// Name, time, fraction of the longest in percent.
     timings: Vec<(String, String, String)>,
     total: String,
     /// JSON for the script.
@@ -99,15 +99,15 @@ pub fn render(data: &ReportData) -> String {
     page(data).render().expect("a string takes every text")
 }
 
-/// Bytes of the page without its numbers and pictures.
+/// Bytes of the page without its numbers and images.
 pub fn bare_size() -> usize {
     STYLES.iter().chain(&SCRIPTS).map(|s| s.len()).sum()
 }
 
 fn page(data: &ReportData) -> Page<'_> {
     let longest = data.timings.iter().map(|t| t.1).fold(1e-9, f64::max);
-    let share = |s: f64| format!("{:.1}", 100.0 * s / longest);
-    let timings = data.timings.iter().map(|(name, s)| (name.clone(), duration(*s), share(*s)));
+    let percent = |s: f64| format!("{:.1}", 100.0 * s / longest);
+    let timings = data.timings.iter().map(|(name, s)| (name.clone(), duration(*s), percent(*s)));
     let mut charts: Vec<Chart> = data.evaluation.as_ref().and_then(chart::of_errors).into_iter().collect();
     charts.extend(data.charts.iter().cloned());
     let errors = data.evaluation.as_ref().map(error_rows).unwrap_or_default();
@@ -162,11 +162,9 @@ fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row
     let mut rows = Vec::new();
     let silhouette = "silhouette, intersection over union with the mask";
     rows.extend(v.silhouette.map(|o| row(silhouette, &o, "", 1.0, 3)));
-    rows.extend(
-        v.psnr.map(|o| {
-            row("colours, PSNR of the recovered print (in the first frame's light)", &o, "dB", 1.0, 1)
-        }),
-    );
+    rows.extend(v.psnr.map(|o| {
+        row("colours, PSNR of the recovered texture (in the first frame's light)", &o, "dB", 1.0, 1)
+    }));
     let lit = evaluation.and_then(|e| e.maps.as_ref()).and_then(|m| m.frames_psnr);
     rows.extend(lit.map(|value| Row {
         name: "colours, PSNR re-rendered with material and light".to_owned(),

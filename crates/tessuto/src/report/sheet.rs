@@ -1,4 +1,4 @@
-//! Contact sheet: a few frames side by side, one row per kind of picture.
+//! Contact sheet: a few frames side by side, one row per kind of image.
 
 use super::colour::Colour;
 use super::font;
@@ -9,7 +9,7 @@ use crate::image::Image;
 
 const INK: Colour = [0.13, 0.13, 0.13];
 const PAPER: Colour = [1.0, 1.0, 1.0];
-/// Width `[px]` of one small picture.
+/// Width `[px]` of one small image.
 const CELL: usize = 190;
 const GAP: usize = 4;
 /// Space `[px]` for the rows' and the columns' names.
@@ -84,26 +84,14 @@ fn words(kind: Kind) -> &'static [&'static str] {
 fn fabric(frames: &[(usize, FramePictures)]) -> Rect {
     const MARGIN: usize = 8;
     let (width, height) = (frames[0].1.rgb.width, frames[0].1.rgb.height);
-    let mut view = Rect { x0: width, y0: height, x1: 0, y1: 0 };
-    for mask in frames.iter().flat_map(|(_, f)| [f.mask, &f.observed.mask]) {
-        for (i, _) in mask.data.iter().enumerate().filter(|(_, v)| **v > 0.5) {
-            let (x, y) = (i % width, i / width);
-            view = Rect {
-                x0: view.x0.min(x),
-                y0: view.y0.min(y),
-                x1: view.x1.max(x + 1),
-                y1: view.y1.max(y + 1),
-            };
-        }
-    }
-    if view.x0 >= view.x1 {
-        return Rect { x0: 0, y0: 0, x1: width, y1: height };
-    }
-    Rect {
-        x0: view.x0.saturating_sub(MARGIN),
-        y0: view.y0.saturating_sub(MARGIN),
-        x1: (view.x1 + MARGIN).min(width),
-        y1: (view.y1 + MARGIN).min(height),
+    let masks = frames.iter().flat_map(|(_, f)| [f.mask, &f.observed.mask]);
+    let covered = masks.flat_map(|mask| {
+        let pixels = mask.data.iter().enumerate().filter(|(_, v)| **v > 0.5);
+        pixels.map(|(i, _)| (i % width, i / width))
+    });
+    match Rect::around(covered) {
+        Some(view) => view.padded(MARGIN, [width, height]),
+        None => Rect { x0: 0, y0: 0, x1: width, y1: height },
     }
 }
 
@@ -119,10 +107,10 @@ fn shrunk(image: &Image, view: Rect, [width, height]: [usize; 2]) -> Image {
         let ys = span(y, height, view.height(), view.y0);
         for x in 0..width {
             let xs = span(x, width, view.width(), view.x0);
-            let share = 1.0 / (xs.len() * ys.len()) as f32;
+            let weight = 1.0 / (xs.len() * ys.len()) as f32;
             for (sx, sy) in ys.clone().flat_map(|sy| xs.clone().map(move |sx| (sx, sy))) {
                 for (o, v) in out.pixel_mut(x, y).iter_mut().zip(image.pixel(sx, sy)) {
-                    *o += v * share;
+                    *o += v * weight;
                 }
             }
         }

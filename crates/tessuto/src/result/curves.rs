@@ -48,7 +48,7 @@ pub(super) fn over_frames(
     let lit = read_psnr(&saved.path().join("rerendered/psnr.csv"))?.filter(|p| p.len() == motion.len());
     colours.extend(lit.map(|psnr| ("material and light", psnr)));
     if measured {
-        colours.push(("recovered print", of(&|f| f.psnr)));
+        colours.push(("recovered texture", of(&|f| f.psnr)));
     }
     if !colours.is_empty() {
         charts.push(chart("PSNR of the re-rendered frames", "dB", colours));

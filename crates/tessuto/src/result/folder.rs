@@ -32,9 +32,9 @@ pub struct Folder {
     pub parameters: Parameters,
     /// Frames per second.
     pub fps: f64,
-    /// Camera of the whole picture.
+    /// Camera of the whole image.
     pub camera: Camera,
-    /// The part of the whole picture that was used.
+    /// The part of the whole image that was used.
     pub crop: Rect,
     motion: OnceCell<Motion>,
     material: OnceCell<Option<Material>>,

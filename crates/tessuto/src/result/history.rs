@@ -59,7 +59,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Epoch>> {
         let cells: Vec<&str> = line.split(',').collect();
         let count = |k: usize| cells.get(k).and_then(|c| c.parse().ok());
         let (Some(step), Some(active_frames)) = (count(1), count(2)) else {
-            return Err(fail(n + 1, format!("“{line}” is no step")));
+            return Err(fail(n + 1, format!("“{line}” is not a step")));
         };
         let stage = cells[0].to_owned().into();
         let mut epoch = Epoch { stage, step, of: step, active_frames, ..Epoch::default() };

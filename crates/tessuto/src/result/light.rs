@@ -7,10 +7,10 @@ use rayon::prelude::*;
 
 use super::page::MAP_QUALITY;
 use crate::error::Result;
-use crate::io;
+use crate::io::{self, jpeg};
+
 use crate::mesh::{Mesh, Positions};
 use crate::pbr::EnvironmentMap;
-use crate::report::film::jpeg_of;
 use crate::report::{LightData, chosen_frames, embed};
 
 /// Most triangles of a frame whose normals are looked at.
@@ -53,7 +53,7 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
         width: data.width,
         height: data.height,
         radiance: embed::base64_of(&data.data),
-        picture: embed::base64(&jpeg_of(&picture, MAP_QUALITY)),
+        picture: embed::base64(&jpeg::encode(&picture, MAP_QUALITY)),
         unobserved: seen.iter().any(|s| !s),
     }))
 }

@@ -1,13 +1,13 @@
-//! The page of a reconstruction that goes on, and the news that its script asks for.
+//! The live report page, and the updates that its script asks for.
 
 use serde::Serialize;
 
 use super::{Run, page};
-use crate::config::Preset;
 use crate::error::Result;
+use crate::io::image::rgb8;
 use crate::mesh::Positions;
 use crate::report::embed::Window;
-use crate::report::film::{self, Film, Source};
+use crate::report::film::{Film, Source};
 use crate::report::{ClothData, Motion, ReportData, Surface, chart, page as report};
 use crate::scene::Scene;
 use crate::session::Epoch;
@@ -21,12 +21,12 @@ const FILM_BUDGET: usize = 4 << 20;
 /// Those of reading the frames.
 pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let template = [scene.template.positions.clone()];
-    let bytes = |n: usize| Ok(film::rgb8(&scene.frames.frame(n)?.rgb));
+    let bytes = |n: usize| Ok(rgb8(&scene.frames.frame(n)?.rgb));
     let source = Source { key: "observed", label: "video", load: Box::new(bytes) };
     let shown = page::in_sight(&template, &scene.camera);
     let data = ReportData {
-        title: page::name_of(&run.scene),
-        subtitle: subtitle(run, scene.template.positions.len()),
+        title: run.name(),
+        subtitle: format!("{}, {} vertices", run.subtitle(), scene.template.positions.len()),
         command: command.to_owned(),
         cloth: Some(ClothData {
             fps: scene.fps,
@@ -66,18 +66,4 @@ pub fn live_state(epochs: &[Epoch], motion: Option<&[Positions]>) -> String {
         motion: motion.map(Motion::new),
     };
     serde_json::to_string(&state).expect("plain data")
-}
-
-/// What was done, with which preset and version.
-pub(super) fn subtitle(run: &Run, vertices: usize) -> String {
-    let preset = match run.settings.preset {
-        Preset::Saft => "saft",
-        Preset::Default => "default",
-    };
-    let [first, end] = run.frames;
-    format!(
-        "frames {first} to {}, {vertices} vertices, preset {preset}, tessuto {}",
-        end.saturating_sub(1),
-        run.version
-    )
 }

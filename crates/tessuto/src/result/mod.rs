@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Rect};
-use crate::config::Config;
+use crate::config::{Config, Preset};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::Motion;
@@ -59,6 +59,24 @@ pub struct Run {
     pub frames: [usize; 2],
     /// All settings.
     pub settings: Config,
+}
+
+impl Run {
+    /// The name of the scene's folder.
+    pub fn name(&self) -> String {
+        let whole = self.scene.canonicalize().unwrap_or_else(|_| self.scene.clone());
+        whole.file_name().map_or_else(|| "fabric".to_owned(), |n| n.to_string_lossy().into_owned())
+    }
+
+    /// What was done, with which preset and version.
+    fn subtitle(&self) -> String {
+        let preset = match self.settings.preset {
+            Preset::Saft => "saft",
+            Preset::Default => "default",
+        };
+        let [first, end] = self.frames;
+        format!("frames {first} to {}, preset {preset}, tessuto {}", end.saturating_sub(1), self.version)
+    }
 }
 
 fn as_text<S: serde::Serializer>(path: &Path, serializer: S) -> std::result::Result<S::Ok, S::Error> {
@@ -92,9 +110,9 @@ struct ParameterFile {
     dynamic_parts: usize,
     area_density: Quantity<f64>,
     frame_rate: Quantity<f64>,
-    /// Camera of the whole picture.
+    /// Camera of the whole image.
     camera: Camera,
-    /// The part of the whole picture that was used.
+    /// The part of the whole image that was used.
     crop: Rect,
 }
 

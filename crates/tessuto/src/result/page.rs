@@ -9,13 +9,13 @@ use super::folder::UNCHANGED;
 use super::{Folder, curves, light};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
-use crate::io;
+use crate::io::{self, jpeg};
 use crate::mesh::Positions;
 use crate::metrics::{self, Evaluation, Verdict};
 use crate::motion::parameters::Parameters;
 use crate::report::chart;
 use crate::report::embed::Window;
-use crate::report::film::{Film, Load, Source, jpeg_of};
+use crate::report::film::{Film, Load, Source};
 use crate::report::{ClothData, Field, KeyNumber, Map, Motion, Parameter, ReportData, Surface, embed, page};
 use crate::sim::Accelerations;
 use crate::sim::cloth::AREA_DENSITY;
@@ -65,13 +65,13 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         + 100_000 + 100 * steps.len();
     let budget = page::BUDGET.saturating_sub(page::bare_size() + sizes).max(LEAST_FILM);
     let total: f64 = log.timings.iter().map(|(_, s)| s).sum();
-    let mut subtitle = super::live::subtitle(&saved.run, saved.mesh.positions.len());
+    let mut subtitle = format!("{}, {} vertices", saved.run.subtitle(), saved.mesh.positions.len());
     if total > 0.0 {
         subtitle.push_str(&format!(", {total:.0} s of work"));
     }
     let verdict = metrics::judge(agreement);
     Ok(ReportData {
-        title: name_of(&saved.run.scene),
+        title: saved.run.name(),
         subtitle,
         command: log.commands.join("\n"),
         key_numbers: key_numbers(verdict.as_ref(), evaluation.as_ref()),
@@ -112,12 +112,6 @@ fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Ve
     .flatten()
     .take(3)
     .collect()
-}
-
-/// The name of the scene's folder.
-pub(super) fn name_of(scene: &Path) -> String {
-    let whole = scene.canonicalize().unwrap_or_else(|_| scene.to_path_buf());
-    whole.file_name().map_or_else(|| "fabric".to_owned(), |n| n.to_string_lossy().into_owned())
 }
 
 /// What was recovered besides the motion.
@@ -213,10 +207,10 @@ fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Fie
     .collect())
 }
 
-/// The recovered print and, where they were estimated, the material maps; of each the part that `window` shows.
+/// The recovered texture and, where they were estimated, the material maps; of each the part that `window` shows.
 fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
     let all = [
-        ("texture", "recovered print: the first frame's colours, with its light", "texture.png"),
+        ("texture", "recovered texture: the first frame's colours, with its light", "texture.png"),
         ("diffuse", "albedo: the diffuse colour, without the light", "material/diffuse.png"),
         ("roughness", "roughness: black is smooth, white is matt", "material/roughness.png"),
         ("metallic", "metallic: black is none, white is metal", "material/metallic.png"),
@@ -228,7 +222,7 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
         let side = |s: u32| ((f64::from(s) * scale).round() as u32).max(1);
         let small = ::image::imageops::thumbnail(&picture, side(width), side(height));
-        Ok(Map { key, label, picture: embed::base64(&jpeg_of(&small, MAP_QUALITY)) })
+        Ok(Map { key, label, picture: embed::base64(&jpeg::encode(&small, MAP_QUALITY)) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
 }
@@ -251,7 +245,7 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
     let shown = in_sight(motion, &camera);
     let layers = [
         ("observed", "video"),
-        ("render", "re-rendered: recovered print"),
+        ("render", "re-rendered: recovered texture"),
         ("rerendered", "re-rendered: recovered material and light"),
     ];
     let source = |(key, label): (&'static str, &'static str)| {
@@ -263,7 +257,7 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
     Film::new(&sources, motion.len(), &camera, shown, budget)
 }
 
-/// A picture of size `size`, or that part of a whole frame.
+/// An image of size `size`, or that part of a whole frame.
 fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage> {
     let picture = io::image::read_bytes(&path)?;
     let [width, height] = [picture.width() as usize, picture.height() as usize];
@@ -284,18 +278,10 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage
 /// The pixels that the moving fabric comes over; None if it is never in sight.
 pub(super) fn in_sight(motion: &[Positions], camera: &Camera) -> Option<Rect> {
     let (width, height) = (camera.width, camera.height);
-    let mut view = Rect { x0: width, y0: height, x1: 0, y1: 0 };
-    for p in motion.iter().flatten().filter(|p: &&DVec3| p.z > 1e-6) {
+    let pixel = |p: &DVec3| {
         let p_pixel = camera.project(*p).round();
-        if p_pixel.min_element() >= 0.0 && p_pixel.x < width as f64 && p_pixel.y < height as f64 {
-            let (x, y) = (p_pixel.x as usize, p_pixel.y as usize);
-            view = Rect {
-                x0: view.x0.min(x),
-                y0: view.y0.min(y),
-                x1: view.x1.max(x + 1),
-                y1: view.y1.max(y + 1),
-            };
-        }
-    }
-    (view.x0 < view.x1).then_some(view)
+        let inside = p_pixel.min_element() >= 0.0 && p_pixel.x < width as f64 && p_pixel.y < height as f64;
+        inside.then_some((p_pixel.x as usize, p_pixel.y as usize))
+    };
+    Rect::around(motion.iter().flatten().filter(|p| p.z > 1e-6).filter_map(pixel))
 }

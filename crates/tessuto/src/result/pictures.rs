@@ -1,4 +1,4 @@
-//! Pictures of every frame of a result, and its errors at the vertices.
+//! Images of every frame of a result, and its errors at the vertices.
 
 use std::path::Path;
 
@@ -55,7 +55,7 @@ impl Painter<'_> {
         Rendered { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured }
     }
 
-    /// Writes the pictures of frame `n` and measures it.
+    /// Writes the images of frame `n` and measures it.
     fn finish(&self, rendered: &Rendered, n: usize, folder: &Path, scales: &Scales) -> Result<Measured> {
         let (scene, shape) = (self.scene, &self.result.motion[n]);
         let number = scene.first_frame + n;

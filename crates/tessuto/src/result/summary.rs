@@ -19,7 +19,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::{Folder, page, read_json, write_json};
+use super::{Folder, read_json, write_json};
 use crate::error::Result;
 use crate::metrics::{Grade, Verdict, judge};
 
@@ -55,7 +55,7 @@ impl Summary {
         let log = folder.log()?;
         let agreement = folder.metrics()?.map_or(&[][..], |metrics| &metrics.agreement);
         Ok(Self {
-            name: page::name_of(&folder.run.scene),
+            name: folder.run.name(),
             version: folder.run.version.clone(),
             frames: folder.run.frames,
             vertices: folder.mesh.positions.len(),

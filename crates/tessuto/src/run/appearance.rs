@@ -76,7 +76,7 @@ pub fn run(
     if saved.is_none() && options.motion == MotionSource::Result {
         return Err(Error::input(
             folder.display().to_string(),
-            "there is no config.json, so this is no result of a reconstruction",
+            "there is no config.json, so this is not the result of a reconstruction",
             "give the folder that a reconstruction wrote, or take the true motion (--motion gt)",
         ));
     }
@@ -158,8 +158,9 @@ pub(super) fn estimate(
     let mut sum = 0.0;
     for (n, positions) in motion.iter().enumerate() {
         let look = (&maps, &found.environment);
-        let passes = settings.render_passes;
-        let drawn = appearance::rerender(scene, &rasterizer, &geometry, (n, positions), look, passes)?;
+        let samples_per_pixel = settings.render_samples_per_pixel;
+        let drawn =
+            appearance::rerender(scene, &rasterizer, &geometry, (n, positions), look, samples_per_pixel)?;
         let frame = scene.first_frame + n;
         let file = |kind: &str| rerendered.partial().join(format!("{kind}_{frame:03}.png"));
         io::image::write_png(&file("rgb"), &drawn.rgb)?;

@@ -154,7 +154,7 @@ pub fn run(
                 rerendered_psnr = Some(psnr);
                 result::write_metrics(folder, scene, &found.motion, evaluation.as_ref())?;
             }
-            // Nothing is lost: it goes on from the checkpoint.
+            // Nothing is lost: it resumes from the checkpoint.
             Err(error @ Error::Interrupted(_)) if checkpoints.is_some() => return Err(error),
             Err(error) => failure = Some(error),
         }
@@ -178,7 +178,7 @@ pub fn run(
     Ok(Outcome { summary, evaluation, rerendered_psnr, timings, failure: failure.or(page.err()) })
 }
 
-/// Lets `session` keep its states in `folder`, and go on from those that are there if that is asked for.
+/// Lets `session` keep its states in `folder`, and resume from those that are there if that is asked for.
 fn keep_checkpoints(
     session: &mut Session,
     scene: &Scene,

@@ -1,4 +1,4 @@
-//! Files that a computation goes on from: written atomically, versioned, checksummed, the last two kept.
+//! Checkpoint files: written atomically, versioned, checksummed, the last two kept.
 //!
 //! A file is one line of JSON, which says what follows, and then the parts one after another, each MessagePack.
 
@@ -11,6 +11,7 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_bounded};
+use crate::text::hex;
 
 /// Says what the file is, and in which layout.
 const FORMAT: &str = "tessuto checkpoint 1";
@@ -85,7 +86,7 @@ impl Checkpoints {
         files
     }
 
-    /// The newest one that is whole; `complain` hears of those that are not. `None` if there is none.
+    /// The newest one that is whole; `complain` is called for those that are not. `None` if there is none.
     ///
     /// # Errors
     /// [`Error::Input`] if it belongs to another computation, or to another version of this program.
@@ -190,11 +191,6 @@ fn parse(bytes: &[u8]) -> std::result::Result<(Header, BTreeMap<String, Vec<u8>>
         body = rest;
     }
     Ok((header, parts))
-}
-
-/// Lower-case hexadecimal.
-pub(super) fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
 #[cfg(test)]

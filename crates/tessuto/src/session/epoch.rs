@@ -1,4 +1,4 @@
-//! One step of a computation, as its caller hears of it and as it is stored.
+//! One step of a computation, as reported to its observer and as it is stored.
 
 use std::borrow::Cow;
 

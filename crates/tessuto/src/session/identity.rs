@@ -2,9 +2,9 @@
 
 use sha2::{Digest, Sha256};
 
-use super::checkpoint::hex;
 use crate::error::Result;
 use crate::scene::Scene;
+use crate::text::hex;
 
 /// SHA-256 of everything that is computed with: `settings` as text, the camera, the template and all pixels.
 ///
@@ -19,13 +19,13 @@ pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
     hash.update(bytemuck::cast_slice::<_, u8>(&template.positions));
     hash.update(bytemuck::cast_slice::<_, u8>(&template.uvs));
     hash.update(format!("{:?}", template.faces));
-    let of_frame = |(): &mut (), n| {
+    let frame_hash = |(): &mut (), n| {
         let frame = scene.frames.frame(n)?;
         let mut hash = Sha256::new();
         [&frame.rgb, &frame.mask].iter().for_each(|i| hash.update(bytemuck::cast_slice::<_, u8>(&i.data)));
         Ok(hash.finalize())
     };
-    let frames = scene.frames.map(0..scene.frames.len(), || (), of_frame)?;
+    let frames = scene.frames.map(0..scene.frames.len(), || (), frame_hash)?;
     frames.iter().for_each(|frame| hash.update(frame));
     Ok(hex(&hash.finalize()))
 }

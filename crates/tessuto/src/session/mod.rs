@@ -1,7 +1,7 @@
-//! A long computation's surroundings: who hears of its steps, and where it goes on after it was stopped.
+//! What a long computation talks to: an observer of its steps, checkpoints, and resuming from them.
 //!
-//! A stage asks [`Session::restore`] for the state that an interrupted run left, goes on from there or starts, and
-//! tells every finished step with its present state. The state is written now and then, and when the caller asks to
+//! A stage asks [`Session::restore`] for the state that an interrupted run left, resumes from there or starts, and
+//! reports every finished step with its present state. The state is written now and then, and when the caller asks to
 //! stop. A resumed computation does the same operations on the same numbers, so that its result has the same bytes.
 
 mod checkpoint;
@@ -24,12 +24,12 @@ use crate::mesh::Positions;
 /// Name of the part of a checkpoint that holds the steps so far.
 const HISTORY: &str = "history";
 
-/// Hears of a computation's progress.
+/// Is told of a computation's progress.
 pub trait Observer {
     /// A stage begins.
     fn stage(&mut self, _name: &str) {}
 
-    /// So much of a stage without steps of its own is done.
+    /// Progress of a stage without steps of its own.
     fn advance(&mut self, _done: usize, _of: usize) {}
 
     /// Something that the user may want to know.
@@ -42,7 +42,7 @@ pub trait Observer {
     fn step(&mut self, epoch: &Epoch, motion: &[Positions]) -> Result<()>;
 }
 
-/// A closure that hears of steps only.
+/// A closure that is told of steps only.
 struct Steps<F>(F);
 
 impl<F: FnMut(&Epoch, &[Positions]) -> Result<()>> Observer for Steps<F> {
@@ -89,7 +89,7 @@ impl<'a> Session<'a> {
         Self::new(|_, _| Ok(()))
     }
 
-    /// Keeps states in `checkpoints` from now on, and goes on from `found`.
+    /// Saves states to `checkpoints` from now on, and resumes from `found`.
     ///
     /// # Errors
     /// [`Error::Input`] if the history in `found` cannot be read.
@@ -123,7 +123,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Tells of a finished step. `state` is what the stage named in `epoch` goes on from, `None` where it could not.
+    /// Reports a finished step. `state` is what the stage named in `epoch` resumes from, `None` where it could not.
     ///
     /// # Errors
     /// What the observer returned; [`Error::Output`] if a checkpoint cannot be written.

@@ -3,6 +3,7 @@
 use glam::{DMat3, DVec3};
 
 use crate::math::hyper_dual::{self, Scalar, Vector, dot, scale};
+use crate::math::outer;
 
 /// Lengths below this `[m]` are taken as this, so that directions stay finite.
 const LENGTH_FLOOR: f64 = 1e-9;
@@ -61,9 +62,4 @@ pub fn hessian_by_rest_length(e: DVec3, stiffness: f64, a: DVec3, b: DVec3) -> f
     let inverse = 1.0 / (e.length_squared() + LENGTH_FLOOR * LENGTH_FLOOR).sqrt();
     let unit = e * inverse;
     -stiffness * inverse * (a.dot(b) - a.dot(unit) * unit.dot(b))
-}
-
-/// a bᵀ.
-pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
-    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }

@@ -1,4 +1,4 @@
-//! The motion of a made-up scene: a cloth hangs from the corners and the middle of its upper edge until it
+//! The motion of a synthetic scene: a cloth hangs from the corners and the middle of its upper edge until it
 //! is at rest, then a gust comes.
 
 use std::f64::consts::TAU;

@@ -1,4 +1,4 @@
-//! The meshes of made-up cloth.
+//! The meshes of synthetic cloth.
 
 use glam::{DVec2, DVec3};
 
@@ -17,7 +17,7 @@ pub enum MeshKind {
     Irregular,
 }
 
-/// Vertices are moved by up to this share of the distance to their neighbours.
+/// Vertices are moved by up to this fraction of the distance to their neighbours.
 const JITTER: f64 = 0.3;
 
 /// A flat cloth of `size` `[m]` at `depth` `[m]` with `columns`×`rows` vertices, row by row from the upper left.

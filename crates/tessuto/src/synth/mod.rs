@@ -1,10 +1,10 @@
-//! Scenes made from scratch: a printed cloth in a gust of wind, simulated, rendered and written as a scene
+//! Synthetic scenes: a textured cloth in a gust of wind, simulated, rendered and written as a scene
 //! folder with complete truth.
 
 pub mod gust;
 pub mod lattice;
-pub mod print;
 pub mod shade;
+pub mod texture;
 pub mod write;
 
 use std::path::PathBuf;
@@ -20,9 +20,9 @@ use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use lattice::MeshKind;
 
-/// Side of the print `[texel]`.
-const PRINT_SIZE: usize = 512;
-/// Pictures are drawn this much larger and averaged, so that fine print does not alias.
+/// Side of the texture `[texel]`.
+const TEXTURE_SIZE: usize = 512;
+/// Images are drawn this much larger and averaged, so that fine texture does not alias.
 const OVERSAMPLING: usize = 2;
 /// Points that the made-up depth sensor sees in each frame.
 const POINT_COUNT: usize = 4000;
@@ -34,7 +34,7 @@ pub struct Settings {
     pub frames: usize,
     /// Frames per second.
     pub fps: f64,
-    /// Width and height of the pictures `[px]`.
+    /// Width and height of the images `[px]`.
     pub size: usize,
     /// Columns and rows of vertices.
     pub grid: [usize; 2],
@@ -50,7 +50,7 @@ pub struct Settings {
     pub shear: f64,
     /// How much darker the cloth is where it turns away from the light, in [0, 1].
     pub shading: f64,
-    /// Seed of print, wind and mesh.
+    /// Seed of texture, wind and mesh.
     pub seed: u64,
 }
 
@@ -99,7 +99,7 @@ impl Settings {
         Ok(())
     }
 
-    /// A square picture with a horizontal field of view of about 44°.
+    /// A square image with a horizontal field of view of about 44°.
     fn camera(&self) -> Camera {
         let (f, c) = (1.25 * self.size as f64, (self.size as f64 - 1.0) / 2.0);
         Camera { fx: f, fy: f, cx: c, cy: c, width: self.size, height: self.size }
@@ -113,13 +113,13 @@ impl Settings {
 pub fn make(settings: &Settings) -> Result<Scene> {
     settings.validate()?;
     let (mesh, motion) = gust::simulate(settings)?;
-    let texture = Texture::from_image(&print::print(PRINT_SIZE, settings.seed));
+    let texture = Texture::from_image(&texture::texture(TEXTURE_SIZE, settings.seed));
     let camera = settings.camera();
     let rasterizer = Rasterizer::new(&mesh);
     let template = Mesh { positions: motion[0].clone(), ..mesh };
-    let (shapes, shading) = (motion.clone(), settings.shading);
+    let (moving, shading) = (motion.clone(), settings.shading);
     let draw = move |rendering: &mut Rendering, n: usize| {
-        view(&rasterizer, &camera, &texture, shading, &shapes[n], rendering)
+        view(&rasterizer, &camera, &texture, shading, &moving[n], rendering)
     };
     let held = motion.len() * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
     let views: Vec<(Option<Frame>, Vec<DVec3>)> = (0..motion.len())
@@ -149,23 +149,23 @@ pub fn make(settings: &Settings) -> Result<Scene> {
     })
 }
 
-/// Picture and depth measurements of one shape.
+/// Image and depth measurements of one shape.
 fn view(
     rasterizer: &Rasterizer,
     camera: &Camera,
     texture: &Texture,
     shading: f64,
-    shape: &Positions,
+    positions: &Positions,
     rendering: &mut Rendering,
 ) -> (Frame, Vec<DVec3>) {
     let large = enlarged(camera);
-    rasterizer.render(&large, shape, texture, rendering);
-    let [rgb, mask] = shade::shaded(rasterizer, &large, shape, shading, rendering);
+    rasterizer.render(&large, positions, texture, rendering);
+    let [rgb, mask] = shade::shaded(rasterizer, &large, positions, shading, rendering);
     let frame = Frame { rgb: rgb.downsampled(OVERSAMPLING), mask: mask.downsampled(OVERSAMPLING) };
     (frame, seen_points(&large, rendering))
 }
 
-/// The camera whose picture, averaged over blocks, is that of `camera`.
+/// The camera whose image, averaged over blocks, is that of `camera`.
 fn enlarged(camera: &Camera) -> Camera {
     let s = OVERSAMPLING as f64;
     let centre = |c: f64| s * c + (s - 1.0) / 2.0;

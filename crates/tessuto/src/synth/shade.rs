@@ -1,9 +1,11 @@
-//! Soft shading of a rendered cloth, so that folds show as they do on a photograph.
+//! Soft shading of a rendered cloth, so that folds show as in a photograph.
 
 use glam::{DVec2, DVec3};
 
 use crate::camera::Camera;
 use crate::image::Image;
+use crate::mesh::vertex_normals;
+use crate::pbr::barycentrics;
 use crate::raster::{Rasterizer, Rendering};
 
 /// From the cloth to the light: above the camera, to its left.
@@ -14,11 +16,11 @@ const LIGHT: DVec3 = DVec3::new(-0.45, -0.55, -0.70);
 pub fn shaded(
     rasterizer: &Rasterizer,
     camera: &Camera,
-    shape: &[DVec3],
+    positions: &[DVec3],
     shading: f64,
     rendering: &Rendering,
 ) -> [Image; 2] {
-    let normals = normals(rasterizer.triangles(), shape);
+    let normals = vertex_normals(rasterizer.triangles(), positions);
     let (width, height) = (rendering.width, rendering.height);
     let mut rgb = Image::new(width, height, 3);
     let mut mask = Image::new(width, height, 1);
@@ -30,10 +32,10 @@ pub fn shaded(
             if a == 0.0 {
                 continue;
             }
-            let light = covered_near(rendering, x, y).map_or(1.0, |(x, y)| {
+            let light = rendering.covered_near(x, y).map_or(1.0, |(x, y)| {
                 let corners = rasterizer.triangles()[rendering.triangle[y * width + x] as usize];
                 let ray = camera.ray(DVec2::new(x as f64, y as f64));
-                let weights = barycentrics(corners.map(|v| shape[v as usize]), ray);
+                let weights = barycentrics(corners.map(|v| positions[v as usize]), ray);
                 let n: DVec3 = (0..3).map(|k| normals[corners[k] as usize] * weights[k]).sum();
                 n.normalize_or_zero().dot(LIGHT.normalize()).abs()
             });
@@ -42,29 +44,4 @@ pub fn shaded(
         }
     }
     [rgb, mask]
-}
-
-/// Unit normals of the vertices: sums over their triangles, weighted by area.
-fn normals(triangles: &[[u32; 3]], shape: &[DVec3]) -> Vec<DVec3> {
-    let mut normals = vec![DVec3::ZERO; shape.len()];
-    for t in triangles {
-        let [a, b, c] = t.map(|v| shape[v as usize]);
-        t.iter().for_each(|v| normals[*v as usize] += (b - a).cross(c - a));
-    }
-    normals.iter().map(|n| n.normalize_or_zero()).collect()
-}
-
-/// The pixel itself if a triangle covers its centre, or else a neighbour's whose centre is covered.
-fn covered_near(rendering: &Rendering, x: usize, y: usize) -> Option<(usize, usize)> {
-    let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
-    candidates.into_iter().find(|&(x, y)| {
-        let inside = x < rendering.width && y < rendering.height;
-        inside && rendering.triangle[y * rendering.width + x] != Rendering::NO_TRIANGLE
-    })
-}
-
-/// Weights of a triangle's corners where the ray from the camera along `ray` meets its plane.
-fn barycentrics([a, b, c]: [DVec3; 3], ray: DVec3) -> [f64; 3] {
-    let weights = [ray.dot(b.cross(c)), ray.dot(c.cross(a)), ray.dot(a.cross(b))];
-    weights.map(|w| w / weights.iter().sum::<f64>())
 }

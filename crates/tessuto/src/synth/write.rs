@@ -1,4 +1,4 @@
-//! A made-up scene as a scene folder.
+//! A synthetic scene as a scene folder.
 
 use std::path::Path;
 

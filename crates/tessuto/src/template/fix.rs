@@ -1,4 +1,4 @@
-//! A mesh in another unit or with other axes, put right.
+//! Unit and axis fixes of a mesh.
 
 use glam::DVec3;
 

@@ -1,4 +1,4 @@
-//! Templates: the fabric in the first frame, made from what people have.
+//! Templates: the mesh of the fabric in the first frame, from measurements or from other meshes.
 //!
 //! - a flat or nearly flat rectangle of known size: [`outline`], [`rectangle`], [`hem`](mod@hem)
 //! - any textured mesh, as a regular grid of quads: [`remesh`]

@@ -8,19 +8,19 @@ use crate::raster::coverage::fill_triangle;
 
 /// Corners of the convex hull that are compared; more would only cost time.
 const HULL_CORNERS: usize = 48;
-/// Outline points within this share of a side's length of its line, root mean square, are a straight side.
+/// Outline points within this fraction of a side's length of its line, root mean square, are a straight side.
 const STRAIGHT: f64 = 0.006;
-/// A refined corner stays within this share of the mean side of the one it replaces.
+/// A refined corner stays within this fraction of the mean side of the one it replaces.
 const REFINED: f64 = 0.03;
 
 /// The border of the largest piece of fabric.
 #[derive(Debug, Clone)]
 pub struct Outline {
-    /// Points between pixels `[px]`, clockwise as seen in the picture, closed.
+    /// Points between pixels `[px]`, clockwise as seen in the image, closed.
     pub points: Vec<DVec2>,
     /// Pixels of the piece, shape [height · width].
     pub inside: Vec<bool>,
-    /// Width and height of the picture `[px]`.
+    /// Width and height of the image `[px]`.
     pub size: [usize; 2],
     /// What a user should know.
     pub notes: Vec<String>,
@@ -53,7 +53,7 @@ impl Outline {
         let border = (0..inside.len()).filter(|k| inside[*k] && touches(*k)).count();
         if border * 100 > (count as f64).sqrt() as usize * 5 {
             notes.push(format!(
-                "{place}: the fabric reaches the border of the picture; corners outside it cannot be found"
+                "{place}: the fabric reaches the border of the image; corners outside it cannot be found"
             ));
         }
         let points = contour(&inside, size, first);
@@ -274,7 +274,7 @@ pub(super) fn widest_quad_indices(polygon: &[DVec2]) -> [usize; 4] {
     best.1
 }
 
-/// The corners clockwise as seen in the picture, the upper left one first.
+/// The corners clockwise as seen in the image, the upper left one first.
 pub(super) fn from_upper_left(mut quad: [DVec2; 4]) -> [DVec2; 4] {
     if (quad[1] - quad[0]).perp_dot(quad[2] - quad[1]) < 0.0 {
         quad.reverse();

@@ -1,4 +1,4 @@
-//! A rectangle of fabric of known size from its four corners in the picture.
+//! A rectangle of fabric of known size from its four corners in the image.
 //!
 //! Where the corners are those of a rigid rectangle, its pose is found from the homography and refined on the
 //! reprojection error. Fabric that sags or bends has corners nearer to each other than the rectangle's, never
@@ -11,11 +11,11 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, grid};
 
-/// A rectangle whose corners are this near [share of its mean side] to those seen, root mean square, is rigid.
+/// A rectangle whose corners are this near [fraction of its mean side] to those seen, root mean square, is rigid.
 const RIGID: f64 = 0.004;
 /// What a distance that is too short counts against one that is too long.
 const SHORT: f64 = 0.25;
-/// What a corner's share of height above the plane of the others counts against strain.
+/// Weight of a corner's height above the plane of the others, against strain.
 const LIFT: f64 = 0.05;
 
 /// Where the corners are in space.
@@ -40,14 +40,14 @@ pub fn locate(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> Result<Corne
     let turn =
         |k: usize| (p_pixel[(k + 1) % 4] - p_pixel[k]).perp_dot(p_pixel[(k + 2) % 4] - p_pixel[(k + 1) % 4]);
     let side = (0..4).map(|k| p_pixel[k].distance(p_pixel[(k + 1) % 4])).sum::<f64>() / 4.0;
-    // A tenth of a square pixel is no corner but a line.
+    // A tenth of a square pixel is a line, not a corner.
     if !(0..4).all(|k| turn(k) > 0.1) {
         return Err(Error::usage(
             format!(
                 "the corners {} are no quadrilateral clockwise from the upper left",
                 p_pixel.map(|p| format!("{:.0},{:.0}", p.x, p.y)).join(" ")
             ),
-            "give upper left, upper right, lower right, lower left, as seen in the picture",
+            "give upper left, upper right, lower right, lower left, as seen in the image",
         ));
     }
     let rays = p_pixel.map(|p| camera.ray(p).truncate());
@@ -109,7 +109,7 @@ fn from_homography(model: [DVec2; 4], rays: [DVec2; 4]) -> Pose {
     let (h1, h2, h3) =
         (DVec3::new(h[0], h[3], h[6]), DVec3::new(h[1], h[4], h[7]), DVec3::new(h[2], h[5], 1.0));
     let length = 0.5 * (h1.length() + h2.length());
-    // The nearest orthonormal pair: equal shares of what is not perpendicular.
+    // The nearest orthonormal pair: equal parts of what is not perpendicular.
     let (a, b) = (h1.normalize(), h2.normalize());
     let (sum, difference) = ((a + b).normalize(), (a - b).normalize());
     let (x, y) = ((sum + difference).normalize(), (sum - difference).normalize());
@@ -211,7 +211,7 @@ fn by_distances(rays: [DVec2; 4], size: DVec2, mut z: [f64; 4]) -> [DVec3; 4] {
     // Sums of absolute strains, by reweighted squares: the distances that are taut count, those that sag do not.
     for _ in 0..400 {
         let r = misfit(&z);
-        let share = |k: usize| {
+        let weight = |k: usize| {
             if k == 6 {
                 LIFT
             } else if r[k] < 0.0 {
@@ -220,7 +220,7 @@ fn by_distances(rays: [DVec2; 4], size: DVec2, mut z: [f64; 4]) -> [DVec3; 4] {
                 1.0
             }
         };
-        let weights: [f64; 7] = std::array::from_fn(|k| share(k) / r[k].abs().max(1e-4));
+        let weights: [f64; 7] = std::array::from_fn(|k| weight(k) / r[k].abs().max(1e-4));
         let mut rows = vec![[0.0; 5]; 4];
         let columns: [[f64; 7]; 4] = std::array::from_fn(|j| {
             let mut there = z;

@@ -7,10 +7,12 @@ use super::outline::widest_quad_indices;
 use crate::error::{Error, Result};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
 use crate::math::factor::{Analysis, Scratch};
-use crate::mesh::{Mesh, grid, pieces};
+use crate::mesh::{Mesh, edge_uses, grid, pieces, vertex_uvs};
 
 /// Share of their bounding box that texture coordinates fill at least to be the grid's own.
 const FULL: f64 = 0.97;
+/// Texture coordinates of one vertex that differ by more than this stand on two sides of a seam.
+const SEAM: f64 = 1e-6;
 /// Most vertices in either direction.
 pub const MAX_GRID: usize = 512;
 
@@ -75,8 +77,8 @@ pub struct Remeshed {
 /// [`Error::Input`] if the mesh is not one sheet with a border; [`Error::Usage`] of the resolution.
 pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) -> Result<Remeshed> {
     let border = border(mesh, place)?;
-    let vertex_uvs = if has_uv { vertex_uvs(mesh) } else { None };
-    // A chart that folds back over itself is no map of the sheet.
+    let vertex_uvs = if has_uv { vertex_uvs(mesh, SEAM) } else { None };
+    // A chart that folds back over itself is not a map of the sheet.
     let chart = vertex_uvs.filter(|uvs| one_sided(mesh, uvs));
     let area = |uvs: &[DVec2]| {
         mesh.triangles().iter().map(|t| doubled_area(t.map(|v| uvs[v as usize])).abs() / 2.0).sum::<f64>()
@@ -102,12 +104,12 @@ pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) ->
 /// The longest loop of edges with one face, as vertices in order.
 fn border(mesh: &Mesh, place: &str) -> Result<Vec<u32>> {
     let mut next = std::collections::BTreeMap::new();
-    let mut inner = std::collections::HashSet::new();
-    for face in &mesh.faces {
-        let n = face.vertices.len();
-        inner.extend((0..n).map(|k| [face.vertices[k], face.vertices[(k + 1) % n]]));
-    }
-    for &[a, b] in inner.iter().filter(|[a, b]| !inner.contains(&[*b, *a])) {
+    for (&[low, high], found) in &edge_uses(mesh) {
+        let (a, b) = match (found.ascending, found.descending) {
+            (_, 0) => (low, high),
+            (0, _) => (high, low),
+            _ => continue,
+        };
         next.entry(a).or_insert_with(Vec::new).push(b);
     }
     if let Some((vertex, _)) = next.iter().find(|(_, ends)| ends.len() > 1) {
@@ -145,23 +147,6 @@ fn border(mesh: &Mesh, place: &str) -> Result<Vec<u32>> {
         ));
     }
     Ok(longest.1)
-}
-
-/// The texture coordinate of each vertex; `None` if one has several.
-fn vertex_uvs(mesh: &Mesh) -> Option<Vec<DVec2>> {
-    let mut uvs = vec![DVec2::NAN; mesh.positions.len()];
-    for face in &mesh.faces {
-        for (v, t) in face.vertices.iter().zip(&face.uvs) {
-            let (own, uv) = (&mut uvs[*v as usize], mesh.uvs[*t as usize]);
-            if own.is_nan() {
-                *own = uv;
-            } else if own.distance(uv) > 1e-6 {
-                return None;
-            }
-        }
-    }
-    uvs.iter_mut().filter(|uv| uv.is_nan()).for_each(|uv| *uv = DVec2::ZERO);
-    Some(uvs)
 }
 
 fn doubled_area([a, b, c]: [DVec2; 3]) -> f64 {
@@ -218,7 +203,7 @@ fn over_border(mesh: &Mesh, ring: &[u32], chart: Option<&[DVec2]>) -> Vec<DVec2>
 
 /// Indices of the upper left, upper right, lower right and lower left corner of an outline, y down.
 fn corners_of(outline: &[DVec2]) -> [usize; 4] {
-    // The search is cubic; every so-manyth point of a long outline is near enough to find the right neighbourhood.
+    // The search is cubic; every n-th point of a long outline is near enough to find the right neighbourhood.
     let step = outline.len().div_ceil(160);
     let coarse: Vec<usize> = (0..outline.len()).step_by(step).collect();
     let mut corners =

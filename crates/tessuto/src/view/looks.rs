@@ -1,4 +1,4 @@
-//! Ways to draw a frame that need no material: its print, its shape, its depth.
+//! Ways to draw a frame that need no material: texture, plain shading, depth.
 
 use glam::DVec3;
 
@@ -15,10 +15,15 @@ const AMBIENT: f32 = 0.2;
 /// Linear grey of the plain surface.
 const GREY: f32 = 0.6;
 
-/// The print as it was seen in the first frame, without any new light: sRGB on black.
-pub fn draw_texture(rasterizer: &Rasterizer, camera: &Camera, shape: &Positions, texture: &Texture) -> Image {
+/// The texture as it was seen in the first frame, without any new light: sRGB on black.
+pub fn draw_texture(
+    rasterizer: &Rasterizer,
+    camera: &Camera,
+    positions: &Positions,
+    texture: &Texture,
+) -> Image {
     let mut rendering = Rendering::new();
-    rasterizer.render(camera, shape, texture, &mut rendering);
+    rasterizer.render(camera, positions, texture, &mut rendering);
     let data = rendering.rgba.iter().flat_map(|c| [c[0], c[1], c[2]]).map(|c| c.clamp(0.0, 1.0)).collect();
     Image { width: camera.width, height: camera.height, channels: 3, data }
 }
@@ -28,12 +33,12 @@ pub fn draw_shaded(
     rasterizer: &Rasterizer,
     camera: &Camera,
     geometry: &Geometry,
-    (frame, shape): (usize, &Positions),
+    (frame, positions): (usize, &Positions),
 ) -> Image {
     let mut rendering = Rendering::new();
     let mut picture = Image::new(camera.width, camera.height, 3);
     for (pixel, point) in
-        visible_points(rasterizer, camera, geometry, frame, shape, &mut rendering, |_, _| true)
+        visible_points(rasterizer, camera, geometry, frame, positions, &mut rendering, |_, _| true)
     {
         let facing = point.normal.dot(-point.position.normalize()).max(0.0);
         let coverage = rendering.rgba[pixel as usize][3].clamp(0.0, 1.0);
@@ -44,15 +49,15 @@ pub fn draw_shaded(
 }
 
 /// Depth as a colour, the nearest of `range` `[m]` dark and the farthest bright, on black.
-pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, shape: &Positions, range: [f64; 2]) -> Image {
+pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, positions: &Positions, range: [f64; 2]) -> Image {
     let mut rendering = Rendering::new();
-    rasterizer.render(camera, shape, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
+    rasterizer.render(camera, positions, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
     let mut picture = Image::new(camera.width, camera.height, 3);
     for y in 0..camera.height {
         for x in 0..camera.width {
             if let Some(z) = rendering.depth(x, y) {
-                let share = (z - range[0]) / (range[1] - range[0]).max(1e-9);
-                let colour = sequential(share.clamp(0.0, 1.0) as f32);
+                let fraction = (z - range[0]) / (range[1] - range[0]).max(1e-9);
+                let colour = sequential(fraction.clamp(0.0, 1.0) as f32);
                 picture.pixel_mut(x, y).copy_from_slice(&colour);
             }
         }
@@ -61,7 +66,7 @@ pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, shape: &Positions, r
 }
 
 /// Least and largest z over all `shapes` `[m]`.
-pub fn depth_range(shapes: &[Positions]) -> [f64; 2] {
-    let z = || shapes.iter().flatten().map(|x: &DVec3| x.z);
+pub fn depth_range(motion: &[Positions]) -> [f64; 2] {
+    let z = || motion.iter().flatten().map(|x: &DVec3| x.z);
     [z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max)]
 }

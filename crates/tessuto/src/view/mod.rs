@@ -1,7 +1,9 @@
-//! The cloth from elsewhere and under another light.
+//! The cloth from other viewpoints and under other environment maps.
 
 mod looks;
+mod render;
 mod viewpoint;
 
 pub use looks::{depth_range, draw_depth, draw_shaded, draw_texture};
+pub use render::{Look, RenderOptions, Rendered, View, render};
 pub use viewpoint::Viewpoint;

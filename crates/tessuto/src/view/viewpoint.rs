@@ -1,4 +1,4 @@
-//! Cameras that move about the fabric.
+//! Cameras around the fabric.
 
 use glam::{DMat3, DVec3};
 
@@ -7,7 +7,7 @@ use crate::error::{Error, Result};
 use crate::mesh::Positions;
 use crate::pbr::EnvironmentMap;
 
-/// Margin around the fabric, as a share of the picture.
+/// Margin around the fabric, as a fraction of the image.
 const MARGIN: f64 = 0.05;
 /// Nearest that a vertex may come to the camera `[m]`.
 const NEAREST: f64 = 0.05;
@@ -30,7 +30,7 @@ impl Viewpoint {
     }
 
     /// Turned about the middle of the fabric by `left` and `up` `[rad]` as seen from the recording camera, looking at
-    /// that middle, and as near as the whole `motion`, shape [N, V], fits into the picture.
+    /// that middle, and as near as the whole `motion`, shape [N, V], fits into the image.
     ///
     /// # Errors
     /// [`Error::Usage`] unless |`up`| < 90°.
@@ -61,12 +61,12 @@ impl Viewpoint {
         Ok(Self { rotation, translation: DVec3::Z * distance - rotation * middle, camera })
     }
 
-    /// The same view in a picture of `size` pixels: as large as it fits.
+    /// The same view in an image of `size` pixels: as large as it fits.
     #[must_use]
     pub fn sized(self, [width, height]: [usize; 2]) -> Self {
         let c = self.camera;
         let scale = f64::min(width as f64 / c.width as f64, height as f64 / c.height as f64);
-        // Pixel centres are at whole numbers, so the picture's middle is at (n − 1)/2.
+        // Pixel centres are at whole numbers, so the image's middle is at (n − 1)/2.
         let moved = |at: f64, old: usize, new: usize| {
             (at - (old as f64 - 1.0) / 2.0) * scale + (new as f64 - 1.0) / 2.0
         };
@@ -81,9 +81,9 @@ impl Viewpoint {
         Self { camera, ..self }
     }
 
-    /// `shape` in this camera's frame.
-    pub fn shape(&self, shape: &Positions) -> Positions {
-        shape.iter().map(|x| self.rotation * *x + self.translation).collect()
+    /// `positions` in this camera's frame.
+    pub fn positions(&self, positions: &Positions) -> Positions {
+        positions.iter().map(|x| self.rotation * *x + self.translation).collect()
     }
 
     /// `environment` in this camera's frame, each texel the mean of four directions of the old one.
@@ -123,8 +123,11 @@ mod tests {
     fn the_whole_motion_is_seen_and_fills_the_picture() {
         for (left, up) in [(45f64, 0f64), (-80.0, 30.0), (180.0, -60.0)] {
             let view = Viewpoint::about(&motion(), CAMERA, left.to_radians(), up.to_radians()).unwrap();
-            let pixels: Vec<_> =
-                motion().iter().flat_map(|s| view.shape(s)).map(|x| (x.z, view.camera.project(x))).collect();
+            let pixels: Vec<_> = motion()
+                .iter()
+                .flat_map(|s| view.positions(s))
+                .map(|x| (x.z, view.camera.project(x)))
+                .collect();
             assert!(
                 pixels
                     .iter()
@@ -141,7 +144,7 @@ mod tests {
     #[test]
     fn to_the_left_means_that_the_left_border_comes_nearer() {
         let view = Viewpoint::about(&motion(), CAMERA, 45f64.to_radians(), 0.0).unwrap();
-        let x = view.shape(&motion()[0]);
+        let x = view.positions(&motion()[0]);
         assert!(x[0].z < x[1].z && x[0].x < x[1].x, "{x:?}");
         assert!((view.rotation.determinant() - 1.0).abs() < 1e-12);
         assert!(Viewpoint::about(&motion(), CAMERA, 0.0, 2.0).is_err());
@@ -149,13 +152,13 @@ mod tests {
 
     #[test]
     fn the_light_turns_with_the_camera() {
-        let mut sky = EnvironmentMap::uniform(64, 32, [0.0; 3]);
-        let up = sky.texel_of(-DVec3::Y + 1e-3 * DVec3::Z);
-        let right = sky.texel_of(DVec3::X);
-        sky.texels[up] = [7.0; 3];
-        sky.texels[right] = [5.0; 3];
+        let mut map = EnvironmentMap::uniform(64, 32, [0.0; 3]);
+        let up = map.texel_of(-DVec3::Y + 1e-3 * DVec3::Z);
+        let right = map.texel_of(DVec3::X);
+        map.texels[up] = [7.0; 3];
+        map.texels[right] = [5.0; 3];
         let view = Viewpoint::about(&motion(), CAMERA, 90f64.to_radians(), 0.0).unwrap();
-        let turned = view.environment(&sky);
+        let turned = view.environment(&map);
         // From the left border, looking to the right: what was at the right is ahead.
         let ahead = turned.texels[turned.texel_of(DVec3::new(0.05, 0.05, 1.0).normalize())];
         let power = |e: &EnvironmentMap| -> f64 {
@@ -163,7 +166,7 @@ mod tests {
             rows.map(|(r, t)| t.iter().map(|t| f64::from(t[0])).sum::<f64>() * e.solid_angle(r)).sum()
         };
         assert!(ahead[0] > 0.5, "{ahead:?}");
-        assert!((power(&turned) / power(&sky) - 1.0).abs() < 0.3);
+        assert!((power(&turned) / power(&map) - 1.0).abs() < 0.3);
     }
 
     #[test]

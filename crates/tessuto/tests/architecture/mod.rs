@@ -1,6 +1,10 @@
-//! The documents name only what exists, and the modules keep to their layers.
+//! The documents name only what exists, the modules keep to their layers, and siblings stand in no circle.
+
+mod imports;
 
 use std::path::{Path, PathBuf};
+
+use imports::Crate;
 
 /// From the bottom up; a module imports from lower layers and its own module only.
 const LAYERS: [&[&str]; 18] = [
@@ -74,28 +78,50 @@ fn layer(module: &str) -> Option<usize> {
     LAYERS.iter().position(|modules| modules.contains(&module))
 }
 
-#[test]
-fn no_module_imports_upwards() {
+/// The library's sources: paths below `src/` and texts.
+fn library() -> Vec<(String, String)> {
     let folder = root().join("crates/tessuto/src");
-    let mut wrong = Vec::new();
     let mut files = Vec::new();
     sources(&folder, &mut files);
-    for path in files {
-        let inside = path.strip_prefix(&folder).unwrap();
-        let module = inside.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
-        let own = layer(module).unwrap_or_else(|| panic!("module {module} has no layer: add it to LAYERS"));
-        let text = std::fs::read_to_string(&path).unwrap();
-        for line in text.lines().take_while(|line| !line.contains("#[cfg(test)]")) {
-            let Some(rest) = line.trim_start().strip_prefix("use crate::") else { continue };
-            let imported: String = rest.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect();
-            // Names without a module of their own are re-exports of `lib.rs`, all from low layers.
-            let Some(other) = layer(&imported) else { continue };
-            if imported != module && other >= own {
-                wrong.push(format!("{}: {}", inside.display(), line.trim()));
-            }
+    let inside = |path: &PathBuf| path.strip_prefix(&folder).unwrap().to_str().unwrap().replace('\\', "/");
+    files.iter().map(|path| (inside(path), std::fs::read_to_string(path).unwrap())).collect()
+}
+
+/// References from a module at the root to one that is not in a lower layer.
+fn upward(files: &[(String, String)]) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for (from, to) in Crate::new(files.iter().map(|(path, text)| (path.as_str(), text.as_str()))).references()
+    {
+        let (Some(module), Some(other)) = (from.first(), to.first()) else { continue };
+        let layer = |module: &str| {
+            layer(module)
+                .unwrap_or_else(|| panic!("{} refers to {module}, which has no layer", from.join("/")))
+        };
+        if module != other && layer(other) >= layer(module) {
+            wrong.push(format!("{}: {}", from.join("/"), to.join("::")));
         }
     }
+    wrong
+}
+
+#[test]
+fn no_module_imports_upwards() {
+    let mut files = library();
+    let wrong = upward(&files);
     assert!(wrong.is_empty(), "upward or sideways imports: {wrong:#?}");
+    // The same check sees what breaks the rule.
+    files.push((
+        "sim/planted.rs".into(),
+        "fn f() { crate::result::read(); crate::Config::default(); }".into(),
+    ));
+    assert_eq!(upward(&files), ["sim/planted: config::Config::default", "sim/planted: result::read"]);
+}
+
+#[test]
+fn no_siblings_import_each_other() {
+    let files = library();
+    let circles = Crate::new(files.iter().map(|(path, text)| (path.as_str(), text.as_str()))).circles();
+    assert!(circles.is_empty(), "modules that need each other: {circles:#?}");
 }
 
 #[test]

@@ -96,7 +96,7 @@ fn glb_holds_every_frame() {
         let uvs = read(&primitive["attributes"]["TEXCOORD_0"]);
         // The seam's three vertices are there twice.
         assert_eq!((base.len(), uvs.len()), (3 * 18, 2 * 18));
-        assert_eq!(uvs[1], 0.0, "row 0 of the picture is v = 0 in glTF");
+        assert_eq!(uvs[1], 0.0, "row 0 of the image is v = 0 in glTF");
         let targets = primitive["targets"].as_array().unwrap();
         assert_eq!(targets.len(), FRAMES - 1);
         let pairs: Vec<usize> = (0..15).flat_map(|v| if v % 5 == 2 { vec![v, v] } else { vec![v] }).collect();

@@ -1,4 +1,4 @@
-//! Numbers that are none, forces beyond all measure, cameras that see nothing: each is answered by an error that names
+//! NaN and infinite numbers, huge forces, cameras that see nothing: each is answered by an error that names
 //! stage, place and a way out, or by finite numbers; never by a panic or by NaN in the answer.
 
 use glam::DVec3;

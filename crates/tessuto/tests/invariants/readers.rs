@@ -7,7 +7,7 @@ use std::time::Duration;
 use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tessuto::config::Config;
-use tessuto::import::Calibration;
+use tessuto::import::read_calibration;
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::io::{hdr, image, model, npy, obj};
 use tessuto::session::{Checkpoints, Session};
@@ -33,7 +33,7 @@ pub const READERS: [(&str, Reader); 13] = [
     ("config", config),
 ];
 
-/// What `reader` makes of `bytes`; panics if its error is none that a user could act on.
+/// What `reader` makes of `bytes`; panics if a user could not act on its error.
 pub fn read(reader: Reader, bytes: &[u8]) {
     let Err(error) = reader(bytes) else { return };
     let text = error.to_string();
@@ -60,8 +60,8 @@ fn make_scene(scene: &Path) {
         std::fs::create_dir_all(scene.join(sub)).expect("a folder in memory");
     }
     let grey = tessuto::Image { width: 24, height: 24, channels: 1, data: vec![1.0; 24 * 24] };
-    image::write_png(&scene.join("rgbs/rgb_000.png"), &grey).expect("a picture");
-    image::write_png(&scene.join("masks/mask_000.png"), &grey).expect("a picture");
+    image::write_png(&scene.join("rgbs/rgb_000.png"), &grey).expect("an image");
+    image::write_png(&scene.join("masks/mask_000.png"), &grey).expect("an image");
     let mesh = tessuto::mesh::grid(3, 3, [0.4, 0.4].into(), 1.0);
     obj::write(&scene.join("template.obj"), &mesh, None).expect("a mesh");
 }
@@ -154,8 +154,8 @@ fn state(bytes: &[u8]) -> Result<()> {
 }
 
 fn camera(name: &str, bytes: &[u8]) -> Result<()> {
-    let calibration = Calibration::read(&file(name, bytes), None)?;
-    calibration.fit([640, 480], &mut Vec::new()).map(drop)
+    let calibration = read_calibration(&file(name, bytes), None)?;
+    calibration.scaled_to([640, 480], &mut Vec::new()).map(drop)
 }
 
 fn transforms(bytes: &[u8]) -> Result<()> {

@@ -1,4 +1,4 @@
-//! Linear pictures: EXR comes back bit for bit, half floats and .hdr are read, and an environment map
+//! Linear images: EXR comes back bit for bit, half floats and .hdr are read, and an environment map
 //! that cannot light anything is refused with file, pixel and remedy.
 
 use std::io::Cursor;
@@ -91,7 +91,7 @@ fn a_file_that_is_no_linear_picture_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("sky.exr");
     refused(&path, &["cannot be read"]);
-    std::fs::write(&path, b"not a picture").unwrap();
+    std::fs::write(&path, b"not an image").unwrap();
     refused(&path, &["neither OpenEXR nor Radiance"]);
     write_exr(&path, &sky()).unwrap();
     let whole = std::fs::read(&path).unwrap();

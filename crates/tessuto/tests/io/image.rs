@@ -1,4 +1,4 @@
-//! Pictures of every kind equal their 8-bit RGB twin; broken ones are refused.
+//! Images of every kind equal their 8-bit RGB twin; broken ones are refused.
 
 use std::io::Cursor;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use image::{DynamicImage, ImageFormat, RgbImage};
 use tessuto::io::image::{read, read_mask, write_png};
 
-/// A picture of grey values, so that grey formats can hold it.
+/// An image of grey values, so that grey formats can hold it.
 fn twin() -> RgbImage {
     RgbImage::from_fn(9, 7, |x, y| image::Rgb([(20 * x + 9 * y) as u8; 3]))
 }
@@ -157,7 +157,7 @@ fn truncated_files_are_refused_at_every_length() {
 fn preview_inside_a_truncated_jpeg_does_not_pass_for_its_end() {
     let folder = Folder::new();
     let whole = std::fs::read(folder.save("a.jpg", twin(), ImageFormat::Jpeg)).unwrap();
-    // An application segment that holds a whole little picture, as cameras write it.
+    // An application segment that holds a whole little image, as cameras write it.
     let mut segment = vec![0xFF, 0xE1];
     segment.extend((whole.len() as u16 + 2).to_be_bytes());
     segment.extend(&whole);

@@ -1,4 +1,4 @@
-//! Scenes, pictures, arrays and meshes on disk.
+//! Scenes, images, arrays and meshes on disk.
 
 mod arrays_meshes;
 mod hdr;

@@ -16,7 +16,7 @@ fn everything_arrives() {
     assert_eq!(warnings, Vec::<String>::new());
     assert_eq!((scene.name.as_str(), scene.fps, scene.first_frame), ("tiny", 25.0, 0));
     assert_eq!(scene.template, template());
-    // 16 pixels of fabric and 4 on each side, as far as the picture reaches.
+    // 16 pixels of fabric and 4 on each side, as far as the image reaches.
     assert_eq!(scene.crop, Rect { x0: 0, y0: 2, x1: 24, y1: 24 });
     assert_eq!((scene.camera.cx, scene.camera.cy, scene.camera.height), (11.5, 11.5, 22));
     for n in 0..scene.frames.len() {

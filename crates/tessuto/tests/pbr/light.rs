@@ -41,11 +41,11 @@ fn geometry(mesh: &Mesh) -> Geometry {
     Geometry::new(mesh, std::slice::from_ref(&mesh.positions))
 }
 
-fn random_sky(width: usize, seed: u64) -> EnvironmentMap {
+fn random_environment(width: usize, seed: u64) -> EnvironmentMap {
     let mut rng = Rng::new(seed, 1);
-    let mut sky = EnvironmentMap::uniform(width, width / 2, [0.0; 3]);
-    sky.texels.iter_mut().for_each(|t| *t = [(); 3].map(|()| rng.uniform().powi(4) as f32 * 3.0));
-    sky
+    let mut environment = EnvironmentMap::uniform(width, width / 2, [0.0; 3]);
+    environment.texels.iter_mut().for_each(|t| *t = [(); 3].map(|()| rng.uniform().powi(4) as f32 * 3.0));
+    environment
 }
 
 fn random_material(size: usize, seed: u64) -> Material {
@@ -74,13 +74,13 @@ fn colour(
     geometry: &Geometry,
     point: &SurfacePoint,
     material: &Material,
-    sky: &EnvironmentMap,
-    passes: usize,
+    environment: &EnvironmentMap,
+    samples: usize,
 ) -> [f32; 3] {
-    let light = EnvironmentSampler::new(sky, 0.1);
+    let light = EnvironmentSampler::new(environment, 0.1);
     let shader = Shader { geometry, material, light: &light };
     let mut out = RadianceEstimate::default();
-    shader.estimate(point, 11, passes, &mut out);
+    shader.estimate(point, 11, samples, &mut out);
     out.colour
 }
 
@@ -88,9 +88,9 @@ fn colour(
 fn a_diffuse_surface_under_a_uniform_sky_has_its_base_colour() {
     // Roughness 1, no metal: what the microfacets add is integrated numerically below.
     let (geometry, point) = flat();
-    let sky = EnvironmentMap::uniform(64, 32, [2.0; 3]);
+    let environment = EnvironmentMap::uniform(64, 32, [2.0; 3]);
     let material = Material::uniform(1, 1, [0.8, 0.5, 0.0], 1.0, 0.0);
-    let got = colour(&geometry, &point, &material, &sky, 4000);
+    let got = colour(&geometry, &point, &material, &environment, 32_000);
     let n = DVec3::NEG_Z;
     let o = -point.position.as_dvec3().normalize();
     let layer = integral(|i| reference::brdf([0.0, 0.0, 0.0, 1.0, 0.0], n, o, i).x * n.dot(i).max(0.0));
@@ -120,8 +120,8 @@ fn in_a_white_furnace_mirrors_keep_energy_and_lose_little() {
     for roughness in [0.2, 0.4, 0.7, 1.0] {
         let (geometry, point) = flat();
         let material = Material::uniform(1, 1, [1.0; 3], roughness, 1.0);
-        let sky = EnvironmentMap::uniform(64, 32, [1.0; 3]);
-        let got = colour(&geometry, &point, &material, &sky, 2000)[0];
+        let environment = EnvironmentMap::uniform(64, 32, [1.0; 3]);
+        let got = colour(&geometry, &point, &material, &environment, 16_000)[0];
         // A single bounce off a rough layer loses what would bounce twice.
         let (n, o) = (DVec3::NEG_Z, -point.position.as_dvec3().normalize());
         let texel = [1.0, 1.0, 1.0, f64::from(roughness), 1.0];
@@ -141,12 +141,12 @@ fn one_texel_of_light_gives_its_cosine_and_both_sides_are_alike() {
     let n = DVec3::NEG_Z;
     let o = -point.position.as_dvec3().normalize();
     for (column, row, lit) in [(3, 20, true), (60, 12, true), (32, 16, false)] {
-        let mut sky = EnvironmentMap::uniform(64, 32, [0.0; 3]);
-        sky.texels[row * 64 + column] = [50.0; 3];
-        let i = sky.direction(column, row);
+        let mut environment = EnvironmentMap::uniform(64, 32, [0.0; 3]);
+        environment.texels[row * 64 + column] = [50.0; 3];
+        let i = environment.direction(column, row);
         let f = reference::brdf([0.6, 0.6, 0.6, 1.0, 0.0], n, o, i).x;
-        let expected = f * n.dot(i).max(0.0) * sky.solid_angle(row) * 50.0;
-        let got = f64::from(colour(&geometry, &point, &material, &sky, 500)[0]);
+        let expected = f * n.dot(i).max(0.0) * environment.solid_angle(row) * 50.0;
+        let got = f64::from(colour(&geometry, &point, &material, &environment, 4000)[0]);
         assert_eq!(lit, expected > 0.0);
         assert!(
             (got - expected).abs() < 0.01 * expected + 1e-6,
@@ -158,10 +158,12 @@ fn one_texel_of_light_gives_its_cosine_and_both_sides_are_alike() {
     mesh.faces[0].vertices.reverse();
     mesh.faces[0].uvs.reverse();
     let turned = super::light::geometry(&mesh);
-    let sky = random_sky(64, 8);
+    let environment = random_environment(64, 8);
     let same = points(&mesh, &turned).into_iter().find(|p| p.position == point.position).unwrap();
-    let (a, b) =
-        (colour(&geometry, &point, &material, &sky, 2000), colour(&turned, &same, &material, &sky, 2000));
+    let (a, b) = (
+        colour(&geometry, &point, &material, &environment, 16_000),
+        colour(&turned, &same, &material, &environment, 16_000),
+    );
     assert!((a[0] - b[0]).abs() < 0.01 * a[0], "{a:?} {b:?}");
 }
 
@@ -210,8 +212,8 @@ fn chi_square(counts: &[f64], expected: &[f64]) -> f64 {
 
 #[test]
 fn directions_from_the_light_follow_their_density() {
-    let sky = random_sky(32, 6);
-    let light = EnvironmentSampler::new(&sky, 0.1);
+    let environment = random_environment(32, 6);
+    let light = EnvironmentSampler::new(&environment, 0.1);
     let mut rng = Rng::new(9, 0);
     let draws = 400_000;
     let mut counts = vec![0.0; 32 * 16];
@@ -224,7 +226,7 @@ fn directions_from_the_light_follow_their_density() {
             let [x, y, z] = [0, 1, 2].map(|axis| f64::from(directions[axis][k]));
             let d = DVec3::new(x, y, z);
             assert!((d.length() - 1.0).abs() < 1e-5);
-            counts[sky.texel_of(d.normalize())] += 1.0;
+            counts[environment.texel_of(d.normalize())] += 1.0;
             // Only on the very border of a texel may rounding tell them apart.
             if texels[k] != again[k] {
                 counts[texels[k] as usize] += 0.0;
@@ -236,7 +238,7 @@ fn directions_from_the_light_follow_their_density() {
         .chunks(8)
         .flat_map(|t| light.lookup(t.try_into().unwrap())[3].to_array())
         .enumerate()
-        .map(|(i, pdf)| f64::from(pdf) * sky.solid_angle(i / 32) * f64::from(draws))
+        .map(|(i, pdf)| f64::from(pdf) * environment.solid_angle(i / 32) * f64::from(draws))
         .collect();
     assert!((expected.iter().sum::<f64>() / f64::from(draws) - 1.0).abs() < 1e-5);
     let deviations = chi_square(&counts, &expected);
@@ -295,17 +297,17 @@ fn horizons_change_no_bit() {
     let mesh = folded();
     let geometry = geometry(&mesh);
     let traced = geometry.clone().without_horizons();
-    let (sky, material) = (random_sky(64, 4), random_material(8, 4));
-    let light = EnvironmentSampler::new(&sky, 0.1);
+    let (environment, material) = (random_environment(64, 4), random_material(8, 4));
+    let light = EnvironmentSampler::new(&environment, 0.1);
     let mut shadowed = 0;
     for (k, point) in points(&mesh, &geometry).iter().enumerate() {
-        let of = |geometry: &Geometry| {
+        let colour_with = |geometry: &Geometry| {
             let shader = Shader { geometry, material: &material, light: &light };
             let mut out = RadianceEstimate::default();
-            shader.estimate(point, k as u32, 4, &mut out);
+            shader.estimate(point, k as u32, 32, &mut out);
             out.colour
         };
-        let (fast, slow) = (of(&geometry), of(&traced));
+        let (fast, slow) = (colour_with(&geometry), colour_with(&traced));
         assert_eq!(fast, slow, "point {k}");
         let blocked = |d: DVec3| {
             let triangles = mesh.triangles();
@@ -321,8 +323,8 @@ fn horizons_change_no_bit() {
 fn fast_and_plain_agree() {
     let mesh = folded();
     let geometry = geometry(&mesh);
-    let (sky, material) = (random_sky(16, 4), random_material(8, 4));
-    let light = EnvironmentSampler::new(&sky, 0.1);
+    let (environment, material) = (random_environment(16, 4), random_material(8, 4));
+    let light = EnvironmentSampler::new(&environment, 0.1);
     let shader = Shader { geometry: &geometry, material: &material, light: &light };
     let mut rng = Rng::new(21, 0);
     let triangles = mesh.triangles();
@@ -334,12 +336,12 @@ fn fast_and_plain_agree() {
         }
         let own = (point, point.patch as usize);
         let [mean, variance] =
-            reference::colour(&triangles, &mesh.positions, &material, &sky, own, 4000, &mut rng);
+            reference::colour(&triangles, &mesh.positions, &material, &environment, own, 4000, &mut rng);
         // Independent estimates, whose spread tells their error.
         let runs: Vec<f64> = (0..16)
             .map(|run| {
                 let mut out = RadianceEstimate::default();
-                shader.estimate(point, (k * 16 + run) as u32, 16, &mut out);
+                shader.estimate(point, (k * 16 + run) as u32, 128, &mut out);
                 f64::from(out.colour[1])
             })
             .collect();
@@ -360,9 +362,9 @@ fn gradients_match_central_differences() {
     let mesh = folded();
     let geometry = geometry(&mesh);
     let points = points(&mesh, &geometry);
-    let (sky, material) = (random_sky(16, 4), random_material(8, 4));
+    let (environment, material) = (random_environment(16, 4), random_material(8, 4));
     // The densities are constants to the derivative, so they stay those of the unchanged light.
-    let light = EnvironmentSampler::new(&sky, 0.1);
+    let light = EnvironmentSampler::new(&environment, 0.1);
     let mut rng = Rng::new(31, 0);
     let adjoints: Vec<[[f32; 3]; 2]> =
         points.iter().map(|_| [(); 2].map(|()| [(); 3].map(|()| rng.signed() as f32))).collect();
@@ -373,7 +375,7 @@ fn gradients_match_central_differences() {
             let value: f32 = (0..6).map(|k| c[k / 3][k % 3] * adjoints[i][k / 3][k % 3]).sum();
             (value, adjoints[i])
         };
-        accumulate(&shader, &points, 3, 1, loss, &mut gradients);
+        accumulate(&shader, &points, 3, 8, loss, &mut gradients);
         gradients
     };
     let gradients = run(&material, &light);
@@ -381,9 +383,9 @@ fn gradients_match_central_differences() {
     let narrow = |v: &[f64]| v.iter().map(|v| *v as f32).collect::<Vec<f32>>();
 
     // The light enters linearly.
-    let texels = wide(&sky.texels.concat());
+    let texels = wide(&environment.texels.concat());
     let by_light = check(&texels, &wide(&gradients.light.concat()), 0.3, 8, 1, |x| {
-        let mut moved = sky.clone();
+        let mut moved = environment.clone();
         moved.texels.iter_mut().zip(narrow(x).chunks_exact(3)).for_each(|(t, v)| t.copy_from_slice(v));
         let mut light = light.clone();
         light.set_radiance(&moved);
@@ -406,7 +408,7 @@ fn gradients_match_central_differences() {
             let shader = Shader { geometry: &geometry, material: &material, light: &light };
             let mut gradients = Gradients::default();
             let loss = |_: usize, c: &[[f32; 3]; 2]| (c[0][0] + c[0][1] + c[0][2], [[1.0; 3], [0.0; 3]]);
-            accumulate(&shader, &points, 3, 64, loss, &mut gradients);
+            accumulate(&shader, &points, 3, 512, loss, &mut gradients);
             gradients
         };
         let numeric = (moved(1.0).loss - moved(-1.0).loss) / (2.0 * f64::from(step));
@@ -425,14 +427,14 @@ fn any_number_of_threads_gives_the_same_bytes() {
     let mesh = folded();
     let geometry = geometry(&mesh);
     let points = points(&mesh, &geometry);
-    let light = EnvironmentSampler::new(&random_sky(32, 4), 0.1);
+    let light = EnvironmentSampler::new(&random_environment(32, 4), 0.1);
     let material = random_material(16, 4);
     let shader = Shader { geometry: &geometry, material: &material, light: &light };
     let run = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         let mut gradients = Gradients::default();
         let loss = |i: usize, c: &[[f32; 3]; 2]| (c[0][0] * i as f32, [c[1], c[0]]);
-        pool.install(|| accumulate(&shader, &points, 5, 2, loss, &mut gradients));
+        pool.install(|| accumulate(&shader, &points, 5, 16, loss, &mut gradients));
         (gradients.loss, gradients.material, gradients.light)
     };
     assert!(run(1) == run(2));

@@ -1,6 +1,6 @@
 //! The adjoint against central differences of the plain twin.
 //!
-//! The picture is piecewise smooth in the positions: a pixel centre passing from one surface to
+//! The image is piecewise smooth in the positions: a pixel centre passing from one surface to
 //! another one makes it jump, and a blend weight has a kink. Steps are therefore small (the twin
 //! computes in f64), and the scenes are fixed, so that none of their steps hits such a place.
 

@@ -111,7 +111,7 @@ fn nothing_is_left_when_the_mesh_goes_behind_the_camera() {
     assert!(out.inverse_depth.iter().all(|&s| s == 0.0));
     assert!(out.rgba.iter().all(|&c| c == [0.0; 4]));
     assert_eq!(out.blend_count(), 0);
-    // A corner behind the camera, or one that is no number, only takes its triangles away.
+    // A corner behind the camera, or one that is not a number, only takes its triangles away.
     scene.positions = Scene::cloth(1, 0.05, noise(1)).positions;
     (scene.positions[0].z, scene.positions[30].x) = (-1.0, f64::NAN);
     scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);

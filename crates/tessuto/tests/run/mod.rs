@@ -67,7 +67,7 @@ fn options() -> RunOptions {
         "appearance.steps=2",
         "appearance.batch=50",
         "appearance.map_size=8",
-        "appearance.render_passes=1",
+        "appearance.render_samples_per_pixel=8",
     ] {
         config.set(change).unwrap();
     }

@@ -159,11 +159,11 @@ impl Problem {
             stiffness: &inputs.stiffness,
         };
         let motion = rollout(&self.cloth, &self.settings, SUBSTEPS, FRAMES, &inputs).unwrap();
-        let of = |(x, w): (&Positions, &Positions)| {
+        let frame_loss = |(x, w): (&Positions, &Positions)| {
             let d = self.displacement(x);
             dot(&d, w) + 30.0 * dot(&d, &d)
         };
-        motion.frames.iter().zip(&self.weights).map(of).sum()
+        motion.frames.iter().zip(&self.weights).map(frame_loss).sum()
     }
 
     /// From the template, so that the loss keeps its digits.
@@ -274,15 +274,15 @@ fn log10_stiffness_is_the_sum_over_elements_times_k_ln_10() {
     let problem = Problem::new(Integrator::ImplicitEuler, &meshes()[0], 1);
     let mut inputs = problem.inputs();
     let log_k = [2.2, -2.7, -3.3];
-    let of = |log_k: &[f64]| {
+    let stiffness = |log_k: &[f64]| {
         let k = [10f64.powf(log_k[0]), 10f64.powf(log_k[1]), 10f64.powf(log_k[2])];
         (Stiffness::uniform(&problem.cloth, k), k)
     };
-    inputs.stiffness = of(&log_k).0;
-    let gradient = problem.gradients(&inputs).stiffness.grad_log10(of(&log_k).1);
+    inputs.stiffness = stiffness(&log_k).0;
+    let gradient = problem.gradients(&inputs).stiffness.grad_log10(stiffness(&log_k).1);
     let worst = check(&log_k, &gradient, 1e-3, 5, 7, |log_k| {
         let mut moved = inputs.clone();
-        moved.stiffness = of(log_k).0;
+        moved.stiffness = stiffness(log_k).0;
         problem.loss(&moved)
     });
     report("log10 stiffness", worst, 1e-5);

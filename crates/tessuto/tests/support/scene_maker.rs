@@ -7,7 +7,7 @@ use tessuto::io::image::write_png;
 use tessuto::io::{npy, obj};
 use tessuto::{Image, Mesh};
 
-/// Width and height of the pictures [px].
+/// Width and height of the images [px].
 pub const SIZE: usize = 24;
 /// Number of frames.
 pub const FRAMES: usize = 4;

@@ -59,10 +59,10 @@ impl Times {
 
     /// The first and the last.
     pub fn ends(&self) -> Self {
-        let of = |values: &[i64]| [values.first(), values.last()].into_iter().flatten().copied().collect();
+        let ends = |values: &[i64]| [values.first(), values.last()].into_iter().flatten().copied().collect();
         match self {
-            Self::Sequence(name, values) => Self::Sequence(name, of(values)),
-            Self::Duration(name, values) => Self::Duration(name, of(values)),
+            Self::Sequence(name, values) => Self::Sequence(name, ends(values)),
+            Self::Duration(name, values) => Self::Duration(name, ends(values)),
         }
     }
 
@@ -253,7 +253,7 @@ impl Column {
         Self::even(name, "Color", 1, Arc::new(UInt32Array::from(vec![rgba])))
     }
 
-    /// Format of a picture of 8-bit RGB.
+    /// Format of an image of 8-bit RGB.
     pub fn rgb_format(name: [&'static str; 2], [width, height]: [u32; 2]) -> Self {
         const RGB: u8 = 2;
         const U8: u8 = 6;

@@ -38,7 +38,7 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// Takes note of `chunk`. `bytes`: offset and length of its message's body, length of the Arrow data.
+    /// Records `chunk`. `bytes`: offset and length of its message's body, length of the Arrow data.
     pub fn add(&mut self, chunk: &Chunk, id: Id, bytes: [u64; 3]) {
         for times in &chunk.times {
             let index = [("rerun:kind", "index"), ("rerun:index_name", times.name())];
@@ -55,12 +55,12 @@ impl Index {
             if chunk.times.is_empty() {
                 described.push(("rerun:is_static", "true"));
             }
-            let of_table = match chunk.entity.strip_prefix("__properties") {
+            let column_name = match chunk.entity.strip_prefix("__properties") {
                 Some(_) => format!("property:{name}"),
                 None => format!("{entity}:{name}"),
             };
-            let described = field(&of_table, column.data_type(), true, &described);
-            self.columns.insert(of_table, described);
+            let described = field(&column_name, column.data_type(), true, &described);
+            self.columns.insert(column_name, described);
             self.components.insert(name.clone(), (name, about));
         }
         self.rows.push(Row {

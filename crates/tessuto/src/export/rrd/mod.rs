@@ -5,7 +5,7 @@
 //!
 //! | entity | rows | content |
 //! |---|---|---|
-//! | `world/camera` | static | pinhole of the pictures below |
+//! | `world/camera` | static | pinhole of the images below |
 //! | `world/camera/image` | `frame` | the video, JPEG |
 //! | `world/fabric` | `frame` | mesh; triangles, texture coordinates and texture are static |
 //! | `world/fabric` | `step` | the last frame so far, a few times in every stage |
@@ -36,11 +36,11 @@ use crate::error::Result;
 /// The recording of a finished motion.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) naming a picture of the result that cannot be used.
+/// [`Error::Input`](crate::Error::Input) naming an image of the result that cannot be used.
 pub(super) fn encode(clip: &Clip) -> Result<Vec<u8>> {
     let mut hash = Sha256::new();
     hash.update(format!("{} {:?} {:?} {}", clip.version, clip.mesh, clip.camera, clip.fps));
-    clip.motion.iter().for_each(|shape| hash.update(bytemuck::cast_slice::<_, u8>(shape)));
+    clip.motion.iter().for_each(|positions| hash.update(bytemuck::cast_slice::<_, u8>(positions)));
     let id = format!("{}-{:x}", clip.name, hash.finalize());
     let mut out = Vec::new();
     let mut recording = Recording::begin(&mut out, Path::new(&clip.name), &id, &Subject::of_clip(clip)?)?;

@@ -122,9 +122,11 @@ impl<W: Write> Recording<W> {
             self.write_curves()?;
         }
         match motion.last() {
-            Some(shape) if last || epoch.step.is_multiple_of(epoch.of.div_ceil(SHAPES_PER_STAGE).max(1)) => {
+            Some(vertices)
+                if last || epoch.step.is_multiple_of(epoch.of.div_ceil(SHAPES_PER_STAGE).max(1)) =>
+            {
                 let times = vec![Times::Sequence("step", vec![self.steps])];
-                let positions = [self.corners.of(shape)];
+                let positions = [self.corners.of(vertices)];
                 let columns = vec![Column::points(["Mesh3D", "vertex_positions"], &positions)];
                 self.write(&Chunk { entity: FABRIC, times, columns })
             }
@@ -145,7 +147,7 @@ impl<W: Write> Recording<W> {
         Ok(())
     }
 
-    /// Writes the print of the fabric, sRGB-encoded, shape [h, w, 3]; smaller if a side is above 1024 px.
+    /// Writes the texture of the fabric, sRGB-encoded, shape [h, w, 3]; smaller if a side is above 1024 px.
     ///
     /// # Errors
     /// [`Error::Output`].
@@ -232,7 +234,7 @@ impl<W: Write> Recording<W> {
 
     /// `shapes` from frame `start` on.
     fn shapes(&mut self, start: usize, shapes: &[Positions]) -> Result<()> {
-        let positions: Vec<_> = shapes.iter().map(|shape| self.corners.of(shape)).collect();
+        let positions: Vec<_> = shapes.iter().map(|vertices| self.corners.of(vertices)).collect();
         let columns = vec![Column::points(["Mesh3D", "vertex_positions"], &positions)];
         self.write(&Chunk { entity: FABRIC, times: self.frames(start..start + shapes.len()), columns })
     }

@@ -6,12 +6,12 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::export::Clip;
 use crate::image::Image;
-use crate::io;
+use crate::io::image::rgb8;
+use crate::io::{self, jpeg};
 use crate::mesh::{Mesh, Positions};
-use crate::report::film;
 use crate::scene::Scene;
 
-/// Largest side `[px]` and quality of the pictures: some 40 kB each.
+/// Largest side `[px]` and quality of the images: some 40 kB each.
 const SIDE: u32 = 640;
 const QUALITY: u8 = 72;
 
@@ -27,15 +27,15 @@ pub struct Subject<'a> {
     pub first_frame: usize,
     /// Number of frames.
     pub frame_count: usize,
-    /// Camera of the pictures.
+    /// Camera of the images.
     pub camera: Camera,
-    /// Picture of frame n, from 0, as the camera sees it.
+    /// Image of frame n, from 0, as the camera sees it.
     pub picture: Option<Picture<'a>>,
     /// Points `[m]` on the true surface in every frame.
     pub truth: Option<&'a [Positions]>,
 }
 
-/// Gives the picture of a frame.
+/// Gives the image of a frame.
 pub type Picture<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
 
 impl<'a> Subject<'a> {
@@ -49,15 +49,15 @@ impl<'a> Subject<'a> {
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
             camera: scene.camera,
-            picture: Some(Box::new(|n| Ok(film::rgb8(&scene.frames.frame(n)?.rgb)))),
+            picture: Some(Box::new(|n| Ok(rgb8(&scene.frames.frame(n)?.rgb)))),
             truth: truth.points.as_deref().or(truth.vertices.as_deref()),
         }
     }
 
-    /// The template of `clip`, and the video where the result has pictures of it.
+    /// The template of `clip`, and the video where the result has images of it.
     ///
     /// # Errors
-    /// [`Error::Input`] if the first picture cannot be read.
+    /// [`Error::Input`] if the first image cannot be read.
     pub fn of_clip(clip: &'a Clip) -> Result<Self> {
         let shown = !clip.pictures.is_empty();
         let picture: Picture = Box::new(|n| io::image::read_bytes(&clip.pictures[n]));
@@ -73,10 +73,10 @@ impl<'a> Subject<'a> {
         })
     }
 
-    /// Camera of the [encoded](Self::encoded) pictures.
+    /// Camera of the [encoded](Self::encoded) images.
     pub(super) fn small_camera(&self) -> Camera {
         let all = whole(&self.camera);
-        film::scaled(&self.camera, all, film::size(all, SIDE))
+        self.camera.cropped(all).resized(jpeg::fitted(all, SIDE))
     }
 
     /// Frame `n` as JPEG, small.
@@ -88,13 +88,13 @@ impl<'a> Subject<'a> {
             return Err(Error::input(
                 format!("frame {}", self.first_frame + n),
                 format!(
-                    "its picture is {}×{} px, expected {}×{}",
+                    "its image is {}×{} px, expected {}×{}",
                     found[0], found[1], expected[0], expected[1]
                 ),
                 "use the folder as tessuto wrote it",
             ));
         }
-        Ok(film::jpeg(&rgb, whole(camera), SIDE, QUALITY))
+        Ok(jpeg::encode_part(&rgb, whole(camera), SIDE, QUALITY))
     }
 }
 
@@ -138,13 +138,13 @@ impl Corners {
         Self { uvs: uv_of.iter().map(place).collect(), vertices, triangles }
     }
 
-    /// Positions `[m]` of the corners of `shape`.
-    pub fn of(&self, shape: &Positions) -> Vec<[f32; 3]> {
-        self.vertices.iter().map(|v| shape[*v as usize].as_vec3().to_array()).collect()
+    /// Positions `[m]` of the corners of `positions`.
+    pub fn of(&self, positions: &Positions) -> Vec<[f32; 3]> {
+        self.vertices.iter().map(|v| positions[*v as usize].as_vec3().to_array()).collect()
     }
 }
 
-/// The bytes of a picture, shape [height, width, 3].
+/// The bytes of an image, shape [height, width, 3].
 pub(super) fn rgb_bytes(image: &Image) -> Vec<u8> {
-    film::rgb8(image).into_raw()
+    rgb8(image).into_raw()
 }

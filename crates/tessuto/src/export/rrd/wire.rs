@@ -123,12 +123,12 @@ impl Store {
             .bytes(2, &manifest.table)
             .number(3, UNCOMPRESSED)
             .number(4, manifest.table.len() as u64);
-        let of_recording = Message::default()
+        let recording = Message::default()
             .message(1, &self.0)
             .message(2, &schema)
             .bytes(3, &manifest.digest)
             .message(4, &table);
-        let index = Message::default().message(1, &of_recording).0;
+        let index = Message::default().message(1, &recording).0;
         let mut out = framed(END, &index);
         out.extend((offset + FRAME).to_le_bytes());
         out.extend((index.len() as u64).to_le_bytes());

@@ -52,7 +52,7 @@ pub fn read(path: &Path) -> Result<Model> {
         if ending != "obj" {
             return Err(Error::input(
                 place,
-                format!("is no OBJ, PLY or glTF file (its ending is \"{ending}\")"),
+                format!("is not an OBJ, PLY or glTF file (its ending is \"{ending}\")"),
                 "export the mesh from its program as OBJ (quads stay quads), PLY, .glb or .gltf",
             ));
         }
@@ -95,7 +95,7 @@ impl Split {
             return Err(Error::input(
                 place,
                 problem,
-                "export the mesh with its faces; a point cloud is no template",
+                "export the mesh with its faces; a point cloud is not a template",
             ));
         }
         let has_uv = !self.uvs.is_empty();

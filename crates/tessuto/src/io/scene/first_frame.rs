@@ -1,4 +1,4 @@
-//! What a scene folder says of its first frame, template or not: enough to make a template from.
+//! The first frame of a scene folder, with or without a template: enough to make one from.
 
 use std::path::{Path, PathBuf};
 
@@ -13,7 +13,7 @@ use crate::io::image;
 /// Camera and mask of the first frame.
 #[derive(Debug, Clone)]
 pub struct FirstFrame {
-    /// Camera of the full picture.
+    /// Camera of the full image.
     pub camera: Camera,
     /// Share of each pixel that is fabric, shape [height, width, 1].
     pub mask: Image,

@@ -23,9 +23,9 @@ pub(super) const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// What is known of a mask file once it has been read.
 struct Mask {
-    /// The mask is black outside this part of the picture.
+    /// The mask is black outside this part of the image.
     region: Rect,
-    /// Where it is ≥ ½ in the full picture.
+    /// Where it is ≥ ½ in the full image.
     bounds: Rect,
     /// What was unusual about the file.
     notes: Vec<&'static str>,
@@ -35,7 +35,7 @@ struct Mask {
 struct Files {
     colour: PathBuf,
     mask: PathBuf,
-    /// Part of the picture that the mask is not black in.
+    /// Part of the image that the mask is not black in.
     region: Rect,
     stamps: [Stamp; 2],
 }
@@ -69,13 +69,13 @@ pub(crate) fn read(
     let crop = manifest.crop.unwrap_or_else(|| crop_around(&found, size));
     check_memory(crop)?;
 
-    let of_frame = |((colour, mask), found): ((PathBuf, PathBuf), &Mask)| Files {
+    let frame_files = |((colour, mask), found): ((PathBuf, PathBuf), &Mask)| Files {
         stamps: [stamp(&colour), stamp(&mask)],
         region: found.region,
         colour,
         mask,
     };
-    let files: Vec<Files> = colours.into_iter().zip(masks).zip(&found).map(of_frame).collect();
+    let files: Vec<Files> = colours.into_iter().zip(masks).zip(&found).map(frame_files).collect();
     let held = crop.width() * crop.height() * PIXEL_BYTES <= held_bytes / range.len();
     let read = in_order(&files, |files| {
         let mut read = read_frame(files, size, crop)?;
@@ -141,7 +141,7 @@ fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mas
     })
 }
 
-/// A frame, its picture file's oddities, and sum and number of its background values.
+/// A frame, its image file's oddities, and sum and number of its background values.
 struct Read {
     frame: Option<Frame>,
     notes: Vec<&'static str>,
@@ -217,32 +217,28 @@ fn grown_by_two(mask: &Image) -> Vec<bool> {
 }
 
 fn composite_over_black(frame: &mut Frame) {
-    for (colour, share) in frame.rgb.data.chunks_exact_mut(3).zip(&frame.mask.data) {
-        colour.iter_mut().for_each(|c| *c *= share);
+    for (colour, coverage) in frame.rgb.data.chunks_exact_mut(3).zip(&frame.mask.data) {
+        colour.iter_mut().for_each(|c| *c *= coverage);
     }
 }
 
 /// Smallest rectangle around the values ≥ ½, if there are any.
 fn bounds(mask: &Image) -> Option<Rect> {
-    let mut found: Option<Rect> = None;
-    for (y, row) in mask.data.chunks_exact(mask.width).enumerate() {
-        let Some(first) = row.iter().position(|v| *v >= 0.5) else { continue };
-        let last = row.iter().rposition(|v| *v >= 0.5).unwrap_or(first);
-        let line = Rect { x0: first, y0: y, x1: last + 1, y1: y + 1 };
-        found = Some(found.map_or(line, |f| union(f, line)));
-    }
-    found
-}
-
-fn union(a: Rect, b: Rect) -> Rect {
-    Rect { x0: a.x0.min(b.x0), y0: a.y0.min(b.y0), x1: a.x1.max(b.x1), y1: a.y1.max(b.y1) }
+    let covered = |v: &f32| *v >= 0.5;
+    let rows = mask.data.chunks_exact(mask.width).enumerate();
+    Rect::around(rows.flat_map(|(y, row)| {
+        [row.iter().position(covered), row.iter().rposition(covered)]
+            .into_iter()
+            .flatten()
+            .map(move |x| (x, y))
+    }))
 }
 
 fn shifted(r: Rect, by: Rect) -> Rect {
     Rect { x0: r.x0 + by.x0, y0: r.y0 + by.y0, x1: r.x1 + by.x0, y1: r.y1 + by.y0 }
 }
 
-/// `r`, 10 % wider on each side (4 px at least), within the picture.
+/// `r`, 10 % wider on each side (4 px at least), within the image.
 fn grown(r: Rect, [width, height]: [usize; 2]) -> Rect {
     let (dx, dy) = (r.width().div_ceil(10).max(4), r.height().div_ceil(10).max(4));
     Rect {
@@ -255,11 +251,11 @@ fn grown(r: Rect, [width, height]: [usize; 2]) -> Rect {
 
 /// The crop where scene.json names none: the masks' bounding boxes and 10 % on each side.
 fn crop_around(masks: &[Mask], size: [usize; 2]) -> Rect {
-    let all = masks.iter().map(|m| m.bounds).reduce(union);
+    let all = masks.iter().map(|m| m.bounds).reduce(Rect::union);
     grown(all.unwrap_or(Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] }), size)
 }
 
-/// The part `to` of the picture, of which `image` shows `from`; black outside that.
+/// The part `to` of the image, of which `image` shows `from`; black outside that.
 fn cut(image: &Image, from: Rect, to: Rect) -> Image {
     let mut out = Image::new(to.width(), to.height(), image.channels);
     let n = image.channels;
@@ -290,7 +286,7 @@ fn check_memory(crop: Rect) -> Result<()> {
             bytes as f64 / f64::from(1 << 30),
             MAX_FRAME_BYTES >> 30
         ),
-        "make the crop smaller, or scale pictures and camera down (tessuto import --downscale)",
+        "make the crop smaller, or scale images and camera down (tessuto import --downscale)",
     ))
 }
 
@@ -308,7 +304,7 @@ fn notes_as_warnings<'a>(
     }
     for ((topic, note), (first, count)) in seen {
         let found = format!("{note} (in {count} files, first in frame {first})");
-        warnings.push(warning(topic, &found, "look at the picture of tessuto check --picture FILE.png"));
+        warnings.push(warning(topic, &found, "look at the image of tessuto check --picture FILE.png"));
     }
 }
 

@@ -31,7 +31,7 @@ pub(crate) struct Manifest {
     fy: f64,
     cx: f64,
     cy: f64,
-    /// The part of the pictures to keep; the masks decide where it is missing.
+    /// The part of the images to keep; the masks decide where it is missing.
     pub crop: Option<Rect>,
     #[serde(default)]
     pub units: Units,
@@ -126,7 +126,7 @@ impl Manifest {
         Ok(manifest)
     }
 
-    /// Camera of the full picture.
+    /// Camera of the full image.
     pub fn camera(&self) -> Camera {
         Camera { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, width: self.width, height: self.height }
     }
@@ -148,7 +148,7 @@ impl Manifest {
             "give the number of frames in rgbs/, 1 to 100000",
         )?;
         for (key, side) in [("width", self.width), ("height", self.height)] {
-            let hint = "give the size of the pictures in pixels, 2 to 16384";
+            let hint = "give the size of the images in pixels, 2 to 16384";
             demand((2..=MAX_SIDE).contains(&side), key, side.to_string(), hint)?;
         }
         for (key, focal) in [("fx", self.fx), ("fy", self.fy)] {
@@ -156,7 +156,7 @@ impl Manifest {
             demand(focal > 0.0 && focal <= 1e6, key, focal.to_string(), hint)?;
         }
         for (key, centre, side) in [("cx", self.cx, self.width), ("cy", self.cy, self.height)] {
-            let hint = "give the principal point in pixels, near the middle of the picture";
+            let hint = "give the principal point in pixels, near the middle of the image";
             demand(centre.abs() <= 10.0 * side as f64, key, centre.to_string(), hint)?;
         }
         if let Some(Rect { x0, y0, x1, y1 }) = self.crop {

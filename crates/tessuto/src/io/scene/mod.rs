@@ -127,8 +127,8 @@ fn intrinsics_warnings(manifest: &Manifest, warnings: &mut Vec<String>) {
     for (key, focal) in [("fx", camera.fx), ("fy", camera.fy)] {
         if !(0.3..=10.0).contains(&(focal / width)) {
             add(
-                format!("{key} = {focal} is {:.2} picture widths, expected 0.3 to 10", focal / width),
-                "focal lengths are in pixels of these pictures, not in mm or degrees",
+                format!("{key} = {focal} is {:.2} image widths, expected 0.3 to 10", focal / width),
+                "focal lengths are in pixels of these images, not in mm or degrees",
             );
         }
     }
@@ -139,7 +139,7 @@ fn intrinsics_warnings(manifest: &Manifest, warnings: &mut Vec<String>) {
         if !(0.2..=0.8).contains(&(centre / side as f64)) {
             add(
                 format!("{key} = {centre} is far from the middle of {side} pixels"),
-                "check that cx and cy are not swapped and belong to this picture size",
+                "check that cx and cy are not swapped and belong to this image size",
             );
         }
     }

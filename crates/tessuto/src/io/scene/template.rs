@@ -1,6 +1,5 @@
 //! The template: read, scaled to metres, and refused where the simulation could not use it.
 
-use std::collections::HashMap;
 use std::path::Path;
 
 use glam::DVec3;
@@ -10,7 +9,7 @@ use super::{inside, warning};
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::obj;
-use crate::mesh::{Mesh, pieces, pinched, triangle_area};
+use crate::mesh::{Mesh, edge_uses, pieces, pinched, triangle_area};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use crate::scene::Scene;
 use crate::text::quoted;
@@ -60,7 +59,7 @@ pub(crate) fn read(
     Some(mesh)
 }
 
-/// What to type to mend the template of `folder`.
+/// The command that repairs the template of `folder`.
 pub(crate) fn command(folder: &Path, options: &str) -> String {
     format!("tessuto template {} {options}", quoted(folder))
 }
@@ -149,30 +148,22 @@ fn is_flat(mesh: &Mesh, face: usize) -> bool {
 
 /// Refuses edges of three and more faces; doubts faces wound against their neighbours.
 fn check_edges(mesh: &Mesh, place: &str, warnings: &mut Vec<String>) -> Result<()> {
-    // Per edge: the number of its faces, and of those that run from the smaller to the larger vertex.
-    let mut uses: HashMap<[u32; 2], [usize; 2]> = HashMap::new();
-    for face in &mesh.faces {
-        for (k, a) in face.vertices.iter().enumerate() {
-            let b = face.vertices[(k + 1) % face.vertices.len()];
-            let entry = uses.entry([*a.min(&b), *a.max(&b)]).or_default();
-            entry[0] += 1;
-            entry[1] += usize::from(*a < b);
-        }
-    }
-    let crowded = uses.iter().filter(|(_, [faces, _])| *faces > 2);
-    if let Some((edge, [faces, _])) = crowded.clone().min() {
+    let uses = edge_uses(mesh);
+    let crowded: Vec<_> = uses.iter().filter(|(_, found)| found.faces() > 2).collect();
+    if let Some((edge, found)) = crowded.first() {
         return Err(Error::input(
             place,
             format!(
-                "{} edges have more than two faces, first the edge of vertices {} and {} with {faces}",
-                crowded.count(),
+                "{} edges have more than two faces, first the edge of vertices {} and {} with {}",
+                crowded.len(),
                 edge[0] + 1,
-                edge[1] + 1
+                edge[1] + 1,
+                found.faces()
             ),
             "a fabric is a surface: remove double faces and inner walls",
         ));
     }
-    let against = uses.values().filter(|[faces, ascending]| *faces == 2 && *ascending != 1).count();
+    let against = uses.values().filter(|found| found.faces() == 2 && found.ascending != 1).count();
     if against > 0 {
         let found = format!("{against} edges join faces that are wound in opposite directions");
         warnings.push(warning("winding", &found, "recalculate the normals in a modelling program"));
@@ -248,10 +239,10 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
         let q = camera.project(**p);
         q.x < -0.5 || q.y < -0.5 || q.x > camera.width as f64 - 0.5 || q.y > camera.height as f64 - 0.5
     };
-    let share = mesh.positions.iter().filter(outside).count() as f64 / mesh.positions.len() as f64;
-    if share > 0.02 {
-        let found = format!("{:.0} % of the template's vertices are outside the crop", share * 100.0);
-        warnings.push(warning("crop", &found, "make the crop larger, if the fabric is in the picture"));
+    let fraction = mesh.positions.iter().filter(outside).count() as f64 / mesh.positions.len() as f64;
+    if fraction > 0.02 {
+        let found = format!("{:.0} % of the template's vertices are outside the crop", fraction * 100.0);
+        warnings.push(warning("crop", &found, "make the crop larger, if the fabric is in the image"));
     }
     if iou >= OVERLAP_DOUBTED {
         return Ok(());

@@ -119,7 +119,7 @@ impl Fronts {
     /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times 10⁻¹⁶.
     /// Infinite if a value is not finite.
     pub(in crate::math) fn growth(&self, values: &[f64]) -> f64 {
-        let of_front = |front: &Front| {
+        let front_growth = |front: &Front| {
             let mut growth = 0.0;
             let columns = values[front.values[1]..][..front.len()].chunks_exact(front.height().max(1));
             for (j, column) in columns.enumerate() {
@@ -140,7 +140,7 @@ impl Fronts {
             }
             growth
         };
-        self.fronts.par_iter().with_min_len(16).map(of_front).reduce(|| 0.0, f64::max)
+        self.fronts.par_iter().with_min_len(16).map(front_growth).reduce(|| 0.0, f64::max)
     }
 }
 

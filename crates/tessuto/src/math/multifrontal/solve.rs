@@ -36,13 +36,13 @@ impl Fronts {
         self.halves(front, x_below, loads_below, |half, x, loads| self.up(half, values, x, loads));
         load.fill(0.0);
         for child in &front.children {
-            let of_child = self.load(child.front, front, loads_below);
+            let child_load = self.load(child.front, front, loads_below);
             for (k, run) in child.runs.iter().enumerate() {
                 let target = match k < child.own_runs {
                     true => &mut x_own[run.to..][..run.len],
                     false => &mut load[run.to - front.width()..][..run.len],
                 };
-                target.iter_mut().zip(&of_child[run.from..]).for_each(|(t, l)| *t += l);
+                target.iter_mut().zip(&child_load[run.from..]).for_each(|(t, l)| *t += l);
             }
         }
         let (top, bottom) = front.columns(values).split_at_row(front.width());
@@ -65,13 +65,13 @@ impl Fronts {
         matmul(x.as_mut(), Accum::Add, bottom.transpose(), later, -1.0, Par::Seq);
         solve_unit_upper_triangular_in_place(top.transpose(), x, Par::Seq);
         for child in &front.children {
-            let of_child = self.load(child.front, front, loads_below);
+            let child_load = self.load(child.front, front, loads_below);
             for (k, run) in child.runs.iter().enumerate() {
                 let source = match k < child.own_runs {
                     true => &x_own[run.to..][..run.len],
                     false => &load[run.to - front.width()..][..run.len],
                 };
-                of_child[run.from..][..run.len].copy_from_slice(source);
+                child_load[run.from..][..run.len].copy_from_slice(source);
             }
         }
         self.halves(front, x_below, loads_below, |half, x, loads| self.down(half, values, x, loads));

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::pyramid::Level;
 use crate::camera::Camera;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, boundary_edges};
 
 /// A point of a triangle.
 #[derive(Debug, Clone, Copy)]
@@ -105,15 +105,8 @@ pub struct EdgePoint {
 
 /// Points about `spacing` pixels apart along the edges that belong to one polygon only.
 pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Vec<EdgePoint> {
-    let mut uses = std::collections::BTreeMap::<[u32; 2], usize>::new();
-    for face in &mesh.faces {
-        for (k, &a) in face.vertices.iter().enumerate() {
-            let b = face.vertices[(k + 1) % face.vertices.len()];
-            *uses.entry([a.min(b), a.max(b)]).or_default() += 1;
-        }
-    }
     let mut points = Vec::new();
-    for (vertices, _) in uses.into_iter().filter(|(_, n)| *n == 1) {
+    for vertices in boundary_edges(mesh) {
         let [a, b] = vertices.map(|v| camera.project(positions[v as usize]));
         let n = ((b - a).length() / spacing).ceil().max(1.0);
         for k in 0..n as usize {

@@ -176,9 +176,9 @@ impl FitState {
         let accelerations = &self.parameters.accelerations;
         let len = 3 * fit.cloth.vertex_count() * accelerations.dynamic.len();
         accelerations.matches(&fit.start().accelerations)
-            && self.stiffness.iter().all(|group| group.adam.fits(1))
-            && self.constant.adam.fits(3)
-            && self.dynamic.adam.fits(len)
+            && self.stiffness.iter().all(|group| group.adam.matches(1))
+            && self.constant.adam.matches(3)
+            && self.dynamic.adam.matches(len)
     }
 }
 

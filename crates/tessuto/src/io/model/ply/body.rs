@@ -95,7 +95,7 @@ impl<'a> Body<'a> {
         let big_endian = match self.encoding {
             Encoding::Ascii => {
                 let word = self.words.next().ok_or_else(|| format!("\"{}\" is not there", property.name))?;
-                return word.parse().map_err(|_| format!("\"{word}\" is no number"));
+                return word.parse().map_err(|_| format!("\"{word}\" is not a number"));
             }
             Encoding::LittleEndian => false,
             Encoding::BigEndian => true,

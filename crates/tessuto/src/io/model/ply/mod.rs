@@ -176,7 +176,7 @@ mod tests {
         for (from, to, fragment) in [
             ("1 0.5 1", "1 0.5", "a.ply:16: vertex 2 of 3: \"z\" is not there"),
             ("1 0.5 1", "1 0.5 1 4", "\"4\" stands behind"),
-            ("1 0.5 1", "1 half 1", "\"half\" is no number"),
+            ("1 0.5 1", "1 half 1", "\"half\" is not a number"),
             ("2 0 -1 7", "-2 0 -1 7", "the length of \"ends\" is -2"),
             ("9 3 0 1 2", "", "a.ply:18: face 1 of 1: the file ends before it"),
             ("9 3 0 1 2", "9 3 0 1 -2", "has the vertices [0, 1, 4294967295]; 3 exist"),

@@ -1,4 +1,4 @@
-//! A colourful print with features at many scales: noise in two colours under motifs from large to small.
+//! A colourful texture with features at many scales: noise in two colours under motifs from large to small.
 
 use std::f64::consts::TAU;
 
@@ -19,15 +19,15 @@ const INKS: [[f32; 3]; 8] = [
 /// Colours that the ground varies between, sRGB.
 const GROUNDS: [[f32; 3]; 2] = [[0.90, 0.86, 0.76], [0.52, 0.70, 0.74]];
 
-/// The print of `seed`, `size`×`size` texels, sRGB.
-pub fn print(size: usize, seed: u64) -> Image {
+/// The texture of `seed`, `size`×`size` texels, sRGB.
+pub fn texture(size: usize, seed: u64) -> Image {
     let mut rng = Rng::new(seed, 0);
-    let octaves = [(4, 0.45), (9, 0.3), (21, 0.25)].map(|(n, share)| (Lattice::new(n, &mut rng), share));
+    let octaves = [(4, 0.45), (9, 0.3), (21, 0.25)].map(|(n, weight)| (Lattice::new(n, &mut rng), weight));
     let mut image = Image::new(size, size, 3);
     for y in 0..size {
         for x in 0..size {
             let (u, v) = ((x as f64 + 0.5) / size as f64, (y as f64 + 0.5) / size as f64);
-            let noise: f64 = octaves.iter().map(|(lattice, share)| share * lattice.at(u, v)).sum();
+            let noise: f64 = octaves.iter().map(|(lattice, weight)| weight * lattice.at(u, v)).sum();
             let t = ((noise - 0.5) * 2.2 + 0.5).clamp(0.0, 1.0) as f32;
             for (c, out) in image.pixel_mut(x, y).iter_mut().enumerate() {
                 *out = GROUNDS[0][c] + t * (GROUNDS[1][c] - GROUNDS[0][c]);
@@ -73,9 +73,9 @@ struct Motif {
     radius: f64,
     angle: f64,
     petals: f64,
-    /// Depth of the cuts between petals, as share of the radius.
+    /// Depth of the cuts between petals, as a fraction of the radius.
     cut: f64,
-    /// Radius of the heart, as share of the radius.
+    /// Radius of the heart, as a fraction of the radius.
     heart: f64,
     inks: [[f32; 3]; 2],
 }
