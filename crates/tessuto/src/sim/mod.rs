@@ -1,6 +1,6 @@
 //! Differentiable cloth simulation: springs, two implicit integrators, their adjoints.
 //!
-//! [`rollout`] simulates a clip, [`rollout_vjp`] takes the derivatives of a loss by its positions back to accelerations,
+//! [`rollout()`] simulates a clip, [`rollout_vjp`] takes the derivatives of a loss by its positions back to accelerations,
 //! stiffnesses and the initial state:
 //!
 //! ```

@@ -57,7 +57,7 @@ impl Look {
 pub enum View {
     /// From the recording camera.
     Original,
-    /// From so far to the left and upwards about the middle of the fabric [degrees], as near as it fits.
+    /// From so far to the left and upwards about the middle of the fabric `[degrees]`, as near as it fits.
     About(f64, f64),
 }
 
@@ -70,7 +70,7 @@ pub struct RenderOptions {
     pub view: View,
     /// Light: a lat-long picture in place of the recovered one.
     pub environment: Option<PathBuf>,
-    /// Width and height [px] in place of the video's.
+    /// Width and height `[px]` in place of the video's.
     pub size: Option<[usize; 2]>,
     /// Frames, counted from the result's first; all of them if it is not given.
     pub frames: Option<Range<usize>>,
@@ -85,7 +85,7 @@ pub struct RenderOptions {
 pub struct Rendered {
     /// The folder.
     pub folder: PathBuf,
-    /// Nearest (dark) and farthest (bright) depth [m], where depth was drawn.
+    /// Nearest (dark) and farthest (bright) depth `[m]`, where depth was drawn.
     pub depth: Option<[f64; 2]>,
     /// Where an earlier folder is kept because somebody put files into it meanwhile.
     pub kept: Option<PathBuf>,

@@ -10,7 +10,7 @@ use crate::math::gradient_check::{Worst, check, check_coarse};
 use crate::math::rng::Rng;
 use crate::math::{dot, flat, vectors};
 use crate::mesh::{Mesh, Positions, grid};
-use crate::motion::terms::{FrameSystem, FrameTerms, Term};
+use crate::motion::terms::{FrameSystem, FrameTerms, Function, Term};
 use crate::scene::{Scene, Truth};
 use crate::sim::Cloth;
 use crate::video::{Frame, Video};
@@ -86,7 +86,7 @@ fn system_of(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> (f64, FrameSystem) 
 }
 
 /// The function that a term's gradient at `x` belongs to.
-fn differentiated<'t>(term: &'t dyn Term, x: &[DVec3]) -> Box<dyn Fn(&[DVec3]) -> f64 + 't> {
+fn differentiated<'t>(term: &'t dyn Term, x: &[DVec3]) -> Function<'t> {
     term.held(x).unwrap_or_else(|| Box::new(move |x| term.value(x)))
 }
 

@@ -23,6 +23,9 @@ use outline::Outline;
 use signed_bend::SignedBend;
 use strain::Strain;
 
+/// A function of the positions of a frame.
+pub type Function<'a> = Box<dyn Fn(&[DVec3]) -> f64 + 'a>;
+
 /// One term of the objective of one frame, a function of its positions x `[m]`, shape `[V]`.
 pub trait Term: Sync {
     /// Its name in the history of losses.
@@ -37,7 +40,7 @@ pub trait Term: Sync {
 
     /// The function that the gradient at `x` belongs to, where that is not [`value`](Self::value) because something
     /// that depends on the positions is held fixed.
-    fn held<'s>(&'s self, _x: &[DVec3]) -> Option<Box<dyn Fn(&[DVec3]) -> f64 + 's>> {
+    fn held<'s>(&'s self, _x: &[DVec3]) -> Option<Function<'s>> {
         None
     }
 }

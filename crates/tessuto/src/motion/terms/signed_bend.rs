@@ -94,7 +94,7 @@ impl Term for SignedBend<'_> {
         value
     }
 
-    fn held<'s>(&'s self, x: &[DVec3]) -> Option<Box<dyn Fn(&[DVec3]) -> f64 + 's>> {
+    fn held<'s>(&'s self, x: &[DVec3]) -> Option<super::Function<'s>> {
         let normals = self.normals(x);
         Some(Box::new(move |x| self.value_with(&normals, x)))
     }
