@@ -37,7 +37,7 @@ pub struct FrameAgreement {
     pub strain_p99: f64,
     /// Largest |strain|.
     pub strain_max: f64,
-    /// Share of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
+    /// Fraction of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
     /// the template does so.
     pub creased: f64,
 }

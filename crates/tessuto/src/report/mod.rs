@@ -59,7 +59,7 @@ pub struct ReportData {
 }
 
 /// The moving fabric, for the 3D view.
-#[derive(Debug, Clone, Default, serde::Serialize)]
+#[derive(Debug, Clone, serde::Serialize)]
 pub struct ClothData {
     /// Frames per second.
     pub fps: f64,
@@ -67,8 +67,8 @@ pub struct ClothData {
     pub first_frame: usize,
     /// Frames of the video; the motion of a running reconstruction may have fewer.
     pub frame_count: usize,
-    /// Camera of the whole image; results of older versions lack it.
-    pub camera: Option<Camera>,
+    /// Camera of the whole image.
+    pub camera: Camera,
     /// Topology.
     pub surface: Surface,
     /// Positions.

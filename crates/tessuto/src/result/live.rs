@@ -32,7 +32,7 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
             fps: scene.fps,
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
-            camera: Some(scene.camera),
+            camera: scene.camera,
             surface: Surface::new(&scene.template, Window::WHOLE),
             motion: Motion::new(&template),
             fields: Vec::new(),

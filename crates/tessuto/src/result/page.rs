@@ -50,7 +50,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         fps: saved.fps,
         first_frame: saved.run.frames[0],
         frame_count: motion.len(),
-        camera: Some(saved.camera),
+        camera: saved.camera,
         surface: Surface::new(&saved.mesh, window),
         motion: Motion::new(motion),
         fields: fields(folder, saved, motion)?,

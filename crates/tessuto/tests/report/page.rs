@@ -176,7 +176,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
             fps: 25.0,
             first_frame: 0,
             frame_count,
-            camera: Some(camera),
+            camera,
             surface: Surface::new(&mesh, Window::WHOLE),
             motion: Motion::new(&motion),
             fields: [("depth_error", 900.0), ("force", 50.0)]
