@@ -15,8 +15,10 @@
 //! manifest.json                   sizes and hashes of all of these, written last
 //! ```
 
+mod curves;
 mod folder;
 mod history;
+mod light;
 mod live;
 mod log;
 mod page;

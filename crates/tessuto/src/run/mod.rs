@@ -72,7 +72,7 @@ impl RunOptions {
             }
         }
         if self.appearance {
-            stages.extend([stage(appearance::FIT, 60.0), stage(appearance::REDRAW, 10.0)]);
+            stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
         }
         stages.push(stage("report", 3.0));
         stages
