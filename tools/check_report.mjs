@@ -136,7 +136,7 @@ if (plot) {
   await page.keyboard.press("Home");
   await plot.click();
   check("a click on a curve goes to its frame", await frame() > 0, `frame ${await frame()}`);
-  const legend = await page.$eval("#frame-charts .u-legend", e => e.textContent);
+  const legend = await page.$eval("#frame-charts .key", e => e.textContent);
   check("curves tell the values of a frame", /\d/.test(legend.replace(/[^\d]/g, "")), legend.replace(/\s+/g, " ").trim());
 }
 
@@ -169,7 +169,7 @@ if (shots) {
     await (await page.$("#film-panel")).screenshot({ path: `${shots}/film-${layer.replace(":", "-")}.png` });
   }
   await page.select("#look", looks[0]);
-  await page.click("#reset-view");
+  await page.click("#through-camera");
   await page.$eval("#scrub", e => { e.value = 30; e.dispatchEvent(new Event("input")); });
   await pause(300);
   await page.screenshot({ path: `${shots}/camera.png` });

@@ -1,9 +1,11 @@
 //! Pre-flight check: what to know about a scene before spending hours on it.
 //!
-//! A check fails exactly where [loading](crate::io::scene::load) fails; but it names every error it
-//! can reach, measures what may be wrong without being an error, and draws the template over frame 0.
+//! A check fails where [loading](crate::io::scene::load) fails, and where masks or template cannot be those of one piece of
+//! fabric; it names every error it can reach, measures what may be wrong without being an error, and draws the template
+//! over frame 0.
 
 mod findings;
+mod masks;
 mod picture;
 
 use std::path::Path;
@@ -20,7 +22,7 @@ pub enum Level {
     Ok,
     /// Doubtful; computing goes on.
     Warning,
-    /// The scene cannot be used.
+    /// The scene cannot be used, or what would come of it had no meaning.
     Error,
 }
 

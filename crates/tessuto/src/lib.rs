@@ -1,5 +1,5 @@
 //! Recover a fabric's 3D motion, texture, material and light from one ordinary video, on the CPU, the same bytes
-//! every time.
+//! every time; with effective forces and stiffnesses that replay it.
 //!
 //! A scene is a folder of frames, masks, a camera and the fabric's shape in the first frame, made by
 //! [`import`] and [`template`] or from scratch by [`synth`]. [`run::run`] goes from there to a result folder, as the
@@ -81,6 +81,7 @@ pub mod result;
 pub mod run;
 pub mod scene;
 pub mod session;
+pub mod settings;
 pub mod sim;
 pub mod synth;
 pub mod template;

@@ -14,7 +14,7 @@ use crate::image::Image;
 pub struct Frame {
     /// sRGB-encoded colour in [0, 1], shape [height, width, 3]; black where there is no fabric.
     pub rgb: Image,
-    /// Share of the pixel that is fabric, in [0, 1], shape [height, width, 1].
+    /// Fraction of the pixel that is fabric, in [0, 1], shape [height, width, 1].
     pub mask: Image,
 }
 

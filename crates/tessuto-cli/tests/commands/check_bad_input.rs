@@ -196,6 +196,50 @@ fn empty_and_inverted_masks() {
 }
 
 #[test]
+fn masks_that_are_none_of_one_cloth() {
+    let with_masks = |draw: &dyn Fn(usize, usize) -> f32| {
+        let scene = TinyScene::new();
+        let mut image = tessuto::Image::new(SIZE, SIZE, 1);
+        for (i, v) in image.data.iter_mut().enumerate() {
+            *v = draw(i % SIZE, i / SIZE);
+        }
+        write_png(&scene.path("masks/mask_002.png"), &image).unwrap();
+        scene
+    };
+    let inside = |x: usize, y: usize| (4..20).contains(&x) && (6..22).contains(&y);
+    let value = |b: bool| f32::from(u8::from(b));
+    // The colours in place of the masks: greys everywhere.
+    refused(
+        &with_masks(&|x, y| if inside(x, y) { 0.6 } else { 0.2 }),
+        &["masks", "100 % of the mask of frame 2 is neither black nor white", "white is fabric"],
+    );
+    refused(
+        &with_masks(&|x, y| value(inside(x, y) && x % 3 != 0 && y % 3 != 0)),
+        &["the mask of frame 2 is", "pieces, the largest holds", "leave only the fabric white"],
+    );
+    accepted(
+        &with_masks(&|x, y| value(inside(x, y) || (x, y) == (1, 1))),
+        &["warning masks", "the mask of frame 2 is 2 pieces, the largest holds 99.6 % of it"],
+    );
+    accepted(
+        &with_masks(&|x, y| value(inside(x, y) && !((8..10).contains(&x) && (10..12).contains(&y)))),
+        &["warning masks", "the mask of frame 2 has holes, 1.6 % of the fabric"],
+    );
+}
+
+#[test]
+fn templates_before_the_lens_or_beside_the_mask() {
+    let scene = TinyScene::new();
+    // The same picture from very near, as a floor before the camera would be.
+    scene.move_template(|p| p.map(|c| 0.09 * c));
+    scene.edit("scene.json", "\"name\"", "\"units\": \"m\", \"name\"");
+    refused(&scene, &["nearest vertex is 90 mm from the camera", "nothing is filmed from so near"]);
+    let scene = TinyScene::new();
+    scene.move_template(|[x, y, z]| [x + 0.2, y, z]);
+    refused(&scene, &["far from the mask", "is 0.33", "0.5 at least"]);
+}
+
+#[test]
 fn template_that_cannot_be_read() {
     let scene = TinyScene::new();
     std::fs::remove_file(scene.path("template.obj")).unwrap();

@@ -55,7 +55,7 @@ fn page_is_made_from_the_result_alone_and_gains_the_maps() {
         r#"id="map-roughness""#,
         r#""radiance":""#,
         r#""key":"rerendered""#,
-        "PSNR of the frames",
+        "PSNR of the re-rendered frames",
         "material and light",
     ] {
         assert!(second.contains(part), "{part} is missing");

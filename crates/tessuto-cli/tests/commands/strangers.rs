@@ -324,6 +324,8 @@ fn scenes_are_replaced_only_if_they_are_all_ours() {
     put(&at("scene/gt/notes.txt"), "mine");
     refused(home.path(), &forced, &["scene/gt/notes.txt", "would be lost"]);
     std::fs::remove_file(at("scene/gt/notes.txt")).unwrap();
+    put(&at("demo/scene/notes.txt"), "mine");
+    refused(home.path(), &["demo", "--out", "demo"], &["demo/scene/notes.txt", "would be lost"]);
     // A result inside of the scene is nothing that a new scene may cost.
     succeed(home.path(), &reconstruct("scene/result", &[]));
     refused(home.path(), &forced, &["scene/result/", "would be lost"]);

@@ -16,42 +16,65 @@ tessuto.Charts = class {
     this.plots = charts.map(chart => this.plot(chart));
     this.places.framesSection.hidden = !charts.some(c => c.by_frame);
     this.places.stepsSection.hidden = charts.every(c => c.by_frame);
+    this.arrange();
     this.resize();
     this.mark();
   }
 
+  /** Rows of about as many charts, so that none is left with one. */
+  arrange() {
+    for (const place of [this.places.frames, this.places.steps]) {
+      const count = place.childElementCount, most = Math.max(1, Math.floor((this.places.main.clientWidth - 48) / 300));
+      const columns = Math.ceil(count / Math.ceil(count / most)) || 1;
+      place.style.setProperty("--columns", columns);
+    }
+  }
+
   plot(chart) {
     const place = chart.by_frame ? this.places.frames : this.places.steps;
-    const holder = document.createElement("figure");
+    const holder = document.createElement("figure"), title = document.createElement("figcaption"), key = document.createElement("div");
+    title.textContent = chart.unit ? `${chart.title} [${chart.unit}]` : chart.title;
+    key.className = "key";
+    holder.append(title);
     place.append(holder);
     const ink = tessuto.style("--soft"), rule = tessuto.style("--rule");
     const colours = tessuto.lineColours(tessuto.darkness.matches);
     const font = "12px system-ui, sans-serif";
     const axis = { stroke: ink, font, labelFont: font, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule, width: 1, size: 5 } };
-    const label = chart.unit ? `[${chart.unit}]` : "";
-    const value = (_, v) => (v === null ? "–" : tessuto.readable(v));
     const series = chart.series.map((s, k) => ({
-      label: s.name, stroke: colours[k % colours.length], width: 1.75, points: { show: s.values.length < 3 }, value, spanGaps: false,
+      label: s.name, stroke: colours[k % colours.length], width: 1.75, points: { show: s.values.length < 3 }, spanGaps: false,
     }));
     const positive = v => (v !== null && v > 0 ? v : null);
     const data = [chart.x, ...chart.series.map(s => (chart.log ? s.values.map(positive) : s.values))];
     const powers = (_, splits) => splits.map(v => (Number.isInteger(Math.round(Math.log10(v) * 1e6) / 1e6) ? v.toExponential(0) : null));
     const options = {
-      title: chart.title,
       width: 400,
-      height: 250,
+      height: tessuto.chartHeight,
       scales: { x: { time: false }, y: { distr: chart.log ? 3 : 1 } },
       axes: [
         { ...axis, label: chart.x_label, labelSize: 18, size: 34 },
-        { ...axis, label: chart.log ? `${label} log` : label, labelSize: 18, size: 52, ...(chart.log ? { values: powers } : {}) },
+        { ...axis, size: 52, ...(chart.log ? { values: powers } : {}) },
       ],
-      series: [{ label: chart.x_label, value }, ...series],
+      series: [{ label: chart.x_label }, ...series],
       cursor: { points: { size: 6 }, ...(chart.by_frame ? { sync: { key: "frames" } } : {}) },
-      legend: { live: true },
-      hooks: { draw: [plot => this.drawMark(plot)], ready: [plot => this.tell(plot)] },
+      legend: { show: false },
+      hooks: { draw: [plot => this.drawMark(plot)], ready: [plot => this.tell(plot)], setCursor: [plot => this.tell(plot)] },
     };
     const plot = new uPlot(options, data, holder);
-    plot.chart = chart;
+    Object.assign(plot, { chart, key });
+    holder.append(key);
+    key.append(document.createElement("span"), ...chart.series.map((s, k) => {
+      const item = document.createElement("button"), dot = document.createElement("i");
+      item.type = "button";
+      item.title = "show or hide";
+      dot.style.background = colours[k % colours.length];
+      item.append(dot, `${s.name} `, document.createElement("b"));
+      item.addEventListener("click", () => {
+        plot.setSeries(k + 1, { show: !plot.series[k + 1].show });
+        item.classList.toggle("off", !plot.series[k + 1].show);
+      });
+      return item;
+    }));
     if (chart.by_frame) {
       plot.over.style.cursor = "pointer";
       plot.over.addEventListener("click", event => {
@@ -71,11 +94,17 @@ tessuto.Charts = class {
     }
   }
 
-  /** Where no pointer is: the values of the frame that is shown, or of the last step. */
+  /** The values under the pointer; without one, those of the frame that is shown, or of the last step. */
   tell(plot) {
-    const { chart, cursor } = plot;
-    if (!chart || cursor.left >= 0) return;
-    plot.setLegend({ idx: chart.by_frame ? chart.x.indexOf(this.number()) : chart.x.length - 1 });
+    const { chart, cursor, key } = plot;
+    if (!chart) return;
+    const pointed = cursor.left >= 0 && cursor.idx !== null && cursor.idx !== undefined;
+    const at = pointed ? cursor.idx : chart.by_frame ? chart.x.indexOf(this.number()) : chart.x.length - 1;
+    const [place, ...items] = key.children;
+    place.textContent = at >= 0 ? `${chart.by_frame ? "frame" : chart.x_label.split(",")[0]} ${chart.x[at]}` : "";
+    items.forEach((item, k) => {
+      item.querySelector("b").textContent = tessuto.told(chart.series[k].values[at], chart);
+    });
   }
 
   number() {
@@ -98,9 +127,11 @@ tessuto.Charts = class {
   }
 
   resize() {
+    this.arrange();
     for (const plot of this.plots) {
       const width = plot.root.parentElement.clientWidth;
-      if (width > 0 && width !== plot.width) plot.setSize({ width, height: 250 });
+      const inside = width - 16;
+      if (width > 0 && inside !== plot.width) plot.setSize({ width: inside, height: tessuto.chartHeight });
     }
   }
 };

@@ -23,7 +23,10 @@ tessuto.ClothView = class {
     this.controls = new THREE.OrbitControls(this.camera, elements.canvas);
     this.controls.enableDamping = true;
     this.controls.addEventListener("change", () => this.draw());
-    this.controls.addEventListener("start", () => this.leaveCamera());
+    this.controls.addEventListener("start", () => {
+      this.turned = true;
+      this.leaveCamera();
+    });
     this.build();
     this.setMotion(data.motion);
     new ResizeObserver(() => this.resize()).observe(elements.box);
@@ -66,6 +69,19 @@ tessuto.ClothView = class {
       materials[key] = new Kind({ ...offset, map });
     }
     return materials;
+  }
+
+  /** Wears the picture of the first frame where `lens` sees each vertex in it: before a print is recovered. */
+  wear(image, lens) {
+    const p = this.motion.at(0), { corners, uvs } = this.surface;
+    corners.forEach((v, c) => {
+      const z = p[3 * v + 2];
+      uvs[2 * c] = (lens.fx * p[3 * v] / z + lens.cx + 0.5) / lens.width;
+      uvs[2 * c + 1] = 1 - (lens.fy * p[3 * v + 1] / z + lens.cy + 0.5) / lens.height;
+    });
+    this.geometry.getAttribute("uv").needsUpdate = true;
+    this.images.texture = image;
+    this.materials.texture = new THREE.MeshLambertMaterial({ ...this.offset, map: this.texture("texture", THREE.SRGBColorSpace) });
   }
 
   texture(key, space) {
@@ -150,8 +166,8 @@ tessuto.ClothView = class {
     const of = pairs => pairs.filter(([key]) => key in this.materials || (key === "lit" && this.canBeLit));
     const values = Object.values(this.fields).map(f => [f.key, `${f.label} [${f.unit}]`]);
     return [
-      ["Look", of([["texture", "recovered print"], ["lit", "recovered material and light"], ["plain", "plain"]])],
-      ["Map", of([["diffuse", "diffuse"], ["roughness", "roughness"], ["metallic", "metallic"]])],
+      ["Look", of([["lit", "recovered material and light"], ["texture", "recovered texture"], ["plain", "plain"]])],
+      ["Map", of([["diffuse", "albedo"], ["roughness", "roughness"], ["metallic", "metallic"]])],
       ["Value", values],
     ].filter(([, members]) => members.length > 0);
   }
@@ -295,7 +311,10 @@ tessuto.ClothView = class {
     this.inCamera = this.throughLens = false;
     this.camera.clearViewOffset();
     this.camera.fov = 32;
-    const distance = this.radius / Math.sin(this.camera.fov * Math.PI / 360) * 0.92;
+    // The narrower side of the view decides.
+    const half = Math.tan(this.camera.fov * Math.PI / 360) * Math.min(1, this.size ? this.size.width / this.size.height : 1);
+    const distance = this.radius / Math.sin(Math.atan(half)) * 0.92;
+    this.turned = false;
     const [left, up] = [-0.5, 0.25];
     const to = new THREE.Vector3(Math.sin(left) * Math.cos(up), Math.sin(up), Math.cos(left) * Math.cos(up));
     this.camera.position.copy(this.centre).addScaledVector(to, distance);
@@ -360,6 +379,7 @@ tessuto.ClothView = class {
     else {
       this.camera.aspect = width / height;
       this.camera.updateProjectionMatrix();
+      if (!this.turned && this.motion) this.orbitView();
     }
     this.drawNow();
   }

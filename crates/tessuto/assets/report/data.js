@@ -119,6 +119,17 @@ tessuto.roundedUp = value => {
   return [1, 2, 5, 10].map(s => s * power).find(s => s >= value * 0.999);
 };
 
+/** Height of a chart without its title and key [px]. */
+tessuto.chartHeight = 210;
+
+/** A value of a chart with its unit; what is nothing beside the largest is 0. */
+tessuto.told = (value, chart) => {
+  if (value === null || value === undefined) return "–";
+  chart.largest ??= Math.max(...chart.series.flatMap(s => s.values.map(v => Math.abs(v ?? 0))));
+  const shown = !chart.log && Math.abs(value) < 1e-3 * chart.largest ? 0 : value;
+  return chart.unit ? `${tessuto.readable(shown)} ${chart.unit}` : tessuto.readable(shown);
+};
+
 /** A number for reading: three digits. */
 tessuto.readable = value => {
   if (value === null || value === undefined || !isFinite(value)) return "–";

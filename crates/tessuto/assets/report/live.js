@@ -4,13 +4,16 @@
   const { data, view, charts, player } = tessuto.page;
   if (!data.live) return;
   const byId = id => document.getElementById(id);
-  let version = 0, motion = 0, failures = 0;
+  let version = 0, motion = 0, failures = 0, followed = 0;
+  const stages = [];
 
   const show = news => {
     version = news.version;
     const { stage, step, of } = news.state;
     if (stage) {
+      if (stages.at(-1) !== stage) stages.push(stage);
       byId("stage").textContent = stage;
+      byId("stages").textContent = stages.length > 1 ? `after ${stages.slice(0, -1).join(", ")}` : "";
       byId("stage-note").textContent = `step ${step} of ${of}`;
       Object.assign(byId("progress"), { max: of, value: step });
     }
@@ -19,7 +22,10 @@
       motion = news.motion;
       view.setMotion(news.state.motion);
       view.refreshLooks();
-      player.refresh();
+      // While frames are added, the newest one is shown, until the user goes elsewhere.
+      const newest = view.motion.frames - 1;
+      if (!player.playing && player.frame === followed && newest > followed) player.seek(followed = newest);
+      else player.refresh();
     }
   };
 

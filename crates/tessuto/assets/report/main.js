@@ -61,15 +61,23 @@
       view.setLook(look.value);
     };
     list();
+    if (view.canBeLit) look.value = "lit";
+    if (data.live && film.camera && view.motion) {
+      const first = new Image();
+      first.src = `data:image/jpeg;base64,${film.layers[0].frames[0]}`;
+      view.wear(first, film.camera);
+      list();
+      look.value = "texture";
+    }
     choose();
     look.addEventListener("change", choose);
     const wireframe = byId("wireframe"), background = byId("background");
     wireframe.addEventListener("change", () => view.setWireframe(wireframe.checked));
     background.addEventListener("change", () => view.setBackground(background.checked));
-    const button = byId("reset-view");
-    button.disabled = !(view.lens ?? cloth.camera);
-    button.addEventListener("click", () => button.classList.toggle("on", view.toggleCamera()));
-    view.onLeaveCamera = () => button.classList.remove("on");
+    const through = byId("through-camera");
+    through.disabled = !(view.lens ?? cloth.camera);
+    through.addEventListener("change", () => { through.checked = view.toggleCamera(); });
+    view.onLeaveCamera = () => { through.checked = false; };
     view.setDark(tessuto.darkness.matches);
     tessuto.darkness.addEventListener("change", () => view.setDark(tessuto.darkness.matches));
     player.listen(frame => view.show(frame));
@@ -111,6 +119,32 @@
   // The curves can wait until the first frame is on the screen.
   setTimeout(() => charts.set(data.charts), 50);
 
+  // “frame 34” in a text goes there.
+  const link = number => {
+    const a = document.createElement("a");
+    a.href = `#frame-${number}`;
+    a.textContent = `frame ${number}`;
+    return a;
+  };
+  for (const place of document.querySelectorAll(".with-frames")) {
+    const parts = place.textContent.split(/frame (\d+)/);
+    if (parts.length > 1 && cloth) place.replaceChildren(...parts.map((text, k) => (k % 2 ? link(text) : text)));
+  }
+  const follow = () => {
+    const number = /^#frame-(\d+)$/.exec(location.hash)?.[1];
+    if (number === undefined) return;
+    player.toggle(false);
+    player.seek(number - player.first);
+  };
+  addEventListener("hashchange", follow);
+  addEventListener("click", event => {
+    if (!event.target.closest?.("a[href^='#frame-']")) return;
+    // The same link again changes no address.
+    follow();
+    byId("views").scrollIntoView({ block: "nearest", behavior: "smooth" });
+  });
+  follow();
+
   const about = [];
   if (view?.motion) about.push(`positions to ±${(1e6 * view.motion.precision).toFixed(0)} µm`);
   if (hasFilm) about.push(`pictures ${film.width} × ${film.height} px, JPEG quality ${film.quality}`);
@@ -119,7 +153,7 @@
   addEventListener("keydown", event => {
     const field = event.target.closest?.("select, summary, #wipe, a");
     if (event.ctrlKey || event.metaKey || event.altKey || (field && event.key !== "Escape")) return;
-    const actions = { w: () => byId("wireframe").click(), c: () => byId("reset-view").click() };
+    const actions = { w: () => byId("wireframe").click(), c: () => byId("through-camera").click() };
     // A focused button would take the space for a click.
     const button = event.target.closest?.("button, input[type=checkbox]");
     if (button && event.key === " " && button.id !== "play") return;

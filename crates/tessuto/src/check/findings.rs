@@ -2,6 +2,7 @@
 
 use sha2::{Digest, Sha256};
 
+use super::masks::{self, MaskShape};
 use super::{Finding, Level};
 use crate::error::Result;
 use crate::image::Image;
@@ -9,6 +10,8 @@ use crate::io::scene::template::{DIAGONAL, command, diagonal};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
 
+/// Nearer than this `[m]` no camera films cloth.
+const NEAREST: f64 = 0.1;
 /// Columns and rows of the raster on which overlapping uv is measured.
 const UV_RASTER: usize = 512;
 
@@ -18,14 +21,14 @@ const UV_RASTER: usize = 512;
 /// Those of reading the frames.
 pub(super) fn of_video(scene: &Scene) -> Result<Vec<Finding>> {
     let looked_at = scene.frames.map(0..scene.frames.len(), || (), |(), n| Glance::at(scene, n))?;
-    let video = [frames(scene), masks(scene, &looked_at), motion(scene, &looked_at)];
-    Ok(video.into_iter().chain([intrinsics(scene), truth(scene)]).collect())
+    let shapes: Vec<MaskShape> = looked_at.iter().map(|glance| glance.mask).collect();
+    let rest = [motion(scene, &looked_at), intrinsics(scene), truth(scene)];
+    Ok(std::iter::once(frames(scene)).chain(masks::findings(scene, &shapes)).chain(rest).collect())
 }
 
 /// What is kept of a frame to compare it with others.
 struct Glance {
-    /// Fraction of the full image that is fabric.
-    fraction: f64,
+    mask: MaskShape,
     /// Of the colours.
     digest: [u8; 32],
 }
@@ -33,9 +36,8 @@ struct Glance {
 impl Glance {
     fn at(scene: &Scene, n: usize) -> Result<Self> {
         let frame = scene.frames.frame(n)?;
-        let full = (scene.full_size[0] * scene.full_size[1]) as f64;
-        let fraction = frame.mask.data.iter().filter(|v| **v >= 0.5).count() as f64 / full;
-        Ok(Self { fraction, digest: Sha256::digest(bytemuck::cast_slice(&frame.rgb.data)).into() })
+        let mask = MaskShape::of(&frame.mask);
+        Ok(Self { mask, digest: Sha256::digest(bytemuck::cast_slice(&frame.rgb.data)).into() })
     }
 }
 
@@ -87,39 +89,6 @@ fn frames(scene: &Scene) -> Finding {
     }
 }
 
-fn masks(scene: &Scene, looked_at: &[Glance]) -> Finding {
-    let fractions: Vec<f64> = looked_at.iter().map(|glance| glance.fraction).collect();
-    let (mut low, mut high) = (0, 0);
-    for (n, fraction) in fractions.iter().enumerate() {
-        low = if *fraction < fractions[low] { n } else { low };
-        high = if *fraction > fractions[high] { n } else { high };
-    }
-    let detail = format!(
-        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the image",
-        100.0 * fractions[low],
-        scene.first_frame + low,
-        100.0 * fractions[high],
-        scene.first_frame + high
-    );
-    if fractions[high] > 0.9 {
-        return doubt("masks", detail, "masks this full are often inverted; white must be fabric");
-    }
-    // Fabric does not appear or vanish between two frames.
-    let ratio = |pair: &[f64]| pair[0].max(pair[1]) / pair[0].min(pair[1]);
-    match fractions.windows(2).position(|pair| ratio(pair) > 1.5) {
-        Some(n) => {
-            let frame = scene.first_frame + n;
-            let hint = "look at these masks";
-            doubt(
-                "masks",
-                format!("{detail}; by over half in or out between frames {frame} and {}", frame + 1),
-                hint,
-            )
-        }
-        None => ok("masks", detail),
-    }
-}
-
 fn motion(scene: &Scene, looked_at: &[Glance]) -> Finding {
     let same = |n: &usize| looked_at[*n].digest == looked_at[*n + 1].digest;
     let repeats: Vec<usize> = (0..looked_at.len() - 1).filter(same).collect();
@@ -149,21 +118,34 @@ fn scale(scene: &Scene) -> Finding {
     let length = |e: &[u32; 2]| mesh.positions[e[0] as usize].distance(mesh.positions[e[1] as usize]);
     let mean = edges.iter().map(length).sum::<f64>() / edges.len() as f64;
     let depths = || mesh.positions.iter().map(|p| p.z);
-    ok(
+    let nearest = depths().fold(f64::INFINITY, f64::min);
+    let finding = ok(
         "scale",
         format!(
-            "diagonal {:.3} m, area {:.3} m², {} vertices, {} edges of {:.1} mm on average, {:.2} to {:.2} m away",
+            "diagonal {:.3} m, area {:.3} m², {} vertices, {} edges of {:.1} mm on average, depth {:.2} to {:.2} m",
             diagonal(&mesh.positions),
             mesh.area(),
             mesh.positions.len(),
             edges.len(),
             mean * 1000.0,
-            depths().fold(f64::INFINITY, f64::min),
+            nearest,
             depths().fold(f64::NEG_INFINITY, f64::max)
         ),
-    )
+    );
+    if nearest >= NEAREST {
+        return finding;
+    }
+    let detail = format!(
+        "the template's nearest vertex is {:.0} mm from the camera; {}",
+        1e3 * nearest,
+        finding.detail
+    );
+    let hint =
+        "nothing is filmed from so near: give the template in metres, and take no floor or table into it";
+    Finding { level: Level::Error, detail, hint: hint.into(), ..finding }
 }
 
+/// Loading refuses a template that lies beside the mask, and doubts one that lies badly on it.
 fn template_overlap(scene: &Scene, iou: f64) -> Finding {
     ok(
         "overlap",

@@ -12,7 +12,7 @@ pub(super) struct Blend {
     stride: usize,
     /// Pixels cut off at each border.
     margin: usize,
-    /// Share of a tile's column (or row), shape [tile_edge], for the first, an inner and the last tile.
+    /// Weight of a tile's column (or row), shape [tile_edge], for the first, an inner and the last tile.
     ramps: [Vec<f32>; 4],
 }
 

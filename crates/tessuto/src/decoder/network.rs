@@ -61,7 +61,7 @@ pub(super) struct Network {
 pub(super) struct Graph {
     /// Weights and biases of every layer.
     leaves: Vec<(Tensor<4>, Tensor<1>)>,
-    /// Positions [tiles², 5, tile edge, tile edge].
+    /// Shape [tiles², 5, tile edge, tile edge].
     output: Tensor<4>,
 }
 
@@ -129,7 +129,7 @@ impl Network {
 }
 
 impl Graph {
-    /// Positions [tiles², 5, tile edge, tile edge].
+    /// Shape [tiles², 5, tile edge, tile edge].
     pub(super) fn tiles(&self) -> Vec<f32> {
         values(self.output.clone().into_data())
     }

@@ -61,9 +61,9 @@ impl Distortion {
 /// How to make the images of a pinhole camera from those of a lens with the same focal length and centre.
 pub(super) struct Undistortion {
     size: [usize; 2],
-    /// Column and row in the lens's image of every pixel; NaN where it shows nothing. Positions [height · width].
+    /// Column and row in the lens's image of every pixel; NaN where it shows nothing. Shape [height · width].
     sources: Vec<[f32; 2]>,
-    /// Share of the pinhole camera's pixels that the lens shows, in [0, 1].
+    /// Fraction of the pinhole camera's pixels that the lens shows, in [0, 1].
     pub seen: f64,
 }
 

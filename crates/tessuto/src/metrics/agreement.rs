@@ -22,7 +22,7 @@ pub struct FrameAgreement {
     /// coverage is; absent where both are empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silhouette: Option<f64>,
-    /// PSNR `[dB]` of the mesh rendered with the recovered print against the video's sRGB colours, over the pixels in which
+    /// PSNR `[dB]` of the mesh rendered with the recovered texture against the video's sRGB colours, over the pixels in which
     /// both mask and rendered coverage are above one half; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
@@ -37,7 +37,7 @@ pub struct FrameAgreement {
     pub strain_p99: f64,
     /// Largest |strain|.
     pub strain_max: f64,
-    /// Share of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
+    /// Fraction of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
     /// the template does so.
     pub creased: f64,
 }
@@ -104,7 +104,7 @@ impl AgreementMeter {
     }
 
     /// Mean, 99th percentile and maximum of |strain|.
-    fn strain(&self, positions: &[DVec3]) -> [f64; 3] {
+    pub fn strain(&self, positions: &[DVec3]) -> [f64; 3] {
         let strain = |([a, b], length): &([u32; 2], f64)| {
             (positions[*a as usize].distance(positions[*b as usize]) / length - 1.0).abs()
         };

@@ -74,8 +74,16 @@ impl MapMetrics {
         let all = [
             ("diffuse_psnr", self.diffuse_psnr, "diffuse map, sRGB [dB]"),
             ("diffuse_ssim", self.diffuse_ssim, "diffuse map, structural similarity"),
-            ("diffuse_psnr_scaled", self.diffuse_psnr_scaled, "… after the best factor per channel [dB]"),
-            ("diffuse_ssim_scaled", self.diffuse_ssim_scaled, "… after the best factor per channel"),
+            (
+                "diffuse_psnr_scaled",
+                self.diffuse_psnr_scaled,
+                "diffuse map, sRGB, after the best factor per channel [dB]",
+            ),
+            (
+                "diffuse_ssim_scaled",
+                self.diffuse_ssim_scaled,
+                "diffuse map, structural similarity, after the best factor per channel",
+            ),
             ("roughness_psnr", self.roughness_psnr, "roughness map [dB]"),
             ("roughness_ssim", self.roughness_ssim, "roughness map, structural similarity"),
             ("roughness_corr", self.roughness_corr, "roughness map, correlation"),
@@ -84,7 +92,11 @@ impl MapMetrics {
             ("metallic_corr", self.metallic_corr, "metallic map, correlation"),
             ("frames_psnr", self.frames_psnr, "re-rendered frames inside the masks, mean [dB]"),
             ("relit_psnr", self.relit_psnr, "relit frames against the true maps' [dB]"),
-            ("relit_psnr_scaled", self.relit_psnr_scaled, "… after the best factor per channel [dB]"),
+            (
+                "relit_psnr_scaled",
+                self.relit_psnr_scaled,
+                "relit frames against the true maps', after the best factor per channel [dB]",
+            ),
         ];
         all.into_iter().filter_map(|(key, value, label)| value.map(|v| (key, v, label))).collect()
     }
@@ -140,7 +152,7 @@ fn pair(scene: &Scene, result: &Path, name: &str) -> Result<Option<(Image, Image
     Ok(Some((estimate_map, truth_map, covered)))
 }
 
-/// Which texels of a map of `width`×`height` the template uses, shape [height · width]; row 0 is v = 1.
+/// Which texels of a map of `width`×`height` the template uses, shape `[height · width]`; row 0 is v = 1.
 pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
     let mut covered = vec![false; width * height];
     // The corners of the image are the centres of its corner texels.

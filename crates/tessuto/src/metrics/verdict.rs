@@ -11,7 +11,7 @@
 //! | mean \|strain\| of the threads | 5 % | 10 % | the whole cloth, where woven cloth gives way by 1 to 3 % |
 //! | creased inner edges | 5 % | 15 % | one sharp fold across n×n vertices is 1 / 3n of them |
 //!
-//! The PSNR of the colours is told but not judged: the recovered print holds the first frame's light, and where the light on
+//! The PSNR of the colours is told but not judged: the recovered texture holds the first frame's light, and where the light on
 //! the cloth changes, the true motion has a PSNR that falls by 30 dB.
 
 use serde::{Deserialize, Serialize};

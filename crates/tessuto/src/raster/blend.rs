@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec4};
 
-/// One pixel's part in another: out[receiver] += weight · (c[partner] − c[receiver]).
+/// One pixel's part in another: `out[receiver]` += weight · (`c[partner]` − `c[receiver]`).
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Blend {
     /// Pixel that changes.
@@ -11,7 +11,7 @@ pub(super) struct Blend {
     pub partner: u32,
     /// In `[0, ½]`.
     pub weight: f32,
-    /// c[partner] − c[receiver], unblended.
+    /// `c[partner]` − `c[receiver]`, unblended.
     pub contrast: [f32; 4],
     /// Vertices A and B of the silhouette edge.
     pub edge: [u32; 2],

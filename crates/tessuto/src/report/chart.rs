@@ -65,28 +65,70 @@ pub fn of_history(history: &[Epoch], parameters: &[Parameter]) -> Vec<Chart> {
     let mut charts = Vec::new();
     for rows in history.chunk_by(|a, b| a.stage == b.stage) {
         let x: Vec<f64> = rows.iter().map(|r| r.step as f64).collect();
-        let chart = |title: String, unit: &str, log, series| Chart {
+        let chart = |title: String, unit: &str, series| Chart {
             title,
             x_label: "step".to_owned(),
             unit: unit.to_owned(),
             by_frame: false,
-            log,
+            log: false,
             x: x.clone(),
             series,
         };
         let losses = series(rows, |row| &row.losses);
         if !losses.is_empty() {
-            let log = spans_decades(&losses);
-            charts.push(chart(format!("Losses of stage “{}”", rows[0].stage), "", log, losses));
+            charts.push(of_losses(rows, losses));
         }
         // Others, such as learning rates, tell nothing about the fabric.
         for line in series(rows, |row| &row.parameters) {
             if let Some(known) = parameters.iter().find(|p| p.name == line.name) {
-                charts.push(chart(known.label.clone(), &known.unit, false, vec![line]));
+                charts.push(chart(known.label.clone(), &known.unit, vec![line]));
             }
         }
     }
     charts
+}
+
+/// The losses of one stage. Where each step adds a frame, they are that frame's. Where a stage goes through levels of
+/// detail, whose sums are over different pixels, those of a level are told as shares of its first total.
+fn of_losses(rows: &[Epoch], mut losses: Vec<Series>) -> Chart {
+    let stage = &rows[0].stage;
+    let mut x: Vec<f64> = rows.iter().map(|r| r.step as f64).collect();
+    let adds_a_frame =
+        rows.len() > 1 && rows.windows(2).all(|w| w[1].active_frames == w[0].active_frames + 1);
+    let level = |row: &Epoch| row.parameters.iter().find(|(name, _)| *name == "level").map(|(_, v)| *v);
+    let levels: Vec<usize> = rows.chunk_by(|a, b| level(a) == level(b)).map(<[_]>::len).collect();
+    let total = losses.iter().position(|s| s.name == "total");
+    let (title, x_label) = match total {
+        _ if adds_a_frame => {
+            (format!("Loss of each frame in stage “{stage}”"), "frame, counted from the first")
+        }
+        Some(total) if levels.len() > 1 => {
+            relative_to_levels(&mut x, &mut losses, total, &levels);
+            (format!("Losses of stage “{stage}”, total at the start of each level = 1"), "step")
+        }
+        _ => (format!("Losses of stage “{stage}”"), "step"),
+    };
+    let log = !adds_a_frame && spans_decades(&losses);
+    let unit = String::new();
+    Chart { title, x_label: x_label.to_owned(), unit, by_frame: false, log, x, series: losses }
+}
+
+/// Divides the values of each level by its first one of series `total`, and puts a gap between levels.
+fn relative_to_levels(x: &mut Vec<f64>, losses: &mut [Series], total: usize, lengths: &[usize]) {
+    let mut start = 0;
+    for (k, length) in lengths.iter().enumerate() {
+        let end = start + length;
+        let scale = losses[total].values[start].filter(|v| *v > 0.0).unwrap_or(1.0);
+        for series in losses.iter_mut() {
+            series.values[start..end].iter_mut().flatten().for_each(|v| *v /= scale);
+        }
+        start = end;
+        if k + 1 < lengths.len() {
+            x.insert(start, x[start - 1] + 0.5);
+            losses.iter_mut().for_each(|s| s.values.insert(start, None));
+            start += 1;
+        }
+    }
 }
 
 /// Whether no value is negative and the largest is a hundred times the smallest positive one.
@@ -137,5 +179,31 @@ mod tests {
         assert!(charts[0].log && !charts[1].log);
         assert_eq!(charts[1].series[0].values, [Some(3.0), None]);
         assert_eq!(charts[1].series[1].values, [None, Some(2.0)]);
+    }
+
+    #[test]
+    fn curves_of_stages_that_go_well_do_not_rise() {
+        let row = |stage: &'static str, step, active_frames, total: f64, level: Option<f64>| Epoch {
+            stage: stage.into(),
+            step,
+            of: step,
+            active_frames,
+            losses: vec![("total".into(), total), ("bend".into(), 0.1 * total)],
+            parameters: level.map(|l| ("level".into(), l)).into_iter().collect(),
+        };
+        let history = [
+            row("track", 1, 2, 5.0, None),
+            row("track", 2, 3, 9.0, None),
+            row("refine", 1, 3, 4.0, Some(1.0)),
+            row("refine", 2, 3, 3.0, Some(1.0)),
+            row("refine", 3, 3, 20.0, Some(0.0)),
+            row("refine", 4, 3, 15.0, Some(0.0)),
+        ];
+        let [track, refine] = &of_history(&history, &[])[..] else { panic!() };
+        assert!(track.title.contains("each frame") && track.x_label.starts_with("frame"), "{track:?}");
+        assert_eq!(track.series[0].values, [Some(5.0), Some(9.0)]);
+        assert_eq!(refine.x, [1.0, 2.0, 2.5, 3.0, 4.0]);
+        assert_eq!(refine.series[0].values, [Some(1.0), Some(0.75), None, Some(1.0), Some(0.75)]);
+        assert_eq!(refine.series[1].values[3], Some(0.1));
     }
 }

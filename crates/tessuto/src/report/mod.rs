@@ -19,7 +19,7 @@ pub use pictures::{FramePictures, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
 
 use crate::camera::Camera;
-use crate::metrics::Evaluation;
+use crate::metrics::{Evaluation, Verdict};
 
 /// Everything the page says.
 #[derive(Debug, Clone, Default)]
@@ -30,7 +30,9 @@ pub struct ReportData {
     pub subtitle: String,
     /// The command line that repeats this result.
     pub command: String,
-    /// Numbers shown first, large.
+    /// Whether the result is good, where that is known.
+    pub verdict: Option<Verdict>,
+    /// Numbers shown first, large; a few.
     pub key_numbers: Vec<KeyNumber>,
     /// The moving fabric.
     pub cloth: Option<ClothData>,
@@ -57,7 +59,7 @@ pub struct ReportData {
 }
 
 /// The moving fabric, for the 3D view.
-#[derive(Debug, Clone, Default, serde::Serialize)]
+#[derive(Debug, Clone, serde::Serialize)]
 pub struct ClothData {
     /// Frames per second.
     pub fps: f64,
@@ -65,8 +67,8 @@ pub struct ClothData {
     pub first_frame: usize,
     /// Frames of the video; the motion of a running reconstruction may have fewer.
     pub frame_count: usize,
-    /// Camera of the whole image; results of older versions lack it.
-    pub camera: Option<Camera>,
+    /// Camera of the whole image.
+    pub camera: Camera,
     /// Topology.
     pub surface: Surface,
     /// Positions.
@@ -93,11 +95,14 @@ pub struct LightData {
     pub width: usize,
     /// Height `[px]`.
     pub height: usize,
-    /// Linear radiance, f32 [height, width, 3], base64.
+    /// Linear radiance, f32 `[height, width, 3]`, base64.
     pub radiance: String,
     /// The same for looking at, JPEG, base64.
     #[serde(skip)]
     pub picture: String,
+    /// Whether parts of the picture are hatched: nothing tells of the light from there.
+    #[serde(skip)]
+    pub unobserved: bool,
 }
 
 /// A number with its name and unit.

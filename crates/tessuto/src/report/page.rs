@@ -5,10 +5,10 @@ use std::path::Path;
 use askama::Template;
 use serde::Serialize;
 
-use super::{Chart, ClothData, Film, KeyNumber, LightData, Parameter, ReportData, chart};
+use super::{Chart, ClothData, Film, LightData, Parameter, ReportData, chart};
 use crate::error::Result;
 use crate::io;
-use crate::metrics::{Evaluation, Metrics, QUANTITIES};
+use crate::metrics::{Evaluation, OverFrames, QUANTITIES, Verdict};
 
 /// Size `[bytes]` that the page keeps to by choosing the size of its images.
 pub const BUDGET: usize = 14 << 20;
@@ -38,8 +38,8 @@ struct Page<'a> {
     data: &'a ReportData,
     styles: [&'static str; 2],
     scripts: [&'static str; 10],
-    key_numbers: Vec<KeyNumber>,
     parameters: Vec<Row>,
+    agreement: Vec<Row>,
     errors: Vec<Row>,
     /// Name, time, fraction of the longest in percent.
     timings: Vec<(String, String, String)>,
@@ -66,6 +66,24 @@ struct Row {
     value: String,
     unit: String,
     note: String,
+    /// Worst value, with its unit, and its frame.
+    worst: Option<(String, usize)>,
+}
+
+/// A length `[m]` or an area `[m²]` in the unit that people measure cloth in; other units stay.
+fn readable(value: f64, unit: &str) -> (String, &str) {
+    match unit {
+        "m" => (significant(1e3 * value), "mm"),
+        "m²" => (significant(1e6 * value), "mm²"),
+        _ => (significant(value), unit),
+    }
+}
+
+/// Three digits, or a whole number.
+fn significant(value: f64) -> String {
+    let size = value.abs();
+    let digits = if size > 0.0 { 2 - size.log10().floor().clamp(-3.0, 2.0) as i32 } else { 0 };
+    format!("{value:.*}", digits.max(0) as usize)
 }
 
 /// Writes the page to `path`.
@@ -87,12 +105,6 @@ pub fn bare_size() -> usize {
 }
 
 fn page(data: &ReportData) -> Page<'_> {
-    let mut key_numbers = data.key_numbers.clone();
-    if let Some(evaluation) = &data.evaluation {
-        key_numbers.extend(key_errors(&evaluation.mean));
-        let psnr = evaluation.maps.as_ref().and_then(|m| m.frames_psnr);
-        key_numbers.extend(psnr.map(|v| KeyNumber::new("drawn again, PSNR", format!("{v:.1}"), "dB")));
-    }
     let longest = data.timings.iter().map(|t| t.1).fold(1e-9, f64::max);
     let percent = |s: f64| format!("{:.1}", 100.0 * s / longest);
     let timings = data.timings.iter().map(|(name, s)| (name.clone(), duration(*s), percent(*s)));
@@ -105,7 +117,11 @@ fn page(data: &ReportData) -> Page<'_> {
         data,
         styles: STYLES,
         scripts: SCRIPTS,
-        key_numbers,
+        agreement: data
+            .verdict
+            .as_ref()
+            .map(|v| agreement_rows(v, data.evaluation.as_ref()))
+            .unwrap_or_default(),
         parameters: data.parameters.iter().map(parameter_row).collect(),
         has_published: errors.iter().any(|e| e.name.contains("published")),
         has_truth: !errors.is_empty(),
@@ -121,29 +137,48 @@ pub fn script_safe(json: &str) -> String {
     json.replace('<', "\\u003c")
 }
 
-fn key_errors(mean: &Metrics) -> Vec<KeyNumber> {
-    let millimetres = |label: &str, value: Option<f64>| {
-        value.map(|v| KeyNumber::new(label, format!("{:.1}", v * 1e3), "mm"))
-    };
-    let squared = mean.cd2.map(|v| KeyNumber::new("Chamfer, L2", format!("{:.2}", v * 1e4), "10⁻⁴ m²"));
-    [
-        millimetres("depth difference", mean.depth),
-        millimetres("Chamfer, L1", mean.cd1),
-        squared,
-        millimetres("vertex distance", mean.vertex),
-    ]
-    .into_iter()
-    .flatten()
-    .collect()
-}
-
 fn parameter_row(p: &Parameter) -> Row {
     let value = if p.value != 0.0 && !(1e-3..1e5).contains(&p.value.abs()) {
-        format!("{:.3e}", p.value)
+        format!("{:.2e}", p.value)
     } else {
-        format!("{:.4}", p.value)
+        significant(p.value)
     };
-    Row { name: p.label.clone(), value, unit: p.unit.clone(), note: p.note.clone() }
+    Row { name: p.label.clone(), value, unit: p.unit.clone(), note: p.note.clone(), worst: None }
+}
+
+/// How the result agrees with the video and with what cloth does.
+fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row> {
+    let row = |name: &str, over: &OverFrames, unit: &str, scale: f64, digits: usize| {
+        let text = |v: f64| format!("{:.digits$}", scale * v);
+        Row {
+            name: name.to_owned(),
+            value: text(over.mean),
+            unit: unit.to_owned(),
+            note: String::new(),
+            worst: Some((format!("{} {unit}", text(over.worst)), over.frame)),
+        }
+    };
+    let v = verdict;
+    let mut rows = Vec::new();
+    let silhouette = "silhouette, intersection over union with the mask";
+    rows.extend(v.silhouette.map(|o| row(silhouette, &o, "", 1.0, 3)));
+    rows.extend(v.psnr.map(|o| {
+        row("colours, PSNR of the recovered texture (in the first frame's light)", &o, "dB", 1.0, 1)
+    }));
+    let lit = evaluation.and_then(|e| e.maps.as_ref()).and_then(|m| m.frames_psnr);
+    rows.extend(lit.map(|value| Row {
+        name: "colours, PSNR re-rendered with material and light".to_owned(),
+        value: format!("{value:.1}"),
+        unit: "dB".to_owned(),
+        note: String::new(),
+        worst: None,
+    }));
+    rows.extend(v.print.map(|o| row("print, correlation with the video", &o, "", 1.0, 2)));
+    rows.push(row("strain of the threads, mean", &v.strain_mean, "%", 100.0, 1));
+    rows.push(row("strain, 99 of 100 threads less than", &v.strain_p99, "%", 100.0, 1));
+    rows.push(row("strain, largest", &v.strain_max, "%", 100.0, 0));
+    rows.push(row("creased edges", &v.creased, "%", 100.0, 1));
+    rows
 }
 
 fn error_rows(evaluation: &Evaluation) -> Vec<Row> {
@@ -154,18 +189,24 @@ fn error_rows(evaluation: &Evaluation) -> Vec<Row> {
             .iter()
             .filter_map(|f| f.metrics.values()[k].map(|v| (f.frame, v)))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let (value, unit) = readable(worst.1, quantity.unit);
         Some(Row {
             name: quantity.label.to_string(),
-            value: mean.map_or_else(|| "–".to_string(), |m| format!("{m:.3e}")),
-            unit: quantity.unit.to_string(),
-            note: format!("{:.3e} in frame {}", worst.1, worst.0),
+            value: mean.map_or_else(|| "–".to_string(), |m| readable(m, quantity.unit).0),
+            unit: unit.to_string(),
+            note: String::new(),
+            worst: Some((format!("{value} {unit}"), worst.0)),
         })
     });
-    let of_maps = evaluation.maps.iter().flat_map(|m| m.rows()).map(|(_, value, label)| Row {
-        name: label.to_string(),
-        value: format!("{value:.3}"),
-        unit: String::new(),
-        note: String::new(),
+    let of_maps = evaluation.maps.iter().flat_map(|m| m.rows()).map(|(_, value, label)| {
+        let (name, unit) = label.strip_suffix(" [dB]").map_or((label, ""), |name| (name, "dB"));
+        Row {
+            name: name.to_string(),
+            value: if unit.is_empty() { format!("{value:.3}") } else { format!("{value:.1}") },
+            unit: unit.to_string(),
+            note: String::new(),
+            worst: None,
+        }
     });
     of_motion.chain(of_maps).collect()
 }
@@ -175,5 +216,18 @@ fn duration(seconds: f64) -> String {
         s if s < 60.0 => format!("{s:.1} s"),
         s if s < 3600.0 => format!("{} min {:02.0} s", (s / 60.0) as u64, (s % 60.0).floor()),
         s => format!("{} h {:02} min", (s / 3600.0) as u64, (s % 3600.0 / 60.0) as u64),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_are_told_in_millimetres() {
+        assert_eq!(readable(5.4417e-3, "m"), ("5.44".to_owned(), "mm"));
+        assert_eq!(readable(1.0874e-4, "m²"), ("109".to_owned(), "mm²"));
+        assert_eq!(readable(3.8e-8, "m").0, "0.00004");
+        assert_eq!([0.0, 2.0, 12345.6, -0.3064].map(significant), ["0", "2.00", "12346", "-0.306"]);
     }
 }

@@ -152,7 +152,7 @@ impl FramePictures<'_> {
 
 /// Depth image `[m]` of measured `points` `[m]`, camera frame: each point at its rounded projection, the
 /// nearer one where two meet, gaps between points filled from their neighbours, 0 elsewhere.
-/// Positions [height, width, 1] of `camera`. For looking at, not for measuring.
+/// Shape [height, width, 1] of `camera`. For looking at, not for measuring.
 pub fn measured_depth_image(points: &[DVec3], camera: &Camera) -> Image {
     let mut image = Image::new(camera.width, camera.height, 1);
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);

@@ -8,7 +8,7 @@ use crate::io::image::rgb8;
 use crate::mesh::Positions;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Source};
-use crate::report::{ClothData, KeyNumber, Motion, ReportData, Surface, chart, page as report};
+use crate::report::{ClothData, Motion, ReportData, Surface, chart, page as report};
 use crate::scene::Scene;
 use crate::session::Epoch;
 
@@ -26,17 +26,13 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let shown = page::in_sight(&template, &scene.camera);
     let data = ReportData {
         title: run.name(),
-        subtitle: run.subtitle(),
+        subtitle: format!("{}, {} vertices", run.subtitle(), scene.template.positions.len()),
         command: command.to_owned(),
-        key_numbers: vec![
-            KeyNumber::new("frames", scene.frames.len().to_string(), ""),
-            KeyNumber::new("vertices", scene.template.positions.len().to_string(), ""),
-        ],
         cloth: Some(ClothData {
             fps: scene.fps,
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
-            camera: Some(scene.camera),
+            camera: scene.camera,
             surface: Surface::new(&scene.template, Window::WHOLE),
             motion: Motion::new(&template),
             fields: Vec::new(),

@@ -5,26 +5,26 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::Folder;
 use super::folder::UNCHANGED;
+use super::{Folder, curves, light};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io::{self, jpeg};
 use crate::mesh::Positions;
+use crate::metrics::{self, Evaluation, Verdict};
 use crate::motion::parameters::Parameters;
-use crate::report::chart::{self, Chart, Series};
+use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
-use crate::report::{
-    ClothData, Field, KeyNumber, LightData, Map, Motion, Parameter, ReportData, Surface, embed, page,
-};
+use crate::report::{ClothData, Field, KeyNumber, Map, Motion, Parameter, ReportData, Surface, embed, page};
 use crate::sim::Accelerations;
+use crate::sim::cloth::AREA_DENSITY;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;
 /// Largest side of an embedded map `[px]`, and JPEG quality of maps.
 const MAP_SIDE: u32 = 1024;
-const MAP_QUALITY: u8 = 86;
+pub(super) const MAP_QUALITY: u8 = 86;
 
 /// Writes report.html of a result. Everything it shows is read from the folder: it can be written anew whenever the
 /// folder has changed.
@@ -42,19 +42,20 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
     let evaluation = saved.metrics()?.cloned();
     let parameters = parameter_rows(saved);
     let steps = saved.history()?;
-    let mut charts = frame_charts(folder, saved, motion)?;
+    let agreement = evaluation.as_ref().map_or(&[][..], |e| &e.agreement);
+    let mut charts = curves::over_frames(saved, motion, agreement)?;
     charts.extend(chart::of_history(steps, &parameters));
     let window = Window::of(&saved.mesh);
     let cloth = ClothData {
         fps: saved.fps,
         first_frame: saved.run.frames[0],
         frame_count: motion.len(),
-        camera: Some(saved.camera),
+        camera: saved.camera,
         surface: Surface::new(&saved.mesh, window),
         motion: Motion::new(motion),
         fields: fields(folder, saved, motion)?,
     };
-    let (maps, light) = (maps(folder, window)?, light(folder)?);
+    let (maps, light) = (maps(folder, window)?, light::light(folder, &saved.mesh, motion)?);
     let sizes = maps.iter().map(|m| m.picture.len()).sum::<usize>()
         + light.as_ref().map_or(0, |l| l.picture.len() + l.radiance.len())
         + cloth.motion.steps.len()
@@ -64,18 +65,17 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         + 100_000 + 100 * steps.len();
     let budget = page::BUDGET.saturating_sub(page::bare_size() + sizes).max(LEAST_FILM);
     let total: f64 = log.timings.iter().map(|(_, s)| s).sum();
-    let mut key_numbers = vec![
-        KeyNumber::new("frames", motion.len().to_string(), ""),
-        KeyNumber::new("vertices", saved.mesh.positions.len().to_string(), ""),
-    ];
+    let mut subtitle = format!("{}, {} vertices", saved.run.subtitle(), saved.mesh.positions.len());
     if total > 0.0 {
-        key_numbers.push(KeyNumber::new("time", format!("{total:.0}"), "s"));
+        subtitle.push_str(&format!(", {total:.0} s of work"));
     }
+    let verdict = metrics::judge(agreement);
     Ok(ReportData {
         title: saved.run.name(),
-        subtitle: saved.run.subtitle(),
+        subtitle,
         command: log.commands.join("\n"),
-        key_numbers,
+        key_numbers: key_numbers(verdict.as_ref(), evaluation.as_ref()),
+        verdict,
         film: film(folder, saved, motion, budget)?,
         cloth: Some(cloth),
         maps,
@@ -90,6 +90,30 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
     })
 }
 
+/// The three numbers that tell most: likeness to the video, and distance from the truth or else strain.
+fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Vec<KeyNumber> {
+    let mean = evaluation.map(|e| e.mean).unwrap_or_default();
+    let lit = evaluation.and_then(|e| e.maps.as_ref()).and_then(|m| m.frames_psnr);
+    let number = |label: &str, value: Option<f64>, scale: f64, unit: &str| {
+        value.map(|v| KeyNumber::new(label, format!("{:.1}", scale * v), unit))
+    };
+    let silhouette = verdict.and_then(|v| v.silhouette).map(|o| o.mean);
+    let print = verdict.and_then(|v| v.psnr).map(|o| o.mean);
+    let strain = verdict.map(|v| v.strain_p99.worst);
+    [
+        number("silhouette", silhouette, 100.0, "%"),
+        number("colours, PSNR", lit.or(print), 1.0, "dB"),
+        number("from the true vertices", mean.vertex, 1e3, "mm"),
+        number("from the measured depth", mean.depth, 1e3, "mm"),
+        number("strain, 99 of 100 threads", strain, 100.0, "%"),
+        number("Chamfer distance", mean.cd1, 1e3, "mm"),
+    ]
+    .into_iter()
+    .flatten()
+    .take(3)
+    .collect()
+}
+
 /// What was recovered besides the motion.
 fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     let Parameters { log_stiffness, accelerations } = &saved.parameters;
@@ -97,8 +121,11 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     let d = &saved.run.settings.dynamics;
     let note = |k: usize| {
         let range = [d.stretch, d.bend, d.shear][k];
-        let at = |bound: f64| (log_stiffness[k] - bound).abs() < 1e-4;
-        if at(range.low) || at(range.high) { "at its bound".to_owned() } else { String::new() }
+        let [low, high] = [range.low, range.high].map(|b| format!("{}", (10f64.powf(b) * 1e9).round() / 1e9));
+        match range.bound_at(log_stiffness[k]) {
+            Some(bound) => format!("at its {bound} bound, searched from {low} to {high}: not a measurement"),
+            None => format!("searched from {low} to {high}"),
+        }
     };
     let parameter = |name: &str, label: &str, value, unit: &str, note| Parameter {
         name: name.to_owned(),
@@ -115,11 +142,22 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
         parameter("constant_x", "constant force per mass, x (right)", c.x, "m/s²", String::new()),
         parameter("constant_y", "constant force per mass, y (down)", c.y, "m/s²", String::new()),
         parameter("constant_z", "constant force per mass, z (away)", c.z, "m/s²", String::new()),
+        parameter(
+            "area_density",
+            "mass per area",
+            AREA_DENSITY,
+            "kg/m²",
+            "assumed, not recovered".to_owned(),
+        ),
     ]
 }
 
-/// ‖C + D‖ [m/s²] at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
-fn force_magnitudes(accelerations: &Accelerations, frame_count: usize, vertex_count: usize) -> Vec<Vec<f32>> {
+/// ‖C + D‖ `[m/s²]` at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
+pub(super) fn force_magnitudes(
+    accelerations: &Accelerations,
+    frame_count: usize,
+    vertex_count: usize,
+) -> Vec<Vec<f32>> {
     let intervals: Vec<&[Positions]> =
         accelerations.dynamic.chunks_exact(accelerations.entries_per_frame).collect();
     let of = |n: usize| -> Vec<f32> {
@@ -166,75 +204,11 @@ fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Fie
     .collect())
 }
 
-/// Curves over the frames besides the errors.
-fn frame_charts(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Chart>> {
-    let first = saved.run.frames[0];
-    let chart = |title: &str, unit: &str, lines: Vec<(&str, Vec<f64>)>| {
-        let line = |(name, values): (&str, Vec<f64>)| Series {
-            name: name.to_owned(),
-            values: values.into_iter().map(|v| Some(v).filter(|v| v.is_finite())).collect(),
-        };
-        let series: Vec<Series> = lines.into_iter().map(line).collect();
-        Chart {
-            title: title.to_owned(),
-            x_label: "frame".to_owned(),
-            unit: unit.to_owned(),
-            by_frame: true,
-            log: series.len() > 1 && chart::spans_decades(&series),
-            x: (first..first + motion.len()).map(|n| n as f64).collect(),
-            series,
-        }
-    };
-    let mut charts = Vec::new();
-    if let Some(psnr) = read_psnr(&folder.join("rerendered/psnr.csv"))?.filter(|p| p.len() == motion.len()) {
-        charts.push(chart("PSNR of the frames drawn again", "dB", vec![("PSNR", psnr)]));
-    }
-    let edges = saved.mesh.edges();
-    let rest = &saved.mesh.positions;
-    let strain = |shape: &Positions| {
-        let of = |[a, b]: &[u32; 2]| {
-            let [a, b] = [*a as usize, *b as usize];
-            (shape[a].distance(shape[b]) / rest[a].distance(rest[b]) - 1.0).abs()
-        };
-        100.0 * edges.iter().map(of).sum::<f64>() / edges.len().max(1) as f64
-    };
-    charts.push(chart(
-        "Mean strain of the threads",
-        "%",
-        vec![("strain", motion.par_iter().map(strain).collect())],
-    ));
-    let accelerations = force_magnitudes(&saved.parameters.accelerations, motion.len(), rest.len());
-    let mean = |f: &Vec<f32>| f.iter().map(|v| f64::from(*v)).sum::<f64>() / f.len().max(1) as f64;
-    let most = |f: &Vec<f32>| f.iter().fold(f64::NAN, |m, v| m.max(f64::from(*v)));
-    charts.push(chart(
-        "Force per mass",
-        "m/s²",
-        vec![
-            ("mean", accelerations.iter().map(mean).collect()),
-            ("largest", accelerations.iter().map(most).collect()),
-        ],
-    ));
-    Ok(charts)
-}
-
-/// Second column of rerendered/psnr.csv `[dB]`.
-fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let fail =
-        |problem: String| Error::input(path.display().to_string(), problem, "run `tessuto appearance` again");
-    let text = io::read_text(path)?;
-    let value = |line: &str| line.split(',').nth(1).and_then(|v| v.parse().ok());
-    let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is not a frame number and its PSNR")));
-    text.lines().skip(1).map(read).collect::<Result<_>>().map(Some)
-}
-
 /// The recovered texture and, where they were estimated, the material maps; of each the part that `window` shows.
 fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
     let all = [
-        ("texture", "recovered texture, with the first frame's light", "texture.png"),
-        ("diffuse", "diffuse", "material/diffuse.png"),
+        ("texture", "recovered texture: the first frame's colours, with its light", "texture.png"),
+        ("diffuse", "albedo: the diffuse colour, without the light", "material/diffuse.png"),
         ("roughness", "roughness: black is smooth, white is matt", "material/roughness.png"),
         ("metallic", "metallic: black is none, white is metal", "material/metallic.png"),
     ];
@@ -250,33 +224,7 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
 }
 
-/// The light, where it was estimated.
-fn light(folder: &Path) -> Result<Option<LightData>> {
-    let path = folder.join("material/environment.exr");
-    if !path.is_file() {
-        return Ok(None);
-    }
-    let environment = io::hdr::read_environment(&path)?;
-    let shrunk = |most: usize| environment.downsampled((environment.height / most).max(1));
-    let (data, shown) = (shrunk(64), shrunk(256));
-    // The mean becomes middle grey; x / (1 + x) keeps the brightest parts from being cut off.
-    let mean = shown.data.iter().map(|v| f64::from(*v)).sum::<f64>() / shown.data.len().max(1) as f64;
-    let tone = |v: &f32| {
-        let x = v / (2.0 * mean.max(1e-9)) as f32;
-        (255.0 * crate::image::srgb::encode(x / (1.0 + x)).clamp(0.0, 1.0)).round() as u8
-    };
-    let bytes = shown.data.iter().map(tone).collect();
-    let picture =
-        ::image::RgbImage::from_raw(shown.width as u32, shown.height as u32, bytes).expect("three channels");
-    Ok(Some(LightData {
-        width: data.width,
-        height: data.height,
-        radiance: embed::base64_of(&data.data),
-        picture: embed::base64(&jpeg::encode(&picture, MAP_QUALITY)),
-    }))
-}
-
-/// The frames that the folder has images of.
+/// The frames that the folder has pictures of.
 fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> Result<Film> {
     let first = saved.run.frames[0];
     let path = |name: &str, n: usize| match name {
@@ -294,8 +242,8 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
     let shown = in_sight(motion, &camera);
     let layers = [
         ("observed", "video"),
-        ("render", "drawn with the recovered texture"),
-        ("rerendered", "drawn with the recovered material and light"),
+        ("render", "re-rendered: recovered texture"),
+        ("rerendered", "re-rendered: recovered material and light"),
     ];
     let source = |(key, label): (&'static str, &'static str)| {
         let load: Load = Box::new(move |n| load(path(key, n), size, crop));

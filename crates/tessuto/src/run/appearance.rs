@@ -20,7 +20,7 @@ use crate::session::Session;
 
 /// Stages as they are announced.
 pub(super) const FIT: &str = "material and light";
-pub(super) const REDRAW: &str = "drawing again";
+pub(super) const RERENDER: &str = "re-rendering";
 
 /// What is written into any folder, and what is changed in a result besides.
 const WRITTEN: [&str; 3] = ["material", "rerendered", "metrics.json"];
@@ -82,7 +82,7 @@ pub fn run(
     }
     let mut settings =
         saved.as_ref().map_or_else(|| Config::preset(Preset::Default), |saved| saved.run.settings.clone());
-    options.changes.iter().try_for_each(|change| settings.set(change))?;
+    settings.set_all(options.changes.iter().map(String::as_str))?;
     settings.seed = options.seed.unwrap_or(settings.seed);
     let frames = saved.as_ref().map(|saved| saved.run.frames[0]..saved.run.frames[1]);
     let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
@@ -105,7 +105,7 @@ pub fn run(
         frames: [scene.first_frame, scene.first_frame + scene.frames.len()],
         settings,
     };
-    let stages = [Stage { name: FIT, weight: 6.0 }, Stage { name: REDRAW, weight: 1.0 }];
+    let stages = [Stage { name: FIT, weight: 6.0 }, Stage { name: RERENDER, weight: 1.0 }];
     observer.begin(scene, &run, &stages, &[])?;
     let observer = RefCell::new(observer);
     let session = &mut Session::observed(Shared(&observer));
@@ -151,7 +151,7 @@ pub(super) fn estimate(
     let history = result::history_csv(&found.history);
     io::atomic_write(&material.partial().join("history.csv"), history.as_bytes())?;
 
-    session.begin(REDRAW);
+    session.begin(RERENDER);
     let rasterizer = Rasterizer::new(&scene.template);
     let maps = found.maps();
     let mut csv = String::from("frame,psnr_db\n");

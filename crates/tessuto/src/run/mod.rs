@@ -1,7 +1,7 @@
 //! The whole run: from a scene folder to a finished result folder.
 //!
 //! [`run`] loads the scene, reconstructs, writes, estimates material and light, exports, makes the page and puts the
-//! folder in its place. An [`Observer`] hears of everything meanwhile. [`appearance`](mod@appearance) does the same for
+//! folder in its place. An [`Observer`] is told of everything meanwhile. [`appearance`](mod@appearance) does the same for
 //! material and light of a motion that is known.
 
 pub mod appearance;
@@ -72,7 +72,7 @@ impl RunOptions {
             }
         }
         if self.appearance {
-            stages.extend([stage(appearance::FIT, 60.0), stage(appearance::REDRAW, 10.0)]);
+            stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
         }
         stages.push(stage("report", 3.0));
         stages
@@ -130,6 +130,10 @@ pub fn run(
     // Motion, and at once what is known of it.
     let found = reconstruct(scene, &run.settings, session)?;
     observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
+    if let Some(doubt) = run.settings.dynamics.doubt(found.parameters.log_stiffness) {
+        observer.borrow_mut().warning(&doubt);
+        warnings.push(doubt);
+    }
     warnings.extend(found.failure.iter().map(Error::to_string));
     let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
     let context = result::Context {

@@ -1,4 +1,4 @@
-//! Who hears of a run.
+//! The observer of a run.
 
 use std::cell::RefCell;
 use std::path::Path;

@@ -10,7 +10,7 @@ use crate::pbr::{Geometry, visible_points};
 use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::report::colour::sequential;
 
-/// Share of light that reaches a surface seen edge-on.
+/// Fraction of light that reaches a surface seen edge-on.
 const AMBIENT: f32 = 0.2;
 /// Linear grey of the plain surface.
 const GREY: f32 = 0.6;

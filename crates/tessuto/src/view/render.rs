@@ -14,7 +14,7 @@ use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderS
 use crate::raster::{Rasterizer, Texture};
 use crate::result::Folder;
 
-/// Fraction of the light samples that are drawn uniformly from all directions.
+/// Fraction of the light samples that are drawn uniformly over the sphere.
 const UNIFORM_FRACTION: f64 = 0.05;
 
 /// What is drawn.
@@ -57,7 +57,7 @@ impl Look {
 pub enum View {
     /// From the recording camera.
     Original,
-    /// From so far to the left and upwards about the middle of the fabric `[degrees]`, as near as it fits.
+    /// Degrees to the left and upwards around the centre of the fabric, at the distance where it fills the image.
     About(f64, f64),
 }
 
@@ -68,13 +68,13 @@ pub struct RenderOptions {
     pub look: Option<Look>,
     /// Where it is seen from.
     pub view: View,
-    /// Light: a lat-long picture in place of the recovered one.
+    /// Environment map, a lat-long image, in place of the recovered one.
     pub environment: Option<PathBuf>,
     /// Width and height `[px]` in place of the video's.
     pub size: Option<[usize; 2]>,
     /// Frames, counted from the result's first; all of them if it is not given.
     pub frames: Option<Range<usize>>,
-    /// Light samples per pixel; a multiple of 8.
+    /// Light samples per pixel, rounded up to a multiple of 8.
     pub samples: usize,
     /// Replace earlier views, if they are all tessuto's.
     pub replace: bool,

@@ -34,7 +34,7 @@ fn names(error: &Error, fragments: &[&str]) {
 }
 
 #[test]
-fn a_step_from_numbers_that_are_none_names_the_vertex() {
+fn a_step_from_a_position_that_is_not_finite_names_the_vertex() {
     let (mesh, x) = crumpled(1, 1e-3);
     let cloth = Cloth::new(&mesh);
     let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
@@ -79,7 +79,7 @@ fn a_rollout_names_the_frame_in_which_a_force_is_none() {
 }
 
 #[test]
-fn huge_forces_give_finite_shapes_or_an_error() {
+fn huge_accelerations_give_finite_positions_or_an_error() {
     let (mesh, x) = crumpled(1, 1e-3);
     let cloth = Cloth::new(&mesh);
     for integrator in INTEGRATORS {
@@ -103,7 +103,7 @@ fn huge_forces_give_finite_shapes_or_an_error() {
 }
 
 #[test]
-fn faces_without_area_give_finite_shapes_or_an_error() {
+fn faces_without_area_give_finite_positions_or_an_error() {
     let mut mesh = grid(4, 4, glam::DVec2::new(0.2, 0.2), 1.0);
     // A vertex of its own that hangs on by two faces without area: it has no mass.
     let far = mesh.positions[0] * 1.2;
@@ -192,7 +192,7 @@ fn a_scene_that_cannot_be_seen_is_refused_before_anything_is_computed() {
 }
 
 #[test]
-fn a_first_frame_of_numbers_that_are_none_is_named() {
+fn a_first_frame_that_is_not_finite_is_named() {
     let mut broken = scene();
     held(&mut broken)[0].rgb.pixel_mut(24, 24)[0] = f32::NAN;
     names(&run(&broken).unwrap_err(), &["texture", "frame 0"]);
@@ -268,12 +268,11 @@ fn states_of_another_rollout_or_material_are_refused() {
         refused(reconstruct(&scene, &config, &mut session).unwrap_err(), "rollout");
     }
 
-    let settings = |map_size| AppearanceSettings {
-        map_size,
-        steps: 24,
-        batch: 32,
-        prior: MapPrior::Smooth,
-        ..AppearanceSettings::default()
+    let settings = |map_size| {
+        let mut settings = AppearanceSettings::default();
+        (settings.map_size, settings.steps, settings.batch) = (map_size, 24, 32);
+        settings.prior = MapPrior::Smooth;
+        settings
     };
     let estimate = |scene: &Scene, map_size, session: &mut Session| {
         let motion = scene.truth.vertices.clone().unwrap();

@@ -54,7 +54,7 @@ fn a_hopeless_fit_ends_with_its_best_state_and_the_epoch() {
 }
 
 #[test]
-fn a_frame_of_numbers_that_are_none_leaves_the_shapes_before_it() {
+fn a_frame_that_is_not_finite_leaves_the_frames_before_it() {
     let mut scene = scene();
     scene.frames.held_mut().unwrap()[3].rgb.data.fill(f32::NAN);
     let config = Config::preset(Preset::Default);

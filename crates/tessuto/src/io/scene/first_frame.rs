@@ -15,7 +15,7 @@ use crate::io::image;
 pub struct FirstFrame {
     /// Camera of the full image.
     pub camera: Camera,
-    /// Share of each pixel that is fabric, shape [height, width, 1].
+    /// Fraction of each pixel that is fabric, shape [height, width, 1].
     pub mask: Image,
     /// The file of the mask.
     pub mask_path: PathBuf,

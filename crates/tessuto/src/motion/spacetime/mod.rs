@@ -54,7 +54,7 @@ use crate::sim::Cloth;
 use level::LevelSearch;
 pub use settings::SpacetimeSettings;
 
-/// Positions [N, V], and why they are not better if the search failed.
+/// Positions, shape [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);
 
 /// Distance between the points of the boundary at which outlines are compared `[px]`.

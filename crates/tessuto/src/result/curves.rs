@@ -1,0 +1,89 @@
+//! Curves over the frames, besides the errors.
+
+use std::path::Path;
+
+use rayon::prelude::*;
+
+use super::Folder;
+use super::page::force_magnitudes;
+use crate::error::{Error, Result};
+use crate::io;
+use crate::mesh::Positions;
+use crate::metrics::{AgreementMeter, FrameAgreement};
+use crate::report::chart::{Chart, Series, spans_decades};
+
+/// What the motion and the other files of a result tell of each frame. Results of older versions have no
+/// `agreement`; their strain is measured anew.
+pub(super) fn over_frames(
+    saved: &Folder,
+    motion: &[Positions],
+    agreement: &[FrameAgreement],
+) -> Result<Vec<Chart>> {
+    let first = saved.run.frames[0];
+    let chart = |title: &str, unit: &str, lines: Vec<(&str, Vec<f64>)>| {
+        let line = |(name, values): (&str, Vec<f64>)| Series {
+            name: name.to_owned(),
+            values: values.into_iter().map(|v| Some(v).filter(|v| v.is_finite())).collect(),
+        };
+        Chart {
+            title: title.to_owned(),
+            x_label: "frame".to_owned(),
+            unit: unit.to_owned(),
+            by_frame: true,
+            log: false,
+            x: (first..first + motion.len()).map(|n| n as f64).collect(),
+            series: lines.into_iter().map(line).collect(),
+        }
+    };
+    let of = |value: &dyn Fn(&FrameAgreement) -> Option<f64>| -> Vec<f64> {
+        agreement.iter().map(|f| value(f).unwrap_or(f64::NAN)).collect()
+    };
+    let mut charts = Vec::new();
+    let measured = agreement.len() == motion.len();
+    if measured {
+        let silhouette = of(&|f| f.silhouette.map(|v| 100.0 * v));
+        charts.push(chart("Silhouette, intersection over union", "%", vec![("silhouette", silhouette)]));
+    }
+    let mut colours = Vec::new();
+    let lit = read_psnr(&saved.path().join("rerendered/psnr.csv"))?.filter(|p| p.len() == motion.len());
+    colours.extend(lit.map(|psnr| ("material and light", psnr)));
+    if measured {
+        colours.push(("recovered texture", of(&|f| f.psnr)));
+    }
+    if !colours.is_empty() {
+        charts.push(chart("PSNR of the re-rendered frames", "dB", colours));
+    }
+    let strains: Vec<[f64; 2]> = if measured {
+        agreement.iter().map(|f| [f.strain_mean, f.strain_p99]).collect()
+    } else {
+        let meter = AgreementMeter::new(&saved.mesh);
+        motion.par_iter().map(|p| meter.strain(p)).map(|[mean, p99, _]| [mean, p99]).collect()
+    };
+    let percent = |k: usize| strains.iter().map(|s| 100.0 * s[k]).collect();
+    let strain = vec![("mean", percent(0)), ("99 of 100 threads", percent(1))];
+    charts.push(chart("Strain of the threads", "%", strain));
+    let accelerations =
+        force_magnitudes(&saved.parameters.accelerations, motion.len(), saved.mesh.positions.len());
+    let mean = |f: &Vec<f32>| f.iter().map(|v| f64::from(*v)).sum::<f64>() / f.len().max(1) as f64;
+    let most = |f: &Vec<f32>| f.iter().fold(f64::NAN, |m, v| m.max(f64::from(*v)));
+    let lines = vec![
+        ("mean", accelerations.iter().map(mean).collect()),
+        ("largest", accelerations.iter().map(most).collect()),
+    ];
+    let force = chart("Force per mass", "m/s²", lines);
+    charts.push(Chart { log: spans_decades(&force.series), ..force });
+    Ok(charts)
+}
+
+/// Second column of rerendered/psnr.csv `[dB]`.
+fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let fail =
+        |problem: String| Error::input(path.display().to_string(), problem, "run `tessuto appearance` again");
+    let text = io::read_text(path)?;
+    let value = |line: &str| line.split(',').nth(1).and_then(|v| v.parse().ok());
+    let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is no frame and its PSNR")));
+    text.lines().skip(1).map(read).collect::<Result<_>>().map(Some)
+}
