@@ -30,7 +30,7 @@ pub struct Arguments {
     /// Which motion: the result's, or the scene's true vertices.
     #[arg(long, value_enum, default_value_t = Motion::Result)]
     motion: Motion,
-    /// Change one setting of appearance.*; config.json of a result lists all of them. May be repeated.
+    /// Change one setting of appearance.*; `tessuto settings appearance` lists them. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]

@@ -4,11 +4,12 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use tessuto::Error;
-use tessuto::check::{CheckReport, Finding, Level, check_folder};
+use tessuto::check::{CheckReport, Level, check_folder};
 use tessuto::io::image::{is_marked_png, write_marked_png};
 use tessuto::io::scene::LoadOptions;
 use tessuto::text::quoted;
 
+use crate::findings::table;
 use crate::say::{self, say};
 
 /// Check a scene before computing on it: a table of findings, exit status 3 if one is an error.
@@ -79,65 +80,4 @@ fn verdict(scene: &Path, report: &CheckReport) -> anyhow::Result<()> {
             Err(Error::input(scene.display().to_string(), problem, hint).into())
         }
     }
-}
-
-/// Widest line [characters].
-const WIDTH: usize = 100;
-/// Widest topic that shares its line with what was found; places of errors are long paths.
-const TOPIC: usize = 14;
-
-/// Level and topic in columns, what was found and the way out beside them, wrapped.
-fn table(findings: &[Finding]) -> String {
-    let colour = say::coloured();
-    let mut text = String::new();
-    for finding in findings {
-        let (level, code) = match finding.level {
-            Level::Ok => ("ok", 32),
-            Level::Warning => ("warning", 33),
-            Level::Error => ("error", 31),
-        };
-        let level = if colour { format!("\x1b[{code}m{level:<7}\x1b[0m") } else { format!("{level:<7}") };
-        let _ = write!(text, "{level}  ");
-        if finding.what.chars().count() > TOPIC {
-            let _ = write!(text, "{}\n{:9}", finding.what, "");
-        }
-        let topic = if finding.what.chars().count() > TOPIC { "" } else { &finding.what };
-        let _ = write!(text, "{topic:<TOPIC$}  ");
-        wrap(&mut text, &finding.detail);
-        if !finding.hint.is_empty() {
-            let _ = write!(text, "{:1$}hint: ", "", TOPIC + 11);
-            wrap(&mut text, &finding.hint);
-        }
-    }
-    let count = |level| findings.iter().filter(|f| f.level == level).count();
-    let _ = writeln!(
-        text,
-        "{} ok, {} warnings, {} errors",
-        count(Level::Ok),
-        count(Level::Warning),
-        count(Level::Error)
-    );
-    text
-}
-
-/// Adds `words` after what stands in the last line of `text`, in lines of at most [`WIDTH`] characters.
-fn wrap(text: &mut String, words: &str) {
-    let escapes = |line: &str| line.matches('\x1b').count() / 2 * 9;
-    let last = text.rsplit('\n').next().unwrap_or_default();
-    let mut column = last.chars().count() - escapes(last);
-    let mut first = true;
-    for word in words.split_whitespace() {
-        let length = word.chars().count();
-        if !first && column + 1 + length > WIDTH {
-            let _ = write!(text, "\n{:1$}", "", TOPIC + 11);
-            column = TOPIC + 11;
-        } else if !first {
-            text.push(' ');
-            column += 1;
-        }
-        text.push_str(word);
-        column += length;
-        first = false;
-    }
-    text.push('\n');
 }

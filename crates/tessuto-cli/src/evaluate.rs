@@ -8,6 +8,7 @@ use tessuto::appearance;
 use tessuto::io::npy;
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate};
+use tessuto::{Error, Motion, result};
 
 use crate::say::{self, aside};
 
@@ -21,7 +22,7 @@ pub struct Arguments {
     /// Print JSON instead of a table.
     #[arg(long)]
     json: bool,
-    /// Only the frames A, A+1 … B−1 of the scene.
+    /// Only the frames A to B − 1 of the scene [default: the result's; of a .npy file, all].
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<Range<usize>>,
     /// Seed of the surface samples of the Chamfer distance.
@@ -31,22 +32,14 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let file = &arguments.result;
-    let file = if file.is_dir() { file.join("motion.npy") } else { file.clone() };
-    let motion = npy::read_motion(&file)?;
-    let loaded =
-        load(&arguments.scene, &LoadOptions { frames: arguments.frames.clone(), ..LoadOptions::default() })?;
-    for warning in &loaded.warnings {
-        aside!("warning: {warning}");
-    }
+    let result = &arguments.result;
+    let motion = npy::read_motion(&if result.is_dir() { result.join("motion.npy") } else { result.clone() })?;
+    let own = result::read_run(result)?.map(|run| run.frames[0]..run.frames[1]);
+    let frames = arguments.frames.clone().or(own.clone());
+    let loaded = load(&arguments.scene, &LoadOptions { frames: frames.clone(), ..LoadOptions::default() })?;
+    loaded.warnings.iter().for_each(|warning| aside!("warning: {warning}"));
     let scene = &loaded.scene;
-    // A motion of the whole scene is cut to the frames; one of just these frames is taken as it is.
-    let motion = match &arguments.frames {
-        Some(range) if motion.len() != scene.frames.len() && range.end <= motion.len() => {
-            &motion.frames(range.clone())
-        }
-        _ => &motion,
-    };
+    let motion = &part(motion, own, frames, scene.frames.len())?;
     let folder = Some(&arguments.result).filter(|r| r.is_dir());
     let maps = folder.map_or(Ok(None), |folder| appearance::evaluate(scene, folder, motion))?;
     let truth = scene.truth.points.is_some() || scene.truth.vertices.is_some();
@@ -60,6 +53,31 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         if arguments.json { serde_json::to_string_pretty(&evaluation)? + "\n" } else { table(&evaluation) };
     say::output(format_args!("{text}"));
     Ok(())
+}
+
+/// The frames of `motion` that are `asked` for, of the scene's. It holds its `own` frames; one that does not say which
+/// holds those that are asked for, or all of the scene's.
+fn part(
+    motion: Motion,
+    own: Option<Range<usize>>,
+    asked: Option<Range<usize>>,
+    loaded: usize,
+) -> tessuto::Result<Motion> {
+    let Some(asked) = asked else { return Ok(motion) };
+    let start = match &own {
+        Some(own) if own.start <= asked.start && asked.end <= own.end => own.start,
+        Some(own) => {
+            let problem = format!(
+                "frames {}..{} are asked for, the result has {}..{}",
+                asked.start, asked.end, own.start, own.end
+            );
+            return Err(Error::usage(problem, "choose --frames among the result's, or leave it out"));
+        }
+        None if motion.len() == loaded => return Ok(motion),
+        None => 0,
+    };
+    let part = asked.start - start..asked.end - start;
+    Ok(if part.end <= motion.len() { motion.frames(part) } else { motion })
 }
 
 /// The motion's errors: one line per frame, the means, what the columns are; then one line per value of the maps.

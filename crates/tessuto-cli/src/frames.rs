@@ -1,6 +1,8 @@
-//! Frame ranges on the command line.
+//! Values of options that several commands share.
 
 use std::ops::Range;
+
+use tessuto::config::Preset;
 
 /// `A..B` with A < B: the frames A to B − 1.
 pub fn parse(text: &str) -> Result<Range<usize>, String> {
@@ -8,6 +10,15 @@ pub fn parse(text: &str) -> Result<Range<usize>, String> {
     let (a, b) = text.split_once("..").ok_or(hint)?;
     let (a, b) = (a.trim().parse().map_err(|_| hint)?, b.trim().parse().map_err(|_| hint)?);
     if a < b { Ok(a..b) } else { Err(hint.to_owned()) }
+}
+
+/// A preset's name.
+pub fn preset(text: &str) -> Result<Preset, String> {
+    match text {
+        "default" => Ok(Preset::Default),
+        "saft" => Ok(Preset::Saft),
+        _ => Err(format!("the presets are: {}", Preset::NAMES.join(", "))),
+    }
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ mod demo;
 mod evaluate;
 mod export;
 mod ffmpeg;
+mod findings;
 mod frames;
 mod import;
 mod lens;
@@ -18,10 +19,12 @@ mod render;
 mod repeat;
 mod report;
 mod say;
+mod settings;
 mod simulate;
 mod synth;
 mod template;
 mod threads;
+mod values;
 mod verify;
 mod video;
 mod watch;
@@ -65,6 +68,7 @@ enum Command {
     Evaluate(evaluate::Arguments),
     Simulate(simulate::Arguments),
     Verify(verify::Arguments),
+    Settings(settings::Arguments),
     Synth(synth::Arguments),
     Demo(demo::Arguments),
 }
@@ -93,6 +97,7 @@ fn main() -> ExitCode {
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
+        Command::Settings(arguments) => settings::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
     };

@@ -16,7 +16,7 @@ use crate::say::{aside, say};
 use crate::threads::Threads;
 use crate::watch::{self, Watch};
 
-/// Recover motion, stiffnesses, forces and texture from a scene folder.
+/// Recover motion and texture from a scene folder, with forces and stiffnesses that replay it.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
@@ -32,9 +32,12 @@ pub struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Settings to start from: `default`, or `saft`, the published method.
-    #[arg(long, value_parser = repeat::parse_preset, default_value = "default")]
+    #[arg(long, value_parser = crate::frames::preset, default_value = "default")]
     preset: Preset,
-    /// Change one setting; config.json of a result lists all of them. May be repeated.
+    /// Settings to start from instead: config.json of a result, or settings alone as JSON.
+    #[arg(long, value_name = "FILE", conflicts_with = "preset")]
+    config: Option<PathBuf>,
+    /// Change one setting; `tessuto settings` lists all of them. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Only frames A to B − 1; the template belongs to frame A.
@@ -78,8 +81,12 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let mut config = Config::preset(arguments.preset);
-    arguments.set.iter().try_for_each(|assignment| config.set(assignment))?;
+    let mut config = match &arguments.config {
+        Some(file) => Config::read(file)?,
+        None => Config::preset(arguments.preset),
+    };
+    config.set_all(arguments.set.iter().map(String::as_str))?;
+    config.check_build()?;
     config.seed = arguments.seed.unwrap_or(config.seed);
     arguments.threads.start()?;
     let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));

@@ -9,7 +9,7 @@ use tessuto::view::{Look, RenderOptions, View, render};
 
 use crate::say::say;
 use crate::threads::Threads;
-use crate::video;
+use crate::{values, video};
 
 /// Render a recovered fabric from another viewpoint, under another environment map, plain or as depth.
 #[derive(Args)]
@@ -26,14 +26,14 @@ pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
     /// `original`, or LEFT[,UP]: degrees around the centre of the fabric, at the distance where it fills the image.
-    #[arg(long, default_value = "45", value_name = "VIEW", value_parser = parse_view, allow_hyphen_values = true)]
+    #[arg(long, default_value = "45", value_name = "VIEW", value_parser = values::view, allow_hyphen_values = true)]
     camera: View,
     /// Environment map: lat-long image, .exr or .hdr, its centre in the direction of the recording camera [default: the
     /// recovered one].
     #[arg(long, value_name = "FILE")]
     environment: Option<PathBuf>,
     /// Size of the images [px] [default: that of the video].
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = values::pixels)]
     size: Option<[usize; 2]>,
     /// What to draw: material (the estimated one), texture (as filmed in the first frame), shaded (grey) or depth (as a
     /// colour) [default: material where it was estimated, else texture].
@@ -53,23 +53,6 @@ pub struct Arguments {
     force: bool,
     #[command(flatten)]
     threads: Threads,
-}
-
-fn parse_view(text: &str) -> Result<View, String> {
-    let hint = "write original, LEFT or LEFT,UP in degrees, such as 45 or -30,20";
-    if text == "original" {
-        return Ok(View::Original);
-    }
-    let (left, up) = text.split_once(',').unwrap_or((text, "0"));
-    let number = |t: &str| t.trim().parse::<f64>().ok().filter(|a| a.is_finite()).ok_or(hint.to_owned());
-    Ok(View::About(number(left)?, number(up)?))
-}
-
-fn parse_size(text: &str) -> Result<[usize; 2], String> {
-    let hint = "write WIDTHxHEIGHT between 16 and 16384, such as 1280x720";
-    let (w, h) = text.split_once('x').ok_or(hint)?;
-    let side = |t: &str| t.parse().ok().filter(|n| (16..=16384).contains(n)).ok_or(hint.to_owned());
-    Ok([side(w)?, side(h)?])
 }
 
 /// Runs the command.
@@ -104,17 +87,4 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Err(why) => say!("no video.mp4: {why}"),
     }
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::{View, parse_size, parse_view};
-
-    #[test]
-    fn views_and_sizes_are_read_or_explained() {
-        assert_eq!(parse_view("original"), Ok(View::Original));
-        assert_eq!(parse_view("-30, 20"), Ok(View::About(-30.0, 20.0)));
-        assert!(parse_view("left").unwrap_err().contains("degrees"));
-        assert!(parse_size("1280x720") == Ok([1280, 720]) && parse_size("1280").is_err());
-    }
 }

@@ -3,23 +3,14 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use tessuto::config::Preset;
 use tessuto::run::RunOptions;
 use tessuto::run::appearance::{AppearanceOptions, MotionSource};
 use tessuto::text::quoted;
 
-const PRESETS: [(&str, Preset); 2] = [("default", Preset::Default), ("saft", Preset::Saft)];
-
-/// The preset of this name.
-pub fn parse_preset(text: &str) -> Result<Preset, String> {
-    let found = PRESETS.iter().find(|(name, _)| *name == text);
-    found.map(|(_, preset)| *preset).ok_or_else(|| "the presets are: default, saft".to_owned())
-}
-
 /// `tessuto reconstruct` with the preset of `options` and every setting that differs from it.
 pub fn reconstruct(scene: &Path, out: &Path, options: &RunOptions) -> String {
     let settings = &options.config;
-    let preset = PRESETS.iter().find(|(_, preset)| *preset == settings.preset).map_or("default", |p| p.0);
+    let preset = settings.preset.name();
     let mut command =
         format!("tessuto reconstruct {} --out {} --preset {preset}", quoted(scene), quoted(out));
     if let Some(frames) = &options.frames {
@@ -45,6 +36,18 @@ pub fn appearance(scene: &Path, result: &Path, options: &AppearanceOptions) -> S
     }
     if let Some(seed) = options.seed {
         let _ = write!(command, " --seed {seed}");
+    }
+    command
+}
+
+/// `tessuto simulate` with changed stiffnesses and scaled forces.
+pub fn simulate(result: &Path, set: &[String], forces: f64, out: &Path) -> String {
+    let mut command = format!("tessuto simulate {} --out {}", quoted(result), quoted(out));
+    for change in set {
+        let _ = write!(command, " --set {change}");
+    }
+    if forces != 1.0 {
+        let _ = write!(command, " --forces {forces}");
     }
     command
 }

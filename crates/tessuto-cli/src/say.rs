@@ -38,6 +38,12 @@ pub fn coloured() -> bool {
     io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none()
 }
 
+/// Columns of the terminal behind standard output; `None` if it is none.
+pub fn width() -> Option<usize> {
+    let (columns, _) = terminal_size::terminal_size_of(io::stdout())?;
+    Some(usize::from(columns.0))
+}
+
 /// Everything is said.
 ///
 /// # Errors

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use tessuto::output::manifest;
+use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::reconstruct::simulate;
-use tessuto::result::Folder;
+use tessuto::result::{self, Folder};
 use tessuto::sim::Cloth;
 use tessuto::{Error, io};
 
+use crate::repeat;
 use crate::say::say;
 
 /// Replay a recovered motion from its parameters and forces alone, or with changed ones.
@@ -16,8 +17,11 @@ use crate::say::say;
 #[command(after_help = "\
 Examples:
   tessuto simulate results/curtain                       the same motion, compared with motion.npy
-  tessuto simulate results/curtain --set bend=0.01 --out stiffer.npy
-  tessuto simulate results/curtain --forces 1.5 --out windier.npy")]
+  tessuto simulate results/curtain --set bend=0.01 --out results/stiffer
+  tessuto simulate results/curtain --forces 1.5 --out windier.npy
+
+A folder at --out becomes a result that render, export and report take. There is no gravity and no pin in the model:
+the forces hold the cloth where the video shows it, and other forces let it drift.")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
@@ -27,10 +31,10 @@ pub struct Arguments {
     /// Scale the dynamic forces by this factor.
     #[arg(long, default_value_t = 1.0, value_name = "SCALE")]
     forces: f64,
-    /// Write the motion here, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
-    #[arg(long, value_name = "FILE.npy")]
+    /// Result folder to write; or, if it ends in .npy, the motion alone, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
+    #[arg(long, value_name = "DIR|FILE.npy")]
     out: Option<PathBuf>,
-    /// Replace an existing array at --out.
+    /// Replace the array, or the result that nobody changed since, at --out.
     #[arg(long)]
     force: bool,
 }
@@ -38,26 +42,36 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let out = arguments.out.clone().unwrap_or_else(|| arguments.result.join("simulated.npy"));
-    check_target(&out, arguments.force || arguments.out.is_none())?;
-    let mut saved = Folder::open(&arguments.result)?;
-    for assignment in &arguments.set {
-        set(&mut saved.parameters.log_stiffness, assignment)?;
-    }
+    // Everything that can be refused is refused before the work.
+    let folder = match out.extension().is_some_and(|e| e == "npy") {
+        true => check_target(&out, arguments.force || arguments.out.is_none()).map(|()| None)?,
+        false => Some(OutputFolder::prepare(&out, FolderKind::Result, arguments.force)?),
+    };
+    let original = Folder::open(&arguments.result)?;
+    let mut parameters = original.parameters.clone();
+    arguments.set.iter().try_for_each(|assignment| set(&mut parameters.log_stiffness, assignment))?;
     if !arguments.forces.is_finite() {
-        return Err(Error::usage(
-            format!("--forces {}: not a finite number", arguments.forces),
-            "give a factor such as 0.5 or 2",
-        )
-        .into());
+        let problem = format!("--forces {}: not a finite number", arguments.forces);
+        return Err(Error::usage(problem, "give a factor such as 0.5 or 2").into());
     }
-    saved.parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= arguments.forces);
-    let cloth = Cloth::new(&saved.mesh);
-    let settings = &saved.run.settings;
-    let motion = simulate(&cloth, settings, saved.fps, &saved.mesh.positions, &saved.parameters)?;
-    io::npy::write_shapes(&out, &motion)?;
-    manifest::record(&[&out])?;
-    let original = saved.motion()?;
-    let frames = original.iter().zip(&motion);
+    parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= arguments.forces);
+    let (mesh, settings) = (&original.mesh, &original.run.settings);
+    let motion = simulate(&Cloth::new(mesh), settings, original.fps, &mesh.positions, &parameters)?;
+    match folder {
+        None => {
+            io::npy::write_shapes(&out, &motion)?;
+            manifest::record(&[&out])?;
+        }
+        Some(folder) => {
+            let command = repeat::simulate(&arguments.result, &arguments.set, arguments.forces, &out);
+            result::write_replay(folder.partial(), &original, &parameters, &motion, &command)?;
+            let written = Folder::open(folder.partial())?;
+            result::Summary::of(&written)?.write(folder.partial())?;
+            result::write_page(&written)?;
+            crate::say_kept(folder.publish()?);
+        }
+    }
+    let frames = original.motion()?.iter().zip(&motion);
     let distances = frames.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.distance(*b)));
     say!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
     say!("{}", out.display());

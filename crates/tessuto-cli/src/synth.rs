@@ -27,7 +27,7 @@ pub struct Arguments {
     #[arg(long, value_name = "PX", default_value_t = Settings::default().size)]
     size: usize,
     /// Columns and rows of vertices.
-    #[arg(long, value_name = "CxR", value_parser = parse_grid, default_value = "21x21")]
+    #[arg(long, value_name = "CxR", value_parser = crate::values::grid, default_value = "21x21")]
     grid: [usize; 2],
     /// Faces: a regular grid of quads, the same grid cut into triangles, or irregular triangles.
     #[arg(long, value_enum, default_value_t = Kind::Quads)]
@@ -66,12 +66,6 @@ enum Kind {
     Irregular,
 }
 
-/// `CxR`.
-fn parse_grid(text: &str) -> Result<[usize; 2], String> {
-    let parsed = text.split_once('x').and_then(|(c, r)| Some([c.parse().ok()?, r.parse().ok()?]));
-    parsed.ok_or_else(|| "write columns x rows, such as 21x21".to_owned())
-}
-
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let settings = Settings {
@@ -104,15 +98,4 @@ pub fn synth_into(out: &Path, settings: &Settings, force: bool) -> tessuto::Resu
     write(output.partial(), &scene, settings)?;
     crate::say_kept(output.publish()?);
     Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::parse_grid;
-
-    #[test]
-    fn grids_are_two_numbers() {
-        assert_eq!(parse_grid("9x12"), Ok([9, 12]));
-        assert!(parse_grid("9").is_err() && parse_grid("ax3").is_err());
-    }
 }

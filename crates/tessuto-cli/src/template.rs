@@ -4,22 +4,18 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::io::scene::first_frame;
-use tessuto::io::{image, model, obj};
-use tessuto::mesh::weld;
+use tessuto::io::{image, obj};
 use tessuto::output::manifest;
 use tessuto::template::fix::Fix;
-use tessuto::template::outline::Outline;
-use tessuto::template::rectangle::{locate, patch};
-use tessuto::template::remesh::{Over, Resolution, remesh};
-use tessuto::template::{hem::hem, overlap_with_mask};
+use tessuto::template::make::{Changes, CornersFrom, from_file, from_rectangle};
+use tessuto::template::overlap_with_mask;
+use tessuto::template::remesh::Resolution;
 use tessuto::text::quoted;
 use tessuto::{Camera, Error, Image, Mesh, Result};
 
 use crate::lens::Lens;
 use crate::say::say;
-
-/// A point [px] or a size.
-type Pair = [f64; 2];
+use crate::values::{self, Pair};
 
 /// Make or repair the template, the mesh of the fabric in the first frame.
 #[derive(Args)]
@@ -37,10 +33,10 @@ pub struct Arguments {
     /// Scene folder; or an image of the fabric, with --mask, a camera and --out.
     target: PathBuf,
     /// A flat or nearly flat rectangle of this size, such as 0.7x0.5m, 70x50cm or 700x500mm.
-    #[arg(long, value_name = "WxH", value_parser = parse_size, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
+    #[arg(long, value_name = "WxH", value_parser = values::lengths, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
     flat: Option<Pair>,
     /// Where its corners are in the first frame [px].
-    #[arg(long, value_name = "X,Y", num_args = 4, value_parser = parse_point, requires = "flat", allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y", num_args = 4, value_parser = values::point, requires = "flat", allow_negative_numbers = true)]
     corners: Vec<Pair>,
     /// Find the corners in the mask of the first frame, and let the sides follow the mask's outline.
     #[arg(long, requires = "flat", conflicts_with = "corners")]
@@ -49,10 +45,10 @@ pub struct Arguments {
     #[arg(long, requires = "from_mask")]
     straight: bool,
     /// Vertices along the longer side, or columns x rows.
-    #[arg(long, value_name = "N|CxR", value_parser = parse_resolution, requires = "flat", default_value = "32")]
+    #[arg(long, value_name = "N|CxR", value_parser = values::resolution, requires = "flat", default_value = "32")]
     grid: Resolution,
     /// Re-sample a mesh as a regular grid of quads: vertices along the longer side, or columns x rows.
-    #[arg(long, value_name = "N|CxR", value_parser = parse_resolution)]
+    #[arg(long, value_name = "N|CxR", value_parser = values::resolution)]
     remesh: Option<Resolution>,
     /// The mesh to start from: OBJ, PLY or glTF [default: the scene's template.obj].
     #[arg(long, value_name = "FILE")]
@@ -61,10 +57,10 @@ pub struct Arguments {
     #[arg(long, value_name = "FACTOR")]
     scale: Option<f64>,
     /// Negate these coordinates, such as yz.
-    #[arg(long, value_name = "AXES", value_parser = parse_axes)]
+    #[arg(long, value_name = "AXES", value_parser = values::axes)]
     flip: Option<[bool; 3]>,
     /// Swap two coordinates before that, such as xy.
-    #[arg(long, value_name = "AXES", value_parser = parse_axes)]
+    #[arg(long, value_name = "AXES", value_parser = values::axes)]
     swap: Option<[bool; 3]>,
     /// Merge vertices that lie at the same place.
     #[arg(long)]
@@ -80,44 +76,6 @@ pub struct Arguments {
     force: bool,
     #[command(flatten)]
     lens: Lens,
-}
-
-/// `WxH` with an optional unit; metres.
-fn parse_size(text: &str) -> std::result::Result<Pair, String> {
-    let hint = "write width x height and the unit, such as 0.7x0.5m, 70x50cm or 700x500mm";
-    let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)];
-    let (number, scale) = units.iter().find_map(|(u, s)| Some((text.strip_suffix(u)?, *s))).ok_or(hint)?;
-    let (w, h) = number.split_once('x').ok_or(hint)?;
-    let side =
-        |text: &str| text.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| *v > 0.0 && *v < 1e3);
-    Ok([side(w).ok_or(hint)?, side(h).ok_or(hint)?])
-}
-
-/// `X,Y`.
-fn parse_point(text: &str) -> std::result::Result<Pair, String> {
-    let parsed = text.split_once(',').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
-    parsed
-        .filter(|p: &Pair| p.iter().all(|v| v.is_finite()))
-        .ok_or_else(|| "write column,row in pixels, such as 312,208".to_owned())
-}
-
-/// `N` or `CxR`.
-fn parse_resolution(text: &str) -> std::result::Result<Resolution, String> {
-    let hint = "write a number, such as 32, or columns x rows, such as 32x24";
-    match text.split_once('x') {
-        Some((c, r)) => Ok(Resolution::Grid([c.parse().map_err(|_| hint)?, r.parse().map_err(|_| hint)?])),
-        None => Ok(Resolution::Longer(text.parse().map_err(|_| hint)?)),
-    }
-}
-
-/// Letters among x, y, z.
-fn parse_axes(text: &str) -> std::result::Result<[bool; 3], String> {
-    let known = !text.is_empty() && text.chars().all(|c| "xyz".contains(c));
-    if known {
-        Ok(["x", "y", "z"].map(|axis| text.contains(axis)))
-    } else {
-        Err("name axes, such as y or yz".to_owned())
-    }
 }
 
 /// What the template is for.
@@ -219,57 +177,29 @@ fn note(notes: &[String]) {
     notes.iter().for_each(|note| say!("note: {note}"));
 }
 
-/// A rectangle of fabric of `size` [m].
+fn told(line: String) {
+    say!("{line}");
+}
+
+/// A rectangle of fabric of `size` `[m]`.
 fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
-    let size = size.into();
-    let grid = arguments.grid.grid(size)?;
-    let outline = match (&view.mask, arguments.from_mask) {
-        (Some((mask, path)), true) => Some(Outline::new(mask, &path.display().to_string())?),
+    let place = view.mask.as_ref().map_or_else(String::new, |(_, path)| path.display().to_string());
+    let corners = match (&view.mask, arguments.from_mask) {
+        (Some((mask, _)), true) => CornersFrom::Mask { mask, place: &place, straight: arguments.straight },
         (None, true) => {
-            return Err(Error::usage(
-                "--from-mask without a mask",
-                "add --mask FILE, or give the corners with --corners",
-            ));
+            let hint = "add --mask FILE, or give the corners with --corners";
+            return Err(Error::usage("--from-mask without a mask", hint));
         }
-        _ => None,
+        _ => {
+            let missing = |_| {
+                let hint = "add --corners X,Y X,Y X,Y X,Y (clockwise from the upper left), or --from-mask";
+                Error::usage("the corners are not given", hint)
+            };
+            let points = <[Pair; 4]>::try_from(&arguments.corners[..]).map_err(missing)?;
+            CornersFrom::Points(points.map(Into::into))
+        }
     };
-    let corners = match &outline {
-        Some(outline) => {
-            note(&outline.notes);
-            outline.corners()
-        }
-        None => <[Pair; 4]>::try_from(&arguments.corners[..])
-            .map_err(|_| {
-                Error::usage(
-                    "the corners are not given",
-                    "add --corners X,Y X,Y X,Y X,Y (clockwise from the upper left), or --from-mask",
-                )
-            })?
-            .map(Into::into),
-    };
-    let found = locate(&view.camera, size, corners)?;
-    say!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" "));
-    say!(
-        "distances of the corners: {}; {}",
-        found.positions.map(|p| format!("{:.3} m", p.length())).join(", "),
-        if found.rigid {
-            format!("a plane rectangle fits them to {:.2} px", found.rigid_error)
-        } else {
-            format!(
-                "no plane rectangle fits (off by {:.1} px): treated as a sheet that sags or bends",
-                found.rigid_error
-            )
-        }
-    );
-    if found.ambiguous {
-        say!(
-            "note: the rectangle tilted the other way fits nearly as well: look at check --picture, and measure the size exactly"
-        );
-    }
-    let mut mesh = patch(found.positions, grid);
-    if let (Some(outline), false) = (&outline, arguments.straight) {
-        hem(&mut mesh, grid, found.positions, &view.camera, outline, corners);
-    }
+    let mut mesh = from_rectangle(&view.camera, size.into(), arguments.grid, corners, &mut told)?;
     mesh.positions.iter_mut().for_each(|p| *p /= view.metres);
     Ok(mesh)
 }
@@ -292,36 +222,8 @@ fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
         None if scene => arguments.target.join("template.obj"),
         None => return Err(Error::usage("the mesh is not given", "add --from FILE")),
     };
-    let fix = fix(arguments)?;
-    let place = path.display().to_string();
-    let mut model = model::read(&path)?;
-    note(&model.notes.iter().map(|n| format!("{place}: {n}")).collect::<Vec<_>>());
-    fix.apply_to(&mut model.mesh);
-    if arguments.weld {
-        let [gone, _] = weld(&mut model.mesh);
-        say!("merged {gone} vertices that lay on others");
-    }
-    let Some(resolution) = arguments.remesh else {
-        return if model.has_uv { Ok(model.mesh) } else { Err(without_uv(&path)) };
-    };
-    let made = remesh(&model.mesh, model.has_uv, resolution, &place)?;
-    let over = match made.over {
-        Over::Uv => "texture coordinates",
-        Over::Border => "border, between its four corners",
-    };
-    say!("a grid of {}×{} vertices over the {over}", made.grid[0], made.grid[1]);
-    if made.in_holes > 0 {
-        say!("note: {} vertices lie in holes of the mesh and were put on their rims", made.in_holes);
-    }
-    Ok(made.mesh)
-}
-
-fn without_uv(path: &Path) -> Error {
-    Error::input(
-        path.display().to_string(),
-        "has no texture coordinates (uv), which a template needs",
-        "unwrap it in a modelling program, or make a grid of it with --remesh 32",
-    )
+    let changes = Changes { fix: fix(arguments)?, weld: arguments.weld, remesh: arguments.remesh };
+    from_file(&path, &changes, &mut told)
 }
 
 fn fix(arguments: &Arguments) -> Result<Fix> {
@@ -338,20 +240,4 @@ fn fix(arguments: &Arguments) -> Result<Fix> {
         }
     };
     Ok(Fix { swap, flip: arguments.flip.unwrap_or_default(), scale })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn sizes_have_units() {
-        assert_eq!(parse_size("0.7x0.5m"), Ok([0.7, 0.5]));
-        assert_eq!(parse_size("0.7x0.5"), Ok([0.7, 0.5]));
-        let [w, h] = parse_size("70x50cm").unwrap();
-        assert!((w - 0.7).abs() < 1e-12 && (h - 0.5).abs() < 1e-12);
-        for bad in ["70", "70x", "ax5", "-1x5m", "0x5m", "70x50in"] {
-            assert!(parse_size(bad).is_err(), "{bad}");
-        }
-    }
 }

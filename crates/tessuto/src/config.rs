@@ -1,16 +1,20 @@
-//! Every setting of a reconstruction, the presets, and changes by `key=value`.
+//! Every setting of a reconstruction, the presets, files of settings, and changes by `key=value`.
+
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::appearance::{AppearanceSettings, MapPrior};
 use crate::error::{Error, Result};
+use crate::io::read_bounded;
 use crate::motion::inverse::accelerations::InverseSettings;
 use crate::motion::inverse::stiffness::MaterialSettings;
 use crate::motion::parameters::{Dynamics, StiffnessRange};
 use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
+use crate::settings::{Setting, Settings, Values, ordered, settings, text};
 use crate::sim::{Integrator, StepSettings};
 use crate::text::nearest_key;
 
@@ -24,32 +28,65 @@ pub enum Preset {
     Default,
 }
 
+impl Preset {
+    /// Their names.
+    pub const NAMES: &[&str] = &["default", "saft"];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Default => "default",
+            Self::Saft => "saft",
+        }
+    }
+}
+
 /// How the motion is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Method {
-    /// Accelerations and stiffnesses are optimised through the simulation and the renderer.
+    /// Forces and stiffnesses are optimised through the simulation and the renderer.
     Rollout,
     /// Positions are found first, forces read off by a simulation tied to them.
     Spacetime,
 }
 
-/// Time stepping and material.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct DynamicsSettings {
-    /// Integrator.
-    pub integrator: Integrator,
-    /// Steps per frame.
-    pub substeps: usize,
-    /// Factor on the velocity per 5 ms; a longer step takes a power of it.
-    pub damping_per_5ms: f64,
-    /// log10 of the stretch stiffness [N/m].
-    pub stretch: StiffnessRange,
-    /// log10 of the bend stiffness [J/rad²].
-    pub bend: StiffnessRange,
-    /// log10 of the shear stiffness [J/rad²].
-    pub shear: StiffnessRange,
+impl Method {
+    /// Their names.
+    pub const NAMES: &[&str] = &["spacetime", "rollout"];
+}
+
+/// The three numbers of a [`StiffnessRange`]; `unit` is that of log10.
+fn stiffness(name: &str, unit: &'static str, low: f64, high: f64) -> Vec<Setting> {
+    let row = |key: &str, what: &str| Setting {
+        key: key.to_owned(),
+        meaning: format!("log10 of the {name} stiffness: {what}"),
+        values: Values::Number { range: low..=high, unit },
+    };
+    let start = "where the search starts, and its prior; between low and high";
+    vec![row("start", start), row("low", "lower bound"), row("high", "upper bound")]
+}
+
+const fn range(start: f64, low: f64, high: f64) -> StiffnessRange {
+    StiffnessRange { start, low, high }
+}
+
+settings! {
+    /// Time stepping and material.
+    pub struct DynamicsSettings {
+        /// Time integrator.
+        integrator: Integrator = Integrator::ImplicitEuler, choice(Integrator::NAMES);
+        /// Simulation steps per frame.
+        substeps: usize = 4, number(1.0..=64.0, "");
+        /// Factor on the velocity per 5 ms; a longer step takes a power of it.
+        damping_per_5ms: f64 = 0.9, number(0.0..=1.0, "");
+        /// log10 of the stretch stiffness `[N/m]`.
+        stretch: StiffnessRange = range(200f64.log10(), 1.0, 3.0), stiffness("stretch", "log10 N/m", -3.0, 8.0);
+        /// log10 of the bend stiffness `[J/rad²]`.
+        bend: StiffnessRange = range(-3.0, -4.0, -2.0), stiffness("bend", "log10 J/rad²", -10.0, 4.0);
+        /// log10 of the shear stiffness `[J/rad²]`.
+        shear: StiffnessRange = range(-4.0, -5.0, -2.0), stiffness("shear", "log10 J/rad²", -10.0, 4.0);
+    }
 }
 
 impl DynamicsSettings {
@@ -71,92 +108,123 @@ impl DynamicsSettings {
     }
 }
 
-/// All settings of a reconstruction.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Config {
-    /// Where the settings started from.
-    pub preset: Preset,
-    /// How the motion is found.
-    pub method: Method,
-    /// Seed of everything random (the samples of the metrics).
-    pub seed: u64,
-    /// Time stepping and material.
-    pub dynamics: DynamicsSettings,
-    /// Texture phase.
-    pub texture: TextureSettings,
-    /// Motion by rollouts.
-    pub rollout: RolloutSettings,
-    /// Motion by positions.
-    pub spacetime: SpacetimeSettings,
-    /// Accelerations of a trajectory.
-    pub inverse: InverseSettings,
-    /// Stiffnesses of a motion.
-    pub material: MaterialSettings,
-    /// Material maps and light; the settings of results without them.
-    #[serde(default)]
-    pub appearance: AppearanceSettings,
+impl DynamicsSettings {
+    /// A warning where stiffnesses, given by log10, lie at their bounds.
+    pub fn doubt(&self, log_stiffness: [f64; 3]) -> Option<String> {
+        let rows = [("stretch", self.stretch), ("bend", self.bend), ("shear", self.shear)];
+        let found: Vec<String> = rows
+            .iter()
+            .zip(log_stiffness)
+            .filter_map(|((name, range), log_k)| {
+                let bound = range.bound_at(log_k)?;
+                Some(format!("{name} at its {bound} bound ({:.2e})", 10f64.powf(log_k)))
+            })
+            .collect();
+        let hint =
+            "read stiffness and forces as effective values of the replay, not as properties of the fabric";
+        (!found.is_empty()).then(|| format!("stiffness: {}\n  hint: {hint}", found.join(", ")))
+    }
+}
+
+/// Largest seed: JSON's other readers keep integers up to here.
+const LARGEST_SEED: f64 = 9_007_199_254_740_992.0;
+
+settings! {
+    /// All settings of a reconstruction.
+    pub struct Config {
+        /// Where the settings started from.
+        preset: Preset = Preset::Default, choice(Preset::NAMES);
+        /// How the motion is found: positions of all frames first and forces afterwards, or forces and stiffnesses through
+        /// simulation and renderer.
+        method: Method = Method::Spacetime, choice(Method::NAMES);
+        /// Seed of everything random: the samples of the metrics, the pixels that material and light are found from.
+        seed: u64 = 0, number(0.0..=LARGEST_SEED, "");
+        /// Time stepping and material.
+        dynamics: DynamicsSettings = DynamicsSettings::default(), group::<DynamicsSettings>();
+        /// Texture.
+        texture: TextureSettings = TextureSettings::default(), group::<TextureSettings>();
+        /// Motion by simulation, of method = rollout.
+        rollout: RolloutSettings = RolloutSettings::default(), group::<RolloutSettings>();
+        /// Motion by positions, of method = spacetime.
+        spacetime: SpacetimeSettings = SpacetimeSettings::default(), group::<SpacetimeSettings>();
+        /// Forces of a motion, of method = spacetime.
+        inverse: InverseSettings = InverseSettings::default(), group::<InverseSettings>();
+        /// Stiffnesses of a motion, of method = spacetime.
+        material: MaterialSettings = MaterialSettings::default(), group::<MaterialSettings>();
+        /// Material maps and light.
+        appearance: AppearanceSettings = AppearanceSettings::default(), group::<AppearanceSettings>();
+    }
 }
 
 impl Config {
     /// The settings of `preset`.
     pub fn preset(preset: Preset) -> Self {
-        let range = |start, low, high| StiffnessRange { start, low, high };
-        let published = DynamicsSettings {
-            integrator: Integrator::LinearizedEuler,
-            substeps: 4,
-            damping_per_5ms: 0.9,
-            stretch: range(200f64.log10(), 1.0, 3.0),
-            bend: range(-3.0, -4.0, -2.0),
-            shear: range(-4.0, -5.0, -2.0),
-        };
-        let (method, dynamics) = match preset {
-            Preset::Saft => (Method::Rollout, published),
-            Preset::Default => {
-                (Method::Spacetime, DynamicsSettings { integrator: Integrator::ImplicitEuler, ..published })
+        let default = Self { preset, ..Self::default() };
+        match preset {
+            Preset::Default => default,
+            Preset::Saft => {
+                let dynamics =
+                    DynamicsSettings { integrator: Integrator::LinearizedEuler, ..default.dynamics };
+                Self { method: Method::Rollout, dynamics, ..default }
             }
-        };
-        Self {
-            preset,
-            method,
-            seed: 0,
-            dynamics,
-            texture: TextureSettings::default(),
-            rollout: RolloutSettings::default(),
-            spacetime: SpacetimeSettings::default(),
-            inverse: InverseSettings::default(),
-            material: MaterialSettings::default(),
-            appearance: AppearanceSettings::default(),
         }
+    }
+
+    /// The settings of a file: config.json of a result, or settings alone as JSON, where those that are left out are the
+    /// preset's.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the file; [`Error::Usage`] naming the setting, its value and its range.
+    pub fn read(path: &Path) -> Result<Self> {
+        let place = || path.display().to_string();
+        let hint = "give config.json of a result, or settings such as {\"texture\": {\"size\": 256}}";
+        let bytes = read_bounded(path, LARGEST_FILE)?;
+        let file: Value =
+            serde_json::from_slice(&bytes).map_err(|e| Error::input(place(), e.to_string(), hint))?;
+        let given = file.get("settings").unwrap_or(&file);
+        if !given.is_object() {
+            return Err(Error::input(place(), "holds no settings", hint));
+        }
+        let name = given.get("preset").and_then(Value::as_str).unwrap_or("default");
+        let preset = if name == Preset::Saft.name() { Preset::Saft } else { Preset::Default };
+        let mut all = to_json(&Self::preset(preset));
+        for (key, value) in leaves(given) {
+            put(&mut all, &key, value.clone())?;
+        }
+        Self::from_json(all)
     }
 
     /// Changes one setting; `assignment` is `key=value` with a dotted key such as `rollout.weights.energy=0`.
     ///
     /// # Errors
-    /// [`Error::Usage`] for an unknown key or a value of the wrong type.
+    /// [`Error::Usage`] for an unknown key, a value of the wrong type or out of its range.
     pub fn set(&mut self, assignment: &str) -> Result<()> {
-        let (key, value) = assignment.split_once('=').ok_or_else(|| {
-            Error::usage(
-                format!("--set {assignment}: no '='"),
-                "write --set key=value, such as --set rollout.last_epochs=30",
-            )
-        })?;
-        let mut all = serde_json::to_value(&*self).expect("settings are plain data");
-        let known = paths(&all);
-        let pointer = format!("/{}", key.replace('.', "/"));
-        let Some(slot) = all.pointer_mut(&pointer).filter(|slot| !slot.is_object()) else {
-            let hint = match nearest_key(key, &known) {
-                Some(near) => format!("did you mean {near}? All keys: {}", known.join(", ")),
-                None => format!("the keys are: {}", known.join(", ")),
-            };
-            return Err(Error::usage(format!("--set {key}: no such setting"), hint));
-        };
-        let old = slot.clone();
-        *slot = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-        let changed: Self = serde_json::from_value(all).map_err(|e| {
-            Error::usage(format!("--set {key}={value}: {e}"), format!("the present value is {old}"))
-        })?;
-        changed.validate()?;
+        self.set_all([assignment])
+    }
+
+    /// Changes several settings at once, so that what they must be together is checked at the end only.
+    ///
+    /// # Errors
+    /// As [`set`](Self::set).
+    pub fn set_all<'a>(&mut self, assignments: impl IntoIterator<Item = &'a str>) -> Result<()> {
+        let mut all = to_json(self);
+        for assignment in assignments {
+            let (key, value) = assignment.split_once('=').ok_or_else(|| {
+                let hint = "write key=value, such as rollout.last_epochs=30";
+                Error::usage(format!("setting {assignment}: no '='"), hint)
+            })?;
+            if key == "preset" {
+                let hint =
+                    "choose the preset that the settings start from instead, then change single settings";
+                return Err(Error::usage(
+                    format!("setting {assignment}: a preset is no single setting"),
+                    hint,
+                ));
+            }
+            let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+            put(&mut all, key, value)?;
+        }
+        let changed = Self::from_json(all)?;
         changed.check_build()?;
         *self = changed;
         Ok(())
@@ -164,56 +232,54 @@ impl Config {
 
     /// Keys and values of all settings that differ from the preset, as [`set`](Self::set) takes them.
     pub fn changes(&self) -> Vec<(String, String)> {
-        let value = |c: &Self| serde_json::to_value(c).expect("settings are plain data");
-        let (own, preset) = (value(self), value(&Self::preset(self.preset)));
-        let at = |v: &Value, key: &str| v.pointer(&format!("/{}", key.replace('.', "/"))).cloned();
-        let text = |v: Value| v.as_str().map_or_else(|| v.to_string(), str::to_owned);
-        paths(&own)
+        let (own, preset) = (to_json(self), to_json(&Self::preset(self.preset)));
+        leaves(&own)
             .into_iter()
-            .filter(|key| at(&own, key) != at(&preset, key))
-            .filter_map(|key| at(&own, &key).map(|v| (key, text(v))))
+            .zip(leaves(&preset))
+            .filter(|((_, own), (_, preset))| own != preset)
+            .map(|((key, value), _)| (key, text(value)))
             .collect()
     }
 
-    /// Checks ranges that types cannot express.
+    /// Every setting with its value here, in the order of the table.
+    pub fn table(&self) -> Vec<(Setting, String)> {
+        let all = to_json(self);
+        let value = |key: &str| all.pointer(&pointer(key)).map(text).unwrap_or_default();
+        Self::settings().into_iter().map(|s| (s.clone(), value(&s.key))).collect()
+    }
+
+    /// Checks the ranges, and what several settings must be together.
     ///
     /// # Errors
     /// [`Error::Usage`] naming the setting, its value and its range.
     pub fn validate(&self) -> Result<()> {
-        let t = &self.spacetime;
-        let checks = [
-            ("dynamics.substeps", self.dynamics.substeps as f64, 1.0, 64.0),
-            ("dynamics.damping_per_5ms", self.dynamics.damping_per_5ms, 0.0, 1.0),
-            ("texture.size", self.texture.size as f64, 2.0, 8192.0),
-            ("rollout.first_frames", self.rollout.first_frames as f64, 2.0, 1e6),
-            ("rollout.epochs_per_frame", self.rollout.epochs_per_frame as f64, 1.0, 1e6),
-            ("rollout.clip_history", self.rollout.clip_history as f64, 1.0, 1e6),
-            ("rollout.clip_quantile", self.rollout.clip_quantile, 0.0, 1.0),
-            ("spacetime.coarsest", t.coarsest as f64, t.finest as f64, 8.0),
-            ("spacetime.strain", t.strain, 1e-6, 10.0),
-            ("spacetime.tail", t.tail, 1e-3, 1e6),
-            ("spacetime.bend", t.bend, 1e-6, 1e3),
-            ("spacetime.shear", t.shear, 1e-6, 1e3),
-            ("spacetime.acceleration", t.acceleration, 1e-7, 10.0),
-            ("spacetime.colour", t.colour, 1e-4, 10.0),
-            ("spacetime.colour_area", t.colour_area, 1e-3, 1e6),
-            ("spacetime.outline", t.outline, 1e-3, 1e3),
-            ("spacetime.outline_length", t.outline_length, 1e-3, 1e6),
-            ("material.spread", self.material.spread, 1e-3, 1e3),
-            ("inverse.tracking_stiffness", self.inverse.tracking_stiffness, 1e-6, 1e9),
-        ];
-        for (key, value, low, high) in checks.into_iter().chain(self.appearance.ranges()) {
-            if !(low..=high).contains(&value) {
-                return Err(Error::usage(
-                    format!("setting {key} = {value}"),
-                    format!("it must lie between {low} and {high}"),
-                ));
-            }
+        let all = to_json(self);
+        Self::settings()
+            .iter()
+            .try_for_each(|s| s.check(all.pointer(&pointer(&s.key)).unwrap_or(&Value::Null)))?;
+        self.check_together()
+    }
+
+    fn from_json(all: Value) -> Result<Self> {
+        let config: Self = serde_json::from_value(all).expect("every value was checked as it was put in");
+        config.check_together()?;
+        Ok(config)
+    }
+
+    fn check_together(&self) -> Result<()> {
+        let dynamics = &self.dynamics;
+        for (name, k) in [("stretch", dynamics.stretch), ("bend", dynamics.bend), ("shear", dynamics.shear)] {
+            let key = |part: &str| format!("dynamics.{name}.{part}");
+            ordered(&key("low"), k.low, &key("start"), k.start)?;
+            ordered(&key("start"), k.start, &key("high"), k.high)?;
         }
-        if self.method == Method::Spacetime && self.dynamics.integrator != Integrator::ImplicitEuler {
+        let [finest, coarsest] = [self.spacetime.finest as f64, self.spacetime.coarsest as f64];
+        ordered("spacetime.finest", finest, "spacetime.coarsest", coarsest)?;
+        self.appearance.check_order()?;
+        if self.method == Method::Spacetime && dynamics.integrator != Integrator::ImplicitEuler {
             return Err(Error::usage(
                 "dynamics.integrator = linearized_euler with method = spacetime",
-                "forces are read off by implicit_euler: set it, or --set method=rollout",
+                "forces are read off by implicit_euler: set it, or method=rollout",
             ));
         }
         Ok(())
@@ -231,12 +297,54 @@ impl Config {
     }
 }
 
-/// Dotted keys of all values that are no objects.
-fn paths(value: &Value) -> Vec<String> {
-    let Value::Object(map) = value else { return vec![String::new()] };
+/// Largest file of settings [bytes].
+const LARGEST_FILE: u64 = 1 << 20;
+
+fn to_json(config: &Config) -> Value {
+    serde_json::to_value(config).expect("settings are plain data")
+}
+
+fn pointer(key: &str) -> String {
+    format!("/{}", key.replace('.', "/"))
+}
+
+/// Puts a value in the place of the setting `key`.
+fn put(all: &mut Value, key: &str, value: Value) -> Result<()> {
+    let settings = Config::settings();
+    let setting = settings.iter().find(|s| s.key == key).ok_or_else(|| no_such_setting(key, &settings))?;
+    setting.check(&value)?;
+    let slot = all.pointer_mut(&pointer(key)).expect("every setting of the table is a field");
+    let whole = |v: &Value| v.as_f64().filter(|v| v.fract() == 0.0).map(|v| v as u64);
+    *slot = match (slot.is_u64(), value.is_number()) {
+        // 1e6 is a count too.
+        (true, true) => whole(&value)
+            .map(Value::from)
+            .ok_or_else(|| Error::usage(format!("setting {key} = {value}"), "it must be a whole number"))?,
+        _ => value,
+    };
+    Ok(())
+}
+
+fn no_such_setting(key: &str, settings: &[Setting]) -> Error {
+    let known: Vec<String> = settings.iter().map(|s| s.key.clone()).collect();
+    let below: Vec<&str> =
+        known.iter().filter(|k| k.starts_with(&format!("{key}."))).map(String::as_str).collect();
+    let hint = match (below.is_empty(), nearest_key(key, &known)) {
+        (false, _) => format!("its settings are: {}", below.join(", ")),
+        (true, Some(near)) => format!("did you mean {near}?"),
+        (true, None) => format!("the settings are: {}", known.join(", ")),
+    };
+    Error::usage(format!("setting {key}: no such setting"), hint)
+}
+
+/// Dotted keys and values of all that are no objects, in their order.
+fn leaves(value: &Value) -> Vec<(String, &Value)> {
+    let Value::Object(map) = value else { return vec![(String::new(), value)] };
     let join =
         |key: &String, rest: String| if rest.is_empty() { key.clone() } else { format!("{key}.{rest}") };
-    map.iter().flat_map(|(key, v)| paths(v).into_iter().map(move |rest| join(key, rest))).collect()
+    map.iter()
+        .flat_map(|(key, v)| leaves(v).into_iter().map(move |(rest, leaf)| (join(key, rest), leaf)))
+        .collect()
 }
 
 #[cfg(test)]
@@ -266,12 +374,96 @@ mod tests {
     fn a_wrong_key_names_the_nearest_and_a_wrong_value_the_range() {
         let mut config = Config::preset(Preset::Default);
         let before = config.clone();
-        let message = |e: Error| e.to_string();
-        assert!(message(config.set("energi=1").unwrap_err()).contains("rollout.weights.energy"));
-        assert!(message(config.set("rollout=1").unwrap_err()).contains("no such setting"));
-        assert!(message(config.set("texture.size=big").unwrap_err()).contains("512"));
-        assert!(message(config.set("inverse.tracking_stiffness=-1").unwrap_err()).contains("between"));
-        assert_eq!(config, before);
+        let mut refused = |assignment: &str| {
+            let error = config.set(assignment).unwrap_err();
+            assert_eq!((error.exit_code(), &config), (2, &before), "{assignment}");
+            error.to_string()
+        };
+        assert!(refused("energi=1").contains("did you mean rollout.weights.energy?"));
+        assert!(refused("inverse=1").contains("inverse.tracking_stiffness"));
+        assert!(refused("preset=saft").contains("preset"));
+        assert!(refused("texture.size=2.5").contains("whole number"));
+        for (assignment, range) in [
+            ("texture.size=big", "between 2 and 8192 texel"),
+            ("spacetime.signed_bend=0", "between 1e-6 and 1000 rad"),
+            ("spacetime.signed_bend=NaN", "between 1e-6 and 1000 rad"),
+            ("spacetime.signed_bend=1e999", "between 1e-6 and 1000 rad"),
+            ("spacetime.signed_bend=null", "between 1e-6 and 1000 rad"),
+            ("texture.learning_rate=-1", "between 0 and 1 sRGB"),
+            ("spacetime.neighbour_weight=-1", "between 0 and 100"),
+            ("spacetime.gain_smoothness=inf", "between 0 and 1e6"),
+            ("dynamics.bend.start=30", "between -10 and 4 log10 J/rad²"),
+            ("dynamics.bend.start=-5", "dynamics.bend.low = -4 is above dynamics.bend.start = -5"),
+            ("spacetime.finest=3", "spacetime.finest = 3 is above spacetime.coarsest = 2"),
+            ("method=simulation", "spacetime, rollout"),
+            ("material.fit=1", "true, false"),
+        ] {
+            let message = refused(assignment);
+            assert!(message.contains(range), "{assignment}: {message}");
+        }
+        // Together they are in order.
+        config.set_all(["spacetime.finest=3", "spacetime.coarsest=4", "texture.epochs=1e2"]).unwrap();
+        assert_eq!((config.spacetime.finest, config.texture.epochs), (3, 100));
+        config.spacetime.strain = f64::NAN;
+        assert!(config.validate().unwrap_err().to_string().contains("NaN"));
+    }
+
+    #[test]
+    fn every_value_has_a_row_and_every_row_a_value_in_its_range() {
+        for preset in [Preset::Saft, Preset::Default] {
+            let all = to_json(&Config::preset(preset));
+            let fields: Vec<String> = leaves(&all).into_iter().map(|(key, _)| key).collect();
+            let rows: Vec<String> = Config::settings().into_iter().map(|s| s.key).collect();
+            assert_eq!(fields, rows);
+            for (setting, value) in Config::preset(preset).table() {
+                assert!(setting.meaning.len() > 10 && !value.is_empty(), "{}", setting.key);
+                let is_number = value.parse::<f64>().is_ok();
+                assert_eq!(is_number, matches!(setting.values, Values::Number { .. }), "{}", setting.key);
+            }
+        }
+        // The words are those that the types take, and all of them.
+        for setting in Config::settings() {
+            let Values::Choice(words) = setting.values else { continue };
+            let read = |word: &str| {
+                let mut all = to_json(&Config::default());
+                *all.pointer_mut(&pointer(&setting.key)).unwrap() = word.into();
+                serde_json::from_value::<Config>(all)
+            };
+            words.iter().for_each(|word| assert!(read(word).is_ok(), "{word}"));
+            let said = read("none of them").unwrap_err().to_string();
+            assert_eq!(said.split('`').skip(3).step_by(2).count(), words.len(), "{said}");
+        }
+    }
+
+    #[test]
+    fn stiffnesses_at_a_bound_are_doubted() {
+        let dynamics = DynamicsSettings::default();
+        assert_eq!(dynamics.doubt([2.0, -3.0, -4.0]), None);
+        let doubt = dynamics.doubt([1.00004, -3.0, -2.0]).unwrap();
+        assert!(doubt.contains("stretch at its lower bound (1.00e1), shear at its upper bound"), "{doubt}");
+    }
+
+    #[test]
+    fn a_file_of_settings_is_read_whole_or_in_part() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("config.json");
+        let read = |text: &str| {
+            std::fs::write(&file, text).unwrap();
+            Config::read(&file)
+        };
+        let mut config = Config::preset(Preset::Saft);
+        config.set_all(["texture.size=64", "seed=9007199254740992"]).unwrap();
+        let text = serde_json::to_string(&config).unwrap();
+        assert_eq!(read(&text).unwrap(), config);
+        assert_eq!(read(&format!(r#"{{"version": "1", "settings": {text}}}"#)).unwrap(), config);
+        let part = read(r#"{"preset": "saft", "texture": {"size": 64}}"#).unwrap();
+        assert_eq!((part.method, part.texture.size), (Method::Rollout, 64));
+        assert!(read(r#"{"texture": {"sise": 64}}"#).unwrap_err().to_string().contains("texture.size"));
+        assert!(read(r#"{"texture": {"size": -1}}"#).unwrap_err().to_string().contains("between"));
+        assert!(read(r#"{"preset": "fast"}"#).unwrap_err().to_string().contains("default, saft"));
+        for damaged in ["", "[]", "{", r#"{"settings": 3}"#] {
+            assert_eq!(read(damaged).unwrap_err().exit_code(), 3, "{damaged}");
+        }
     }
     #[cfg(not(feature = "decoder"))]
     #[test]

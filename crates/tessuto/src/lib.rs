@@ -1,4 +1,4 @@
-//! Recover the motion, the stiffness and the forces of a piece of fabric from one video.
+//! Recover the 3D motion of a piece of fabric from one video, with effective forces and stiffness that replay it.
 //!
 //! Conventions, everywhere: the world is the OpenCV camera frame (x right, y down, z forward) in
 //! metres, seconds and kilograms; the centre of pixel (column i, row j) is at (i, j); images hold
@@ -29,6 +29,7 @@ pub mod result;
 pub mod run;
 pub mod scene;
 pub mod session;
+pub mod settings;
 pub mod sim;
 pub mod synth;
 pub mod template;

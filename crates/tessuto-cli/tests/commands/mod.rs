@@ -11,5 +11,6 @@ mod report;
 mod rerun;
 mod resume;
 mod run;
+mod settings;
 mod strangers;
 mod template;

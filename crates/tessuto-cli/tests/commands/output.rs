@@ -44,7 +44,7 @@ fn a_reader_that_has_gone_is_no_fault_and_a_full_disk_is() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, result) = scene_and_result(folder.path());
     let npy = folder.path().join("simulated.npy");
-    let commands: [&[&str]; 10] = [
+    let commands: [&[&str]; 11] = [
         &["--help"],
         &["reconstruct", "--help"],
         &["--version"],
@@ -55,6 +55,7 @@ fn a_reader_that_has_gone_is_no_fault_and_a_full_disk_is() {
         &["evaluate", &scene, &result],
         &["simulate", &result, "--out", text(&npy), "--force"],
         &["verify", &result],
+        &["settings"],
     ];
     for arguments in commands {
         let output = unread(arguments);
@@ -101,6 +102,7 @@ fn help_lists_the_commands_in_the_order_of_the_work() {
         "evaluate",
         "simulate",
         "verify",
+        "settings",
         "synth",
         "demo",
         "help",

@@ -100,6 +100,42 @@ fn default_preset_repeats_for_any_threads_and_simulate_replays_it() {
 }
 
 #[test]
+fn a_changed_simulation_is_a_result_like_any_other() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (result, changed) = (at("result"), at("changed"));
+    let quick = ["--frames", "0..3", "--set", "texture.size=32", "--set", "appearance.steps=4"];
+    let less = ["--set", "appearance.batch=500", "--set", "appearance.map_size=32"];
+    succeed(&[&["reconstruct", text(&scene()), "--out", text(&result)], &quick[..], &less[..]].concat());
+    let log = std::fs::read_to_string(result.join("log.json")).unwrap();
+    let parameters = std::fs::read_to_string(result.join("parameters.json")).unwrap();
+    // Whoever reads a stiffness at its bound is told so.
+    assert_eq!(parameters.contains("\"at_bound\": true"), log.contains("bound"), "{log}");
+    assert!(parameters.contains("not measurements") && parameters.contains("\"bounds\": ["), "{parameters}");
+
+    succeed(&["simulate", text(&result), "--set", "bend=0.005", "--out", text(&changed)]);
+    assert!(succeed(&["verify", text(&changed)]).contains("all as they were written"));
+    let page = std::fs::read_to_string(changed.join("report.html")).unwrap();
+    assert!(page.contains("--set bend=0.005") && page.contains("not found in a video"));
+    succeed(&["report", text(&changed)]);
+    for look in ["texture", "material"] {
+        succeed(&["render", text(&changed), "--look", look, "--size", "48x48", "--frames", "2..3"]);
+        assert!(changed.join(format!("views/{look}/frame_002.png")).is_file());
+    }
+    succeed(&["export", text(&changed), "--to", "glb"]);
+    // Changed twice is changed as a whole, and nothing finished is replaced without being asked for.
+    let again = at("again.npy");
+    succeed(&["simulate", text(&changed), "--out", text(&again)]);
+    let (a, b) = (read_shapes(&changed.join("motion.npy")).unwrap(), read_shapes(&again).unwrap());
+    let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
+    assert!(distances.fold(0.0, f64::max) <= 1e-5);
+    assert!(fail(3, &["simulate", text(&result), "--out", text(&changed)]).contains("--force"));
+    // A result of some of the scene's frames is compared with the truth of these.
+    assert!(succeed(&["evaluate", text(&scene()), text(&result)]).contains("mean"));
+    assert!(fail(2, &["evaluate", text(&scene()), text(&result), "--frames", "2..5"]).contains("0..3"));
+}
+
+#[test]
 fn export_writes_every_format_and_replaces_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("result");

@@ -122,7 +122,7 @@ fn scale(scene: &Scene) -> Finding {
     let finding = ok(
         "scale",
         format!(
-            "diagonal {:.3} m, area {:.3} m², {} vertices, {} edges of {:.1} mm on average, {:.2} to {:.2} m away",
+            "diagonal {:.3} m, area {:.3} m², {} vertices, {} edges of {:.1} mm on average, depth {:.2} to {:.2} m",
             diagonal(&mesh.positions),
             mesh.area(),
             mesh.positions.len(),

@@ -220,7 +220,7 @@ fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()
             return Err(Error::input(
                 "motion",
                 format!("it has {} frames, {name} has {length}", motion.len()),
-                "evaluate a result of the same scene and the same frames",
+                "evaluate a result of this scene, and of these frames (--frames A..B if it is a file of a part)",
             ));
         }
     }

@@ -16,6 +16,17 @@ pub struct StiffnessRange {
     pub high: f64,
 }
 
+/// A stiffness nearer than this to a bound lies at it: log10.
+const AT_BOUND: f64 = 1e-4;
+
+impl StiffnessRange {
+    /// The bound at which `log_k`, log10 of a stiffness, lies: `lower` or `upper`.
+    pub fn bound_at(&self, log_k: f64) -> Option<&'static str> {
+        let at = |bound: f64| (log_k - bound).abs() < AT_BOUND;
+        if at(self.low) { Some("lower") } else { at(self.high).then_some("upper") }
+    }
+}
+
 /// How the cloth moves: integrator, sub-steps and stiffnesses.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Dynamics {

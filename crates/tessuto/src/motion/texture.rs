@@ -7,27 +7,22 @@ use crate::mesh::Positions;
 use crate::optim::Adam;
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::session::{Epoch, Session, named};
+use crate::settings::settings;
 use crate::video::Frame;
 
 use super::rollout::losses::{LossWeights, image_loss};
 
-/// Settings of the texture phase.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct TextureSettings {
-    /// Width and height `[texels]`.
-    pub size: usize,
-    /// Number of steps.
-    pub epochs: usize,
-    /// Adam's learning rate.
-    pub learning_rate: f64,
-    /// Weight of the mean absolute difference of neighbouring texels.
-    pub smoothness: f64,
-}
-
-impl Default for TextureSettings {
-    fn default() -> Self {
-        Self { size: 512, epochs: 200, learning_rate: 0.05, smoothness: 1e-4 }
+settings! {
+    /// Settings of the texture phase.
+    pub struct TextureSettings {
+        /// Width and height of the texture.
+        size: usize = 512, number(2.0..=8192.0, "texel");
+        /// Steps of the optimisation.
+        epochs: usize = 200, number(0.0..=1e6, "");
+        /// Adam's learning rate.
+        learning_rate: f64 = 0.05, number(0.0..=1.0, "sRGB");
+        /// Weight of the mean absolute difference of neighbouring texels.
+        smoothness: f64 = 1e-4, number(0.0..=1e3, "");
     }
 }
 
@@ -44,8 +39,7 @@ pub fn fit_texture(
     settings: &TextureSettings,
     session: &mut Session,
 ) -> Result<Texture> {
-    let weights =
-        LossWeights { colour: 1.0, silhouette: 0.0, energy: 0.0, force: 0.0, force_smoothness: 0.0 };
+    let weights = LossWeights { colour: 1.0, silhouette: 0.0, ..LossWeights::default() };
     let mut texture = Texture::uniform(settings.size, settings.size, [0.5; 3]);
     let mut parameters = vec![0.5; 3 * settings.size * settings.size];
     let mut adam = Adam::new(parameters.len(), settings.learning_rate);

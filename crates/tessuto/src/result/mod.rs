@@ -23,6 +23,7 @@ mod live;
 mod log;
 mod page;
 mod pictures;
+mod replay;
 mod summary;
 
 pub use folder::{Folder, read_metrics};
@@ -30,6 +31,7 @@ pub use history::history_csv;
 pub use live::{live_page, live_state};
 pub use log::Log;
 pub use page::write_page;
+pub use replay::write_replay;
 pub use summary::Summary;
 
 use std::path::{Path, PathBuf};
@@ -37,12 +39,12 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Rect};
-use crate::config::{Config, Preset};
+use crate::config::{Config, DynamicsSettings, Preset};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::Motion;
 use crate::metrics::Evaluation;
-use crate::motion::parameters::Parameters;
+use crate::motion::parameters::{Parameters, StiffnessRange};
 use crate::reconstruct::Reconstruction;
 use crate::scene::Scene;
 
@@ -94,12 +96,33 @@ fn quantity<T>(value: T, unit: &str) -> Quantity<T> {
     Quantity { value, unit: unit.to_owned() }
 }
 
+/// A stiffness, and how free its search was.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+struct FoundStiffness {
+    value: f64,
+    unit: String,
+    /// Where the search had to stay.
+    bounds: [f64; 2],
+    /// It went as far as it could: the value says less about the fabric than about the bound.
+    at_bound: bool,
+}
+
+fn found_stiffness(value: f64, log_k: f64, range: StiffnessRange, unit: &str) -> FoundStiffness {
+    let bounds = [range.low, range.high].map(|k| 10f64.powf(k));
+    FoundStiffness { value, unit: unit.to_owned(), bounds, at_bound: range.bound_at(log_k).is_some() }
+}
+
+/// What the numbers of parameters.json are.
+const REMARK: &str = "Stiffnesses and forces are effective values: with them the simulation replays the motion. They are not \
+                      measurements of the fabric. All of them are relative to area_density, which is assumed.";
+
 /// parameters.json.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct ParameterFile {
-    stretch: Quantity<f64>,
-    bend: Quantity<f64>,
-    shear: Quantity<f64>,
+    remark: String,
+    stretch: FoundStiffness,
+    bend: FoundStiffness,
+    shear: FoundStiffness,
     /// log10 of the three, in this order, to the last bit: a replay must not differ by a rounding.
     log10_stiffness: [f64; 3],
     /// Constant part C of force per mass.
@@ -147,7 +170,10 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     )?;
     let material = io::obj::Material { library: "mesh.mtl", name: "fabric" };
     io::obj::write(&folder.join("mesh.obj"), &scene.template, Some(material))?;
-    write_json(&folder.join("parameters.json"), &parameter_file(&result.parameters, scene))?;
+    write_json(
+        &folder.join("parameters.json"),
+        &parameter_file(&result.parameters, scene, &context.run.settings.dynamics),
+    )?;
     write_json(&folder.join("config.json"), context.run)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
     let agreement = pictures::write(folder, scene, result)?;
@@ -190,16 +216,16 @@ fn write_json(path: &Path, value: &impl Serialize) -> Result<()> {
     io::atomic_write(path, text.as_bytes())
 }
 
-fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
+fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) -> ParameterFile {
     let [width, height] = scene.full_size;
     let (crop, camera) = (scene.crop, scene.camera);
     let camera =
         Camera { cx: camera.cx + crop.x0 as f64, cy: camera.cy + crop.y0 as f64, width, height, ..camera };
-    let [stretch, bend, shear] = p.stiffness();
-    ParameterFile {
-        stretch: quantity(stretch, "N/m"),
-        bend: quantity(bend, "J/rad^2"),
-        shear: quantity(shear, "J/rad^2"),
+    let file = ParameterFile {
+        remark: REMARK.to_owned(),
+        stretch: FoundStiffness::default(),
+        bend: FoundStiffness::default(),
+        shear: FoundStiffness::default(),
         log10_stiffness: p.log_stiffness,
         constant_force: quantity(p.accelerations.constant.to_array(), "m/s^2"),
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
@@ -208,7 +234,31 @@ fn parameter_file(p: &Parameters, scene: &Scene) -> ParameterFile {
         frame_rate: quantity(scene.fps, "1/s"),
         camera,
         crop,
+    };
+    parameters_in(file, p, dynamics)
+}
+
+/// `file` with the stiffnesses of `p`.
+fn parameters_in(file: ParameterFile, p: &Parameters, dynamics: &DynamicsSettings) -> ParameterFile {
+    let stiffness = p.stiffness();
+    let ranges = [dynamics.stretch, dynamics.bend, dynamics.shear];
+    let found = |k: usize, unit| found_stiffness(stiffness[k], p.log_stiffness[k], ranges[k], unit);
+    ParameterFile {
+        stretch: found(0, "N/m"),
+        bend: found(1, "J/rad^2"),
+        shear: found(2, "J/rad^2"),
+        log10_stiffness: p.log_stiffness,
+        ..file
     }
+}
+
+/// Which run left `folder`; `None` where there is no config.json, as beside a motion from elsewhere.
+///
+/// # Errors
+/// [`Error::Input`] naming the file.
+pub fn read_run(folder: &Path) -> Result<Option<Run>> {
+    let path = folder.join("config.json");
+    path.is_file().then(|| read_json(&path)).transpose()
 }
 
 fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {

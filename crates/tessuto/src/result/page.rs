@@ -122,13 +122,10 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     let note = |k: usize| {
         let range = [d.stretch, d.bend, d.shear][k];
         let [low, high] = [range.low, range.high].map(|b| format!("{}", (10f64.powf(b) * 1e9).round() / 1e9));
-        let at = |bound: f64| (log_stiffness[k] - bound).abs() < 1e-4;
-        let place = match (at(range.low), at(range.high)) {
-            (true, _) => "at its lower bound, ",
-            (_, true) => "at its upper bound, ",
-            _ => "",
-        };
-        format!("{place}searched from {low} to {high}")
+        match range.bound_at(log_stiffness[k]) {
+            Some(bound) => format!("at its {bound} bound, searched from {low} to {high}: not a measurement"),
+            None => format!("searched from {low} to {high}"),
+        }
     };
     let parameter = |name: &str, label: &str, value, unit: &str, note| Parameter {
         name: name.to_owned(),

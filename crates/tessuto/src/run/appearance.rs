@@ -82,7 +82,7 @@ pub fn run(
     }
     let mut settings =
         saved.as_ref().map_or_else(|| Config::preset(Preset::Default), |saved| saved.run.settings.clone());
-    options.changes.iter().try_for_each(|change| settings.set(change))?;
+    settings.set_all(options.changes.iter().map(String::as_str))?;
     settings.seed = options.seed.unwrap_or(settings.seed);
     let frames = saved.as_ref().map(|saved| saved.run.frames[0]..saved.run.frames[1]);
     let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;

@@ -130,6 +130,10 @@ pub fn run(
     // Motion, and at once what is known of it.
     let found = reconstruct(scene, &run.settings, session)?;
     observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
+    if let Some(doubt) = run.settings.dynamics.doubt(found.parameters.log_stiffness) {
+        observer.borrow_mut().warning(&doubt);
+        warnings.push(doubt);
+    }
     warnings.extend(found.failure.iter().map(Error::to_string));
     let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
     let context = result::Context {

@@ -17,6 +17,11 @@ pub enum Integrator {
     ImplicitEuler,
 }
 
+impl Integrator {
+    /// Their names.
+    pub const NAMES: &[&str] = &["linearized_euler", "implicit_euler"];
+}
+
 /// How a sub-step is taken.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct StepSettings {

@@ -3,9 +3,12 @@
 //! - a flat or nearly flat rectangle of known size: [`outline`], [`rectangle`], [`hem`](mod@hem)
 //! - any textured mesh, as a regular grid of quads: [`remesh`]
 //! - a mesh in another unit or with other axes: [`fix`]
+//!
+//! [`make`] does all of it.
 
 pub mod fix;
 pub mod hem;
+pub mod make;
 pub mod outline;
 pub mod rectangle;
 pub mod remesh;

@@ -9,7 +9,7 @@ use imports::Crate;
 /// From the bottom up; a module imports from lower layers and its own module only.
 const LAYERS: [&[&str]; 18] = [
     &["math", "error", "text"],
-    &["camera", "image", "mesh"],
+    &["camera", "image", "mesh", "settings"],
     &["video"],
     &["scene"],
     &["raster"],

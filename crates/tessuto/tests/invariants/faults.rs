@@ -268,12 +268,11 @@ fn states_of_another_rollout_or_material_are_refused() {
         refused(reconstruct(&scene, &config, &mut session).unwrap_err(), "rollout");
     }
 
-    let settings = |map_size| AppearanceSettings {
-        map_size,
-        steps: 24,
-        batch: 32,
-        prior: MapPrior::Smooth,
-        ..AppearanceSettings::default()
+    let settings = |map_size| {
+        let mut settings = AppearanceSettings::default();
+        (settings.map_size, settings.steps, settings.batch) = (map_size, 24, 32);
+        settings.prior = MapPrior::Smooth;
+        settings
     };
     let estimate = |scene: &Scene, map_size, session: &mut Session| {
         let motion = scene.truth.vertices.clone().unwrap();

@@ -75,7 +75,8 @@ fn check_whole_loss(preset: Preset) {
     let (cloth, rasterizer, texture) = (Cloth::new(&template), Rasterizer::new(&template), texture());
     let scene = scene(&rasterizer, &template, &texture);
     // The rays are constants to the gradient; only frozen ones are constants to the differences too.
-    let mut settings = RolloutSettings { frozen_rays: true, ..RolloutSettings::default() };
+    let mut settings = RolloutSettings::default();
+    settings.frozen_rays = true;
     settings.weights.force_smoothness = 1e-5;
     let mut dynamics = Config::preset(preset).dynamics.at(scene.fps);
     dynamics.step.tolerance = 1e-12;
@@ -112,10 +113,8 @@ fn check_whole_loss(preset: Preset) {
     report(&format!("{preset:?}: constant force"), worst);
 
     // The energy regulariser holds the stiffnesses constant, so it must not be in the differences.
-    let energy_free = RolloutSettings {
-        weights: tessuto::motion::rollout::losses::LossWeights { energy: 0.0, ..settings.weights },
-        ..settings.clone()
-    };
+    let mut energy_free = settings.clone();
+    energy_free.weights.energy = 0.0;
     let fit = RolloutFit { settings: &energy_free, ..fit };
     let g = fit.loss_and_gradients(&start, FRAMES).unwrap();
     let worst = check(&start.log_stiffness, &g.log_stiffness, 0.03, 6, 3, |k| {

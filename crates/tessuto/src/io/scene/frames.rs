@@ -92,8 +92,10 @@ pub(crate) fn read(
     let mean = sum / f64::from(count.max(1) as u32);
     let filmed_background = mean > 1.0 / 255.0;
     if filmed_background {
-        let found = format!("outside the masks the frames are not black (mean {:.1} of 255)", mean * 255.0);
-        warnings.push(warning("background", &found, "none needed: frames were multiplied by their masks"));
+        warnings.push(format!(
+            "background: outside the masks the frames are not black (mean {:.1} of 255), and were made so",
+            mean * 255.0
+        ));
     }
     let finished = move |mut frame: Frame| {
         if filmed_background {

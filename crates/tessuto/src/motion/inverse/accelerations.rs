@@ -13,20 +13,15 @@ use super::super::parameters::Dynamics;
 use crate::error::Error;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;
+use crate::settings::settings;
 use crate::sim::step::step;
 use crate::sim::{Accelerations, Cloth, State, Stiffness, TiedCloth};
 
-/// Settings of the tied simulation.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct InverseSettings {
-    /// Stiffness κ of the ties [N/m].
-    pub tracking_stiffness: f64,
-}
-
-impl Default for InverseSettings {
-    fn default() -> Self {
-        Self { tracking_stiffness: 1000.0 }
+settings! {
+    /// Settings of the tied simulation.
+    pub struct InverseSettings {
+        /// Stiffness κ of the springs that tie each vertex to its observed place.
+        tracking_stiffness: f64 = 1000.0, number(1e-6..=1e9, "N/m");
     }
 }
 
@@ -136,13 +131,8 @@ mod tests {
                 .collect()
         };
         let targets: Vec<Positions> = (0..8).map(swing).collect();
-        let (accelerations, failure) = accelerations_of_motion(
-            &cloth,
-            &dynamics,
-            k,
-            &targets,
-            &InverseSettings { tracking_stiffness: 1e3 },
-        );
+        let (accelerations, failure) =
+            accelerations_of_motion(&cloth, &dynamics, k, &targets, &InverseSettings::default());
         assert!(failure.is_none());
         assert!(accelerations.constant.length() > 1e-3);
         let initial = State { x: targets[0].clone(), v: vec![DVec3::ZERO; 25] };

@@ -14,21 +14,16 @@ use glam::DVec3;
 
 use super::super::parameters::Dynamics;
 use crate::mesh::Positions;
+use crate::settings::settings;
 use crate::sim::{Cloth, Stiffness};
 
-/// Settings of the material fit.
-#[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct MaterialSettings {
-    /// Fit the stiffnesses; otherwise they keep their start.
-    pub fit: bool,
-    /// Spread σ of log10 of a stiffness about its start.
-    pub spread: f64,
-}
-
-impl Default for MaterialSettings {
-    fn default() -> Self {
-        Self { fit: true, spread: 0.5 }
+settings! {
+    /// Settings of the material fit.
+    pub struct MaterialSettings {
+        /// Fit the stiffnesses; otherwise they keep their start.
+        fit: bool = true, flag();
+        /// Spread σ of log10 of a stiffness about its start; larger is weaker.
+        spread: f64 = 0.5, number(1e-3..=1e3, "");
     }
 }
 

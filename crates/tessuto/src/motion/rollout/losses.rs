@@ -3,23 +3,25 @@
 use glam::DVec3;
 
 use crate::mesh::Positions;
+use crate::settings::settings;
 use crate::sim::Accelerations;
 use crate::video::Frame;
 
-/// Weights of the losses.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct LossWeights {
-    /// Of the colour difference.
-    pub colour: f64,
-    /// Of the mask difference.
-    pub silhouette: f64,
-    /// Of the elastic energy of the shapes.
-    pub energy: f64,
-    /// Of the force across the view ray.
-    pub force: f64,
-    /// Of the change of the dynamic force from one entry to the next.
-    pub force_smoothness: f64,
+settings! {
+    /// Weights of the losses.
+    #[derive(Copy)]
+    pub struct LossWeights {
+        /// Weight of the mean squared colour difference.
+        colour: f64 = 1.0, number(0.0..=1e6, "");
+        /// Weight of the mean squared difference between the masks and the drawn silhouette.
+        silhouette: f64 = 0.2, number(0.0..=1e6, "");
+        /// Weight of the elastic energy of the shapes.
+        energy: f64 = 2.0, number(0.0..=1e6, "1/J");
+        /// Weight of the acceleration across the view ray.
+        force: f64 = 2e-4, number(0.0..=1e6, "s²/m");
+        /// Weight of the change of the dynamic acceleration from one entry to the next.
+        force_smoothness: f64 = 0.0, number(0.0..=1e6, "s²/m");
+    }
 }
 
 /// Losses by name, unweighted.

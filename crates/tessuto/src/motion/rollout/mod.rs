@@ -17,6 +17,7 @@ use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state, named};
+use crate::settings::settings;
 use crate::sim::{
     Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
 };
@@ -24,64 +25,37 @@ use crate::video::Frame;
 use guard::DivergenceGuard;
 use losses::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
 
-/// Settings of the rollout fit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct RolloutSettings {
-    /// Frames of the first epochs.
-    pub first_frames: usize,
-    /// Epochs until the next frame joins.
-    pub epochs_per_frame: usize,
-    /// Epochs after the last frame joined.
-    pub last_epochs: usize,
-    /// Weights of the losses.
-    pub weights: LossWeights,
-    /// Use the view rays of the first frame throughout.
-    pub frozen_rays: bool,
-    /// Optimise the stiffnesses.
-    pub optimise_material: bool,
-    /// Learning rate of the log10 stiffnesses.
-    pub stiffness_rate: f64,
-    /// Learning rate of C.
-    pub constant_rate: f64,
-    /// Learning rate of D.
-    pub dynamic_rate: f64,
-    /// Fixed limit of every group's gradient norm.
-    pub clip_limit: f64,
-    /// Quantile of the recent norms that limits the next one.
-    pub clip_quantile: f64,
-    /// How many norms are recent.
-    pub clip_history: usize,
-    /// One entry of D for every sub-step instead of every frame.
-    pub force_per_substep: bool,
-    /// Failed epochs since the last sound one after which the fit stops with the best state.
-    pub patience: usize,
-}
-
-impl Default for RolloutSettings {
-    fn default() -> Self {
-        Self {
-            first_frames: 2,
-            epochs_per_frame: 5,
-            last_epochs: 15,
-            weights: LossWeights {
-                colour: 1.0,
-                silhouette: 0.2,
-                energy: 2.0,
-                force: 2e-4,
-                force_smoothness: 0.0,
-            },
-            frozen_rays: false,
-            optimise_material: true,
-            stiffness_rate: 0.02,
-            constant_rate: 0.1,
-            dynamic_rate: 0.2,
-            clip_limit: 1000.0,
-            clip_quantile: 0.75,
-            clip_history: 11,
-            force_per_substep: false,
-            patience: 10,
-        }
+settings! {
+    /// Settings of the rollout fit.
+    pub struct RolloutSettings {
+        /// Frames of the first epochs.
+        first_frames: usize = 2, number(2.0..=1e6, "");
+        /// Epochs until the next frame joins.
+        epochs_per_frame: usize = 5, number(1.0..=1e6, "");
+        /// Epochs after the last frame joined.
+        last_epochs: usize = 15, number(0.0..=1e6, "");
+        /// Weights of the losses.
+        weights: LossWeights = LossWeights::default(), group::<LossWeights>();
+        /// Take the view rays of weights.force from the first frame in all frames, as the published program does.
+        frozen_rays: bool = false, flag();
+        /// Optimise the stiffnesses; otherwise they keep their start.
+        optimise_material: bool = true, flag();
+        /// Learning rate of the log10 stiffnesses.
+        stiffness_rate: f64 = 0.02, number(0.0..=10.0, "");
+        /// Learning rate of the constant acceleration C.
+        constant_rate: f64 = 0.1, number(0.0..=100.0, "m/s²");
+        /// Learning rate of the dynamic accelerations D.
+        dynamic_rate: f64 = 0.2, number(0.0..=100.0, "m/s²");
+        /// Fixed limit of the norm of every group's gradient.
+        clip_limit: f64 = 1000.0, number(1e-9..=1e12, "");
+        /// Quantile of the recent gradient norms that limits the next one.
+        clip_quantile: f64 = 0.75, number(0.0..=1.0, "");
+        /// How many gradient norms are recent.
+        clip_history: usize = 11, number(1.0..=1e6, "");
+        /// One entry of D for every sub-step instead of every frame; see weights.force_smoothness.
+        force_per_substep: bool = false, flag();
+        /// Failed epochs since the last sound one after which the fit stops with the best state.
+        patience: usize = 10, number(0.0..=1e6, "");
     }
 }
 

@@ -1,61 +1,40 @@
 //! Settings of the search for all frames' positions.
 
-use serde::{Deserialize, Serialize};
+use crate::settings::settings;
 
-/// Strictness of every term. A term with spread σ contributes ½ (residual/σ)².
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct SpacetimeSettings {
-    /// Spread of the strain of an edge.
-    pub strain: f64,
-    /// Number of spreads beyond which strain and bending are taken for a fold, see [`crate::motion::terms::strain`].
-    pub tail: f64,
-    /// Spread of the bending angle at a vertex `[rad]`.
-    pub bend: f64,
-    /// Spread of the signed bending angle at a vertex `[rad]`, see [`crate::motion::terms::signed_bend`].
-    pub signed_bend: f64,
-    /// Spread of the shearing angle at a vertex `[rad]`.
-    pub shear: f64,
-    /// Spread of the second difference of a vertex between frames `[m]`.
-    pub acceleration: f64,
-    /// Colour differences beyond this count less and less.
-    pub colour: f64,
-    /// Pixels of level 0 whose colours vary together: the colour term is divided by it.
-    pub colour_area: f64,
-    /// Weight of the comparison with the frames before and after, relative to that with the first frame.
-    pub neighbour_weight: f64,
-    /// Distances of the outline beyond this count less and less `[px]`.
-    pub outline: f64,
-    /// Length of outline `[px]` whose errors vary together.
-    pub outline_length: f64,
-    /// Smoothness of the brightness field, relative to the data.
-    pub gain_smoothness: f64,
-    /// Coarsest pyramid level.
-    pub coarsest: usize,
-    /// Finest pyramid level.
-    pub finest: usize,
-    /// Iterations over all frames at each level.
-    pub iterations: usize,
-}
-
-impl Default for SpacetimeSettings {
-    fn default() -> Self {
-        Self {
-            strain: 0.005,
-            tail: 2.0,
-            bend: 0.15,
-            signed_bend: 0.03,
-            shear: 0.1,
-            acceleration: 0.004,
-            colour: 0.1,
-            colour_area: 0.3,
-            neighbour_weight: 0.5,
-            outline: 8.0,
-            outline_length: 0.028,
-            gain_smoothness: 1.0,
-            coarsest: 2,
-            finest: 1,
-            iterations: 15,
-        }
+settings! {
+    /// Strictness of every term. A term with spread σ contributes ½ (residual/σ)²: the larger σ, the weaker the term.
+    pub struct SpacetimeSettings {
+        /// Spread σ of the strain of an edge; larger is weaker.
+        strain: f64 = 0.005, number(1e-6..=10.0, "");
+        /// Strain and signed bending beyond this many spreads are treated as a fold and resisted less and less; larger
+        /// is stricter.
+        tail: f64 = 2.0, number(1e-3..=1e6, "");
+        /// Spread σ of the bending angle at a vertex, whatever its direction; larger is weaker.
+        bend: f64 = 0.15, number(1e-6..=1e3, "rad");
+        /// Spread σ of the bending angle at a vertex against that of the template, with its sign; larger is weaker.
+        signed_bend: f64 = 0.03, number(1e-6..=1e3, "rad");
+        /// Spread σ of the shearing angle at a vertex; larger is weaker.
+        shear: f64 = 0.1, number(1e-6..=1e3, "rad");
+        /// Spread σ of the second difference of a vertex between frames; larger is weaker.
+        acceleration: f64 = 0.004, number(1e-7..=10.0, "m");
+        /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.
+        colour: f64 = 0.1, number(1e-4..=10.0, "sRGB");
+        /// Area whose colours vary together: the colour term is divided by it. Larger is weaker.
+        colour_area: f64 = 0.3, number(1e-3..=1e6, "px of level 0");
+        /// Weight of the comparison with the frames before and after, relative to that with the first frame.
+        neighbour_weight: f64 = 0.5, number(0.0..=100.0, "");
+        /// Spread σ of the distance to the outline: larger distances count less and less. Larger is weaker.
+        outline: f64 = 8.0, number(1e-3..=1e3, "px");
+        /// Length of outline whose errors vary together: the outline term is divided by it. Larger is weaker.
+        outline_length: f64 = 0.028, number(1e-3..=1e6, "px");
+        /// Smoothness of the brightness field, relative to the data.
+        gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
+        /// Coarsest pyramid level; each level halves the frames.
+        coarsest: usize = 2, number(0.0..=8.0, "");
+        /// Finest pyramid level; 0 is the video itself. At most the coarsest.
+        finest: usize = 1, number(0.0..=8.0, "");
+        /// Iterations over all frames at each level.
+        iterations: usize = 15, number(0.0..=1e6, "");
     }
 }

@@ -1,0 +1,97 @@
+//! Values of options that are more than a number.
+
+use tessuto::template::remesh::Resolution;
+use tessuto::view::View;
+
+/// A point [px] or a size.
+pub type Pair = [f64; 2];
+
+/// `WxH` with an optional unit; metres.
+pub fn lengths(text: &str) -> Result<Pair, String> {
+    let hint = "write width x height and the unit, such as 0.7x0.5m, 70x50cm or 700x500mm";
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)];
+    let (number, scale) = units.iter().find_map(|(u, s)| Some((text.strip_suffix(u)?, *s))).ok_or(hint)?;
+    let (w, h) = number.split_once('x').ok_or(hint)?;
+    let side =
+        |text: &str| text.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| *v > 0.0 && *v < 1e3);
+    Ok([side(w).ok_or(hint)?, side(h).ok_or(hint)?])
+}
+
+/// `X,Y` in pixels.
+pub fn point(text: &str) -> Result<Pair, String> {
+    let parsed = text.split_once(',').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));
+    parsed
+        .filter(|p: &Pair| p.iter().all(|v| v.is_finite()))
+        .ok_or_else(|| "write column,row in pixels, such as 312,208".to_owned())
+}
+
+/// `N` or `CxR`.
+pub fn resolution(text: &str) -> Result<Resolution, String> {
+    let hint = "write a number, such as 32, or columns x rows, such as 32x24";
+    match text.split_once('x') {
+        Some((c, r)) => Ok(Resolution::Grid([c.parse().map_err(|_| hint)?, r.parse().map_err(|_| hint)?])),
+        None => Ok(Resolution::Longer(text.parse().map_err(|_| hint)?)),
+    }
+}
+
+/// `CxR`.
+pub fn grid(text: &str) -> Result<[usize; 2], String> {
+    let parsed = text.split_once('x').and_then(|(c, r)| Some([c.parse().ok()?, r.parse().ok()?]));
+    parsed.ok_or_else(|| "write columns x rows, such as 21x21".to_owned())
+}
+
+/// Letters among x, y, z.
+pub fn axes(text: &str) -> Result<[bool; 3], String> {
+    let known = !text.is_empty() && text.chars().all(|c| "xyz".contains(c));
+    if known {
+        Ok(["x", "y", "z"].map(|axis| text.contains(axis)))
+    } else {
+        Err("name axes, such as y or yz".to_owned())
+    }
+}
+
+/// `original`, `LEFT` or `LEFT,UP`.
+pub fn view(text: &str) -> Result<View, String> {
+    let hint = "write original, LEFT or LEFT,UP in degrees, such as 45 or -30,20";
+    if text == "original" {
+        return Ok(View::Original);
+    }
+    let (left, up) = text.split_once(',').unwrap_or((text, "0"));
+    let number = |t: &str| t.trim().parse::<f64>().ok().filter(|a| a.is_finite()).ok_or(hint.to_owned());
+    Ok(View::About(number(left)?, number(up)?))
+}
+
+/// `WxH` in pixels.
+pub fn pixels(text: &str) -> Result<[usize; 2], String> {
+    let hint = "write WIDTHxHEIGHT between 16 and 16384, such as 1280x720";
+    let (w, h) = text.split_once('x').ok_or(hint)?;
+    let side = |t: &str| t.parse().ok().filter(|n| (16..=16384).contains(n)).ok_or(hint.to_owned());
+    Ok([side(w)?, side(h)?])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_have_units() {
+        assert_eq!(lengths("0.7x0.5m"), Ok([0.7, 0.5]));
+        assert_eq!(lengths("0.7x0.5"), Ok([0.7, 0.5]));
+        let [w, h] = lengths("70x50cm").unwrap();
+        assert!((w - 0.7).abs() < 1e-12 && (h - 0.5).abs() < 1e-12);
+        for bad in ["70", "70x", "ax5", "-1x5m", "0x5m", "70x50in"] {
+            assert!(lengths(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn views_sizes_and_grids_are_read_or_explained() {
+        assert_eq!(view("original"), Ok(View::Original));
+        assert_eq!(view("-30, 20"), Ok(View::About(-30.0, 20.0)));
+        assert!(view("left").unwrap_err().contains("degrees"));
+        assert_eq!(pixels("1280x720"), Ok([1280, 720]));
+        assert!(pixels("1280").is_err() && pixels("0x9").is_err());
+        assert_eq!(grid("9x12"), Ok([9, 12]));
+        assert!(grid("9").is_err() && grid("ax3").is_err());
+    }
+}

@@ -1,0 +1,114 @@
+//! Whole templates: a rectangle of fabric as a frame shows it, or a mesh from a file.
+
+use std::path::Path;
+
+use glam::DVec2;
+
+use super::fix::Fix;
+use super::hem::hem;
+use super::outline::Outline;
+use super::rectangle::{locate, patch};
+use super::remesh::{Over, Resolution, remesh};
+use crate::camera::Camera;
+use crate::error::{Error, Result};
+use crate::image::Image;
+use crate::io::model;
+use crate::mesh::{Mesh, weld};
+
+/// Where the corners of a rectangle are in the first frame.
+#[derive(Debug, Clone, Copy)]
+pub enum CornersFrom<'a> {
+    /// Here [px], clockwise from the upper left.
+    Points([DVec2; 4]),
+    /// Where the mask has them.
+    Mask {
+        /// White is fabric.
+        mask: &'a Image,
+        /// What messages call it.
+        place: &'a str,
+        /// The sides are straight between the corners; otherwise they follow the mask's outline.
+        straight: bool,
+    },
+}
+
+/// A rectangle of fabric of `size` (width, height) [m], flat or nearly so, as `camera` sees it; `tell` hears what was found.
+///
+/// # Errors
+/// [`Error::Input`] if the mask has no four corners, or if no fabric of this size can look like this.
+pub fn from_rectangle(
+    camera: &Camera,
+    size: DVec2,
+    resolution: Resolution,
+    corners: CornersFrom,
+    tell: &mut dyn FnMut(String),
+) -> Result<Mesh> {
+    let grid = resolution.grid(size)?;
+    let (corners, outline, straight) = match corners {
+        CornersFrom::Points(corners) => (corners, None, true),
+        CornersFrom::Mask { mask, place, straight } => {
+            let outline = Outline::new(mask, place)?;
+            outline.notes.iter().for_each(|note| tell(format!("note: {note}")));
+            (outline.corners(), Some(outline), straight)
+        }
+    };
+    let found = locate(camera, size, corners)?;
+    tell(format!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" ")));
+    let depths = found.positions.map(|p| format!("{:.3} m", p.z)).join(", ");
+    let error = found.rigid_error;
+    tell(match found.rigid {
+        true => format!("depths of the corners: {depths}; a plane rectangle fits them to {error:.2} px"),
+        false => format!(
+            "depths of the corners: {depths}; no plane rectangle fits (off by {error:.1} px): treated as a sheet that sags or bends"
+        ),
+    });
+    if found.ambiguous {
+        tell("note: the rectangle tilted the other way fits nearly as well: look at the template on the first frame, and measure the size exactly".to_owned());
+    }
+    let mut mesh = patch(found.positions, grid);
+    if let (Some(outline), false) = (&outline, straight) {
+        hem(&mut mesh, grid, found.positions, camera, outline, corners);
+    }
+    Ok(mesh)
+}
+
+/// What is done to a mesh, in this order.
+#[derive(Debug, Clone, Copy)]
+pub struct Changes {
+    /// Unit and axes.
+    pub fix: Fix,
+    /// Merge vertices that lie at the same place.
+    pub weld: bool,
+    /// Re-sample as a regular grid of quads.
+    pub remesh: Option<Resolution>,
+}
+
+/// The mesh in `path` (OBJ, PLY or glTF), changed; `tell` hears what was found and done.
+///
+/// # Errors
+/// [`Error::Input`] if it cannot be read, has no texture coordinates in the end, or cannot be re-sampled.
+pub fn from_file(path: &Path, changes: &Changes, tell: &mut dyn FnMut(String)) -> Result<Mesh> {
+    let place = path.display().to_string();
+    let mut model = model::read(path)?;
+    model.notes.iter().for_each(|note| tell(format!("note: {place}: {note}")));
+    changes.fix.apply_to(&mut model.mesh);
+    if changes.weld {
+        let [gone, _] = weld(&mut model.mesh);
+        tell(format!("merged {gone} vertices that lay on others"));
+    }
+    let Some(resolution) = changes.remesh else {
+        let hint = "unwrap it in a modelling program, or make a grid of it with --remesh 32";
+        let without_uv =
+            || Error::input(place, "has no texture coordinates (uv), which a template needs", hint);
+        return model.has_uv.then_some(model.mesh).ok_or_else(without_uv);
+    };
+    let made = remesh(&model.mesh, model.has_uv, resolution, &place)?;
+    let over = match made.over {
+        Over::Uv => "texture coordinates",
+        Over::Border => "border, between its four corners",
+    };
+    tell(format!("a grid of {}×{} vertices over the {over}", made.grid[0], made.grid[1]));
+    if made.in_holes > 0 {
+        tell(format!("note: {} vertices lie in holes of the mesh and were put on their rims", made.in_holes));
+    }
+    Ok(made.mesh)
+}
