@@ -34,7 +34,7 @@ struct Crossing {
     edge: [u32; 2],
     /// (A × B) · r at the occluder's and the other pixel's ray.
     values: [f64; 2],
-    /// A × B [m²].
+    /// A × B `[m²]`.
     plane: DVec3,
 }
 
