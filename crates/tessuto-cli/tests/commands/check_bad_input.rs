@@ -235,8 +235,8 @@ fn templates_before_the_lens_or_beside_the_mask() {
     scene.edit("scene.json", "\"name\"", "\"units\": \"m\", \"name\"");
     refused(&scene, &["nearest vertex is 90 mm from the camera", "nothing is filmed from so near"]);
     let scene = TinyScene::new();
-    scene.move_template(|[x, y, z]| [x + 0.2, y, z]);
-    refused(&scene, &["far from the mask", "is 0.33", "0.5 at least"]);
+    scene.move_template(|[x, y, z]| [x + 0.25, y, z]);
+    refused(&scene, &["far from the mask", "0.3 at least"]);
 }
 
 #[test]

@@ -307,7 +307,13 @@ fn single_files_are_replaced_only_if_tessuto_wrote_them() {
     assert!(kept.ends_with("# mine\n"));
     succeed(home.path(), &["template", "scene", "--scale", "1.01", "--force"]);
     assert!(!at("scene/template.before2.obj").exists(), "its own one is replaced");
-    // A recording of another program.
+}
+
+#[test]
+#[cfg(feature = "rerun")]
+fn recordings_of_other_programs_are_not_replaced() {
+    let home = home();
+    let at = |name: &str| home.path().join(name);
     put(&at("other.rrd"), "RRF2 of another program");
     let output = tessuto(home.path(), &reconstruct("new", &["--rerun", "other.rrd"]));
     assert_eq!(output.status.code(), Some(3), "{}", String::from_utf8_lossy(&output.stderr));

@@ -5,12 +5,12 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::Folder;
-use super::page::force_magnitudes;
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::Positions;
 use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::report::chart::{Chart, Series, spans_decades};
+use crate::sim::Accelerations;
 
 /// What the motion and the other files of a result tell of each frame. Results of older versions have no
 /// `agreement`; their strain is measured anew.
@@ -86,4 +86,22 @@ fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
     let value = |line: &str| line.split(',').nth(1).and_then(|v| v.parse().ok());
     let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is no frame and its PSNR")));
     text.lines().skip(1).map(read).collect::<Result<_>>().map(Some)
+}
+
+/// ‖C + D‖ `[m/s²]` at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
+pub(super) fn force_magnitudes(
+    accelerations: &Accelerations,
+    frame_count: usize,
+    vertex_count: usize,
+) -> Vec<Vec<f32>> {
+    let intervals: Vec<&[Positions]> =
+        accelerations.dynamic.chunks_exact(accelerations.entries_per_frame).collect();
+    let of = |n: usize| -> Vec<f32> {
+        let Some(parts) = intervals.get(n.min(intervals.len().saturating_sub(1))) else {
+            return vec![f32::NAN; vertex_count];
+        };
+        let mean = |v: usize| parts.iter().map(|d| (accelerations.constant + d[v]).length()).sum::<f64>();
+        (0..vertex_count).map(|v| (mean(v) / accelerations.entries_per_frame as f64) as f32).collect()
+    };
+    (0..frame_count).map(of).collect()
 }

@@ -5,7 +5,6 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::page::MAP_QUALITY;
 use crate::error::Result;
 use crate::io::{self, jpeg};
 
@@ -13,6 +12,8 @@ use crate::mesh::{Mesh, Positions};
 use crate::pbr::EnvironmentMap;
 use crate::report::{LightData, chosen_frames, embed};
 
+/// JPEG quality of maps and of the light.
+pub(super) const MAP_QUALITY: u8 = 86;
 /// Most triangles of a frame whose normals are looked at.
 const TRIANGLES: usize = 2000;
 /// Rows of the coarse picture of what was observed.

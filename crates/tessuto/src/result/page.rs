@@ -17,14 +17,12 @@ use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
 use crate::report::{ClothData, Field, KeyNumber, Map, Motion, Parameter, ReportData, Surface, embed, page};
-use crate::sim::Accelerations;
 use crate::sim::cloth::AREA_DENSITY;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;
-/// Largest side of an embedded map `[px]`, and JPEG quality of maps.
+/// Largest side of an embedded map `[px]`.
 const MAP_SIDE: u32 = 1024;
-pub(super) const MAP_QUALITY: u8 = 86;
 
 /// Writes report.html of a result. Everything it shows is read from the folder: it can be written anew whenever the
 /// folder has changed.
@@ -152,24 +150,6 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     ]
 }
 
-/// ‖C + D‖ `[m/s²]` at every vertex, mean over the parts of the interval after each frame; the last frame repeats.
-pub(super) fn force_magnitudes(
-    accelerations: &Accelerations,
-    frame_count: usize,
-    vertex_count: usize,
-) -> Vec<Vec<f32>> {
-    let intervals: Vec<&[Positions]> =
-        accelerations.dynamic.chunks_exact(accelerations.entries_per_frame).collect();
-    let of = |n: usize| -> Vec<f32> {
-        let Some(parts) = intervals.get(n.min(intervals.len().saturating_sub(1))) else {
-            return vec![f32::NAN; vertex_count];
-        };
-        let mean = |v: usize| parts.iter().map(|d| (accelerations.constant + d[v]).length()).sum::<f64>();
-        (0..vertex_count).map(|v| (mean(v) / accelerations.entries_per_frame as f64) as f32).collect()
-    };
-    (0..frame_count).map(of).collect()
-}
-
 /// What the fabric can be coloured by; strain is left to the script, which has all it needs.
 fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Field>> {
     let vertex_count = saved.mesh.positions.len();
@@ -193,7 +173,7 @@ fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Fie
             .collect();
         Ok(Field::new(texts, diverging, &values))
     };
-    let accelerations = force_magnitudes(&saved.parameters.accelerations, motion.len(), vertex_count);
+    let accelerations = curves::force_magnitudes(&saved.parameters.accelerations, motion.len(), vertex_count);
     Ok([
         from_file("depth_error.npy", ["depth_error", "depth − measured depth", "mm"], true)?,
         from_file("vertex_error.npy", ["vertex_error", "distance from the true vertex", "mm"], false)?,
@@ -219,7 +199,7 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
         let side = |s: u32| ((f64::from(s) * scale).round() as u32).max(1);
         let small = ::image::imageops::thumbnail(&picture, side(width), side(height));
-        Ok(Map { key, label, picture: embed::base64(&jpeg::encode(&small, MAP_QUALITY)) })
+        Ok(Map { key, label, picture: embed::base64(&jpeg::encode(&small, light::MAP_QUALITY)) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
 }

@@ -45,7 +45,7 @@ settings! {
         /// Learning rate of the constant acceleration C.
         constant_rate: f64 = 0.1, number(0.0..=100.0, "m/s²");
         /// Learning rate of the dynamic accelerations D.
-        dynamic_rate: f64 = 0.2, number(0.0..=100.0, "m/s²");
+        dynamic_rate: f64 = 0.2, number(0.0..=1e9, "m/s²");
         /// Fixed limit of the norm of every group's gradient.
         clip_limit: f64 = 1000.0, number(1e-9..=1e12, "");
         /// Quantile of the recent gradient norms that limits the next one.
