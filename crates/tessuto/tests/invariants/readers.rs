@@ -193,8 +193,10 @@ pub fn default_settings() -> String {
 pub const CONFIG: &str = r#"{"version":"0.1.0","scene":"scenes/flag","frames":[0,2],"settings":SETTINGS}"#;
 
 /// parameters.json of a result.
-pub const PARAMETERS: &str = r#"{"stretch":{"value":100.0,"unit":"N/m"},"bend":{"value":0.001,"unit":"J/rad^2"},
-"shear":{"value":0.001,"unit":"J/rad^2"},"log10_stiffness":[2.0,-3.0,-3.0],
+pub const PARAMETERS: &str = r#"{"remark":"effective",
+"stretch":{"value":100.0,"unit":"N/m","bounds":[10.0,1000.0],"at_bound":false},
+"bend":{"value":0.001,"unit":"J/rad^2","bounds":[1e-4,0.01],"at_bound":false},
+"shear":{"value":0.001,"unit":"J/rad^2","bounds":[1e-5,0.01],"at_bound":false},"log10_stiffness":[2.0,-3.0,-3.0],
 "constant_force":{"value":[0.0,9.8,0.0],"unit":"m/s^2"},"dynamic_force":{"value":"forces.npy","unit":"m/s^2"},
 "dynamic_parts":1,"area_density":{"value":0.1,"unit":"kg/m^2"},"frame_rate":{"value":50.0,"unit":"1/s"},
 "camera":{"fx":40.0,"fy":40.0,"cx":11.5,"cy":11.5,"width":24,"height":24},"crop":{"x0":0,"y0":0,"x1":24,"y1":24}}"#;
