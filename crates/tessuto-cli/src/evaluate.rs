@@ -1,13 +1,12 @@
 //! `tessuto evaluate`: how far a motion is from the truth of a scene.
 
-use std::fmt::Write as _;
 use std::ops::Range;
 use std::path::PathBuf;
 
 use tessuto::appearance;
 use tessuto::io::npy;
 use tessuto::io::scene::{LoadOptions, load};
-use tessuto::metrics::{Evaluation, Inputs, Metrics, QUANTITIES, Quantity, evaluate};
+use tessuto::metrics::{Evaluation, Inputs, evaluate, table};
 use tessuto::{Error, Motion, result};
 
 use crate::say::{self, aside};
@@ -78,53 +77,4 @@ fn part(
     };
     let part = asked.start - start..asked.end - start;
     Ok(if part.end <= motion.len() { motion.frames(part) } else { motion })
-}
-
-/// The motion's errors: one line per frame, the means, what the columns are; then one line per value of the maps.
-fn table(evaluation: &Evaluation) -> String {
-    let shown: Vec<usize> = (0..QUANTITIES.len())
-        .filter(|k| evaluation.frames.iter().any(|f| f.metrics.values()[*k].is_some()))
-        .collect();
-    let mut out = if shown.is_empty() { String::new() } else { motion_table(evaluation, &shown) };
-    if let Some(maps) = &evaluation.maps {
-        out.push_str(if shown.is_empty() { "" } else { "\n" });
-        for (key, value, label) in maps.rows() {
-            let _ = writeln!(out, "{key:<20} {value:>10.4}  {label}");
-        }
-        if let Some(scale) = maps.diffuse_scale {
-            let scale = scale.map(|s| format!("{s:.4}")).join(" ");
-            let _ = writeln!(out, "diffuse_scale        {scale}  the factors, red green blue");
-        }
-    }
-    out
-}
-
-fn motion_table(evaluation: &Evaluation, shown: &[usize]) -> String {
-    let mut out = String::from("frame");
-    for k in shown {
-        let _ = write!(out, " {:>14}", QUANTITIES[*k].key);
-    }
-    out.push_str("\n     ");
-    for k in shown {
-        let _ = write!(out, " {:>14}", format!("[{}]", QUANTITIES[*k].unit));
-    }
-    out.push('\n');
-    let mut line = |name: &str, metrics: &Metrics| {
-        let _ = write!(out, "{name:>5}");
-        for k in shown {
-            let _ =
-                write!(out, " {:>14}", metrics.values()[*k].map_or("-".to_string(), |v| format!("{v:.4e}")));
-        }
-        out.push('\n');
-    };
-    for frame in &evaluation.frames {
-        line(&frame.frame.to_string(), &frame.metrics);
-    }
-    line("mean", &evaluation.mean);
-    out.push('\n');
-    for k in shown {
-        let Quantity { key, label, unit } = QUANTITIES[*k];
-        let _ = writeln!(out, "{key:<14}  {label} [{unit}]");
-    }
-    out
 }

@@ -1,14 +1,12 @@
 //! `tessuto import`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::Args;
-use indicatif::{ProgressBar, ProgressStyle};
-use tessuto::import::{Masks, Settings, import};
-use tessuto::io::atomic_write;
+use tessuto::Error;
+use tessuto::import::{Masks, Settings, check_target, import};
 use tessuto::output::{FolderKind, OutputFolder};
-use tessuto::{Error, Result};
 
 use crate::ffmpeg::ffmpeg;
 use crate::lens::Lens;
@@ -71,7 +69,11 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let out = &arguments.out;
-    check_target(arguments)?;
+    check_target(
+        out,
+        arguments.force,
+        [Some(&arguments.input), arguments.masks.as_ref(), arguments.template.as_ref()],
+    )?;
     let kept = Some(out.join("template.obj")).filter(|kept| arguments.template.is_none() && kept.is_file());
     let settings = Settings {
         input: arguments.input.clone(),
@@ -91,20 +93,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let carried_over: &[&str] = if kept.is_some() { &["template.obj"] } else { &[] };
     let output = OutputFolder::prepare_keeping(out, FolderKind::Scene, arguments.force, carried_over)?;
     let imported = {
-        let (bar, count) = (bar(), AtomicUsize::new(0));
+        let (bar, count) = (crate::progress::spinner(), AtomicUsize::new(0));
         import(&settings, &name, output.partial(), &|written| {
             let count = count.fetch_add(1, Ordering::Relaxed) + 1;
             bar.set_message(format!("{count} files, {written}"));
         })?
     };
     if let Some(kept) = &kept {
-        let template = std::fs::read(kept).map_err(|source| Error::Output { path: kept.clone(), source })?;
-        atomic_write(&output.partial().join("template.obj"), &template)?;
+        std::fs::copy(kept, output.partial().join("template.obj"))
+            .map_err(|source| Error::Output { path: kept.clone(), source })?;
     }
     crate::say_kept(output.publish()?);
-    for note in &imported.notes {
-        say!("note: {note}");
-    }
+    imported.notes.iter().for_each(|note| say!("note: {note}"));
     say!(
         "{}: {} frames of {}×{} px, {} per second",
         out.display(),
@@ -117,36 +117,4 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return crate::check::check(out, None);
     }
     crate::check::check_without_template(out)
-}
-
-/// A line that counts on a terminal, nothing elsewhere.
-fn bar() -> ProgressBar {
-    let style = ProgressStyle::with_template("{spinner} {msg}").expect("a valid template");
-    ProgressBar::new_spinner().with_style(style)
-}
-
-/// Refuses a target that would cost the user something.
-fn check_target(arguments: &Arguments) -> Result<()> {
-    let out = &arguments.out;
-    let there = out.join("scene.json").is_file();
-    if there && !arguments.force {
-        return Err(Error::input(
-            out.display().to_string(),
-            "a scene already exists here and would be replaced",
-            "add --force to replace it, or choose another folder",
-        ));
-    }
-    let inside = |path: &Path| match (path.canonicalize(), out.canonicalize()) {
-        (Ok(path), Ok(out)) => path.starts_with(out),
-        _ => false,
-    };
-    let sources = [Some(&arguments.input), arguments.masks.as_ref(), arguments.template.as_ref()];
-    if let Some(source) = sources.into_iter().flatten().find(|path| there && inside(path)) {
-        return Err(Error::input(
-            source.display().to_string(),
-            format!("lies in {}, which would be replaced", out.display()),
-            "choose another folder for the scene",
-        ));
-    }
-    Ok(())
 }

@@ -160,6 +160,12 @@ fn values(epoch: &Epoch) -> String {
     pairs.map(|(name, value)| format!("  {name} {value:.3e}")).collect()
 }
 
+/// A line that counts on a terminal, nothing elsewhere.
+pub fn spinner() -> ProgressBar {
+    let style = ProgressStyle::with_template("{spinner} {msg}").expect("a valid template");
+    ProgressBar::new_spinner().with_style(style)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

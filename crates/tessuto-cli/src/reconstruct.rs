@@ -1,6 +1,6 @@
 //! `tessuto reconstruct`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
 use anyhow::Context as _;
@@ -60,7 +60,7 @@ pub struct Arguments {
     #[arg(long)]
     resume: bool,
     /// Seconds between checkpoints, which are kept beside the result folder until it is finished.
-    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", default_value_t = 30.0, value_parser = crate::values::seconds)]
     checkpoint: f64,
     /// Show the run in a browser on this machine, at http://127.0.0.1:PORT [default: a free port].
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "0")]
@@ -74,11 +74,6 @@ pub struct Arguments {
     rerun: Option<PathBuf>,
 }
 
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    let value = text.parse::<f64>().ok().filter(|s| (0.0..=1e6).contains(s));
-    value.ok_or_else(|| "expected seconds, 0 to 1000000".to_owned())
-}
-
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let mut config = match &arguments.config {
@@ -89,7 +84,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     config.check_build()?;
     config.seed = arguments.seed.unwrap_or(config.seed);
     arguments.threads.start()?;
-    let out = arguments.out.clone().unwrap_or_else(|| default_out(&arguments.scene));
+    let out = arguments.out.clone().unwrap_or_else(|| repeat::default_out(&arguments.scene));
     let mut options = RunOptions {
         frames: arguments.frames.clone(),
         appearance: !arguments.no_appearance,
@@ -118,9 +113,4 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         say!("  and, in rerun, at {}", file.display());
     }
     outcome.failure.or(recorded.err()).map_or(Ok(()), |failure| Err(failure.into()))
-}
-
-fn default_out(scene: &Path) -> PathBuf {
-    let name = scene.canonicalize().ok().and_then(|p| p.file_name().map(PathBuf::from));
-    Path::new("tessuto-out").join(name.unwrap_or_else(|| "scene".into()))
 }

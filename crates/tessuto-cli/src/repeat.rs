@@ -1,7 +1,7 @@
 //! Command lines that repeat what was done.
 
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use tessuto::run::RunOptions;
 use tessuto::run::appearance::{AppearanceOptions, MotionSource};
@@ -50,4 +50,10 @@ pub fn simulate(result: &Path, set: &[String], forces: f64, out: &Path) -> Strin
         let _ = write!(command, " --forces {forces}");
     }
     command
+}
+
+/// Where the result of a scene goes if nothing else is said.
+pub fn default_out(scene: &Path) -> PathBuf {
+    let name = scene.canonicalize().ok().and_then(|p| p.file_name().map(PathBuf::from));
+    Path::new("tessuto-out").join(name.unwrap_or_else(|| "scene".into()))
 }

@@ -69,6 +69,12 @@ pub fn pixels(text: &str) -> Result<[usize; 2], String> {
     Ok([side(w)?, side(h)?])
 }
 
+/// Seconds, 0 to 1000000.
+pub fn seconds(text: &str) -> Result<f64, String> {
+    let value = text.parse::<f64>().ok().filter(|s| (0.0..=1e6).contains(s));
+    value.ok_or_else(|| "expected seconds, 0 to 1000000".to_owned())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -10,6 +10,7 @@ mod masks;
 mod nerfstudio;
 mod opencv;
 mod pictures;
+mod target;
 mod video;
 
 use std::ops::Range;
@@ -27,6 +28,7 @@ use pictures::Stage;
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;
 pub use lens::Distortion;
+pub use target::check_target;
 
 /// Where the masks come from.
 #[derive(Debug, Clone, PartialEq)]

@@ -13,11 +13,13 @@ pub mod published;
 mod resample;
 pub mod similarity;
 pub mod surface;
+mod table;
 pub mod verdict;
 
 pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;
 pub use similarity::{correlation, masked_psnr, print_correlation, psnr, ssim};
+pub use table::table;
 pub use verdict::{Grade, OverFrames, Verdict, judge};
 
 use std::ops::Range;

@@ -1,0 +1,70 @@
+//! Arguments of `tessuto template`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use tessuto::template::remesh::Resolution;
+
+use crate::lens::Lens;
+use crate::values::{self, Pair};
+
+/// Make or repair the template, the mesh of the fabric in the first frame.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto template scenes/towel --flat 70x50cm --from-mask
+  tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622
+  tessuto template scenes/flag --remesh 32 --from flag.glb
+  tessuto template scenes/flag --flip yz --scale 0.001 --force
+  tessuto template first.png --mask mask.png --fov 63 --flat 70x50cm --from-mask --out towel.obj
+
+The size is width along the upper side times height, as measured on the fabric laid flat. Corners are clockwise from
+the upper left, as seen in the image. tessuto check SCENE --picture check.png shows the template on the first frame.")]
+pub struct Arguments {
+    /// Scene folder; or an image of the fabric, with --mask, a camera and --out.
+    pub target: PathBuf,
+    /// A flat or nearly flat rectangle of this size, such as 0.7x0.5m, 70x50cm or 700x500mm.
+    #[arg(long, value_name = "WxH", value_parser = values::lengths, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
+    pub flat: Option<Pair>,
+    /// Where its corners are in the first frame [px].
+    #[arg(long, value_name = "X,Y", num_args = 4, value_parser = values::point, requires = "flat", allow_negative_numbers = true)]
+    pub corners: Vec<Pair>,
+    /// Find the corners in the mask of the first frame, and let the sides follow the mask's outline.
+    #[arg(long, requires = "flat", conflicts_with = "corners")]
+    pub from_mask: bool,
+    /// Keep the sides straight between the corners.
+    #[arg(long, requires = "from_mask")]
+    pub straight: bool,
+    /// Vertices along the longer side, or columns x rows.
+    #[arg(long, value_name = "N|CxR", value_parser = values::resolution, requires = "flat", default_value = "32")]
+    pub grid: Resolution,
+    /// Re-sample a mesh as a regular grid of quads: vertices along the longer side, or columns x rows.
+    #[arg(long, value_name = "N|CxR", value_parser = values::resolution)]
+    pub remesh: Option<Resolution>,
+    /// The mesh to start from: OBJ, PLY or glTF [default: the scene's template.obj].
+    #[arg(long, value_name = "FILE")]
+    pub from: Option<PathBuf>,
+    /// Multiply all coordinates, e.g. 0.001 for millimetres.
+    #[arg(long, value_name = "FACTOR")]
+    pub scale: Option<f64>,
+    /// Negate these coordinates, such as yz.
+    #[arg(long, value_name = "AXES", value_parser = values::axes)]
+    pub flip: Option<[bool; 3]>,
+    /// Swap two coordinates before that, such as xy.
+    #[arg(long, value_name = "AXES", value_parser = values::axes)]
+    pub swap: Option<[bool; 3]>,
+    /// Merge vertices that lie at the same place.
+    #[arg(long)]
+    pub weld: bool,
+    /// Mask of the image, where the first argument is an image.
+    #[arg(long, value_name = "FILE")]
+    pub mask: Option<PathBuf>,
+    /// File to write [default: the scene's template.obj].
+    #[arg(long, value_name = "FILE.obj")]
+    pub out: Option<PathBuf>,
+    /// Replace an existing file; one that tessuto did not write is kept under another name.
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub lens: Lens,
+}
