@@ -111,13 +111,19 @@ impl DynamicsSettings {
 impl DynamicsSettings {
     /// A warning where stiffnesses, given by log10, lie at their bounds.
     pub fn doubt(&self, log_stiffness: [f64; 3]) -> Option<String> {
-        let rows = [("stretch", self.stretch), ("bend", self.bend), ("shear", self.shear)];
+        let rows = [
+            ("stretch", self.stretch, "N/m"),
+            ("bend", self.bend, "J/rad²"),
+            ("shear", self.shear, "J/rad²"),
+        ];
         let found: Vec<String> = rows
             .iter()
             .zip(log_stiffness)
-            .filter_map(|((name, range), log_k)| {
+            .filter_map(|((name, range, unit), log_k)| {
                 let bound = range.bound_at(log_k)?;
-                Some(format!("{name} at its {bound} bound ({:.2e})", 10f64.powf(log_k)))
+                // Three digits are enough to tell the bound.
+                let value: f64 = format!("{:.2e}", 10f64.powf(log_k)).parse().expect("a number");
+                Some(format!("{name} at its {bound} bound ({value} {unit})"))
             })
             .collect();
         let hint =
@@ -297,7 +303,7 @@ impl Config {
     }
 }
 
-/// Largest file of settings [bytes].
+/// Largest file of settings `[bytes]`.
 const LARGEST_FILE: u64 = 1 << 20;
 
 fn to_json(config: &Config) -> Value {
@@ -440,7 +446,7 @@ mod tests {
         let dynamics = DynamicsSettings::default();
         assert_eq!(dynamics.doubt([2.0, -3.0, -4.0]), None);
         let doubt = dynamics.doubt([1.00004, -3.0, -2.0]).unwrap();
-        assert!(doubt.contains("stretch at its lower bound (1.00e1), shear at its upper bound"), "{doubt}");
+        assert!(doubt.contains("stretch at its lower bound (10 N/m), shear at its upper bound"), "{doubt}");
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Settings: each is declared once, with its meaning, default, unit and range, by [`settings!`]. The struct, its `Default`,
+//! Settings: each is declared once, with its meaning, default, unit and range, by `settings!`. The struct, its `Default`,
 //! the checks, `--set`, `tessuto settings` and `docs/settings.md` follow from the declaration.
 
 use std::ops::RangeInclusive;

@@ -8,11 +8,11 @@ use super::{CHANNELS, DecoderConfig};
 pub(super) struct Blend {
     tiles: usize,
     tile_edge: usize,
-    /// Distance of neighbouring tiles [px].
+    /// Distance of neighbouring tiles `[px]`.
     stride: usize,
     /// Pixels cut off at each border.
     margin: usize,
-    /// Weight of a tile's column (or row), shape [tile_edge], for the first, an inner and the last tile.
+    /// Weight of a tile's column (or row), shape `[tile_edge]`, for the first, an inner and the last tile.
     ramps: [Vec<f32>; 4],
 }
 

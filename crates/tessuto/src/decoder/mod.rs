@@ -2,7 +2,7 @@
 //! instead of the texels (a deep image prior): smooth regions and repeated patterns are easy for it,
 //! noise is hard. Runs on the CPU; built with the cargo feature `decoder`.
 //!
-//! Source: [DIP], [SAFT] §2.5.1. The source's list of layers doubles seven times, to 512 px, while its
+//! Source: `[DIP]`, \[SAFT\] §2.5.1. The source's list of layers doubles seven times, to 512 px, while its
 //! tiles have 128 px: the two bilinear doublings are left out, their convolutions kept.
 
 mod blend;
@@ -22,9 +22,9 @@ pub const CHANNELS: usize = 5;
 pub struct DecoderConfig {
     /// Tiles along each edge of the maps, ≥ 1.
     pub tiles: usize,
-    /// Overlap of neighbouring tiles [px], even; half of it is also cut off at the maps' border.
+    /// Overlap of neighbouring tiles `[px]`, even; half of it is also cut off at the maps' border.
     pub overlap: usize,
-    /// Edge of a tile's latent image [px].
+    /// Edge of a tile's latent image `[px]`.
     pub latent_edge: usize,
     /// Channels of the latent image and after each transposed convolution; every one doubles the
     /// edge, and one more doubling leads to the maps.
@@ -65,12 +65,12 @@ impl DecoderConfig {
         }
     }
 
-    /// Edge of a tile [px].
+    /// Edge of a tile `[px]`.
     pub fn tile_edge(&self) -> usize {
         self.latent_edge << self.channels.len()
     }
 
-    /// Edge of the maps [px]: tiles · (tile edge − overlap).
+    /// Edge of the maps `[px]`: tiles · (tile edge − overlap).
     pub fn edge(&self) -> usize {
         self.tiles * (self.tile_edge() - self.overlap)
     }
@@ -98,7 +98,7 @@ impl Decoder {
         Self { network, blend: Blend::new(config), weights, adam, graph: None }
     }
 
-    /// Width and height of the maps [px].
+    /// Width and height of the maps `[px]`.
     pub fn edge(&self) -> usize {
         self.blend.edge()
     }

@@ -8,7 +8,7 @@
 //! the cloth itself. Directions and their densities are constants to the derivative. [`mod@reference`] is
 //! the same quantity, written plainly.
 //!
-//! [`render_frame`] draws with them. [`accumulate`] is both ways at once, value and adjoint of a loss over many points:
+//! [`render_frame`] draws with them. [`accumulate()`] is both ways at once, value and adjoint of a loss over many points:
 //!
 //! ```
 //! use glam::DVec2;

@@ -18,7 +18,7 @@ use crate::mesh::{Mesh, weld};
 /// Where the corners of a rectangle are in the first frame.
 #[derive(Debug, Clone, Copy)]
 pub enum CornersFrom<'a> {
-    /// Here [px], clockwise from the upper left.
+    /// Here `[px]`, clockwise from the upper left.
     Points([DVec2; 4]),
     /// Where the mask has them.
     Mask {
@@ -31,7 +31,7 @@ pub enum CornersFrom<'a> {
     },
 }
 
-/// A rectangle of fabric of `size` (width, height) [m], flat or nearly so, as `camera` sees it; `tell` hears what was found.
+/// A rectangle of fabric of `size` (width, height) `[m]`, flat or nearly so, as `camera` sees it; `tell` hears what was found.
 ///
 /// # Errors
 /// [`Error::Input`] if the mask has no four corners, or if no fabric of this size can look like this.
