@@ -72,7 +72,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     say!("scene:    {}", scene.display());
     say!("result:   {}", result.display());
     say!("report:   {}", result.join("report.html").display());
-    say!("images: {}", result.join("pictures/contact_sheet.png").display());
+    say!("images:   {}", result.join("pictures/contact_sheet.png").display());
     Ok(())
 }
 
