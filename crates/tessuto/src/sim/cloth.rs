@@ -254,15 +254,7 @@ impl Cloth {
         for (spring, k) in hinges {
             let [u, w] = arms(x, spring.vertices);
             let h = of_spring(u, w, k * scale, spring.rest_angle);
-            let [a, o, c] = spring.vertices.map(|v| v as usize);
-            let [ao, ac, oc] = spring.pairs;
-            // u = o − a, w = c − o.
-            matrix.add_diagonal(&self.pattern, a, &h.uu);
-            matrix.add_diagonal(&self.pattern, o, &(h.uu + h.ww - h.uw - h.uw.transpose()));
-            matrix.add_diagonal(&self.pattern, c, &h.ww);
-            matrix.add_pair(&self.pattern, ao, &(h.uw - h.uu));
-            matrix.add_pair(&self.pattern, ac, &-h.uw);
-            matrix.add_pair(&self.pattern, oc, &(h.uw - h.ww));
+            spring.scatter_hessian(&h, &self.pattern, matrix);
         }
     }
 
@@ -370,23 +362,36 @@ impl Edge {
         field[self.vertices[1] as usize] - field[self.vertices[0] as usize]
     }
 
-    fn scatter(&self, gradient: DVec3, out: &mut [DVec3]) {
+    pub(crate) fn scatter(&self, gradient: DVec3, out: &mut [DVec3]) {
         out[self.vertices[0] as usize] -= gradient;
         out[self.vertices[1] as usize] += gradient;
     }
 }
 
 impl AngleSpring {
-    fn scatter(&self, [gu, gw]: [DVec3; 2], out: &mut [DVec3]) {
+    pub(crate) fn scatter(&self, [gu, gw]: [DVec3; 2], out: &mut [DVec3]) {
         let [a, o, c] = self.vertices.map(|v| v as usize);
         out[a] -= gu;
         out[o] += gu - gw;
         out[c] += gw;
     }
+
+    /// Adds the second derivatives by (u, w) to those by the positions.
+    pub(crate) fn scatter_hessian(&self, h: &angle::Hessian, pattern: &BlockPattern, matrix: &mut BlockMatrix) {
+        let [a, o, c] = self.vertices.map(|v| v as usize);
+        let [ao, ac, oc] = self.pairs;
+        // u = o − a, w = c − o.
+        matrix.add_diagonal(pattern, a, &h.uu);
+        matrix.add_diagonal(pattern, o, &(h.uu + h.ww - h.uw - h.uw.transpose()));
+        matrix.add_diagonal(pattern, c, &h.ww);
+        matrix.add_pair(pattern, ao, &(h.uw - h.uu));
+        matrix.add_pair(pattern, ac, &-h.uw);
+        matrix.add_pair(pattern, oc, &(h.uw - h.ww));
+    }
 }
 
 /// (o − a, c − o) of a field.
-fn arms(field: &[DVec3], [a, o, c]: [u32; 3]) -> [DVec3; 2] {
+pub(crate) fn arms(field: &[DVec3], [a, o, c]: [u32; 3]) -> [DVec3; 2] {
     let o = field[o as usize];
     [o - field[a as usize], field[c as usize] - o]
 }

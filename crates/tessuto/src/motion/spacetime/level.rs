@@ -3,9 +3,9 @@
 use rayon::prelude::*;
 
 use super::gain::fit_gain;
-use super::{Positions, Problem};
+use super::{Positions, Problem, acceleration};
 use crate::motion::observed::samples::SurfaceSamples;
-use crate::motion::terms::FrameTerms;
+use crate::motion::terms::{FrameTerms, TERMS};
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
 
@@ -37,6 +37,21 @@ impl<'a> Problem<'a> {
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             adjacent: vec![PointColours::new(); frame_count],
         }
+    }
+}
+
+impl Problem<'_> {
+    /// Every term of E at `frames`, summed over them, at the finest resolution.
+    pub fn objective(&self, frames: &[Positions]) -> Vec<(&'static str, f64)> {
+        let mut search = self.at_level(self.observed.range[0]);
+        search.update_references(frames);
+        let terms_of = |(n, x): (usize, &Positions)| search.terms(n).list().map(|term| term.value(x));
+        let values: Vec<_> = frames.par_iter().enumerate().skip(1).map(terms_of).collect();
+        let names = search.terms(0).list().map(|term| term.name());
+        let mut terms: Vec<_> =
+            (0..TERMS).map(|k| (names[k], values.iter().map(|v| v[k]).sum::<f64>())).collect();
+        terms.push(("acceleration", acceleration::value(frames, self.acceleration_weight())));
+        terms
     }
 }
 

@@ -44,7 +44,7 @@ use glam::DVec3;
 use super::observed::Observed;
 use super::observed::samples::{EdgePoint, boundary_points};
 use super::terms::PriorTerms;
-use super::terms::elastic::Elastic;
+use super::terms::angles::Angles;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
 use crate::error::{Error, Result};
@@ -59,6 +59,9 @@ pub type Fitted = (Vec<Positions>, Option<Error>);
 
 /// Distance between the points of the boundary at which outlines are compared `[px]`.
 const BOUNDARY_SPACING: f64 = 4.0;
+
+/// A tail so far out that the kernel is a parabola.
+const NO_TAIL: f64 = 1e9;
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -83,7 +86,8 @@ impl<'a> Problem<'a> {
         let priors = PriorTerms {
             strain: Strain { cloth, sigma: s.strain, tail: s.tail },
             signed_bend: SignedBend::new(cloth, &template.triangles(), x, s.signed_bend, s.tail),
-            elastic: Elastic::new(cloth, s.bend, s.shear),
+            bend: Angles { name: "bend", cloth, springs: &cloth.bends, sigma: s.bend, tail: NO_TAIL },
+            shear: Angles { name: "shear", cloth, springs: &cloth.shears, sigma: s.shear, tail: s.shear_tail },
         };
         Ok(Self {
             scene,

@@ -16,6 +16,8 @@ settings! {
         signed_bend: f64 = 0.03, number(1e-6..=1e3, "rad");
         /// Spread σ of the shearing angle at a vertex; larger is weaker.
         shear: f64 = 0.1, number(1e-6..=1e3, "rad");
+        /// Shear beyond this many spreads is resisted less and less; larger is stricter.
+        shear_tail: f64 = 1e9, number(1e-3..=1e9, "");
         /// Spread σ of the second difference of a vertex between frames; larger is weaker.
         acceleration: f64 = 0.004, number(1e-7..=10.0, "m");
         /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.

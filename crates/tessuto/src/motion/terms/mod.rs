@@ -4,8 +4,8 @@
 //! [`FrameTerms::list`] is the one list of them: the search sums over it, and so does the test that compares every
 //! term's gradient with finite differences, so that a new term cannot come without proof.
 
+pub mod angles;
 pub mod colour;
-pub mod elastic;
 pub mod outline;
 pub mod robust;
 pub mod signed_bend;
@@ -17,8 +17,8 @@ use crate::math::block_matrix::BlockMatrix;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;
 use crate::sim::Cloth;
+use angles::Angles;
 use colour::Colour;
-use elastic::Elastic;
 use outline::Outline;
 use signed_bend::SignedBend;
 use strain::Strain;
@@ -76,8 +76,10 @@ pub struct PriorTerms<'a> {
     pub strain: Strain<'a>,
     /// Bending with its sign.
     pub signed_bend: SignedBend<'a>,
-    /// Bending and shearing angles.
-    pub elastic: Elastic<'a>,
+    /// Bending angles, without sign.
+    pub bend: Angles<'a>,
+    /// Shearing angles.
+    pub shear: Angles<'a>,
 }
 
 /// All terms of one frame at one resolution.
@@ -91,13 +93,13 @@ pub struct FrameTerms<'a> {
 }
 
 /// Number of terms.
-pub const TERMS: usize = 5;
+pub const TERMS: usize = 6;
 
 impl FrameTerms<'_> {
     /// The terms, in the order in which they are summed.
     pub fn list(&self) -> [&dyn Term; TERMS] {
         let p = self.priors;
-        [&p.strain, &p.signed_bend, &p.elastic, &self.colour, &self.outline]
+        [&p.strain, &p.signed_bend, &p.bend, &p.shear, &self.colour, &self.outline]
     }
 
     /// Sum of the terms.

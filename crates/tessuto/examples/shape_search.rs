@@ -1,0 +1,116 @@
+//! What keeps the search for a motion from the truth: the search, or its objective?
+//!
+//! `cargo run --release --example shape_search -- SCENE [key=value ...]`
+//!
+//! Searches a scene with known vertices twice, once as always and once starting from the truth, and prints the errors
+//! and the objectives reached. If the start from the truth stays there with the lower objective, the search is at
+//! fault; if it walks away, the objective is.
+
+use std::path::Path;
+
+use tessuto::config::Preset;
+use tessuto::io::scene::{LoadOptions, load};
+use tessuto::mesh::Positions;
+use tessuto::metrics::{Inputs, QUANTITIES, evaluate};
+use tessuto::motion::spacetime::Problem;
+use tessuto::session::Session;
+use tessuto::sim::Cloth;
+use tessuto::{Config, Motion, Scene};
+
+fn main() -> tessuto::Result<()> {
+    let mut arguments = std::env::args().skip(1);
+    let folder = arguments.next().expect("usage: shape_search SCENE [key=value ...]");
+    let mut config = Config::preset(Preset::Default);
+    let (mut from_truth, mut from_start, mut save, mut step) = (true, true, None, 1);
+    for argument in arguments {
+        match argument.as_str() {
+            "no-truth" => from_truth = false,
+            "only-truth" => from_start = false,
+            a if a.starts_with("step=") => step = a[5..].parse().expect("a number"),
+            a if a.starts_with("save=") => save = Some(a[5..].to_string()),
+            assignment => config.set(assignment)?,
+        }
+    }
+    let scene = thinned(load(Path::new(&folder), &LoadOptions::default())?.scene, step)?;
+    let cloth = Cloth::new(&scene.template);
+    let problem = Problem::new(&scene, &cloth, config.spacetime.clone())?;
+    let clock = std::time::Instant::now();
+    if from_start {
+        let session = &mut Session::silent();
+        let (tracked, _) = problem.track(session)?;
+        report(&scene, &problem, "tracked", &tracked, clock.elapsed().as_secs_f64());
+        let (refined, _) = problem.refine(tracked, session)?;
+        report(&scene, &problem, "refined", &refined, clock.elapsed().as_secs_f64());
+        if let Some(path) = &save {
+            tessuto::io::npy::write_shapes(Path::new(&path), &refined)?;
+        }
+    }
+    if let (true, Some(truth)) = (from_truth, &scene.truth.vertices) {
+        let truth: Vec<Positions> = truth.iter().cloned().collect();
+        report(&scene, &problem, "truth", &truth, 0.0);
+        let (refined, _) = problem.refine(truth, &mut Session::silent())?;
+        report(&scene, &problem, "from truth", &refined, clock.elapsed().as_secs_f64());
+        if let Some(path) = &save {
+            tessuto::io::npy::write_shapes(Path::new(&path), &refined)?;
+        }
+    }
+    Ok(())
+}
+
+/// Every `step`-th frame of the scene.
+fn thinned(mut scene: Scene, step: usize) -> tessuto::Result<Scene> {
+    let kept = |n: &usize| n % step == 0;
+    let numbers = || (0..scene.frames.len()).filter(kept);
+    let frames: tessuto::Result<Vec<_>> = numbers().map(|n| Ok(scene.frames.frame(n)?.into_owned())).collect();
+    let vertices = scene.truth.vertices.as_ref().map(|v| numbers().map(|n| v[n].clone()).collect());
+    let points = scene.truth.points.as_ref().map(|p| numbers().map(|n| p[n].clone()).collect());
+    scene.frames = frames?.into();
+    scene.truth.vertices = vertices.map(Motion::new).transpose()?;
+    scene.truth.points = points;
+    scene.fps /= step as f64;
+    Ok(scene)
+}
+
+/// One line of objective and errors.
+fn report(scene: &Scene, problem: &Problem, name: &str, frames: &[Positions], seconds: f64) {
+    print!("{:12} {name:10} {seconds:5.1} s", scene.name);
+    if let Some(truth) = &scene.truth.vertices {
+        let (mut along, mut across, mut count) = (0.0, 0.0, 0.0);
+        let mut of_frame = Vec::new();
+        for (x, t) in frames.iter().zip(truth.iter()) {
+            let mut sum = 0.0;
+            for (x, t) in x.iter().zip(t) {
+                let (e, ray) = (*x - *t, t.normalize());
+                let d = e.dot(ray);
+                along += d.abs();
+                across += (e - ray * d).length();
+                count += 1.0;
+                sum += e.length();
+            }
+            of_frame.push(1e3 * sum / x.len() as f64);
+        }
+        let n = of_frame.len();
+        let mean = |v: &[f64]| v.iter().sum::<f64>() / v.len() as f64;
+        print!(
+            " error {:6.2} mm (along {:5.2} across {:5.2}; thirds {:5.1} {:5.1} {:5.1}; worst {:5.1})",
+            mean(&of_frame),
+            1e3 * along / count,
+            1e3 * across / count,
+            mean(&of_frame[..n / 3]),
+            mean(&of_frame[n / 3..2 * n / 3]),
+            mean(&of_frame[2 * n / 3..]),
+            of_frame.iter().fold(0.0f64, |a, b| a.max(*b)),
+        );
+    }
+    if scene.truth.vertices.is_none() && scene.truth.points.is_some() {
+        let motion = Motion::new(frames.to_vec()).expect("finite");
+        let evaluation = evaluate(&Inputs::from(scene), &motion, 0..frames.len(), 0).expect("points");
+        let values = QUANTITIES.iter().map(|q| q.key).zip(evaluation.mean.values()).take(2);
+        values.for_each(|(name, v)| v.iter().for_each(|v| print!(" {name} {v:.4e}")));
+    }
+    let terms = problem.objective(frames);
+    let total: f64 = terms.iter().map(|t| t.1).sum();
+    print!(" | E {total:.4e}");
+    terms.iter().for_each(|(name, value)| print!(" {name} {value:.2e}"));
+    println!();
+}
