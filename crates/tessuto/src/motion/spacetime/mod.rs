@@ -86,8 +86,7 @@ impl<'a> Problem<'a> {
         let priors = PriorTerms {
             strain: Strain { cloth, sigma: s.strain, tail: s.tail },
             signed_bend: SignedBend::new(cloth, &template.triangles(), x, s.signed_bend, s.tail),
-            bend: Angles { name: "bend", cloth, springs: &cloth.bends, sigma: s.bend, tail: NO_TAIL },
-            shear: Angles { name: "shear", cloth, springs: &cloth.shears, sigma: s.shear, tail: s.shear_tail },
+            bend: Angles { name: "bend", cloth, springs: &cloth.bends, offset: &[], sigma: s.bend, tail: NO_TAIL },
         };
         Ok(Self {
             scene,

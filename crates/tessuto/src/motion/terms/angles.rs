@@ -19,6 +19,8 @@ pub struct Angles<'a> {
     pub cloth: &'a Cloth,
     /// Its bending or its shearing pairs.
     pub springs: &'a [AngleSpring],
+    /// What is added to θ0 of every pair `[rad]`; empty for nothing.
+    pub offset: &'a [f64],
     /// Spread σ of the angle `[rad]`.
     pub sigma: f64,
     /// Number τ of spreads beyond which an angle is resisted less and less.
@@ -26,9 +28,13 @@ pub struct Angles<'a> {
 }
 
 impl Angles<'_> {
+    fn rest(&self, k: usize) -> f64 {
+        self.springs[k].rest_angle + self.offset.get(k).copied().unwrap_or(0.0)
+    }
+
     /// Value and weight of one pair with arms `u` and `w`.
-    fn of_pair(&self, spring: &AngleSpring, u: DVec3, w: DVec3) -> (f64, f64) {
-        cauchy((angle::angle(u, w) - spring.rest_angle) / self.sigma, self.tail)
+    fn of_pair(&self, rest: f64, u: DVec3, w: DVec3) -> (f64, f64) {
+        cauchy((angle::angle(u, w) - rest) / self.sigma, self.tail)
     }
 }
 
@@ -38,23 +44,24 @@ impl Term for Angles<'_> {
     }
 
     fn value(&self, x: &[DVec3]) -> f64 {
-        let of = |spring: &AngleSpring| {
+        let of = |(k, spring): (usize, &AngleSpring)| {
             let [u, w] = arms(x, spring.vertices);
-            self.of_pair(spring, u, w).0
+            self.of_pair(self.rest(k), u, w).0
         };
-        self.springs.iter().map(of).sum()
+        self.springs.iter().enumerate().map(of).sum()
     }
 
     /// The matrix is that of Gauss and Newton.
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
         let mut value = 0.0;
-        for spring in self.springs {
+        for (k, spring) in self.springs.iter().enumerate() {
+            let rest = self.rest(k);
             let [u, w] = arms(x, spring.vertices);
-            let (rho, weight) = self.of_pair(spring, u, w);
+            let (rho, weight) = self.of_pair(rest, u, w);
             value += rho;
             let stiffness = weight / (self.sigma * self.sigma);
-            spring.scatter(angle::gradient(u, w, stiffness, spring.rest_angle), &mut system.gradient);
-            let h = angle::hessian_gauss_newton(u, w, stiffness, spring.rest_angle);
+            spring.scatter(angle::gradient(u, w, stiffness, rest), &mut system.gradient);
+            let h = angle::hessian_gauss_newton(u, w, stiffness, rest);
             spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix);
         }
         value

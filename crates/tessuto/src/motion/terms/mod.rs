@@ -78,14 +78,14 @@ pub struct PriorTerms<'a> {
     pub signed_bend: SignedBend<'a>,
     /// Bending angles, without sign.
     pub bend: Angles<'a>,
-    /// Shearing angles.
-    pub shear: Angles<'a>,
 }
 
 /// All terms of one frame at one resolution.
 pub struct FrameTerms<'a> {
     /// What the cloth is like.
     pub priors: &'a PriorTerms<'a>,
+    /// Shearing angles.
+    pub shear: Angles<'a>,
     /// Against the colours of other frames.
     pub colour: Colour<'a>,
     /// Against the outline of the mask.
@@ -99,7 +99,7 @@ impl FrameTerms<'_> {
     /// The terms, in the order in which they are summed.
     pub fn list(&self) -> [&dyn Term; TERMS] {
         let p = self.priors;
-        [&p.strain, &p.signed_bend, &p.bend, &p.shear, &self.colour, &self.outline]
+        [&p.strain, &p.signed_bend, &p.bend, &self.shear, &self.colour, &self.outline]
     }
 
     /// Sum of the terms.
