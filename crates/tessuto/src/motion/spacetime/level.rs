@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::gain::fit_gain;
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::samples::SurfaceSamples;
-use crate::motion::terms::{FrameTerms, TERMS};
+use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 use crate::motion::terms::angles::Angles;
 use crate::sim::cloth::arms;
 use crate::motion::terms::colour::{Colour, PointColours};
@@ -22,6 +22,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     pub sheared: Vec<Vec<f64>>,
+    pub priors: PriorTerms<'a>,
+    pub shear: [f64; 2],
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
 }
@@ -40,6 +42,8 @@ impl<'a> Problem<'a> {
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             sheared: vec![Vec::new(); frame_count],
+            priors: self.priors.clone(),
+            shear: [self.settings.shear, self.settings.shear_tail],
             adjacent: vec![PointColours::new(); frame_count],
         }
     }
@@ -99,7 +103,22 @@ impl Problem<'_> {
     }
 }
 
+pub fn env(name: &str, otherwise: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(otherwise)
+}
+
 impl LevelSearch<'_, '_> {
+    /// Loose at t = 0, as set at t = 1.
+    pub fn anneal(&mut self, t: f64) {
+        let s = &self.problem.settings;
+        let t = t.min(1.0);
+        let mix = |name: &str, last: f64| (env(name, last).ln() * (1.0 - t) + last.ln() * t).exp();
+        self.priors.strain.sigma = mix("A_STRAIN", s.strain);
+        self.priors.strain.tail = mix("A_TAIL", s.tail);
+        self.priors.signed_bend.tail = mix("A_BTAIL", s.tail);
+        self.shear = [mix("A_SHEAR", s.shear), mix("A_STAIL", s.shear_tail)];
+    }
+
     /// The terms of one frame.
     pub fn terms(&self, frame: usize) -> FrameTerms<'_> {
         let p = self.problem;
@@ -107,14 +126,14 @@ impl LevelSearch<'_, '_> {
         // Pixels of level 0 in one of this level.
         let area = (1usize << (2 * self.level)) as f64;
         FrameTerms {
-            priors: &p.priors,
+            priors: &self.priors,
             shear: Angles {
                 name: "shear",
                 cloth: p.cloth,
                 springs: &p.cloth.shears,
                 offset: &self.sheared[frame],
-                sigma: s.shear,
-                tail: s.shear_tail,
+                sigma: self.shear[0],
+                tail: self.shear[1],
             },
             colour: Colour {
                 cloth: p.cloth,

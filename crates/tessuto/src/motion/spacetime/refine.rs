@@ -53,6 +53,7 @@ impl Problem<'_> {
             }
             for iteration in first..iterations {
                 let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
+                search.anneal(refined.steps as f64 / (levels * iterations) as f64 / super::level::env("A_PART", 0.7));
                 search.update_references(&refined.frames);
                 let step = search.joint_step(&refined.frames, damping.lambda);
                 let value = step.value();

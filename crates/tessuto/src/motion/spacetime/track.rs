@@ -51,6 +51,7 @@ impl Problem<'_> {
             return Err(foreign_state("track"));
         }
         let mut scratch = Scratch::default();
+        levels.iter_mut().for_each(|level| level.anneal(0.0));
         for n in tracked.frames.len()..count {
             // Predict the frame from the two before.
             let frames = &mut tracked.frames;

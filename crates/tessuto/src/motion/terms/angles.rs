@@ -12,6 +12,7 @@ use crate::sim::angle;
 use crate::sim::cloth::{AngleSpring, Cloth, arms};
 
 /// See the module.
+#[derive(Clone)]
 pub struct Angles<'a> {
     /// Name of the term.
     pub name: &'static str,

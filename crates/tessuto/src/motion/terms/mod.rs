@@ -71,6 +71,7 @@ fn outer(a: DVec3, b: DVec3) -> DMat3 {
 }
 
 /// The terms that do not depend on the frame.
+#[derive(Clone)]
 pub struct PriorTerms<'a> {
     /// Lengths of edges.
     pub strain: Strain<'a>,

@@ -17,6 +17,7 @@ use crate::sim::Cloth;
 use crate::sim::cloth::AngleSpring;
 
 /// See the module.
+#[derive(Clone)]
 pub struct SignedBend<'a> {
     cloth: &'a Cloth,
     triangles: Vec<[u32; 3]>,
@@ -24,7 +25,8 @@ pub struct SignedBend<'a> {
     rest: Vec<f64>,
     /// 1/(l σ) per bending pair.
     scale: Vec<f64>,
-    tail: f64,
+    /// τ.
+    pub tail: f64,
 }
 
 impl<'a> SignedBend<'a> {

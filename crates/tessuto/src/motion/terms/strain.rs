@@ -14,6 +14,7 @@ use crate::sim::cloth::Edge;
 use crate::sim::{Cloth, stretch};
 
 /// See the module.
+#[derive(Clone)]
 pub struct Strain<'a> {
     /// The cloth, whose template has no strain.
     pub cloth: &'a Cloth,
