@@ -93,7 +93,7 @@ pub use glam;
 
 pub use camera::{Camera, Rect};
 pub use config::Config;
-pub use error::{Error, Result};
+pub use error::{Error, Hint, Remedy, Result, Warning};
 pub use image::Image;
 pub use mesh::{Mesh, Motion, Positions};
 pub use reconstruct::{Reconstruction, reconstruct};

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::{atomic_write, read_text};
 use crate::text::hex;
 
@@ -253,15 +253,15 @@ pub(super) fn check_replaceable(folder: &Path, kind: FolderKind, replace: bool, 
     if let Some(stranger) = strangers(folder)?.iter().find(|s| !kept.iter().any(|k| s.is(k))) {
         return Err(refusal(&folder.join(&stranger.name), stranger));
     }
-    let fail = |problem: String, hint: &str| Err(Error::input(folder.display().to_string(), problem, hint));
+    let fail = |problem: String, hint: Hint| Err(Error::input(folder.display().to_string(), problem, hint));
     match known(folder) {
         Some(manifest) if manifest.kind != kind => fail(
             format!("is a {} of tessuto, no {}, and would be replaced", manifest.kind.name(), kind.name()),
-            "choose another folder, or move it away",
+            "choose another folder, or move it away".into(),
         ),
         Some(_) if !replace => fail(
             format!("a finished {} already exists and would be replaced", kind.name()),
-            "add --force to replace it, or choose another folder",
+            Hint::from("choose another folder, or allow to replace it").with(Remedy::Replace),
         ),
         // Without a manifest only what a run left while it worked can be there.
         _ => Ok(()),
@@ -288,7 +288,7 @@ pub fn check_parts(paths: &[impl AsRef<Path>], replace: bool) -> Result<()> {
     Err(Error::input(
         there.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
         "already exists and would be replaced",
-        "add --force to replace it, or choose another place",
+        Hint::from("choose another place, or allow to replace it").with(Remedy::Replace),
     ))
 }
 

@@ -264,7 +264,7 @@ pub fn read_run(folder: &Path) -> Result<Option<Run>> {
 fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
     let place = || path.display().to_string();
     if !path.exists() {
-        let hint = "give the folder that `tessuto reconstruct` wrote";
+        let hint = "give the folder of a reconstruction";
         return Err(Error::input(place(), "cannot be read: it does not exist", hint));
     }
     let text = io::read_text(path)?;
