@@ -22,11 +22,11 @@ fn strings(source: &str) -> Vec<String> {
             rest = from.split_once('\n').map_or("", |(_, after)| after);
         } else if from.starts_with("'\"'") || from.starts_with("'\\\"'") {
             rest = &from[from[1..].find('\'').unwrap() + 2..];
-        } else if from.starts_with('"') {
+        } else if let Some(text) = from.strip_prefix('"') {
             let hashes = rest[..at].len() - rest[..at].trim_end_matches('#').len();
             let raw = rest[..at - hashes].ends_with('r');
             let end = match raw {
-                true => from[1..].find(&format!("\"{}", "#".repeat(hashes))).unwrap() + 1,
+                true => text.find(&format!("\"{}", "#".repeat(hashes))).unwrap(),
                 false => {
                     let mut escaped = false;
                     let closes = |c: char| {
@@ -34,11 +34,11 @@ fn strings(source: &str) -> Vec<String> {
                         escaped = c == '\\' && !escaped;
                         closing
                     };
-                    from[1..].find(closes).unwrap() + 1
+                    text.find(closes).unwrap()
                 }
             };
-            out.push(from[1..end].to_owned());
-            rest = &from[end + 1..];
+            out.push(text[..end].to_owned());
+            rest = &text[end + 1..];
         } else {
             rest = &from[1..];
         }
