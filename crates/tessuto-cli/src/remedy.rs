@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use tessuto::error::{Hint, Remedy, Repair, Warning};
 use tessuto::text::quoted;
+use tessuto::{Hint, Remedy, Repair, Warning};
 
 /// An error, with its options.
 pub fn error(error: &tessuto::Error) -> String {

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use tessuto::error::Warning;
+use tessuto::Warning;
 use tessuto::metrics::QUANTITIES;
 use tessuto::result::{self, Run};
 use tessuto::run::{Observer, Outcome, Stage};

@@ -22,7 +22,7 @@ const ALWAYS_BYTES: u64 = 64 << 20;
 const MAX_TILE: u32 = 4096;
 /// Largest radiance accepted. The sun in an image of half floats ends at 65504; beyond this bound
 /// a single pixel would drown the rest in the noise of f32.
-pub const MAX_RADIANCE: f32 = 1e6;
+pub(crate) const MAX_RADIANCE: f32 = 1e6;
 
 /// Linear colour, shape [height, width, 3]. Values are whatever the file holds, NaN included;
 /// alpha is dropped.
@@ -93,7 +93,7 @@ pub fn read_environment(path: &Path) -> Result<Image> {
 ///
 /// # Errors
 /// [`Error::Input`].
-pub fn check_environment(image: &Image, place: &str) -> Result<()> {
+pub(crate) fn check_environment(image: &Image, place: &str) -> Result<()> {
     let (width, height) = (image.width, image.height);
     if width != 2 * height || height == 0 {
         return Err(Error::input(

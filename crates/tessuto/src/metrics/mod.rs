@@ -3,7 +3,7 @@
 //! good material maps are ([`maps`]). Without truth: how well the frames agree with the video and with what cloth can do
 //! ([`agreement`]), and whether that is good ([`verdict`]).
 
-pub mod agreement;
+pub(crate) mod agreement;
 mod boxes;
 pub mod chamfer;
 pub mod depth;
@@ -11,10 +11,10 @@ mod frame;
 pub mod maps;
 pub mod published;
 mod resample;
-pub mod similarity;
+pub(crate) mod similarity;
 pub mod surface;
 mod table;
-pub mod verdict;
+pub(crate) mod verdict;
 
 pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;

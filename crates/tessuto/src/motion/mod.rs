@@ -5,10 +5,10 @@
 //! `rollout` (preset `saft`) optimises stiffnesses and accelerations through the simulation and a renderer.
 //! Both end in the same [`parameters`]. `texture` is what the fabric looks like in the first frame.
 
-pub mod inverse;
-pub mod observed;
+pub(crate) mod inverse;
+pub(crate) mod observed;
 pub mod parameters;
 pub mod rollout;
 pub mod spacetime;
-pub mod terms;
+pub(crate) mod terms;
 pub mod texture;

@@ -124,7 +124,7 @@ pub fn record(paths: &[impl AsRef<Path>]) -> Result<()> {
 ///
 /// # Errors
 /// As [`record`]; [`Error::Input`] if the folder has a manifest.json of another program.
-pub fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Result<()> {
+pub(crate) fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Result<()> {
     check_manifest(folder)?;
     let real = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     if real.ancestors().any(|around| around.join(WORKING[0]).is_file()) {
@@ -141,7 +141,7 @@ pub fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Resul
 ///
 /// # Errors
 /// [`Error::Input`].
-pub fn check_manifest(folder: &Path) -> Result<()> {
+pub(crate) fn check_manifest(folder: &Path) -> Result<()> {
     if known(folder).is_none() && folder.join(NAME).symlink_metadata().is_ok() {
         return Err(refusal(&folder.join(NAME), &Stranger::not_ours(NAME)));
     }

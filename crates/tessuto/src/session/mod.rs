@@ -210,7 +210,7 @@ fn to_bytes(value: &impl Serialize) -> Vec<u8> {
 }
 
 /// The error of a state of `stage` that is of another computation, whatever the checkpoint's header says.
-pub fn foreign_state(stage: &str) -> Error {
+pub(crate) fn foreign_state(stage: &str) -> Error {
     unreadable(stage, &"it has other frames, vertices or sizes than this computation")
 }
 

@@ -1,10 +1,10 @@
 //! Synthetic scenes: a textured cloth in a gust of wind, simulated, rendered and written as a scene
 //! folder with complete truth.
 
-pub mod gust;
+pub(crate) mod gust;
 pub mod lattice;
-pub mod shade;
-pub mod texture;
+pub(crate) mod shade;
+pub(crate) mod texture;
 pub mod write;
 
 use std::path::PathBuf;

@@ -7,10 +7,10 @@
 //! [`make`] does all of it.
 
 pub mod fix;
-pub mod hem;
+pub(crate) mod hem;
 pub mod make;
-pub mod outline;
-pub mod rectangle;
+pub(crate) mod outline;
+pub(crate) mod rectangle;
 pub mod remesh;
 
 use crate::camera::Camera;

@@ -1,7 +1,7 @@
 //! What a loaded scene holds, seen through the library.
 
 use crate::support::scene_maker::{FRAMES, SIZE, TinyScene, colour, fabric, mask, paint, template};
-use tessuto::camera::Rect;
+use tessuto::Rect;
 use tessuto::io::image::write_png;
 use tessuto::io::scene::{LoadOptions, Loaded, load};
 

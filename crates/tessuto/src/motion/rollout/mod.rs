@@ -7,7 +7,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 mod guard;
-pub mod losses;
+pub(crate) mod losses;
 
 use super::parameters::{Dynamics, Parameters};
 use crate::error::{Error, Hint, Remedy, Result};
