@@ -22,7 +22,7 @@ const ALWAYS_BYTES: u64 = 64 << 20;
 const MAX_TILE: u32 = 4096;
 /// Largest radiance accepted. The sun in an image of half floats ends at 65504; beyond this bound
 /// a single pixel would drown the rest in the noise of f32.
-pub(crate) const MAX_RADIANCE: f32 = 1e6;
+pub const MAX_RADIANCE: f32 = 1e6;
 
 /// Linear colour, shape [height, width, 3]. Values are whatever the file holds, NaN included;
 /// alpha is dropped.

@@ -3,7 +3,7 @@
 //! good material maps are ([`maps`]). Without truth: how well the frames agree with the video and with what cloth can do
 //! ([`agreement`]), and whether that is good ([`verdict`]).
 
-pub(crate) mod agreement;
+pub mod agreement;
 mod boxes;
 pub mod chamfer;
 pub mod depth;
@@ -14,7 +14,7 @@ mod resample;
 pub(crate) mod similarity;
 pub mod surface;
 mod table;
-pub(crate) mod verdict;
+pub mod verdict;
 
 pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;

@@ -6,9 +6,9 @@
 //! Both end in the same [`parameters`]. `texture` is what the fabric looks like in the first frame.
 
 pub(crate) mod inverse;
-pub(crate) mod observed;
+pub mod observed;
 pub mod parameters;
 pub mod rollout;
 pub mod spacetime;
-pub(crate) mod terms;
+pub mod terms;
 pub mod texture;

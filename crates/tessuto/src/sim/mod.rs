@@ -38,8 +38,8 @@
 
 pub(crate) mod angle;
 pub mod cloth;
-pub(crate) mod implicit_euler;
-pub(crate) mod linearized_euler;
+pub mod implicit_euler;
+pub mod linearized_euler;
 pub(crate) mod rollout;
 pub mod state;
 pub mod step;

@@ -1,6 +1,6 @@
 //! Templates: the mesh of the fabric in the first frame, from measurements or from other meshes.
 //!
-//! - a flat or nearly flat rectangle of known size: [`outline`], [`rectangle`], [`hem`](mod@hem)
+//! - a flat or nearly flat rectangle of known size: `outline`, `rectangle`, `hem`(mod@hem)
 //! - any textured mesh, as a regular grid of quads: [`remesh`]
 //! - a mesh in another unit or with other axes: [`fix`]
 //!

@@ -1,9 +1,9 @@
 //! What the search for the motion keeps of a video: pyramids of its colours and distances to its outlines, at the
 //! resolution that memory has room for.
 
-pub(crate) mod outline_distance;
-pub(crate) mod pyramid;
-pub(crate) mod samples;
+pub mod outline_distance;
+pub mod pyramid;
+pub mod samples;
 
 use crate::camera::Camera;
 use crate::error::Result;

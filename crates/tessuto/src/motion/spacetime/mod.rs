@@ -29,8 +29,8 @@
 //! `track` finds a start frame by frame; `refine` then lowers E over all frames together by Gauss-Newton steps with
 //! Levenberg's damping. Both go from coarse to fine images.
 
-pub(crate) mod acceleration;
-pub(crate) mod gain;
+pub mod acceleration;
+pub mod gain;
 mod joint;
 mod level;
 #[cfg(test)]

@@ -4,12 +4,12 @@
 //! [`FrameTerms::list`] is the one list of them: the search sums over it, and so does the test that compares every
 //! term's gradient with finite differences, so that a new term cannot come without proof.
 
-pub(crate) mod colour;
-pub(crate) mod elastic;
-pub(crate) mod outline;
-pub(crate) mod robust;
-pub(crate) mod signed_bend;
-pub(crate) mod strain;
+pub mod colour;
+pub mod elastic;
+pub mod outline;
+pub mod robust;
+pub mod signed_bend;
+pub mod strain;
 
 use glam::{DMat3, DVec3};
 
