@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let motion = simulate(&Cloth::new(mesh), settings, original.fps, &mesh.positions, &parameters)?;
     match folder {
         None => {
-            io::npy::write_shapes(&out, &motion)?;
+            io::npy::write_field(&out, &motion)?;
             manifest::record(&[&out])?;
         }
         Some(folder) => {

@@ -1,4 +1,4 @@
-//! Text helpers: names that were mistyped, paths that a shell takes, hexadecimal.
+//! Text helpers: names that were mistyped, paths that a shell takes, hexadecimal, base64.
 
 use std::path::{Path, is_separator};
 
@@ -27,6 +27,40 @@ pub(crate) fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
+/// `bytes` in the alphabet of RFC 4648 §4, padded.
+pub fn base64(bytes: &[u8]) -> String {
+    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut out = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let word = chunk.iter().fold(0u32, |w, b| w << 8 | u32::from(*b)) << (8 * (3 - chunk.len()));
+        let digit = |k: usize| ALPHABET[(word >> (18 - 6 * k)) as usize & 63];
+        out.extend((0..4).map(|k| if k <= chunk.len() { digit(k) } else { b'=' }));
+    }
+    String::from_utf8(out).expect("ASCII")
+}
+
+/// The bytes behind [`base64`]; `None` if a character is foreign.
+pub(crate) fn from_base64(text: &str) -> Option<Vec<u8>> {
+    let digit = |c: u8| match c {
+        b'A'..=b'Z' => Some(c - b'A'),
+        b'a'..=b'z' => Some(c - b'a' + 26),
+        b'0'..=b'9' => Some(c - b'0' + 52),
+        b'+' => Some(62),
+        b'/' => Some(63),
+        _ => None,
+    };
+    let (mut bits, mut held, mut out) = (0u32, 0, Vec::with_capacity(text.len() / 4 * 3));
+    for c in text.trim_end_matches('=').bytes() {
+        bits = bits << 6 | u32::from(digit(c)?);
+        held += 6;
+        if held >= 8 {
+            held -= 8;
+            out.push((bits >> held) as u8);
+        }
+    }
+    Some(out)
+}
+
 /// `path` as a POSIX shell takes it: as it is where no character is special, else in single quotes.
 pub fn quoted(path: &Path) -> String {
     let text = path.display().to_string();
@@ -49,6 +83,18 @@ mod tests {
         assert_eq!(nearest_key("Energi", &known), Some("rollout.weights.energy"));
         assert_eq!(nearest_key("viscosity", &known), None);
         assert_eq!(edits(&"x".repeat(1 << 20), "fps"), LONGEST);
+    }
+
+    #[test]
+    fn texts_of_the_standard() {
+        for (plain, text) in
+            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
+        {
+            assert_eq!(base64(plain.as_bytes()), text);
+            assert_eq!(from_base64(text).unwrap(), plain.as_bytes());
+        }
+        assert_eq!(base64(&[0xFB, 0xFF]), "+/8=");
+        assert_eq!(from_base64("Zm9v-"), None);
     }
 
     #[test]

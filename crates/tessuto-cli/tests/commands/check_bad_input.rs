@@ -299,7 +299,7 @@ fn truth_that_does_not_fit() {
     std::fs::remove_file(scene.path("gt/points/points_002.npy")).unwrap();
     refused(&scene, &["gt/points", "1 of 4 files are missing: points_002.npy"]);
     let scene = TinyScene::with_truth();
-    npy::write_shapes(&scene.path("gt/vertices.npy"), &[template().positions]).unwrap();
+    npy::write_field(&scene.path("gt/vertices.npy"), &[template().positions]).unwrap();
     refused(&scene, &["gt/vertices.npy", "has 1 frames of 25 vertices", "have 4 of 25"]);
     let scene = TinyScene::with_truth();
     scene.truncate("gt/vertices.npy");

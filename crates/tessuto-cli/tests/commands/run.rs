@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use tempfile::TempDir;
-use tessuto::io::npy::read_shapes;
+use tessuto::io::npy::read_field;
 
 fn tessuto(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tessuto")).args(arguments).output().unwrap()
@@ -89,7 +89,7 @@ fn default_preset_repeats_for_any_threads_and_simulate_replays_it() {
 
     let replay = folder.path().join("replay.npy");
     succeed(&["simulate", text(&result), "--out", text(&replay)]);
-    let (a, b) = (read_shapes(&result.join("motion.npy")).unwrap(), read_shapes(&replay).unwrap());
+    let (a, b) = (read_field(&result.join("motion.npy")).unwrap(), read_field(&replay).unwrap());
     assert_eq!(a.len(), 6);
     assert_eq!(a.len(), b.len());
     let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
@@ -126,7 +126,7 @@ fn a_changed_simulation_is_a_result_like_any_other() {
     // Changed twice is changed as a whole, and nothing finished is replaced without being asked for.
     let again = at("again.npy");
     succeed(&["simulate", text(&changed), "--out", text(&again)]);
-    let (a, b) = (read_shapes(&changed.join("motion.npy")).unwrap(), read_shapes(&again).unwrap());
+    let (a, b) = (read_field(&changed.join("motion.npy")).unwrap(), read_field(&again).unwrap());
     let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
     assert!(distances.fold(0.0, f64::max) <= 1e-5);
     assert!(fail(3, &["simulate", text(&result), "--out", text(&changed)]).contains("--force"));

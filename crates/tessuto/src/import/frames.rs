@@ -25,7 +25,7 @@ pub(super) struct Source {
 
 pub(super) enum Kind {
     /// The images of a folder in the order of time.
-    Pictures(Vec<PathBuf>),
+    Images(Vec<PathBuf>),
     Video(Video),
 }
 
@@ -51,11 +51,11 @@ impl Source {
                     .with(Remedy::Fps),
             ));
         };
-        let pictures = list(input)?;
+        let images = list(input)?;
         if !settings.allow_gaps {
-            check_gaps(&pictures, input, notes)?;
+            check_gaps(&images, input, notes)?;
         }
-        Ok(Self { fps, kind: Kind::Pictures(pictures) })
+        Ok(Self { fps, kind: Kind::Images(images) })
     }
 
     /// Writes the colour frames.
@@ -65,12 +65,12 @@ impl Source {
     pub fn write(&self, stage: &Stage, notes: &mut Vec<String>) -> Result<Colours> {
         let settings = stage.settings;
         match &self.kind {
-            Kind::Pictures(pictures) => {
-                let chosen = choose(settings, pictures.len())?;
-                let size = image::size(&pictures[chosen[0]])?;
+            Kind::Images(images) => {
+                let chosen = choose(settings, images.len())?;
+                let size = image::size(&images[chosen[0]])?;
                 let colours = Colours::new(settings, size, chosen.len(), notes)?;
                 in_order(chosen.into_par_iter().enumerate(), |(k, n)| {
-                    stage.colour_file(&colours, k, &pictures[n])
+                    stage.colour_file(&colours, k, &images[n])
                 })?;
                 Ok(colours)
             }
@@ -200,8 +200,8 @@ fn natural(a: &str, b: &str) -> Ordering {
 }
 
 /// Refuses images whose numbers are not evenly spaced: a gap is a jump in time.
-fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> Result<()> {
-    let numbered: Option<Vec<(String, usize)>> = pictures.iter().map(|p| number(p)).collect();
+fn check_gaps(images: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> Result<()> {
+    let numbered: Option<Vec<(String, usize)>> = images.iter().map(|p| number(p)).collect();
     let Some(numbered) = numbered.filter(|n| n.len() > 1 && n.iter().all(|(text, _)| *text == n[0].0)) else {
         return Ok(());
     };
@@ -212,8 +212,8 @@ fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> R
             folder.display().to_string(),
             format!(
                 "the numbers of the images have a gap: {} is followed by {}",
-                name(&pictures[k]),
-                name(&pictures[k + 1])
+                name(&images[k]),
+                name(&images[k + 1])
             ),
             Hint::from("add what is missing, take a part without gap, or allow gaps if they are evenly spaced in time")
                 .with(Remedy::Frames(Some(0..k + 1)))

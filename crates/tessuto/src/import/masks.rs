@@ -28,8 +28,8 @@ pub(super) fn write(
     // Numbers, in the input, of the frames that were written.
     let wanted: Vec<usize> = colours.frames.clone().map(|k| start + k * settings.stride).collect();
     match (&settings.masks, &source.kind) {
-        (Masks::Alpha, Kind::Pictures(pictures)) => {
-            let files = wanted.iter().map(|n| pictures[*n].clone()).enumerate();
+        (Masks::Alpha, Kind::Images(images)) => {
+            let files = wanted.iter().map(|n| images[*n].clone()).enumerate();
             in_order(files.collect::<Vec<_>>().into_par_iter(), |(k, path)| {
                 let mask = image::open(&path)?.alpha().ok_or_else(|| {
                     let hint =
@@ -124,14 +124,14 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
     let files = list(folder)?;
     let by_name: BTreeMap<String, &PathBuf> = files.iter().map(|f| (bare(f), f)).collect();
     let found: Vec<Option<&PathBuf>> = match kind {
-        Kind::Pictures(pictures) => {
-            let named: Vec<_> = wanted.iter().map(|n| by_name.get(&bare(&pictures[*n])).copied()).collect();
+        Kind::Images(images) => {
+            let named: Vec<_> = wanted.iter().map(|n| by_name.get(&bare(&images[*n])).copied()).collect();
             if named.iter().any(Option::is_some) {
                 named
             } else {
                 let numbers = by_number(&files, folder)?;
                 let own =
-                    |n: &usize| number(&pictures[*n]).and_then(|(_, number)| numbers.get(&number).copied());
+                    |n: &usize| number(&images[*n]).and_then(|(_, number)| numbers.get(&number).copied());
                 wanted.iter().map(own).collect()
             }
         }
@@ -152,7 +152,7 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
         return Ok(found.into_iter().flatten().cloned().collect());
     }
     let frame = |k: usize| match kind {
-        Kind::Pictures(pictures) => name(&pictures[wanted[k]]),
+        Kind::Images(images) => name(&images[wanted[k]]),
         Kind::Video(_) => format!("frame {}", wanted[k]),
     };
     let mut names: Vec<String> = missing.iter().take(5).map(|k| frame(*k)).collect();

@@ -251,7 +251,7 @@ impl Stream {
             }
         }
         let bad =
-            || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not a picture: {header:?}"));
+            || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not an image: {header:?}"));
         let words: Vec<&str> = header.split_ascii_whitespace().collect();
         let ["P6", width, height, "255"] = words[..] else { return Err(bad()) };
         let side = |text: &str| text.parse::<usize>().ok().filter(|n| (2..=MAX_SIDE).contains(n));

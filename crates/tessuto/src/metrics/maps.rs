@@ -179,11 +179,11 @@ fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
         if !path.is_file() {
             return Ok(None);
         }
-        let picture = io::image::open(&path)?;
-        picture.expect_size(scene.full_size)?;
+        let file = io::image::open(&path)?;
+        file.expect_size(scene.full_size)?;
         let observed = scene.frames.frame(k)?;
         let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m > 0.5).collect();
-        Ok(masked_psnr(&picture.rgb(scene.crop), &observed.rgb, &covered))
+        Ok(masked_psnr(&file.rgb(scene.crop), &observed.rgb, &covered))
     };
     let ratios = scene.frames.map(0..scene.frames.len(), || (), ratio)?;
     let found: Vec<f64> = ratios.into_iter().flatten().collect();

@@ -18,7 +18,7 @@ pub mod verdict;
 
 pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;
-pub use similarity::{correlation, masked_psnr, print_correlation, psnr, ssim};
+pub use similarity::{correlation, local_correlation, masked_psnr, psnr, ssim};
 pub use table::table;
 pub use verdict::{Grade, OverFrames, Verdict, judge};
 

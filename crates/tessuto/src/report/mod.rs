@@ -13,7 +13,7 @@ pub(crate) mod pictures;
 pub(crate) mod sheet;
 
 pub use chart::Chart;
-pub use embed::{Field, Motion, Surface};
+pub use embed::{EmbeddedMotion, Field, Surface};
 pub use film::Film;
 pub use pictures::{FramePictures, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
@@ -72,7 +72,7 @@ pub struct ClothData {
     /// Topology.
     pub surface: Surface,
     /// Positions.
-    pub motion: Motion,
+    pub motion: EmbeddedMotion,
     /// What it can be coloured by.
     pub fields: Vec<Field>,
 }

@@ -173,7 +173,7 @@ fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row
         note: String::new(),
         worst: None,
     }));
-    rows.extend(v.print.map(|o| row("print, correlation with the video", &o, "", 1.0, 2)));
+    rows.extend(v.correlation.map(|o| row("texture, correlation with the video", &o, "", 1.0, 2)));
     rows.push(row("strain of the threads, mean", &v.strain_mean, "%", 100.0, 1));
     rows.push(row("strain, 99 of 100 threads less than", &v.strain_p99, "%", 100.0, 1));
     rows.push(row("strain, largest", &v.strain_max, "%", 100.0, 0));

@@ -161,8 +161,8 @@ pub struct Context<'a> {
 pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Result<()> {
     let scene = context.scene;
     let texture = result.texture.to_image();
-    io::npy::write_shapes(&folder.join("motion.npy"), &result.motion)?;
-    io::npy::write_shapes(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
+    io::npy::write_field(&folder.join("motion.npy"), &result.motion)?;
+    io::npy::write_field(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
     io::image::write_png(&folder.join("texture.png"), &texture)?;
     io::atomic_write(
         &folder.join("mesh.mtl"),

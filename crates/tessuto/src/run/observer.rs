@@ -33,7 +33,7 @@ pub trait Observer: session::Observer {
         Ok(())
     }
 
-    /// The motion is found, shape [N, V], and so is the fabric's print.
+    /// The motion is found, shape [N, V], and so is the fabric's texture.
     fn motion(&mut self, _motion: &[Positions], _texture: &Image) {}
 }
 

@@ -33,7 +33,7 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         io::npy::write_points(&folder.join(format!("gt/points/points_{k:03}.npy")), points)?;
     }
     match &scene.truth.vertices {
-        Some(vertices) => io::npy::write_shapes(&folder.join("gt/vertices.npy"), vertices),
+        Some(vertices) => io::npy::write_field(&folder.join("gt/vertices.npy"), vertices),
         None => Ok(()),
     }
 }

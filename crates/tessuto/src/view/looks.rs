@@ -36,16 +36,16 @@ pub(crate) fn draw_shaded(
     (frame, positions): (usize, &Positions),
 ) -> Image {
     let mut rendering = Rendering::new();
-    let mut picture = Image::new(camera.width, camera.height, 3);
+    let mut image = Image::new(camera.width, camera.height, 3);
     for (pixel, point) in
         visible_points(rasterizer, camera, geometry, frame, positions, &mut rendering, |_, _| true)
     {
         let facing = point.normal.dot(-point.position.normalize()).max(0.0);
         let coverage = rendering.rgba[pixel as usize][3].clamp(0.0, 1.0);
         let value = srgb::encode(GREY * (AMBIENT + (1.0 - AMBIENT) * facing) * coverage);
-        picture.data[3 * pixel as usize..][..3].fill(value);
+        image.data[3 * pixel as usize..][..3].fill(value);
     }
-    picture
+    image
 }
 
 /// Depth as a colour, the nearest of `range` `[m]` dark and the farthest bright, on black.
@@ -57,17 +57,17 @@ pub(crate) fn draw_depth(
 ) -> Image {
     let mut rendering = Rendering::new();
     rasterizer.render(camera, positions, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
-    let mut picture = Image::new(camera.width, camera.height, 3);
+    let mut image = Image::new(camera.width, camera.height, 3);
     for y in 0..camera.height {
         for x in 0..camera.width {
             if let Some(z) = rendering.depth(x, y) {
                 let fraction = (z - range[0]) / (range[1] - range[0]).max(1e-9);
                 let colour = sequential(fraction.clamp(0.0, 1.0) as f32);
-                picture.pixel_mut(x, y).copy_from_slice(&colour);
+                image.pixel_mut(x, y).copy_from_slice(&colour);
             }
         }
     }
-    picture
+    image
 }
 
 /// Least and largest z over all `shapes` `[m]`.

@@ -34,7 +34,7 @@ fn clip(maps: bool) -> Clip {
         first_frame: 7,
         camera: Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 },
         crop: Rect { x0: 0, y0: 0, x1: 640, y1: 480 },
-        pictures: Vec::new(),
+        images: Vec::new(),
         material: Material {
             name: "cloth".into(),
             base_colour: picture(3, 0.5),

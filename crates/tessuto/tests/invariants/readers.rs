@@ -70,7 +70,7 @@ fn make_result(result: &Path) {
     std::fs::create_dir_all(result).expect("a folder in memory");
     let mesh = tessuto::mesh::grid(2, 2, [0.4, 0.4].into(), 1.0);
     obj::write(&result.join("mesh.obj"), &mesh, None).expect("a mesh");
-    npy::write_shapes(&result.join("forces.npy"), &[mesh.positions]).expect("an array");
+    npy::write_field(&result.join("forces.npy"), &[mesh.positions]).expect("an array");
 }
 
 fn folder() -> PathBuf {
@@ -106,7 +106,7 @@ fn read_npy(bytes: &[u8]) -> Result<()> {
     let path = file("array.npy", bytes);
     npy::read(&path)?;
     let points = npy::read_points(&path).map(drop);
-    points.or(npy::read_shapes(&path).map(drop))
+    points.or(npy::read_field(&path).map(drop))
 }
 
 fn picture(bytes: &[u8]) -> Result<()> {

@@ -112,7 +112,7 @@ fn the_true_motion_is_good_and_spoilt_halves_are_named() {
     };
     let cases = [
         ("shifted", shifted, "silhouette 0."),
-        ("slid", slid, "print off"),
+        ("slid", slid, "texture displaced"),
         ("stretched", stretched, "strained by"),
         ("crumpled", crumpled, "creased"),
     ];

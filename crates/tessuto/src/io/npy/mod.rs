@@ -91,14 +91,14 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
 
 /// Reads a motion `[m]`, shape [N, V, 3].
 pub fn read_motion(path: &Path) -> Result<Motion> {
-    Motion::new(read_shapes(path)?).map_err(|error| match error {
+    Motion::new(read_field(path)?).map_err(|error| match error {
         Error::Input { problem, hint, .. } => Error::input(path.display().to_string(), problem, hint),
         other => other,
     })
 }
 
 /// Reads a field of vectors over a mesh and time, shape [N, V, 3], all finite; N may be 0.
-pub fn read_shapes(path: &Path) -> Result<Vec<Positions>> {
+pub fn read_field(path: &Path) -> Result<Vec<Positions>> {
     let array = read(path)?;
     match array.shape[..] {
         [n, 0, 3] => Ok(vec![Vec::new(); n]),
@@ -177,7 +177,7 @@ pub fn write_points(path: &Path, points: &[DVec3]) -> Result<()> {
 }
 
 /// Writes a moving mesh `[m]` as f32, shape [N, V, 3]; all shapes have as many vertices.
-pub fn write_shapes(path: &Path, shapes: &[Positions]) -> Result<()> {
+pub fn write_field(path: &Path, shapes: &[Positions]) -> Result<()> {
     let data: Vec<f32> = shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect();
     write(path, &[shapes.len(), shapes.first().map_or(0, Vec::len), 3], &data)
 }

@@ -120,10 +120,10 @@ fn in_order<T: Sync, U: Send>(items: &[T], f: impl Fn(&T) -> Result<U> + Send + 
 }
 
 fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
-    let mut picture = image::open(path)?;
-    picture.expect_size(size)?;
-    let full = picture.full();
-    let image = picture.mask(crop.unwrap_or(full));
+    let mut file = image::open(path)?;
+    file.expect_size(size)?;
+    let full = file.full();
+    let image = file.mask(crop.unwrap_or(full));
     let Some(found) = bounds(&image) else {
         let brightest = image.data.iter().copied().fold(0.0, f32::max) * 255.0;
         let part = if crop.is_some() { " inside the crop" } else { "" };
@@ -136,7 +136,7 @@ fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mas
                 .with(Remedy::Frames(None)),
         ));
     };
-    let notes = std::mem::take(&mut picture.notes);
+    let notes = std::mem::take(&mut file.notes);
     Ok(match crop {
         Some(region) => Mask { region, bounds: shifted(found, region), notes },
         // Keep a margin, so that soft edges below ½ survive.
@@ -152,13 +152,13 @@ struct Read {
 }
 
 fn read_frame(files: &Files, size: [usize; 2], crop: Rect) -> Result<Read> {
-    let picture = image::open(&files.colour)?;
-    picture.expect_size(size)?;
-    let rgb = picture.rgb(crop);
-    let notes = picture.notes;
-    let mut picture = image::open(&files.mask)?;
-    picture.expect_size(size)?;
-    let mask = picture.mask(files.region);
+    let file = image::open(&files.colour)?;
+    file.expect_size(size)?;
+    let rgb = file.rgb(crop);
+    let notes = file.notes;
+    let mut file = image::open(&files.mask)?;
+    file.expect_size(size)?;
+    let mask = file.mask(files.region);
     let mask = if files.region == crop { mask } else { cut(&mask, files.region, crop) };
     let background = background(&rgb, &mask);
     Ok(Read { frame: Some(Frame { rgb, mask }), notes, background })
