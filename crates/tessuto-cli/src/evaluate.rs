@@ -9,6 +9,7 @@ use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{Evaluation, Inputs, evaluate, table};
 use tessuto::{Error, Motion, result};
 
+use crate::remedy;
 use crate::say::{self, aside};
 
 /// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
@@ -36,7 +37,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let own = result::read_run(result)?.map(|run| run.frames[0]..run.frames[1]);
     let frames = arguments.frames.clone().or(own.clone());
     let loaded = load(&arguments.scene, &LoadOptions { frames: frames.clone(), ..LoadOptions::default() })?;
-    loaded.warnings.iter().for_each(|warning| aside!("warning: {warning}"));
+    loaded.warnings.iter().for_each(|warning| aside!("warning: {}", remedy::warning(warning)));
     let scene = &loaded.scene;
     let motion = &part(motion, own, frames, scene.frames.len())?;
     let folder = Some(&arguments.result).filter(|r| r.is_dir());

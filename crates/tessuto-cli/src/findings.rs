@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use tessuto::check::{Finding, Level};
 
-use crate::say;
+use crate::{remedy, say};
 
 /// Widest line [characters] where there is no terminal, and the least and the most that a terminal's width may make it.
 const WIDTH: usize = 100;
@@ -31,9 +31,9 @@ pub fn table(findings: &[Finding]) -> String {
         let topic = if finding.what.chars().count() > TOPIC { "" } else { &finding.what };
         let _ = write!(text, "{topic:<TOPIC$}  ");
         wrap(&mut text, &finding.detail, width);
-        if !finding.hint.is_empty() {
+        if let Some(hint) = &finding.hint {
             let _ = write!(text, "{:1$}hint: ", "", TOPIC + 11);
-            wrap(&mut text, &finding.hint, width);
+            wrap(&mut text, &remedy::hint(hint), width);
         }
     }
     let count = |level| findings.iter().filter(|f| f.level == level).count();

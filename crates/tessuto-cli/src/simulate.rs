@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::output::{FolderKind, OutputFolder, manifest};
-use tessuto::reconstruct::simulate;
 use tessuto::result::{self, Folder};
 use tessuto::sim::Cloth;
+use tessuto::simulate;
 use tessuto::{Error, io};
 
 use crate::repeat;

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use tessuto::Warning;
 use tessuto::metrics::QUANTITIES;
 use tessuto::result::{self, Run};
 use tessuto::run::{Observer, Outcome, Stage};
@@ -11,6 +12,7 @@ use tessuto::{Image, Positions, Result, Scene, io};
 use crate::live::{Live, Server};
 use crate::progress::Progress;
 use crate::record::Recorder;
+use crate::remedy;
 use crate::say::{aside, say};
 
 /// What a user sees of a run.
@@ -100,8 +102,8 @@ impl session::Observer for Watch {
 }
 
 impl Observer for Watch {
-    fn warning(&mut self, text: &str) {
-        self.progress.line(&format!("warning: {text}"));
+    fn warning(&mut self, warning: &Warning) {
+        self.progress.line(&format!("warning: {}", remedy::warning(warning)));
     }
 
     fn begin(&mut self, scene: &Scene, run: &Run, stages: &[Stage], history: &[Epoch]) -> Result<()> {

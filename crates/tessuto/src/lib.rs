@@ -57,45 +57,49 @@
 //! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
 
 pub mod appearance;
-pub mod camera;
+mod camera;
 pub mod check;
 pub mod config;
 #[cfg(feature = "decoder")]
 pub mod decoder;
-pub mod error;
+mod error;
 pub mod export;
-pub mod image;
+mod image;
 pub mod import;
 pub mod io;
+#[doc(hidden)]
 pub mod math;
 pub mod mesh;
 pub mod metrics;
 pub mod motion;
-pub mod optim;
+mod optim;
+#[doc(hidden)]
 pub mod output;
 pub mod pbr;
 pub mod raster;
-pub mod reconstruct;
+mod reconstruct;
+#[doc(hidden)]
 pub mod report;
 pub mod result;
 pub mod run;
-pub mod scene;
+mod scene;
 pub mod session;
 pub mod settings;
 pub mod sim;
 pub mod synth;
 pub mod template;
+#[doc(hidden)]
 pub mod text;
-pub mod video;
+mod video;
 pub mod view;
 
 pub use glam;
 
 pub use camera::{Camera, Rect};
 pub use config::Config;
-pub use error::{Error, Result};
+pub use error::{Error, Hint, Remedy, Repair, Result, Warning};
 pub use image::Image;
 pub use mesh::{Mesh, Motion, Positions};
-pub use reconstruct::{Reconstruction, reconstruct};
+pub use reconstruct::{Reconstruction, reconstruct, simulate};
 pub use scene::{Scene, Truth};
 pub use video::{Frame, Video};

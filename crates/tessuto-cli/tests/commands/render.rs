@@ -5,8 +5,8 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use tempfile::TempDir;
+use tessuto::Image;
 use tessuto::Positions;
-use tessuto::image::Image;
 use tessuto::io::hdr::write_exr;
 use tessuto::io::{image, npy};
 

@@ -87,7 +87,7 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
         level,
         what: "masks".into(),
         detail,
-        hint: hint.into(),
+        hint: Some(hint.into()),
     };
     let mut out = vec![sizes(scene, shapes)];
     // The frame with the largest cost, if that is beyond the limits.
@@ -155,7 +155,7 @@ fn sizes(scene: &Scene, shapes: &[MaskShape]) -> Finding {
         level: Level::Warning,
         what: "masks".into(),
         detail,
-        hint: hint.into(),
+        hint: Some(hint.into()),
     };
     if shares[high] > 0.9 {
         return doubt(detail, "masks this full are often inverted; white must be fabric");
@@ -168,7 +168,7 @@ fn sizes(scene: &Scene, shapes: &[MaskShape]) -> Finding {
             let jump = format!("{detail}; by over half in or out between frames {frame} and {}", frame + 1);
             doubt(jump, "look at these masks")
         }
-        None => Finding { level: Level::Ok, what: "masks".into(), detail, hint: String::new() },
+        None => Finding { level: Level::Ok, what: "masks".into(), detail, hint: None },
     }
 }
 

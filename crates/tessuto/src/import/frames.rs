@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::Settings;
 use super::pictures::{Colours, Stage};
 use super::video::Video;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image;
 
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -47,7 +47,8 @@ impl Source {
         let Some(fps) = settings.fps else {
             return Err(Error::usage(
                 "images do not tell their frame rate",
-                "add --fps, the frames per second of the recording (before --stride)",
+                Hint::from("give the frames per second of the recording, before frames are left out")
+                    .with(Remedy::Fps),
             ));
         };
         let pictures = list(input)?;
@@ -115,8 +116,8 @@ pub(super) fn choose(settings: &Settings, count: usize) -> Result<Vec<usize>> {
     let range: Range<usize> = settings.frames.clone().unwrap_or(0..count);
     if range.start >= range.end || range.end > count {
         return Err(Error::usage(
-            format!("--frames {}..{} of {count} frames", range.start, range.end),
-            format!("ask for frames A..B with 0 ≤ A < B ≤ {count}"),
+            format!("frames {}..{} of {count} frames", range.start, range.end),
+            Hint::from(format!("ask for frames A..B with 0 ≤ A < B ≤ {count}")).with(Remedy::Frames(None)),
         ));
     }
     Ok(range.step_by(settings.stride).collect())
@@ -214,15 +215,14 @@ fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> R
                 name(&pictures[k]),
                 name(&pictures[k + 1])
             ),
-            format!(
-                "add what is missing, take a part without gap (--frames 0..{}), or --allow-gaps if they are evenly spaced in time",
-                k + 1
-            ),
+            Hint::from("add what is missing, take a part without gap, or allow gaps if they are evenly spaced in time")
+                .with(Remedy::Frames(Some(0..k + 1)))
+                .with(Remedy::AllowGaps),
         ));
     }
     if step > 1 {
         notes.push(format!(
-            "images are numbered in steps of {step}; --fps must be the rate of the images that are there"
+            "images are numbered in steps of {step}; the frame rate must be that of the images that are there"
         ));
     }
     Ok(())

@@ -9,7 +9,7 @@ use super::frames::{Kind, Source, in_order, list, name, number};
 use super::pictures::{Colours, Stage};
 use super::video::Video;
 use super::{Masks, Settings};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io::image;
 
@@ -33,11 +33,13 @@ pub(super) fn write(
             in_order(files.collect::<Vec<_>>().into_par_iter(), |(k, path)| {
                 let mask = image::open(&path)?.alpha().ok_or_else(|| {
                     let hint =
-                        "give the masks with --masks, or write the frames as PNG with transparency (alpha)";
+                        Hint::from("write the frames as PNG with transparency (alpha), or give the masks")
+                            .with(Remedy::Masks);
                     Error::input(path.display().to_string(), "has no alpha channel", hint)
                 })?;
                 if mask.data.iter().all(|v| *v >= 0.5) {
-                    let hint = "make what is not fabric transparent, or give the masks with --masks";
+                    let hint = Hint::from("make what is not fabric transparent, or give the masks")
+                        .with(Remedy::Masks);
                     return Err(Error::input(path.display().to_string(), "is opaque everywhere", hint));
                 }
                 stage.mask(colours, k, &mask)
@@ -107,7 +109,7 @@ fn from_video(
         return Err(Error::input(
             path.display().to_string(),
             format!("holds {count} masks, but frame {} has none", wanted[written]),
-            "segment the whole video; one of variable frame rate is best made constant first: ffmpeg -i IN -vf fps=30 OUT.mp4; or take the part with masks: --frames A..B",
+            Hint::from("segment the whole video (one of variable frame rate is best made constant first: ffmpeg -i IN -vf fps=30 OUT.mp4), or take the part with masks").with(Remedy::Frames(None)),
         ));
     }
     if scaled.into_inner() {
@@ -158,12 +160,9 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
         names.push("…".into());
     }
     let hint = match longest(&found) {
-        Some(run) => format!(
-            "segment these frames too, or take the longest part that has masks: --frames {}..{}",
-            wanted[run.start],
-            wanted[run.end - 1] + 1
-        ),
-        None => "masks need the names of the frames, or the same numbers; white is fabric".to_owned(),
+        Some(run) => Hint::from("segment these frames too, or take the longest part that has masks")
+            .with(Remedy::Frames(Some(wanted[run.start]..wanted[run.end - 1] + 1))),
+        None => "masks need the names of the frames, or the same numbers; white is fabric".into(),
     };
     Err(Error::input(
         folder.display().to_string(),

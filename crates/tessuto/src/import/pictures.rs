@@ -33,7 +33,7 @@ impl Colours {
         let factor = settings.downscale;
         if size.iter().any(|n| n / factor < 2) {
             return Err(Error::usage(
-                format!("--downscale {factor} of frames of {}×{} pixels", size[0], size[1]),
+                format!("downscale {factor} of frames of {}×{} pixels", size[0], size[1]),
                 "leave 2 pixels or more in each direction",
             ));
         }

@@ -93,7 +93,7 @@ pub fn read_environment(path: &Path) -> Result<Image> {
 ///
 /// # Errors
 /// [`Error::Input`].
-pub fn check_environment(image: &Image, place: &str) -> Result<()> {
+pub(crate) fn check_environment(image: &Image, place: &str) -> Result<()> {
     let (width, height) = (image.width, image.height);
     if width != 2 * height || height == 0 {
         return Err(Error::input(

@@ -15,7 +15,7 @@ use crate::image::Image;
 use crate::io::{atomic_write, read_bounded};
 
 /// Largest width and height `[px]`.
-pub const MAX_SIDE: usize = 16_384;
+pub(crate) const MAX_SIDE: usize = 16_384;
 /// Largest file, and largest decoded image `[bytes]`.
 const MAX_BYTES: u64 = 256 << 20;
 
@@ -57,7 +57,7 @@ pub fn read_grey(path: &Path) -> Result<Image> {
 }
 
 /// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
-pub fn rgb8(image: &Image) -> ::image::RgbImage {
+pub(crate) fn rgb8(image: &Image) -> ::image::RgbImage {
     let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
     ::image::RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
 }
@@ -86,7 +86,7 @@ pub fn is_marked_png(path: &Path) -> bool {
 }
 
 /// The bytes of an 8-bit PNG of an image of 1 or 3 channels; values are clamped to [0, 1] and rounded.
-pub fn encode_png(image: &Image) -> Vec<u8> {
+pub(crate) fn encode_png(image: &Image) -> Vec<u8> {
     let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
     encode_png_bytes(&bytes, [image.width, image.height], image.channels)
 }

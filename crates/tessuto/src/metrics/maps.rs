@@ -153,7 +153,7 @@ fn pair(scene: &Scene, result: &Path, name: &str) -> Result<Option<(Image, Image
 }
 
 /// Which texels of a map of `width`×`height` the template uses, shape `[height · width]`; row 0 is v = 1.
-pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
+pub(crate) fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
     let mut covered = vec![false; width * height];
     // The corners of the image are the centres of its corner texels.
     let scale = glam::DVec2::new(width as f64 - 1.0, height as f64 - 1.0);

@@ -11,7 +11,7 @@ mod frame;
 pub mod maps;
 pub mod published;
 mod resample;
-pub mod similarity;
+pub(crate) mod similarity;
 pub mod surface;
 mod table;
 pub mod verdict;
@@ -29,7 +29,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::mesh::{Mesh, Motion, Positions};
 use crate::scene::{Scene, Truth};
 
@@ -222,7 +222,8 @@ fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()
             return Err(Error::input(
                 "motion",
                 format!("it has {} frames, {name} has {length}", motion.len()),
-                "evaluate a result of this scene, and of these frames (--frames A..B if it is a file of a part)",
+                Hint::from("evaluate a result of this scene, and of these frames; of a file of a part, take that part")
+                    .with(Remedy::Frames(None)),
             ));
         }
     }
@@ -238,7 +239,7 @@ fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()
             return Err(Error::input(
                 place,
                 "there are no points",
-                "choose frames that have points with --frames",
+                Hint::from("choose frames that have points").with(Remedy::Frames(None)),
             ));
         }
     }

@@ -19,7 +19,7 @@ pub fn base64(bytes: &[u8]) -> String {
 }
 
 /// base64 of numbers, least significant byte first.
-pub fn base64_of<T: bytemuck::NoUninit>(numbers: &[T]) -> String {
+pub(crate) fn base64_of<T: bytemuck::NoUninit>(numbers: &[T]) -> String {
     // The page reads little-endian arrays; so does every machine this is built for.
     const { assert!(cfg!(target_endian = "little")) };
     base64(bytemuck::cast_slice(numbers))

@@ -2,15 +2,15 @@
 //! self-contained page with the moving fabric, the video, numbers, curves and the command that repeats it.
 
 pub mod chart;
-pub mod colour;
+pub(crate) mod colour;
 pub mod embed;
 pub mod film;
 mod font;
 mod kind;
 mod legend;
 pub mod page;
-pub mod pictures;
-pub mod sheet;
+pub(crate) mod pictures;
+pub(crate) mod sheet;
 
 pub use chart::Chart;
 pub use embed::{Field, Motion, Surface};

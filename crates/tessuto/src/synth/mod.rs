@@ -1,17 +1,17 @@
 //! Synthetic scenes: a textured sheet, moved by wind or by hands or bent like paper, with things in front of it and motion
 //! blur if wanted, rendered and written as a scene folder with complete truth.
 
-pub mod gust;
-pub mod hands;
+pub(crate) mod gust;
+pub(crate) mod hands;
 pub mod lattice;
-pub mod occluder;
-pub mod paper;
-pub mod settings;
-pub mod shade;
-pub mod sheet;
-pub mod texture;
-pub mod trajectory;
-pub mod view;
+pub(crate) mod occluder;
+pub(crate) mod paper;
+pub(crate) mod settings;
+pub(crate) mod shade;
+pub(crate) mod sheet;
+pub(crate) mod texture;
+pub(crate) mod trajectory;
+pub(crate) mod view;
 pub mod write;
 
 use std::path::PathBuf;

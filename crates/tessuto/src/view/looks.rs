@@ -16,7 +16,7 @@ const AMBIENT: f32 = 0.2;
 const GREY: f32 = 0.6;
 
 /// The texture as it was seen in the first frame, without any new light: sRGB on black.
-pub fn draw_texture(
+pub(crate) fn draw_texture(
     rasterizer: &Rasterizer,
     camera: &Camera,
     positions: &Positions,
@@ -29,7 +29,7 @@ pub fn draw_texture(
 }
 
 /// A plain grey surface lit from the camera: sRGB on black.
-pub fn draw_shaded(
+pub(crate) fn draw_shaded(
     rasterizer: &Rasterizer,
     camera: &Camera,
     geometry: &Geometry,
@@ -49,7 +49,12 @@ pub fn draw_shaded(
 }
 
 /// Depth as a colour, the nearest of `range` `[m]` dark and the farthest bright, on black.
-pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, positions: &Positions, range: [f64; 2]) -> Image {
+pub(crate) fn draw_depth(
+    rasterizer: &Rasterizer,
+    camera: &Camera,
+    positions: &Positions,
+    range: [f64; 2],
+) -> Image {
     let mut rendering = Rendering::new();
     rasterizer.render(camera, positions, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
     let mut picture = Image::new(camera.width, camera.height, 3);
@@ -66,7 +71,7 @@ pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, positions: &Position
 }
 
 /// Least and largest z over all `shapes` `[m]`.
-pub fn depth_range(motion: &[Positions]) -> [f64; 2] {
+pub(crate) fn depth_range(motion: &[Positions]) -> [f64; 2] {
     let z = || motion.iter().flatten().map(|x: &DVec3| x.z);
     [z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max)]
 }

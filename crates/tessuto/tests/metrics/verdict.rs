@@ -1,12 +1,12 @@
 //! A result is called good or not for the right frames, in the files that it leaves; no truth is looked at.
 
 use glam::DVec3;
+use tessuto::Reconstruction;
 use tessuto::config::{Config, Preset};
 use tessuto::metrics::{Grade, Verdict};
 use tessuto::motion::parameters::Parameters;
 use tessuto::motion::texture::fit_texture;
 use tessuto::raster::{Rasterizer, Texture};
-use tessuto::reconstruct::Reconstruction;
 use tessuto::result::{self, Context, Folder, Run, Summary};
 use tessuto::session::Session;
 use tessuto::sim::Accelerations;

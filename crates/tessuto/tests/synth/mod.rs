@@ -1,9 +1,11 @@
 //! Made-up scenes: the same for the same settings, in view, and what each kind of them promises.
 
-use tessuto::synth::trajectory::STEP;
+use tessuto::Frame;
 use tessuto::synth::{Mover, Settings, film, make, write};
-use tessuto::video::Frame;
 use tessuto::{Positions, Scene};
+
+/// Longest step of the simulation `[s]`.
+const STEP: f64 = 5e-3;
 
 fn settings() -> Settings {
     Settings { frames: 4, size: 64, grid: [7, 7], ..Settings::default() }

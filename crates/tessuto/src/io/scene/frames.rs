@@ -10,9 +10,8 @@ use rayon::prelude::*;
 
 use super::listing::numbered;
 use super::manifest::Manifest;
-use super::warning;
 use crate::camera::Rect;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::image::Image;
 use crate::io::image;
 use crate::video::{Frame, PIXEL_BYTES, Video};
@@ -55,7 +54,7 @@ pub(crate) fn read(
     manifest: &Manifest,
     range: Range<usize>,
     held_bytes: usize,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<(Rect, Video)> {
     let camera = manifest.camera();
     let size = [camera.width, camera.height];
@@ -92,10 +91,11 @@ pub(crate) fn read(
     let mean = sum / f64::from(count.max(1) as u32);
     let filmed_background = mean > 1.0 / 255.0;
     if filmed_background {
-        warnings.push(format!(
-            "background: outside the masks the frames are not black (mean {:.1} of 255), and were made so",
+        let found = format!(
+            "outside the masks the frames are not black (mean {:.1} of 255), and were made so",
             mean * 255.0
-        ));
+        );
+        warnings.push(Warning { topic: "background".into(), found, hint: None });
     }
     let finished = move |mut frame: Frame| {
         if filmed_background {
@@ -132,7 +132,8 @@ fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mas
             format!(
                 "the mask is empty{part}: its brightest value is {brightest:.0} of 255, fabric is 128 or more"
             ),
-            "correct the mask (white = fabric), or leave such frames out with --frames A..B",
+            Hint::from("correct the mask (white = fabric), or leave such frames out")
+                .with(Remedy::Frames(None)),
         ));
     };
     let notes = std::mem::take(&mut picture.notes);
@@ -288,14 +289,14 @@ fn check_memory(crop: Rect) -> Result<()> {
             bytes as f64 / f64::from(1 << 30),
             MAX_FRAME_BYTES >> 30
         ),
-        "make the crop smaller, or scale images and camera down (tessuto import --downscale)",
+        Hint::from("make the crop smaller, or scale images and camera down").with(Remedy::Downscale),
     ))
 }
 
 /// One warning for each kind of note, with its count and first frame.
 fn notes_as_warnings<'a>(
     notes: impl Iterator<Item = (usize, &'a Vec<&'static str>, &'a Vec<&'static str>)>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) {
     let mut seen: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
     for (frame, of_mask, of_colour) in notes {
@@ -306,7 +307,11 @@ fn notes_as_warnings<'a>(
     }
     for ((topic, note), (first, count)) in seen {
         let found = format!("{note} (in {count} files, first in frame {first})");
-        warnings.push(warning(topic, &found, "look at the image of tessuto check --picture FILE.png"));
+        warnings.push(Warning::new(
+            topic,
+            found,
+            Hint::from("look at the masks' outlines").with(Remedy::Check),
+        ));
     }
 }
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{inside, warning};
-use crate::error::{Error, Result};
+use super::inside;
+use crate::error::{Error, Hint, Remedy, Result, Warning};
 
 /// The files `sub`/`prefix`N.`ending` for every N of `range`, any zero padding. A missing or twofold
 /// number is an error; files numbered `n_frames` or more give a warning.
@@ -15,7 +15,7 @@ pub(crate) fn numbered(
     prefix: &str,
     endings: &[&str],
     (range, n_frames): (Range<usize>, usize),
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Vec<PathBuf>> {
     let directory = folder.join(sub);
     let mut found = scan(folder, &directory, prefix, endings)?;
@@ -26,7 +26,7 @@ pub(crate) fn numbered(
             surplus.len(),
             show(first)
         );
-        warnings.push(warning("frames", &text, "raise n_frames in scene.json, or remove them"));
+        warnings.push(Warning::new("frames", text, "raise n_frames in scene.json, or remove them"));
     }
     let missing: Vec<usize> = range.clone().filter(|n| !found.contains_key(n)).collect();
     if !missing.is_empty() {
@@ -38,7 +38,10 @@ pub(crate) fn numbered(
         return Err(Error::input(
             directory.display().to_string(),
             format!("{} of {} files are missing: {}", missing.len(), range.len(), names.join(", ")),
-            "add them, or correct n_frames in scene.json (frames are numbered from 0); --frames A..B uses a part",
+            Hint::from(
+                "add them, or correct n_frames in scene.json (frames are numbered from 0), or take a part",
+            )
+            .with(Remedy::Frames(None)),
         ));
     }
     range.map(|n| inside(folder, &found[&n])).collect()
