@@ -178,6 +178,29 @@ fn a_made_up_scene_has_no_findings() {
 }
 
 #[test]
+fn synth_makes_every_kind_of_scene_and_refuses_what_does_not_go_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = ["--frames", "2", "--size", "64", "--grid", "5x5", "--fps", "10"];
+    let synth = |name: &str, options: &[&str]| {
+        let out = folder.path().join(name);
+        succeed(&[&["synth", text(&out)], &small[..], options].concat());
+        std::fs::read_to_string(out.join("scene.json")).unwrap()
+    };
+    let notes = synth("hands", &["--hands", "--blur"]);
+    assert!(notes.contains("\"mover\": \"hands\"") && notes.contains("\"blur\": 0.5"), "{notes}");
+    assert!(notes.contains("\"wind\": 2.0") && notes.contains("\"fps\": 10.0"), "{notes}");
+    assert!(folder.path().join("hands/gt/physics.json").is_file());
+    let notes = synth("paper", &["--paper", "--occluders=2", "--amodal"]);
+    assert!(notes.contains("\"occluders\": 2") && notes.contains("\"amodal\": true"), "{notes}");
+    assert!(!folder.path().join("paper/gt/physics.json").exists());
+    let out = folder.path().join("none");
+    for wrong in [&["--paper", "--hands"][..], &["--paper", "--wind", "3"], &["--amodal"], &["--blur=2"]] {
+        fail(2, &[&["synth", text(&out)], wrong].concat());
+        assert!(!out.exists(), "{wrong:?}");
+    }
+}
+
+#[test]
 fn wrong_setting_is_a_usage_error_that_names_the_nearest() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("result");
