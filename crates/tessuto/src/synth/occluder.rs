@@ -88,7 +88,7 @@ impl Occluder {
         }
     }
 
-    /// Middle [m], relative to the sheet's, and direction of its +y axis, `time` `[s]` after the first frame.
+    /// Middle `[m]`, relative to the sheet's, and direction of its +y axis, `time` `[s]` after the first frame.
     pub fn place(&self, time: f64) -> (DVec2, DVec2) {
         let wave = |(frequency, phase): (f64, f64)| (TAU * (frequency * time + phase)).sin();
         let there = DVec2::new(wave(self.roam[0]), wave(self.roam[1])) * (ROAM * self.behind.area.sqrt());
