@@ -136,6 +136,9 @@ pub fn tell(outcome: &Outcome, out: &Path) {
                 say!("{:<16} {value:.4e} {}", quantity.key, quantity.unit);
             }
         }
+        if let Some(part) = evaluation.partial_truth() {
+            say!("{part}");
+        }
     }
     if let Some(psnr) = outcome.rerendered_psnr {
         tell_appearance(psnr, &outcome.timings);

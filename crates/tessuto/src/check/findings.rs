@@ -215,11 +215,23 @@ fn uv(scene: &Scene) -> Finding {
 }
 
 fn truth(scene: &Scene) -> Finding {
-    let detail = match (&scene.truth.points, &scene.truth.vertices) {
-        (Some(_), Some(_)) => "measured points and true vertices",
-        (Some(_), None) => "measured points",
-        (None, Some(_)) => "true vertices",
-        (None, None) => "none; results cannot be evaluated, only compared with the video",
+    let (truth, count) = (&scene.truth, scene.frames.len());
+    let of_frames =
+        |with: usize| if with < count { format!(" in {with} of {count} frames") } else { String::new() };
+    let with_points = (0..count).filter(|k| truth.points_in(*k).is_some()).count();
+    let found = [
+        (with_points > 0).then(|| format!("measured points{}", of_frames(with_points))),
+        truth.vertices.as_ref().map(|_| "true vertices".to_owned()),
+        truth
+            .tracks
+            .as_ref()
+            .map(|t| format!("{} tracked points{}", t.vertices.len(), of_frames(t.points.len()))),
+    ];
+    let found: Vec<String> = found.into_iter().flatten().collect();
+    let detail = match &found[..] {
+        [] => "none; results cannot be evaluated, only compared with the video".to_owned(),
+        [rest @ .., last] if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => found.concat(),
     };
-    ok("truth", detail.into())
+    ok("truth", detail)
 }

@@ -104,6 +104,7 @@ fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Ve
         number("silhouette", silhouette, 100.0, "%"),
         number("colours, PSNR", lit.or(textured), 1.0, "dB"),
         number("from the true vertices", mean.vertex, 1e3, "mm"),
+        number("from the tracked points", mean.track, 1e3, "mm"),
         number("from the measured depth", mean.depth, 1e3, "mm"),
         number("strain, 99 of 100 threads", strain, 100.0, "%"),
         number("Chamfer distance", mean.cd1, 1e3, "mm"),

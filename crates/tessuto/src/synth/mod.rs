@@ -102,7 +102,7 @@ fn scene(settings: &Settings, picture: impl Fn(View) -> Frame + Send + Sync + 's
         first_frame: 0,
         template,
         frames,
-        truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?) },
+        truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?), tracks: None },
     })
 }
 

@@ -111,6 +111,25 @@ fn a_run_announces_its_stages_and_leaves_a_whole_folder() {
 }
 
 #[test]
+fn a_run_measures_the_frames_of_which_something_is_known() {
+    let folder: TempDir = tempfile::tempdir().unwrap();
+    let (scene, out) = (scene(folder.path()), folder.path().join("result"));
+    std::fs::remove_file(scene.join("gt/vertices.npy")).unwrap();
+    std::fs::remove_file(scene.join("gt/points/points_001.npy")).unwrap();
+    let options = RunOptions { appearance: false, ..options() };
+    let evaluation = run::run(&scene, &out, &options, &mut Silent).unwrap().evaluation.unwrap();
+    assert_eq!(evaluation.frames.iter().map(|f| f.frame).collect::<Vec<_>>(), [0, 2]);
+    assert_eq!(evaluation.frames_without_truth, 1);
+    let read = tessuto::result::read_metrics(&out).unwrap().unwrap();
+    assert_eq!((read.mean, read.frames_without_truth), (evaluation.mean, 1));
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("depth difference, in 2 of 3 frames"));
+    // Nothing at all is known of a part of the frames.
+    let none = RunOptions { frames: Some(1..2), replace: true, ..options };
+    assert!(run::run(&scene, &out, &none, &mut Silent).unwrap().evaluation.is_none());
+}
+
+#[test]
 fn an_observer_ends_a_run_and_nothing_is_left() {
     let folder = tempfile::tempdir().unwrap();
     let (scene, out) = (scene(folder.path()), folder.path().join("result"));

@@ -47,6 +47,41 @@ pub(crate) fn numbered(
     range.map(|n| inside(folder, &found[&n])).collect()
 }
 
+/// The files of the form of [`numbered`] with a number of `range`, of which some may be missing. None at all, or missing ones
+/// together with some numbered `n_frames` or more, are an error: they are numbered otherwise.
+pub(crate) fn some_numbered(
+    folder: &Path,
+    sub: &str,
+    prefix: &str,
+    endings: &[&str],
+    (range, n_frames): (Range<usize>, usize),
+) -> Result<BTreeMap<usize, PathBuf>> {
+    let directory = folder.join(sub);
+    let mut found = scan(folder, &directory, prefix, endings)?;
+    let surplus = found.split_off(&n_frames);
+    let fail =
+        |problem: String, hint: String| Err(Error::input(directory.display().to_string(), problem, hint));
+    let example = format!("{prefix}000.{}", endings[0]);
+    if found.is_empty() && surplus.is_empty() {
+        let hint = format!("name the files {example} …, by the frames they belong to, or remove the folder");
+        return fail(format!("it has no file like {example}"), hint);
+    }
+    if let (Some(beyond), Some(missing)) =
+        (surplus.values().next(), (0..n_frames).find(|n| !found.contains_key(n)))
+    {
+        return fail(
+            format!(
+                "{} is beyond n_frames = {n_frames}, while {prefix}{missing:03}.{} is missing",
+                show(beyond),
+                endings[0]
+            ),
+            "number the files by the frames they belong to, from 0".to_owned(),
+        );
+    }
+    let wanted = found.into_iter().filter(|(n, _)| range.contains(n));
+    wanted.map(|(n, path)| Ok((n, inside(folder, &path)?))).collect()
+}
+
 /// Path by number of every file of this name form.
 fn scan(folder: &Path, directory: &Path, prefix: &str, endings: &[&str]) -> Result<BTreeMap<usize, PathBuf>> {
     let example = format!("{prefix}000.{}", endings[0]);

@@ -4,7 +4,7 @@
 //! scene.json             name, fps, n_frames, width, height, fx, fy, cx, cy; crop, units, notes if wanted
 //! template.obj           polygons of the fabric in frame 0, camera coordinates, with uv
 //! rgbs/rgb_000.png …     masks/mask_000.png …   (or .jpg, .jpeg; any zero padding)
-//! gt/points/points_000.npy …   gt/vertices.npy  (truth, where known)
+//! gt/points/points_000.npy …   gt/vertices.npy   gt/tracks.npz  (truth, where known)
 //! ```
 
 mod first_frame;
@@ -12,6 +12,7 @@ mod frames;
 mod listing;
 mod manifest;
 pub(crate) mod template;
+mod tracks;
 mod truth;
 
 use std::ops::Range;
