@@ -126,7 +126,7 @@ impl DynamicsSettings {
                 Some(format!("{name} at its {bound} bound ({value} {unit})"))
             })
             .collect();
-        let hint = "stiffness and forces are effective values of the replay, not the fabric's";
+        let hint = "these are effective values of the replay, not properties of the fabric";
         (!found.is_empty()).then(|| Warning::new("stiffness", found.join(", "), hint))
     }
 }
