@@ -9,6 +9,7 @@ use tessuto::run::{Observer, Outcome, Stage};
 use tessuto::session::{self, Epoch};
 use tessuto::{Image, Positions, Result, Scene, io};
 
+use crate::findings::wrapped;
 use crate::live::{Live, Server};
 use crate::progress::Progress;
 use crate::record::Recorder;
@@ -144,8 +145,8 @@ pub fn tell(outcome: &Outcome, out: &Path) {
         tell_appearance(psnr, &outcome.timings);
     }
     match (outcome.summary.doubt(), &outcome.summary.verdict) {
-        (Some(doubt), _) => aside!("warning: the result is {doubt}"),
-        (None, Some(verdict)) => say!("{}", verdict.sentence),
+        (Some(doubt), _) => aside!("{}", wrapped(&format!("warning: the result is {doubt}"))),
+        (None, Some(verdict)) => say!("{}", wrapped(&verdict.sentence)),
         (None, None) => {}
     }
     say!("{}", out.display());

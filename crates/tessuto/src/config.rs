@@ -126,8 +126,7 @@ impl DynamicsSettings {
                 Some(format!("{name} at its {bound} bound ({value} {unit})"))
             })
             .collect();
-        let hint =
-            "read stiffness and forces as effective values of the replay, not as properties of the fabric";
+        let hint = "these are effective values of the replay, not properties of the fabric";
         (!found.is_empty()).then(|| Warning::new("stiffness", found.join(", "), hint))
     }
 }

@@ -13,13 +13,36 @@ pub(crate) fn edits(a: &str, b: &str) -> usize {
     strsim::levenshtein(&a.to_lowercase(), &b.to_lowercase())
 }
 
-/// The key of `known` that was probably meant by `key`: the one with the fewest edits to it, or to its part after the
-/// last dot; `None` if no key is close.
+/// Words for what has another name here.
+const SYNONYMS: [(&str, &str); 5] = [
+    ("contour", "outline"),
+    ("curvature", "signed_bend"),
+    ("color", "colour"),
+    ("lr", "learning_rate"),
+    ("resolution", "size"),
+];
+
+/// The key of `known` that was probably meant by `key`: the one with the fewest edits to it, or between their parts after
+/// the last dot, whatever stands before them; `None` if no key is close.
 pub(crate) fn nearest_key<'a>(key: &str, known: &'a [String]) -> Option<&'a str> {
-    let last = |k: &'a str| k.rsplit('.').next().unwrap_or(k);
-    let distance = |k: &&'a str| edits(key, k).min(edits(key, last(k)));
-    let best = known.iter().map(String::as_str).min_by_key(distance)?;
-    (distance(&best) <= CLOSE).then_some(best)
+    let (section, last) = key.rsplit_once('.').unwrap_or(("", key));
+    let last = SYNONYMS.iter().find(|(word, _)| *word == last).map_or(last, |(_, name)| name);
+    // A third of a word, or it is another one; of two equal words, the one of the section that was named.
+    let close = (last.chars().count() / 3).min(CLOSE);
+    let distance = |k: &&'a str| {
+        let (own_section, own_last) = k.rsplit_once('.').unwrap_or(("", k));
+        let of_last = edits(last, own_last);
+        let whole = Some(edits(key, k)).filter(|d| *d <= CLOSE);
+        let part = Some(of_last).filter(|d| *d <= close);
+        let best = [whole, part].into_iter().flatten().min();
+        best.map(|d| (d.min(of_last), edits(section, own_section)))
+    };
+    known
+        .iter()
+        .map(String::as_str)
+        .filter_map(|k| Some((distance(&k)?, k)))
+        .min_by_key(|(d, _)| *d)
+        .map(|(_, k)| k)
 }
 
 /// Lower-case hexadecimal.
@@ -82,6 +105,21 @@ mod tests {
         assert_eq!(nearest_key("texture.epoch", &known), Some("texture.epochs"));
         assert_eq!(nearest_key("Energi", &known), Some("rollout.weights.energy"));
         assert_eq!(nearest_key("viscosity", &known), None);
+        let known = [
+            "texture.size",
+            "spacetime.outline",
+            "spacetime.colour",
+            "spacetime.signed_bend",
+            "rollout.weights.colour",
+        ]
+        .map(str::to_owned);
+        // Another section, another word.
+        assert_eq!(nearest_key("trajectory.outline", &known), Some("spacetime.outline"));
+        assert_eq!(nearest_key("trajectory.curvature", &known), Some("spacetime.signed_bend"));
+        assert_eq!(nearest_key("spacetime.contour", &known), Some("spacetime.outline"));
+        assert_eq!(nearest_key("spacetime.color", &known), Some("spacetime.colour"));
+        assert_eq!(nearest_key("rollout.color", &known), Some("rollout.weights.colour"));
+        assert_eq!(nearest_key("spacetime.wool", &known), None);
         assert_eq!(edits(&"x".repeat(1 << 20), "fps"), LONGEST);
     }
 

@@ -78,7 +78,7 @@ impl Paper {
         }
     }
 
-    /// Positions [m] of the points `flat` [m] of the sheet, from its middle, `time` `[s]` after the first frame.
+    /// Positions `[m]` of the points `flat` `[m]` of the sheet, from its middle, `time` `[s]` after the first frame.
     pub fn shape(&self, flat: &[DVec2], time: f64) -> Positions {
         let s = (time / RISE).clamp(0.0, 1.0);
         let rise = s * s * (3.0 - 2.0 * s);

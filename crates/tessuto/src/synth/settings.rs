@@ -18,7 +18,7 @@ pub enum Mover {
     Paper,
 }
 
-/// What to make.
+/// What to make. More fields will come: end a value of it with `..Default::default()`.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct Settings {
     /// Frames N, at least 2.

@@ -31,9 +31,9 @@ impl Clock {
 pub struct Trajectory {
     /// The sheet; its positions are no part of the motion.
     pub mesh: Mesh,
-    /// Shape [V] at every frame.
+    /// Shape `[V]` at every frame.
     pub frames: Vec<Positions>,
-    /// Shape [V] at every step of the clock; empty if nobody asks for shapes between the frames.
+    /// Shape `[V]` at every step of the clock; empty if nobody asks for shapes between the frames.
     pub steps: Vec<Positions>,
     /// When they are.
     pub clock: Clock,

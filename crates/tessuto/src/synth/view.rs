@@ -37,7 +37,7 @@ pub struct View {
     pub frame: Frame,
     /// What the camera recorded: occluders keep their colour where they are in front of nothing. `None` if it is the same.
     pub filmed: Option<Image>,
-    /// Points [m] that a depth sensor at the camera would see of the sheet.
+    /// Points `[m]` that a depth sensor at the camera would see of the sheet.
     pub points: Vec<DVec3>,
 }
 
