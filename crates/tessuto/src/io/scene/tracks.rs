@@ -44,15 +44,15 @@ pub(super) fn read(
     })?;
     let file = File { path: &path, entries };
     let vertex_count = template.map(|t| t.positions.len());
-    let (vertices, weights) = places(&file, vertex_count)?;
+    let tracks = places(&file, vertex_count)?;
     let frames = frames(&file, manifest.n_frames)?;
-    let positions = positions(&file, [frames.len(), vertices.len()])?;
+    let positions = positions(&file, [frames.len(), tracks.vertices.len()])?;
     let scale = manifest.units.scale();
-    let rows = frames.into_iter().zip(positions.chunks_exact(vertices.len()));
+    let rows = frames.into_iter().zip(positions.chunks_exact(tracks.vertices.len()));
     let inside_range = rows.filter(|(n, _)| range.contains(n));
     let points: BTreeMap<usize, Vec<DVec3>> =
         inside_range.map(|(n, row)| (n - range.start, row.iter().map(|p| *p * scale).collect())).collect();
-    Ok(Some(Tracks { vertices, weights, points }))
+    Ok(Some(Tracks { points, ..tracks }))
 }
 
 /// The archive's arrays by name.
@@ -93,11 +93,11 @@ impl File<'_> {
     }
 }
 
-/// Vertices and weights of every point, shape [P] each.
-fn places(file: &File, vertex_count: Option<usize>) -> Result<(Vec<[u32; 4]>, Vec<[f64; 4]>)> {
+/// The tracks without their measured positions.
+fn places(file: &File, vertex_count: Option<usize>) -> Result<Tracks> {
     let vertices = file.array("vertices", "P, 4")?;
     let weights = file.array("weights", &format!("{}, 4", vertices.shape[0]))?;
-    let mut places = (Vec::new(), Vec::new());
+    let mut tracks = Tracks::default();
     let rows = vertices.data.as_chunks::<4>().0.iter().zip(weights.data.as_chunks::<4>().0);
     for (p, (corners, weights)) in rows.enumerate() {
         let sum: f64 = weights.iter().sum();
@@ -123,10 +123,10 @@ fn places(file: &File, vertex_count: Option<usize>) -> Result<(Vec<[u32; 4]>, Ve
             }
             row[k] = corner as u32;
         }
-        places.0.push(row);
-        places.1.push(*weights);
+        tracks.vertices.push(row);
+        tracks.weights.push(*weights);
     }
-    Ok(places)
+    Ok(tracks)
 }
 
 /// Numbers of the frames, each once.
