@@ -68,7 +68,8 @@ pub fn read(file: &[u8]) -> Result<Vec<(String, Vec<u8>)>, String> {
         let name = file.get(at + 46..at + 46 + name_length).ok_or("its directory is damaged")?;
         let name = String::from_utf8_lossy(name).into_owned();
         at += 46 + name_length + behind;
-        let fail = |problem: &str| format!("its entry {name:?} {problem}");
+        let shown: String = name.chars().take(60).collect();
+        let fail = |problem: &str| format!("its entry {shown:?} {problem}");
         total += size;
         if total > MAX_BYTES {
             return Err(fail(&format!("makes it larger than the {MAX_BYTES} bytes that are read")));

@@ -69,8 +69,9 @@ impl File<'_> {
     fn array(&self, name: &str, form: &str) -> Result<Array> {
         let file_name = format!("{name}.npy");
         let Some((_, bytes)) = self.entries.iter().find(|(entry, _)| *entry == file_name) else {
-            let names: Vec<&str> =
-                self.entries.iter().take(10).map(|(entry, _)| entry.trim_end_matches(".npy")).collect();
+            let shown =
+                |(entry, _): &(String, Vec<u8>)| entry.trim_end_matches(".npy").chars().take(30).collect();
+            let names: Vec<String> = self.entries.iter().take(10).map(shown).collect();
             let problem = format!("is missing; the file has {}", names.join(", "));
             return Err(self.error(name, problem, "add frames, vertices, weights and points to the archive"));
         };
