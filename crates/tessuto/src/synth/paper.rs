@@ -25,6 +25,8 @@ use crate::mesh::Positions;
 const CURVATURE: f64 = 6.5;
 /// Largest 1/D [1/m]; the apex stays off the sheet, whose corners are 0.354 m from its middle.
 const APEX: f64 = 0.7;
+/// Most that the sheet bends along one edge of its mesh `[rad]`, or else a coarse mesh could not show its shape.
+const EDGE_BEND: f64 = 0.6;
 /// The sheet starts to bend and to move within this time `[s]`.
 const RISE: f64 = 0.25;
 /// Steps along σ to each vertex; the frame is of fourth order in them.
@@ -78,6 +80,12 @@ impl Paper {
         }
     }
 
+    /// Bent less if the mesh's longest edge, of `length` `[m]`, asks for it.
+    fn limited(mut self, length: f64) -> Self {
+        self.curvature.0 *= (EDGE_BEND / (length * largest_curvature())).min(1.0);
+        self
+    }
+
     /// Positions `[m]` of the points `flat` `[m]` of the sheet, from its middle, `time` `[s]` after the first frame.
     pub fn shape(&self, flat: &[DVec2], time: f64) -> Positions {
         let s = (time / RISE).clamp(0.0, 1.0);
@@ -124,12 +132,19 @@ impl Paper {
     }
 }
 
+/// Largest curvature anywhere [1/m]: at the corner nearest to the apex the rulings are closer together.
+fn largest_curvature() -> f64 {
+    CURVATURE / (1.0 - APEX * 0.5 * SIZE.length())
+}
+
 /// The sheet and its motion.
 pub fn bend(settings: &Settings) -> Trajectory {
     let mesh = lattice(settings.mesh, settings.grid, SIZE, sheet::depth(Mover::Paper), settings.seed);
     let flat: Vec<DVec2> = mesh.positions.iter().map(|p| p.truncate()).collect();
     let clock = Clock::new(settings.frames, settings.fps, settings.blur);
-    let paper = Paper::new(settings.seed);
+    let length = |[a, b]: [u32; 2]| flat[a as usize].distance(flat[b as usize]);
+    let longest = mesh.edges().into_iter().map(length).fold(0.0, f64::max);
+    let paper = Paper::new(settings.seed).limited(longest);
     let shapes = (0..=clock.steps).map(|k| {
         // Without anything between the frames, only theirs are worth the work.
         let wanted = settings.blur > 0.0 || k % clock.per_frame == 0;
@@ -149,11 +164,7 @@ pub fn bend(settings: &Settings) -> Trajectory {
 mod tests {
     use super::*;
     use crate::mesh::grid;
-
-    /// Largest κ anywhere: at the corner nearest to the apex the rulings are closer together.
-    fn largest_curvature() -> f64 {
-        CURVATURE / (1.0 - APEX * 0.5 * SIZE.length())
-    }
+    use crate::synth::lattice::MeshKind;
 
     #[test]
     fn it_starts_flat_and_keeps_its_lengths_but_for_the_chords_of_the_bend() {
@@ -197,5 +208,27 @@ mod tests {
             let ratio = missing(20) / missing(80);
             assert!((ratio - 16.0).abs() < 0.5, "seed {seed}: {ratio}");
         }
+    }
+
+    #[test]
+    fn coarse_meshes_are_bent_less_and_fine_ones_as_much_as_they_are() {
+        for seed in 0..8 {
+            let shortest = |grid: [usize; 2]| {
+                let (mesh, mover) = (MeshKind::Irregular, Mover::Paper);
+                let settings = Settings { grid, seed, mesh, mover, fps: 20.0, ..Settings::default() };
+                let Trajectory { mesh, frames, .. } = bend(&settings);
+                let ratio = |x: &Positions, [a, b]: [u32; 2]| {
+                    let length = |x: &Positions| x[a as usize].distance(x[b as usize]);
+                    length(x) / length(&frames[0])
+                };
+                let of = |x: &Positions| mesh.edges().into_iter().map(|e| ratio(x, e)).fold(1.0, f64::min);
+                frames.iter().map(of).fold(1.0, f64::min)
+            };
+            for grid in [[3, 3], [3, 9], [6, 4], [12, 5]] {
+                assert!(1.0 - shortest(grid) <= EDGE_BEND * EDGE_BEND / 24.0, "seed {seed}, {grid:?}");
+            }
+        }
+        let unlimited = Paper::new(1);
+        assert_eq!(unlimited.clone().limited(0.5 / 20.0).curvature.0, unlimited.curvature.0);
     }
 }
