@@ -40,7 +40,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let started = Instant::now();
     let (scene, result) = (arguments.out.join("scene"), arguments.out.join("result"));
-    let settings = Settings { seed: arguments.seed, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.seed = arguments.seed);
     let [columns, rows] = settings.grid;
     say!(
         "1. a cloth of {columns}×{rows} vertices in a gust of wind, {} frames of {}×{} px",

@@ -86,33 +86,37 @@ enum Kind {
     Irregular,
 }
 
-/// Runs the command.
-pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let settings = Settings {
-        frames: arguments.frames,
-        fps: arguments.fps,
-        size: arguments.size,
-        grid: arguments.grid,
-        mesh: match arguments.mesh {
+impl Arguments {
+    fn put_into(&self, s: &mut Settings) {
+        s.frames = self.frames;
+        s.fps = self.fps;
+        s.size = self.size;
+        s.grid = self.grid;
+        s.mesh = match self.mesh {
             Kind::Quads => MeshKind::Quads,
             Kind::Triangles => MeshKind::Triangles,
             Kind::Irregular => MeshKind::Irregular,
-        },
-        wind: arguments.wind.unwrap_or(if arguments.hands { HANDS_WIND } else { Settings::default().wind }),
-        stretch: arguments.stretch,
-        bend: arguments.bend,
-        shear: arguments.shear,
-        shading: arguments.shading,
-        seed: arguments.seed,
-        mover: match (arguments.hands, arguments.paper) {
+        };
+        s.wind = self.wind.unwrap_or(if self.hands { HANDS_WIND } else { s.wind });
+        s.stretch = self.stretch;
+        s.bend = self.bend;
+        s.shear = self.shear;
+        s.shading = self.shading;
+        s.seed = self.seed;
+        s.mover = match (self.hands, self.paper) {
             (true, _) => Mover::Hands,
             (_, true) => Mover::Paper,
             _ => Mover::Wind,
-        },
-        occluders: arguments.occluders.unwrap_or(0),
-        amodal: arguments.amodal,
-        blur: arguments.blur.unwrap_or(0.0),
-    };
+        };
+        s.occluders = self.occluders.unwrap_or(0);
+        s.amodal = self.amodal;
+        s.blur = self.blur.unwrap_or(0.0);
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let settings = Settings::default().with(|s| arguments.put_into(s));
     synth_into(&arguments.out, &settings, arguments.force)?;
     say!("{}", arguments.out.display());
     Ok(())

@@ -11,7 +11,11 @@
 //! use tessuto::{Config, reconstruct, synth};
 //!
 //! // A small scene with known truth; scenes on disk come from `tessuto::io::scene::load`.
-//! let settings = synth::Settings { frames: 3, size: 64, grid: [5, 5], ..Default::default() };
+//! let settings = synth::Settings::default().with(|s| {
+//!     s.frames = 3;
+//!     s.size = 64; // px
+//!     s.grid = [5, 5]; // vertices
+//! });
 //! let scene = synth::make(&settings)?;
 //!
 //! let mut config = Config::preset(Preset::Default);

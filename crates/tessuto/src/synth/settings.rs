@@ -18,8 +18,9 @@ pub enum Mover {
     Paper,
 }
 
-/// What to make. More fields will come: end a value of it with `..Default::default()`.
+/// What to make; begin with the defaults and change them [`with`](Settings::with).
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
+#[non_exhaustive]
 pub struct Settings {
     /// Frames N, at least 2.
     pub frames: usize,
@@ -85,6 +86,20 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// These settings after `change`.
+    ///
+    /// ```
+    /// use tessuto::synth::Settings;
+    ///
+    /// let short = Settings::default().with(|s| s.frames = 6);
+    /// assert_eq!((short.frames, short.fps), (6, Settings::default().fps));
+    /// ```
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut Self)) -> Self {
+        change(&mut self);
+        self
+    }
+
     /// Checks the ranges.
     ///
     /// # Errors

@@ -18,14 +18,10 @@ const HALF: usize = 6;
 
 /// A made-up scene without its truth, its true motion and its print as the first frame shows it.
 fn scene() -> (Scene, Vec<Vec<DVec3>>, Texture) {
-    let settings = synth::Settings {
-        frames: FRAMES,
-        size: 160,
-        grid: [13, 13],
-        seed: 2,
-        wind: 20.0,
-        ..synth::Settings::default()
-    };
+    let settings = synth::Settings::default().with(|s| {
+        (s.frames, s.size, s.grid) = (FRAMES, 160, [13, 13]);
+        (s.seed, s.wind) = (2, 20.0);
+    });
     let mut scene = synth::make(&settings).unwrap();
     let motion = std::mem::take(&mut scene.truth).vertices.unwrap().into_frames();
     let mut config = Config::preset(Preset::Default);

@@ -51,7 +51,7 @@ impl Observer for Heard {
 }
 
 fn scene(folder: &Path) -> std::path::PathBuf {
-    let settings = Settings { frames: 3, grid: [5, 5], size: 48, ..Settings::default() };
+    let settings = Settings::default().with(|s| (s.frames, s.grid, s.size) = (3, [5, 5], 48));
     let path = folder.join("scene");
     std::fs::create_dir(&path).unwrap();
     synth::write::write(&path, &synth::make(&settings).unwrap(), &settings).unwrap();

@@ -8,7 +8,7 @@ use tessuto::{Positions, Scene};
 const STEP: f64 = 5e-3;
 
 fn settings() -> Settings {
-    Settings { frames: 4, size: 64, grid: [7, 7], ..Settings::default() }
+    Settings::default().with(|s| (s.frames, s.size, s.grid) = (4, 64, [7, 7]))
 }
 
 fn frame(scene: &Scene, n: usize) -> Frame {
@@ -40,10 +40,10 @@ fn the_same_settings_write_the_same_bytes_with_any_number_of_threads() {
             .collect()
     };
     for mover in [Mover::Wind, Mover::Hands, Mover::Paper] {
-        let settings = Settings { mover, occluders: 2, blur: 0.7, fps: 12.0, ..settings() };
+        let settings = settings().with(|s| (s.mover, s.occluders, s.blur, s.fps) = (mover, 2, 0.7, 12.0));
         let one: Vec<Vec<u8>> = files(&settings, 1);
         assert!(one == files(&settings, 3), "{mover:?}");
-        let other = files(&Settings { seed: 1, ..settings.clone() }, 1);
+        let other = files(&settings.clone().with(|s| s.seed = 1), 1);
         assert!(one[4] != other[4] && one[2] != other[2], "{mover:?}: the seed does not matter");
     }
 }
@@ -53,7 +53,10 @@ fn the_sheet_moves_and_stays_in_view() {
     for mover in [Mover::Wind, Mover::Hands, Mover::Paper] {
         for seed in 0..6 {
             let fps = if mover == Mover::Wind { 50.0 } else { 10.0 };
-            let settings = Settings { mover, seed, fps, wind: 4.0, frames: 10, size: 32, ..settings() };
+            let settings = settings().with(|s| {
+                (s.mover, s.seed, s.fps) = (mover, seed, fps);
+                (s.wind, s.frames, s.size) = (4.0, 10, 32);
+            });
             let scene = make(&settings).unwrap();
             let vertices = scene.truth.vertices.unwrap();
             assert_eq!(scene.template.positions, vertices[0]);
@@ -72,7 +75,11 @@ fn the_sheet_moves_and_stays_in_view() {
 fn the_rate_changes_the_times_of_the_frames_and_not_the_path() {
     for mover in [Mover::Wind, Mover::Hands, Mover::Paper] {
         let at = |fps: f64, frames: usize| {
-            vertices(&Settings { mover, fps, frames, size: 32, wind: 5.0, ..settings() })
+            let settings = settings().with(|s| {
+                (s.mover, s.fps, s.frames) = (mover, fps, frames);
+                (s.size, s.wind) = (32, 5.0);
+            });
+            vertices(&settings)
         };
         // All these rates have frames at whole steps of the simulation.
         let fine = at(1.0 / STEP, 61);
@@ -93,11 +100,11 @@ fn the_rate_changes_the_times_of_the_frames_and_not_the_path() {
 
 #[test]
 fn what_is_in_front_is_not_in_the_mask() {
-    let plain = Settings { mover: Mover::Paper, fps: 10.0, frames: 12, size: 96, ..settings() };
+    let plain = settings().with(|s| (s.mover, s.fps, s.frames, s.size) = (Mover::Paper, 10.0, 12, 96));
     let free = make(&plain).unwrap();
-    let covered = Settings { occluders: 1, ..plain.clone() };
+    let covered = plain.with(|s| s.occluders = 1);
     let [made, filmed] = [make(&covered).unwrap(), film(&covered).unwrap()];
-    let amodal = make(&Settings { amodal: true, ..covered.clone() }).unwrap();
+    let amodal = make(&covered.with(|s| s.amodal = true)).unwrap();
     assert_eq!(frame(&made, 0).mask, frame(&free, 0).mask, "nothing is in front of the first frame");
     let mut shares = Vec::new();
     for n in 0..12 {
@@ -132,14 +139,14 @@ fn what_is_in_front_is_not_in_the_mask() {
 
 #[test]
 fn an_open_shutter_blurs_what_moves_and_nothing_else() {
-    let sharp = Settings { wind: 0.0, ..settings() };
-    let still = [make(&sharp).unwrap(), make(&Settings { blur: 1.0, ..sharp }).unwrap()];
+    let sharp = settings().with(|s| s.wind = 0.0);
+    let still = [make(&sharp).unwrap(), make(&sharp.with(|s| s.blur = 1.0)).unwrap()];
     for n in 0..4 {
         let [a, b] = [0, 1].map(|k| frame(&still[k], n));
         assert_eq!((a.rgb, a.mask), (b.rgb, b.mask), "a still sheet, frame {n}");
     }
-    let moving = Settings { mover: Mover::Hands, fps: 10.0, size: 128, ..settings() };
-    let [a, b] = [0.0, 0.6].map(|blur| make(&Settings { blur, ..moving.clone() }).unwrap());
+    let moving = settings().with(|s| (s.mover, s.fps, s.size) = (Mover::Hands, 10.0, 128));
+    let [a, b] = [0.0, 0.6].map(|blur| make(&moving.clone().with(|s| s.blur = blur)).unwrap());
     assert_eq!(a.truth.vertices, b.truth.vertices);
     assert_eq!(a.truth.points, b.truth.points);
     // Soft: more of the mask is grey, and neighbouring pixels differ less.
