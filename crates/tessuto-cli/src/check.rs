@@ -10,6 +10,7 @@ use tessuto::io::scene::LoadOptions;
 use tessuto::text::quoted;
 
 use crate::findings::table;
+use crate::remedy::make_template;
 use crate::say::{self, say};
 
 /// Check a scene before computing on it: a table of findings, exit status 3 if one is an error.
@@ -60,9 +61,7 @@ pub fn check_without_template(scene: &Path) -> anyhow::Result<()> {
         .retain(|f| !(f.level == Level::Error && Path::new(&f.what) == scene.join("template.obj")));
     say::output(format_args!("{}", table(&report.findings)));
     say!("next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:");
-    for options in ["--flat WIDTHxHEIGHTm --from-mask", "--remesh 32 --from MESH.obj"] {
-        say!("  tessuto template {} {options}", quoted(scene));
-    }
+    make_template(&quoted(scene)).iter().for_each(|command| say!("  {command}"));
     verdict(scene, &report)
 }
 

@@ -25,6 +25,9 @@ pub struct Arguments {
     /// Folder for scene and result.
     #[arg(long, value_name = "DIR", default_value = "tessuto-out/demo")]
     out: PathBuf,
+    /// Replace an earlier demonstration there.
+    #[arg(long)]
+    force: bool,
     #[command(flatten)]
     threads: Threads,
     /// Seed of the scene.
@@ -37,7 +40,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let started = Instant::now();
     let (scene, result) = (arguments.out.join("scene"), arguments.out.join("result"));
-    let settings = Settings { seed: arguments.seed, ..Settings::default() };
+    let settings = Settings::default().with(|s| s.seed = arguments.seed);
     let [columns, rows] = settings.grid;
     say!(
         "1. a cloth of {columns}×{rows} vertices in a gust of wind, {} frames of {}×{} px",
@@ -45,13 +48,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         settings.size,
         settings.size
     );
-    crate::synth::synth_into(&scene, &settings, true)?;
+    crate::synth::synth_into(&scene, &settings, arguments.force)?;
     say!("2. check of the scene");
     crate::check::check(&scene, None)?;
     say!("3. reconstruction from the images and the first frame's shape");
     let config = Config::preset(Preset::Default);
-    // An earlier demonstration is its own.
-    let mut options = RunOptions { appearance: false, replace: true, ..RunOptions::new(config) };
+    let mut options = RunOptions { appearance: false, replace: arguments.force, ..RunOptions::new(config) };
     options.command = repeat::reconstruct(&scene, &result, &options);
     let mut watch = Watch::new(false);
     stop_on_interrupt().context("cannot listen for Ctrl-C")?;

@@ -9,12 +9,13 @@ use tessuto::io::scene::{LoadOptions, load};
 use tessuto::metrics::{Evaluation, Inputs, evaluate, table};
 use tessuto::{Error, Motion, result};
 
+use crate::remedy;
 use crate::say::{self, aside};
 
-/// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, maps.
+/// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, tracked points, maps.
 #[derive(clap::Args)]
 pub struct Arguments {
-    /// Scene folder with gt/points/ or gt/vertices.npy.
+    /// Scene folder with gt/points/, gt/vertices.npy or gt/tracks.npz, of all frames or of some.
     scene: PathBuf,
     /// Result folder (with motion.npy, and material/ if it has maps), or a .npy file of shape [frames, vertices, 3] in metres.
     result: PathBuf,
@@ -36,12 +37,17 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let own = result::read_run(result)?.map(|run| run.frames[0]..run.frames[1]);
     let frames = arguments.frames.clone().or(own.clone());
     let loaded = load(&arguments.scene, &LoadOptions { frames: frames.clone(), ..LoadOptions::default() })?;
-    loaded.warnings.iter().for_each(|warning| aside!("warning: {warning}"));
+    loaded.warnings.iter().for_each(|warning| aside!("warning: {}", remedy::warning(warning)));
     let scene = &loaded.scene;
     let motion = &part(motion, own, frames, scene.frames.len())?;
+    if motion.len() != scene.frames.len() {
+        let problem = format!("has {} frames, the scene has {}", motion.len(), scene.frames.len());
+        let hint = "evaluate a result of this scene, and of these frames; of a file of a part, take that part: --frames A..B";
+        return Err(Error::input(arguments.result.display().to_string(), problem, hint).into());
+    }
     let folder = Some(&arguments.result).filter(|r| r.is_dir());
     let maps = folder.map_or(Ok(None), |folder| appearance::evaluate(scene, folder, motion))?;
-    let truth = scene.truth.points.is_some() || scene.truth.vertices.is_some();
+    let truth = (0..motion.len()).any(|k| scene.truth.knows(k));
     let mut evaluation = if truth || maps.is_none() {
         evaluate(&Inputs::from(scene), motion, 0..motion.len(), arguments.seed)?
     } else {

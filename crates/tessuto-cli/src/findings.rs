@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use tessuto::check::{Finding, Level};
 
-use crate::say;
+use crate::{remedy, say};
 
 /// Widest line [characters] where there is no terminal, and the least and the most that a terminal's width may make it.
 const WIDTH: usize = 100;
@@ -30,10 +30,10 @@ pub fn table(findings: &[Finding]) -> String {
         }
         let topic = if finding.what.chars().count() > TOPIC { "" } else { &finding.what };
         let _ = write!(text, "{topic:<TOPIC$}  ");
-        wrap(&mut text, &finding.detail, width);
-        if !finding.hint.is_empty() {
+        wrap(&mut text, &finding.detail, width, TOPIC + 11);
+        if let Some(hint) = &finding.hint {
             let _ = write!(text, "{:1$}hint: ", "", TOPIC + 11);
-            wrap(&mut text, &finding.hint, width);
+            wrap(&mut text, &remedy::hint(hint), width, TOPIC + 11);
         }
     }
     let count = |level| findings.iter().filter(|f| f.level == level).count();
@@ -47,8 +47,18 @@ pub fn table(findings: &[Finding]) -> String {
     text
 }
 
-/// Adds `words` after what stands in the last line of `text`, in lines of at most `width` characters.
-fn wrap(text: &mut String, words: &str, width: usize) {
+/// `words` as the terminal's lines, the later ones indented; one line where there is no terminal.
+pub fn wrapped(words: &str) -> String {
+    let width = say::width().map_or(usize::MAX, |width| width.clamp(WIDTHS[0], WIDTHS[1]));
+    let mut text = String::new();
+    wrap(&mut text, words, width, 2);
+    text.truncate(text.trim_end().len());
+    text
+}
+
+/// Adds `words` after what stands in the last line of `text`, in lines of at most `width` characters, the later ones
+/// indented by `indent`.
+fn wrap(text: &mut String, words: &str, width: usize, indent: usize) {
     let escapes = |line: &str| line.matches('\x1b').count() / 2 * 9;
     let last = text.rsplit('\n').next().unwrap_or_default();
     let mut column = last.chars().count() - escapes(last);
@@ -56,8 +66,8 @@ fn wrap(text: &mut String, words: &str, width: usize) {
     for word in words.split_whitespace() {
         let length = word.chars().count();
         if !first && column + 1 + length > width {
-            let _ = write!(text, "\n{:1$}", "", TOPIC + 11);
-            column = TOPIC + 11;
+            let _ = write!(text, "\n{:indent$}", "");
+            column = indent;
         } else if !first {
             text.push(' ');
             column += 1;
@@ -78,7 +88,7 @@ mod tests {
         let words = "word ".repeat(60);
         for width in [60, 100] {
             let mut text = String::from("ok       scale           ");
-            wrap(&mut text, &words, width);
+            wrap(&mut text, &words, width, TOPIC + 11);
             assert!(text.lines().all(|line| line.chars().count() <= width), "{text}");
             assert!(text.lines().skip(1).all(|line| line.starts_with(&" ".repeat(TOPIC + 11))), "{text}");
             assert_eq!(text.matches("word").count(), 60);

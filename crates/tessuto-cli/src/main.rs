@@ -15,6 +15,7 @@ mod progress;
 mod reconstruct;
 #[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
 mod record;
+mod remedy;
 mod render;
 mod repeat;
 mod report;
@@ -104,9 +105,10 @@ fn main() -> ExitCode {
     match result.and_then(|()| Ok(say::end()?)) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            aside!("error: {error:#}");
+            let told = error.downcast_ref::<tessuto::Error>();
+            aside!("error: {}", told.map_or_else(|| format!("{error:#}"), remedy::error));
             // An error that is not the library's own is a fault of this program: 101, like a panic.
-            ExitCode::from(error.downcast_ref::<tessuto::Error>().map_or(101, tessuto::Error::exit_code))
+            ExitCode::from(told.map_or(101, tessuto::Error::exit_code))
         }
     }
 }

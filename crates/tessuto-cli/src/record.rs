@@ -8,6 +8,7 @@ use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::session::{Epoch, identity};
 use tessuto::{Config, Error, Image, Positions, Result, Scene};
 
+use crate::remedy;
 use crate::say::aside;
 
 /// As much of a file as says what it is.
@@ -90,7 +91,7 @@ impl Recorder {
     fn attempt(&mut self, write: impl FnOnce(&mut Recording<File>) -> Result<()>) {
         let Some(recording) = &mut self.recording else { return };
         if let Err(error) = write(recording) {
-            aside!("warning: the recording ends here: {error}");
+            aside!("warning: the recording ends here: {}", remedy::error(&error));
             self.failure = Some(error);
             self.recording = None;
         }

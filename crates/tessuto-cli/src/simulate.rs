@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::output::{FolderKind, OutputFolder, manifest};
-use tessuto::reconstruct::simulate;
 use tessuto::result::{self, Folder};
 use tessuto::sim::Cloth;
+use tessuto::simulate;
 use tessuto::{Error, io};
 
 use crate::repeat;
@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let motion = simulate(&Cloth::new(mesh), settings, original.fps, &mesh.positions, &parameters)?;
     match folder {
         None => {
-            io::npy::write_shapes(&out, &motion)?;
+            io::npy::write_field(&out, &motion)?;
             manifest::record(&[&out])?;
         }
         Some(folder) => {

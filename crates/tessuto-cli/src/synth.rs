@@ -6,17 +6,22 @@ use clap::{Args, ValueEnum};
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::synth::lattice::MeshKind;
 use tessuto::synth::write::write;
-use tessuto::synth::{Settings, make};
+use tessuto::synth::{Mover, Settings, film};
 
 use crate::say::say;
 
-/// Make a synthetic scene: a textured cloth in a gust of wind, with complete ground truth.
+/// Strength of the gust where hands carry the cloth [m/s²]: their motion shall be seen.
+const HANDS_WIND: f64 = 2.0;
+
+/// Make a synthetic scene with complete ground truth: a textured cloth in a gust of wind, carried by hands, or paper.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
   tessuto synth scenes/cloth
   tessuto synth scenes/storm --wind 20 --frames 48 --seed 3
-  tessuto synth scenes/canvas --grid 25x31 --size 640 --bend 1e-3")]
+  tessuto synth scenes/canvas --grid 25x31 --size 640 --bend 1e-3
+  tessuto synth scenes/carried --hands --blur --fps 15
+  tessuto synth scenes/sheet --paper --occluders")]
 pub struct Arguments {
     /// Scene folder to write.
     out: PathBuf,
@@ -32,9 +37,15 @@ pub struct Arguments {
     /// Faces: a regular grid of quads, the same grid cut into triangles, or irregular triangles.
     #[arg(long, value_enum, default_value_t = Kind::Quads)]
     mesh: Kind,
-    /// Strength of the gust [m/s²].
-    #[arg(long, default_value_t = Settings::default().wind)]
-    wind: f64,
+    /// Two hands carry, turn and shake the cloth; gt/physics.json names the vertices they hold.
+    #[arg(long)]
+    hands: bool,
+    /// A flat sheet of paper, bent about turning axes without being stretched; knows no wind and no stiffness.
+    #[arg(long, conflicts_with_all = ["hands", "wind", "stretch", "bend", "shear"])]
+    paper: bool,
+    /// Strength of the gust [m/s²] [default: 9, with --hands 2].
+    #[arg(long)]
+    wind: Option<f64>,
     /// Stretch stiffness [N/m].
     #[arg(long, default_value_t = Settings::default().stretch)]
     stretch: f64,
@@ -47,10 +58,19 @@ pub struct Arguments {
     /// Darkening where the cloth turns away from the light, 0 to 1.
     #[arg(long, default_value_t = Settings::default().shading)]
     shading: f64,
-    /// Frames per second.
+    /// Frames per second; the motion in time stays the same.
     #[arg(long, default_value_t = Settings::default().fps)]
     fps: f64,
-    /// Seed of texture, wind and mesh.
+    /// Motion blur: how long the shutter is open, as a fraction of the time from frame to frame [0.5 where no number is given].
+    #[arg(long, value_name = "FRACTION", num_args = 0..=1, require_equals = true, default_missing_value = "0.5")]
+    blur: Option<f64>,
+    /// Opaque things, each of about a tenth of the cloth, that move in front of it [1 where no number is given]; masks exclude them.
+    #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
+    occluders: Option<usize>,
+    /// Masks show the whole cloth, with what is hidden behind occluders.
+    #[arg(long, requires = "occluders")]
+    amodal: bool,
+    /// Seed of texture, wind, mesh and all that is drawn at random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
     /// Replace a scene folder that tessuto wrote and nobody changed since.
@@ -66,25 +86,37 @@ enum Kind {
     Irregular,
 }
 
-/// Runs the command.
-pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let settings = Settings {
-        frames: arguments.frames,
-        fps: arguments.fps,
-        size: arguments.size,
-        grid: arguments.grid,
-        mesh: match arguments.mesh {
+impl Arguments {
+    fn put_into(&self, s: &mut Settings) {
+        s.frames = self.frames;
+        s.fps = self.fps;
+        s.size = self.size;
+        s.grid = self.grid;
+        s.mesh = match self.mesh {
             Kind::Quads => MeshKind::Quads,
             Kind::Triangles => MeshKind::Triangles,
             Kind::Irregular => MeshKind::Irregular,
-        },
-        wind: arguments.wind,
-        stretch: arguments.stretch,
-        bend: arguments.bend,
-        shear: arguments.shear,
-        shading: arguments.shading,
-        seed: arguments.seed,
-    };
+        };
+        s.wind = self.wind.unwrap_or(if self.hands { HANDS_WIND } else { s.wind });
+        s.stretch = self.stretch;
+        s.bend = self.bend;
+        s.shear = self.shear;
+        s.shading = self.shading;
+        s.seed = self.seed;
+        s.mover = match (self.hands, self.paper) {
+            (true, _) => Mover::Hands,
+            (_, true) => Mover::Paper,
+            _ => Mover::Wind,
+        };
+        s.occluders = self.occluders.unwrap_or(0);
+        s.amodal = self.amodal;
+        s.blur = self.blur.unwrap_or(0.0);
+    }
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    let settings = Settings::default().with(|s| arguments.put_into(s));
     synth_into(&arguments.out, &settings, arguments.force)?;
     say!("{}", arguments.out.display());
     Ok(())
@@ -94,7 +126,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 pub fn synth_into(out: &Path, settings: &Settings, force: bool) -> tessuto::Result<()> {
     settings.validate()?;
     let output = OutputFolder::prepare(out, FolderKind::Scene, force)?;
-    let scene = make(settings)?;
+    let scene = film(settings)?;
     write(output.partial(), &scene, settings)?;
     crate::say_kept(output.publish()?);
     Ok(())

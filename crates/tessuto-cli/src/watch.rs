@@ -2,15 +2,18 @@
 
 use std::path::{Path, PathBuf};
 
+use tessuto::Warning;
 use tessuto::metrics::QUANTITIES;
 use tessuto::result::{self, Run};
 use tessuto::run::{Observer, Outcome, Stage};
 use tessuto::session::{self, Epoch};
 use tessuto::{Image, Positions, Result, Scene, io};
 
+use crate::findings::wrapped;
 use crate::live::{Live, Server};
 use crate::progress::Progress;
 use crate::record::Recorder;
+use crate::remedy;
 use crate::say::{aside, say};
 
 /// What a user sees of a run.
@@ -100,8 +103,8 @@ impl session::Observer for Watch {
 }
 
 impl Observer for Watch {
-    fn warning(&mut self, text: &str) {
-        self.progress.line(&format!("warning: {text}"));
+    fn warning(&mut self, warning: &Warning) {
+        self.progress.line(&format!("warning: {}", remedy::warning(warning)));
     }
 
     fn begin(&mut self, scene: &Scene, run: &Run, stages: &[Stage], history: &[Epoch]) -> Result<()> {
@@ -134,13 +137,16 @@ pub fn tell(outcome: &Outcome, out: &Path) {
                 say!("{:<16} {value:.4e} {}", quantity.key, quantity.unit);
             }
         }
+        if let Some(part) = evaluation.partial_truth() {
+            say!("{part}");
+        }
     }
     if let Some(psnr) = outcome.rerendered_psnr {
         tell_appearance(psnr, &outcome.timings);
     }
     match (outcome.summary.doubt(), &outcome.summary.verdict) {
-        (Some(doubt), _) => aside!("warning: the result is {doubt}"),
-        (None, Some(verdict)) => say!("{}", verdict.sentence),
+        (Some(doubt), _) => aside!("{}", wrapped(&format!("warning: the result is {doubt}"))),
+        (None, Some(verdict)) => say!("{}", wrapped(&verdict.sentence)),
         (None, None) => {}
     }
     say!("{}", out.display());

@@ -8,13 +8,13 @@ use tessuto::session::Session;
 use tessuto::{Motion, reconstruct, synth};
 
 fn main() -> tessuto::Result<()> {
-    let scene = synth::make(&synth::Settings {
-        frames: 8,
-        size: 160,
-        grid: [11, 11],
-        seed: 5,
-        ..synth::Settings::default()
-    })?;
+    let settings = synth::Settings::default().with(|s| {
+        s.frames = 8;
+        s.size = 160;
+        s.grid = [11, 11];
+        s.seed = 5;
+    });
+    let scene = synth::make(&settings)?;
     let mut config = Config::preset(Preset::Default);
     config.set("texture.size=128")?;
 

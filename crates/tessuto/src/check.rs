@@ -10,7 +10,7 @@ mod picture;
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Result};
 use crate::image::Image;
 use crate::io::scene::{LoadOptions, Loaded, attempt};
 use crate::raster::coverage::{overlap, template_coverage};
@@ -27,7 +27,7 @@ pub enum Level {
 }
 
 /// One thing found.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Finding {
     /// How bad it is.
     pub level: Level,
@@ -35,8 +35,8 @@ pub struct Finding {
     pub what: String,
     /// What was found, with the figures.
     pub detail: String,
-    /// The way out; empty where nothing need be done.
-    pub hint: String,
+    /// The way out, where something need be done.
+    pub hint: Option<Hint>,
 }
 
 /// Everything found, and the image that shows it.
@@ -99,10 +99,10 @@ pub fn check_folder(folder: &Path, options: &LoadOptions) -> CheckReport {
 fn error_finding(error: &Error) -> Finding {
     let (what, detail, hint) = match error {
         Error::Input { place, problem, hint } | Error::Numerical { place, problem, hint } => {
-            (place.clone(), problem.clone(), hint.clone())
+            (place.clone(), problem.clone(), Some(hint.clone()))
         }
-        Error::Usage { problem, hint } => ("options".into(), problem.clone(), hint.clone()),
-        other => ("scene".into(), other.to_string(), String::new()),
+        Error::Usage { problem, hint } => ("options".into(), problem.clone(), Some(hint.clone())),
+        other => ("scene".into(), other.to_string(), None),
     };
     Finding { level: Level::Error, what, detail, hint }
 }

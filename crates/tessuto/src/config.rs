@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::appearance::{AppearanceSettings, MapPrior};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warning};
 use crate::io::read_bounded;
 use crate::motion::inverse::accelerations::InverseSettings;
 use crate::motion::inverse::stiffness::MaterialSettings;
@@ -110,7 +110,7 @@ impl DynamicsSettings {
 
 impl DynamicsSettings {
     /// A warning where stiffnesses, given by log10, lie at their bounds.
-    pub fn doubt(&self, log_stiffness: [f64; 3]) -> Option<String> {
+    pub fn doubt(&self, log_stiffness: [f64; 3]) -> Option<Warning> {
         let rows = [
             ("stretch", self.stretch, "N/m"),
             ("bend", self.bend, "J/rad²"),
@@ -126,9 +126,8 @@ impl DynamicsSettings {
                 Some(format!("{name} at its {bound} bound ({value} {unit})"))
             })
             .collect();
-        let hint =
-            "read stiffness and forces as effective values of the replay, not as properties of the fabric";
-        (!found.is_empty()).then(|| format!("stiffness: {}\n  hint: {hint}", found.join(", ")))
+        let hint = "these are effective values of the replay, not properties of the fabric";
+        (!found.is_empty()).then(|| Warning::new("stiffness", found.join(", "), hint))
     }
 }
 
@@ -446,7 +445,10 @@ mod tests {
         let dynamics = DynamicsSettings::default();
         assert_eq!(dynamics.doubt([2.0, -3.0, -4.0]), None);
         let doubt = dynamics.doubt([1.00004, -3.0, -2.0]).unwrap();
-        assert!(doubt.contains("stretch at its lower bound (10 N/m), shear at its upper bound"), "{doubt}");
+        assert!(
+            doubt.found.contains("stretch at its lower bound (10 N/m), shear at its upper bound"),
+            "{doubt}"
+        );
     }
 
     #[test]
@@ -476,7 +478,7 @@ mod tests {
     fn the_decoder_is_refused_by_builds_without_it_and_read_from_results() {
         let mut config = Config::preset(Preset::Default);
         let error = config.set("appearance.prior=decoder").unwrap_err();
-        assert!(error.exit_code() == 2 && error.to_string().contains("--features full"), "{error}");
+        assert!(error.exit_code() == 2 && error.to_string().contains("feature decoder"), "{error}");
         config.appearance.prior = MapPrior::Decoder;
         config.validate().unwrap();
         config.check_build().unwrap_err();

@@ -1,7 +1,11 @@
 //! The one error type of the library. Every message names the place, the value found and the way out.
 
+mod hint;
+
 use std::fmt;
 use std::path::PathBuf;
+
+pub use hint::{Hint, Remedy, Repair, Warning};
 
 /// Error kinds, by who must act.
 #[derive(Debug)]
@@ -12,7 +16,7 @@ pub enum Error {
         /// What is wrong, with the value found.
         problem: String,
         /// What to do about it.
-        hint: String,
+        hint: Hint,
     },
     /// A file of the scene or result cannot be used.
     Input {
@@ -21,7 +25,7 @@ pub enum Error {
         /// What is wrong, with the values found and expected.
         problem: String,
         /// What to do about it.
-        hint: String,
+        hint: Hint,
     },
     /// The computation left the finite numbers or cannot go on.
     Numerical {
@@ -30,7 +34,7 @@ pub enum Error {
         /// Cause, with the first offending value.
         problem: String,
         /// What to do about it.
-        hint: String,
+        hint: Hint,
     },
     /// A file cannot be written.
     Output {
@@ -53,7 +57,7 @@ impl fmt::Display for Error {
             }
             Self::Output { path, source } => {
                 write!(f, "cannot write {}: {source}\n  hint: ", path.display())?;
-                f.write_str("check free space and permissions, or choose another folder with --out")
+                f.write_str("check free space and permissions, or choose another folder")
             }
             Self::Interrupted(place) => write!(f, "interrupted: {place}"),
         }
@@ -87,12 +91,12 @@ fn clipped(mut text: String) -> String {
 
 impl Error {
     /// Input error at `place` (file, frame, line or key).
-    pub fn input(place: impl Into<String>, problem: impl Into<String>, hint: impl Into<String>) -> Self {
+    pub fn input(place: impl Into<String>, problem: impl Into<String>, hint: impl Into<Hint>) -> Self {
         Self::Input { place: place.into(), problem: clipped(problem.into()), hint: hint.into() }
     }
 
     /// Wrong option or value.
-    pub fn usage(problem: impl Into<String>, hint: impl Into<String>) -> Self {
+    pub fn usage(problem: impl Into<String>, hint: impl Into<Hint>) -> Self {
         Self::Usage { problem: problem.into(), hint: hint.into() }
     }
 
@@ -100,12 +104,12 @@ impl Error {
     pub fn left_out(asked: impl fmt::Display, feature: &str) -> Self {
         Self::usage(
             format!("{asked}: this build was made without the feature `{feature}`"),
-            "cargo install --path crates/tessuto-cli --features full",
+            Hint::from("build with all that is asked for").with(Remedy::Feature(feature.to_owned())),
         )
     }
 
     /// Numerical failure at `place` (stage, epoch, frame).
-    pub fn numerical(place: impl Into<String>, problem: impl Into<String>, hint: impl Into<String>) -> Self {
+    pub fn numerical(place: impl Into<String>, problem: impl Into<String>, hint: impl Into<Hint>) -> Self {
         Self::Numerical { place: place.into(), problem: problem.into(), hint: hint.into() }
     }
 

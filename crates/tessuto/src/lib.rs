@@ -11,7 +11,11 @@
 //! use tessuto::{Config, reconstruct, synth};
 //!
 //! // A small scene with known truth; scenes on disk come from `tessuto::io::scene::load`.
-//! let settings = synth::Settings { frames: 3, size: 64, grid: [5, 5], ..Default::default() };
+//! let settings = synth::Settings::default().with(|s| {
+//!     s.frames = 3;
+//!     s.size = 64; // px
+//!     s.grid = [5, 5]; // vertices
+//! });
 //! let scene = synth::make(&settings)?;
 //!
 //! let mut config = Config::preset(Preset::Default);
@@ -57,45 +61,49 @@
 //! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
 
 pub mod appearance;
-pub mod camera;
+mod camera;
 pub mod check;
 pub mod config;
 #[cfg(feature = "decoder")]
 pub mod decoder;
-pub mod error;
+mod error;
 pub mod export;
-pub mod image;
+mod image;
 pub mod import;
 pub mod io;
+#[doc(hidden)]
 pub mod math;
 pub mod mesh;
 pub mod metrics;
 pub mod motion;
-pub mod optim;
+mod optim;
+#[doc(hidden)]
 pub mod output;
 pub mod pbr;
 pub mod raster;
-pub mod reconstruct;
+mod reconstruct;
+#[doc(hidden)]
 pub mod report;
 pub mod result;
 pub mod run;
-pub mod scene;
+mod scene;
 pub mod session;
 pub mod settings;
 pub mod sim;
 pub mod synth;
 pub mod template;
+#[doc(hidden)]
 pub mod text;
-pub mod video;
+mod video;
 pub mod view;
 
 pub use glam;
 
 pub use camera::{Camera, Rect};
 pub use config::Config;
-pub use error::{Error, Result};
+pub use error::{Error, Hint, Remedy, Repair, Result, Warning};
 pub use image::Image;
 pub use mesh::{Mesh, Motion, Positions};
-pub use reconstruct::{Reconstruction, reconstruct};
-pub use scene::{Scene, Truth};
+pub use reconstruct::{Reconstruction, reconstruct, simulate};
+pub use scene::{Scene, Tracks, Truth};
 pub use video::{Frame, Video};

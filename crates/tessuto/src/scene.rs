@@ -1,5 +1,7 @@
 //! A scene in memory: what was filmed, by which camera, of which cloth. Loading is in [`crate::io`].
 
+mod tracks;
+
 use std::path::PathBuf;
 
 use glam::DVec3;
@@ -8,14 +10,31 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Motion};
 use crate::video::Video;
+pub use tracks::Tracks;
 
-/// What is known of the true motion; used by evaluation only.
+/// What is known of the true motion, in all frames or in some; used by evaluation only.
 #[derive(Debug, Clone, Default)]
 pub struct Truth {
-    /// Measured surface points `[m]` per frame, camera frame.
+    /// Measured surface points `[m]` per frame, camera frame; no point where nothing was measured.
     pub points: Option<Vec<Vec<DVec3>>>,
     /// True positions `[m]` of the template's vertices per frame.
     pub vertices: Option<Motion>,
+    /// Points of the surface that were followed.
+    pub tracks: Option<Tracks>,
+}
+
+impl Truth {
+    /// Measured points `[m]` of frame `index`, if there are any.
+    pub fn points_in(&self, index: usize) -> Option<&[DVec3]> {
+        self.points.as_ref()?.get(index).map(Vec::as_slice).filter(|points| !points.is_empty())
+    }
+
+    /// Whether anything is known of frame `index`.
+    pub fn knows(&self, index: usize) -> bool {
+        self.points_in(index).is_some()
+            || self.vertices.as_ref().is_some_and(|v| index < v.len())
+            || self.tracks.as_ref().is_some_and(|t| t.points.contains_key(&index))
+    }
 }
 
 /// Everything the reconstruction starts from.

@@ -15,3 +15,4 @@ mod report;
 mod run;
 mod sim;
 mod support;
+mod synth;

@@ -61,7 +61,7 @@ mod tests {
     fn every_file_is_refused_with_the_way_out() {
         let error = Recorder::check(Path::new("a.rrd"), Path::new("result")).unwrap_err();
         assert_eq!(error.exit_code(), 2);
-        let message = error.to_string();
+        let message = crate::remedy::error(&error);
         assert!(message.contains("--rerun a.rrd") && message.contains("--features full"), "{message}");
     }
 }

@@ -152,7 +152,7 @@ fn a_video_of_one_frame_gives_a_result() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("still");
     succeed(quick(&scene(), &out).args(["--frames", "0..1"]));
-    let motion = tessuto::io::npy::read_shapes(&out.join("motion.npy")).unwrap();
+    let motion = tessuto::io::npy::read_field(&out.join("motion.npy")).unwrap();
     assert_eq!((motion.len(), motion[0].len()), (1, 25));
 }
 
@@ -406,9 +406,9 @@ fn a_truth_in_another_unit_is_refused() {
     succeed(&mut quick(&scene(), &out));
     copy(&scene(), &other);
     let path = other.join("gt/vertices.npy");
-    let mut truth = tessuto::io::npy::read_shapes(&path).unwrap();
+    let mut truth = tessuto::io::npy::read_field(&path).unwrap();
     truth.iter_mut().flatten().for_each(|p| *p *= 1000.0);
-    tessuto::io::npy::write_shapes(&path, &truth).unwrap();
+    tessuto::io::npy::write_field(&path, &truth).unwrap();
     let mut command = Command::new(PROGRAM);
     fail(3, command.arg("evaluate").arg(&other).arg(&out), &["gt/vertices.npy", "times as large", "hint: "]);
 }

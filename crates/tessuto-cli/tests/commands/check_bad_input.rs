@@ -296,10 +296,10 @@ fn template_in_another_unit() {
 #[test]
 fn truth_that_does_not_fit() {
     let scene = TinyScene::with_truth();
-    std::fs::remove_file(scene.path("gt/points/points_002.npy")).unwrap();
-    refused(&scene, &["gt/points", "1 of 4 files are missing: points_002.npy"]);
+    std::fs::rename(scene.path("gt/points/points_002.npy"), scene.path("gt/points/points_004.npy")).unwrap();
+    refused(&scene, &["gt/points", "points_004.npy is beyond n_frames = 4, while points_002.npy is missing"]);
     let scene = TinyScene::with_truth();
-    npy::write_shapes(&scene.path("gt/vertices.npy"), &[template().positions]).unwrap();
+    npy::write_field(&scene.path("gt/vertices.npy"), &[template().positions]).unwrap();
     refused(&scene, &["gt/vertices.npy", "has 1 frames of 25 vertices", "have 4 of 25"]);
     let scene = TinyScene::with_truth();
     scene.truncate("gt/vertices.npy");

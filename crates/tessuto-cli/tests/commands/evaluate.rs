@@ -76,6 +76,35 @@ fn prints_the_distance_as_table_and_as_json() {
 }
 
 #[test]
+fn tracked_points_of_some_frames_are_truth_enough() {
+    let folder = tempfile::tempdir().unwrap();
+    scene(folder.path());
+    std::fs::remove_file(folder.path().join("gt/vertices.npy")).unwrap();
+    io::npy::write(&folder.path().join("motion.npy"), &[FRAMES, 4, 3], &motion(0.03)).unwrap();
+    // The middle, and a corner, in frames 0 and 2.
+    let tracks = io::npy::archive(&[
+        ("frames", io::npy::encode(&[2], &[0u32, 2])),
+        ("vertices", io::npy::encode(&[2, 4], &[0u32, 1, 2, 3, 0, 0, 0, 0])),
+        ("weights", io::npy::encode(&[2, 4], &[0.25f32, 0.25, 0.25, 0.25, 1.0, 0.0, 0.0, 0.0])),
+        ("points", io::npy::encode(&[2, 2, 3], &[0.0, 0.0, 1.0, -0.1, -0.1, 1.0].repeat(2))),
+    ]);
+    std::fs::write(folder.path().join("gt/tracks.npz"), tracks).unwrap();
+    let output = tessuto(&[".", "motion.npy", "--json"], folder.path());
+    let json: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(
+        (&json["frames"][1]["frame"], &json["frames_without_truth"]),
+        (&2.into(), &1.into()),
+        "{json}"
+    );
+    for (key, expected) in [("track", 0.015), ("track_p90", 0.03), ("track_worst", 0.03)] {
+        assert!((json["mean"][key].as_f64().unwrap() - expected).abs() < 1e-6, "{key}: {json}");
+    }
+    let text = String::from_utf8(tessuto(&[".", "motion.npy"], folder.path()).stdout).unwrap();
+    assert!(text.contains("tracked points: mean 15.00 mm, 90 % below 30.00 mm, largest 30.00 mm"), "{text}");
+    assert!(text.contains("truth in 2 of 3 frames"), "{text}");
+}
+
+#[test]
 fn maps_and_rerendered_frames_are_compared_where_the_result_has_them() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);

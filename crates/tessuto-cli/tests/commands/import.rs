@@ -209,7 +209,12 @@ fn wrong_input() {
     recording.refused(2, "frames été", &no_fps, &["frame rate", "--fps"]);
     let no_camera = [&MASKS[..], &["--fps", "25"]].concat();
     recording.refused(2, "frames été", &no_camera, &["camera is not given", "--fov"]);
-    recording.refused(2, "frames été", &with(&["--frames", "2..9"]), &["--frames 2..9 of 4 frames"]);
+    recording.refused(
+        2,
+        "frames été",
+        &with(&["--frames", "2..9"]),
+        &["frames 2..9 of 4 frames", "0 ≤ A < B ≤ 4: --frames A..B"],
+    );
     recording.refused(3, "nothing", &with(&[]), &["nothing", "does not exist"]);
     let wide = [&MASKS[..], &["--fps", "25", "--fov", "500"]].concat();
     recording.refused(2, "frames été", &wide, &["--fov is 500"]);

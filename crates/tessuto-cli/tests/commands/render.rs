@@ -5,8 +5,8 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use tempfile::TempDir;
+use tessuto::Image;
 use tessuto::Positions;
-use tessuto::image::Image;
 use tessuto::io::hdr::write_exr;
 use tessuto::io::{image, npy};
 
@@ -157,12 +157,12 @@ fn motions_that_do_not_fit_are_refused_and_the_material_stays() {
             std::fs::copy(entry.path(), to.join(entry.file_name())).unwrap();
         }
     }
-    let motion = npy::read_shapes(&result.join("motion.npy")).unwrap();
+    let motion = npy::read_field(&result.join("motion.npy")).unwrap();
     let material = std::fs::read(copy.join("material/diffuse.png")).unwrap();
     let spoilt = |change: &dyn Fn(&mut Vec<Positions>), fragments: &[&str]| {
         let mut other = motion.clone();
         change(&mut other);
-        npy::write_shapes(&copy.join("motion.npy"), &other).unwrap();
+        npy::write_field(&copy.join("motion.npy"), &other).unwrap();
         refused(&["appearance", text(&scene), text(&copy)], fragments);
         assert_eq!(std::fs::read(copy.join("material/diffuse.png")).unwrap(), material);
         assert!(!copy.join("rerendered").exists());

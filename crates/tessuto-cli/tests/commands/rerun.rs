@@ -37,7 +37,7 @@ fn a_recording_changes_nothing_and_replaces_only_recordings() {
     }
     let first = read(&recording);
     assert!(first.starts_with(b"RRF2") && first.ends_with(b"RRF2FOOT\x01\0\0\0"), "not whole");
-    let shapes = tessuto::io::npy::read_shapes(&at("alone").join("motion.npy")).unwrap();
+    let shapes = tessuto::io::npy::read_field(&at("alone").join("motion.npy")).unwrap();
     let last: Vec<u8> =
         shapes[2].iter().flat_map(|p| p.as_vec3().to_array()).flat_map(f32::to_le_bytes).collect();
     assert!(first.windows(last.len()).any(|w| w == last), "the last frame is not in the recording");

@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use tempfile::TempDir;
-use tessuto::io::npy::read_shapes;
+use tessuto::io::npy::read_field;
 
 fn tessuto(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_tessuto")).args(arguments).output().unwrap()
@@ -89,7 +89,7 @@ fn default_preset_repeats_for_any_threads_and_simulate_replays_it() {
 
     let replay = folder.path().join("replay.npy");
     succeed(&["simulate", text(&result), "--out", text(&replay)]);
-    let (a, b) = (read_shapes(&result.join("motion.npy")).unwrap(), read_shapes(&replay).unwrap());
+    let (a, b) = (read_field(&result.join("motion.npy")).unwrap(), read_field(&replay).unwrap());
     assert_eq!(a.len(), 6);
     assert_eq!(a.len(), b.len());
     let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
@@ -126,7 +126,7 @@ fn a_changed_simulation_is_a_result_like_any_other() {
     // Changed twice is changed as a whole, and nothing finished is replaced without being asked for.
     let again = at("again.npy");
     succeed(&["simulate", text(&changed), "--out", text(&again)]);
-    let (a, b) = (read_shapes(&changed.join("motion.npy")).unwrap(), read_shapes(&again).unwrap());
+    let (a, b) = (read_field(&changed.join("motion.npy")).unwrap(), read_field(&again).unwrap());
     let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
     assert!(distances.fold(0.0, f64::max) <= 1e-5);
     assert!(fail(3, &["simulate", text(&result), "--out", text(&changed)]).contains("--force"));
@@ -175,6 +175,29 @@ fn saft_preset_repeats_for_any_threads() {
 fn a_made_up_scene_has_no_findings() {
     let table = succeed(&["check", text(&scene())]);
     assert!(table.contains("0 warnings, 0 errors"), "{table}");
+}
+
+#[test]
+fn synth_makes_every_kind_of_scene_and_refuses_what_does_not_go_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = ["--frames", "2", "--size", "64", "--grid", "5x5", "--fps", "10"];
+    let synth = |name: &str, options: &[&str]| {
+        let out = folder.path().join(name);
+        succeed(&[&["synth", text(&out)], &small[..], options].concat());
+        std::fs::read_to_string(out.join("scene.json")).unwrap()
+    };
+    let notes = synth("hands", &["--hands", "--blur"]);
+    assert!(notes.contains("\"mover\": \"hands\"") && notes.contains("\"blur\": 0.5"), "{notes}");
+    assert!(notes.contains("\"wind\": 2.0") && notes.contains("\"fps\": 10.0"), "{notes}");
+    assert!(folder.path().join("hands/gt/physics.json").is_file());
+    let notes = synth("paper", &["--paper", "--occluders=2", "--amodal"]);
+    assert!(notes.contains("\"occluders\": 2") && notes.contains("\"amodal\": true"), "{notes}");
+    assert!(!folder.path().join("paper/gt/physics.json").exists());
+    let out = folder.path().join("none");
+    for wrong in [&["--paper", "--hands"][..], &["--paper", "--wind", "3"], &["--amodal"], &["--blur=2"]] {
+        fail(2, &[&["synth", text(&out)], wrong].concat());
+        assert!(!out.exists(), "{wrong:?}");
+    }
 }
 
 #[test]

@@ -331,11 +331,22 @@ fn scenes_are_replaced_only_if_they_are_all_ours() {
     refused(home.path(), &forced, &["scene/gt/notes.txt", "would be lost"]);
     std::fs::remove_file(at("scene/gt/notes.txt")).unwrap();
     put(&at("demo/scene/notes.txt"), "mine");
-    refused(home.path(), &["demo", "--out", "demo"], &["demo/scene/notes.txt", "would be lost"]);
+    refused(home.path(), &["demo", "--out", "demo", "--force"], &["demo/scene/notes.txt", "would be lost"]);
     // A result inside of the scene is nothing that a new scene may cost.
     succeed(home.path(), &reconstruct("scene/result", &[]));
     refused(home.path(), &forced, &["scene/result/", "would be lost"]);
     std::fs::remove_dir_all(at("scene/result")).unwrap();
     succeed(home.path(), &forced);
     succeed(home.path(), &["verify", "scene"]);
+}
+
+#[test]
+fn an_earlier_demonstration_is_replaced_only_if_that_is_asked_for() {
+    let home = tempfile::tempdir().unwrap();
+    succeed(home.path(), &["synth", "demo/scene", "--frames", "2", "--size", "64", "--grid", "5x5"]);
+    let again = ["demo", "--out", "demo"];
+    refused(home.path(), &again, &["demo/scene", "a finished scene already exists", "--force"]);
+    succeed(home.path(), &[&again[..], &["--force"]].concat());
+    succeed(home.path(), &["verify", "demo/result"]);
+    refused(home.path(), &again, &["demo/scene", "a finished scene already exists", "--force"]);
 }

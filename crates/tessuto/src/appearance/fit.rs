@@ -10,7 +10,7 @@ use super::texels::{MapState, Maps, Texels, splat};
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::srgb;
 use crate::math::rng::mix32;
 use crate::mesh::Motion;
@@ -73,7 +73,7 @@ pub fn fit(
         return Err(Error::input(
             scene.folder.display().to_string(),
             "no pixel shows the cloth where the motion puts it",
-            "look at the scene with `tessuto check`, and at pictures/ of the result",
+            Hint::from("look at the scene, and at pictures/ of the result").with(Remedy::Check),
         ));
     }
 

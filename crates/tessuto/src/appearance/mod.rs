@@ -24,7 +24,7 @@ mod write;
 
 pub use fit::{Appearance, fit};
 pub use read::read_material;
-pub use relight::{evaluate, relit_psnr, studio};
+pub use relight::{evaluate, studio};
 pub use rerender::{Rerendered, rerender};
 pub use settings::{AppearanceSettings, MapPrior};
 pub use window::Window;

@@ -40,7 +40,7 @@ pub fn evaluate(scene: &Scene, result: &Path, motion: &[Positions]) -> Result<Op
 
 /// PSNR `[dB]` over the cloth of frames with the two materials under [`studio`]: as they are, and after the best factor
 /// per channel of the linear colours. Both are drawn with the same random numbers.
-pub fn relit_psnr(
+fn relit_psnr(
     template: &Mesh,
     camera: &Camera,
     motion: &[Positions],

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderState;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::optim::Adam;
 use crate::pbr::CHANNELS;
 
@@ -102,7 +102,11 @@ impl Maps for Texels {
 
 /// The checkpoint is of other maps.
 pub(super) fn other_maps() -> Error {
-    Error::input("checkpoint, appearance", "it has maps of another kind or size", "start without --resume")
+    Error::input(
+        "checkpoint, appearance",
+        "it has maps of another kind or size",
+        Hint::from("start afresh").with(Remedy::NoResume),
+    )
 }
 
 /// Adds `weight` times the gradient of Σ √(d² + `SOFT`²) over the differences d of neighbours in `plane`.

@@ -4,9 +4,9 @@ use sha2::{Digest, Sha256};
 
 use super::masks::{self, MaskShape};
 use super::{Finding, Level};
-use crate::error::Result;
+use crate::error::{Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
-use crate::io::scene::template::{DIAGONAL, command, diagonal};
+use crate::io::scene::template::{DIAGONAL, diagonal};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
 
@@ -47,26 +47,24 @@ pub(super) fn of_template(scene: &Scene, mask: &Image, iou: f64) -> Vec<Finding>
 }
 
 /// The findings and what loading already doubted, which replaces the good word on the same topic.
-pub(super) fn with_warnings(mut findings: Vec<Finding>, warnings: &[String]) -> Vec<Finding> {
-    let warnings: Vec<Finding> = warnings.iter().map(|w| from_warning(w)).collect();
+pub(super) fn with_warnings(mut findings: Vec<Finding>, warnings: &[Warning]) -> Vec<Finding> {
+    let warnings: Vec<Finding> = warnings.iter().map(from_warning).collect();
     findings.retain(|f| f.level != Level::Ok || warnings.iter().all(|w| w.what != f.what));
     findings.extend(warnings);
     findings
 }
 
 fn ok(what: &str, detail: String) -> Finding {
-    Finding { level: Level::Ok, what: what.into(), detail, hint: String::new() }
+    Finding { level: Level::Ok, what: what.into(), detail, hint: None }
 }
 
-fn doubt(what: &str, detail: String, hint: &str) -> Finding {
-    Finding { level: Level::Warning, what: what.into(), detail, hint: hint.into() }
+fn doubt(what: &str, detail: String, hint: impl Into<Hint>) -> Finding {
+    Finding { level: Level::Warning, what: what.into(), detail, hint: Some(hint.into()) }
 }
 
-/// Takes a warning of loading apart: `topic: text`, newline, `  hint: text`.
-fn from_warning(warning: &str) -> Finding {
-    let (text, hint) = warning.split_once("\n  hint: ").unwrap_or((warning, ""));
-    let (what, detail) = text.split_once(": ").unwrap_or(("scene", text));
-    doubt(what, detail.into(), hint)
+fn from_warning(warning: &Warning) -> Finding {
+    let Warning { topic, found, hint } = warning.clone();
+    Finding { level: Level::Warning, what: topic, detail: found, hint }
 }
 
 fn frames(scene: &Scene) -> Finding {
@@ -142,7 +140,7 @@ fn scale(scene: &Scene) -> Finding {
     );
     let hint =
         "nothing is filmed from so near: give the template in metres, and take no floor or table into it";
-    Finding { level: Level::Error, detail, hint: hint.into(), ..finding }
+    Finding { level: Level::Error, detail, hint: Some(hint.into()), ..finding }
 }
 
 /// Loading refuses a template that lies beside the mask, and doubts one that lies badly on it.
@@ -160,26 +158,24 @@ fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {
             "the template fits the mask better with {} ({:.2} instead of {own:.2})",
             best.name, best.iou
         );
-        let hint = format!(
-            "template.obj must have x right, y down, z forward: {}",
-            command(&scene.folder, &format!("{}{} --force", best.options, rescaling(scene)))
-        );
-        return doubt("orientation", detail, &hint);
+        let repair = Repair { scale: rescaling(scene), ..best.repair(&scene.folder) };
+        let hint = Hint::from("template.obj must have x right, y down, z forward");
+        return doubt("orientation", detail, hint.with(Remedy::RepairTemplate(repair)));
     }
     ok("orientation", format!("no flip or swap of axes fits better by {VARIANT_GAIN} (best {:.2})", best.iou))
 }
 
-/// The option that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
+/// The factor that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
 /// changes no image.
-fn rescaling(scene: &Scene) -> String {
+fn rescaling(scene: &Scene) -> f64 {
     let length = diagonal(&scene.template.positions);
     if DIAGONAL.contains(&length) {
-        return String::new();
+        return 1.0;
     }
     let factors = [0.001, 0.01, 10.0, 100.0, 1000.0].into_iter().filter(|f| DIAGONAL.contains(&(f * length)));
     let strangeness = |f: &f64| (f * length / 0.7).ln().abs();
     let best = factors.min_by(|a, b| strangeness(a).total_cmp(&strangeness(b)));
-    best.map_or_else(String::new, |factor| format!(" --scale {factor}"))
+    best.unwrap_or(1.0)
 }
 
 fn uv(scene: &Scene) -> Finding {
@@ -219,11 +215,23 @@ fn uv(scene: &Scene) -> Finding {
 }
 
 fn truth(scene: &Scene) -> Finding {
-    let detail = match (&scene.truth.points, &scene.truth.vertices) {
-        (Some(_), Some(_)) => "measured points and true vertices",
-        (Some(_), None) => "measured points",
-        (None, Some(_)) => "true vertices",
-        (None, None) => "none; results cannot be evaluated, only compared with the video",
+    let (truth, count) = (&scene.truth, scene.frames.len());
+    let of_frames =
+        |with: usize| if with < count { format!(" in {with} of {count} frames") } else { String::new() };
+    let with_points = (0..count).filter(|k| truth.points_in(*k).is_some()).count();
+    let found = [
+        (with_points > 0).then(|| format!("measured points{}", of_frames(with_points))),
+        truth.vertices.as_ref().map(|_| "true vertices".to_owned()),
+        truth
+            .tracks
+            .as_ref()
+            .map(|t| format!("{} tracked points{}", t.vertices.len(), of_frames(t.points.len()))),
+    ];
+    let found: Vec<String> = found.into_iter().flatten().collect();
+    let detail = match &found[..] {
+        [] => "none; results cannot be evaluated, only compared with the video".to_owned(),
+        [rest @ .., last] if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        _ => found.concat(),
     };
-    ok("truth", detail.into())
+    ok("truth", detail)
 }

@@ -35,7 +35,7 @@ impl MaskShape {
         let pixels = fabric.iter().filter(|f| **f).count();
         let regions = regions(&fabric, mask.width, true);
         let largest = regions.iter().map(|r| r.0).max().unwrap_or(0);
-        // What is around the fabric, or cut off by the picture's border, is no hole.
+        // What is around the fabric, or cut off by the image's border, is no hole.
         let holes: usize =
             self::regions(&background, mask.width, false).iter().filter(|r| !r.1).map(|r| r.0).sum();
         let some = mask.data.iter().filter(|v| **v > 0.05).count();
@@ -87,7 +87,7 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
         level,
         what: "masks".into(),
         detail,
-        hint: hint.into(),
+        hint: Some(hint.into()),
     };
     let mut out = vec![sizes(scene, shapes)];
     // The frame with the largest cost, if that is beyond the limits.
@@ -135,7 +135,7 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
     out
 }
 
-/// How much of the picture is fabric.
+/// How much of the image is fabric.
 fn sizes(scene: &Scene, shapes: &[MaskShape]) -> Finding {
     let full = (scene.full_size[0] * scene.full_size[1]) as f64;
     let shares: Vec<f64> = shapes.iter().map(|s| s.pixels as f64 / full).collect();
@@ -145,7 +145,7 @@ fn sizes(scene: &Scene, shapes: &[MaskShape]) -> Finding {
         high = if *share > shares[high] { n } else { high };
     }
     let detail = format!(
-        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the picture",
+        "fabric is {:.1} % (frame {}) to {:.1} % (frame {}) of the image",
         100.0 * shares[low],
         scene.first_frame + low,
         100.0 * shares[high],
@@ -155,7 +155,7 @@ fn sizes(scene: &Scene, shapes: &[MaskShape]) -> Finding {
         level: Level::Warning,
         what: "masks".into(),
         detail,
-        hint: hint.into(),
+        hint: Some(hint.into()),
     };
     if shares[high] > 0.9 {
         return doubt(detail, "masks this full are often inverted; white must be fabric");
@@ -168,7 +168,7 @@ fn sizes(scene: &Scene, shapes: &[MaskShape]) -> Finding {
             let jump = format!("{detail}; by over half in or out between frames {frame} and {}", frame + 1);
             doubt(jump, "look at these masks")
         }
-        None => Finding { level: Level::Ok, what: "masks".into(), detail, hint: String::new() },
+        None => Finding { level: Level::Ok, what: "masks".into(), detail, hint: None },
     }
 }
 

@@ -60,7 +60,7 @@ pub struct Clip {
     /// The part of the whole image that was computed on.
     pub crop: Rect,
     /// Images of all frames, cut to the crop; none if the result lacks some.
-    pub pictures: Vec<PathBuf>,
+    pub images: Vec<PathBuf>,
     /// The look.
     pub material: Material,
     /// Stiffnesses and forces.
@@ -79,7 +79,7 @@ impl Clip {
         Ok(Self {
             material: read_material(folder.path(), &name)?,
             name,
-            pictures: pictures(folder.path(), first_frame, motion.len()),
+            images: images(folder.path(), first_frame, motion.len()),
             version: folder.run.version.clone(),
             mesh: folder.mesh.clone(),
             motion,
@@ -118,7 +118,7 @@ fn identifier(name: &str) -> String {
     }
 }
 
-fn pictures(folder: &Path, first: usize, count: usize) -> Vec<PathBuf> {
+fn images(folder: &Path, first: usize, count: usize) -> Vec<PathBuf> {
     let path = |n| folder.join(format!("pictures/observed/frame_{n:03}.png"));
     let paths: Vec<PathBuf> = (first..first + count).map(path).collect();
     if paths.iter().all(|p| p.is_file()) { paths } else { Vec::new() }
@@ -164,7 +164,7 @@ pub(super) mod tests {
             first_frame: 0,
             camera: Camera { fx: 50.0, fy: 50.0, cx: 16.0, cy: 12.0, width: 32, height: 24 },
             crop: Rect { x0: 0, y0: 0, x1: 32, y1: 24 },
-            pictures: Vec::new(),
+            images: Vec::new(),
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
                 log_stiffness: [2.0, -3.0, -4.0],

@@ -169,8 +169,8 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
     if !channels.is_empty() {
         gltf["animations"] = json!([{"name": "motion", "channels": channels, "samplers": samplers}]);
     }
-    for (kind, picture) in pictures(clip) {
-        let view = buffer.view(&encode_png(&picture), None);
+    for (kind, image) in images(clip) {
+        let view = buffer.view(&encode_png(&image), None);
         let source = gltf["images"].as_array().map_or(0, Vec::len);
         let image =
             json!({"name": format!("{}_{kind}", clip.name), "bufferView": view, "mimeType": "image/png"});
@@ -251,13 +251,13 @@ fn material(clip: &Clip) -> Value {
 }
 
 /// The images of the material; roughness is green, metallic blue.
-fn pictures(clip: &Clip) -> Vec<(&'static str, Image)> {
-    let mut pictures = vec![("basecolor", clip.material.base_colour.clone())];
+fn images(clip: &Clip) -> Vec<(&'static str, Image)> {
+    let mut images = vec![("basecolor", clip.material.base_colour.clone())];
     if let Some([roughness, metallic]) = &clip.material.roughness_metallic {
         let data = roughness.data.iter().zip(&metallic.data).flat_map(|(r, m)| [0.0, *r, *m]).collect();
-        pictures.push(("roughness_metallic", Image { channels: 3, data, ..*roughness }));
+        images.push(("roughness_metallic", Image { channels: 3, data, ..*roughness }));
     }
-    pictures
+    images
 }
 
 /// Header, JSON chunk, binary chunk.

@@ -133,7 +133,7 @@ fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {
         #[cfg(feature = "rerun")]
         Format::Rrd => vec![Output::File(format!("{name}.rrd"), rrd::encode(clip)?)],
         #[cfg(not(feature = "rerun"))]
-        Format::Rrd => return Err(Error::left_out("--to rrd", "rerun")),
+        Format::Rrd => return Err(Error::left_out("format rrd", "rerun")),
     })
 }
 

@@ -1,7 +1,7 @@
 //! NumPy archive: a zip file of .npy files, stored without compression.
 
 use super::Clip;
-use crate::io::npy::encode as array;
+use crate::io::npy::{archive, encode as array};
 use crate::sim::cloth::AREA_DENSITY;
 
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
@@ -49,57 +49,5 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let c = &clip.camera;
     let values = [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64];
     files.push(("camera", array(&[6], &values)));
-    zip(&files)
-}
-
-/// A zip file of stored entries `<name>.npy`. No entry is near the 4 GiB that would need the format's 64-bit variant.
-///
-/// Source: PKWARE, "APPNOTE.TXT", 6.3.10, §4.3.
-fn zip(files: &[(&str, Vec<u8>)]) -> Vec<u8> {
-    let (mut out, mut directory) = (Vec::new(), Vec::new());
-    for (name, bytes) in files {
-        let name = format!("{name}.npy");
-        let size = u32::try_from(bytes.len()).expect("an array below 4 GiB").to_le_bytes();
-        let offset = u32::try_from(out.len()).expect("an archive below 4 GiB").to_le_bytes();
-        // Version 2.0, no flags, stored, 1980-01-01 (so that the same result gives the same bytes), checksum, sizes.
-        let mut common = vec![20, 0, 0, 0, 0, 0, 0, 0, 0x21, 0];
-        common.extend(crc32(bytes).to_le_bytes());
-        common.extend([size, size].concat());
-        common.extend((name.len() as u16).to_le_bytes());
-        common.extend([0, 0]);
-        out.extend(b"PK\x03\x04");
-        out.extend(&common);
-        out.extend(name.as_bytes());
-        out.extend(bytes);
-        directory.extend(b"PK\x01\x02\x14\x00");
-        directory.extend(&common);
-        // No comment, disk 0, no attributes.
-        directory.extend([0; 10]);
-        directory.extend(offset);
-        directory.extend(name.as_bytes());
-    }
-    let (start, count) = (out.len() as u32, files.len() as u16);
-    out.extend(&directory);
-    out.extend(b"PK\x05\x06\0\0\0\0");
-    out.extend([count.to_le_bytes(), count.to_le_bytes()].concat());
-    out.extend((directory.len() as u32).to_le_bytes());
-    out.extend(start.to_le_bytes());
-    out.extend([0, 0]);
-    out
-}
-
-/// Checksum of ISO 3309, as zip wants it.
-fn crc32(bytes: &[u8]) -> u32 {
-    let table: [u32; 256] = std::array::from_fn(|k| {
-        (0..8).fold(k as u32, |c, _| if c & 1 == 1 { (c >> 1) ^ 0xEDB8_8320 } else { c >> 1 })
-    });
-    !bytes.iter().fold(!0, |crc, b| (crc >> 8) ^ table[((crc ^ u32::from(*b)) & 0xFF) as usize])
-}
-
-#[cfg(test)]
-mod tests {
-    #[test]
-    fn checksum_of_the_standard_text() {
-        assert_eq!(super::crc32(b"123456789"), 0xCBF4_3926);
-    }
+    archive(&files)
 }

@@ -1,6 +1,6 @@
 //! Float images in memory, and the sRGB transfer curve.
 
-pub mod srgb;
+pub(crate) mod srgb;
 
 /// Interleaved float image; row 0 is the top.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,7 +2,7 @@
 
 use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 
 /// Cameras that a message names at most.
 const LISTED: usize = 5;
@@ -24,7 +24,8 @@ pub(super) fn parse(text: &str, place: &str, camera_id: Option<u32>) -> Result<C
             return Err(Error::input(
                 place,
                 format!("holds {} cameras: {}", cameras.len(), ids.join(", ")),
-                "choose the video's one with --camera-id; COLMAP shares one camera with --ImageReader.single_camera 1",
+                Hint::from("COLMAP shares one camera with --ImageReader.single_camera 1; else choose the video's one")
+                    .with(Remedy::CameraId),
             ));
         }
         None => cameras.first(),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::Settings;
 use super::pictures::{Colours, Stage};
 use super::video::Video;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image;
 
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
@@ -25,7 +25,7 @@ pub(super) struct Source {
 
 pub(super) enum Kind {
     /// The images of a folder in the order of time.
-    Pictures(Vec<PathBuf>),
+    Images(Vec<PathBuf>),
     Video(Video),
 }
 
@@ -47,14 +47,15 @@ impl Source {
         let Some(fps) = settings.fps else {
             return Err(Error::usage(
                 "images do not tell their frame rate",
-                "add --fps, the frames per second of the recording (before --stride)",
+                Hint::from("give the frames per second of the recording, before frames are left out")
+                    .with(Remedy::Fps),
             ));
         };
-        let pictures = list(input)?;
+        let images = list(input)?;
         if !settings.allow_gaps {
-            check_gaps(&pictures, input, notes)?;
+            check_gaps(&images, input, notes)?;
         }
-        Ok(Self { fps, kind: Kind::Pictures(pictures) })
+        Ok(Self { fps, kind: Kind::Images(images) })
     }
 
     /// Writes the colour frames.
@@ -64,12 +65,12 @@ impl Source {
     pub fn write(&self, stage: &Stage, notes: &mut Vec<String>) -> Result<Colours> {
         let settings = stage.settings;
         match &self.kind {
-            Kind::Pictures(pictures) => {
-                let chosen = choose(settings, pictures.len())?;
-                let size = image::size(&pictures[chosen[0]])?;
+            Kind::Images(images) => {
+                let chosen = choose(settings, images.len())?;
+                let size = image::size(&images[chosen[0]])?;
                 let colours = Colours::new(settings, size, chosen.len(), notes)?;
                 in_order(chosen.into_par_iter().enumerate(), |(k, n)| {
-                    stage.colour_file(&colours, k, &pictures[n])
+                    stage.colour_file(&colours, k, &images[n])
                 })?;
                 Ok(colours)
             }
@@ -115,8 +116,8 @@ pub(super) fn choose(settings: &Settings, count: usize) -> Result<Vec<usize>> {
     let range: Range<usize> = settings.frames.clone().unwrap_or(0..count);
     if range.start >= range.end || range.end > count {
         return Err(Error::usage(
-            format!("--frames {}..{} of {count} frames", range.start, range.end),
-            format!("ask for frames A..B with 0 ≤ A < B ≤ {count}"),
+            format!("frames {}..{} of {count} frames", range.start, range.end),
+            Hint::from(format!("ask for frames A..B with 0 ≤ A < B ≤ {count}")).with(Remedy::Frames(None)),
         ));
     }
     Ok(range.step_by(settings.stride).collect())
@@ -199,8 +200,8 @@ fn natural(a: &str, b: &str) -> Ordering {
 }
 
 /// Refuses images whose numbers are not evenly spaced: a gap is a jump in time.
-fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> Result<()> {
-    let numbered: Option<Vec<(String, usize)>> = pictures.iter().map(|p| number(p)).collect();
+fn check_gaps(images: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> Result<()> {
+    let numbered: Option<Vec<(String, usize)>> = images.iter().map(|p| number(p)).collect();
     let Some(numbered) = numbered.filter(|n| n.len() > 1 && n.iter().all(|(text, _)| *text == n[0].0)) else {
         return Ok(());
     };
@@ -211,18 +212,17 @@ fn check_gaps(pictures: &[PathBuf], folder: &Path, notes: &mut Vec<String>) -> R
             folder.display().to_string(),
             format!(
                 "the numbers of the images have a gap: {} is followed by {}",
-                name(&pictures[k]),
-                name(&pictures[k + 1])
+                name(&images[k]),
+                name(&images[k + 1])
             ),
-            format!(
-                "add what is missing, take a part without gap (--frames 0..{}), or --allow-gaps if they are evenly spaced in time",
-                k + 1
-            ),
+            Hint::from("add what is missing, take a part without gap, or allow gaps if they are evenly spaced in time")
+                .with(Remedy::Frames(Some(0..k + 1)))
+                .with(Remedy::AllowGaps),
         ));
     }
     if step > 1 {
         notes.push(format!(
-            "images are numbered in steps of {step}; --fps must be the rate of the images that are there"
+            "images are numbered in steps of {step}; the frame rate must be that of the images that are there"
         ));
     }
     Ok(())

@@ -9,7 +9,7 @@ use super::frames::{Kind, Source, in_order, list, name, number};
 use super::pictures::{Colours, Stage};
 use super::video::Video;
 use super::{Masks, Settings};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io::image;
 
@@ -28,16 +28,18 @@ pub(super) fn write(
     // Numbers, in the input, of the frames that were written.
     let wanted: Vec<usize> = colours.frames.clone().map(|k| start + k * settings.stride).collect();
     match (&settings.masks, &source.kind) {
-        (Masks::Alpha, Kind::Pictures(pictures)) => {
-            let files = wanted.iter().map(|n| pictures[*n].clone()).enumerate();
+        (Masks::Alpha, Kind::Images(images)) => {
+            let files = wanted.iter().map(|n| images[*n].clone()).enumerate();
             in_order(files.collect::<Vec<_>>().into_par_iter(), |(k, path)| {
                 let mask = image::open(&path)?.alpha().ok_or_else(|| {
                     let hint =
-                        "give the masks with --masks, or write the frames as PNG with transparency (alpha)";
+                        Hint::from("write the frames as PNG with transparency (alpha), or give the masks")
+                            .with(Remedy::Masks);
                     Error::input(path.display().to_string(), "has no alpha channel", hint)
                 })?;
                 if mask.data.iter().all(|v| *v >= 0.5) {
-                    let hint = "make what is not fabric transparent, or give the masks with --masks";
+                    let hint = Hint::from("make what is not fabric transparent, or give the masks")
+                        .with(Remedy::Masks);
                     return Err(Error::input(path.display().to_string(), "is opaque everywhere", hint));
                 }
                 stage.mask(colours, k, &mask)
@@ -107,7 +109,7 @@ fn from_video(
         return Err(Error::input(
             path.display().to_string(),
             format!("holds {count} masks, but frame {} has none", wanted[written]),
-            "segment the whole video; one of variable frame rate is best made constant first: ffmpeg -i IN -vf fps=30 OUT.mp4; or take the part with masks: --frames A..B",
+            Hint::from("segment the whole video (one of variable frame rate is best made constant first: ffmpeg -i IN -vf fps=30 OUT.mp4), or take the part with masks").with(Remedy::Frames(None)),
         ));
     }
     if scaled.into_inner() {
@@ -122,14 +124,14 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
     let files = list(folder)?;
     let by_name: BTreeMap<String, &PathBuf> = files.iter().map(|f| (bare(f), f)).collect();
     let found: Vec<Option<&PathBuf>> = match kind {
-        Kind::Pictures(pictures) => {
-            let named: Vec<_> = wanted.iter().map(|n| by_name.get(&bare(&pictures[*n])).copied()).collect();
+        Kind::Images(images) => {
+            let named: Vec<_> = wanted.iter().map(|n| by_name.get(&bare(&images[*n])).copied()).collect();
             if named.iter().any(Option::is_some) {
                 named
             } else {
                 let numbers = by_number(&files, folder)?;
                 let own =
-                    |n: &usize| number(&pictures[*n]).and_then(|(_, number)| numbers.get(&number).copied());
+                    |n: &usize| number(&images[*n]).and_then(|(_, number)| numbers.get(&number).copied());
                 wanted.iter().map(own).collect()
             }
         }
@@ -150,7 +152,7 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
         return Ok(found.into_iter().flatten().cloned().collect());
     }
     let frame = |k: usize| match kind {
-        Kind::Pictures(pictures) => name(&pictures[wanted[k]]),
+        Kind::Images(images) => name(&images[wanted[k]]),
         Kind::Video(_) => format!("frame {}", wanted[k]),
     };
     let mut names: Vec<String> = missing.iter().take(5).map(|k| frame(*k)).collect();
@@ -158,12 +160,9 @@ fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -
         names.push("…".into());
     }
     let hint = match longest(&found) {
-        Some(run) => format!(
-            "segment these frames too, or take the longest part that has masks: --frames {}..{}",
-            wanted[run.start],
-            wanted[run.end - 1] + 1
-        ),
-        None => "masks need the names of the frames, or the same numbers; white is fabric".to_owned(),
+        Some(run) => Hint::from("segment these frames too, or take the longest part that has masks")
+            .with(Remedy::Frames(Some(wanted[run.start]..wanted[run.end - 1] + 1))),
+        None => "masks need the names of the frames, or the same numbers; white is fabric".into(),
     };
     Err(Error::input(
         folder.display().to_string(),

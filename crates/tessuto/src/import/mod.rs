@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::scene::write_manifest;
 use crate::io::{model, obj};
 use frames::Source;
@@ -118,22 +118,22 @@ pub fn import(
 }
 
 fn validate(settings: &Settings) -> Result<()> {
-    let demand = |ok: bool, option: &str, value: String, hint: &str| {
-        if ok { Ok(()) } else { Err(Error::usage(format!("{option} is {value}"), hint)) }
+    let demand = |ok: bool, name: &str, value: String, hint: &str| {
+        if ok { Ok(()) } else { Err(Error::usage(format!("{name} is {value}"), hint)) }
     };
-    demand(settings.stride >= 1, "--stride", settings.stride.to_string(), "give 1 or more")?;
+    demand(settings.stride >= 1, "stride", settings.stride.to_string(), "give 1 or more")?;
     demand(
         (1..=64).contains(&settings.downscale),
-        "--downscale",
+        "downscale",
         settings.downscale.to_string(),
         "give a whole number from 1 to 64, the factor by which frames shrink",
     )?;
     if let Some(fps) = settings.fps {
-        demand(fps > 0.0 && fps <= 100_000.0, "--fps", fps.to_string(), "give frames per second, above 0")?;
+        demand(fps > 0.0 && fps <= 100_000.0, "fps", fps.to_string(), "give frames per second, above 0")?;
     }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(
-            format!("--alpha with {}, which is not a folder", settings.input.display()),
+            format!("transparency as masks, of {}, which is not a folder", settings.input.display()),
             "transparency is read from PNG images: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
         ));
     }
@@ -148,7 +148,8 @@ fn write_template(path: &Path, folder: &Path, notes: &mut Vec<String>) -> Result
         return Err(Error::input(
             place.to_string(),
             "has no texture coordinates (uv), which a template needs",
-            "unwrap it in a modelling program; or import without --template, then: tessuto template SCENE --remesh 32 --from MESH",
+            Hint::from("unwrap it in a modelling program, or import without it and re-sample it then")
+                .with(Remedy::Remesh),
         ));
     }
     notes.extend(model.notes.iter().map(|n| format!("{place}: {n}")));

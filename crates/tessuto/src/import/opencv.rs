@@ -6,7 +6,7 @@ use yaml_rust2::{ScanError, Yaml, YamlLoader};
 
 use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 
 const MATRIX: [&str; 7] =
     ["camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "K", "mtx", "intrinsic_matrix"];
@@ -87,7 +87,8 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
         return Err(Error::input(
             place,
             "has no camera matrix",
-            "give it as \"camera_matrix\" (3×3, as OpenCV writes it); or use --fx --fy --cx --cy",
+            Hint::from("give it as \"camera_matrix\" (3×3, as OpenCV writes it), or its numbers")
+                .with(Remedy::Intrinsics),
         ));
     };
     let m = numbers(matrix);

@@ -33,7 +33,7 @@ impl Colours {
         let factor = settings.downscale;
         if size.iter().any(|n| n / factor < 2) {
             return Err(Error::usage(
-                format!("--downscale {factor} of frames of {}×{} pixels", size[0], size[1]),
+                format!("downscale {factor} of frames of {}×{} pixels", size[0], size[1]),
                 "leave 2 pixels or more in each direction",
             ));
         }
@@ -71,10 +71,10 @@ impl<'a> Stage<'a> {
 
     /// Writes frame `k` from an image file; copies the file where its pixels need no change.
     pub fn colour_file(&self, colours: &Colours, k: usize, path: &Path) -> Result<()> {
-        let picture = image::open(path)?;
-        let full = picture.full();
+        let file = image::open(path)?;
+        let full = file.full();
         expect_size([full.x1, full.y1], colours.size(), path)?;
-        if picture.plain && colours.undistortion.is_none() && self.settings.downscale == 1 {
+        if file.plain && colours.undistortion.is_none() && self.settings.downscale == 1 {
             let bytes = std::fs::read(path).map_err(|e| {
                 Error::input(path.display().to_string(), format!("cannot be read: {e}"), "check the file")
             })?;
@@ -82,7 +82,7 @@ impl<'a> Stage<'a> {
             let ending = if bytes.starts_with(&[0xFF, 0xD8]) { "jpg" } else { "png" };
             return self.put(&format!("rgbs/rgb_{k:03}.{ending}"), &bytes);
         }
-        self.colour_pixels(colours, k, picture.into_rgb8())
+        self.colour_pixels(colours, k, file.into_rgb8())
     }
 
     /// Writes frame `k` of a video.

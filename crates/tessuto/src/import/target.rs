@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 
 /// Refuses to write a scene to `out` where that would cost the user something: a scene that is there, without leave to
 /// `replace` it, or one of the `sources` that lies inside of it.
@@ -15,7 +15,7 @@ pub fn check_target(out: &Path, replace: bool, sources: [Option<&PathBuf>; 3]) -
         return Err(Error::input(
             out.display().to_string(),
             "a scene already exists here and would be replaced",
-            "add --force to replace it, or choose another folder",
+            Hint::from("choose another folder, or allow to replace it").with(Remedy::Replace),
         ));
     }
     let inside = |path: &Path| match (path.canonicalize(), out.canonicalize()) {

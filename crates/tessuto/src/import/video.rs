@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::thread::JoinHandle;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image::MAX_SIDE;
 
 /// How to get the program.
@@ -86,7 +86,7 @@ impl Video {
                 None => Err(Error::input(
                     place,
                     "does not tell its frame rate",
-                    "add --fps, its frames per second",
+                    Hint::from("give its frames per second").with(Remedy::Fps),
                 )),
             };
         };
@@ -101,7 +101,7 @@ impl Video {
         let chosen = if nominal < 2.0 * mean { exact(nominal) } else { mean.round().max(1.0) };
         notes.push(format!(
             "{place}: its frame rate varies ({mean} per second on average); brought to {chosen:.4} per second by its time stamps, \
-             frames repeat or are left out: set another rate with --fps"
+             frames repeat or are left out: another rate can be given (fps)"
         ));
         Ok(Self::new(path, ffmpeg, chosen, true))
     }
@@ -251,7 +251,7 @@ impl Stream {
             }
         }
         let bad =
-            || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not a picture: {header:?}"));
+            || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not an image: {header:?}"));
         let words: Vec<&str> = header.split_ascii_whitespace().collect();
         let ["P6", width, height, "255"] = words[..] else { return Err(bad()) };
         let side = |text: &str| text.parse::<usize>().ok().filter(|n| (2..=MAX_SIDE).contains(n));

@@ -93,7 +93,7 @@ pub fn read_environment(path: &Path) -> Result<Image> {
 ///
 /// # Errors
 /// [`Error::Input`].
-pub fn check_environment(image: &Image, place: &str) -> Result<()> {
+pub(crate) fn check_environment(image: &Image, place: &str) -> Result<()> {
     let (width, height) = (image.width, image.height);
     if width != 2 * height || height == 0 {
         return Err(Error::input(
@@ -107,11 +107,11 @@ pub fn check_environment(image: &Image, place: &str) -> Result<()> {
     let count = image.data.iter().filter(|v| wrong(v)).count();
     let (value, pixel) = (image.data[at], at / 3);
     let (problem, hint) = if !value.is_finite() {
-        ("not finite", "repair the picture: replace NaN and infinity by the pixels around them")
+        ("not finite", "repair the image: replace NaN and infinity by the pixels around them")
     } else if value < 0.0 {
         ("negative", "radiance cannot be negative: clamp the image at 0, or look for a wrong colour space")
     } else {
-        ("too large", "clamp or scale the picture: at most 1e6 per channel")
+        ("too large", "clamp or scale the image: at most 1e6 per channel")
     };
     Err(Error::input(
         place,

@@ -15,12 +15,12 @@ use crate::image::Image;
 use crate::io::{atomic_write, read_bounded};
 
 /// Largest width and height `[px]`.
-pub const MAX_SIDE: usize = 16_384;
+pub(crate) const MAX_SIDE: usize = 16_384;
 /// Largest file, and largest decoded image `[bytes]`.
 const MAX_BYTES: u64 = 256 << 20;
 
 /// A decoded image that has not been converted to floats yet.
-pub(crate) struct Picture {
+pub(crate) struct ImageFile {
     path: PathBuf,
     dynamic: DynamicImage,
     /// Whether a reader that knows nothing of orientation and transparency sees the same image.
@@ -31,8 +31,8 @@ pub(crate) struct Picture {
 
 /// sRGB-encoded colour in [0, 1], shape [height, width, 3].
 pub fn read(path: &Path) -> Result<Image> {
-    let picture = open(path)?;
-    Ok(picture.rgb(picture.full()))
+    let file = open(path)?;
+    Ok(file.rgb(file.full()))
 }
 
 /// sRGB-encoded colour as bytes.
@@ -43,21 +43,20 @@ pub fn read_bytes(path: &Path) -> Result<::image::RgbImage> {
 /// A mask in [0, 1] (luminance over the largest value of the format), shape [height, width, 1],
 /// and a warning where its values were unusual; masks of zeros and ones are scaled.
 pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {
-    let mut picture = open(path)?;
-    let mask = picture.mask(picture.full());
-    let warning =
-        (!picture.notes.is_empty()).then(|| format!("{}: {}", path.display(), picture.notes.join("; ")));
+    let mut file = open(path)?;
+    let mask = file.mask(file.full());
+    let warning = (!file.notes.is_empty()).then(|| format!("{}: {}", path.display(), file.notes.join("; ")));
     Ok((mask, warning))
 }
 
 /// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured images.
 pub fn read_grey(path: &Path) -> Result<Image> {
-    let picture = open(path)?;
-    Ok(grey(picture.floats(picture.full(), false)))
+    let file = open(path)?;
+    Ok(grey(file.floats(file.full(), false)))
 }
 
 /// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
-pub fn rgb8(image: &Image) -> ::image::RgbImage {
+pub(crate) fn rgb8(image: &Image) -> ::image::RgbImage {
     let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
     ::image::RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
 }
@@ -86,7 +85,7 @@ pub fn is_marked_png(path: &Path) -> bool {
 }
 
 /// The bytes of an 8-bit PNG of an image of 1 or 3 channels; values are clamped to [0, 1] and rounded.
-pub fn encode_png(image: &Image) -> Vec<u8> {
+pub(crate) fn encode_png(image: &Image) -> Vec<u8> {
     let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
     encode_png_bytes(&bytes, [image.width, image.height], image.channels)
 }
@@ -111,7 +110,7 @@ pub fn size(path: &Path) -> Result<[usize; 2]> {
 }
 
 /// Reads and decodes a PNG or JPEG file.
-pub(crate) fn open(path: &Path) -> Result<Picture> {
+pub(crate) fn open(path: &Path) -> Result<ImageFile> {
     let bytes = read_bounded(path, MAX_BYTES)?;
     let broken = |problem: String| {
         Error::input(
@@ -154,7 +153,7 @@ pub(crate) fn open(path: &Path) -> Result<Picture> {
     let plain = orientation == Orientation::NoTransforms && !decoder.color_type().has_alpha();
     let mut dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     dynamic.apply_orientation(orientation);
-    Ok(Picture { path: path.to_path_buf(), dynamic, plain, notes })
+    Ok(ImageFile { path: path.to_path_buf(), dynamic, plain, notes })
 }
 
 /// The decoder of `bytes` in `format`, for at most [`MAX_SIDE`] pixels a side. Its own buffers take at most twice
@@ -173,7 +172,7 @@ pub(super) fn decoder(
     reader.into_decoder()
 }
 
-impl Picture {
+impl ImageFile {
     /// The whole image.
     pub fn full(&self) -> Rect {
         Rect { x0: 0, y0: 0, x1: self.dynamic.width() as usize, y1: self.dynamic.height() as usize }

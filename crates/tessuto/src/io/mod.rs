@@ -8,6 +8,7 @@ pub mod model;
 pub mod npy;
 pub mod obj;
 pub mod scene;
+pub(crate) mod zip;
 
 pub use atomic::atomic_write;
 

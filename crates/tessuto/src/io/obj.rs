@@ -6,7 +6,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::{atomic_write, read_bounded};
 use crate::mesh::{Face, Mesh};
 
@@ -58,7 +58,10 @@ pub(crate) fn parse_with(bytes: &[u8], name: &str, uv_needed: bool) -> Result<Me
         if let (true, Some(corner)) = (uv_needed, &bare) {
             return Err(fail(Fault::new(
                 format!("corner \"{corner}\" has no texture coordinate"),
-                "unwrap the mesh and export it with its texture coordinates (uv), or let tessuto template --remesh make them",
+                Hint::from(
+                    "unwrap the mesh and export it with its texture coordinates (uv), or have them made",
+                )
+                .with(Remedy::Remesh),
             )));
         }
     }
@@ -75,12 +78,12 @@ pub(crate) fn parse_with(bytes: &[u8], name: &str, uv_needed: bool) -> Result<Me
 /// What is wrong with a line, and the way out.
 struct Fault {
     problem: String,
-    hint: &'static str,
+    hint: Hint,
 }
 
 impl Fault {
-    fn new(problem: impl Into<String>, hint: &'static str) -> Self {
-        Self { problem: problem.into(), hint }
+    fn new(problem: impl Into<String>, hint: impl Into<Hint>) -> Self {
+        Self { problem: problem.into(), hint: hint.into() }
     }
 }
 

@@ -1,12 +1,12 @@
 //! Domain-free numerics: random streams, sparse symmetric systems, gradient checks.
 
 pub mod block_matrix;
-pub mod conjugate_gradients;
-pub mod damping;
+pub(crate) mod conjugate_gradients;
+pub(crate) mod damping;
 mod dissection;
 pub mod factor;
 pub mod gradient_check;
-pub mod hyper_dual;
+pub(crate) mod hyper_dual;
 mod multifrontal;
 pub mod rng;
 

@@ -49,7 +49,7 @@ impl Rng {
 /// one half: random numbers by position instead of by sequence (Wellons 2018, "Prospecting for Hash
 /// Functions", lowbias32).
 #[inline]
-pub fn mix32(mut x: u32) -> u32 {
+pub(crate) fn mix32(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);
     x ^= x >> 15;

@@ -9,7 +9,8 @@ use glam::{DVec2, DVec3};
 
 pub use attributes::{vertex_normals, vertex_uvs};
 pub use motion::Motion;
-pub use topology::{EdgeUse, boundary_edges, edge_uses, pieces, pinched};
+pub use topology::pieces;
+pub(crate) use topology::{boundary_edges, edge_uses, pinched};
 pub use weld::weld;
 
 /// Vertex positions `[m]` of one moment, camera frame, shape `[V]`.
@@ -84,7 +85,7 @@ impl Mesh {
 }
 
 /// Area `[m²]` of one triangle.
-pub fn triangle_area(positions: &[DVec3], [a, b, c]: [u32; 3]) -> f64 {
+pub(crate) fn triangle_area(positions: &[DVec3], [a, b, c]: [u32; 3]) -> f64 {
     let (a, b, c) = (positions[a as usize], positions[b as usize], positions[c as usize]);
     0.5 * (b - a).cross(c - a).length()
 }

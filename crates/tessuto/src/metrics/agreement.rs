@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::similarity::{masked_psnr, print_correlation};
+use super::similarity::{local_correlation, masked_psnr};
 use crate::image::Image;
 use crate::mesh::Mesh;
 use crate::video::Frame;
@@ -26,10 +26,10 @@ pub struct FrameAgreement {
     /// both mask and rendered coverage are above one half; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
-    /// How well the same print lies on that of the video, over the same pixels: see [`print_correlation`]; absent for plain
+    /// How well the texture's pattern lies on that of the video, over the same pixels: see [`local_correlation`]; absent for plain
     /// cloth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub print: Option<f64>,
+    pub correlation: Option<f64>,
     /// Mean of |strain| over the threads, the edges of the template's polygons; strain = length / length in the
     /// template − 1.
     pub strain_mean: f64,
@@ -95,7 +95,7 @@ impl AgreementMeter {
             frame,
             silhouette: (union > 0).then(|| both as f64 / union as f64),
             psnr: masked_psnr(rgb, &observed.rgb, &common),
-            print: print_correlation(rgb, &observed.rgb, &common),
+            correlation: local_correlation(rgb, &observed.rgb, &common),
             strain_mean,
             strain_p99,
             strain_max,

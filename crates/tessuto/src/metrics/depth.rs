@@ -10,7 +10,7 @@ use crate::camera::Camera;
 ///
 /// - `points`: measured `[m]`, camera frame, z > 0, shape `[P]`; a point's pixel is its rounded projection
 /// - `positions`: vertices `[m]`, camera frame, shape `[V]`
-pub fn mean_difference(
+pub(crate) fn mean_difference(
     points: &[DVec3],
     positions: &[DVec3],
     triangles: &[[u32; 3]],

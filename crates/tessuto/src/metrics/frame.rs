@@ -2,26 +2,32 @@
 
 use glam::DVec3;
 
-use super::{Inputs, Metrics, chamfer, depth, published, surface};
+use super::{Inputs, Metrics, chamfer, depth, published, surface, tracked};
 use crate::math::rng::Rng;
 use crate::mesh::Positions;
 
-/// Errors of `positions` `[m]`, shape `[V]`, against frame `index` of the truth.
+/// Errors of `positions` `[m]`, shape `[V]`, against frame `index` of the truth, and those of its tracked points `[m]`.
 pub(super) fn measure(
     inputs: &Inputs,
     triangles: &[[u32; 3]],
     positions: &Positions,
     index: usize,
     seed: u64,
-) -> Metrics {
+) -> (Metrics, Vec<f64>) {
     let mut metrics = Metrics::default();
     if let Some(vertices) = &inputs.truth.vertices {
         metrics.vertex = Some(mean(positions.iter().zip(&vertices[index]).map(|(a, b)| a.distance(*b))));
     }
-    if let Some(points) = &inputs.truth.points {
-        measure_points(&mut metrics, inputs, triangles, positions, &points[index], (seed, index));
+    if let Some(points) = inputs.truth.points_in(index) {
+        measure_points(&mut metrics, inputs, triangles, positions, points, (seed, index));
     }
-    metrics
+    let tracks = inputs.truth.tracks.as_ref();
+    let distances = tracks.map_or(Vec::new(), |tracks| tracked::distances(tracks, positions, index));
+    if let Some(of) = tracked::Distances::of(distances.clone()) {
+        (metrics.track, metrics.track_p90, metrics.track_worst) =
+            (Some(of.mean), Some(of.p90), Some(of.worst));
+    }
+    (metrics, distances)
 }
 
 fn measure_points(

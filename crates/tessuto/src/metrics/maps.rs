@@ -153,7 +153,7 @@ fn pair(scene: &Scene, result: &Path, name: &str) -> Result<Option<(Image, Image
 }
 
 /// Which texels of a map of `width`×`height` the template uses, shape `[height · width]`; row 0 is v = 1.
-pub fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
+pub(crate) fn uv_coverage(template: &Mesh, width: usize, height: usize) -> Vec<bool> {
     let mut covered = vec![false; width * height];
     // The corners of the image are the centres of its corner texels.
     let scale = glam::DVec2::new(width as f64 - 1.0, height as f64 - 1.0);
@@ -179,11 +179,11 @@ fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
         if !path.is_file() {
             return Ok(None);
         }
-        let picture = io::image::open(&path)?;
-        picture.expect_size(scene.full_size)?;
+        let file = io::image::open(&path)?;
+        file.expect_size(scene.full_size)?;
         let observed = scene.frames.frame(k)?;
         let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m > 0.5).collect();
-        Ok(masked_psnr(&picture.rgb(scene.crop), &observed.rgb, &covered))
+        Ok(masked_psnr(&file.rgb(scene.crop), &observed.rgb, &covered))
     };
     let ratios = scene.frames.map(0..scene.frames.len(), || (), ratio)?;
     let found: Vec<f64> = ratios.into_iter().flatten().collect();

@@ -1,6 +1,6 @@
 //! How far a motion is from what is known of the true one: Chamfer distance, point-to-surface
-//! distance, depth difference and vertex distance, per frame and as means over the frames; and how
-//! good material maps are ([`maps`]). Without truth: how well the frames agree with the video and with what cloth can do
+//! distance, depth difference, distances of vertices and of tracked points, per frame and as means over the frames of which
+//! something is known; and how good material maps are ([`maps`]). Without truth: how well the frames agree with the video and with what cloth can do
 //! ([`agreement`]), and whether that is good ([`verdict`]).
 
 pub mod agreement;
@@ -11,26 +11,27 @@ mod frame;
 pub mod maps;
 pub mod published;
 mod resample;
-pub mod similarity;
+pub(crate) mod similarity;
 pub mod surface;
 mod table;
+pub(crate) mod tracked;
+mod validate;
 pub mod verdict;
 
 pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;
-pub use similarity::{correlation, masked_psnr, print_correlation, psnr, ssim};
+pub use similarity::{correlation, local_correlation, masked_psnr, psnr, ssim};
 pub use table::table;
 pub use verdict::{Grade, OverFrames, Verdict, judge};
 
 use std::ops::Range;
 
-use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Motion, Positions};
+use crate::error::Result;
+use crate::mesh::{Mesh, Motion};
 use crate::scene::{Scene, Truth};
 
 /// What a motion is compared with.
@@ -86,6 +87,15 @@ pub struct Metrics {
     /// Mean distance `[m]` of corresponding vertices.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub vertex: Option<f64>,
+    /// Mean distance `[m]` of the tracked points from their places on the mesh.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track: Option<f64>,
+    /// Distance `[m]` that 90 % of the tracked points do not exceed; as a mean over frames: of the points of all frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track_p90: Option<f64>,
+    /// Largest distance `[m]` of a tracked point; as a mean over frames: of all frames.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub track_worst: Option<f64>,
 }
 
 /// Name, meaning and unit of one field of [`Metrics`].
@@ -100,7 +110,7 @@ pub struct Quantity {
 }
 
 /// The fields of [`Metrics`], in the order of [`Metrics::values`].
-pub const QUANTITIES: [Quantity; 8] = [
+pub const QUANTITIES: [Quantity; 11] = [
     Quantity { key: "cd1", label: "Chamfer distance, L1", unit: "m" },
     Quantity { key: "cd2", label: "Chamfer distance, L2", unit: "m²" },
     Quantity { key: "p2s1", label: "point to surface, L1", unit: "m" },
@@ -113,11 +123,17 @@ pub const QUANTITIES: [Quantity; 8] = [
     },
     Quantity { key: "depth", label: "depth difference", unit: "m" },
     Quantity { key: "vertex", label: "distance of corresponding vertices", unit: "m" },
+    Quantity { key: "track", label: "distance of tracked points", unit: "m" },
+    Quantity { key: "track_p90", label: "distance of tracked points, 90 % below", unit: "m" },
+    Quantity { key: "track_worst", label: "distance of tracked points, largest", unit: "m" },
 ];
+
+/// Place of the depth difference, the last one of [`QUANTITIES`] that is measured from points.
+const DEPTH: usize = 6;
 
 impl Metrics {
     /// The values in the order of [`QUANTITIES`].
-    pub fn values(&self) -> [Option<f64>; 8] {
+    pub fn values(&self) -> [Option<f64>; 11] {
         [
             self.cd1,
             self.cd2,
@@ -127,12 +143,28 @@ impl Metrics {
             self.p2s2_published,
             self.depth,
             self.vertex,
+            self.track,
+            self.track_p90,
+            self.track_worst,
         ]
     }
 
-    fn from_values(values: [Option<f64>; 8]) -> Self {
-        let [cd1, cd2, p2s1, p2s2, p2s1_published, p2s2_published, depth, vertex] = values;
-        Self { cd1, cd2, p2s1, p2s2, p2s1_published, p2s2_published, depth, vertex }
+    fn from_values(values: [Option<f64>; 11]) -> Self {
+        let [cd1, cd2, p2s1, p2s2, p2s1_published, p2s2_published, depth, vertex, ..] = values;
+        let [.., track, track_p90, track_worst] = values;
+        Self {
+            cd1,
+            cd2,
+            p2s1,
+            p2s2,
+            p2s1_published,
+            p2s2_published,
+            depth,
+            vertex,
+            track,
+            track_p90,
+            track_worst,
+        }
     }
 }
 
@@ -149,10 +181,13 @@ pub struct FrameMetrics {
 /// Errors of a motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Means over `frames`; absent where any frame lacks the value.
+    /// Means over those of `frames` whose truth is of the kind; absent where the mesh does not allow to measure one of them.
     pub mean: Metrics,
-    /// One entry per evaluated frame, ascending.
+    /// One entry per evaluated frame with any truth, ascending.
     pub frames: Vec<FrameMetrics>,
+    /// Number of frames of the motion that were to be evaluated and have no truth.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub frames_without_truth: usize,
     /// Material maps and re-rendered frames, where the result has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maps: Option<MapMetrics>,
@@ -161,7 +196,29 @@ pub struct Evaluation {
     pub agreement: Vec<FrameAgreement>,
 }
 
-/// Errors of `motion` against the truth of `inputs`, for the frames `range` (indices into `motion`).
+fn is_zero(count: &usize) -> bool {
+    *count == 0
+}
+
+impl Evaluation {
+    /// Number of frames that were to be evaluated, with truth or without.
+    pub fn frame_count(&self) -> usize {
+        self.frames.len() + self.frames_without_truth
+    }
+
+    /// Number of frames with a value of quantity `k` of [`QUANTITIES`].
+    pub fn frames_with(&self, k: usize) -> usize {
+        self.frames.iter().filter(|f| f.metrics.values()[k].is_some()).count()
+    }
+
+    /// `truth in 12 of 80 frames`, if it is not in all.
+    pub fn partial_truth(&self) -> Option<String> {
+        let count = self.frame_count();
+        (self.frames_without_truth > 0).then(|| format!("truth in {} of {count} frames", self.frames.len()))
+    }
+}
+
+/// Errors of `motion` against the truth of `inputs`, for the frames `range` (indices into `motion`) that have any.
 ///
 /// - `motion`: vertex positions `[m]`, camera frame, shape [N, V]
 /// - `seed`: of the surface samples; a frame's samples depend on `seed` and its number only
@@ -169,104 +226,36 @@ pub struct Evaluation {
 /// The result does not depend on the number of threads.
 /// `Error::Input` when shapes differ, values are not finite or there is no truth.
 pub fn evaluate(inputs: &Inputs, motion: &Motion, range: Range<usize>, seed: u64) -> Result<Evaluation> {
-    validate(inputs, motion, &range)?;
+    validate::validate(inputs, motion, &range)?;
     let triangles = inputs.template.triangles();
-    let frames: Vec<FrameMetrics> = range
+    let count = range.len();
+    let measured: Vec<(FrameMetrics, Vec<f64>)> = range
         .into_par_iter()
-        .map(|k| FrameMetrics {
-            frame: inputs.first_frame + k,
-            metrics: frame::measure(inputs, &triangles, &motion[k], k, seed),
+        .filter(|k| inputs.truth.knows(*k))
+        .map(|k| {
+            let (metrics, tracked) = frame::measure(inputs, &triangles, &motion[k], k, seed);
+            (FrameMetrics { frame: inputs.first_frame + k, metrics }, tracked)
         })
         .collect();
-    Ok(Evaluation { mean: mean(&frames), frames, ..Evaluation::default() })
+    let (frames, tracked): (Vec<FrameMetrics>, Vec<Vec<f64>>) = measured.into_iter().unzip();
+    let over_points = tracked::Distances::of(tracked.concat());
+    let mean = Metrics {
+        track_p90: over_points.as_ref().map(|d| d.p90),
+        track_worst: over_points.as_ref().map(|d| d.worst),
+        ..mean(&frames)
+    };
+    let frames_without_truth = count - frames.len();
+    Ok(Evaluation { mean, frames, frames_without_truth, ..Evaluation::default() })
 }
 
 fn mean(frames: &[FrameMetrics]) -> Metrics {
-    let mut sum = [Some(0.0); 8];
-    for frame in frames {
-        for (sum, value) in sum.iter_mut().zip(frame.metrics.values()) {
-            *sum = sum.zip(value).map(|(a, b)| a + b);
-        }
-    }
-    Metrics::from_values(sum.map(|s| s.map(|s| s / frames.len() as f64)))
-}
-
-fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()> {
-    let Inputs { template, truth, first_frame, .. } = inputs;
-    let count = template.positions.len();
-    if truth.points.is_none() && truth.vertices.is_none() {
-        return Err(Error::input(
-            "ground truth",
-            "the scene has neither measured points nor true vertices",
-            "add gt/points/points_000.npy … or gt/vertices.npy to the scene folder",
-        ));
-    }
-    if range.is_empty() || range.end > motion.len() {
-        return Err(Error::input(
-            "frames",
-            format!(
-                "frames {}..{} were asked for, the motion has {} frames",
-                range.start,
-                range.end,
-                motion.len()
-            ),
-            "choose a range A..B with A < B inside the motion",
-        ));
-    }
-    let lengths = [
-        ("gt/points", truth.points.as_ref().map(Vec::len)),
-        ("gt/vertices.npy", truth.vertices.as_deref().map(<[_]>::len)),
-    ];
-    for (name, length) in lengths {
-        if let Some(length) = length.filter(|l| *l != motion.len()) {
-            return Err(Error::input(
-                "motion",
-                format!("it has {} frames, {name} has {length}", motion.len()),
-                "evaluate a result of this scene, and of these frames (--frames A..B if it is a file of a part)",
-            ));
-        }
-    }
-    motion.check_vertices(count, "motion")?;
-    truth.vertices.iter().try_for_each(|vertices| vertices.check_vertices(count, "gt/vertices.npy"))?;
-    for (k, points) in truth.points.iter().flatten().enumerate() {
-        let place = format!("gt/points, frame {}", first_frame + k);
-        if let Some(i) = points.iter().position(|p| !p.is_finite() || p.z <= 0.0) {
-            let problem = format!("point {i} is {}, not in front of the camera", points[i]);
-            return Err(Error::input(place, problem, "remove such points from the file"));
-        }
-        if points.is_empty() {
-            return Err(Error::input(
-                place,
-                "there are no points",
-                "choose frames that have points with --frames",
-            ));
-        }
-    }
-    check_scale("gt/vertices.npy", truth.vertices.as_deref(), motion, 2)?;
-    check_scale("gt/points", truth.points.as_deref(), motion, 20)?;
-    let area = template.area();
-    if area <= 0.0 || !area.is_finite() {
-        return Err(Error::input("template", format!("its area is {area} m²"), "give a mesh with faces"));
-    }
-    Ok(())
-}
-
-/// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
-fn check_scale(place: &str, truth: Option<&[Positions]>, motion: &[Positions], least: usize) -> Result<()> {
-    let Some(first) = truth.and_then(|t| t.first()).filter(|t| t.len() >= least) else { return Ok(()) };
-    let diagonal = |positions: &Positions| {
-        let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-        let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-        (high - low).length()
-    };
-    let ratio = diagonal(first) / diagonal(&motion[0]);
-    if (0.1..=10.0).contains(&ratio) || !ratio.is_finite() {
-        return Ok(());
-    }
-    let problem = format!("in the first frame it is {ratio:.3e} times as large as the motion");
-    Err(Error::input(
-        place,
-        problem,
-        "give the truth in the unit of the template, see \"units\" in scene.json",
-    ))
+    let values: Vec<_> = frames.iter().map(|f| f.metrics.values()).collect();
+    Metrics::from_values(std::array::from_fn(|k| {
+        // A frame with points has all that is measured from points; else it is not known, which is no reason to leave it out.
+        let of_points = k <= DEPTH;
+        let known: Vec<_> =
+            values.iter().filter(|v| if of_points { v[0].is_some() } else { v[k].is_some() }).collect();
+        let sum = known.iter().map(|v| v[k]).try_fold(0.0, |sum, v| v.map(|v| sum + v));
+        sum.filter(|_| !known.is_empty()).map(|sum| sum / known.len() as f64)
+    }))
 }

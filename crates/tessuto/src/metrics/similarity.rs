@@ -65,13 +65,13 @@ pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
 
 /// Tiles along each side of the covered part.
 const TILES: usize = 8;
-/// Images that vary by less than this, as standard deviation within tiles, have no print to compare.
+/// Images that vary by less than this, as standard deviation within tiles, have nothing to compare.
 const PLAIN: f64 = 0.02;
 
-/// How well the prints of two images lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
-/// covered part's bounding box, of the channels' mean. 1 is the same print, 0 another one. Light that brightens or darkens a tile
+/// Normalised cross-correlation within tiles, how well the patterns of two images lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
+/// covered part's bounding box, of the channels' mean. 1 is the same pattern, 0 another one. Light that brightens or darkens a tile
 /// as a whole makes no difference. None where an image is plain.
-pub fn print_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
+pub fn local_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
     let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
     let (x0, y0) = places().fold((a.width, a.height), |(x, y), p| (x.min(p.0), y.min(p.1)));
@@ -208,16 +208,16 @@ mod tests {
         };
         let covered: Vec<bool> = (0..64 * 48).map(|i| i % 64 < 48).collect();
         let even = |_: usize| 1.0;
-        let print = stripes(0, &even);
-        let found = |b: &Image| print_correlation(&print, b, &covered);
-        assert!((found(&print).unwrap() - 1.0).abs() < 1e-9);
+        let pattern = stripes(0, &even);
+        let found = |b: &Image| local_correlation(&pattern, b, &covered);
+        assert!((found(&pattern).unwrap() - 1.0).abs() < 1e-9);
         // Each tile is 6 px wide; the light falls to a quarter from the left to the right.
         let dimmed = found(&stripes(0, &|x| 1.0 - 0.75 * (x / 6) as f32 / 8.0)).unwrap();
         assert!((dimmed - 1.0).abs() < 1e-5, "{dimmed}");
         assert!(found(&stripes(4, &even)).unwrap() < -0.8);
         assert!(found(&stripes(2, &even)).unwrap().abs() < 0.3);
         assert_eq!(found(&stripes(0, &|_| 0.05)), None);
-        assert_eq!(print_correlation(&print, &print, &vec![false; 64 * 48]), None);
+        assert_eq!(local_correlation(&pattern, &pattern, &vec![false; 64 * 48]), None);
     }
 
     #[test]

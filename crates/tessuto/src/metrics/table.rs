@@ -48,7 +48,18 @@ fn motion_table(evaluation: &Evaluation, shown: &[usize]) -> String {
     out.push('\n');
     for k in shown {
         let Quantity { key, label, unit } = QUANTITIES[*k];
-        let _ = writeln!(out, "{key:<14}  {label} [{unit}]");
+        let (with, count) = (evaluation.frames_with(*k), evaluation.frame_count());
+        let part = if with < count { format!(", in {with} of {count} frames") } else { String::new() };
+        let _ = writeln!(out, "{key:<14}  {label} [{unit}]{part}");
+    }
+    let Metrics { track, track_p90, track_worst, .. } = evaluation.mean;
+    if let (Some(mean), Some(p90), Some(worst)) = (track, track_p90, track_worst) {
+        let [mean, p90, worst] = [mean, p90, worst].map(|d| 1e3 * d);
+        let _ =
+            writeln!(out, "tracked points: mean {mean:.2} mm, 90 % below {p90:.2} mm, largest {worst:.2} mm");
+    }
+    if let Some(part) = evaluation.partial_truth() {
+        let _ = writeln!(out, "{part}");
     }
     out
 }

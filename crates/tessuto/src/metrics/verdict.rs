@@ -68,9 +68,9 @@ pub struct Verdict {
     /// PSNR `[dB]`, see [`FrameAgreement::psnr`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<OverFrames>,
-    /// See [`FrameAgreement::print`].
+    /// See [`FrameAgreement::correlation`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub print: Option<OverFrames>,
+    pub correlation: Option<OverFrames>,
     /// See [`FrameAgreement::strain_mean`].
     pub strain_mean: OverFrames,
     /// See [`FrameAgreement::strain_p99`].
@@ -99,8 +99,8 @@ const CRITERIA: [Criterion; 5] = [
     },
     Criterion {
         limits: [0.50, 0.75],
-        cost: |f| f.print.map(|v| 1.0 - v),
-        words: |cost| format!("print off, correlation {:.2}", 1.0 - cost),
+        cost: |f| f.correlation.map(|v| 1.0 - v),
+        words: |cost| format!("texture displaced, correlation {:.2}", 1.0 - cost),
     },
     Criterion {
         limits: [0.20, f64::INFINITY],
@@ -146,7 +146,7 @@ pub fn judge(frames: &[FrameAgreement]) -> Option<Verdict> {
         doubtful_frames: Vec::new(),
         silhouette: over(|f| f.silhouette, false),
         psnr: over(|f| f.psnr, false),
-        print: over(|f| f.print, false),
+        correlation: over(|f| f.correlation, false),
         strain_mean: over(|f| Some(f.strain_mean), true)?,
         strain_p99: over(|f| Some(f.strain_p99), true)?,
         strain_max: over(|f| Some(f.strain_max), true)?,
@@ -227,7 +227,7 @@ mod tests {
             frame,
             silhouette: Some(0.985 - 1e-4 * frame as f64),
             psnr: Some(30.0 - 0.1 * frame as f64),
-            print: Some(0.9),
+            correlation: Some(0.9),
             strain_mean: 0.01,
             strain_p99: 0.04,
             strain_max: 0.3,
@@ -260,8 +260,8 @@ mod tests {
         let cases: [(Spoil, Grade, &str); 9] = [
             (|f| f.silhouette = Some(0.89), Grade::Doubtful, "doubtful from frame 25 on: silhouette 0.89"),
             (|f| f.silhouette = Some(0.0), Grade::Bad, "bad from frame 25 on: silhouette 0.00 (frame 25)"),
-            (|f| f.print = Some(0.45), Grade::Doubtful, "print off, correlation 0.45"),
-            (|f| f.print = Some(-0.1), Grade::Bad, "correlation -0.10 (frame 25)"),
+            (|f| f.correlation = Some(0.45), Grade::Doubtful, "texture displaced, correlation 0.45"),
+            (|f| f.correlation = Some(-0.1), Grade::Bad, "correlation -0.10 (frame 25)"),
             (|f| f.strain_p99 = 0.31, Grade::Doubtful, "1 thread in 100 strained by 31 % or more"),
             (|f| f.strain_mean = 0.11, Grade::Bad, "strained by 11 % on average"),
             (|f| f.strain_mean = f64::NAN, Grade::Bad, "strained by NaN %"),
@@ -282,8 +282,9 @@ mod tests {
 
     #[test]
     fn plain_cloth_and_changed_light_are_no_fault() {
-        let verdict = clip(|f| (f.print, f.psnr) = (None, Some(if f.frame > 15 { 12.0 } else { 50.0 })));
-        assert_eq!((verdict.grade, verdict.print), (Grade::Good, None), "{}", verdict.sentence);
+        let verdict =
+            clip(|f| (f.correlation, f.psnr) = (None, Some(if f.frame > 15 { 12.0 } else { 50.0 })));
+        assert_eq!((verdict.grade, verdict.correlation), (Grade::Good, None), "{}", verdict.sentence);
     }
 
     #[test]

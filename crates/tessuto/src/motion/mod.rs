@@ -5,7 +5,7 @@
 //! `rollout` (preset `saft`) optimises stiffnesses and accelerations through the simulation and a renderer.
 //! Both end in the same [`parameters`]. `texture` is what the fabric looks like in the first frame.
 
-pub mod inverse;
+pub(crate) mod inverse;
 pub mod observed;
 pub mod parameters;
 pub mod rollout;

@@ -1,7 +1,7 @@
 //! The texture that the first frame shows.
 
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::math::finite;
 use crate::mesh::Positions;
 use crate::optim::Adam;
@@ -90,7 +90,7 @@ fn not_finite(step: usize, loss: f64, frame: &Frame) -> Error {
     Error::numerical(
         format!("texture, step {step}, frame 0"),
         format!("colour loss {loss}{cause}"),
-        "check frame 0 and its mask with `tessuto check`",
+        Hint::from("look at frame 0 and its mask").with(Remedy::Check),
     )
 }
 

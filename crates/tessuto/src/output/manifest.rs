@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::{atomic_write, read_text};
 use crate::text::hex;
 
@@ -124,7 +124,7 @@ pub fn record(paths: &[impl AsRef<Path>]) -> Result<()> {
 ///
 /// # Errors
 /// As [`record`]; [`Error::Input`] if the folder has a manifest.json of another program.
-pub fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Result<()> {
+pub(crate) fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Result<()> {
     check_manifest(folder)?;
     let real = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     if real.ancestors().any(|around| around.join(WORKING[0]).is_file()) {
@@ -141,7 +141,7 @@ pub fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Resul
 ///
 /// # Errors
 /// [`Error::Input`].
-pub fn check_manifest(folder: &Path) -> Result<()> {
+pub(crate) fn check_manifest(folder: &Path) -> Result<()> {
     if known(folder).is_none() && folder.join(NAME).symlink_metadata().is_ok() {
         return Err(refusal(&folder.join(NAME), &Stranger::not_ours(NAME)));
     }
@@ -253,15 +253,15 @@ pub(super) fn check_replaceable(folder: &Path, kind: FolderKind, replace: bool, 
     if let Some(stranger) = strangers(folder)?.iter().find(|s| !kept.iter().any(|k| s.is(k))) {
         return Err(refusal(&folder.join(&stranger.name), stranger));
     }
-    let fail = |problem: String, hint: &str| Err(Error::input(folder.display().to_string(), problem, hint));
+    let fail = |problem: String, hint: Hint| Err(Error::input(folder.display().to_string(), problem, hint));
     match known(folder) {
         Some(manifest) if manifest.kind != kind => fail(
             format!("is a {} of tessuto, no {}, and would be replaced", manifest.kind.name(), kind.name()),
-            "choose another folder, or move it away",
+            "choose another folder, or move it away".into(),
         ),
         Some(_) if !replace => fail(
             format!("a finished {} already exists and would be replaced", kind.name()),
-            "add --force to replace it, or choose another folder",
+            Hint::from("choose another folder, or allow to replace it").with(Remedy::Replace),
         ),
         // Without a manifest only what a run left while it worked can be there.
         _ => Ok(()),
@@ -288,7 +288,7 @@ pub fn check_parts(paths: &[impl AsRef<Path>], replace: bool) -> Result<()> {
     Err(Error::input(
         there.iter().map(|path| path.display().to_string()).collect::<Vec<_>>().join(", "),
         "already exists and would be replaced",
-        "add --force to replace it, or choose another place",
+        Hint::from("choose another place, or allow to replace it").with(Remedy::Replace),
     ))
 }
 

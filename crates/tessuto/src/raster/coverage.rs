@@ -1,8 +1,11 @@
 //! Which pixels the template covers, as far as checking needs it: pixel centres in triangles, no depth.
 
+use std::path::Path;
+
 use glam::{DVec2, DVec3};
 
 use crate::camera::Camera;
+use crate::error::Repair;
 use crate::image::Image;
 use crate::mesh::Mesh;
 
@@ -72,8 +75,10 @@ pub(crate) fn overlap(covered: &[bool], mask: &Image) -> f64 {
 pub(crate) struct Variant {
     /// What is done to the file's coordinates.
     pub name: &'static str,
-    /// The options of `tessuto template` that do it.
-    pub options: String,
+    /// Whether x and y are swapped, and then which axes are negated.
+    pub swap_xy: bool,
+    /// x, y, z.
+    pub flip: [bool; 3],
     /// Overlap with the mask, in [0, 1].
     pub iou: f64,
 }
@@ -114,17 +119,15 @@ pub(crate) fn axis_variants(mesh: &Mesh, camera: &Camera, mask: &Image) -> [Vari
         };
         let positions: Vec<DVec3> = mesh.positions.iter().map(change).collect();
         let iou = overlap(&template_coverage(mesh, &positions, camera), mask);
-        Variant { name: names[k], options: options(k, backwards), iou }
+        Variant { name: names[k], swap_xy: k & 4 != 0, flip: [k & 2 != 0, k & 1 != 0, backwards], iou }
     })
 }
 
-/// What `tessuto template` is told for variant `k`.
-fn options(k: usize, backwards: bool) -> String {
-    let axes: String =
-        [(2, "x"), (1, "y")].iter().filter(|(bit, _)| k & bit != 0).map(|(_, axis)| *axis).collect();
-    let axes = axes + if backwards { "z" } else { "" };
-    let flip = if axes.is_empty() { String::new() } else { format!("--flip {axes}") };
-    format!("{} {flip}", if k & 4 != 0 { "--swap xy" } else { "" }).trim().to_owned()
+impl Variant {
+    /// What makes the template of the scene in `folder` this one.
+    pub fn repair(&self, folder: &Path) -> Repair {
+        Repair { swap_xy: self.swap_xy, flip: self.flip, ..Repair::of(folder) }
+    }
 }
 
 /// The variant that fits best; the file's own unless another is better.
@@ -160,6 +163,6 @@ mod tests {
         let variants = axis_variants(&flipped, &camera, &mask);
         assert!(variants[0].iou < 0.3);
         let best = best_variant(variants);
-        assert_eq!((best.iou, best.name.contains("PyTorch3D"), &*best.options), (1.0, true, "--flip xy"));
+        assert_eq!((best.iou, best.name.contains("PyTorch3D"), best.flip), (1.0, true, [true, true, false]));
     }
 }

@@ -39,6 +39,7 @@ pub fn of_errors(evaluation: &Evaluation) -> Option<Chart> {
     let shown = [
         ("depth", "depth difference"),
         ("vertex", "vertices"),
+        ("track", "tracked points"),
         ("cd1", "Chamfer L1"),
         ("p2s1", "point to surface L1"),
     ];

@@ -5,21 +5,10 @@ use glam::DVec3;
 use serde::Serialize;
 
 use crate::mesh::{Mesh, Positions};
-
-/// `bytes` in the alphabet of RFC 4648 §4, padded.
-pub fn base64(bytes: &[u8]) -> String {
-    const ALPHABET: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut out = Vec::with_capacity(bytes.len().div_ceil(3) * 4);
-    for chunk in bytes.chunks(3) {
-        let word = chunk.iter().fold(0u32, |w, b| w << 8 | u32::from(*b)) << (8 * (3 - chunk.len()));
-        let digit = |k: usize| ALPHABET[(word >> (18 - 6 * k)) as usize & 63];
-        out.extend((0..4).map(|k| if k <= chunk.len() { digit(k) } else { b'=' }));
-    }
-    String::from_utf8(out).expect("ASCII")
-}
+pub use crate::text::base64;
 
 /// base64 of numbers, least significant byte first.
-pub fn base64_of<T: bytemuck::NoUninit>(numbers: &[T]) -> String {
+pub(crate) fn base64_of<T: bytemuck::NoUninit>(numbers: &[T]) -> String {
     // The page reads little-endian arrays; so does every machine this is built for.
     const { assert!(cfg!(target_endian = "little")) };
     base64(bytemuck::cast_slice(numbers))
@@ -27,7 +16,7 @@ pub fn base64_of<T: bytemuck::NoUninit>(numbers: &[T]) -> String {
 
 /// A motion in steps of each frame's bounding box.
 #[derive(Debug, Clone, Default, Serialize)]
-pub struct Motion {
+pub struct EmbeddedMotion {
     /// Frames it has.
     pub frames: usize,
     /// Lower corner and extent `[m]`, f32 [N, 6].
@@ -38,12 +27,12 @@ pub struct Motion {
     pub precision: f64,
 }
 
-impl Motion {
-    /// Of shapes [N, V] m.
-    pub fn new(shapes: &[Positions]) -> Self {
+impl EmbeddedMotion {
+    /// Of a motion, `[N, V]` m.
+    pub fn new(motion: &[Positions]) -> Self {
         let (mut boxes, mut steps, mut precision) = (Vec::new(), Vec::new(), 0.0f64);
-        for shape in shapes {
-            let finite = || shape.iter().filter(|p| p.is_finite());
+        for positions in motion {
+            let finite = || positions.iter().filter(|p| p.is_finite());
             let (low, high) =
                 finite().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
             let (low, extent) =
@@ -52,13 +41,13 @@ impl Motion {
             boxes.extend(extent.as_vec3().to_array());
             let inverse = extent.map(|e| if e > 0.0 { 65535.0 / e } else { 0.0 });
             steps.extend(
-                shape.iter().flat_map(|p| ((*p - low) * inverse).round().to_array().map(|s| s as u16)),
+                positions.iter().flat_map(|p| ((*p - low) * inverse).round().to_array().map(|s| s as u16)),
             );
             // Half a step, and the rounding of the corner to f32.
             let rounding = low.abs().max_element() * f64::from(f32::EPSILON);
             precision = precision.max(extent.max_element() / 65535.0 / 2.0 + rounding);
         }
-        Self { frames: shapes.len(), boxes: base64_of(&boxes), steps: base64_of(&steps), precision }
+        Self { frames: motion.len(), boxes: base64_of(&boxes), steps: base64_of(&steps), precision }
     }
 }
 
@@ -224,21 +213,11 @@ mod tests {
     }
 
     #[test]
-    fn texts_of_the_standard() {
-        for (plain, text) in
-            [("", ""), ("f", "Zg=="), ("fo", "Zm8="), ("foo", "Zm9v"), ("foobar", "Zm9vYmFy")]
-        {
-            assert_eq!(base64(plain.as_bytes()), text);
-        }
-        assert_eq!(base64(&[0xFB, 0xFF]), "+/8=");
-    }
-
-    #[test]
     fn embedded_positions_are_as_near_as_stated() {
         let mut rng = crate::math::rng::Rng::new(3, 0);
         let shapes: Vec<Positions> =
             (0..3).map(|_| (0..50).map(|_| rng.vector() * 0.4 + DVec3::Z * 1.3).collect()).collect();
-        let motion = Motion::new(&shapes);
+        let motion = EmbeddedMotion::new(&shapes);
         assert!(motion.precision < 3e-5, "{}", motion.precision);
         let boxes: Vec<f32> = bytemuck::pod_collect_to_vec(&decoded(&motion.boxes));
         let steps: Vec<u16> = bytemuck::pod_collect_to_vec(&decoded(&motion.steps));
@@ -250,7 +229,7 @@ mod tests {
             }
         }
         // A flat shape has no extent along z.
-        assert!(Motion::new(&[vec![DVec3::ONE; 4]]).precision < 1e-6);
+        assert!(EmbeddedMotion::new(&[vec![DVec3::ONE; 4]]).precision < 1e-6);
     }
 
     #[test]

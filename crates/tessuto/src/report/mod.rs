@@ -2,18 +2,18 @@
 //! self-contained page with the moving fabric, the video, numbers, curves and the command that repeats it.
 
 pub mod chart;
-pub mod colour;
+pub(crate) mod colour;
 pub mod embed;
 pub mod film;
 mod font;
 mod kind;
 mod legend;
 pub mod page;
-pub mod pictures;
-pub mod sheet;
+pub(crate) mod pictures;
+pub(crate) mod sheet;
 
 pub use chart::Chart;
-pub use embed::{Field, Motion, Surface};
+pub use embed::{EmbeddedMotion, Field, Surface};
 pub use film::Film;
 pub use pictures::{FramePictures, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
@@ -72,7 +72,7 @@ pub struct ClothData {
     /// Topology.
     pub surface: Surface,
     /// Positions.
-    pub motion: Motion,
+    pub motion: EmbeddedMotion,
     /// What it can be coloured by.
     pub fields: Vec<Field>,
 }

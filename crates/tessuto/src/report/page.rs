@@ -173,7 +173,7 @@ fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row
         note: String::new(),
         worst: None,
     }));
-    rows.extend(v.print.map(|o| row("print, correlation with the video", &o, "", 1.0, 2)));
+    rows.extend(v.correlation.map(|o| row("texture, correlation with the video", &o, "", 1.0, 2)));
     rows.push(row("strain of the threads, mean", &v.strain_mean, "%", 100.0, 1));
     rows.push(row("strain, 99 of 100 threads less than", &v.strain_p99, "%", 100.0, 1));
     rows.push(row("strain, largest", &v.strain_max, "%", 100.0, 0));
@@ -190,8 +190,10 @@ fn error_rows(evaluation: &Evaluation) -> Vec<Row> {
             .filter_map(|f| f.metrics.values()[k].map(|v| (f.frame, v)))
             .max_by(|a, b| a.1.total_cmp(&b.1))?;
         let (value, unit) = readable(worst.1, quantity.unit);
+        let (with, count) = (evaluation.frames_with(k), evaluation.frame_count());
+        let part = if with < count { format!(", in {with} of {count} frames") } else { String::new() };
         Some(Row {
-            name: quantity.label.to_string(),
+            name: format!("{}{part}", quantity.label),
             value: mean.map_or_else(|| "–".to_string(), |m| readable(m, quantity.unit).0),
             unit: unit.to_string(),
             note: String::new(),

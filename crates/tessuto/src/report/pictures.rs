@@ -96,21 +96,21 @@ impl FramePictures<'_> {
     /// Write `<folder>/<kind>/frame_<frame>.png` for every kind there is data for.
     pub fn write(&self, folder: &Path, frame: usize, scales: &Scales) -> Result<()> {
         for kind in Kind::ALL {
-            let Some(mut picture) = self.picture(kind, scales) else { continue };
+            let Some(mut image) = self.image(kind, scales) else { continue };
             if let Some(legend) = Legend::of(kind, scales) {
-                picture = legend::below(&picture, &legend);
+                image = legend::below(&image, &legend);
             }
             let path = folder.join(kind.path(frame));
             let parent = path.parent().unwrap_or(folder);
             std::fs::create_dir_all(parent)
                 .map_err(|source| Error::Output { path: parent.to_path_buf(), source })?;
-            io::image::write_png(&path, &picture)?;
+            io::image::write_png(&path, &image)?;
         }
         Ok(())
     }
 
     /// The image of this kind without its legend, shape [height, width, 3]; None without data.
-    pub fn picture(&self, kind: Kind, scales: &Scales) -> Option<Image> {
+    pub fn image(&self, kind: Kind, scales: &Scales) -> Option<Image> {
         let (width, height) = (self.rgb.width, self.rgb.height);
         let paint = |colour: &dyn Fn(usize) -> Colour| {
             let data = (0..width * height).flat_map(colour).collect();

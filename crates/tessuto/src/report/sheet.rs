@@ -33,7 +33,7 @@ pub fn chosen_frames(count: usize) -> Vec<usize> {
 /// Panics if there is no frame.
 pub fn contact_sheet(frames: &[(usize, FramePictures)], scales: &Scales) -> Image {
     let first = &frames[0].1;
-    let rows: Vec<Kind> = ROWS.into_iter().filter(|k| first.picture(*k, scales).is_some()).collect();
+    let rows: Vec<Kind> = ROWS.into_iter().filter(|k| first.image(*k, scales).is_some()).collect();
     let view = fabric(frames);
     let cell_height = (view.height() * CELL).div_ceil(view.width()).max(1);
     let legends: Vec<Legend> = rows.iter().filter_map(|k| Legend::of(*k, scales)).collect();
@@ -44,13 +44,13 @@ pub fn contact_sheet(frames: &[(usize, FramePictures)], scales: &Scales) -> Imag
     );
     let size = [sheet.width, sheet.height];
     font::fill(&mut sheet, [0, 0], size, PAPER);
-    for (column, (number, pictures)) in frames.iter().enumerate() {
+    for (column, (number, images)) in frames.iter().enumerate() {
         let x = LEFT + column * (CELL + GAP);
         font::draw(&mut sheet, [x, TOP - 5 - 2 * font::HEIGHT], &format!("FRAME {number}"), 2, INK);
         for (row, kind) in rows.iter().enumerate() {
             let y = TOP + row * (cell_height + GAP);
-            if let Some(picture) = pictures.picture(*kind, scales) {
-                paste(&mut sheet, [x, y], &shrunk(&picture, view, [CELL, cell_height]));
+            if let Some(image) = images.image(*kind, scales) {
+                paste(&mut sheet, [x, y], &shrunk(&image, view, [CELL, cell_height]));
             }
         }
     }
@@ -118,10 +118,10 @@ fn shrunk(image: &Image, view: Rect, [width, height]: [usize; 2]) -> Image {
     out
 }
 
-fn paste(sheet: &mut Image, [x, y]: [usize; 2], picture: &Image) {
-    for row in 0..picture.height {
-        for column in 0..picture.width {
-            sheet.pixel_mut(x + column, y + row).copy_from_slice(picture.pixel(column, row));
+fn paste(sheet: &mut Image, [x, y]: [usize; 2], image: &Image) {
+    for row in 0..image.height {
+        for column in 0..image.width {
+            sheet.pixel_mut(x + column, y + row).copy_from_slice(image.pixel(column, row));
         }
     }
 }

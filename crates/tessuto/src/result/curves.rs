@@ -5,7 +5,7 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::Folder;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io;
 use crate::mesh::Positions;
 use crate::metrics::{AgreementMeter, FrameAgreement};
@@ -80,8 +80,13 @@ fn read_psnr(path: &Path) -> Result<Option<Vec<f64>>> {
     if !path.is_file() {
         return Ok(None);
     }
-    let fail =
-        |problem: String| Error::input(path.display().to_string(), problem, "run `tessuto appearance` again");
+    let fail = |problem: String| {
+        Error::input(
+            path.display().to_string(),
+            problem,
+            Hint::from("estimate the appearance again").with(Remedy::Appearance),
+        )
+    };
     let text = io::read_text(path)?;
     let value = |line: &str| line.split(',').nth(1).and_then(|v| v.parse().ok());
     let read = |line| value(line).ok_or_else(|| fail(format!("“{line}” is no frame and its PSNR")));

@@ -163,7 +163,7 @@ pub fn read_metrics(folder: &Path) -> Result<Option<Evaluation>> {
 /// Stiffnesses, and forces from the file `forces`.
 fn parameters(file: &ParameterFile, mesh: &Mesh, forces: &Path) -> Result<Parameters> {
     let bad = |problem: String| Err(Error::input(forces.display().to_string(), problem, UNCHANGED));
-    let dynamic = io::npy::read_shapes(forces)?;
+    let dynamic = io::npy::read_field(forces)?;
     if let Some(entry) = dynamic.iter().find(|d| d.len() != mesh.positions.len()) {
         return bad(format!("{} vertices, mesh.obj has {}", entry.len(), mesh.positions.len()));
     }

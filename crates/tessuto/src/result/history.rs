@@ -14,7 +14,7 @@ const LOSS: &str = "loss.";
 const PARAMETER: &str = "parameter.";
 
 /// One row per step; columns are the union of all names.
-pub fn history_csv(history: &[Epoch]) -> String {
+pub(crate) fn history_csv(history: &[Epoch]) -> String {
     let mut columns: Vec<String> = Vec::new();
     let cells = |epoch: &Epoch| -> Vec<(String, f64)> {
         let of = |kind: &str, values: &[(_, f64)]| -> Vec<_> {

@@ -16,7 +16,7 @@ use crate::report::{LightData, chosen_frames, embed};
 pub(super) const MAP_QUALITY: u8 = 86;
 /// Most triangles of a frame whose normals are looked at.
 const TRIANGLES: usize = 2000;
-/// Rows of the coarse picture of what was observed.
+/// Rows of the coarse image of what was observed.
 const ROWS: usize = 48;
 /// A texel is observed if it stands at least this high above some triangle: sine of 6°. Light that grazes the cloth is too
 /// weak to be found.
@@ -39,11 +39,11 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
         (255.0 * crate::image::srgb::encode(x / (1.0 + x)).clamp(0.0, 1.0)).round() as u8
     };
     let bytes = shown.data.iter().map(tone).collect();
-    let mut picture =
+    let mut image =
         ::image::RgbImage::from_raw(shown.width as u32, shown.height as u32, bytes).expect("three channels");
     let seen = observed(mesh, motion);
-    let (width, height) = picture.dimensions();
-    for (x, y, pixel) in picture.enumerate_pixels_mut() {
+    let (width, height) = image.dimensions();
+    for (x, y, pixel) in image.enumerate_pixels_mut() {
         let (column, row) = (x as usize * 2 * ROWS / width as usize, y as usize * ROWS / height as usize);
         let stripe = (u64::from(x) + u64::from(y)) * 48 / u64::from(height);
         if !seen[row * 2 * ROWS + column] && stripe.is_multiple_of(2) {
@@ -54,12 +54,12 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
         width: data.width,
         height: data.height,
         radiance: embed::base64_of(&data.data),
-        picture: embed::base64(&jpeg::encode(&picture, MAP_QUALITY)),
+        picture: embed::base64(&jpeg::encode(&image, MAP_QUALITY)),
         unobserved: seen.iter().any(|s| !s),
     }))
 }
 
-/// Which directions of a lat-long picture, shape `[ROWS, 2·ROWS]`, the side of the cloth that the camera sees faced at a time.
+/// Which directions of a lat-long image, shape `[ROWS, 2·ROWS]`, the side of the cloth that the camera sees faced at a time.
 fn observed(mesh: &Mesh, motion: &[Positions]) -> Vec<bool> {
     let triangles = mesh.triangles();
     let stride = triangles.len().div_ceil(TRIANGLES).max(1);

@@ -8,7 +8,7 @@ use crate::io::image::rgb8;
 use crate::mesh::Positions;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Source};
-use crate::report::{ClothData, Motion, ReportData, Surface, chart, page as report};
+use crate::report::{ClothData, EmbeddedMotion, ReportData, Surface, chart, page as report};
 use crate::scene::Scene;
 use crate::session::Epoch;
 
@@ -34,7 +34,7 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
             frame_count: scene.frames.len(),
             camera: scene.camera,
             surface: Surface::new(&scene.template, Window::WHOLE),
-            motion: Motion::new(&template),
+            motion: EmbeddedMotion::new(&template),
             fields: Vec::new(),
         }),
         film: Film::new(&[source], scene.frames.len(), &scene.camera, shown, FILM_BUDGET)?,
@@ -52,7 +52,7 @@ struct State<'a> {
     step: usize,
     of: usize,
     charts: Vec<crate::report::Chart>,
-    motion: Option<Motion>,
+    motion: Option<EmbeddedMotion>,
 }
 
 /// The curves so far and, if there is one, the motion so far, as JSON.
@@ -63,7 +63,7 @@ pub fn live_state(epochs: &[Epoch], motion: Option<&[Positions]>) -> String {
         step: last.map_or(0, |e| e.step),
         of: last.map_or(1, |e| e.of),
         charts: chart::of_history(epochs, &[]),
-        motion: motion.map(Motion::new),
+        motion: motion.map(EmbeddedMotion::new),
     };
     serde_json::to_string(&state).expect("plain data")
 }

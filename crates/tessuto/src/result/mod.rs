@@ -27,7 +27,7 @@ mod replay;
 mod summary;
 
 pub use folder::{Folder, read_metrics};
-pub use history::history_csv;
+pub(crate) use history::history_csv;
 pub use live::{live_page, live_state};
 pub use log::Log;
 pub use page::write_page;
@@ -161,8 +161,8 @@ pub struct Context<'a> {
 pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Result<()> {
     let scene = context.scene;
     let texture = result.texture.to_image();
-    io::npy::write_shapes(&folder.join("motion.npy"), &result.motion)?;
-    io::npy::write_shapes(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
+    io::npy::write_field(&folder.join("motion.npy"), &result.motion)?;
+    io::npy::write_field(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
     io::image::write_png(&folder.join("texture.png"), &texture)?;
     io::atomic_write(
         &folder.join("mesh.mtl"),
@@ -193,7 +193,7 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
 ///
 /// # Errors
 /// [`Error::Input`] for a map that cannot be read; [`Error::Output`].
-pub fn write_metrics(
+pub(crate) fn write_metrics(
     folder: &Path,
     scene: &Scene,
     motion: &Motion,
@@ -264,7 +264,7 @@ pub fn read_run(folder: &Path) -> Result<Option<Run>> {
 fn read_json<T: for<'de> Deserialize<'de>>(path: &Path) -> Result<T> {
     let place = || path.display().to_string();
     if !path.exists() {
-        let hint = "give the folder that `tessuto reconstruct` wrote";
+        let hint = "give the folder of a reconstruction";
         return Err(Error::input(place(), "cannot be read: it does not exist", hint));
     }
     let text = io::read_text(path)?;

@@ -16,7 +16,9 @@ use crate::motion::parameters::Parameters;
 use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
-use crate::report::{ClothData, Field, KeyNumber, Map, Motion, Parameter, ReportData, Surface, embed, page};
+use crate::report::{
+    ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
+};
 use crate::sim::cloth::AREA_DENSITY;
 
 /// Bytes that the film may have however large the rest is.
@@ -50,7 +52,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         frame_count: motion.len(),
         camera: saved.camera,
         surface: Surface::new(&saved.mesh, window),
-        motion: Motion::new(motion),
+        motion: EmbeddedMotion::new(motion),
         fields: fields(folder, saved, motion)?,
     };
     let (maps, light) = (maps(folder, window)?, light::light(folder, &saved.mesh, motion)?);
@@ -96,12 +98,13 @@ fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Ve
         value.map(|v| KeyNumber::new(label, format!("{:.1}", scale * v), unit))
     };
     let silhouette = verdict.and_then(|v| v.silhouette).map(|o| o.mean);
-    let print = verdict.and_then(|v| v.psnr).map(|o| o.mean);
+    let textured = verdict.and_then(|v| v.psnr).map(|o| o.mean);
     let strain = verdict.map(|v| v.strain_p99.worst);
     [
         number("silhouette", silhouette, 100.0, "%"),
-        number("colours, PSNR", lit.or(print), 1.0, "dB"),
+        number("colours, PSNR", lit.or(textured), 1.0, "dB"),
         number("from the true vertices", mean.vertex, 1e3, "mm"),
+        number("from the tracked points", mean.track, 1e3, "mm"),
         number("from the measured depth", mean.depth, 1e3, "mm"),
         number("strain, 99 of 100 threads", strain, 100.0, "%"),
         number("Chamfer distance", mean.cd1, 1e3, "mm"),
@@ -193,12 +196,12 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         ("metallic", "metallic: black is none, white is metal", "material/metallic.png"),
     ];
     let read = |(key, label, file): &(&'static str, &'static str, &str)| {
-        let picture = io::image::read_bytes(&folder.join(file))?;
-        let [x, y, width, height] = window.pixels(picture.width(), picture.height());
-        let picture = ::image::imageops::crop_imm(&picture, x, y, width, height).to_image();
+        let image = io::image::read_bytes(&folder.join(file))?;
+        let [x, y, width, height] = window.pixels(image.width(), image.height());
+        let image = ::image::imageops::crop_imm(&image, x, y, width, height).to_image();
         let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
         let side = |s: u32| ((f64::from(s) * scale).round() as u32).max(1);
-        let small = ::image::imageops::thumbnail(&picture, side(width), side(height));
+        let small = ::image::imageops::thumbnail(&image, side(width), side(height));
         Ok(Map { key, label, picture: embed::base64(&jpeg::encode(&small, light::MAP_QUALITY)) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
@@ -236,10 +239,10 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
 
 /// An image of size `size`, or that part of a whole frame.
 fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage> {
-    let picture = io::image::read_bytes(&path)?;
-    let [width, height] = [picture.width() as usize, picture.height() as usize];
+    let image = io::image::read_bytes(&path)?;
+    let [width, height] = [image.width() as usize, image.height() as usize];
     if [width, height] == size {
-        return Ok(picture);
+        return Ok(image);
     }
     if crop.x1 > width || crop.y1 > height || [crop.width(), crop.height()] != size {
         return Err(Error::input(
@@ -249,7 +252,7 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage
         ));
     }
     let [x, y, w, h] = [crop.x0, crop.y0, size[0], size[1]].map(|v| v as u32);
-    Ok(::image::imageops::crop_imm(&picture, x, y, w, h).to_image())
+    Ok(::image::imageops::crop_imm(&image, x, y, w, h).to_image())
 }
 
 /// The pixels that the moving fabric comes over; None if it is never in sight.

@@ -51,7 +51,7 @@ impl Painter<'_> {
             channels: range.len(),
             data: rendering.rgba.iter().flat_map(|c| c[range.clone()].to_vec()).collect(),
         };
-        let measured = scene.truth.points.as_ref().map(|p| measured_depth_image(&p[n], &scene.camera));
+        let measured = scene.truth.points_in(n).map(|points| measured_depth_image(points, &scene.camera));
         Rendered { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured }
     }
 
@@ -109,7 +109,7 @@ impl Rendered {
 
 fn write_errors(folder: &Path, scene: &Scene, motion: &[Positions], measured: &[Measured]) -> Result<()> {
     let size = [motion.len(), scene.template.positions.len()];
-    if scene.truth.points.is_some() {
+    if (0..motion.len()).any(|n| scene.truth.points_in(n).is_some()) {
         let errors: Vec<f32> = measured.iter().flat_map(|m| &m.errors).copied().collect();
         io::npy::write(&folder.join("depth_error.npy"), &size, &errors)?;
     }

@@ -27,8 +27,8 @@ pub fn write_replay(
     if original.material()?.is_some() {
         copy_folder(&from.join("material"), &folder.join("material"))?;
     }
-    io::npy::write_shapes(&folder.join("motion.npy"), motion)?;
-    io::npy::write_shapes(&folder.join("forces.npy"), &parameters.accelerations.dynamic)?;
+    io::npy::write_field(&folder.join("motion.npy"), motion)?;
+    io::npy::write_field(&folder.join("forces.npy"), &parameters.accelerations.dynamic)?;
     let file: ParameterFile = read_json(&from.join("parameters.json"))?;
     let file = parameters_in(file, parameters, &original.run.settings.dynamics);
     write_json(&folder.join("parameters.json"), &file)?;

@@ -7,7 +7,7 @@
 //! vertices         of the template
 //! seconds          wall time of all stages [s]
 //! verdict          grade, sentence, frames that are not good, and of each quantity mean, worst value and its frame:
-//!                  silhouette (intersection over union), psnr [dB], print (correlation), |strain| (of 1: mean, 99th
+//!                  silhouette (intersection over union), psnr [dB], correlation (of the pattern, within tiles), |strain| (of 1: mean, 99th
 //!                  percentile, largest), creased edges (of 1)
 //! warnings         remarks on input and result
 //! ```

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::observer::{Observer, Shared, Stage, kept_aside};
 use crate::appearance::{self, AppearanceSettings};
 use crate::config::{Config, Preset};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io;
 use crate::io::scene::{LoadOptions, load};
 use crate::mesh::Motion;
@@ -77,7 +77,8 @@ pub fn run(
         return Err(Error::input(
             folder.display().to_string(),
             "there is no config.json, so this is not the result of a reconstruction",
-            "give the folder that a reconstruction wrote, or take the true motion (--motion gt)",
+            Hint::from("give the folder that a reconstruction wrote, or take the true motion")
+                .with(Remedy::TrueMotion),
         ));
     }
     let mut settings =

@@ -16,7 +16,7 @@ use observer::Shared;
 pub use observer::{Observer, Silent, Stage};
 
 use crate::config::{Config, Method};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warning};
 use crate::export::{Clip, Format, export};
 use crate::io::scene::{LoadOptions, load};
 use crate::mesh::Motion;
@@ -134,6 +134,8 @@ pub fn run(
         observer.borrow_mut().warning(&doubt);
         warnings.push(doubt);
     }
+    // The log and the page keep them as text.
+    let mut warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
     warnings.extend(found.failure.iter().map(Error::to_string));
     let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
     let context = result::Context {
@@ -195,7 +197,10 @@ fn keep_checkpoints(
     let identity = identity(scene, &text)?;
     let open = || Checkpoints::open(folder, identity.clone(), interval);
     let found = match options.resume {
-        true => open().newest(&mut |problem| observer.borrow_mut().warning(problem))?,
+        true => open().newest(&mut |problem| {
+            let warning = Warning { topic: "checkpoint".into(), found: problem.to_owned(), hint: None };
+            observer.borrow_mut().warning(&warning);
+        })?,
         false => None,
     };
     let mut observer = observer.borrow_mut();
@@ -217,7 +222,7 @@ fn keep_checkpoints(
 }
 
 fn evaluate(scene: &Scene, motion: &Motion, seed: u64) -> Result<Option<Evaluation>> {
-    if scene.truth.points.is_none() && scene.truth.vertices.is_none() {
+    if !(0..motion.len()).any(|k| scene.truth.knows(k)) {
         return Ok(None);
     }
     metrics::evaluate(&scene.into(), motion, 0..motion.len(), seed).map(Some)

@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::path::Path;
 
-use crate::error::Result;
+use crate::error::{Result, Warning};
 use crate::image::Image;
 use crate::mesh::Positions;
 use crate::result::Run;
@@ -22,7 +22,7 @@ pub struct Stage {
 /// Hears of a run, beyond the [steps](session::Observer) of its stages. Nothing of it changes the result.
 pub trait Observer: session::Observer {
     /// Something about the input is doubtful.
-    fn warning(&mut self, _text: &str) {}
+    fn warning(&mut self, _warning: &Warning) {}
 
     /// The scene is loaded and the work begins, with these stages. `history` are the steps of an interrupted run that is
     /// gone on from.
@@ -33,7 +33,7 @@ pub trait Observer: session::Observer {
         Ok(())
     }
 
-    /// The motion is found, shape [N, V], and so is the fabric's print.
+    /// The motion is found, shape [N, V], and so is the fabric's texture.
     fn motion(&mut self, _motion: &[Positions], _texture: &Image) {}
 }
 

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::{atomic_write, read_bounded};
 use crate::text::hex;
 
@@ -104,8 +104,8 @@ impl Checkpoints {
     }
 
     fn check_origin(&self, path: &Path, header: &Header) -> Result<()> {
-        let hint = "start without --resume, or choose another folder with --out";
-        let fail = |problem: String| Err(Error::input(path.display().to_string(), problem, hint));
+        let hint = Hint::from("choose another folder, or start afresh").with(Remedy::NoResume);
+        let fail = |problem: String| Err(Error::input(path.display().to_string(), problem, hint.clone()));
         let (format, program) = (header.format.as_str(), header.program.as_str());
         if format != FORMAT || program != env!("CARGO_PKG_VERSION") {
             return fail(format!(

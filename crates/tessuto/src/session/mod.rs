@@ -18,7 +18,7 @@ pub use checkpoint::{Checkpoints, Found};
 pub use epoch::{Epoch, Name, named};
 pub use identity::identity;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::mesh::Positions;
 
 /// Name of the part of a checkpoint that holds the steps so far.
@@ -210,7 +210,7 @@ fn to_bytes(value: &impl Serialize) -> Vec<u8> {
 }
 
 /// The error of a state of `stage` that is of another computation, whatever the checkpoint's header says.
-pub fn foreign_state(stage: &str) -> Error {
+pub(crate) fn foreign_state(stage: &str) -> Error {
     unreadable(stage, &"it has other frames, vertices or sizes than this computation")
 }
 
@@ -218,7 +218,8 @@ fn unreadable(stage: &str, error: &dyn std::fmt::Display) -> Error {
     Error::input(
         format!("checkpoint, {stage}"),
         error.to_string(),
-        "start without --resume; if this version wrote it, that is a fault of the program",
+        Hint::from("start afresh; if this version wrote it, that is a fault of tessuto")
+            .with(Remedy::NoResume),
     )
 }
 

@@ -36,15 +36,15 @@
 //! # Ok::<(), tessuto::Error>(())
 //! ```
 
-pub mod angle;
+pub(crate) mod angle;
 pub mod cloth;
 pub mod implicit_euler;
 pub mod linearized_euler;
-pub mod rollout;
+pub(crate) mod rollout;
 pub mod state;
 pub mod step;
-pub mod stretch;
-pub mod ties;
+pub(crate) mod stretch;
+pub(crate) mod ties;
 
 pub use cloth::{Cloth, Energy, HessianKind, Stiffness};
 pub use rollout::{Accelerations, Rollout, RolloutGradients, RolloutInputs, rollout, rollout_vjp};

@@ -1,58 +1,52 @@
-//! The motion of a synthetic scene: a cloth hangs from the corners and the middle of its upper edge until it
-//! is at rest, then a gust comes.
+//! The motion of simulated cloth: it hangs from the corners and the middle of its upper edge, or from two hands, until it
+//! is at rest; then a gust comes, and the hands move.
 
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-use super::Settings;
+use super::hands::Hands;
 use super::lattice::{MeshKind, lattice};
+use super::settings::{Mover, Settings};
+use super::sheet::{self, GRAVITY, SIZE, SLACK};
+use super::trajectory::{Clock, STEP, Trajectory};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::math::rng::Rng;
 use crate::mesh::{Mesh, Positions};
 use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness, TiedCloth};
 
-/// Width and height of the cloth `[m]`.
-const SIZE: DVec2 = DVec2::new(0.5, 0.5);
-/// Distance from the camera `[m]`.
-const DEPTH: f64 = 1.0;
-/// Acceleration of gravity, downwards [m/s²].
-const GRAVITY: DVec3 = DVec3::new(0.0, 9.81, 0.0);
 /// Stiffness of the springs that hold the pinned vertices [N/m].
 const PIN: f64 = 1e4;
-/// Pins are this much closer together than the cloth is wide, so that it falls in folds.
-const SLACK: f64 = 0.06;
 /// Cloth of more columns or rows starts from a coarser one: from the wave it would take minutes to settle.
 const FINE: usize = 48;
 /// Steps until all swinging has ended, with a damping of a quarter per step; fine cloth is nearly at rest already.
 const SETTLING: usize = 120;
 const SETTLING_FINE: usize = 30;
-/// Longest time step `[s]`.
-const STEP: f64 = 5e-3;
 
-/// Template's topology and the shape at every frame, shape [N, V].
+/// The cloth and its motion: in the gust alone, or also carried by hands.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] from the simulation.
-pub fn simulate(settings: &Settings) -> Result<(Mesh, Vec<Positions>)> {
-    let mesh = lattice(settings.mesh, settings.grid, SIZE, DEPTH, settings.seed);
+pub fn simulate(settings: &Settings) -> Result<Trajectory> {
+    let mesh = lattice(settings.mesh, settings.grid, SIZE, sheet::depth(settings.mover), settings.seed);
     let mut hanging = Hanging::new(&mesh, settings);
     let x = hanging.settled(&mesh, settings)?;
-    let mut state = State { v: vec![DVec3::ZERO; x.len()], x };
-    let substeps = (1.0 / (settings.fps * STEP)).ceil().max(1.0) as usize;
-    let h = 1.0 / (settings.fps * substeps as f64);
+    let clock = Clock::new(settings.frames, settings.fps, settings.blur);
     let gust = Gust::new(settings.wind, settings.seed);
-    let mut motion = vec![state.x.clone()];
-    for k in 0..(settings.frames - 1) * substeps {
-        let time = k as f64 * h;
-        let acceleration = |i: usize| GRAVITY + gust.acceleration(mesh.uvs[i], time);
-        state = hanging.step(state, h, 0.98f64.powf(h / STEP), acceleration)?;
-        if (k + 1) % substeps == 0 {
-            motion.push(state.x.clone());
+    let uvs = mesh.uvs.clone();
+    let mut next = State { v: vec![DVec3::ZERO; x.len()], x };
+    let shapes = (0..=clock.steps).map(|k| {
+        if k > 0 {
+            let (h, time) = (clock.step, (k - 1) as f64 * clock.step);
+            let acceleration = |i: usize| GRAVITY + gust.acceleration(uvs[i], time);
+            hanging.carry(time + h);
+            let before = std::mem::replace(&mut next, State { x: Vec::new(), v: Vec::new() });
+            next = hanging.step(before, h, 0.98f64.powf(h / STEP), acceleration)?;
         }
-    }
-    Ok((mesh, motion))
+        Ok(hanging.seen(&next.x))
+    });
+    Trajectory::collect(mesh, clock, settings.blur > 0.0, shapes)
 }
 
 /// A cloth with some vertices tied to fixed points.
@@ -61,6 +55,8 @@ struct Hanging {
     stiffness: Stiffness,
     /// Vertex and the point that holds it.
     pins: Vec<(usize, DVec3)>,
+    /// What carries the pins, if they move.
+    hands: Option<Hands>,
     scratch: Scratch,
 }
 
@@ -68,16 +64,30 @@ impl Hanging {
     fn new(mesh: &Mesh, settings: &Settings) -> Self {
         let cloth = Cloth::new(mesh);
         let columns = settings.grid[0];
-        let pins = [0, columns / 2, columns - 1].map(|i| {
+        let hands = (settings.mover == Mover::Hands).then(|| Hands::new(mesh, settings));
+        let fixed = [0, columns / 2, columns - 1].map(|i| {
             let p = mesh.positions[i];
             (i, DVec3::new(p.x * (1.0 - SLACK), p.y, p.z))
         });
         Self {
             stiffness: Stiffness::uniform(&cloth, [settings.stretch, settings.bend, settings.shear]),
-            pins: pins.to_vec(),
+            pins: hands.as_ref().map_or(fixed.to_vec(), |hands| hands.pins(0.0)),
+            hands,
             scratch: Scratch::default(),
             cloth,
         }
+    }
+
+    /// Moves the pins to where they are at `time` `[s]`.
+    fn carry(&mut self, time: f64) {
+        if let Some(hands) = &self.hands {
+            self.pins = hands.pins(time);
+        }
+    }
+
+    /// Positions in the camera's axes.
+    fn seen(&self, x: &[DVec3]) -> Positions {
+        x.iter().map(|p| self.hands.as_ref().map_or(*p, |hands| hands.to_camera(*p))).collect()
     }
 
     /// At rest under gravity, in folds that start from a slight wave; fine cloth from where a coarser one came to rest.
@@ -86,7 +96,7 @@ impl Hanging {
         let (start, steps): (Positions, usize) = if columns.max(rows) > FINE {
             let halved = [columns, rows].map(|n| n.div_ceil(2).max(3));
             let coarse = Settings { grid: halved, mesh: MeshKind::Quads, ..settings.clone() };
-            let grid = lattice(coarse.mesh, halved, SIZE, DEPTH, settings.seed);
+            let grid = lattice(coarse.mesh, halved, SIZE, sheet::depth(settings.mover), settings.seed);
             let x = Hanging::new(&grid, &coarse).settled(&grid, &coarse)?;
             (mesh.uvs.iter().map(|uv| between(&x, halved, *uv)).collect(), SETTLING_FINE)
         } else {

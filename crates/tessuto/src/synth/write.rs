@@ -4,7 +4,8 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::Settings;
+use super::hands;
+use super::settings::{Mover, Settings};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::scene::Scene;
@@ -29,11 +30,15 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), &frame.rgb)?;
         io::image::write_png(&folder.join(format!("masks/mask_{k:03}.png")), &frame.mask)?;
     }
+    if settings.mover == Mover::Hands {
+        let text = format!("{:#}\n", hands::physics(settings));
+        io::atomic_write(&folder.join("gt/physics.json"), text.as_bytes())?;
+    }
     for (k, points) in scene.truth.points.iter().flatten().enumerate() {
         io::npy::write_points(&folder.join(format!("gt/points/points_{k:03}.npy")), points)?;
     }
     match &scene.truth.vertices {
-        Some(vertices) => io::npy::write_shapes(&folder.join("gt/vertices.npy"), vertices),
+        Some(vertices) => io::npy::write_field(&folder.join("gt/vertices.npy"), vertices),
         None => Ok(()),
     }
 }

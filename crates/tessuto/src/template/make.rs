@@ -10,7 +10,7 @@ use super::outline::Outline;
 use super::rectangle::{locate, patch};
 use super::remesh::{Over, Resolution, remesh};
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io::model;
 use crate::mesh::{Mesh, weld};
@@ -96,7 +96,7 @@ pub fn from_file(path: &Path, changes: &Changes, tell: &mut dyn FnMut(String)) -
         tell(format!("merged {gone} vertices that lay on others"));
     }
     let Some(resolution) = changes.remesh else {
-        let hint = "unwrap it in a modelling program, or make a grid of it with --remesh 32";
+        let hint = Hint::from("unwrap it in a modelling program, or make a grid of it").with(Remedy::Remesh);
         let without_uv =
             || Error::input(place, "has no texture coordinates (uv), which a template needs", hint);
         return model.has_uv.then_some(model.mesh).ok_or_else(without_uv);

@@ -1,16 +1,16 @@
 //! Templates: the mesh of the fabric in the first frame, from measurements or from other meshes.
 //!
-//! - a flat or nearly flat rectangle of known size: [`outline`], [`rectangle`], [`hem`](mod@hem)
+//! - a flat or nearly flat rectangle of known size: `outline`, `rectangle`, `hem`(mod@hem)
 //! - any textured mesh, as a regular grid of quads: [`remesh`]
 //! - a mesh in another unit or with other axes: [`fix`]
 //!
 //! [`make`] does all of it.
 
 pub mod fix;
-pub mod hem;
+pub(crate) mod hem;
 pub mod make;
-pub mod outline;
-pub mod rectangle;
+pub(crate) mod outline;
+pub(crate) mod rectangle;
 pub mod remesh;
 
 use crate::camera::Camera;

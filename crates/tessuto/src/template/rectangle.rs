@@ -9,6 +9,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
+use crate::math::damping::Damping;
 use crate::mesh::{Mesh, grid};
 
 /// A rectangle whose corners are this near [fraction of its mean side] to those seen, root mean square, is rigid.
@@ -150,7 +151,8 @@ fn refine(mut pose: Pose, camera: &Camera, model: [DVec2; 4], p_pixel: [DVec2; 4
             * pose.rotation,
         translation: pose.translation + DVec3::new(step[3], step[4], step[5]),
     };
-    let (mut current, mut damping) = (cost(&pose), 1e-3);
+    let mut current = cost(&pose);
+    let mut damping = Damping { lambda: 1e-3, accepted: 0.2, rejected: 8.0, least: 0.0, least_rejected: 0.0 };
     for _ in 0..100 {
         let Some(base) = residuals(&pose) else { break };
         // Forward differences: the problem is tiny and smooth.
@@ -166,7 +168,7 @@ fn refine(mut pose: Pose, camera: &Camera, model: [DVec2; 4], p_pixel: [DVec2; 4
         let rows = (0..6).map(|i| {
             let mut row = [0.0; 7];
             for j in 0..6 {
-                row[j] = dot(&jacobian[i], &jacobian[j]) * if i == j { 1.0 + damping } else { 1.0 };
+                row[j] = dot(&jacobian[i], &jacobian[j]) * if i == j { 1.0 + damping.lambda } else { 1.0 };
             }
             row[6] = -dot(&jacobian[i], &base);
             row
@@ -175,13 +177,14 @@ fn refine(mut pose: Pose, camera: &Camera, model: [DVec2; 4], p_pixel: [DVec2; 4
         let value = cost(&next);
         if value < current {
             let done = current - value < 1e-12 * current;
-            (pose, current, damping) = (next, value, damping * 0.2);
+            (pose, current) = (next, value);
+            damping.accept();
             if done {
                 break;
             }
         } else {
-            damping *= 8.0;
-            if damping > 1e9 {
+            damping.reject();
+            if damping.lambda > 1e9 {
                 break;
             }
         }

@@ -4,7 +4,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::outline::widest_quad_indices;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
 use crate::math::factor::{Analysis, Scratch};
 use crate::mesh::{Mesh, edge_uses, grid, pieces, vertex_uvs};
@@ -116,7 +116,7 @@ fn border(mesh: &Mesh, place: &str) -> Result<Vec<u32>> {
         return Err(Error::input(
             place,
             format!("its border passes vertex {} more than once", vertex + 1),
-            "wind all faces alike (recalculate normals), remove what hangs on single vertices, or merge double ones with --weld",
+            Hint::from("wind all faces alike (recalculate normals), remove what hangs on single vertices, or merge double ones").with(Remedy::Weld),
         ));
     }
     let mut longest: (f64, Vec<u32>) = (0.0, Vec::new());
@@ -143,7 +143,7 @@ fn border(mesh: &Mesh, place: &str) -> Result<Vec<u32>> {
         return Err(Error::input(
             place,
             format!("has {pieces} separate pieces"),
-            "keep one sheet; if they touch, merge their vertices with --weld",
+            Hint::from("keep one sheet; if they touch, merge their vertices").with(Remedy::Weld),
         ));
     }
     Ok(longest.1)

@@ -16,7 +16,7 @@ const AMBIENT: f32 = 0.2;
 const GREY: f32 = 0.6;
 
 /// The texture as it was seen in the first frame, without any new light: sRGB on black.
-pub fn draw_texture(
+pub(crate) fn draw_texture(
     rasterizer: &Rasterizer,
     camera: &Camera,
     positions: &Positions,
@@ -29,44 +29,49 @@ pub fn draw_texture(
 }
 
 /// A plain grey surface lit from the camera: sRGB on black.
-pub fn draw_shaded(
+pub(crate) fn draw_shaded(
     rasterizer: &Rasterizer,
     camera: &Camera,
     geometry: &Geometry,
     (frame, positions): (usize, &Positions),
 ) -> Image {
     let mut rendering = Rendering::new();
-    let mut picture = Image::new(camera.width, camera.height, 3);
+    let mut image = Image::new(camera.width, camera.height, 3);
     for (pixel, point) in
         visible_points(rasterizer, camera, geometry, frame, positions, &mut rendering, |_, _| true)
     {
         let facing = point.normal.dot(-point.position.normalize()).max(0.0);
         let coverage = rendering.rgba[pixel as usize][3].clamp(0.0, 1.0);
         let value = srgb::encode(GREY * (AMBIENT + (1.0 - AMBIENT) * facing) * coverage);
-        picture.data[3 * pixel as usize..][..3].fill(value);
+        image.data[3 * pixel as usize..][..3].fill(value);
     }
-    picture
+    image
 }
 
 /// Depth as a colour, the nearest of `range` `[m]` dark and the farthest bright, on black.
-pub fn draw_depth(rasterizer: &Rasterizer, camera: &Camera, positions: &Positions, range: [f64; 2]) -> Image {
+pub(crate) fn draw_depth(
+    rasterizer: &Rasterizer,
+    camera: &Camera,
+    positions: &Positions,
+    range: [f64; 2],
+) -> Image {
     let mut rendering = Rendering::new();
     rasterizer.render(camera, positions, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
-    let mut picture = Image::new(camera.width, camera.height, 3);
+    let mut image = Image::new(camera.width, camera.height, 3);
     for y in 0..camera.height {
         for x in 0..camera.width {
             if let Some(z) = rendering.depth(x, y) {
                 let fraction = (z - range[0]) / (range[1] - range[0]).max(1e-9);
                 let colour = sequential(fraction.clamp(0.0, 1.0) as f32);
-                picture.pixel_mut(x, y).copy_from_slice(&colour);
+                image.pixel_mut(x, y).copy_from_slice(&colour);
             }
         }
     }
-    picture
+    image
 }
 
 /// Least and largest z over all `shapes` `[m]`.
-pub fn depth_range(motion: &[Positions]) -> [f64; 2] {
+pub(crate) fn depth_range(motion: &[Positions]) -> [f64; 2] {
     let z = || motion.iter().flatten().map(|x: &DVec3| x.z);
     [z().fold(f64::INFINITY, f64::min), z().fold(f64::NEG_INFINITY, f64::max)]
 }

@@ -4,6 +4,6 @@ mod looks;
 mod render;
 mod viewpoint;
 
-pub use looks::{depth_range, draw_depth, draw_shaded, draw_texture};
+pub(crate) use looks::{depth_range, draw_depth, draw_shaded, draw_texture};
 pub use render::{Look, RenderOptions, Rendered, View, render};
 pub use viewpoint::Viewpoint;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use crate::camera::Camera;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io;
 use crate::mesh::Positions;
@@ -129,7 +129,7 @@ pub fn render(
             return Err(Error::input(
                 result.path().join("material").display().to_string(),
                 "there are no material maps",
-                "run `tessuto appearance` first, or draw the texture",
+                Hint::from("draw the texture, or estimate them first").with(Remedy::Appearance),
             ));
         }
         (Look::Texture, _) => {

@@ -1,6 +1,7 @@
 //! The documents name only what exists, the modules keep to their layers, and siblings stand in no circle.
 
 mod imports;
+mod words;
 
 use std::path::{Path, PathBuf};
 

@@ -34,7 +34,7 @@ fn clip(maps: bool) -> Clip {
         first_frame: 7,
         camera: Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 },
         crop: Rect { x0: 0, y0: 0, x1: 640, y1: 480 },
-        pictures: Vec::new(),
+        images: Vec::new(),
         material: Material {
             name: "cloth".into(),
             base_colour: picture(3, 0.5),
@@ -219,7 +219,7 @@ fn nothing_is_replaced_without_force() {
     // And the manifest.
     assert_eq!((written.len(), entries(&target)), (3, 4));
     let message = export(&clip, &[Format::Glb], &target, false).unwrap_err().to_string();
-    assert!(message.contains("cloth.glb") && message.contains("--force"), "{message}");
+    assert!(message.contains("cloth.glb") && message.contains("replace = true"), "{message}");
     let first = std::fs::read(target.join("cloth.glb")).unwrap();
     export(&clip, &[Format::Glb, Format::Usd], &target, true).unwrap();
     assert_eq!(std::fs::read(target.join("cloth.glb")).unwrap(), first, "same clip, same bytes");
@@ -307,6 +307,6 @@ fn a_recording_is_refused_by_builds_without_it_before_anything_is_written() {
     let formats = [Format::Glb, "rrd".parse().unwrap()];
     let error = export(&clip(false), &formats, folder.path(), false).unwrap_err();
     assert_eq!(error.exit_code(), 2);
-    assert!(error.to_string().contains("--features full"), "{error}");
+    assert!(error.to_string().contains("feature rerun"), "{error}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
 }

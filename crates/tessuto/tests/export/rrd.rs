@@ -237,7 +237,7 @@ fn an_exported_result_is_read_back_as_it_was() {
         first_frame: 7,
         camera: CAMERA,
         crop: CROP,
-        pictures,
+        images: pictures,
         material: Material {
             name: "cloth".into(),
             base_colour: Image { width: 4, height: 3, channels: 3, data: print },
@@ -328,7 +328,7 @@ fn run(out: impl Write, ended: bool) -> tessuto::Result<()> {
         first_frame: 3,
         frame_count: 2,
         camera: CAMERA,
-        picture: None,
+        image: None,
         truth: Some(&truth),
     };
     let mut recording = Recording::begin(out, Path::new("run.rrd"), "tessuto-1", &subject)?;

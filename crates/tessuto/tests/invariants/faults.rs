@@ -146,7 +146,12 @@ fn a_crushed_cloth_has_no_definite_matrix_and_still_a_finite_step() {
 }
 
 fn scene() -> Scene {
-    synth::make(&synth::Settings { frames: 3, grid: [5, 5], size: 48, ..Default::default() }).unwrap()
+    small(3, [5, 5])
+}
+
+fn small(frames: usize, grid: [usize; 2]) -> Scene {
+    let settings = synth::Settings::default().with(|s| (s.frames, s.grid, s.size) = (frames, grid, 48));
+    synth::make(&settings).unwrap()
 }
 
 fn config() -> Config {
@@ -249,9 +254,6 @@ fn after(folder: &std::path::Path, begin: impl FnOnce(&mut Session)) -> Session<
 
 #[test]
 fn states_of_another_rollout_or_material_are_refused() {
-    let small = |frames, grid| {
-        synth::make(&synth::Settings { frames, grid, size: 48, ..synth::Settings::default() }).unwrap()
-    };
     let scene = small(4, [5, 5]);
     let refused = |error: Error, stage: &str| {
         let text = error.to_string();

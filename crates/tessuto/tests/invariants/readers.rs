@@ -17,7 +17,7 @@ use tessuto::{Error, Result};
 pub type Reader = fn(&[u8]) -> Result<()>;
 
 /// Name of a reader, which is that of its fuzz target, and the reader.
-pub const READERS: [(&str, Reader); 13] = [
+pub const READERS: [(&str, Reader); 14] = [
     ("scene_json", scene_json),
     ("obj", read_obj),
     ("ply", ply),
@@ -31,7 +31,12 @@ pub const READERS: [(&str, Reader); 13] = [
     ("cameras", cameras),
     ("opencv", opencv),
     ("config", config),
+    ("tracks", tracks),
 ];
+
+/// scene.json of the scene that the tracks are read with.
+const TRACKED: &str = r#"{"name": "t", "fps": 25, "n_frames": 1, "width": 24, "height": 24,
+    "fx": 40, "fy": 40, "cx": 11.5, "cy": 11.5}"#;
 
 /// What `reader` makes of `bytes`; panics if a user could not act on its error.
 pub fn read(reader: Reader, bytes: &[u8]) {
@@ -49,6 +54,9 @@ thread_local! {
         let home = if memory.is_dir() { memory.to_path_buf() } else { std::env::temp_dir() };
         let folder = tempfile::tempdir_in(home).expect("a folder in memory");
         make_scene(&folder.path().join("scene"));
+        make_scene(&folder.path().join("tracked"));
+        std::fs::create_dir(folder.path().join("tracked/gt")).expect("a folder in memory");
+        std::fs::write(folder.path().join("tracked/scene.json"), TRACKED).expect("a file in memory");
         make_result(&folder.path().join("result"));
         std::fs::create_dir(folder.path().join("checkpoints")).expect("a folder in memory");
         folder
@@ -70,7 +78,7 @@ fn make_result(result: &Path) {
     std::fs::create_dir_all(result).expect("a folder in memory");
     let mesh = tessuto::mesh::grid(2, 2, [0.4, 0.4].into(), 1.0);
     obj::write(&result.join("mesh.obj"), &mesh, None).expect("a mesh");
-    npy::write_shapes(&result.join("forces.npy"), &[mesh.positions]).expect("an array");
+    npy::write_field(&result.join("forces.npy"), &[mesh.positions]).expect("an array");
 }
 
 fn folder() -> PathBuf {
@@ -102,11 +110,16 @@ fn gltf(bytes: &[u8]) -> Result<()> {
     model::read(&file("mesh.glb", bytes)).map(drop)
 }
 
+fn tracks(bytes: &[u8]) -> Result<()> {
+    file("tracked/gt/tracks.npz", bytes);
+    load(&folder().join("tracked"), &LoadOptions::default()).map(drop)
+}
+
 fn read_npy(bytes: &[u8]) -> Result<()> {
     let path = file("array.npy", bytes);
     npy::read(&path)?;
     let points = npy::read_points(&path).map(drop);
-    points.or(npy::read_shapes(&path).map(drop))
+    points.or(npy::read_field(&path).map(drop))
 }
 
 fn picture(bytes: &[u8]) -> Result<()> {

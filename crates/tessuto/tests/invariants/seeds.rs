@@ -52,6 +52,15 @@ pub fn seeds(name: &str) -> Vec<Vec<u8>> {
             let config = CONFIG.replace("SETTINGS", &default_settings()).into_bytes();
             vec![config, [b"\0", PARAMETERS.as_bytes()].concat()]
         }
+        "tracks" => {
+            use tessuto::io::npy::{archive, encode};
+            vec![archive(&[
+                ("frames", encode(&[1], &[0u32])),
+                ("vertices", encode(&[1, 4], &[0u32, 1, 4, 3])),
+                ("weights", encode(&[1, 4], &[0.25f32; 4])),
+                ("points", encode(&[1, 1, 3], &[0.0f32, 0.0, 1.0])),
+            ])]
+        }
         other => panic!("no seeds for {other}"),
     }
 }

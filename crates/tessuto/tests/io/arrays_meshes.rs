@@ -33,8 +33,8 @@ fn arrays_are_read_back() {
     let array = npy::read(&path).unwrap();
     assert_eq!((array.shape, array.data), (vec![2, 1, 3], vec![1.0, 2.0, 3.0, 0.1, -1e300, 6.0]));
     let shapes = vec![vec![DVec3::new(0.5, 0.25, 1.0); 4], vec![DVec3::new(1.5, -0.25, 2.0); 4]];
-    npy::write_shapes(&path, &shapes).unwrap();
-    assert_eq!(npy::read_shapes(&path).unwrap(), shapes);
+    npy::write_field(&path, &shapes).unwrap();
+    assert_eq!(npy::read_field(&path).unwrap(), shapes);
     npy::write_points(&path, &shapes[1]).unwrap();
     assert_eq!(npy::read_points(&path).unwrap(), shapes[1]);
     npy::write_points(&path, &[]).unwrap();

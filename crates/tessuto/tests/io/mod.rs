@@ -5,3 +5,4 @@ mod hdr;
 mod image;
 mod recordings;
 mod scene;
+mod truth;

@@ -1,7 +1,7 @@
 //! What a loaded scene holds, seen through the library.
 
 use crate::support::scene_maker::{FRAMES, SIZE, TinyScene, colour, fabric, mask, paint, template};
-use tessuto::camera::Rect;
+use tessuto::Rect;
 use tessuto::io::image::write_png;
 use tessuto::io::scene::{LoadOptions, Loaded, load};
 
@@ -13,7 +13,7 @@ fn load_all(scene: &TinyScene) -> Loaded {
 fn everything_arrives() {
     let tiny = TinyScene::with_truth();
     let Loaded { scene, warnings } = load_all(&tiny);
-    assert_eq!(warnings, Vec::<String>::new());
+    assert_eq!(warnings, []);
     assert_eq!((scene.name.as_str(), scene.fps, scene.first_frame), ("tiny", 25.0, 0));
     assert_eq!(scene.template, template());
     // 16 pixels of fabric and 4 on each side, as far as the image reaches.
@@ -67,7 +67,7 @@ fn other_padding_and_endings() {
         std::fs::rename(old, new).unwrap();
     }
     tiny.put("rgbs/Thumbs.db", "not a frame");
-    assert_eq!(load_all(&tiny).warnings, Vec::<String>::new());
+    assert_eq!(load_all(&tiny).warnings, []);
 }
 
 #[test]
@@ -97,7 +97,7 @@ fn bright_background_becomes_black_and_dark_specks_stay() {
         write_png(&tiny.path(&format!("rgbs/rgb_{n:03}.png")), &bright(n)).unwrap();
     }
     let Loaded { scene, warnings } = load_all(&tiny);
-    assert!(warnings.len() == 1 && warnings[0].starts_with("background: "), "{warnings:?}");
+    assert!(warnings.len() == 1 && warnings[0].topic == "background", "{warnings:?}");
     assert_eq!(scene.frames.frame(2).unwrap().rgb.data, colour(2).data[2 * SIZE * 3..]);
 
     // A frame that is black but for the pixels next to the fabric is kept as it is.
@@ -108,7 +108,7 @@ fn bright_background_becomes_black_and_dark_specks_stay() {
         write_png(&tiny.path(&format!("rgbs/rgb_{n:03}.png")), &edged(n)).unwrap();
     }
     let Loaded { scene, warnings } = load_all(&tiny);
-    assert_eq!(warnings, Vec::<String>::new());
+    assert_eq!(warnings, []);
     assert_eq!(
         scene.frames.frame(0).unwrap().rgb.data,
         tessuto::io::image::read(&tiny.path("rgbs/rgb_000.png")).unwrap().data[2 * SIZE * 3..]
@@ -125,8 +125,8 @@ fn masks_of_zeros_and_ones_are_understood() {
     }
     let Loaded { scene, warnings } = load_all(&tiny);
     assert_eq!(scene.frames.frame(0).unwrap().mask.data, mask().data[2 * SIZE..]);
-    assert!(warnings.len() == 1 && warnings[0].contains("holds 0 and 1"), "{warnings:?}");
-    assert!(warnings[0].contains("in 4 files, first in frame 0"), "{warnings:?}");
+    assert!(warnings.len() == 1 && warnings[0].found.contains("holds 0 and 1"), "{warnings:?}");
+    assert!(warnings[0].found.contains("in 4 files, first in frame 0"), "{warnings:?}");
 }
 
 #[test]

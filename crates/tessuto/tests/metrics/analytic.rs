@@ -39,6 +39,7 @@ fn one(template: &Mesh, points: Vec<DVec3>, shape: &[DVec3]) -> Metrics {
     let truth = Truth {
         points: Some(vec![points]),
         vertices: Some(motion(std::slice::from_ref(&template.positions))),
+        tracks: None,
     };
     let inputs = Inputs { template, camera: &CAMERA, truth: &truth, first_frame: 0 };
     evaluate(&inputs, &motion(&[shape.to_vec()]), 0..1, 3).unwrap().mean
@@ -221,7 +222,7 @@ fn depth_buffer_equals_the_plain_loop() {
 fn thread_count_and_range_do_not_change_the_result() {
     let template = grid(6, 6, DVec2::splat(0.4), 1.0);
     let mut rng = Rng::new(9, 0);
-    let truth = Truth { points: Some((0..7).map(|_| cloud(500, &mut rng)).collect()), vertices: None };
+    let truth = Truth { points: Some((0..7).map(|_| cloud(500, &mut rng)).collect()), ..Truth::default() };
     let motion = motion(&crate::support::recordings::wave(&template.positions, 7));
     let inputs = Inputs { template: &template, camera: &CAMERA, truth: &truth, first_frame: 2 };
     let run = |threads| {
@@ -253,12 +254,12 @@ fn wrong_input_is_refused_with_its_place() {
         assert!(matches!(error, Error::Input { .. }) && error.exit_code() == 3);
         error.to_string()
     };
-    let truth = Truth { points: None, vertices: Some(motion(&vec![shape.clone(); 2])) };
+    let truth = Truth { vertices: Some(motion(&vec![shape.clone(); 2])), ..Truth::default() };
     let two = vec![shape.clone(); 2];
     assert!(attempt(&Truth::default(), &two, 0..2).contains("neither"));
     assert!(attempt(&truth, &two, 1..3).contains("1..3"));
     assert!(attempt(&truth, &two[..1], 0..1).contains("has 2"));
     assert!(attempt(&truth, &vec![shape[1..].to_vec(); 2], 0..2).contains("8 vertices"));
-    let behind = Truth { points: Some(vec![vec![-DVec3::Z]]), vertices: None };
+    let behind = Truth { points: Some(vec![vec![-DVec3::Z]]), ..Truth::default() };
     assert!(attempt(&behind, &two[..1], 0..1).contains("point 0"));
 }

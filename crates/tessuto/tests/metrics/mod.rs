@@ -2,4 +2,5 @@
 
 mod agreement;
 mod analytic;
+mod partial;
 mod verdict;

@@ -1,12 +1,12 @@
 //! A result is called good or not for the right frames, in the files that it leaves; no truth is looked at.
 
 use glam::DVec3;
+use tessuto::Reconstruction;
 use tessuto::config::{Config, Preset};
 use tessuto::metrics::{Grade, Verdict};
 use tessuto::motion::parameters::Parameters;
 use tessuto::motion::texture::fit_texture;
 use tessuto::raster::{Rasterizer, Texture};
-use tessuto::reconstruct::Reconstruction;
 use tessuto::result::{self, Context, Folder, Run, Summary};
 use tessuto::session::Session;
 use tessuto::sim::Accelerations;
@@ -18,14 +18,10 @@ const HALF: usize = 6;
 
 /// A made-up scene without its truth, its true motion and its print as the first frame shows it.
 fn scene() -> (Scene, Vec<Vec<DVec3>>, Texture) {
-    let settings = synth::Settings {
-        frames: FRAMES,
-        size: 160,
-        grid: [13, 13],
-        seed: 2,
-        wind: 20.0,
-        ..synth::Settings::default()
-    };
+    let settings = synth::Settings::default().with(|s| {
+        (s.frames, s.size, s.grid) = (FRAMES, 160, [13, 13]);
+        (s.seed, s.wind) = (2, 20.0);
+    });
     let mut scene = synth::make(&settings).unwrap();
     let motion = std::mem::take(&mut scene.truth).vertices.unwrap().into_frames();
     let mut config = Config::preset(Preset::Default);
@@ -112,7 +108,7 @@ fn the_true_motion_is_good_and_spoilt_halves_are_named() {
     };
     let cases = [
         ("shifted", shifted, "silhouette 0."),
-        ("slid", slid, "print off"),
+        ("slid", slid, "texture displaced"),
         ("stretched", stretched, "strained by"),
         ("crumpled", crumpled, "creased"),
     ];

@@ -6,7 +6,8 @@ use tessuto::synth::{self, Settings};
 use tessuto::{Reconstruction, Scene, reconstruct};
 
 fn scene() -> Scene {
-    synth::make(&Settings { frames: 6, grid: [7, 7], size: 64, ..Settings::default() }).unwrap()
+    let settings = Settings::default().with(|s| (s.frames, s.grid, s.size) = (6, [7, 7], 64));
+    synth::make(&settings).unwrap()
 }
 
 fn run(assignments: &[&str]) -> (Reconstruction, Vec<f64>) {

@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
-use tessuto::camera::Rect;
+use tessuto::Rect;
 use tessuto::config::{Config, Preset};
 use tessuto::math::gradient_check::{Worst, check};
 use tessuto::math::rng::Rng;

@@ -13,7 +13,7 @@ fn silent<'a>() -> Session<'a> {
 }
 
 fn folder() -> tempfile::TempDir {
-    let settings = Settings { frames: 5, grid: [6, 6], size: 64, ..Settings::default() };
+    let settings = Settings::default().with(|s| (s.frames, s.grid, s.size) = (5, [6, 6], 64));
     let folder = tempfile::tempdir().unwrap();
     synth::write::write(folder.path(), &synth::make(&settings).unwrap(), &settings).unwrap();
     folder

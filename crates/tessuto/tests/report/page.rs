@@ -10,8 +10,8 @@ use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
 use tessuto::report::embed::{Window, base64};
 use tessuto::report::film::{Film, Source};
 use tessuto::report::{
-    ClothData, Field, FramePictures, KeyNumber, Kind, Map, Motion, Parameter, Ranges, ReportData, Scales,
-    Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
+    ClothData, EmbeddedMotion, Field, FramePictures, KeyNumber, Kind, Map, Parameter, Ranges, ReportData,
+    Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
 };
 use tessuto::session::Epoch;
 use tessuto::{Camera, Frame, Image, Positions};
@@ -57,7 +57,7 @@ fn pictures_show_the_sign_of_what_differs() {
         let scales = Scales::fitting([Ranges::of(pictures.depth, pictures.measured_depth)]);
         assert_eq!(scales.depth, [1.21, 1.22]);
         assert!((scales.depth_difference - 0.01).abs() < 1e-9, "{scales:?}");
-        let at = |kind, x| pictures.picture(kind, &scales).unwrap().pixel(x, 24).to_vec();
+        let at = |kind, x| pictures.image(kind, &scales).unwrap().pixel(x, 24).to_vec();
         let (red, blue) = (|c: &[f32]| c[0] > 1.5 * c[2], |c: &[f32]| c[2] > 1.5 * c[0]);
         // Rendered only at the left, observed only at the right, both in the middle.
         assert!(red(&at(Kind::MaskDifference, 18)) && blue(&at(Kind::MaskDifference, 42)));
@@ -66,7 +66,7 @@ fn pictures_show_the_sign_of_what_differs() {
         assert!(at(Kind::Difference, 30).iter().all(|v| *v < 0.02) && at(Kind::Difference, 42)[0] > 0.9);
         assert_ne!(at(Kind::Depth, 30), at(Kind::Depth, 60));
         let unmeasured = FramePictures { measured_depth: None, ..*pictures };
-        assert!(unmeasured.picture(Kind::DepthDifference, &scales).is_none());
+        assert!(unmeasured.image(Kind::DepthDifference, &scales).is_none());
     });
 }
 
@@ -178,7 +178,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
             frame_count,
             camera,
             surface: Surface::new(&mesh, Window::WHOLE),
-            motion: Motion::new(&motion),
+            motion: EmbeddedMotion::new(&motion),
             fields: [("depth_error", 900.0), ("force", 50.0)]
                 .into_iter()
                 .filter_map(|(key, scale)| Field::new([key, key, "mm"], key != "force", &depths(scale)))

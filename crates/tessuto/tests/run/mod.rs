@@ -51,7 +51,7 @@ impl Observer for Heard {
 }
 
 fn scene(folder: &Path) -> std::path::PathBuf {
-    let settings = Settings { frames: 3, grid: [5, 5], size: 48, ..Settings::default() };
+    let settings = Settings::default().with(|s| (s.frames, s.grid, s.size) = (3, [5, 5], 48));
     let path = folder.join("scene");
     std::fs::create_dir(&path).unwrap();
     synth::write::write(&path, &synth::make(&settings).unwrap(), &settings).unwrap();
@@ -108,6 +108,25 @@ fn a_run_announces_its_stages_and_leaves_a_whole_folder() {
     assert!(outcome.is_result && outcome.timings.len() == 2);
     assert!(material("diffuse.png") == before);
     assert!(manifest::verify(&out).unwrap().wrong.is_empty());
+}
+
+#[test]
+fn a_run_measures_the_frames_of_which_something_is_known() {
+    let folder: TempDir = tempfile::tempdir().unwrap();
+    let (scene, out) = (scene(folder.path()), folder.path().join("result"));
+    std::fs::remove_file(scene.join("gt/vertices.npy")).unwrap();
+    std::fs::remove_file(scene.join("gt/points/points_001.npy")).unwrap();
+    let options = RunOptions { appearance: false, ..options() };
+    let evaluation = run::run(&scene, &out, &options, &mut Silent).unwrap().evaluation.unwrap();
+    assert_eq!(evaluation.frames.iter().map(|f| f.frame).collect::<Vec<_>>(), [0, 2]);
+    assert_eq!(evaluation.frames_without_truth, 1);
+    let read = tessuto::result::read_metrics(&out).unwrap().unwrap();
+    assert_eq!((read.mean, read.frames_without_truth), (evaluation.mean, 1));
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("depth difference, in 2 of 3 frames"));
+    // Nothing at all is known of a part of the frames.
+    let none = RunOptions { frames: Some(1..2), replace: true, ..options };
+    assert!(run::run(&scene, &out, &none, &mut Silent).unwrap().evaluation.is_none());
 }
 
 #[test]

@@ -54,7 +54,7 @@ impl TinyScene {
         for n in 0..FRAMES {
             npy::write_points(&scene.path(&format!("gt/points/points_{n:03}.npy")), &positions).unwrap();
         }
-        npy::write_shapes(&scene.path("gt/vertices.npy"), &vec![positions; FRAMES]).unwrap();
+        npy::write_field(&scene.path("gt/vertices.npy"), &vec![positions; FRAMES]).unwrap();
         scene
     }
 

@@ -24,7 +24,7 @@ mod wire;
 mod xxh32;
 
 pub use recording::Recording;
-pub use subject::{Picture, Subject};
+pub use subject::{FrameImage, Subject};
 
 use std::path::Path;
 

@@ -151,12 +151,12 @@ impl<W: Write> Recording<W> {
     ///
     /// # Errors
     /// [`Error::Output`].
-    pub fn texture(&mut self, picture: &Image) -> Result<()> {
-        let [shorter, longer] = [picture.width.min(picture.height), picture.width.max(picture.height)];
+    pub fn texture(&mut self, image: &Image) -> Result<()> {
+        let [shorter, longer] = [image.width.min(image.height), image.width.max(image.height)];
         let factor = longer.div_ceil(TEXTURE_SIDE).clamp(1, shorter.max(1));
-        let picture = if factor > 1 { &picture.downsampled(factor) } else { picture };
-        let size = [picture.width as u32, picture.height as u32];
-        let pixels = [rgb_bytes(picture)];
+        let image = if factor > 1 { &image.downsampled(factor) } else { image };
+        let size = [image.width as u32, image.height as u32];
+        let pixels = [rgb_bytes(image)];
         self.fixed(
             FABRIC,
             vec![
@@ -195,10 +195,10 @@ impl<W: Write> Recording<W> {
     }
 
     fn video(&mut self, subject: &Subject) -> Result<()> {
-        let (Some(picture), camera) = (&subject.picture, &subject.camera) else { return Ok(()) };
+        let (Some(image), camera) = (&subject.image, &subject.camera) else { return Ok(()) };
         for start in (0..subject.frame_count).step_by(FRAMES_TOGETHER) {
             let range = start..(start + FRAMES_TOGETHER).min(subject.frame_count);
-            let encoded = range.clone().into_par_iter().map(|n| subject.encoded(picture, camera, n));
+            let encoded = range.clone().into_par_iter().map(|n| subject.encoded(image, camera, n));
             let files: Vec<Vec<u8>> = encoded.collect::<Result<_>>()?;
             let columns = vec![
                 Column::blobs(["EncodedImage", "blob"], "Blob", &files),

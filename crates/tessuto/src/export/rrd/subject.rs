@@ -30,13 +30,13 @@ pub struct Subject<'a> {
     /// Camera of the images.
     pub camera: Camera,
     /// Image of frame n, from 0, as the camera sees it.
-    pub picture: Option<Picture<'a>>,
+    pub image: Option<FrameImage<'a>>,
     /// Points `[m]` on the true surface in every frame.
     pub truth: Option<&'a [Positions]>,
 }
 
 /// Gives the image of a frame.
-pub type Picture<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
+pub type FrameImage<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
 
 impl<'a> Subject<'a> {
     /// The video and the template of `scene`.
@@ -49,7 +49,7 @@ impl<'a> Subject<'a> {
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
             camera: scene.camera,
-            picture: Some(Box::new(|n| Ok(rgb8(&scene.frames.frame(n)?.rgb)))),
+            image: Some(Box::new(|n| Ok(rgb8(&scene.frames.frame(n)?.rgb)))),
             truth: truth.points.as_deref().or(truth.vertices.as_deref()),
         }
     }
@@ -59,8 +59,8 @@ impl<'a> Subject<'a> {
     /// # Errors
     /// [`Error::Input`] if the first image cannot be read.
     pub fn of_clip(clip: &'a Clip) -> Result<Self> {
-        let shown = !clip.pictures.is_empty();
-        let picture: Picture = Box::new(|n| io::image::read_bytes(&clip.pictures[n]));
+        let shown = !clip.images.is_empty();
+        let image: FrameImage = Box::new(|n| io::image::read_bytes(&clip.images[n]));
         Ok(Self {
             name: &clip.name,
             mesh: &clip.mesh,
@@ -68,7 +68,7 @@ impl<'a> Subject<'a> {
             first_frame: clip.first_frame,
             frame_count: clip.motion.len(),
             camera: if shown { clip.camera.cropped(clip.crop) } else { clip.camera },
-            picture: shown.then_some(picture),
+            image: shown.then_some(image),
             truth: None,
         })
     }
@@ -80,8 +80,8 @@ impl<'a> Subject<'a> {
     }
 
     /// Frame `n` as JPEG, small.
-    pub(super) fn encoded(&self, picture: &Picture, camera: &Camera, n: usize) -> Result<Vec<u8>> {
-        let rgb = picture(n)?;
+    pub(super) fn encoded(&self, image: &FrameImage, camera: &Camera, n: usize) -> Result<Vec<u8>> {
+        let rgb = image(n)?;
         let (found, expected) =
             ([rgb.width() as usize, rgb.height() as usize], [camera.width, camera.height]);
         if found != expected {

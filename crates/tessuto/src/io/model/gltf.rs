@@ -2,6 +2,7 @@
 //!
 //! Read from the JSON itself: the crate `gltf` panics on some files that lack what the standard demands.
 
+use crate::text::from_base64;
 use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::Path;
@@ -99,7 +100,7 @@ fn buffers<'a>(document: &Value, chunk: Option<&'a [u8]>, path: &Path) -> Result
         None => Ok(Cow::Borrowed(chunk.unwrap_or_default())),
         Some(uri) if uri.starts_with("data:") => {
             let text = uri.split_once(";base64,").map(|(_, text)| text);
-            text.and_then(base64)
+            text.and_then(from_base64)
                 .map(Cow::Owned)
                 .ok_or_else(|| Error::input(&place, "holds a buffer that is not base64", AGAIN))
         }
@@ -280,28 +281,6 @@ fn local(node: &Value) -> DMat4 {
         rotation,
         three("translation", DVec3::ZERO),
     )
-}
-
-/// Standard base64; `None` if a character is foreign.
-fn base64(text: &str) -> Option<Vec<u8>> {
-    let digit = |c: u8| match c {
-        b'A'..=b'Z' => Some(c - b'A'),
-        b'a'..=b'z' => Some(c - b'a' + 26),
-        b'0'..=b'9' => Some(c - b'0' + 52),
-        b'+' => Some(62),
-        b'/' => Some(63),
-        _ => None,
-    };
-    let (mut bits, mut held, mut out) = (0u32, 0, Vec::with_capacity(text.len() / 4 * 3));
-    for c in text.trim_end_matches('=').bytes() {
-        bits = bits << 6 | u32::from(digit(c)?);
-        held += 6;
-        if held >= 8 {
-            held -= 8;
-            out.push((bits >> held) as u8);
-        }
-    }
-    Some(out)
 }
 
 /// `%20` and the like as the bytes they stand for.

@@ -7,7 +7,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::io::{atomic_write, read_bounded};
+use crate::io::{atomic_write, read_bounded, zip};
 use crate::mesh::{Motion, Positions};
 
 /// Largest file read `[bytes]`; 4 GiB is 10,000 frames of 17,000 vertices.
@@ -25,38 +25,61 @@ pub struct Array {
 /// Reads an f32 or f64 array of any shape, C or Fortran order, either byte order.
 pub fn read(path: &Path) -> Result<Array> {
     let bytes = read_bounded(path, MAX_BYTES)?;
-    let fail = |problem: String| {
+    decode(&bytes, false).map_err(|problem| {
         Error::input(
             path.display().to_string(),
             problem,
             "write it again with numpy.save(path, array.astype(\"float32\"))",
         )
-    };
-    let (header, rest) = header::read(&bytes)
-        .map_err(|e| fail(format!("is not a readable .npy file of {} bytes: {e}", bytes.len())))?;
-    let (big_endian, size) = match &*header.descr {
-        "<f4" | "=f4" => (false, 4),
-        "<f8" | "=f8" => (false, 8),
-        ">f4" => (true, 4),
-        ">f8" => (true, 8),
-        other => return Err(fail(format!("holds '{other}', expected float32 or float64"))),
-    };
+    })
+}
+
+/// The array in the .npy file of these `bytes`, of floats or, if they are welcome, of `integers` (up to 2⁵³ exactly); or
+/// what is wrong with it.
+pub(crate) fn decode(bytes: &[u8], integers: bool) -> std::result::Result<Array, String> {
+    let (header, rest) = header::read(bytes)
+        .map_err(|e| format!("is not a readable .npy file of {} bytes: {e}", bytes.len()))?;
+    let (order, kind) = header.descr.split_at_checked(1).unwrap_or_default();
+    let known = ["<", "=", ">", "|"].contains(&order)
+        && match kind {
+            "f4" | "f8" => order != "|",
+            "i1" | "u1" | "i2" | "u2" | "i4" | "u4" | "i8" | "u8" => integers,
+            _ => false,
+        };
+    if !known {
+        let expected = if integers { "floats or integers" } else { "float32 or float64" };
+        return Err(format!("holds '{}', expected {expected}", header.descr));
+    }
+    let (letter, size) = (&kind[..1], u64::from(kind.as_bytes()[1] - b'0'));
     // Check the promise of the header before any memory is set aside for it.
     let promised = header.shape.iter().try_fold(size, |product: u64, n| product.checked_mul(*n));
     if promised != Some(rest.len() as u64) {
-        return Err(fail(format!(
+        return Err(format!(
             "promises shape {:?} of {size}-byte values but holds {} bytes of them",
             header.shape,
             rest.len()
-        )));
+        ));
     }
     let shape: Vec<usize> = header.shape.iter().map(|n| *n as usize).collect();
-    let data = match size {
-        4 => numbers(rest, if big_endian { f32::from_be_bytes } else { f32::from_le_bytes }),
-        _ => numbers(rest, if big_endian { f64::from_be_bytes } else { f64::from_le_bytes }),
+    let big_endian = order == ">";
+    let data = match (letter, size) {
+        ("f", 4) => numbers(rest, if big_endian { f32::from_be_bytes } else { f32::from_le_bytes }),
+        ("f", _) => numbers(rest, if big_endian { f64::from_be_bytes } else { f64::from_le_bytes }),
+        (_, size) => whole_numbers(rest, size as usize, big_endian, letter == "i"),
     };
     let data = if header.fortran_order { c_order(&shape, &data) } else { data };
     Ok(Array { shape, data })
+}
+
+/// The integers stored as `size` bytes each, with a sign or without.
+fn whole_numbers(bytes: &[u8], size: usize, big_endian: bool, signed: bool) -> Vec<f64> {
+    let number = |bytes: &[u8]| {
+        let join = |sum: u64, b: &u8| sum << 8 | u64::from(*b);
+        let value = if big_endian { bytes.iter().fold(0, join) } else { bytes.iter().rev().fold(0, join) };
+        let unused = 64 - 8 * size as u32;
+        if signed { ((value << unused) as i64 >> unused) as f64 } else { value as f64 }
+    };
+    bytes.chunks_exact(size).map(number).collect()
 }
 
 /// The values stored as `N` bytes each.
@@ -91,14 +114,14 @@ pub fn read_points(path: &Path) -> Result<Vec<DVec3>> {
 
 /// Reads a motion `[m]`, shape [N, V, 3].
 pub fn read_motion(path: &Path) -> Result<Motion> {
-    Motion::new(read_shapes(path)?).map_err(|error| match error {
+    Motion::new(read_field(path)?).map_err(|error| match error {
         Error::Input { problem, hint, .. } => Error::input(path.display().to_string(), problem, hint),
         other => other,
     })
 }
 
 /// Reads a field of vectors over a mesh and time, shape [N, V, 3], all finite; N may be 0.
-pub fn read_shapes(path: &Path) -> Result<Vec<Positions>> {
+pub fn read_field(path: &Path) -> Result<Vec<Positions>> {
     let array = read(path)?;
     match array.shape[..] {
         [n, 0, 3] => Ok(vec![Vec::new(); n]),
@@ -170,6 +193,12 @@ pub fn encode<T: Number>(shape: &[usize], data: &[T]) -> Vec<u8> {
     bytes
 }
 
+/// The bytes of an uncompressed .npz archive of arrays: names and the bytes of [`encode`].
+pub fn archive(arrays: &[(&str, Vec<u8>)]) -> Vec<u8> {
+    let files: Vec<_> = arrays.iter().map(|(name, bytes)| (format!("{name}.npy"), bytes.clone())).collect();
+    zip::write(&files)
+}
+
 /// Writes points `[m]` as f32, shape [n, 3].
 pub fn write_points(path: &Path, points: &[DVec3]) -> Result<()> {
     let data: Vec<f32> = points.iter().flat_map(|p| p.as_vec3().to_array()).collect();
@@ -177,7 +206,36 @@ pub fn write_points(path: &Path, points: &[DVec3]) -> Result<()> {
 }
 
 /// Writes a moving mesh `[m]` as f32, shape [N, V, 3]; all shapes have as many vertices.
-pub fn write_shapes(path: &Path, shapes: &[Positions]) -> Result<()> {
+pub fn write_field(path: &Path, shapes: &[Positions]) -> Result<()> {
     let data: Vec<f32> = shapes.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect();
     write(path, &[shapes.len(), shapes.first().map_or(0, Vec::len), 3], &data)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn integers_of_any_size_and_order_are_read_where_they_are_welcome() {
+        let file = |descr: &str, bytes: &[u8]| {
+            let size = usize::from(descr.as_bytes()[2] - b'0');
+            [header::write(descr, &[bytes.len() / size]), bytes.to_vec()].concat()
+        };
+        for (descr, bytes, expected) in [
+            ("|i1", &[255, 2][..], [-1.0, 2.0]),
+            ("|u1", &[255, 2], [255.0, 2.0]),
+            ("<i2", &[254, 255, 1, 1], [-2.0, 257.0]),
+            (">u2", &[1, 0, 0, 9], [256.0, 9.0]),
+            ("<i4", &[255, 255, 255, 255, 7, 0, 0, 0], [-1.0, 7.0]),
+            (">i8", &[255, 255, 255, 255, 255, 255, 255, 253, 0, 0, 0, 0, 0, 0, 1, 0], [-3.0, 256.0]),
+        ] {
+            let array = decode(&file(descr, bytes), true).unwrap();
+            assert_eq!((array.shape, array.data), (vec![2], expected.to_vec()), "{descr}");
+            assert!(decode(&file(descr, bytes), false).unwrap_err().contains("expected float32"));
+        }
+        for descr in ["<c8", "<f2", "|f4", "é", "", "<i3"] {
+            let bytes = header::write(descr, &[0]);
+            assert!(decode(&bytes, true).unwrap_err().contains("expected floats or integers"), "{descr}");
+        }
+    }
 }

@@ -32,8 +32,8 @@ pub fn first_frame(folder: &Path) -> Result<FirstFrame> {
     let camera = manifest.camera();
     let numbers = (0..1, manifest.n_frames);
     let mask_path = numbered(folder, "masks", "mask_", &ENDINGS, numbers, &mut Vec::new())?.remove(0);
-    let mut picture = image::open(&mask_path)?;
-    picture.expect_size([camera.width, camera.height])?;
-    let mask = picture.mask(picture.full());
+    let mut file = image::open(&mask_path)?;
+    file.expect_size([camera.width, camera.height])?;
+    let mask = file.mask(file.full());
     Ok(FirstFrame { camera, mask, mask_path, metres: manifest.units.scale() })
 }

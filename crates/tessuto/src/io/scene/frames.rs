@@ -10,9 +10,8 @@ use rayon::prelude::*;
 
 use super::listing::numbered;
 use super::manifest::Manifest;
-use super::warning;
 use crate::camera::Rect;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::image::Image;
 use crate::io::image;
 use crate::video::{Frame, PIXEL_BYTES, Video};
@@ -55,7 +54,7 @@ pub(crate) fn read(
     manifest: &Manifest,
     range: Range<usize>,
     held_bytes: usize,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<(Rect, Video)> {
     let camera = manifest.camera();
     let size = [camera.width, camera.height];
@@ -92,10 +91,11 @@ pub(crate) fn read(
     let mean = sum / f64::from(count.max(1) as u32);
     let filmed_background = mean > 1.0 / 255.0;
     if filmed_background {
-        warnings.push(format!(
-            "background: outside the masks the frames are not black (mean {:.1} of 255), and were made so",
+        let found = format!(
+            "outside the masks the frames are not black (mean {:.1} of 255), and were made so",
             mean * 255.0
-        ));
+        );
+        warnings.push(Warning { topic: "background".into(), found, hint: None });
     }
     let finished = move |mut frame: Frame| {
         if filmed_background {
@@ -120,10 +120,10 @@ fn in_order<T: Sync, U: Send>(items: &[T], f: impl Fn(&T) -> Result<U> + Send + 
 }
 
 fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
-    let mut picture = image::open(path)?;
-    picture.expect_size(size)?;
-    let full = picture.full();
-    let image = picture.mask(crop.unwrap_or(full));
+    let mut file = image::open(path)?;
+    file.expect_size(size)?;
+    let full = file.full();
+    let image = file.mask(crop.unwrap_or(full));
     let Some(found) = bounds(&image) else {
         let brightest = image.data.iter().copied().fold(0.0, f32::max) * 255.0;
         let part = if crop.is_some() { " inside the crop" } else { "" };
@@ -132,10 +132,11 @@ fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mas
             format!(
                 "the mask is empty{part}: its brightest value is {brightest:.0} of 255, fabric is 128 or more"
             ),
-            "correct the mask (white = fabric), or leave such frames out with --frames A..B",
+            Hint::from("correct the mask (white = fabric), or leave such frames out")
+                .with(Remedy::Frames(None)),
         ));
     };
-    let notes = std::mem::take(&mut picture.notes);
+    let notes = std::mem::take(&mut file.notes);
     Ok(match crop {
         Some(region) => Mask { region, bounds: shifted(found, region), notes },
         // Keep a margin, so that soft edges below ½ survive.
@@ -151,13 +152,13 @@ struct Read {
 }
 
 fn read_frame(files: &Files, size: [usize; 2], crop: Rect) -> Result<Read> {
-    let picture = image::open(&files.colour)?;
-    picture.expect_size(size)?;
-    let rgb = picture.rgb(crop);
-    let notes = picture.notes;
-    let mut picture = image::open(&files.mask)?;
-    picture.expect_size(size)?;
-    let mask = picture.mask(files.region);
+    let file = image::open(&files.colour)?;
+    file.expect_size(size)?;
+    let rgb = file.rgb(crop);
+    let notes = file.notes;
+    let mut file = image::open(&files.mask)?;
+    file.expect_size(size)?;
+    let mask = file.mask(files.region);
     let mask = if files.region == crop { mask } else { cut(&mask, files.region, crop) };
     let background = background(&rgb, &mask);
     Ok(Read { frame: Some(Frame { rgb, mask }), notes, background })
@@ -288,14 +289,14 @@ fn check_memory(crop: Rect) -> Result<()> {
             bytes as f64 / f64::from(1 << 30),
             MAX_FRAME_BYTES >> 30
         ),
-        "make the crop smaller, or scale images and camera down (tessuto import --downscale)",
+        Hint::from("make the crop smaller, or scale images and camera down").with(Remedy::Downscale),
     ))
 }
 
 /// One warning for each kind of note, with its count and first frame.
 fn notes_as_warnings<'a>(
     notes: impl Iterator<Item = (usize, &'a Vec<&'static str>, &'a Vec<&'static str>)>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) {
     let mut seen: BTreeMap<(&str, &str), (usize, usize)> = BTreeMap::new();
     for (frame, of_mask, of_colour) in notes {
@@ -306,7 +307,11 @@ fn notes_as_warnings<'a>(
     }
     for ((topic, note), (first, count)) in seen {
         let found = format!("{note} (in {count} files, first in frame {first})");
-        warnings.push(warning(topic, &found, "look at the image of tessuto check --picture FILE.png"));
+        warnings.push(Warning::new(
+            topic,
+            found,
+            Hint::from("look at the masks' outlines").with(Remedy::Check),
+        ));
     }
 }
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{inside, warning};
-use crate::error::{Error, Result};
+use super::inside;
+use crate::error::{Error, Hint, Remedy, Result, Warning};
 
 /// The files `sub`/`prefix`N.`ending` for every N of `range`, any zero padding. A missing or twofold
 /// number is an error; files numbered `n_frames` or more give a warning.
@@ -15,7 +15,7 @@ pub(crate) fn numbered(
     prefix: &str,
     endings: &[&str],
     (range, n_frames): (Range<usize>, usize),
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Result<Vec<PathBuf>> {
     let directory = folder.join(sub);
     let mut found = scan(folder, &directory, prefix, endings)?;
@@ -26,7 +26,7 @@ pub(crate) fn numbered(
             surplus.len(),
             show(first)
         );
-        warnings.push(warning("frames", &text, "raise n_frames in scene.json, or remove them"));
+        warnings.push(Warning::new("frames", text, "raise n_frames in scene.json, or remove them"));
     }
     let missing: Vec<usize> = range.clone().filter(|n| !found.contains_key(n)).collect();
     if !missing.is_empty() {
@@ -38,10 +38,48 @@ pub(crate) fn numbered(
         return Err(Error::input(
             directory.display().to_string(),
             format!("{} of {} files are missing: {}", missing.len(), range.len(), names.join(", ")),
-            "add them, or correct n_frames in scene.json (frames are numbered from 0); --frames A..B uses a part",
+            Hint::from(
+                "add them, or correct n_frames in scene.json (frames are numbered from 0), or take a part",
+            )
+            .with(Remedy::Frames(None)),
         ));
     }
     range.map(|n| inside(folder, &found[&n])).collect()
+}
+
+/// The files of the form of [`numbered`] with a number of `range`, of which some may be missing. None at all, or missing ones
+/// together with some numbered `n_frames` or more, are an error: they are numbered otherwise.
+pub(crate) fn some_numbered(
+    folder: &Path,
+    sub: &str,
+    prefix: &str,
+    endings: &[&str],
+    (range, n_frames): (Range<usize>, usize),
+) -> Result<BTreeMap<usize, PathBuf>> {
+    let directory = folder.join(sub);
+    let mut found = scan(folder, &directory, prefix, endings)?;
+    let surplus = found.split_off(&n_frames);
+    let fail =
+        |problem: String, hint: String| Err(Error::input(directory.display().to_string(), problem, hint));
+    let example = format!("{prefix}000.{}", endings[0]);
+    if found.is_empty() && surplus.is_empty() {
+        let hint = format!("name the files {example} …, by the frames they belong to, or remove the folder");
+        return fail(format!("it has no file like {example}"), hint);
+    }
+    if let (Some(beyond), Some(missing)) =
+        (surplus.values().next(), (0..n_frames).find(|n| !found.contains_key(n)))
+    {
+        return fail(
+            format!(
+                "{} is beyond n_frames = {n_frames}, while {prefix}{missing:03}.{} is missing",
+                show(beyond),
+                endings[0]
+            ),
+            "number the files by the frames they belong to, from 0".to_owned(),
+        );
+    }
+    let wanted = found.into_iter().filter(|(n, _)| range.contains(n));
+    wanted.map(|(n, path)| Ok((n, inside(folder, &path)?))).collect()
 }
 
 /// Path by number of every file of this name form.

@@ -4,7 +4,7 @@
 //! scene.json             name, fps, n_frames, width, height, fx, fy, cx, cy; crop, units, notes if wanted
 //! template.obj           polygons of the fabric in frame 0, camera coordinates, with uv
 //! rgbs/rgb_000.png …     masks/mask_000.png …   (or .jpg, .jpeg; any zero padding)
-//! gt/points/points_000.npy …   gt/vertices.npy  (truth, where known)
+//! gt/points/points_000.npy …   gt/vertices.npy   gt/tracks.npz  (truth, where known)
 //! ```
 
 mod first_frame;
@@ -12,12 +12,13 @@ mod frames;
 mod listing;
 mod manifest;
 pub(crate) mod template;
+mod tracks;
 mod truth;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warning};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::video::HELD_BYTES;
@@ -45,8 +46,8 @@ impl Default for LoadOptions {
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// Each as `topic: what was found`, newline, `  hint: what to do`.
-    pub warnings: Vec<String>,
+    /// In a fixed order.
+    pub warnings: Vec<Warning>,
 }
 
 /// Reads the scene in `folder`; the first of its errors, in a fixed order, where it has any.
@@ -120,10 +121,10 @@ fn frame_range(manifest: &Manifest, options: &LoadOptions) -> Result<Range<usize
     Ok(range)
 }
 
-fn intrinsics_warnings(manifest: &Manifest, warnings: &mut Vec<String>) {
+fn intrinsics_warnings(manifest: &Manifest, warnings: &mut Vec<Warning>) {
     let camera = manifest.camera();
     let width = camera.width as f64;
-    let mut add = |found: String, hint: &str| warnings.push(warning("intrinsics", &found, hint));
+    let mut add = |found: String, hint: &str| warnings.push(Warning::new("intrinsics", found, hint));
     for (key, focal) in [("fx", camera.fx), ("fy", camera.fy)] {
         if !(0.3..=10.0).contains(&(focal / width)) {
             add(
@@ -143,11 +144,6 @@ fn intrinsics_warnings(manifest: &Manifest, warnings: &mut Vec<String>) {
             );
         }
     }
-}
-
-/// A warning in the form of [`Loaded::warnings`].
-fn warning(topic: &str, found: &str, hint: &str) -> String {
-    format!("{topic}: {found}\n  hint: {hint}")
 }
 
 /// The real path of `path`, which links must not lead out of `folder`.

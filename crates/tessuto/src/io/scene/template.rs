@@ -4,15 +4,14 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::inside;
 use super::manifest::{Manifest, Units};
-use super::{inside, warning};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
 use crate::io::obj;
 use crate::mesh::{Mesh, edge_uses, pieces, pinched, triangle_area};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use crate::scene::Scene;
-use crate::text::quoted;
 
 /// Sizes of cloth taken seriously: length of the bounding box's diagonal `[m]`.
 pub(crate) const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
@@ -25,14 +24,12 @@ pub(crate) fn read(
     folder: &Path,
     manifest: &Manifest,
     errors: &mut Vec<Error>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Warning>,
 ) -> Option<Mesh> {
     let path = folder.join("template.obj");
     if !path.exists() {
-        let hint = format!(
-            "make it with {} (a rectangle of fabric), or --remesh 32 --from MESH (any mesh in camera coordinates)",
-            command(folder, "--flat WIDTHxHEIGHTm --from-mask")
-        );
+        let hint = Hint::from("make it of a rectangle of fabric, or of any mesh in camera coordinates")
+            .with(Remedy::MakeTemplate(folder.to_path_buf()));
         errors.push(Error::input(path.display().to_string(), "cannot be read: it does not exist", hint));
         return None;
     }
@@ -59,11 +56,6 @@ pub(crate) fn read(
     Some(mesh)
 }
 
-/// The command that repairs the template of `folder`.
-pub(crate) fn command(folder: &Path, options: &str) -> String {
-    format!("tessuto template {} {options}", quoted(folder))
-}
-
 /// Diagonal of the bounding box `[m]`.
 pub(crate) fn diagonal(positions: &[DVec3]) -> f64 {
     let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
@@ -76,10 +68,9 @@ fn check_depth(mesh: &Mesh, place: &str, folder: &Path) -> Result<()> {
     let depths = || mesh.positions.iter().map(|p| p.z);
     let (low, high) = (depths().fold(f64::INFINITY, f64::min), depths().fold(f64::NEG_INFINITY, f64::max));
     let hint = if high < 0.0 {
-        format!(
-            "looks like OpenGL axes (y up, z backwards): negate y and z of every vertex, {}",
-            command(folder, "--flip yz --force")
-        )
+        let repair = Repair { flip: [false, true, true], ..Repair::of(folder) };
+        Hint::from("looks like OpenGL axes (y up, z backwards): negate y and z of every vertex")
+            .with(Remedy::RepairTemplate(repair))
     } else {
         "vertices are in camera coordinates: x right, y down, z forward; move the mesh to where it was filmed"
             .into()
@@ -105,14 +96,14 @@ fn check_scale(mesh: &Mesh, units: Units, place: &str, folder: &Path) -> Result<
     let strangeness = |u: &Units| (raw * u.scale() / 0.7).ln().abs();
     let guess = Units::ALL.into_iter().min_by(|a, b| strangeness(a).total_cmp(&strangeness(b)));
     let hint = match guess {
-        Some(guess) if guess != units && DIAGONAL.contains(&(raw * guess.scale())) => format!(
-            "the unit looks like {}: write \"units\": \"{}\" in scene.json ({:.2} m then), or {}",
+        Some(guess) if guess != units && DIAGONAL.contains(&(raw * guess.scale())) => Hint::from(format!(
+            "the unit looks like {}: write \"units\": \"{}\" in scene.json ({:.2} m then), or scale the template",
             guess.key(),
             guess.key(),
             raw * guess.scale(),
-            command(folder, &format!("--scale {} --force", guess.scale() / units.scale()))
-        ),
-        _ => "scale the template (and the truth, if any) to metres".to_string(),
+        ))
+        .with(Remedy::RepairTemplate(Repair { scale: guess.scale() / units.scale(), ..Repair::of(folder) })),
+        _ => "scale the template (and the truth, if any) to metres".into(),
     };
     let problem = format!("the fabric's bounding box has a diagonal of {length:.4} m, expected 0.05 to 10 m");
     Err(Error::input(place, problem, hint))
@@ -147,7 +138,7 @@ fn is_flat(mesh: &Mesh, face: usize) -> bool {
 }
 
 /// Refuses edges of three and more faces; doubts faces wound against their neighbours.
-fn check_edges(mesh: &Mesh, place: &str, warnings: &mut Vec<String>) -> Result<()> {
+fn check_edges(mesh: &Mesh, place: &str, warnings: &mut Vec<Warning>) -> Result<()> {
     let uses = edge_uses(mesh);
     let crowded: Vec<_> = uses.iter().filter(|(_, found)| found.faces() > 2).collect();
     if let Some((edge, found)) = crowded.first() {
@@ -166,13 +157,13 @@ fn check_edges(mesh: &Mesh, place: &str, warnings: &mut Vec<String>) -> Result<(
     let against = uses.values().filter(|found| found.faces() == 2 && found.ascending != 1).count();
     if against > 0 {
         let found = format!("{against} edges join faces that are wound in opposite directions");
-        warnings.push(warning("winding", &found, "recalculate the normals in a modelling program"));
+        warnings.push(Warning::new("winding", found, "recalculate the normals in a modelling program"));
     }
     Ok(())
 }
 
 /// Doubts templates of several pieces, and faces that meet in a point.
-fn check_pieces(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
+fn check_pieces(mesh: &Mesh, folder: &Path, warnings: &mut Vec<Warning>) {
     let pieces = pieces(mesh);
     if pieces.len() > 1 {
         let found = format!(
@@ -181,11 +172,10 @@ fn check_pieces(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
             pieces[pieces.len() - 1],
             pieces[0]
         );
-        let hint = format!(
-            "one piece of fabric is expected: remove the others, or, if they touch, {}",
-            command(folder, "--weld --force")
-        );
-        warnings.push(warning("pieces", &found, &hint));
+        let hint =
+            Hint::from("one piece of fabric is expected: remove the others, or, if they touch, merge them")
+                .with(Remedy::RepairTemplate(Repair { weld: true, ..Repair::of(folder) }));
+        warnings.push(Warning::new("pieces", found, hint));
     }
     let pinched = pinched(mesh);
     if let Some(first) = pinched.first() {
@@ -194,21 +184,21 @@ fn check_pieces(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
             pinched.len(),
             first + 1
         );
-        warnings.push(warning(
+        warnings.push(Warning::new(
             "pieces",
-            &found,
+            found,
             "a fabric is a surface: remove such faces, or split the vertices",
         ));
     }
 }
 
-fn check_vertices(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
+fn check_vertices(mesh: &Mesh, folder: &Path, warnings: &mut Vec<Warning>) {
     let mut used = vec![false; mesh.positions.len()];
     mesh.faces.iter().flat_map(|f| &f.vertices).for_each(|v| used[*v as usize] = true);
     if let Some(first) = used.iter().position(|u| !u) {
         let count = used.iter().filter(|u| !**u).count();
         let found = format!("{count} vertices belong to no face, first vertex {}", first + 1);
-        warnings.push(warning("vertices", &found, "remove them, or add their faces"));
+        warnings.push(Warning::new("vertices", found, "remove them, or add their faces"));
     }
     let mut order: Vec<usize> = (0..mesh.positions.len()).collect();
     let key = |v: usize| mesh.positions[v].to_array();
@@ -221,16 +211,14 @@ fn check_vertices(mesh: &Mesh, folder: &Path, warnings: &mut Vec<String>) {
             pair[0] + 1,
             pair[1] + 1
         );
-        let hint = format!(
-            "merge them, or the fabric comes apart at this seam: {}",
-            command(folder, "--weld --force")
-        );
-        warnings.push(warning("vertices", &found, &hint));
+        let hint = Hint::from("the fabric comes apart at this seam: merge them")
+            .with(Remedy::RepairTemplate(Repair { weld: true, ..Repair::of(folder) }));
+        warnings.push(Warning::new("vertices", found, hint));
     }
 }
 
 /// Refuses a template that is not where the first mask shows the fabric.
-pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result<()> {
+pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<Warning>) -> Result<()> {
     let (mesh, camera, first) = (&scene.template, &scene.camera, scene.frames.frame(0)?);
     let mask = &first.mask;
     let covered = template_coverage(mesh, &mesh.positions, camera);
@@ -242,7 +230,7 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
     let fraction = mesh.positions.iter().filter(outside).count() as f64 / mesh.positions.len() as f64;
     if fraction > 0.02 {
         let found = format!("{:.0} % of the template's vertices are outside the crop", fraction * 100.0);
-        warnings.push(warning("crop", &found, "make the crop larger, if the fabric is in the image"));
+        warnings.push(Warning::new("crop", found, "make the crop larger, if the fabric is in the image"));
     }
     if iou >= OVERLAP_DOUBTED {
         return Ok(());
@@ -258,21 +246,21 @@ pub(crate) fn check_overlap(scene: &Scene, warnings: &mut Vec<String>) -> Result
             hint,
         ));
     }
-    warnings.push(warning("overlap", &format!("the template's {found}, {OVERLAP_DOUBTED} expected"), &hint));
+    warnings.push(Warning::new(
+        "overlap",
+        format!("the template's {found}, {OVERLAP_DOUBTED} expected"),
+        hint,
+    ));
     Ok(())
 }
 
 /// Why the template may not lie on the mask.
-fn way_out(scene: &Scene, mask: &Image, iou: f64) -> String {
+fn way_out(scene: &Scene, mask: &Image, iou: f64) -> Hint {
     let (mesh, camera) = (&scene.template, &scene.camera);
     let best = best_variant(axis_variants(mesh, camera, mask));
     if best.iou > iou + VARIANT_GAIN {
-        return format!(
-            "axes look different: {} it overlaps by {:.2}; {}",
-            best.name,
-            best.iou,
-            command(&scene.folder, &format!("{} --force", best.options))
-        );
+        let text = format!("axes look different: {} it overlaps by {:.2}", best.name, best.iou);
+        return Hint::from(text).with(Remedy::RepairTemplate(best.repair(&scene.folder)));
     }
     let mut inverse = mask.clone();
     inverse.data.iter_mut().for_each(|v| *v = 1.0 - *v);
@@ -284,5 +272,6 @@ fn way_out(scene: &Scene, mask: &Image, iou: f64) -> String {
         return "the template shows the fabric in frame 0; start there, or give the template of the first frame used"
             .into();
     }
-    "check fx, fy, cx, cy, the template's axes (x right, y down, z forward) and that it shows frame 0; tessuto check --picture FILE.png draws both".into()
+    Hint::from("check fx, fy, cx, cy, the template's axes (x right, y down, z forward) and that it shows frame 0; look at both")
+        .with(Remedy::Check)
 }

@@ -6,8 +6,9 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::inside;
-use super::listing::numbered;
+use super::listing::some_numbered;
 use super::manifest::Manifest;
+use super::tracks;
 use crate::error::{Error, Result};
 use crate::io::npy;
 use crate::mesh::{Mesh, Motion, Positions};
@@ -25,21 +26,25 @@ pub(crate) fn read(
         errors.push(e);
         None
     });
-    let vertices = vertices(folder, manifest, range, template).unwrap_or_else(|e| {
+    let vertices = vertices(folder, manifest, range.clone(), template).unwrap_or_else(|e| {
         errors.push(e);
         None
     });
-    Truth { points, vertices }
+    let tracks = tracks::read(folder, manifest, range, template).unwrap_or_else(|e| {
+        errors.push(e);
+        None
+    });
+    Truth { points, vertices, tracks }
 }
 
 fn points(folder: &Path, manifest: &Manifest, range: Range<usize>) -> Result<Option<Vec<Positions>>> {
     if !folder.join("gt/points").is_dir() {
         return Ok(None);
     }
-    // Files beyond n_frames were already named with the frames themselves.
-    let numbers = (range, manifest.n_frames);
-    let paths = numbered(folder, "gt/points", "points_", &["npy"], numbers, &mut Vec::new())?;
-    let read: Vec<Result<Positions>> = paths.par_iter().map(|p| npy::read_points(p)).collect();
+    let numbers = (range.clone(), manifest.n_frames);
+    let paths = some_numbered(folder, "gt/points", "points_", &["npy"], numbers)?;
+    let one = |n: usize| paths.get(&n).map_or(Ok(Positions::new()), |path| npy::read_points(path));
+    let read: Vec<Result<Positions>> = range.into_par_iter().map(one).collect();
     let mut points: Vec<Positions> = read.into_iter().collect::<Result<_>>()?;
     scale(&mut points, manifest);
     Ok(Some(points))

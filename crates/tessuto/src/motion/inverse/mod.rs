@@ -1,4 +1,4 @@
 //! From a motion to its causes: [`stiffness`] first, then the [`accelerations`] that lead a simulation along it.
 
-pub mod accelerations;
-pub mod stiffness;
+pub(crate) mod accelerations;
+pub(crate) mod stiffness;

@@ -7,10 +7,10 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 mod guard;
-pub mod losses;
+pub(crate) mod losses;
 
 use super::parameters::{Dynamics, Parameters};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::math::{finite, flat, vectors};
 use crate::mesh::Positions;
 use crate::optim::{Adam, GradientClip};
@@ -440,6 +440,7 @@ fn divergence(epoch: usize, cause: &Error) -> Error {
     Error::numerical(
         format!("rollout fit, epoch {}", epoch + 1),
         problem,
-        "the best state so far was kept; try --set dynamics.integrator=implicit_euler or lower learning rates",
+        Hint::from("the best state so far was kept; try lower learning rates, or another integrator")
+            .with(Remedy::Set("dynamics.integrator=implicit_euler")),
     )
 }

@@ -47,7 +47,7 @@ use super::terms::PriorTerms;
 use super::terms::angles::Angles;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::mesh::Positions;
 use crate::scene::Scene;
 use crate::sim::Cloth;
@@ -116,6 +116,6 @@ fn diverged(place: &str, value: f64) -> Error {
     Error::numerical(
         format!("space-time search, {place}"),
         format!("objective {value}"),
-        "check camera and template with `tessuto check`",
+        Hint::from("look at camera and template").with(Remedy::Check),
     )
 }

@@ -24,6 +24,7 @@ use signed_bend::SignedBend;
 use strain::Strain;
 
 /// A function of the positions of a frame.
+#[cfg(test)]
 pub type Function<'a> = Box<dyn Fn(&[DVec3]) -> f64 + 'a>;
 
 /// One term of the objective of one frame, a function of its positions x `[m]`, shape `[V]`.
@@ -35,11 +36,12 @@ pub trait Term: Sync {
     fn value(&self, x: &[DVec3]) -> f64;
 
     /// Adds ∂/∂x of [`value`](Self::value) and a positive semi-definite stand-in for its second derivative to `system`;
-    /// returns the value. What the derivatives hold fixed is [`held`](Self::held).
+    /// returns the value. What the derivatives hold fixed is `held`, which their proof alone needs.
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64;
 
     /// The function that the gradient at `x` belongs to, where that is not [`value`](Self::value) because something
     /// that depends on the positions is held fixed.
+    #[cfg(test)]
     fn held<'s>(&'s self, _x: &[DVec3]) -> Option<Function<'s>> {
         None
     }

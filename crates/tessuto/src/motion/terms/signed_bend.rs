@@ -96,6 +96,7 @@ impl Term for SignedBend<'_> {
         value
     }
 
+    #[cfg(test)]
     fn held<'s>(&'s self, x: &[DVec3]) -> Option<super::Function<'s>> {
         let normals = self.normals(x);
         Some(Box::new(move |x| self.value_with(&normals, x)))

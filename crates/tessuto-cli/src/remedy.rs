@@ -1,0 +1,105 @@
+//! Messages of the library as this program's user needs them: with the options and commands that are the way out.
+
+use std::path::Path;
+
+use tessuto::text::quoted;
+use tessuto::{Hint, Remedy, Repair, Warning};
+
+/// An error, with its options.
+pub fn error(error: &tessuto::Error) -> String {
+    use tessuto::Error::{Input, Numerical, Usage};
+    match error {
+        Usage { hint: own, .. } | Input { hint: own, .. } | Numerical { hint: own, .. } => {
+            // The hint stands at the end of every such message.
+            let text = error.to_string();
+            let found = text.strip_suffix(&own.to_string()).unwrap_or(&text);
+            format!("{found}{}", hint(own))
+        }
+        _ => error.to_string(),
+    }
+}
+
+/// A warning, with its options.
+pub fn warning(warning: &Warning) -> String {
+    let found = format!("{}: {}", warning.topic, warning.found);
+    warning.hint.as_ref().map_or_else(|| found.clone(), |own| format!("{found}\n  hint: {}", hint(own)))
+}
+
+/// A hint, with its options.
+pub fn hint(hint: &Hint) -> String {
+    let options: Vec<String> = hint.remedies.iter().map(options).collect();
+    match options.is_empty() {
+        true => hint.text.clone(),
+        false => format!("{}: {}", hint.text, options.join(", or ")),
+    }
+}
+
+fn options(remedy: &Remedy) -> String {
+    match remedy {
+        Remedy::Replace => "--force".into(),
+        Remedy::NoResume => "leave out --resume".into(),
+        Remedy::Frames(None) => "--frames A..B".into(),
+        Remedy::Frames(Some(range)) => format!("--frames {}..{}", range.start, range.end),
+        Remedy::Check => "tessuto check SCENE --picture FILE.png".into(),
+        Remedy::Appearance => "tessuto appearance SCENE".into(),
+        Remedy::TrueMotion => "--motion gt".into(),
+        Remedy::Set(assignment) => format!("--set {assignment}"),
+        // Whoever lacks one feature may lack another; `full` has them all.
+        Remedy::Feature(_) => "cargo install --path crates/tessuto-cli --features full".into(),
+        Remedy::Fps => "--fps".into(),
+        Remedy::Masks => "--masks".into(),
+        Remedy::AllowGaps => "--allow-gaps".into(),
+        Remedy::Downscale => "tessuto import --downscale".into(),
+        Remedy::Intrinsics => "--fx --fy --cx --cy".into(),
+        Remedy::CameraId => "--camera-id".into(),
+        Remedy::MakeTemplate(folder) => make_template(&quoted(folder)).join(", or "),
+        Remedy::Remesh => "tessuto template SCENE --remesh 32 --from MESH".into(),
+        Remedy::Weld => "--weld".into(),
+        Remedy::RepairTemplate(repair) => repair_template(repair),
+    }
+}
+
+/// The two commands that make a template: a flat rectangle from its size, or any mesh.
+pub fn make_template(scene: &str) -> [String; 2] {
+    ["--flat WIDTHxHEIGHTm --from-mask", "--remesh 32 --from MESH.obj"]
+        .map(|options| format!("tessuto template {scene} {options}"))
+}
+
+fn repair_template(repair: &Repair) -> String {
+    let Repair { folder, swap_xy, scale, weld, .. } = repair;
+    let folder: &Path = folder;
+    let flipped = repair.flipped();
+    let parts = [
+        Some(format!("tessuto template {}", quoted(folder))),
+        swap_xy.then(|| "--swap xy".to_owned()),
+        (!flipped.is_empty()).then(|| format!("--flip {flipped}")),
+        (*scale != 1.0).then(|| format!("--scale {scale}")),
+        weld.then(|| "--weld".to_owned()),
+        Some("--force".to_owned()),
+    ];
+    parts.into_iter().flatten().collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_and_warnings_end_with_options() {
+        let repair =
+            Repair { swap_xy: true, flip: [true, false, true], scale: 0.01, ..Repair::of("my scene") };
+        let told = tessuto::Error::input(
+            "a.obj",
+            "is strange",
+            Hint::from("turn it").with(Remedy::RepairTemplate(repair)),
+        );
+        assert_eq!(
+            error(&told),
+            "a.obj: is strange\n  hint: turn it: tessuto template 'my scene' --swap xy --flip xz --scale 0.01 --force"
+        );
+        let own = Hint::from("a part").with(Remedy::Frames(Some(1..3))).with(Remedy::AllowGaps);
+        let told = Warning { topic: "frames".into(), found: "a gap".into(), hint: Some(own) };
+        assert_eq!(warning(&told), "frames: a gap\n  hint: a part: --frames 1..3, or --allow-gaps");
+        assert_eq!(error(&tessuto::Error::Interrupted("here".into())), "interrupted: here");
+    }
+}
