@@ -33,7 +33,7 @@ fn main() -> tessuto::Result<()> {
     }
     let scene = thinned(load(Path::new(&folder), &LoadOptions::default())?.scene, step)?;
     let cloth = Cloth::new(&scene.template);
-    let problem = Problem::new(&scene, &cloth, config.spacetime.clone())?;
+    let mut problem = Problem::new(&scene, &cloth, config.spacetime.clone())?;
     let clock = std::time::Instant::now();
     if from_start {
         let session = &mut Session::silent();
@@ -42,7 +42,7 @@ fn main() -> tessuto::Result<()> {
         let (refined, _) = problem.refine(tracked, session)?;
         report(&scene, &problem, "refined", &refined, clock.elapsed().as_secs_f64());
         if let Some(path) = &save {
-            tessuto::io::npy::write_shapes(Path::new(&path), &refined)?;
+            tessuto::io::npy::write_field(Path::new(&path), &refined)?;
         }
     }
     if let (true, Some(truth)) = (from_truth, &scene.truth.vertices) {
@@ -51,7 +51,7 @@ fn main() -> tessuto::Result<()> {
         let (refined, _) = problem.refine(truth, &mut Session::silent())?;
         report(&scene, &problem, "from truth", &refined, clock.elapsed().as_secs_f64());
         if let Some(path) = &save {
-            tessuto::io::npy::write_shapes(Path::new(&path), &refined)?;
+            tessuto::io::npy::write_field(Path::new(&path), &refined)?;
         }
     }
     Ok(())

@@ -77,7 +77,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             fit.run(fit.start(), session)?
         }
         Method::Spacetime => {
-            let problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
+            let mut problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
             session.begin("track");
             let (tracked, lost) = problem.track(session)?;
             session.begin("refine");

@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use super::acceleration::{self, second_differences, second_differences_transposed};
 use super::{LevelSearch, Positions};
 use crate::math::conjugate_gradients::conjugate_gradients;
-use crate::math::factor::{Factor, Scratch};
+use crate::math::factor::Scratch;
+use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::{FrameSystem, TERMS};
 use crate::sim::Cloth;
 
@@ -87,7 +88,9 @@ impl JointSystem<'_> {
         (0..p.len())
             .into_par_iter()
             .map(|n| {
-                let mut out = self.systems[n].matrix.multiply(&self.cloth.pattern, &p[n]);
+                let system = &self.systems[n];
+                let mut out = system.matrix.multiply(&self.cloth.pattern, &p[n]);
+                system.low_rank.iter().for_each(|low| low.add_product(&p[n], &mut out));
                 for (i, out) in out.iter_mut().enumerate() {
                     *out += (bent[n + 1][i] + p[n][i] * self.lambda) * self.kappa;
                 }
@@ -97,24 +100,21 @@ impl JointSystem<'_> {
     }
 
     /// Cholesky factor of every frame's block, its neighbours in time left out.
-    fn factors(&self) -> Vec<Factor> {
-        let Cloth { pattern, analysis, .. } = self.cloth;
-        let ones = vec![1.0; self.cloth.vertex_count()];
+    fn factors(&self) -> Vec<FrameFactor> {
+        let diagonal = self.kappa * (acceleration::DIAGONAL + self.lambda);
         let factor = |scratch: &mut Scratch, system: &FrameSystem| {
-            let mut matrix = system.matrix.clone();
-            matrix.add_masses(pattern, &ones, self.kappa * (acceleration::DIAGONAL + self.lambda));
-            analysis.factorize(pattern, &matrix, scratch)
+            FrameFactor::new(self.cloth, system, diagonal, scratch)
         };
         self.systems.par_iter().map_init(Scratch::default, factor).collect()
     }
 
     /// Solves the system for `rhs`, shape [N−1, V].
     pub fn solve(&self, rhs: &Vec<Positions>) -> Vec<Positions> {
-        let Cloth { pattern, analysis, .. } = self.cloth;
         let factors = self.factors();
         let precondition = |r: &Vec<Positions>| -> Vec<Positions> {
-            let solve =
-                |scratch: &mut Scratch, (r, f): (&Positions, &Factor)| analysis.solve(pattern, f, r, scratch);
+            let solve = |scratch: &mut Scratch, (r, factor): (&Positions, &FrameFactor)| {
+                factor.solve(self.cloth, r, scratch)
+            };
             r.par_iter().zip(&factors).map_init(Scratch::default, solve).collect()
         };
         conjugate_gradients(rhs, |p| self.multiply(p), precondition, CG_TOLERANCE, CG_LIMIT).0

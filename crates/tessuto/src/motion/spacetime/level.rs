@@ -1,14 +1,11 @@
 //! The search at one resolution: what the frames are compared with, and the terms of each.
 
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::gain::fit_gain;
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
-use crate::motion::terms::angles::Angles;
-use crate::sim::cloth::arms;
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
 
@@ -21,9 +18,7 @@ pub(super) struct LevelSearch<'p, 'a> {
     reference: PointColours,
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
-    pub sheared: Vec<Vec<f64>>,
-    pub priors: PriorTerms<'a>,
-    pub shear: [f64; 2],
+    priors: PriorTerms<'a>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
 }
@@ -41,9 +36,7 @@ impl<'a> Problem<'a> {
             reference: samples.observe(first, &template.positions),
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
-            sheared: vec![Vec::new(); frame_count],
             priors: self.priors.clone(),
-            shear: [self.settings.shear, self.settings.shear_tail],
             adjacent: vec![PointColours::new(); frame_count],
         }
     }
@@ -64,59 +57,13 @@ impl Problem<'_> {
     }
 }
 
-impl Problem<'_> {
-    fn smooth_shear(&self, x: &[DVec3]) -> Vec<f64> {
-        if std::env::var("SMOOTH").is_err() { return Vec::new(); }
-        let s = &self.settings;
-        let uv = crate::mesh::vertex_uvs(&self.scene.template, 1e-3).unwrap();
-        let mut rows = Vec::new();
-        for spring in &self.cloth.shears {
-            let [u, w] = arms(x, spring.vertices);
-            let d = crate::sim::angle::angle(u, w) - spring.rest_angle;
-            let [a, o, c] = spring.vertices.map(|v| uv[v as usize]);
-            let e = (a - o) + (c - o);
-            let sign = (e.x * e.y).signum();
-            let (p, q) = (2.0 * o.x - 1.0, 2.0 * o.y - 1.0);
-            rows.push(([sign, sign * p, sign * q, sign * p * q], d));
-        }
-        let mut m = [0.0f64; 4];
-        let ridge = (s.shear / 0.2).powi(2) * 1.0;
-        for _ in 0..10 {
-            let mut a = [[0.0; 5]; 4];
-            for (b, d) in &rows {
-                let r = d - (0..4).map(|i| b[i] * m[i]).sum::<f64>();
-                let w = 1.0 / (1.0 + (r / (s.shear * s.shear_tail)).powi(2));
-                for i in 0..4 {
-                    for j in 0..4 { a[i][j] += w * b[i] * b[j]; }
-                    a[i][4] += w * b[i] * d;
-                }
-            }
-            for i in 0..4 { a[i][i] += ridge; }
-            for i in 0..4 {
-                let p = a[i][i];
-                for j in 0..5 { a[i][j] /= p; }
-                for k in 0..4 { if k != i { let f = a[k][i]; for j in 0..5 { a[k][j] -= f * a[i][j]; } } }
-            }
-            for i in 0..4 { m[i] = a[i][4]; }
-        }
-        rows.iter().map(|(b, _)| (0..4).map(|i| b[i] * m[i]).sum()).collect()
-    }
-}
-
-pub fn env(name: &str, otherwise: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(otherwise)
-}
-
 impl LevelSearch<'_, '_> {
-    /// Loose at t = 0, as set at t = 1.
+    /// Sets the priors: close to least squares at `t` = 0, as the settings want them from 1 on, in equal ratios between.
     pub fn anneal(&mut self, t: f64) {
         let s = &self.problem.settings;
-        let t = t.min(1.0);
-        let mix = |name: &str, last: f64| (env(name, last).ln() * (1.0 - t) + last.ln() * t).exp();
-        self.priors.strain.sigma = mix("A_STRAIN", s.strain);
-        self.priors.strain.tail = mix("A_TAIL", s.tail);
-        self.priors.signed_bend.tail = mix("A_BTAIL", s.tail);
-        self.shear = [mix("A_SHEAR", s.shear), mix("A_STAIL", s.shear_tail)];
+        let left = (1.0 - t).max(0.0);
+        self.priors = self.problem.priors.clone();
+        self.priors.loosen(s.start_spread.powf(left), s.start_tail.powf(left));
     }
 
     /// The terms of one frame.
@@ -127,14 +74,6 @@ impl LevelSearch<'_, '_> {
         let area = (1usize << (2 * self.level)) as f64;
         FrameTerms {
             priors: &self.priors,
-            shear: Angles {
-                name: "shear",
-                cloth: p.cloth,
-                springs: &p.cloth.shears,
-                offset: &self.sheared[frame],
-                sigma: self.shear[0],
-                tail: self.shear[1],
-            },
             colour: Colour {
                 cloth: p.cloth,
                 samples: &self.samples,
@@ -168,7 +107,6 @@ impl LevelSearch<'_, '_> {
         let mut gain = std::mem::take(&mut self.gains[frame]);
         self.fit_gain(&observed, &mut gain);
         self.gains[frame] = gain;
-        self.sheared[frame] = self.problem.smooth_shear(x);
     }
 
     /// Compares `frame` with what `adjacent` shows from now on; with nothing if that is empty.
@@ -183,7 +121,6 @@ impl LevelSearch<'_, '_> {
         let mut gains = std::mem::take(&mut self.gains);
         gains.par_iter_mut().zip(&observed).skip(1).for_each(|(gain, seen)| self.fit_gain(seen, gain));
         self.gains = gains;
-        self.sheared = frames.par_iter().map(|x| self.problem.smooth_shear(x)).collect();
         if self.problem.settings.neighbour_weight > 0.0 {
             self.adjacent = (0..frames.len()).map(|n| adjacent_mean(&observed, n)).collect();
         }

@@ -44,7 +44,8 @@ use glam::DVec3;
 use super::observed::Observed;
 use super::observed::samples::{EdgePoint, boundary_points};
 use super::terms::PriorTerms;
-use super::terms::angles::Angles;
+use super::terms::bend::Bend;
+use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
 use crate::error::{Error, Hint, Remedy, Result};
@@ -59,9 +60,6 @@ pub type Fitted = (Vec<Positions>, Option<Error>);
 
 /// Distance between the points of the boundary at which outlines are compared `[px]`.
 const BOUNDARY_SPACING: f64 = 4.0;
-
-/// A tail so far out that the kernel is a parabola.
-const NO_TAIL: f64 = 1e9;
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -86,7 +84,8 @@ impl<'a> Problem<'a> {
         let priors = PriorTerms {
             strain: Strain { cloth, sigma: s.strain, tail: s.tail },
             signed_bend: SignedBend::new(cloth, &template.triangles(), x, s.signed_bend, s.tail),
-            bend: Angles { name: "bend", cloth, springs: &cloth.bends, offset: &[], sigma: s.bend, tail: NO_TAIL },
+            bend: Bend { cloth, sigma: s.bend },
+            shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
         Ok(Self {
             scene,

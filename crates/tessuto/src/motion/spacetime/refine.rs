@@ -12,6 +12,9 @@ use crate::session::{Epoch, Session, foreign_state, named};
 const DAMPING: Damping =
     Damping { lambda: 1e-3, accepted: 0.3, rejected: 8.0, least: 1e-6, least_rejected: 0.0 };
 
+/// Part of the iterations over which the priors go from the start's to their own.
+const ANNEALED: f64 = 0.7;
+
 /// What [`Problem::refine`] goes on from.
 #[derive(Serialize, Deserialize)]
 struct Refined {
@@ -53,7 +56,7 @@ impl Problem<'_> {
             }
             for iteration in first..iterations {
                 let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
-                search.anneal(refined.steps as f64 / (levels * iterations) as f64 / super::level::env("A_PART", 0.7));
+                search.anneal(refined.steps as f64 / (ANNEALED * (levels * iterations) as f64));
                 search.update_references(&refined.frames);
                 let step = search.joint_step(&refined.frames, damping.lambda);
                 let value = step.value();

@@ -6,18 +6,21 @@ settings! {
     /// Strictness of every term. A term with spread σ contributes ½ (residual/σ)²: the larger σ, the weaker the term.
     pub struct SpacetimeSettings {
         /// Spread σ of the strain of an edge; larger is weaker.
-        strain: f64 = 0.005, number(1e-6..=10.0, "");
+        strain: f64 = 0.001, number(1e-6..=10.0, "");
         /// Strain and signed bending beyond this many spreads are treated as a fold and resisted less and less; larger
         /// is stricter.
-        tail: f64 = 2.0, number(1e-3..=1e6, "");
+        tail: f64 = 1.0, number(1e-3..=1e6, "");
         /// Spread σ of the bending angle at a vertex, whatever its direction; larger is weaker.
         bend: f64 = 0.15, number(1e-6..=1e3, "rad");
         /// Spread σ of the bending angle at a vertex against that of the template, with its sign; larger is weaker.
-        signed_bend: f64 = 0.03, number(1e-6..=1e3, "rad");
-        /// Spread σ of the shearing angle at a vertex; larger is weaker.
-        shear: f64 = 0.1, number(1e-6..=1e3, "rad");
+        signed_bend: f64 = 0.02, number(1e-6..=1e3, "rad");
+        /// Spread σ of the shearing angle at a vertex about the sheet's own smooth shear; larger is weaker.
+        shear: f64 = 0.01, number(1e-6..=1e3, "rad");
         /// Shear beyond this many spreads is resisted less and less; larger is stricter.
-        shear_tail: f64 = 1e9, number(1e-3..=1e9, "");
+        shear_tail: f64 = 1.0, number(1e-3..=1e9, "");
+        /// Spread of the modes of the sheet's own smooth shear; larger is weaker. A sheet that is found to shear by much more
+        /// is followed again with a larger one.
+        shear_smooth: f64 = 0.0015, number(1e-6..=1e3, "rad");
         /// Spread σ of the second difference of a vertex between frames; larger is weaker.
         acceleration: f64 = 0.004, number(1e-7..=10.0, "m");
         /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.
@@ -27,15 +30,19 @@ settings! {
         /// Weight of the comparison with the frames before and after, relative to that with the first frame.
         neighbour_weight: f64 = 0.5, number(0.0..=100.0, "");
         /// Spread σ of the distance to the outline: larger distances count less and less. Larger is weaker.
-        outline: f64 = 8.0, number(1e-3..=1e3, "px");
+        outline: f64 = 24.0, number(1e-3..=1e3, "px");
         /// Length of outline whose errors vary together: the outline term is divided by it. Larger is weaker.
-        outline_length: f64 = 0.028, number(1e-3..=1e6, "px");
+        outline_length: f64 = 0.003, number(1e-3..=1e6, "px");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
         /// Coarsest pyramid level; each level halves the frames.
         coarsest: usize = 2, number(0.0..=8.0, "");
         /// Finest pyramid level; 0 is the video itself. At most the coarsest.
         finest: usize = 1, number(0.0..=8.0, "");
+        /// The search starts with spreads of strain and shear that are larger by this factor.
+        start_spread: f64 = 2.0, number(1.0..=1e6, "");
+        /// The search starts with tails that are longer by this factor, close to least squares.
+        start_tail: f64 = 40.0, number(1.0..=1e9, "");
         /// Iterations over all frames at each level.
         iterations: usize = 15, number(0.0..=1e6, "");
     }

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::{Fitted, LevelSearch, Positions, Problem, diverged};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::math::damping::Damping;
 use crate::math::factor::Scratch;
+use crate::motion::terms::low_rank::FrameFactor;
 use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
@@ -19,9 +20,16 @@ const ATTEMPTS: usize = 6;
 /// A frame is found when no vertex moves by more than this `[m]`.
 const FOUND: f64 = 2e-5;
 
+/// A sheet whose smooth shear is larger than this many of the spreads it is given is one that shears as a whole; it is
+/// followed again with that shear divided by `SHARE` as the spread.
+const SHEARS: f64 = 8.0;
+const SHARE: f64 = 4.0;
+
 /// What [`Problem::track`] goes on from.
 #[derive(Serialize, Deserialize)]
 struct Tracked {
+    /// Spread of the smooth shear in use `[rad]`.
+    smooth: f64,
     /// Positions so far.
     frames: Vec<Positions>,
     /// Gains of the last of them, by resolution.
@@ -37,19 +45,39 @@ impl Problem<'_> {
     ///
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
-    pub fn track(&self, session: &mut Session) -> Result<Fitted> {
+    pub fn track(&mut self, session: &mut Session) -> Result<Fitted> {
+        let template = self.scene.template.positions.clone();
+        let levels = self.observed.coarse_to_fine().count();
+        let start = |smooth: f64| Tracked {
+            smooth,
+            frames: vec![template.clone()],
+            gains: vec![vec![[1.0; 3]; template.len()]; levels],
+        };
+        let given = self.settings.shear_smooth;
+        let mut tracked: Tracked = session.restore("track")?.unwrap_or_else(|| start(given));
+        let mut lost = self.follow(&mut tracked, session)?;
+        let found = self.priors.shear.smooth_shear(&tracked.frames);
+        if lost.is_none() && tracked.smooth == given && found > SHEARS * given {
+            tracked = start(found / SHARE);
+            lost = self.follow(&mut tracked, session)?;
+        }
+        session.finish("track", &tracked);
+        Ok((tracked.frames, lost))
+    }
+
+    /// Follows the fabric through the frames that are left, with the smooth shear that `tracked` names.
+    fn follow(&mut self, tracked: &mut Tracked, session: &mut Session) -> Result<Option<Error>> {
         let count = self.scene.frames.len();
+        self.priors.shear.smooth = tracked.smooth;
         let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-        let mut tracked = session.restore("track")?.unwrap_or_else(|| Tracked {
-            frames: vec![self.scene.template.positions.clone()],
-            gains: levels.iter().map(|level| level.gains[0].clone()).collect(),
-        });
-        let matches = (1..=count).contains(&tracked.frames.len())
+        let matches = tracked.smooth > 0.0
+            && (1..=count).contains(&tracked.frames.len())
             && tracked.gains.len() == levels.len()
             && self.matches(&tracked.frames, &tracked.gains);
         if !matches {
             return Err(foreign_state("track"));
         }
+        let before = if tracked.smooth == self.settings.shear_smooth { 0 } else { count - 1 };
         let mut scratch = Scratch::default();
         levels.iter_mut().for_each(|level| level.anneal(0.0));
         for n in tracked.frames.len()..count {
@@ -71,7 +99,7 @@ impl Problem<'_> {
                     Err(failure) => {
                         let held = frames[n - 1].clone();
                         frames.resize(count, held);
-                        return Ok((tracked.frames, Some(failure)));
+                        return Ok(Some(failure));
                     }
                 };
                 gains.clone_from(&level.gains[n]);
@@ -80,16 +108,15 @@ impl Problem<'_> {
             frames.push(x);
             let epoch = Epoch {
                 stage: "track".into(),
-                step: n,
-                of: count - 1,
+                step: n + before,
+                of: count - 1 + before,
                 active_frames: n + 1,
                 losses: named([("total", value)]),
-                parameters: Vec::new(),
+                parameters: named([("shear_smooth", tracked.smooth)]),
             };
-            session.step(&epoch, &tracked.frames, Some(&tracked))?;
+            session.step(&epoch, &tracked.frames, Some(&*tracked))?;
         }
-        session.finish("track", &tracked);
-        Ok((tracked.frames, None))
+        Ok(None)
     }
 }
 
@@ -107,7 +134,6 @@ impl LevelSearch<'_, '_> {
         let pull = |x: &Positions| -> f64 {
             0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
         };
-        let ones = vec![1.0; x.len()];
         let (mut damping, mut value) = (DAMPING, f64::INFINITY);
         for _ in 0..self.problem.settings.iterations.min(STEPS) {
             self.update_gain(frame, &x);
@@ -121,11 +147,9 @@ impl LevelSearch<'_, '_> {
                 (0..x.len()).map(|i| system.gradient[i] + (x[i] - predicted[i]) * kappa).collect();
             // Shorten the step until the objective falls.
             for _ in 0..ATTEMPTS {
-                let mut matrix = system.matrix.clone();
-                matrix.add_masses(&cloth.pattern, &ones, kappa * (1.0 + damping.lambda));
-                let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
-                let step = cloth.analysis.solve(&cloth.pattern, &factor, &gradient, scratch);
-                scratch.recycle(factor);
+                let factor = FrameFactor::new(cloth, &system, kappa * (1.0 + damping.lambda), scratch);
+                let step = factor.solve(cloth, &gradient, scratch);
+                factor.recycle(scratch);
                 let next: Positions = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
                 let next_value = terms.value(&next) + pull(&next);
                 if next_value <= value {

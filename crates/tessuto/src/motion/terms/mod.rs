@@ -4,22 +4,25 @@
 //! [`FrameTerms::list`] is the one list of them: the search sums over it, and so does the test that compares every
 //! term's gradient with finite differences, so that a new term cannot come without proof.
 
-pub mod angles;
+pub mod bend;
 pub mod colour;
+pub mod low_rank;
 pub mod outline;
 pub mod robust;
+pub mod shear;
 pub mod signed_bend;
 pub mod strain;
 
 use glam::{DMat3, DVec3};
 
 use crate::math::block_matrix::BlockMatrix;
-use crate::math::factor::Scratch;
 use crate::mesh::Positions;
 use crate::sim::Cloth;
-use angles::Angles;
+use bend::Bend;
 use colour::Colour;
+use low_rank::LowRank;
 use outline::Outline;
+use shear::Shear;
 use signed_bend::SignedBend;
 use strain::Strain;
 
@@ -53,7 +56,8 @@ pub struct FrameSystem {
     pub gradient: Positions,
     /// Positive semi-definite stand-in for ∂²E/∂x².
     pub matrix: BlockMatrix,
-    scratch: Scratch,
+    /// What a term takes off the matrix again.
+    pub low_rank: Option<LowRank>,
 }
 
 impl FrameSystem {
@@ -62,7 +66,7 @@ impl FrameSystem {
         Self {
             gradient: vec![DVec3::ZERO; cloth.vertex_count()],
             matrix: BlockMatrix::zeros(&cloth.pattern),
-            scratch: Scratch::default(),
+            low_rank: None,
         }
     }
 }
@@ -80,15 +84,15 @@ pub struct PriorTerms<'a> {
     /// Bending with its sign.
     pub signed_bend: SignedBend<'a>,
     /// Bending angles, without sign.
-    pub bend: Angles<'a>,
+    pub bend: Bend<'a>,
+    /// Shearing angles.
+    pub shear: Shear<'a>,
 }
 
 /// All terms of one frame at one resolution.
 pub struct FrameTerms<'a> {
     /// What the cloth is like.
     pub priors: &'a PriorTerms<'a>,
-    /// Shearing angles.
-    pub shear: Angles<'a>,
     /// Against the colours of other frames.
     pub colour: Colour<'a>,
     /// Against the outline of the mask.
@@ -98,11 +102,22 @@ pub struct FrameTerms<'a> {
 /// Number of terms.
 pub const TERMS: usize = 6;
 
+impl PriorTerms<'_> {
+    /// Closer to least squares: spreads of strain and shear times `spread`, all tails times `tail`.
+    pub fn loosen(&mut self, spread: f64, tail: f64) {
+        self.strain.sigma *= spread;
+        self.shear.sigma *= spread;
+        for own in [&mut self.strain.tail, &mut self.signed_bend.tail, &mut self.shear.tail] {
+            *own *= tail;
+        }
+    }
+}
+
 impl FrameTerms<'_> {
     /// The terms, in the order in which they are summed.
     pub fn list(&self) -> [&dyn Term; TERMS] {
         let p = self.priors;
-        [&p.strain, &p.signed_bend, &p.bend, &self.shear, &self.colour, &self.outline]
+        [&p.strain, &p.signed_bend, &p.bend, &p.shear, &self.colour, &self.outline]
     }
 
     /// Sum of the terms.

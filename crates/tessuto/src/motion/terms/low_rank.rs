@@ -1,0 +1,72 @@
+//! A correction of low rank to a sparse matrix, and how to solve with it.
+
+use glam::{DMat4, DVec3, DVec4};
+
+use crate::math::dot;
+use crate::math::factor::{Factor, Scratch};
+use crate::mesh::Positions;
+use crate::sim::Cloth;
+
+use super::FrameSystem;
+
+/// The matrix −U C⁻¹ Uᵀ, to be added to a sparse one.
+pub struct LowRank {
+    /// Columns of U, shape [4, V].
+    pub columns: [Positions; 4],
+    /// C⁻¹.
+    pub inverse: DMat4,
+}
+
+fn products(columns: &[Positions; 4], p: &[DVec3]) -> DVec4 {
+    DVec4::from_array([0, 1, 2, 3].map(|k| dot(&columns[k], p)))
+}
+
+fn add_combination(columns: &[Positions; 4], c: DVec4, out: &mut [DVec3]) {
+    for (i, out) in out.iter_mut().enumerate() {
+        *out += columns[0][i] * c.x + columns[1][i] * c.y + columns[2][i] * c.z + columns[3][i] * c.w;
+    }
+}
+
+impl LowRank {
+    /// Adds the product with `p` to `out`.
+    pub fn add_product(&self, p: &[DVec3], out: &mut [DVec3]) {
+        add_combination(&self.columns, -(self.inverse * products(&self.columns, p)), out);
+    }
+}
+
+/// Factor of a frame's whole matrix A − U C⁻¹ Uᵀ with a multiple of 1 added to A.
+pub struct FrameFactor {
+    factor: Factor,
+    /// A⁻¹ U and (C − Uᵀ A⁻¹ U)⁻¹.
+    correction: Option<([Positions; 4], DMat4)>,
+}
+
+impl FrameFactor {
+    /// Of the matrix of `system` and `diagonal` times 1.
+    pub fn new(cloth: &Cloth, system: &FrameSystem, diagonal: f64, scratch: &mut Scratch) -> Self {
+        let mut matrix = system.matrix.clone();
+        matrix.add_masses(&cloth.pattern, &vec![1.0; cloth.vertex_count()], diagonal);
+        let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
+        let correction = system.low_rank.as_ref().map(|low| {
+            let solved = [0, 1, 2, 3]
+                .map(|k| cloth.analysis.solve(&cloth.pattern, &factor, &low.columns[k], scratch));
+            let [a, b, c, d] = [0, 1, 2, 3].map(|k| products(&low.columns, &solved[k]));
+            (solved, (low.inverse.inverse() - DMat4::from_cols(a, b, c, d)).inverse())
+        });
+        Self { factor, correction }
+    }
+
+    /// The solution for `rhs`, by the formula of Sherman, Morrison and Woodbury.
+    pub fn solve(&self, cloth: &Cloth, rhs: &[DVec3], scratch: &mut Scratch) -> Positions {
+        let mut out = cloth.analysis.solve(&cloth.pattern, &self.factor, rhs, scratch);
+        if let Some((solved, inverse)) = &self.correction {
+            add_combination(solved, *inverse * products(solved, rhs), &mut out);
+        }
+        out
+    }
+
+    /// Gives the factor's memory back.
+    pub fn recycle(self, scratch: &mut Scratch) {
+        scratch.recycle(self.factor);
+    }
+}

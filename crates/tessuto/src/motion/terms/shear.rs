@@ -1,0 +1,151 @@
+//! Prior on shear: smooth over the sheet but for a few folds.
+//!
+//! Woven cloth shears easily where a hand pulls it askew, and then the whole sheet does; paper and what hangs straight hardly
+//! do. A field of four modes over the texture coordinates takes up the sheet's own shear, and only what departs from it is
+//! resisted, with heavy tails:
+//!
+//!   E = min_m Σ_i ½ τ² ln(1 + (r_i/τ)²) + ½ |m|²/σ_m²,  r_i = (θ_i − θ0_i − b_i·m)/σ,
+//!
+//! over the shearing pairs i, with the angle θ of [`crate::sim::angle`], θ0 that of the template and b_i the change of the
+//! angle under the shears 1, p, q, p q, where p and q run over [−1, 1] along the texture's axes. m is found with the
+//! positions: in the second-order system it is eliminated (a Schur complement of rank four, [`LowRank`]).
+
+use std::sync::Arc;
+
+use glam::{DMat4, DVec3, DVec4};
+use rayon::prelude::*;
+
+use super::low_rank::LowRank;
+use super::robust::cauchy;
+use super::{FrameSystem, Term};
+use crate::mesh::{Mesh, Positions, vertex_uvs};
+use crate::sim::angle;
+use crate::sim::cloth::{Cloth, arms};
+
+/// Steps of the search for m, and the change `[rad]` that ends it.
+const STEPS: usize = 60;
+const SETTLED: f64 = 1e-10;
+/// Texture coordinates of one vertex that differ by more than this belong to a seam.
+const SEAM: f64 = 1e-3;
+
+/// See the module.
+#[derive(Clone)]
+pub struct Shear<'a> {
+    cloth: &'a Cloth,
+    /// b of every shearing pair; zero where the texture has seams: all shear is resisted then.
+    modes: Arc<Vec<DVec4>>,
+    /// Spread σ of the departure from the modes `[rad]`.
+    pub sigma: f64,
+    /// Number τ of spreads beyond which a departure is resisted less and less.
+    pub tail: f64,
+    /// Spread σ_m of the modes `[rad]`.
+    pub smooth: f64,
+}
+
+/// Angles less those of the template, and the modes m that explain them with the weights of the rest.
+struct Fit {
+    angles: Vec<f64>,
+    m: DVec4,
+    value: f64,
+    /// Weight/σ² of every pair.
+    weights: Vec<f64>,
+    /// Second derivative by m at these weights.
+    curvature: DMat4,
+}
+
+impl<'a> Shear<'a> {
+    /// Of the cloth that is at rest in the shape of `template`; the numbers are σ, τ, σ_m.
+    pub fn new(cloth: &'a Cloth, template: &Mesh, [sigma, tail, smooth]: [f64; 3]) -> Self {
+        let modes = match vertex_uvs(template, SEAM) {
+            Some(uvs) => cloth.shears.iter().map(|spring| modes(spring.vertices.map(|v| uvs[v as usize]))).collect(),
+            None => vec![DVec4::ZERO; cloth.shears.len()],
+        };
+        Self { cloth, modes: Arc::new(modes), sigma, tail, smooth }
+    }
+
+    /// The best m, by reweighted least squares from the unweighted ones.
+    fn fit(&self, x: &[DVec3]) -> Fit {
+        let change = |spring: &crate::sim::cloth::AngleSpring| {
+            let [u, w] = arms(x, spring.vertices);
+            angle::angle(u, w) - spring.rest_angle
+        };
+        let angles: Vec<f64> = self.cloth.shears.iter().map(change).collect();
+        let scale = self.sigma.powi(-2);
+        let pull = DMat4::from_diagonal(DVec4::splat(self.smooth.powi(-2)));
+        let mut fit =
+            Fit { weights: vec![scale; angles.len()], m: DVec4::ZERO, value: 0.0, curvature: pull, angles };
+        for _ in 0..STEPS {
+            let (mut curvature, mut rhs) = (pull, DVec4::ZERO);
+            for ((b, d), w) in self.modes.iter().zip(&fit.angles).zip(&fit.weights) {
+                let wb = *b * *w;
+                curvature += DMat4::from_cols(wb * b.x, wb * b.y, wb * b.z, wb * b.w);
+                rhs += wb * *d;
+            }
+            let m = curvature.inverse() * rhs;
+            let moved = (m - fit.m).length();
+            (fit.m, fit.value) = (m, 0.5 * m.length_squared() / (self.smooth * self.smooth));
+            for ((b, d), w) in self.modes.iter().zip(&fit.angles).zip(&mut fit.weights) {
+                let (rho, weight) = cauchy((d - b.dot(m)) / self.sigma, self.tail);
+                fit.value += rho;
+                *w = weight * scale;
+            }
+            if moved < SETTLED {
+                break;
+            }
+        }
+        for (b, w) in self.modes.iter().zip(&fit.weights) {
+            let wb = *b * *w;
+            fit.curvature += DMat4::from_cols(wb * b.x, wb * b.y, wb * b.z, wb * b.w);
+        }
+        fit
+    }
+}
+
+/// b of a pair, given the texture coordinates of a, o, c.
+fn modes([a, o, c]: [glam::DVec2; 3]) -> DVec4 {
+    let (p, q) = (a - o, c - o);
+    // A shear γ turns a direction at the angle φ by ½ γ cos 2φ.
+    let turn = |v: glam::DVec2| 0.5 * (v.x * v.x - v.y * v.y) / v.length_squared().max(f64::MIN_POSITIVE);
+    let response = (turn(p) - turn(q)) * p.perp_dot(q).signum();
+    let at = o * 2.0 - 1.0;
+    DVec4::new(1.0, at.x, at.y, at.x * at.y) * response
+}
+
+impl Shear<'_> {
+    /// Root mean square of the modes m over `frames` `[rad]`.
+    pub fn smooth_shear(&self, frames: &[Positions]) -> f64 {
+        let squares: Vec<f64> = frames.par_iter().map(|x| self.fit(x).m.length_squared()).collect();
+        (squares.iter().sum::<f64>() / (4 * frames.len().max(1)) as f64).sqrt()
+    }
+}
+
+impl Term for Shear<'_> {
+    fn name(&self) -> &'static str {
+        "shear"
+    }
+
+    fn value(&self, x: &[DVec3]) -> f64 {
+        self.fit(x).value
+    }
+
+    /// The matrix is that of Gauss and Newton; what m takes off it is the system's part of low rank.
+    fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
+        let fit = self.fit(x);
+        let mut columns = [(); 4].map(|()| vec![DVec3::ZERO; x.len()]);
+        let pairs = self.cloth.shears.iter().zip(self.modes.iter()).zip(fit.angles.iter().zip(&fit.weights));
+        for ((spring, b), (d, weight)) in pairs {
+            let [u, w] = arms(x, spring.vertices);
+            // ∂θ/∂(u, w): the gradient of ½ (θ − θ')² at θ' = θ − 1.
+            let slope = angle::gradient(u, w, 1.0, spring.rest_angle + d - 1.0);
+            let force = weight * (d - b.dot(fit.m));
+            spring.scatter(slope.map(|g| g * force), &mut system.gradient);
+            for (k, column) in columns.iter_mut().enumerate() {
+                spring.scatter(slope.map(|g| g * (weight * b[k])), column);
+            }
+            let h = angle::hessian_gauss_newton(u, w, *weight, spring.rest_angle);
+            spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix);
+        }
+        system.low_rank = Some(LowRank { columns, inverse: fit.curvature.inverse() });
+        fit.value
+    }
+}
