@@ -6,6 +6,7 @@
 
 mod findings;
 mod masks;
+mod outline;
 mod picture;
 
 use std::path::Path;
@@ -69,7 +70,7 @@ pub fn check(loaded: &Loaded) -> Result<CheckReport> {
     let iou = overlap(&covered, &first.mask);
     let findings = findings::of_video(scene)?
         .into_iter()
-        .chain(findings::of_template(scene, &first.mask, iou))
+        .chain(findings::of_template(scene, &first.mask, &covered, iou))
         .collect();
     let findings = findings::with_warnings(findings, &loaded.warnings);
     Ok(CheckReport { findings, iou: Some(iou), picture: Some(picture::draw(scene)?) })

@@ -74,7 +74,10 @@ fn obj_refused(from: &str, to: &str, fragments: &[&str]) {
 
 #[test]
 fn good_scene_has_no_warning() {
-    accepted(&TinyScene::with_truth(), &["9 ok, 0 warnings, 0 errors", "1.000 (intersection over union)"]);
+    accepted(
+        &TinyScene::with_truth(),
+        &["10 ok, 0 warnings, 0 errors", "1.000 (intersection over union)", "0.0 px apart"],
+    );
 }
 
 #[test]
@@ -335,7 +338,10 @@ fn several_errors_are_listed_together() {
 fn doubts_are_warnings() {
     let scene = TinyScene::new();
     scene.move_template(|[x, y, z]| [x + 0.1, y, z]);
-    accepted(&scene, &["warning  overlap", "is 0.60"]);
+    accepted(
+        &scene,
+        &["warning  overlap", "is 0.60", "warning  outline", "px apart in the mean", "the camera are right"],
+    );
     let scene = TinyScene::new();
     for n in 0..4 {
         let bright = paint(3, |x, _, c| 0.2 + 0.01 * (x + c + n) as f32);

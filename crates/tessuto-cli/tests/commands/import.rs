@@ -93,7 +93,7 @@ fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
 fn pictures_become_a_checked_scene() {
     let recording = Recording::new();
     let (text, scene) = recording.imported("frames été", &with(&["--template", "@drap.obj"]));
-    assert!(text.contains("9 ok, 0 warnings, 0 errors"), "{text}");
+    assert!(text.contains("10 ok, 0 warnings, 0 errors"), "{text}");
     assert_eq!(
         (&scene["name"], &scene["n_frames"], &scene["fps"]),
         (&"scène 1".into(), &4.into(), &25.0.into())
@@ -433,7 +433,7 @@ fn a_video_through_ffmpeg() {
     encode("masks été/shot %d.mask.png", "masks.mkv", &[]);
     let options = [&["--masks", "@masks.mkv", "--template", "@drap.obj"][..], &CAMERA[..]].concat();
     let (text, scene) = recording.imported("clip 1.mkv", &options);
-    assert!(text.contains("9 ok, 0 warnings, 0 errors"), "{text}");
+    assert!(text.contains("10 ok, 0 warnings, 0 errors"), "{text}");
     assert_eq!((&scene["fps"], &scene["n_frames"]), (&25.0.into(), &4.into()));
     let found = read(&recording.path("scène 1/rgbs/rgb_002.png")).unwrap();
     assert_eq!(found, read(&recording.path("frames été/shot 10.png")).unwrap());
