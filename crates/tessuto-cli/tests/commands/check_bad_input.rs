@@ -87,9 +87,9 @@ fn picture_is_written_only_where_asked() {
     let working_folder = tempfile::tempdir().unwrap();
     let output = check(&scene, &["--picture", "p.png"], working_folder.path());
     assert_eq!(output.status.code(), Some(0));
-    let picture = tessuto::io::image::read(&working_folder.path().join("p.png")).unwrap();
+    let image = tessuto::io::image::read(&working_folder.path().join("p.png")).unwrap();
     // Three times the crop (16 pixels and a margin of 4 on each side, as far as the image reaches), 4 pixels between.
-    assert_eq!((picture.width, picture.height), (3 * 24 + 2 * 4, 22));
+    assert_eq!((image.width, image.height), (3 * 24 + 2 * 4, 22));
     assert_eq!(contents(working_folder.path()).len(), 1);
     assert_eq!(scene.contents(), before);
     let output = check(&scene, &["--picture", "no/such/folder/p.png"], working_folder.path());

@@ -148,10 +148,10 @@ fn smaller_frames_keep_the_projection() {
 fn transparency_as_masks() {
     let recording = Recording::new();
     let rgba = |n: usize| {
-        let picture = image::RgbaImage::from_fn(SIZE as u32, SIZE as u32, |x, y| {
+        let image = image::RgbaImage::from_fn(SIZE as u32, SIZE as u32, |x, y| {
             image::Rgba([90, 120, 40 * n as u8, if fabric(x as usize, y as usize) { 255 } else { 0 }])
         });
-        picture.save(recording.path(&format!("frames été/shot {}.png", n + 8))).unwrap();
+        image.save(recording.path(&format!("frames été/shot {}.png", n + 8))).unwrap();
     };
     let options = [&CAMERA[..], &["--fps", "25", "--alpha"]].concat();
     recording.refused(3, "frames été", &options, &["shot 8.png", "has no alpha channel"]);
