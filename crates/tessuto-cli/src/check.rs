@@ -41,12 +41,12 @@ pub fn check(scene: &Path, picture: Option<&Path>) -> anyhow::Result<()> {
     }
     let report = check_folder(scene, &LoadOptions::default());
     let mut text = table(&report.findings);
-    match (picture, &report.picture) {
-        (Some(path), Some(picture)) => {
-            write_marked_png(path, picture)?;
-            let _ = writeln!(text, "picture: {}", path.display());
+    match (picture, &report.image) {
+        (Some(path), Some(image)) => {
+            write_marked_png(path, image)?;
+            let _ = writeln!(text, "image: {}", path.display());
         }
-        (Some(_), None) => text.push_str("picture: not written, frames cannot be read\n"),
+        (Some(_), None) => text.push_str("image: not written, frames cannot be read\n"),
         (None, _) => {}
     }
     say::output(format_args!("{text}"));

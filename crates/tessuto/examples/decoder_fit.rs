@@ -11,7 +11,7 @@ use tessuto::decoder::{CHANNELS, Decoder, DecoderConfig};
 
 fn main() {
     let mut config = DecoderConfig::light(256);
-    let (mut last, mut picture) = (40, None);
+    let (mut last, mut image) = (40, None);
     for argument in std::env::args().skip(1) {
         let (key, value) = argument.split_once('=').expect("arguments are key=value");
         let number = || value.parse::<f64>().expect("a number");
@@ -27,18 +27,18 @@ fn main() {
             "rate" => config.learning_rate = number(),
             "beta2" => config.betas[1] = number(),
             "steps" => last = number() as usize,
-            "picture" => picture = Some(tessuto::io::image::read(value.as_ref()).expect("an image")),
+            "image" => image = Some(tessuto::io::image::read(value.as_ref()).expect("an image")),
             _ => panic!("{key}: no such argument"),
         }
     }
     let mut decoder = Decoder::new(&config, 0);
     let edge = decoder.edge();
     println!("{config:?}: maps of {edge}² px, {} weights", decoder.weight_count());
-    // Nearest texel; roughness and metallic are flat. Without a picture: rings.
+    // Nearest texel; roughness and metallic are flat. Without an image: rings.
     let target: Vec<f32> = (0..CHANNELS * edge * edge)
         .map(|k| {
             let (c, y, x) = (k / edge / edge, k / edge % edge, k % edge);
-            match &picture {
+            match &image {
                 _ if c >= 3 => 0.5,
                 Some(p) => p.pixel(x * p.width / edge, y * p.height / edge)[c],
                 None => 0.5 + 0.3 * ((x * x + y * y) as f32 / (edge * (20 + 10 * c)) as f32).sin(),

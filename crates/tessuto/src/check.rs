@@ -4,9 +4,10 @@
 //! fabric; it names every error it can reach, measures what may be wrong without being an error, and draws the template
 //! over frame 0.
 
+mod drawing;
 mod findings;
 mod masks;
-mod picture;
+mod outline;
 
 use std::path::Path;
 
@@ -48,7 +49,7 @@ pub struct CheckReport {
     pub iou: Option<f64>,
     /// The crops of the first, middle and last frame with the masks' outlines (yellow), the first with the template's
     /// edges (cyan), where readable.
-    pub picture: Option<Image>,
+    pub image: Option<Image>,
 }
 
 impl CheckReport {
@@ -69,22 +70,22 @@ pub fn check(loaded: &Loaded) -> Result<CheckReport> {
     let iou = overlap(&covered, &first.mask);
     let findings = findings::of_video(scene)?
         .into_iter()
-        .chain(findings::of_template(scene, &first.mask, iou))
+        .chain(findings::of_template(scene, &first.mask, &covered, iou))
         .collect();
     let findings = findings::with_warnings(findings, &loaded.warnings);
-    Ok(CheckReport { findings, iou: Some(iou), picture: Some(picture::draw(scene)?) })
+    Ok(CheckReport { findings, iou: Some(iou), image: Some(drawing::draw(scene)?) })
 }
 
 /// Checks what is there of a scene whose template cannot be read.
 fn check_video(loaded: &Loaded) -> Result<CheckReport> {
     let findings = findings::with_warnings(findings::of_video(&loaded.scene)?, &loaded.warnings);
-    Ok(CheckReport { findings, iou: None, picture: Some(picture::draw(&loaded.scene)?) })
+    Ok(CheckReport { findings, iou: None, image: Some(drawing::draw(&loaded.scene)?) })
 }
 
 /// Checks the scene in `folder`, whether or not it can be loaded.
 pub fn check_folder(folder: &Path, options: &LoadOptions) -> CheckReport {
     let attempt = attempt(folder, options);
-    let nothing = CheckReport { findings: Vec::new(), iou: None, picture: None };
+    let nothing = CheckReport { findings: Vec::new(), iou: None, image: None };
     let checked = match &attempt.loaded {
         Some(loaded) if attempt.template_missing => check_video(loaded),
         Some(loaded) => check(loaded),

@@ -1,7 +1,8 @@
 //! The mesh that the arguments ask for.
 
+use tessuto::io::scene::template_misfit;
 use tessuto::template::fix::Fix;
-use tessuto::template::make::{Changes, CornersFrom, from_file, from_rectangle};
+use tessuto::template::make::{Changes, CornersFrom, FromRectangle, from_file, from_rectangle};
 use tessuto::{Error, Mesh, Result};
 
 use super::{Arguments, View};
@@ -12,8 +13,8 @@ fn told(line: String) {
     say!("{line}");
 }
 
-/// A rectangle of fabric of `size` `[m]`.
-pub(super) fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mesh> {
+/// A rectangle of fabric of `size` `[m]`, and its misfit `[px]`, if it has one.
+pub(super) fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<(Mesh, Option<f64>)> {
     let place = view.mask.as_ref().map_or_else(String::new, |(_, path)| path.display().to_string());
     let corners = match (&view.mask, arguments.from_mask) {
         (Some((mask, _)), true) => CornersFrom::Mask { mask, place: &place, straight: arguments.straight },
@@ -30,13 +31,14 @@ pub(super) fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<Mes
             CornersFrom::Points(points.map(Into::into))
         }
     };
-    let mut mesh = from_rectangle(&view.camera, size.into(), arguments.grid, corners, &mut told)?;
+    let FromRectangle { mut mesh, misfit } =
+        from_rectangle(&view.camera, size.into(), arguments.grid, corners, &mut told)?;
     mesh.positions.iter_mut().for_each(|p| *p /= view.metres);
-    Ok(mesh)
+    Ok((mesh, misfit))
 }
 
-/// A given mesh, changed.
-pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
+/// A given mesh, changed, and the misfit `[px]` of the rectangle that it was made of, if it has one.
+pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<(Mesh, Option<f64>)> {
     let nothing = arguments.remesh.is_none()
         && !arguments.weld
         && arguments.scale.is_none()
@@ -54,7 +56,7 @@ pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Mesh> {
         None => return Err(Error::usage("the mesh is not given", "add --from FILE")),
     };
     let changes = Changes { fix: fix(arguments)?, weld: arguments.weld, remesh: arguments.remesh };
-    from_file(&path, &changes, &mut told)
+    Ok((from_file(&path, &changes, &mut told)?, template_misfit(&path)))
 }
 
 fn fix(arguments: &Arguments) -> Result<Fix> {

@@ -5,8 +5,8 @@ mod mesh;
 
 use std::path::{Path, PathBuf};
 
-use tessuto::io::scene::first_frame;
-use tessuto::io::{image, obj};
+use tessuto::io::image;
+use tessuto::io::scene::{first_frame, write_template};
 use tessuto::output::manifest;
 use tessuto::template::overlap_with_mask;
 use tessuto::text::quoted;
@@ -48,12 +48,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         );
     }
     let view = view(arguments, scene)?;
-    let mut mesh = match arguments.flat {
+    let (mut mesh, misfit) = match arguments.flat {
         Some(size) => flat(arguments, &view, size)?,
         None => from_mesh(arguments, scene)?,
     };
     keep_foreign(&out)?;
-    obj::write(&out, &mesh, None)?;
+    write_template(&out, &mesh, misfit)?;
     manifest::record(&[&out])?;
     mesh.positions.iter_mut().for_each(|p| *p *= view.metres);
     say!("{}: {} vertices, {} faces", out.display(), mesh.positions.len(), mesh.faces.len());

@@ -74,7 +74,10 @@ fn obj_refused(from: &str, to: &str, fragments: &[&str]) {
 
 #[test]
 fn good_scene_has_no_warning() {
-    accepted(&TinyScene::with_truth(), &["9 ok, 0 warnings, 0 errors", "1.000 (intersection over union)"]);
+    accepted(
+        &TinyScene::with_truth(),
+        &["10 ok, 0 warnings, 0 errors", "1.000 (intersection over union)", "0.0 px apart"],
+    );
 }
 
 #[test]
@@ -84,9 +87,9 @@ fn picture_is_written_only_where_asked() {
     let working_folder = tempfile::tempdir().unwrap();
     let output = check(&scene, &["--picture", "p.png"], working_folder.path());
     assert_eq!(output.status.code(), Some(0));
-    let picture = tessuto::io::image::read(&working_folder.path().join("p.png")).unwrap();
+    let image = tessuto::io::image::read(&working_folder.path().join("p.png")).unwrap();
     // Three times the crop (16 pixels and a margin of 4 on each side, as far as the image reaches), 4 pixels between.
-    assert_eq!((picture.width, picture.height), (3 * 24 + 2 * 4, 22));
+    assert_eq!((image.width, image.height), (3 * 24 + 2 * 4, 22));
     assert_eq!(contents(working_folder.path()).len(), 1);
     assert_eq!(scene.contents(), before);
     let output = check(&scene, &["--picture", "no/such/folder/p.png"], working_folder.path());
@@ -335,7 +338,10 @@ fn several_errors_are_listed_together() {
 fn doubts_are_warnings() {
     let scene = TinyScene::new();
     scene.move_template(|[x, y, z]| [x + 0.1, y, z]);
-    accepted(&scene, &["warning  overlap", "is 0.60"]);
+    accepted(
+        &scene,
+        &["warning  overlap", "is 0.60", "warning  outline", "px apart in the mean", "the camera are right"],
+    );
     let scene = TinyScene::new();
     for n in 0..4 {
         let bright = paint(3, |x, _, c| 0.2 + 0.01 * (x + c + n) as f32);

@@ -93,7 +93,7 @@ fn with<'a>(more: &[&'a str]) -> Vec<&'a str> {
 fn pictures_become_a_checked_scene() {
     let recording = Recording::new();
     let (text, scene) = recording.imported("frames été", &with(&["--template", "@drap.obj"]));
-    assert!(text.contains("9 ok, 0 warnings, 0 errors"), "{text}");
+    assert!(text.contains("10 ok, 0 warnings, 0 errors"), "{text}");
     assert_eq!(
         (&scene["name"], &scene["n_frames"], &scene["fps"]),
         (&"scène 1".into(), &4.into(), &25.0.into())
@@ -148,10 +148,10 @@ fn smaller_frames_keep_the_projection() {
 fn transparency_as_masks() {
     let recording = Recording::new();
     let rgba = |n: usize| {
-        let picture = image::RgbaImage::from_fn(SIZE as u32, SIZE as u32, |x, y| {
+        let image = image::RgbaImage::from_fn(SIZE as u32, SIZE as u32, |x, y| {
             image::Rgba([90, 120, 40 * n as u8, if fabric(x as usize, y as usize) { 255 } else { 0 }])
         });
-        picture.save(recording.path(&format!("frames été/shot {}.png", n + 8))).unwrap();
+        image.save(recording.path(&format!("frames été/shot {}.png", n + 8))).unwrap();
     };
     let options = [&CAMERA[..], &["--fps", "25", "--alpha"]].concat();
     recording.refused(3, "frames été", &options, &["shot 8.png", "has no alpha channel"]);
@@ -433,7 +433,7 @@ fn a_video_through_ffmpeg() {
     encode("masks été/shot %d.mask.png", "masks.mkv", &[]);
     let options = [&["--masks", "@masks.mkv", "--template", "@drap.obj"][..], &CAMERA[..]].concat();
     let (text, scene) = recording.imported("clip 1.mkv", &options);
-    assert!(text.contains("9 ok, 0 warnings, 0 errors"), "{text}");
+    assert!(text.contains("10 ok, 0 warnings, 0 errors"), "{text}");
     assert_eq!((&scene["fps"], &scene["n_frames"]), (&25.0.into(), &4.into()));
     let found = read(&recording.path("scène 1/rgbs/rgb_002.png")).unwrap();
     assert_eq!(found, read(&recording.path("frames été/shot 10.png")).unwrap());

@@ -66,13 +66,13 @@ fn made() -> (PathBuf, PathBuf) {
 
 /// A light of 16 × 8 texels of which `radiance` gives the colour by column.
 fn light(path: &Path, radiance: impl Fn(usize) -> [f32; 3]) {
-    let mut picture = Image::new(16, 8, 3);
+    let mut image = Image::new(16, 8, 3);
     for y in 0..8 {
         for x in 0..16 {
-            picture.pixel_mut(x, y).copy_from_slice(&radiance(x));
+            image.pixel_mut(x, y).copy_from_slice(&radiance(x));
         }
     }
-    write_exr(path, &picture).unwrap();
+    write_exr(path, &image).unwrap();
 }
 
 /// Mean linear colour of frame 0 of `result` under the light in `file`.
@@ -82,15 +82,15 @@ fn mean_under(result: &Path, file: &Path) -> [f64; 3] {
     let more = ["--frames", "0..1", "--samples", "64", "--out", text(&out)];
     let said = succeed(&[&arguments[..], &more].concat(), Path::new("no-such-program"));
     assert!(said.contains("no video.mp4") && said.contains("TESSUTO_FFMPEG"), "{said}");
-    let picture = image::read(&out.join("frame_000.png")).unwrap();
+    let image = image::read(&out.join("frame_000.png")).unwrap();
     let mut sums = [0.0; 3];
-    for pixel in picture.data.chunks_exact(3) {
+    for pixel in image.data.chunks_exact(3) {
         for (sum, value) in sums.iter_mut().zip(pixel) {
             let v = f64::from(*value);
             *sum += if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) };
         }
     }
-    sums.map(|s| s / (picture.data.len() / 3) as f64)
+    sums.map(|s| s / (image.data.len() / 3) as f64)
 }
 
 #[test]

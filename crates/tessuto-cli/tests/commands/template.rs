@@ -30,13 +30,15 @@ fn farthest(a: &Mesh, b: &Mesh) -> f64 {
 }
 
 fn check(scene: &TinyScene) -> Option<i32> {
-    Command::new(env!("CARGO_BIN_EXE_tessuto"))
-        .arg("check")
-        .arg(scene.folder())
-        .output()
-        .unwrap()
-        .status
-        .code()
+    checked(scene).0
+}
+
+/// Runs `tessuto check`; status and the table in one line.
+fn checked(scene: &TinyScene) -> (Option<i32>, String) {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_tessuto")).arg("check").arg(scene.folder()).output().unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    (output.status.code(), text.split_whitespace().collect::<Vec<_>>().join(" "))
 }
 
 #[test]
@@ -65,6 +67,36 @@ fn a_rectangle_from_its_corners_and_from_the_mask() {
     assert!(status == Some(2) && text.contains("no quadrilateral clockwise"), "{text}");
     let (status, text) = run(&scene, &["--force"]);
     assert!(status == Some(2) && text.contains("nothing to do"), "{text}");
+}
+
+#[test]
+fn check_repeats_that_the_rectangle_did_not_fit() {
+    let scene = TinyScene::new();
+    let make = |upper: [&str; 2]| {
+        let corners = [upper[0], upper[1], "19.5,21.5", "3.5,21.5"];
+        let options = [&["--flat", "40x40cm", "--grid", "5", "--force", "--corners"], &corners[..]].concat();
+        let (status, text) = run(&scene, &options);
+        assert_eq!(status, Some(0), "{text}");
+        text
+    };
+    make(["3.5,5.5", "19.5,5.5"]);
+    let (status, text) = checked(&scene);
+    assert!(status == Some(0) && text.contains("0 warnings") && !text.contains("rectangle"), "{text}");
+    // Upper corners nearer to each other, as of fabric that sags between two hands.
+    let told = make(["4.0,5.5", "19.0,5.5"]);
+    let off = told.split("no plane rectangle fits (off by ").nth(1).unwrap().split(' ').next().unwrap();
+    let repeated = format!("made of a rectangle, but no plane one has the corners seen: off by {off} px");
+    let warned = |scene: &TinyScene| {
+        let (status, text) = checked(scene);
+        assert_eq!(status, Some(0), "{text}");
+        text.contains("warning template") && text.contains(&repeated) && text.contains("--remesh 32 --from")
+    };
+    assert!(warned(&scene), "{told}");
+    // Also after repairs, but no longer once another template is there.
+    assert_eq!(run(&scene, &["--weld", "--force"]).0, Some(0));
+    assert!(warned(&scene));
+    make(["3.5,5.5", "19.5,5.5"]);
+    assert!(!warned(&scene));
 }
 
 #[test]

@@ -71,7 +71,7 @@ tessuto.ClothView = class {
     return materials;
   }
 
-  /** Wears the picture of the first frame where `lens` sees each vertex in it: before a print is recovered. */
+  /** Wears the image of the first frame where `lens` sees each vertex in it: before a print is recovered. */
   wear(image, lens) {
     const p = this.motion.at(0), { corners, uvs } = this.surface;
     corners.forEach((v, c) => {
@@ -121,7 +121,7 @@ tessuto.ClothView = class {
     return this.materials.lit;
   }
 
-  /** The recovered light: as a picture for the background, and filtered for the material. */
+  /** The recovered light: as an image for the background, and filtered for the material. */
   makeEnvironment() {
     const { width, height } = this.lightData;
     const radiance = tessuto.numbers(Float32Array, this.lightData.radiance);
@@ -135,15 +135,15 @@ tessuto.ClothView = class {
         texels[to + 3] = 1;
       }
     }
-    const picture = new THREE.DataTexture(texels, width, height, THREE.RGBAFormat, THREE.FloatType);
-    picture.mapping = THREE.EquirectangularReflectionMapping;
-    picture.minFilter = picture.magFilter = THREE.LinearFilter;
-    picture.wrapS = THREE.RepeatWrapping;
-    picture.needsUpdate = true;
+    const image = new THREE.DataTexture(texels, width, height, THREE.RGBAFormat, THREE.FloatType);
+    image.mapping = THREE.EquirectangularReflectionMapping;
+    image.minFilter = image.magFilter = THREE.LinearFilter;
+    image.wrapS = THREE.RepeatWrapping;
+    image.needsUpdate = true;
     const generator = new THREE.PMREMGenerator(this.renderer);
-    const filtered = generator.fromEquirectangular(picture).texture;
+    const filtered = generator.fromEquirectangular(image).texture;
     generator.dispose();
-    return { picture, filtered };
+    return { image, filtered };
   }
 
   /** Takes another motion, such as that of a later step. */
@@ -207,7 +207,7 @@ tessuto.ClothView = class {
 
   setBackground(on) {
     this.background = on;
-    this.scene.background = on && this.look === "lit" ? this.environment.picture : null;
+    this.scene.background = on && this.look === "lit" ? this.environment.image : null;
     this.draw();
   }
 
@@ -344,7 +344,7 @@ tessuto.ClothView = class {
     const { width, height } = this.size;
     if (!lens) return;
     const scale = Math.min(width / lens.width, height / lens.height);
-    // A picture whose middle is the principal point, of which the view shows the lens's part.
+    // An image whose middle is the principal point, of which the view shows the lens's part.
     const full = {
       width: 2 * Math.max(lens.cx + 0.5, lens.width - lens.cx - 0.5),
       height: 2 * Math.max(lens.cy + 0.5, lens.height - lens.cy - 0.5),

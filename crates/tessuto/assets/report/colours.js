@@ -1,5 +1,5 @@
 "use strict";
-/** Colour scales, as rows of sRGB bytes; those of the written pictures (`report/colour.rs`) look alike. */
+/** Colour scales, as rows of sRGB bytes; those of the written images (`report/colour.rs`) look alike. */
 tessuto.scales = (() => {
   const hex = text => text.match(/../g).map(h => parseInt(h, 16));
   const scale = text => text.split(" ").map(hex);

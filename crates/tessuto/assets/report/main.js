@@ -26,7 +26,7 @@
       probe: byId("probe"),
       legend: { root: byId("legend"), title: byId("legend-title"), bar: byId("legend-bar"), low: byId("legend-low"), middle: byId("legend-middle"), high: byId("legend-high") },
     };
-    // Pictures of their own: those in the page have the size of their layout for three.js, not that of their pixels.
+    // Images of their own: those in the page have the size of their layout for three.js, not that of their pixels.
     const images = {};
     for (const shown of document.querySelectorAll("img[id^=map-]")) {
       const image = images[shown.id.slice(4)] = new Image();
@@ -147,7 +147,7 @@
 
   const about = [];
   if (view?.motion) about.push(`positions to ±${(1e6 * view.motion.precision).toFixed(0)} µm`);
-  if (hasFilm) about.push(`pictures ${film.width} × ${film.height} px, JPEG quality ${film.quality}`);
+  if (hasFilm) about.push(`images ${film.width} × ${film.height} px, JPEG quality ${film.quality}`);
   if (about.length) byId("about").textContent = `In this page: ${about.join(", ")}. The full data are in the folder beside it.`;
 
   addEventListener("keydown", event => {

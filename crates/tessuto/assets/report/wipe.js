@@ -3,7 +3,7 @@
 tessuto.Wipe = class {
   /** `film`: see `Film` in film.rs; `mesh(frame)`: positions and edges of the threads, if there are any. */
   constructor(elements, film, mesh) {
-    Object.assign(this, { elements, film, mesh, frame: 0, share: 0.5, pictures: {}, drawn: 0 });
+    Object.assign(this, { elements, film, mesh, frame: 0, share: 0.5, images: {}, drawn: 0 });
     this.pen = elements.canvas.getContext("2d");
     this.scratch = document.createElement("canvas");
     new ResizeObserver(() => this.resize()).observe(elements.box);
@@ -45,15 +45,15 @@ tessuto.Wipe = class {
     this.draw();
     // The next frames, so that playing does not wait.
     for (const layer of this.film.layers) {
-      for (let k = 1; k <= 4; k++) this.picture(layer.key, (frame + k) % layer.frames.length);
+      for (let k = 1; k <= 4; k++) this.image(layer.key, (frame + k) % layer.frames.length);
     }
   }
 
-  /** The picture of a layer at a frame; it draws itself once it is decoded. */
-  picture(key, frame) {
+  /** The image of a layer at a frame; it draws itself once it is decoded. */
+  image(key, frame) {
     const layer = this.film.layers.find(l => l.key === key);
     if (!layer?.frames[frame]) return null;
-    const held = this.pictures[key] ??= [];
+    const held = this.images[key] ??= [];
     if (!held[frame]) {
       const image = held[frame] = new Image();
       image.src = `data:image/jpeg;base64,${layer.frames[frame]}`;
@@ -73,7 +73,7 @@ tessuto.Wipe = class {
     this.drawNow();
   }
 
-  /** Where the picture lies on the canvas. */
+  /** Where the image lies on the canvas. */
   place() {
     const { canvas } = this.elements, { film } = this;
     const scale = Math.min(canvas.width / film.width, canvas.height / film.height);
@@ -92,9 +92,9 @@ tessuto.Wipe = class {
     const { pen, frame } = this, { canvas, handle } = this.elements;
     const at = this.place();
     const border = at.x + at.width * this.share;
-    const observed = this.picture("observed", frame);
+    const observed = this.image("observed", frame);
     const other = this.other(frame, observed);
-    // What is not decoded yet leaves the last picture standing: no flicker.
+    // What is not decoded yet leaves the last image standing: no flicker.
     if (!observed || other === undefined) return;
     pen.imageSmoothingQuality = "high";
     pen.clearRect(0, 0, canvas.width, canvas.height);
@@ -110,13 +110,13 @@ tessuto.Wipe = class {
     this.drawn++;
   }
 
-  /** The picture right of the border; null for none, undefined if it is not ready. */
+  /** The image right of the border; null for none, undefined if it is not ready. */
   other(frame, observed) {
     if (!this.layer || this.layer === "mesh") return null;
     const [kind, key] = this.layer.split(":");
-    const picture = this.picture(key ?? kind, frame);
-    if (!picture) return undefined;
-    return kind === "difference" && observed ? this.difference(observed, picture) : picture;
+    const image = this.image(key ?? kind, frame);
+    if (!image) return undefined;
+    return kind === "difference" && observed ? this.difference(observed, image) : image;
   }
 
   /** |a − b|, four times as bright. */

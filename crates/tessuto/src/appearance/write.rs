@@ -10,14 +10,14 @@ use crate::io::{self, atomic_write};
 
 /// What a reader of the maps needs to know.
 const NOTE: &str = "\
-Estimated material, in the template's uv space (row 0 of each picture is v = 1), and light.
+Estimated material, in the template's uv space (row 0 of each image is v = 1), and light.
 diffuse.png      base colour, sRGB-encoded
 roughness.png    linear; GGX with alpha = roughness squared
 metallic.png     linear; F0 = 0.04 (1 - metallic) + base colour * metallic, diffuse albedo = base colour (1 - metallic)
 environment.exr  radiance from each direction, linear Rec.709, 32-bit float. Column i, row j of W x H is
                  lon = ((i + 0.5)/W - 0.5) * 2 pi, lat = (0.5 - (j + 0.5)/H) * pi, and the direction to the light is
                  (cos lat * sin lon, -sin lat, cos lat * cos lon) in the camera's frame (x right, y down, z forward):
-                 the middle of the picture is where the camera looks, the top row is up, the border is behind it.
+                 the middle of the image is where the camera looks, the top row is up, the border is behind it.
 Only brightness of cloth times brightness of light is known: both may be scaled by opposite factors.
 ";
 

@@ -3,7 +3,7 @@
 use sha2::{Digest, Sha256};
 
 use super::masks::{self, MaskShape};
-use super::{Finding, Level};
+use super::{Finding, Level, outline};
 use crate::error::{Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
 use crate::io::scene::template::{DIAGONAL, diagonal};
@@ -41,9 +41,15 @@ impl Glance {
     }
 }
 
-/// Findings about the template; `mask` is that of the first frame, `iou` the overlap with it.
-pub(super) fn of_template(scene: &Scene, mask: &Image, iou: f64) -> Vec<Finding> {
-    vec![scale(scene), template_overlap(scene, iou), orientation(scene, mask, iou), uv(scene)]
+/// Findings about the template, which covers the pixels `covered`; `mask` is that of the first frame, `iou` their overlap.
+pub(super) fn of_template(scene: &Scene, mask: &Image, covered: &[bool], iou: f64) -> Vec<Finding> {
+    vec![
+        scale(scene),
+        template_overlap(scene, iou),
+        outline::finding(scene, covered, mask),
+        orientation(scene, mask, iou),
+        uv(scene),
+    ]
 }
 
 /// The findings and what loading already doubted, which replaces the good word on the same topic.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::Settings;
-use super::pictures::{Colours, Stage};
+use super::stage::{Colours, Stage};
 use super::video::Video;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image;

@@ -100,7 +100,7 @@ impl Undistortion {
         Ok(Self { size: [w, h], sources, seen })
     }
 
-    /// The pinhole camera's picture: bilinear, black where the lens shows nothing. Shapes [height, width, channels].
+    /// The pinhole camera's image: bilinear, black where the lens shows nothing. Shapes [height, width, channels].
     pub fn apply(&self, pixels: &[u8], channels: usize) -> Vec<u8> {
         let [w, h] = self.size;
         let mut out = vec![0u8; pixels.len()];

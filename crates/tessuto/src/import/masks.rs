@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::frames::{Kind, Source, in_order, list, name, number};
-use super::pictures::{Colours, Stage};
+use super::stage::{Colours, Stage};
 use super::video::Video;
 use super::{Masks, Settings};
 use crate::error::{Error, Hint, Remedy, Result};

@@ -9,7 +9,7 @@ mod lens;
 mod masks;
 mod nerfstudio;
 mod opencv;
-mod pictures;
+mod stage;
 mod target;
 mod video;
 
@@ -23,7 +23,7 @@ use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::scene::write_manifest;
 use crate::io::{model, obj};
 use frames::Source;
-use pictures::Stage;
+use stage::Stage;
 
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;

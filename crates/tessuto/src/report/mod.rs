@@ -6,16 +6,16 @@ pub(crate) mod colour;
 pub mod embed;
 pub mod film;
 mod font;
+pub(crate) mod images;
 mod kind;
 mod legend;
 pub mod page;
-pub(crate) mod pictures;
 pub(crate) mod sheet;
 
 pub use chart::Chart;
 pub use embed::{EmbeddedMotion, Field, Surface};
 pub use film::Film;
-pub use pictures::{FramePictures, Kind, Ranges, Scales, measured_depth_image};
+pub use images::{FrameImages, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
 
 use crate::camera::Camera;
@@ -85,7 +85,7 @@ pub struct Map {
     /// What it is, for people.
     pub label: &'static str,
     /// JPEG, base64.
-    pub picture: String,
+    pub image: String,
 }
 
 /// The light as a lat-long image; its middle is where the camera looks, the top row is up.
@@ -99,8 +99,8 @@ pub struct LightData {
     pub radiance: String,
     /// The same for looking at, JPEG, base64.
     #[serde(skip)]
-    pub picture: String,
-    /// Whether parts of the picture are hatched: nothing tells of the light from there.
+    pub image: String,
+    /// Whether parts of the image are hatched: nothing tells of the light from there.
     #[serde(skip)]
     pub unobserved: bool,
 }

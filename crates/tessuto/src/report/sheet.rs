@@ -2,8 +2,8 @@
 
 use super::colour::Colour;
 use super::font;
+use super::images::{FrameImages, Kind, Scales};
 use super::legend::{self, Legend};
-use super::pictures::{FramePictures, Kind, Scales};
 use crate::camera::Rect;
 use crate::image::Image;
 
@@ -31,7 +31,7 @@ pub fn chosen_frames(count: usize) -> Vec<usize> {
 /// The sheet of `frames` (number and images), shape [height, width, 3]. Rows without data are left out.
 ///
 /// Panics if there is no frame.
-pub fn contact_sheet(frames: &[(usize, FramePictures)], scales: &Scales) -> Image {
+pub fn contact_sheet(frames: &[(usize, FrameImages)], scales: &Scales) -> Image {
     let first = &frames[0].1;
     let rows: Vec<Kind> = ROWS.into_iter().filter(|k| first.image(*k, scales).is_some()).collect();
     let view = fabric(frames);
@@ -81,7 +81,7 @@ fn words(kind: Kind) -> &'static [&'static str] {
 
 /// The part of the images that holds fabric, filmed or rendered, in any frame, with some margin;
 /// the whole if there is none.
-fn fabric(frames: &[(usize, FramePictures)]) -> Rect {
+fn fabric(frames: &[(usize, FrameImages)]) -> Rect {
     const MARGIN: usize = 8;
     let (width, height) = (frames[0].1.rgb.width, frames[0].1.rgb.height);
     let masks = frames.iter().flat_map(|(_, f)| [f.mask, &f.observed.mask]);

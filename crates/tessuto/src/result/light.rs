@@ -54,7 +54,7 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
         width: data.width,
         height: data.height,
         radiance: embed::base64_of(&data.data),
-        picture: embed::base64(&jpeg::encode(&image, MAP_QUALITY)),
+        image: embed::base64(&jpeg::encode(&image, MAP_QUALITY)),
         unobserved: seen.iter().any(|s| !s),
     }))
 }

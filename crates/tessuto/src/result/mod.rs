@@ -18,11 +18,11 @@
 mod curves;
 mod folder;
 mod history;
+mod images;
 mod light;
 mod live;
 mod log;
 mod page;
-mod pictures;
 mod replay;
 mod summary;
 
@@ -176,7 +176,7 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     )?;
     write_json(&folder.join("config.json"), context.run)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
-    let agreement = pictures::write(folder, scene, result)?;
+    let agreement = images::write(folder, scene, result)?;
     let evaluation = Evaluation { agreement, ..context.evaluation.cloned().unwrap_or_default() };
     write_metrics(folder, scene, &result.motion, Some(&evaluation))?;
     let log = Log {

@@ -56,8 +56,8 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         fields: fields(folder, saved, motion)?,
     };
     let (maps, light) = (maps(folder, window)?, light::light(folder, &saved.mesh, motion)?);
-    let sizes = maps.iter().map(|m| m.picture.len()).sum::<usize>()
-        + light.as_ref().map_or(0, |l| l.picture.len() + l.radiance.len())
+    let sizes = maps.iter().map(|m| m.image.len()).sum::<usize>()
+        + light.as_ref().map_or(0, |l| l.image.len() + l.radiance.len())
         + cloth.motion.steps.len()
         + cloth.fields.iter().map(|f| f.steps.len()).sum::<usize>()
         + cloth.surface.triangles.len() * 2
@@ -202,12 +202,12 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
         let side = |s: u32| ((f64::from(s) * scale).round() as u32).max(1);
         let small = ::image::imageops::thumbnail(&image, side(width), side(height));
-        Ok(Map { key, label, picture: embed::base64(&jpeg::encode(&small, light::MAP_QUALITY)) })
+        Ok(Map { key, label, image: embed::base64(&jpeg::encode(&small, light::MAP_QUALITY)) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
 }
 
-/// The frames that the folder has pictures of.
+/// The frames that the folder has images of.
 fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> Result<Film> {
     let first = saved.run.frames[0];
     let path = |name: &str, n: usize| match name {

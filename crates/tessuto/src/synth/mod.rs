@@ -44,7 +44,7 @@ pub fn make(settings: &Settings) -> Result<Scene> {
     scene(settings, |view| view.frame)
 }
 
-/// As [`make`], but with frames as the camera recorded them: what moves in front of the sheet is in the pictures outside of
+/// As [`make`], but with frames as the camera recorded them: what moves in front of the sheet is in the images outside of
 /// the masks, too.
 ///
 /// # Errors
@@ -53,7 +53,7 @@ pub fn film(settings: &Settings) -> Result<Scene> {
     scene(settings, |View { frame, filmed, .. }| Frame { rgb: filmed.unwrap_or(frame.rgb), mask: frame.mask })
 }
 
-fn scene(settings: &Settings, picture: impl Fn(View) -> Frame + Send + Sync + 'static) -> Result<Scene> {
+fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + 'static) -> Result<Scene> {
     settings.validate()?;
     let trajectory = match settings.mover {
         Mover::Wind | Mover::Hands => gust::simulate(settings)?,
@@ -83,11 +83,11 @@ fn scene(settings: &Settings, picture: impl Fn(View) -> Frame + Send + Sync + 's
         .map_init(Rendering::new, |rendering, n| {
             let mut view = draw(rendering, n);
             let points = std::mem::take(&mut view.points);
-            (held.then(|| picture(view)), points)
+            (held.then(|| frame_of(view)), points)
         })
         .collect();
     let (frames, points): (Vec<_>, _) = views.into_iter().unzip();
-    let again = move |n: usize| Ok(picture(draw(&mut Rendering::new(), n)));
+    let again = move |n: usize| Ok(frame_of(draw(&mut Rendering::new(), n)));
     let frames = match held {
         true => frames.into_iter().flatten().collect(),
         false => Video::streamed(motion.len(), camera.width * camera.height, again),

@@ -41,8 +41,8 @@ pub struct Behind {
     pub radius: f64,
 }
 
-/// One thing. Its place and size are those of its picture in the plane of the sheet's middle, parallel to the image: nearer,
-/// it would be smaller.
+/// One thing. Its place and size are those of its projection on the plane of the sheet's middle, parallel to the image:
+/// nearer, it would be smaller.
 #[derive(Debug, Clone)]
 pub struct Occluder {
     behind: Behind,

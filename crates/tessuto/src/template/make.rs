@@ -31,6 +31,15 @@ pub enum CornersFrom<'a> {
     },
 }
 
+/// A template made of a rectangle.
+#[derive(Debug, Clone)]
+pub struct FromRectangle {
+    /// The template `[m]`.
+    pub mesh: Mesh,
+    /// Root mean square distance of a plane rectangle's corners from those seen `[px]`, where none fits.
+    pub misfit: Option<f64>,
+}
+
 /// A rectangle of fabric of `size` (width, height) `[m]`, flat or nearly so, as `camera` sees it; `tell` hears what was found.
 ///
 /// # Errors
@@ -41,7 +50,7 @@ pub fn from_rectangle(
     resolution: Resolution,
     corners: CornersFrom,
     tell: &mut dyn FnMut(String),
-) -> Result<Mesh> {
+) -> Result<FromRectangle> {
     let grid = resolution.grid(size)?;
     let (corners, outline, straight) = match corners {
         CornersFrom::Points(corners) => (corners, None, true),
@@ -68,7 +77,7 @@ pub fn from_rectangle(
     if let (Some(outline), false) = (&outline, straight) {
         hem(&mut mesh, grid, found.positions, camera, outline, corners);
     }
-    Ok(mesh)
+    Ok(FromRectangle { mesh, misfit: (!found.rigid).then_some(error) })
 }
 
 /// What is done to a mesh, in this order.

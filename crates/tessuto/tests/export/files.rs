@@ -20,7 +20,7 @@ fn clip(maps: bool) -> Clip {
         let depth = |p: &DVec3| 0.1 * n as f64 * (5.0 * p.x + 0.3 * n as f64).sin() + 0.02 * p.y;
         grid.positions.iter().map(|p| (*p + DVec3::Z * depth(p)).as_vec3().as_dvec3()).collect()
     };
-    let picture = |channels: usize, at: f32| Image {
+    let image = |channels: usize, at: f32| Image {
         width: 4,
         height: 4,
         channels,
@@ -37,8 +37,8 @@ fn clip(maps: bool) -> Clip {
         images: Vec::new(),
         material: Material {
             name: "cloth".into(),
-            base_colour: picture(3, 0.5),
-            roughness_metallic: maps.then(|| [picture(1, 0.3), picture(1, 0.1)]),
+            base_colour: image(3, 0.5),
+            roughness_metallic: maps.then(|| [image(1, 0.3), image(1, 0.1)]),
         },
         parameters: Parameters {
             log_stiffness: [2.0, -3.0, -4.0],

@@ -224,8 +224,8 @@ fn an_exported_result_is_read_back_as_it_was() {
     // Two chunks of positions.
     let frames = 6000;
     let print: Vec<f32> = (0..36).map(|k| k as f32 / 51.0).collect();
-    let pictures: Vec<_> = (0..frames).map(|n| folder.path().join(format!("{}.png", n % 2))).collect();
-    for (path, grey) in pictures.iter().zip([0.2, 0.8]) {
+    let images: Vec<_> = (0..frames).map(|n| folder.path().join(format!("{}.png", n % 2))).collect();
+    for (path, grey) in images.iter().zip([0.2, 0.8]) {
         let image = Image { width: 64, height: 48, channels: 3, data: vec![grey; 64 * 48 * 3] };
         tessuto::io::image::write_png(path, &image).unwrap();
     }
@@ -237,7 +237,7 @@ fn an_exported_result_is_read_back_as_it_was() {
         first_frame: 7,
         camera: CAMERA,
         crop: CROP,
-        images: pictures,
+        images,
         material: Material {
             name: "cloth".into(),
             base_colour: Image { width: 4, height: 3, channels: 3, data: print },
@@ -307,9 +307,9 @@ fn an_exported_result_is_read_back_as_it_was() {
     for (row, expected) in [51u8, 204].into_iter().enumerate() {
         let file = folder.path().join("frame.jpg");
         std::fs::write(&file, video[0].blob("EncodedImage:blob", row)).unwrap();
-        let picture = tessuto::io::image::read_bytes(&file).unwrap();
-        assert_eq!(picture.dimensions(), (64, 48));
-        assert!(picture.iter().all(|v| v.abs_diff(expected) < 4));
+        let image = tessuto::io::image::read_bytes(&file).unwrap();
+        assert_eq!(image.dimensions(), (64, 48));
+        assert!(image.iter().all(|v| v.abs_diff(expected) < 4));
         assert_eq!(video[0].list("EncodedImage:media_type", row).as_string::<i32>().value(0), "image/jpeg");
     }
 

@@ -59,11 +59,11 @@ fn distance_to_a_triangle_ignores_the_order_of_its_corners() {
 fn likeness_of_pictures_is_symmetric() {
     holds(20, any::<u64>(), |seed| {
         let mut rng = Rng::new(seed, 0);
-        let mut picture = || {
+        let mut image = || {
             let data = (0..20 * 17 * 3).map(|_| rng.uniform() as f32).collect();
             Image { width: 20, height: 17, channels: 3, data }
         };
-        let (a, b) = (picture(), picture());
+        let (a, b) = (image(), image());
         let covered = vec![true; 20 * 17];
         let (ab, ba) = (ssim(&a, &b, &covered).unwrap(), ssim(&b, &a, &covered).unwrap());
         prop_assert!((ab - ba).abs() < 1e-12 && ab < 0.9, "{ab} {ba}");

@@ -72,7 +72,7 @@ fn the_two_sides_of_an_edge_part_its_pixels() {
 fn a_flat_mesh_leaves_no_gap_and_hits_nothing_twice() {
     holds(60, (any::<u64>(), 0.0..0.45f64, -0.5..0.5f64), |(seed, jitter, tilt)| {
         let mut rng = Rng::new(seed, 0);
-        // Wider than the picture: every pixel must be covered exactly once.
+        // Wider than the image: every pixel must be covered exactly once.
         let mut sheet = grid(7, 6, DVec2::new(1.8, 1.6), 1.0);
         let spacing = DVec2::new(1.8 / 6.0, 1.6 / 5.0);
         for (v, p) in sheet.positions.iter_mut().enumerate() {

@@ -134,8 +134,8 @@ fn hostile_bytes_do_not_panic() {
     let mesh = std::fs::read(&path).unwrap();
     npy::write_points(&path, &[DVec3::ONE; 4]).unwrap();
     let array = std::fs::read(&path).unwrap();
-    let picture = tessuto::Image::new(5, 4, 3);
-    tessuto::io::image::write_png(&path, &picture).unwrap();
+    let image = tessuto::Image::new(5, 4, 3);
+    tessuto::io::image::write_png(&path, &image).unwrap();
     let png = std::fs::read(&path).unwrap();
 
     let mut state = 1u64;

@@ -10,7 +10,7 @@ use tessuto::Camera;
 use tessuto::math::rng::Rng;
 use tessuto::raster::{Gradients, Rendering, reference};
 
-/// A loss that is linear in the picture: Σ color · rgba + Σ depth · z.
+/// A loss that is linear in the image: Σ color · rgba + Σ depth · z.
 struct Weights {
     rgba: Vec<[f32; 4]>,
     depth: Option<Vec<f32>>,

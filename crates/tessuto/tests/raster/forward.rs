@@ -1,4 +1,4 @@
-//! The picture: coverage, agreement with the plain twin, antialiasing, determinism.
+//! The image: coverage, agreement with the plain twin, antialiasing, determinism.
 
 use crate::support::raster_scenes::{CAMERA, Scene, noise, plain};
 use glam::{DVec2, DVec3};

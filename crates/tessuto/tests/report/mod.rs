@@ -1,3 +1,3 @@
-//! Pictures and page of a result.
+//! Images and page of a result.
 
 mod page;

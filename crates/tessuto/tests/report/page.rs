@@ -10,7 +10,7 @@ use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
 use tessuto::report::embed::{Window, base64};
 use tessuto::report::film::{Film, Source};
 use tessuto::report::{
-    ClothData, EmbeddedMotion, Field, FramePictures, KeyNumber, Kind, Map, Parameter, Ranges, ReportData,
+    ClothData, EmbeddedMotion, Field, FrameImages, KeyNumber, Kind, Map, Parameter, Ranges, ReportData,
     Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
 };
 use tessuto::session::Epoch;
@@ -38,11 +38,11 @@ fn disc(x: f32, z: f32) -> (Image, Image, Image) {
 }
 
 /// Calls `look` with the images of a disc that is 4 px too far left and 10 mm too far away.
-fn with_pictures(look: impl FnOnce(&FramePictures)) {
+fn with_images(look: impl FnOnce(&FrameImages)) {
     let (rgb, mask, depth) = disc(28.0, 1.21);
     let (observed_rgb, observed_mask, measured) = disc(32.0, 1.20);
     let observed = Frame { rgb: observed_rgb, mask: observed_mask };
-    look(&FramePictures {
+    look(&FrameImages {
         rgb: &rgb,
         mask: &mask,
         depth: &depth,
@@ -53,11 +53,11 @@ fn with_pictures(look: impl FnOnce(&FramePictures)) {
 
 #[test]
 fn pictures_show_the_sign_of_what_differs() {
-    with_pictures(|pictures| {
-        let scales = Scales::fitting([Ranges::of(pictures.depth, pictures.measured_depth)]);
+    with_images(|images| {
+        let scales = Scales::fitting([Ranges::of(images.depth, images.measured_depth)]);
         assert_eq!(scales.depth, [1.21, 1.22]);
         assert!((scales.depth_difference - 0.01).abs() < 1e-9, "{scales:?}");
-        let at = |kind, x| pictures.image(kind, &scales).unwrap().pixel(x, 24).to_vec();
+        let at = |kind, x| images.image(kind, &scales).unwrap().pixel(x, 24).to_vec();
         let (red, blue) = (|c: &[f32]| c[0] > 1.5 * c[2], |c: &[f32]| c[2] > 1.5 * c[0]);
         // Rendered only at the left, observed only at the right, both in the middle.
         assert!(red(&at(Kind::MaskDifference, 18)) && blue(&at(Kind::MaskDifference, 42)));
@@ -65,7 +65,7 @@ fn pictures_show_the_sign_of_what_differs() {
         assert!(red(&at(Kind::DepthDifference, 30)));
         assert!(at(Kind::Difference, 30).iter().all(|v| *v < 0.02) && at(Kind::Difference, 42)[0] > 0.9);
         assert_ne!(at(Kind::Depth, 30), at(Kind::Depth, 60));
-        let unmeasured = FramePictures { measured_depth: None, ..*pictures };
+        let unmeasured = FrameImages { measured_depth: None, ..*images };
         assert!(unmeasured.image(Kind::DepthDifference, &scales).is_none());
     });
 }
@@ -96,9 +96,9 @@ fn contact_sheet_shows_the_first_and_the_last_frame() {
     assert_eq!(chosen_frames(4), [0, 1, 2, 3]);
     let chosen = chosen_frames(40);
     assert!(chosen.len() == 9 && chosen[0] == 0 && chosen[8] == 39 && chosen.is_sorted());
-    with_pictures(|pictures| {
-        let scales = Scales::fitting([Ranges::of(pictures.depth, None)]);
-        let sheet = contact_sheet(&[(0, *pictures), (7, *pictures)], &scales);
+    with_images(|images| {
+        let scales = Scales::fitting([Ranges::of(images.depth, None)]);
+        let sheet = contact_sheet(&[(0, *images), (7, *images)], &scales);
         assert!(sheet.data.iter().all(|v| (0.0..=1.0).contains(v)));
         let cloth =
             sheet.data.chunks_exact(3).filter(|p| (p[0] - 0.8).abs() < 1e-3 && (p[2] - 0.2).abs() < 1e-3);
@@ -126,7 +126,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         height: size,
     };
     // A checked cloth with some grain, on black.
-    let picture = |shift: u32| {
+    let image = |shift: u32| {
         RgbImage::from_fn(size as u32, size as u32, |x, y| {
             let inside = |v: u32| (size as u32 / 4..3 * size as u32 / 4).contains(&v);
             let grain =
@@ -140,10 +140,10 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
             }
         })
     };
-    let pictures = [picture(0), picture(3)];
+    let images = [image(0), image(3)];
     let source = |key, k: usize| {
-        let pictures = &pictures;
-        Source { key, label: key, load: Box::new(move |n| Ok(pictures[(n + k) % 2].clone())) }
+        let images = &images;
+        Source { key, label: key, load: Box::new(move |n| Ok(images[(n + k) % 2].clone())) }
     };
     let sources = [source("observed", 0), source("render", 1), source("rerendered", 0)];
     let history: Vec<Epoch> = (1..30)
@@ -189,7 +189,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         maps: vec![Map {
             key: "texture",
             label: "recovered texture",
-            picture: base64(&jpeg::encode(&picture(1), 80)),
+            image: base64(&jpeg::encode(&image(1), 80)),
         }],
         light: None,
         charts: chart::of_history(&history, &parameters),

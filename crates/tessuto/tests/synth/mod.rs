@@ -32,12 +32,8 @@ fn the_same_settings_write_the_same_bytes_with_any_number_of_threads() {
         let folder = tempfile::tempdir().unwrap();
         pool.install(|| write::write(folder.path(), &film(settings).unwrap(), settings)).unwrap();
         let names = ["scene.json", "template.obj", "gt/vertices.npy", "gt/points/points_003.npy"];
-        let pictures = ["rgbs/rgb_003.png", "masks/mask_003.png"];
-        names
-            .into_iter()
-            .chain(pictures)
-            .map(|name| std::fs::read(folder.path().join(name)).unwrap())
-            .collect()
+        let images = ["rgbs/rgb_003.png", "masks/mask_003.png"];
+        names.into_iter().chain(images).map(|name| std::fs::read(folder.path().join(name)).unwrap()).collect()
     };
     for mover in [Mover::Wind, Mover::Hands, Mover::Paper] {
         let settings = settings().with(|s| (s.mover, s.occluders, s.blur, s.fps) = (mover, 2, 0.7, 12.0));

@@ -11,6 +11,7 @@ mod first_frame;
 mod frames;
 mod listing;
 mod manifest;
+mod rectangle;
 pub(crate) mod template;
 mod tracks;
 mod truth;
@@ -25,6 +26,7 @@ use crate::video::HELD_BYTES;
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 pub use manifest::write_manifest;
+pub use rectangle::{template_misfit, write_template};
 
 /// What to load.
 #[derive(Debug, Clone)]

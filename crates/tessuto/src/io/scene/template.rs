@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use super::inside;
 use super::manifest::{Manifest, Units};
+use super::rectangle;
 use crate::error::{Error, Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
 use crate::io::obj;
@@ -51,6 +52,7 @@ pub(crate) fn read(
     if let Err(error) = check_edges(&mesh, &place, warnings) {
         errors.push(error);
     }
+    warnings.extend(rectangle::warning(&path));
     check_vertices(&mesh, folder, warnings);
     check_pieces(&mesh, folder, warnings);
     Some(mesh)

@@ -40,7 +40,7 @@ impl Observed {
     pub fn new(scene: &Scene, range: [usize; 2]) -> Result<Self> {
         let count = scene.frames.len();
         let finest = fitting(&scene.camera, count * COLOUR_BYTES, COLOUR_MEMORY).max(range[0]);
-        // Small pictures have few levels.
+        // Small images have few levels.
         let last = (scene.camera.width.min(scene.camera.height) / LEAST_SIDE).max(1).ilog2() as usize;
         let range = [finest, range[1] + finest - range[0]].map(|level| level.min(last));
         let scale = 1 << fitting(&scene.camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);

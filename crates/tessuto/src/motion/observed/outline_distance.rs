@@ -41,6 +41,15 @@ impl OutlineDistance {
 
     /// Distance and its gradient at pixel position `p` of the mask; `None` near the image border and beyond reach.
     pub fn sample(&self, p: DVec2) -> Option<(f64, DVec2)> {
+        self.with_gradient(p).filter(|(value, _)| value.abs() < f64::from(REACH) - 1.0)
+    }
+
+    /// Distance at pixel position `p` of the mask, cut at [`REACH`]; `None` near the image border.
+    pub fn value(&self, p: DVec2) -> Option<f64> {
+        self.with_gradient(p).map(|(value, _)| value)
+    }
+
+    fn with_gradient(&self, p: DVec2) -> Option<(f64, DVec2)> {
         let scale = self.scale as f64;
         let p = (p - 0.5 * (scale - 1.0)) / scale;
         let (w, h) = (self.width, self.height);
@@ -56,7 +65,7 @@ impl OutlineDistance {
         let value = (a + s * (b - a)) * (1.0 - t) + (c + s * (d - c)) * t;
         let gradient =
             DVec2::new((b - a) * (1.0 - t) + (d - c) * t, (c - a) * (1.0 - s) + (d - b) * s) / scale;
-        (value.abs() < f64::from(REACH) - 1.0).then_some((value, gradient))
+        Some((value, gradient))
     }
 }
 

@@ -79,7 +79,7 @@ impl Scales {
 
 /// One frame's images, all of the crop's size.
 #[derive(Debug, Clone, Copy)]
-pub struct FramePictures<'a> {
+pub struct FrameImages<'a> {
     /// Rendered sRGB colour, shape [height, width, 3].
     pub rgb: &'a Image,
     /// Rendered coverage in [0, 1], shape [height, width, 1].
@@ -92,7 +92,7 @@ pub struct FramePictures<'a> {
     pub measured_depth: Option<&'a Image>,
 }
 
-impl FramePictures<'_> {
+impl FrameImages<'_> {
     /// Write `<folder>/<kind>/frame_<frame>.png` for every kind there is data for.
     pub fn write(&self, folder: &Path, frame: usize, scales: &Scales) -> Result<()> {
         for kind in Kind::ALL {

@@ -9,7 +9,7 @@ use crate::mesh::Positions;
 use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::raster::{Rasterizer, Rendering};
 use crate::reconstruct::Reconstruction;
-use crate::report::pictures::{FramePictures, Ranges, Scales, measured_depth_image};
+use crate::report::images::{FrameImages, Ranges, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
 use crate::scene::Scene;
 use crate::video::Frame;
@@ -60,7 +60,7 @@ impl Painter<'_> {
         let (scene, shape) = (self.scene, &self.result.motion[n]);
         let number = scene.first_frame + n;
         let observed = &*scene.frames.frame(n)?;
-        rendered.pictures(observed).write(folder, number, scales)?;
+        rendered.images(observed).write(folder, number, scales)?;
         Ok(Measured {
             agreement: self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed),
             errors: depth_errors(scene, shape, &rendered.depth, rendered.measured.as_ref()),
@@ -90,14 +90,14 @@ pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Re
     let observed: Vec<_> = chosen.iter().map(|n| scene.frames.frame(*n)).collect::<Result<_>>()?;
     let numbers = chosen.iter().map(|n| scene.first_frame + n);
     let shown: Vec<_> =
-        numbers.zip(kept.iter().zip(&observed)).map(|(n, (r, frame))| (n, r.pictures(frame))).collect();
+        numbers.zip(kept.iter().zip(&observed)).map(|(n, (r, frame))| (n, r.images(frame))).collect();
     io::image::write_png(&target.join("contact_sheet.png"), &contact_sheet(&shown, &scales))?;
     Ok(measured.into_iter().map(|m| m.agreement).collect())
 }
 
 impl Rendered {
-    fn pictures<'a>(&'a self, observed: &'a Frame) -> FramePictures<'a> {
-        FramePictures {
+    fn images<'a>(&'a self, observed: &'a Frame) -> FrameImages<'a> {
+        FrameImages {
             rgb: &self.rgb,
             mask: &self.mask,
             depth: &self.depth,

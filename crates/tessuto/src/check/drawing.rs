@@ -23,21 +23,21 @@ pub(super) fn draw(scene: &Scene) -> Result<Image> {
     let last = scene.frames.len() - 1;
     let mut shown = vec![0, last / 2, last];
     shown.dedup();
-    let mut pictures: Vec<Image> =
+    let mut images: Vec<Image> =
         shown.into_iter().map(|n| Ok(outlined(&*scene.frames.frame(n)?))).collect::<Result<_>>()?;
     let mesh = &scene.template;
     for edge in mesh.edges() {
         let ends = edge.map(|v| mesh.positions[v as usize]);
         if ends.iter().all(|p| p.z > 0.0) {
             let [a, b] = ends.map(|p| scene.camera.project(p));
-            line(&mut pictures[0], a, b);
+            line(&mut images[0], a, b);
         }
     }
-    let (w, h) = (pictures[0].width, pictures[0].height);
-    let mut sheet = Image::new(pictures.len() * (w + GAP_WIDTH) - GAP_WIDTH, h, 3);
+    let (w, h) = (images[0].width, images[0].height);
+    let mut sheet = Image::new(images.len() * (w + GAP_WIDTH) - GAP_WIDTH, h, 3);
     sheet.data.fill(GAP);
-    for (k, picture) in pictures.iter().enumerate() {
-        for (y, row) in picture.data.chunks_exact(3 * w).enumerate() {
+    for (k, image) in images.iter().enumerate() {
+        for (y, row) in image.data.chunks_exact(3 * w).enumerate() {
             let start = 3 * (y * sheet.width + k * (w + GAP_WIDTH));
             sheet.data[start..start + 3 * w].copy_from_slice(row);
         }
@@ -47,8 +47,8 @@ pub(super) fn draw(scene: &Scene) -> Result<Image> {
 
 /// A frame with the outline of its mask.
 fn outlined(frame: &Frame) -> Image {
-    let mut picture = frame.rgb.clone();
-    let (w, h) = (picture.width, picture.height);
+    let mut image = frame.rgb.clone();
+    let (w, h) = (image.width, image.height);
     let fabric = |x: usize, y: usize| frame.mask.pixel(x, y)[0] >= 0.5;
     for y in 0..h {
         for x in 0..w {
@@ -56,16 +56,16 @@ fn outlined(frame: &Frame) -> Image {
             let border =
                 |dx: usize, dy: usize| x + dx < w && y + dy < h && fabric(x, y) != fabric(x + dx, y + dy);
             if border(1, 0) || border(0, 1) {
-                picture.pixel_mut(x, y).copy_from_slice(&OUTLINE);
+                image.pixel_mut(x, y).copy_from_slice(&OUTLINE);
             }
         }
     }
-    picture
+    image
 }
 
 /// A thin line between two points `[px]`, as far as it is inside the image.
-fn line(picture: &mut Image, a: DVec2, b: DVec2) {
-    let size = DVec2::new(picture.width as f64, picture.height as f64);
+fn line(image: &mut Image, a: DVec2, b: DVec2) {
+    let size = DVec2::new(image.width as f64, image.height as f64);
     // The part of a + t (b − a) inside the image, so that a far end costs nothing.
     let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
     for axis in 0..2 {
@@ -86,7 +86,7 @@ fn line(picture: &mut Image, a: DVec2, b: DVec2) {
     for k in 0..=steps {
         let q = (a + (b - a) * (t0 + (t1 - t0) * k as f64 / steps as f64)).round();
         if q.x >= 0.0 && q.y >= 0.0 && q.x < size.x && q.y < size.y {
-            picture.pixel_mut(q.x as usize, q.y as usize).copy_from_slice(&TEMPLATE);
+            image.pixel_mut(q.x as usize, q.y as usize).copy_from_slice(&TEMPLATE);
         }
     }
 }
