@@ -59,9 +59,10 @@ fn main() -> tessuto::Result<()> {
 
 /// Every `step`-th frame of the scene.
 fn thinned(mut scene: Scene, step: usize) -> tessuto::Result<Scene> {
-    let kept = |n: &usize| n % step == 0;
+    let kept = |n: &usize| n.is_multiple_of(step);
     let numbers = || (0..scene.frames.len()).filter(kept);
-    let frames: tessuto::Result<Vec<_>> = numbers().map(|n| Ok(scene.frames.frame(n)?.into_owned())).collect();
+    let frames: tessuto::Result<Vec<_>> =
+        numbers().map(|n| Ok(scene.frames.frame(n)?.into_owned())).collect();
     let vertices = scene.truth.vertices.as_ref().map(|v| numbers().map(|n| v[n].clone()).collect());
     let points = scene.truth.points.as_ref().map(|p| numbers().map(|n| p[n].clone()).collect());
     scene.frames = frames?.into();

@@ -377,7 +377,12 @@ impl AngleSpring {
     }
 
     /// Adds the second derivatives by (u, w) to those by the positions.
-    pub(crate) fn scatter_hessian(&self, h: &angle::Hessian, pattern: &BlockPattern, matrix: &mut BlockMatrix) {
+    pub(crate) fn scatter_hessian(
+        &self,
+        h: &angle::Hessian,
+        pattern: &BlockPattern,
+        matrix: &mut BlockMatrix,
+    ) {
         let [a, o, c] = self.vertices.map(|v| v as usize);
         let [ao, ac, oc] = self.pairs;
         // u = o − a, w = c − o.

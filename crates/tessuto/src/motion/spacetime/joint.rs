@@ -88,9 +88,7 @@ impl JointSystem<'_> {
         (0..p.len())
             .into_par_iter()
             .map(|n| {
-                let system = &self.systems[n];
-                let mut out = system.matrix.multiply(&self.cloth.pattern, &p[n]);
-                system.low_rank.iter().for_each(|low| low.add_product(&p[n], &mut out));
+                let mut out = self.systems[n].multiply(self.cloth, &p[n]);
                 for (i, out) in out.iter_mut().enumerate() {
                     *out += (bent[n + 1][i] + p[n][i] * self.lambda) * self.kappa;
                 }

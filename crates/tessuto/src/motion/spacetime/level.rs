@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use super::gain::fit_gain;
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::samples::SurfaceSamples;
-use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
+use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 
 /// State of the search at one level of the pyramid.
 pub(super) struct LevelSearch<'p, 'a> {

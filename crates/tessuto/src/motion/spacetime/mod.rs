@@ -4,7 +4,7 @@
 //! Unknown are the positions x_n `[m]` of every vertex in every frame n = 1 … N−1; x_0 is the template. Sought is the
 //! minimum of
 //!
-//!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + elastic(x_n) ]
+//!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + bend(x_n) + shear(x_n) ]
 //!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a².
 //!
 //! | term | residual r | what it adds | spread σ (setting) |
@@ -14,11 +14,12 @@
 //! | [outline](super::terms::outline) | distance `[px]` of every boundary point to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
 //! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ) | `strain` |
 //! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]` | c(r/σ) | `signed_bend` `[rad]` |
-//! | [elastic](super::terms::elastic) | change of every bending and shearing angle `[rad]` | ½ (r/σ)² | `bend`, `shear` `[rad]` |
+//! | [bend](super::terms::bend) | change of every bending angle `[rad]` | ½ (r/σ)² | `bend` `[rad]` |
+//! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ), ½ (m/σ_m)² | `shear`, `shear_smooth` `[rad]` |
 //! | [acceleration] | second difference of every vertex over time `[m]` | ½ (r/σ)² | `acceleration` `[m]` |
 //!
 //! All are negative logarithms of probabilities, without unit: a residual of one σ costs ½. ρ is Geman and McClure's
-//! kernel, c Cauchy's with its tail τ (`tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`)
+//! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`)
 //! is the area `[px]` and l (`outline_length`) the length `[px]` whose errors vary together; a larger σ, a or l makes a term
 //! weaker. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!
@@ -27,7 +28,14 @@
 //! held fixed, like A_n, while a step in x is taken.
 //!
 //! `track` finds a start frame by frame; `refine` then lowers E over all frames together by Gauss-Newton steps with
-//! Levenberg's damping. Both go from coarse to fine images.
+//! Levenberg's damping. Both go from coarse to fine images. Heavy tails have many minima: a sheet that is allowed to
+//! crumple does so wherever the start is off. So `track` keeps lengths, shear and bending close to least squares (spreads times
+//! `start_spread`, tails times `start_tail`), and `refine` lets both shrink to their own values in equal ratios, after which
+//! only true folds are left in the tails.
+//!
+//! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
+//! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
+//! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]).
 
 pub mod acceleration;
 pub mod gain;

@@ -42,8 +42,8 @@ settings! {
         /// The search starts with spreads of strain and shear that are larger by this factor.
         start_spread: f64 = 2.0, number(1.0..=1e6, "");
         /// The search starts with tails that are longer by this factor, close to least squares.
-        start_tail: f64 = 40.0, number(1.0..=1e9, "");
+        start_tail: f64 = 100.0, number(1.0..=1e9, "");
         /// Iterations over all frames at each level.
-        iterations: usize = 15, number(0.0..=1e6, "");
+        iterations: usize = 22, number(0.0..=1e6, "");
     }
 }

@@ -48,8 +48,8 @@ impl FrameFactor {
         matrix.add_masses(&cloth.pattern, &vec![1.0; cloth.vertex_count()], diagonal);
         let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
         let correction = system.low_rank.as_ref().map(|low| {
-            let solved = [0, 1, 2, 3]
-                .map(|k| cloth.analysis.solve(&cloth.pattern, &factor, &low.columns[k], scratch));
+            let solved =
+                [0, 1, 2, 3].map(|k| cloth.analysis.solve(&cloth.pattern, &factor, &low.columns[k], scratch));
             let [a, b, c, d] = [0, 1, 2, 3].map(|k| products(&low.columns, &solved[k]));
             (solved, (low.inverse.inverse() - DMat4::from_cols(a, b, c, d)).inverse())
         });
@@ -68,5 +68,41 @@ impl FrameFactor {
     /// Gives the factor's memory back.
     pub fn recycle(self, scratch: &mut Scratch) {
         scratch.recycle(self.factor);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+    use crate::math::rng::Rng;
+    use crate::mesh::grid;
+    use crate::motion::terms::Term;
+    use crate::motion::terms::shear::Shear;
+
+    #[test]
+    fn the_factor_solves_the_matrix_with_its_correction() {
+        let mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
+        let cloth = Cloth::new(&mesh);
+        let mut rng = Rng::new(5, 0);
+        let x: Positions = mesh.positions.iter().map(|p| *p + rng.vector() * 2e-3).collect();
+        let mut system = FrameSystem::zeros(&cloth);
+        Shear::new(&cloth, &mesh, [0.01, 1.0, 0.005]).add_system(&x, &mut system);
+        let rhs: Positions = x.iter().map(|_| rng.vector()).collect();
+        let mut scratch = Scratch::default();
+        let diagonal = 1e4;
+        let solution =
+            FrameFactor::new(&cloth, &system, diagonal, &mut scratch).solve(&cloth, &rhs, &mut scratch);
+        let sparse = system.matrix.multiply(&cloth.pattern, &solution);
+        let mut product = system.multiply(&cloth, &solution);
+        product.iter_mut().zip(&solution).for_each(|(p, s)| *p += *s * diagonal);
+        let distance = |a: &[DVec3], b: &[DVec3]| {
+            a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum::<f64>().sqrt()
+        };
+        assert!(distance(&product, &rhs) < 1e-7 * dot(&rhs, &rhs).sqrt(), "{}", distance(&product, &rhs));
+        assert!(distance(&sparse, &rhs) > 1e-3 * dot(&rhs, &rhs).sqrt(), "the correction matters");
+        // What is left of the matrix is positive semi-definite.
+        assert!(dot(&solution, &product) > 0.0);
     }
 }

@@ -69,6 +69,15 @@ impl FrameSystem {
             low_rank: None,
         }
     }
+
+    /// Product of the whole matrix with `p`.
+    pub fn multiply(&self, cloth: &Cloth, p: &[DVec3]) -> Positions {
+        let mut out = self.matrix.multiply(&cloth.pattern, p);
+        if let Some(low) = &self.low_rank {
+            low.add_product(p, &mut out);
+        }
+        out
+    }
 }
 
 /// a bᵀ.

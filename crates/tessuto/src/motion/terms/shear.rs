@@ -57,7 +57,9 @@ impl<'a> Shear<'a> {
     /// Of the cloth that is at rest in the shape of `template`; the numbers are σ, τ, σ_m.
     pub fn new(cloth: &'a Cloth, template: &Mesh, [sigma, tail, smooth]: [f64; 3]) -> Self {
         let modes = match vertex_uvs(template, SEAM) {
-            Some(uvs) => cloth.shears.iter().map(|spring| modes(spring.vertices.map(|v| uvs[v as usize]))).collect(),
+            Some(uvs) => {
+                cloth.shears.iter().map(|spring| modes(spring.vertices.map(|v| uvs[v as usize]))).collect()
+            }
             None => vec![DVec4::ZERO; cloth.shears.len()],
         };
         Self { cloth, modes: Arc::new(modes), sigma, tail, smooth }
@@ -147,5 +149,43 @@ impl Term for Shear<'_> {
         }
         system.low_rank = Some(LowRank { columns, inverse: fit.curvature.inverse() });
         fit.value
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec2, Vec4Swizzles};
+
+    use super::*;
+    use crate::mesh::grid;
+
+    fn sheet() -> Mesh {
+        grid(8, 7, DVec2::new(0.14, 0.12), 1.0)
+    }
+
+    fn sheared(angle: impl Fn(f64) -> f64) -> Positions {
+        let shear = |p: &DVec3| DVec3::new(p.x + p.y * angle(p.y).sin(), p.y * angle(p.y).cos(), p.z);
+        sheet().positions.iter().map(shear).collect()
+    }
+
+    #[test]
+    fn the_shear_of_a_whole_sheet_is_its_modes() {
+        let (mesh, cloth) = (sheet(), Cloth::new(&sheet()));
+        let term = Shear::new(&cloth, &mesh, [0.01, 1.0, 10.0]);
+        let whole = sheared(|_| 0.1);
+        // Angles are those of `sim::angle`, which keeps them off zero and π: a little less than the shear itself.
+        let found = term.fit(&whole).m;
+        assert!((found.x.abs() - 0.1).abs() < 2e-3 && found.yzw().length() < 2e-3, "{found}");
+        assert!((term.smooth_shear(std::slice::from_ref(&whole)) - 0.05).abs() < 1e-3);
+        // A strip that shears alone is none of the modes, and a sheet whose texture has seams has none.
+        let strip = sheared(|y| if y > 0.03 { 0.1 } else { 0.0 });
+        assert!(
+            term.value(&strip) > 30.0 * term.value(&whole),
+            "{} {}",
+            term.value(&strip),
+            term.value(&whole)
+        );
+        let without = Shear { modes: Arc::new(vec![DVec4::ZERO; cloth.shears.len()]), ..term.clone() };
+        assert!(without.value(&whole) > 30.0 * term.value(&whole));
     }
 }
