@@ -1,14 +1,10 @@
-//! `tessuto synth`.
+//! What `tessuto synth` is told.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::synth::lattice::MeshKind;
-use tessuto::synth::write::write;
-use tessuto::synth::{Mover, Settings, film};
-
-use crate::say::say;
+use tessuto::synth::{Mover, Settings};
 
 /// Strength of the gust where hands carry the cloth [m/s²]: their motion shall be seen.
 const HANDS_WIND: f64 = 2.0;
@@ -24,7 +20,7 @@ Examples:
   tessuto synth scenes/sheet --paper --occluders")]
 pub struct Arguments {
     /// Scene folder to write.
-    out: PathBuf,
+    pub out: PathBuf,
     /// Number of frames.
     #[arg(long, default_value_t = Settings::default().frames)]
     frames: usize,
@@ -75,7 +71,7 @@ pub struct Arguments {
     seed: u64,
     /// Replace a scene folder that tessuto wrote and nobody changed since.
     #[arg(long)]
-    force: bool,
+    pub force: bool,
 }
 
 /// Kinds of meshes.
@@ -87,7 +83,8 @@ enum Kind {
 }
 
 impl Arguments {
-    fn put_into(&self, s: &mut Settings) {
+    /// Writes what was asked for into `s`.
+    pub fn put_into(&self, s: &mut Settings) {
         s.frames = self.frames;
         s.fps = self.fps;
         s.size = self.size;
@@ -112,22 +109,4 @@ impl Arguments {
         s.amodal = self.amodal;
         s.blur = self.blur.unwrap_or(0.0);
     }
-}
-
-/// Runs the command.
-pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let settings = Settings::default().with(|s| arguments.put_into(s));
-    synth_into(&arguments.out, &settings, arguments.force)?;
-    say!("{}", arguments.out.display());
-    Ok(())
-}
-
-/// Makes the scene and writes it; `force` replaces an unchanged scene of tessuto's, never anything else.
-pub fn synth_into(out: &Path, settings: &Settings, force: bool) -> tessuto::Result<()> {
-    settings.validate()?;
-    let output = OutputFolder::prepare(out, FolderKind::Scene, force)?;
-    let scene = film(settings)?;
-    write(output.partial(), &scene, settings)?;
-    crate::say_kept(output.publish()?);
-    Ok(())
 }
