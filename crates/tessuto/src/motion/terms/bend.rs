@@ -1,5 +1,5 @@
 //! Prior on bending whatever its direction: Σ ½ ((θ − θ0)/σ)² over the cloth's bending pairs, with the angle θ of
-//! [`crate::sim::angle`] and θ0 that of the template.
+//! `sim::angle` and θ0 that of the template.
 
 use glam::DVec3;
 

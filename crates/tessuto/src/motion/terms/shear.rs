@@ -6,7 +6,7 @@
 //!
 //!   E = min_m Σ_i ½ τ² ln(1 + (r_i/τ)²) + ½ |m|²/σ_m²,  r_i = (θ_i − θ0_i − b_i·m)/σ,
 //!
-//! over the shearing pairs i, with the angle θ of [`crate::sim::angle`], θ0 that of the template and b_i the change of the
+//! over the shearing pairs i, with the angle θ of `sim::angle`, θ0 that of the template and b_i the change of the
 //! angle under the shears 1, p, q, p q, where p and q run over [−1, 1] along the texture's axes. m is found with the
 //! positions: in the second-order system it is eliminated (a Schur complement of rank four, [`LowRank`]).
 
