@@ -40,6 +40,8 @@ impl Problem<'_> {
     /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one frame, with
     /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
     ///
+    /// A sheet that turns out to shear as a whole is followed once more, with room for that in its prior.
+    ///
     /// If a frame's objective is no longer finite, the last good positions are held from there on and the failure is
     /// returned with them.
     ///
@@ -61,7 +63,9 @@ impl Problem<'_> {
             tracked = start(found / SHARE);
             lost = self.follow(&mut tracked, session)?;
         }
-        session.finish("track", &tracked);
+        if lost.is_none() {
+            session.finish("track", &tracked);
+        }
         Ok((tracked.frames, lost))
     }
 
