@@ -40,6 +40,10 @@ pub struct FrameAgreement {
     /// Fraction of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
     /// the template does so.
     pub creased: f64,
+    /// Standard deviation of the positions that the search itself expects `[m]`: root mean square over the vertices of the
+    /// square root of the trace of each one's covariance; absent where the method estimates none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deviation: Option<f64>,
 }
 
 /// Measures frames of one mesh.
@@ -100,6 +104,7 @@ impl AgreementMeter {
             strain_p99,
             strain_max,
             creased: self.creased(positions),
+            deviation: None,
         }
     }
 

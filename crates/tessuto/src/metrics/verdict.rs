@@ -232,6 +232,7 @@ mod tests {
             strain_p99: 0.04,
             strain_max: 0.3,
             creased: 0.01,
+            deviation: None,
         }
     }
 
