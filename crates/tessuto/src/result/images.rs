@@ -61,8 +61,10 @@ impl Painter<'_> {
         let number = scene.first_frame + n;
         let observed = &*scene.frames.frame(n)?;
         rendered.images(observed).write(folder, number, scales)?;
+        let agreement = self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed);
+        let deviation = self.result.deviations.as_ref().map(|frames| root_mean_square(&frames[n]));
         Ok(Measured {
-            agreement: self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed),
+            agreement: FrameAgreement { deviation, ..agreement },
             errors: depth_errors(scene, shape, &rendered.depth, rendered.measured.as_ref()),
         })
     }
@@ -121,6 +123,10 @@ fn write_errors(folder: &Path, scene: &Scene, motion: &[Positions], measured: &[
         io::npy::write(&folder.join("vertex_error.npy"), &size, &errors)?;
     }
     Ok(())
+}
+
+fn root_mean_square(numbers: &[f64]) -> f64 {
+    (numbers.iter().map(|x| x * x).sum::<f64>() / numbers.len().max(1) as f64).sqrt()
 }
 
 /// Depth minus measured depth `[m]` at every vertex that is in sight, NaN elsewhere and where none was measured.
