@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use tessuto::Warning;
 use tessuto::metrics::QUANTITIES;
-use tessuto::result::{self, Run};
+use tessuto::result::{self, Run, Summary};
 use tessuto::run::{Observer, Outcome, Stage};
 use tessuto::session::{self, Epoch};
 use tessuto::{Image, Positions, Result, Scene, io};
@@ -144,14 +144,24 @@ pub fn tell(outcome: &Outcome, out: &Path) {
     if let Some(psnr) = outcome.rerendered_psnr {
         tell_appearance(psnr, &outcome.timings);
     }
-    match (outcome.summary.doubt(), &outcome.summary.verdict) {
-        (Some(doubt), _) => aside!("{}", wrapped(&format!("warning: the result is {doubt}"))),
-        (None, Some(verdict)) => say!("{}", wrapped(&verdict.sentence)),
-        (None, None) => {}
-    }
+    tell_verdict(&outcome.summary);
     say!("{}", out.display());
     say!("  look at {}", out.join("report.html").display());
     say!("  and at  {}", out.join("pictures/contact_sheet.png").display());
+}
+
+/// Says whether the frames of a result are found, and what to do about lost ones.
+pub fn tell_verdict(summary: &Summary) {
+    match (summary.warning(), &summary.verdict) {
+        (Some(warning), _) => {
+            remedy::warning(&warning).lines().for_each(|line| {
+                let (indent, words) = if line.starts_with(' ') { ("  ", line) } else { ("warning: ", line) };
+                aside!("{}", wrapped(&format!("{indent}{}", words.trim_start())));
+            });
+        }
+        (None, Some(verdict)) => say!("{}", wrapped(&verdict.sentence)),
+        (None, None) => {}
+    }
 }
 
 /// Says how well material and light explain the video, and how long that took.

@@ -69,7 +69,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
     if total > 0.0 {
         subtitle.push_str(&format!(", {total:.0} s of work"));
     }
-    let verdict = metrics::judge(agreement);
+    let verdict = metrics::judge(agreement, &saved.mesh);
     Ok(ReportData {
         title: saved.run.name(),
         subtitle,
