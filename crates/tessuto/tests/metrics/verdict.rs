@@ -70,7 +70,10 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
     assert_eq!((summary.name.as_str(), summary.vertices, summary.seconds), ("cloth", vertices, 3.5));
     assert_eq!((summary.frames, summary.warnings.as_slice()), ([0, FRAMES], &warnings[..]));
     let metrics = result::read_metrics(folder.path()).unwrap().expect("metrics.json");
-    assert_eq!(metrics.agreement.iter().map(|f| f.frame).collect::<Vec<_>>(), (0..FRAMES).collect::<Vec<_>>());
+    assert_eq!(
+        metrics.agreement.iter().map(|f| f.frame).collect::<Vec<_>>(),
+        (0..FRAMES).collect::<Vec<_>>()
+    );
     let warning = summary.warning();
     let verdict = summary.verdict.expect("a verdict");
     assert_eq!(warning.is_some(), verdict.state > State::Found);
@@ -126,7 +129,11 @@ fn the_true_motion_is_good_and_spoilt_halves_are_named() {
         let found = verdict(&scene, &texture, spoilt(change));
         assert_eq!(found.state, State::Lost, "{name}: {}", found.sentence);
         assert!(found.lost.last().is_some_and(|l| l[1] == FRAMES), "{name}: {}", found.sentence);
-        assert_eq!((found.counts.found, found.counts.lost + found.counts.doubtful), (HALF, FRAMES - HALF), "{name}");
+        assert_eq!(
+            (found.counts.found, found.counts.lost + found.counts.doubtful),
+            (HALF, FRAMES - HALF),
+            "{name}"
+        );
         assert!(found.sentence.contains("from frame 6 on"), "{name}: {}", found.sentence);
         assert!(found.sentence.contains(reason), "{name}: {}", found.sentence);
     }

@@ -96,7 +96,10 @@ fn a_frame_tells_what_decided_and_a_clip_where_which() {
         "texture displaced, correlation 0.10, 10 % of the area in flipped triangles"
     );
     assert_eq!(verdict.counts, Counts { found: 16, doubtful: 2, lost: 2 });
-    assert_eq!((verdict.doubtful.as_slice(), verdict.lost.as_slice()), (&[[13, 14], [20, 21]][..], &[[12, 13], [14, 15]][..]));
+    assert_eq!(
+        (verdict.doubtful.as_slice(), verdict.lost.as_slice()),
+        (&[[13, 14], [20, 21]][..], &[[12, 13], [14, 15]][..])
+    );
     assert_eq!(
         verdict.sentence,
         "lost in frames 12 and 14, doubtful in frames 13 and 20: texture displaced, correlation 0.10 (frame 14), \
