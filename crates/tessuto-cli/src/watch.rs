@@ -7,6 +7,7 @@ use tessuto::metrics::QUANTITIES;
 use tessuto::result::{self, Run, Summary};
 use tessuto::run::{Observer, Outcome, Stage};
 use tessuto::session::{self, Epoch};
+use tessuto::text::quoted;
 use tessuto::{Image, Positions, Result, Scene, io};
 
 use crate::findings::wrapped;
@@ -144,20 +145,22 @@ pub fn tell(outcome: &Outcome, out: &Path) {
     if let Some(psnr) = outcome.rerendered_psnr {
         tell_appearance(psnr, &outcome.timings);
     }
-    tell_verdict(&outcome.summary);
+    tell_verdict(&outcome.summary, out);
     say!("{}", out.display());
     say!("  look at {}", out.join("report.html").display());
     say!("  and at  {}", out.join("pictures/contact_sheet.png").display());
 }
 
-/// Says whether the frames of a result are found, and what to do about lost ones.
-pub fn tell_verdict(summary: &Summary) {
+/// Says whether the frames of the result at `out` are found, and what to do about lost ones.
+pub fn tell_verdict(summary: &Summary, out: &Path) {
     match (summary.warning(), &summary.verdict) {
         (Some(warning), _) => {
-            remedy::warning(&warning).lines().for_each(|line| {
-                let (indent, words) = if line.starts_with(' ') { ("  ", line) } else { ("warning: ", line) };
-                aside!("{}", wrapped(&format!("{indent}{}", words.trim_start())));
-            });
+            let text = remedy::warning(&warning).replace("RESULT", &quoted(out));
+            let (found, hint) = text.split_once("\n  ").unwrap_or((&text, ""));
+            aside!("{}", wrapped(&format!("warning: {found}")));
+            if !hint.is_empty() {
+                aside!("  {}", wrapped(hint));
+            }
         }
         (None, Some(verdict)) => say!("{}", wrapped(&verdict.sentence)),
         (None, None) => {}

@@ -76,6 +76,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         command: log.commands.join("\n"),
         key_numbers: key_numbers(verdict.as_ref(), evaluation.as_ref()),
         verdict,
+        verdicts: evaluation.as_ref().map_or_else(Vec::new, |e| e.verdicts.clone()),
         film: film(folder, saved, motion, budget)?,
         cloth: Some(cloth),
         maps,

@@ -6,6 +6,8 @@
 pub mod criteria;
 mod words;
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use self::criteria::CRITERIA;
@@ -70,6 +72,18 @@ pub struct Counts {
     pub doubtful: usize,
     /// [`State::Lost`].
     pub lost: usize,
+}
+
+impl fmt::Display for Counts {
+    /// All of them, such as `60 frames found, 12 doubtful, 8 lost`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { found, doubtful, lost } = self;
+        write!(
+            f,
+            "{found} frame{} found, {doubtful} doubtful, {lost} lost",
+            if *found == 1 { "" } else { "s" }
+        )
+    }
 }
 
 /// What the frames say together.
