@@ -28,8 +28,8 @@ const DIAGONAL: f64 = 1e-7;
 const ATTEMPTS: usize = 12;
 
 /// As [`super::super::joint`]'s own, but finer: what is largest in a sample, slow and smooth motions, is found last.
-const CG_TOLERANCE: f64 = 1e-6;
-const CG_LIMIT: usize = 150;
+const CG_TOLERANCE: f64 = 1e-5;
+const CG_LIMIT: usize = 80;
 
 /// What is gone on from.
 #[derive(Default, Serialize, Deserialize)]

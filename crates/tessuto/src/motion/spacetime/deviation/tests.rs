@@ -21,7 +21,7 @@ const KAPPA: f64 = 1e3;
 
 /// Systems of three frames of a small sheet: strain, shear with its smooth modes, and something that holds the vertices, some of
 /// them firmly.
-fn systems<'a>(cloth: &'a Cloth, mesh: &Mesh, low_rank: bool) -> Vec<FrameSystem> {
+fn systems(cloth: &Cloth, mesh: &Mesh, low_rank: bool) -> Vec<FrameSystem> {
     let mut rng = Rng::new(4, 0);
     let of_frame = |_| {
         let x: Positions = mesh.positions.iter().map(|p| *p + rng.vector() * 2e-3).collect();
@@ -102,7 +102,6 @@ fn samples_have_the_variances_of_the_dense_inverse() {
     // What the modes of shear take off the matrix matters: without it, or with another acceleration term, the variances are others.
     let without = self::systems(&cloth, &mesh, false);
     let stiffer = JointSystem { systems: &without, ..joint };
-    println!("stiffer {:?}", errors(&stiffer, &variances, count));
     assert!(errors(&stiffer, &variances, count)[1] > 6.0, "{:?}", errors(&stiffer, &variances, count));
     let freer = JointSystem { cloth: &cloth, systems: &systems, kappa: 0.5 * KAPPA, lambda: 0.0 };
     assert!(errors(&freer, &variances, count)[1] > 4.0, "{:?}", errors(&freer, &variances, count));
