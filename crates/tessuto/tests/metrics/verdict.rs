@@ -142,16 +142,17 @@ fn the_true_motion_is_good_and_spoilt_halves_are_named() {
 
 /// Blur takes what is fine out of the print; the true motion, blurred alike, has it still.
 #[test]
-fn the_true_motion_of_a_blurred_clip_is_not_lost() {
+fn the_true_motion_of_a_blurred_clip_is_found() {
     let (scene, motion, texture) = scene(|s| {
-        (s.mover, s.fps, s.blur) = (synth::Mover::Hands, 10.0, 0.5);
+        (s.mover, s.wind) = (synth::Mover::Hands, 2.0);
+        (s.fps, s.blur) = (10.0, 0.9);
     });
     let found = verdict(&scene, &texture, motion.clone());
-    assert_eq!(found.counts.lost, 0, "{}", found.sentence);
-    // A clip that is half a frame late is.
-    let late = |k: usize| {
+    assert_eq!(found.state, State::Found, "{}", found.sentence);
+    // One that is ahead of the video is not.
+    let ahead = |k: usize| {
         motion[k].iter().zip(&motion[(k + 1).min(FRAMES - 1)]).map(|(p, q)| p.lerp(*q, 0.7)).collect()
     };
-    let found = verdict(&scene, &texture, (0..FRAMES).map(late).collect());
-    assert!(found.counts.lost > FRAMES / 2, "{}", found.sentence);
+    let found = verdict(&scene, &texture, (0..FRAMES).map(ahead).collect());
+    assert!(found.counts.lost + found.counts.doubtful > FRAMES / 2, "{}", found.sentence);
 }
