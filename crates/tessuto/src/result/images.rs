@@ -86,6 +86,7 @@ impl Painter<'_> {
         let observed = &*scene.frames.frame(n)?;
         rendered.images(observed).write(folder, number, scales)?;
         let mut agreement = self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed);
+        agreement.deviation = self.result.deviations.as_ref().map(|frames| root_mean_square(&frames[n]));
         // Blur is a reason to look for only where the sharp print is not there.
         if let Some(sharp) = agreement.correlation.filter(|sharp| *sharp < CORRELATION) {
             agreement.correlation =
@@ -151,6 +152,10 @@ fn write_errors(folder: &Path, scene: &Scene, motion: &[Positions], measured: &[
         io::npy::write(&folder.join("vertex_error.npy"), &size, &errors)?;
     }
     Ok(())
+}
+
+fn root_mean_square(numbers: &[f64]) -> f64 {
+    (numbers.iter().map(|x| x * x).sum::<f64>() / numbers.len().max(1) as f64).sqrt()
 }
 
 /// Depth minus measured depth `[m]` at every vertex that is in sight, NaN elsewhere and where none was measured.

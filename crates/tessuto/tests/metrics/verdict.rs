@@ -49,6 +49,7 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
     };
     let reconstruction = Reconstruction {
         motion: Motion::new(motion).unwrap(),
+        deviations: None,
         parameters: Parameters { log_stiffness: [2.0, -3.0, -3.0], accelerations },
         texture: texture.clone(),
         history: Vec::new(),

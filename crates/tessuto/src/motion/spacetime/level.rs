@@ -13,9 +13,9 @@ use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 pub(super) struct LevelSearch<'p, 'a> {
     pub problem: &'p Problem<'a>,
     level: usize,
-    samples: SurfaceSamples,
+    pub samples: SurfaceSamples,
     /// What the first frame shows at the samples.
-    reference: PointColours,
+    pub reference: PointColours,
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     priors: PriorTerms<'a>,
