@@ -25,6 +25,7 @@ mod live;
 mod log;
 mod page;
 mod replay;
+mod shutter;
 mod summary;
 
 pub use folder::{Folder, read_metrics};
