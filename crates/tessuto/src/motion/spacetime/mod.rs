@@ -5,7 +5,7 @@
 //! minimum of
 //!
 //!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + bend(x_n) + shear(x_n) ]
-//!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a².
+//!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a²,  σ_a = `acceleration` · Δt².
 //!
 //! | term | residual r | what it adds | spread σ (setting) |
 //! |---|---|---|---|
@@ -16,12 +16,13 @@
 //! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]` | c(r/σ) | `signed_bend` `[rad]` |
 //! | [bend](super::terms::bend) | change of every bending angle `[rad]` | ½ (r/σ)² | `bend` `[rad]` |
 //! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ), ½ (m/σ_m)² | `shear`, `shear_smooth` `[rad]` |
-//! | [acceleration] | second difference of every vertex over time `[m]` | ½ (r/σ)² | `acceleration` `[m]` |
+//! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
 //! All are negative logarithms of probabilities, without unit: a residual of one σ costs ½. ρ is Geman and McClure's
 //! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`)
-//! is the area `[px]` and l (`outline_length`) the length `[px]` whose errors vary together; a larger σ, a or l makes a term
-//! weaker. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
+//! is the area and l (`outline_length`) the length whose errors vary together; a larger σ, a or l makes a term weaker. Both,
+//! and the distances of outlines, are in pixels of the finest level of the pyramids, whose resolution follows the sheet's
+//! size in the image (`resolution`): what a camera of more pixels would add is not independent. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
@@ -47,7 +48,7 @@ mod refine;
 mod settings;
 mod track;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::observed::Observed;
 use super::observed::samples::{EdgePoint, boundary_points};
@@ -56,8 +57,9 @@ use super::terms::bend::Bend;
 use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
+use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
-use crate::mesh::Positions;
+use crate::mesh::{Mesh, Positions};
 use crate::scene::Scene;
 use crate::sim::Cloth;
 use level::LevelSearch;
@@ -66,8 +68,8 @@ pub use settings::SpacetimeSettings;
 /// Positions, shape [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);
 
-/// Distance between the points of the boundary at which outlines are compared `[px]`.
-const BOUNDARY_SPACING: f64 = 4.0;
+/// Distance between the points of the boundary at which outlines are compared [px of the finest level].
+const BOUNDARY_SPACING: f64 = 2.0;
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -95,20 +97,29 @@ impl<'a> Problem<'a> {
             bend: Bend { cloth, sigma: s.bend },
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
+        let finest = finest_level(template, &scene.camera, settings.resolution);
+        let observed = Observed::new(scene, [finest, finest + settings.levels - 1 + settings.track_levels])?;
+        let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
         Ok(Self {
             scene,
             cloth,
             priors,
             adjacency: template.neighbours(),
-            boundary: boundary_points(template, x, &scene.camera, BOUNDARY_SPACING),
-            observed: Observed::new(scene, [settings.finest, settings.coarsest])?,
+            boundary: boundary_points(template, x, &scene.camera, spacing),
+            observed,
             settings,
         })
     }
 
     /// 1/σ_a² of the acceleration term [1/m²].
     fn acceleration_weight(&self) -> f64 {
-        self.settings.acceleration.powi(-2)
+        (self.scene.fps.powi(2) / self.settings.acceleration).powi(2)
+    }
+
+    /// The levels at which all frames are refined together, coarse to fine.
+    fn refined_levels(&self) -> Vec<usize> {
+        let all: Vec<usize> = self.observed.coarse_to_fine().collect();
+        all[all.len() - self.settings.levels.min(all.len())..].to_vec()
     }
 
     /// Whether positions and gains have this cloth's vertices.
@@ -119,10 +130,37 @@ impl<'a> Problem<'a> {
     }
 }
 
+/// The coarsest level at which the square root of the area of `template`'s image is at least `least` pixels; 0 if none is.
+fn finest_level(template: &Mesh, camera: &Camera, least: f64) -> usize {
+    let p: Vec<DVec2> = template.positions.iter().map(|x| camera.project(*x)).collect();
+    let area = |t: [u32; 3]| {
+        let [a, b, c] = t.map(|v| p[v as usize]);
+        0.5 * (b - a).perp_dot(c - a).abs()
+    };
+    let size = template.triangles().into_iter().map(area).sum::<f64>().sqrt();
+    (size / least).log2().clamp(0.0, 16.0) as usize
+}
+
 fn diverged(place: &str, value: f64) -> Error {
     Error::numerical(
         format!("space-time search, {place}"),
         format!("objective {value}"),
         Hint::from("look at camera and template").with(Remedy::Check),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_sheet_is_seen_at_a_resolution_that_does_not_depend_on_the_cameras() {
+        let template = crate::mesh::grid(4, 3, DVec2::new(0.4, 0.4), 1.0);
+        let level = |focal: f64| {
+            let camera = Camera { fx: focal, fy: focal, cx: 0.0, cy: 0.0, width: 100, height: 100 };
+            finest_level(&template, &camera, 120.0)
+        };
+        // 80, 200, 240, 400 and 1000 pixels across.
+        assert_eq!([200.0, 500.0, 601.0, 1000.0, 2500.0].map(level), [0, 0, 1, 1, 3]);
+    }
 }
