@@ -4,9 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 use tessuto::export::{Clip, Format, export};
+use tessuto::metrics::State;
 use tessuto::result::Folder;
 
-use crate::say::say;
+use crate::say::{aside, say};
 
 /// Write a result for other programs: Blender, Houdini, Unreal, the web, NumPy, rerun.
 #[derive(Args)]
@@ -14,6 +15,7 @@ use crate::say::say;
 Examples:
   tessuto export results/curtain --to glb
   tessuto export results/curtain --to obj,pc2,npz --out /tmp/curtain
+  tessuto export results/curtain --to glb --without-lost --force
 
 Formats:
   glb   animated mesh with a morph target per frame, normals, uv, material (y up)
@@ -33,6 +35,12 @@ pub struct Arguments {
     /// Folder to write to [default: <RESULT>/export].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Leave out the frames whose verdict is `lost`; the others keep their times and numbers.
+    ///
+    /// glb and usd go straight over a gap when they are played, pc2 holds samples on that line, rrd shows the frame
+    /// before; obj, ply and npz lack the frames. The files say which.
+    #[arg(long)]
+    without_lost: bool,
     /// Replace earlier exports. Files that tessuto did not write, or that have changed, are never replaced.
     #[arg(long)]
     force: bool,
@@ -40,10 +48,19 @@ pub struct Arguments {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let clip = Clip::of(&Folder::open(&arguments.result)?)?;
+    let mut clip = Clip::of(&Folder::open(&arguments.result)?)?;
+    let lost = clip.verdicts.iter().filter(|v| v.state == State::Lost).count();
+    if arguments.without_lost {
+        clip = clip.without_lost()?;
+    } else if lost > 0 {
+        aside!("warning: {lost} of {} frames are lost; --without-lost leaves them out", clip.frame_count);
+    }
     let folder = arguments.out.clone().unwrap_or_else(|| arguments.result.join("export"));
     for path in export(&clip, &arguments.to, &folder, arguments.force)? {
         say!("{}", path.display());
+    }
+    if arguments.without_lost {
+        aside!("{lost} of {} frames are lost and left out", clip.frame_count);
     }
     Ok(())
 }

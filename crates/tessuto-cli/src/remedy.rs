@@ -55,6 +55,7 @@ fn options(remedy: &Remedy) -> String {
         Remedy::MakeTemplate(folder) => make_template(&quoted(folder)).join(", or "),
         Remedy::Remesh => "tessuto template SCENE --remesh 32 --from MESH".into(),
         Remedy::Weld => "--weld".into(),
+        Remedy::WithoutLost => "tessuto export RESULT --to glb --without-lost --force".into(),
         Remedy::RepairTemplate(repair) => repair_template(repair),
     }
 }

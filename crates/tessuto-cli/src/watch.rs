@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use tessuto::Warning;
 use tessuto::metrics::QUANTITIES;
-use tessuto::result::{self, Run};
+use tessuto::result::{self, Run, Summary};
 use tessuto::run::{Observer, Outcome, Stage};
 use tessuto::session::{self, Epoch};
+use tessuto::text::quoted;
 use tessuto::{Image, Positions, Result, Scene, io};
 
 use crate::findings::wrapped;
@@ -144,14 +145,26 @@ pub fn tell(outcome: &Outcome, out: &Path) {
     if let Some(psnr) = outcome.rerendered_psnr {
         tell_appearance(psnr, &outcome.timings);
     }
-    match (outcome.summary.doubt(), &outcome.summary.verdict) {
-        (Some(doubt), _) => aside!("{}", wrapped(&format!("warning: the result is {doubt}"))),
-        (None, Some(verdict)) => say!("{}", wrapped(&verdict.sentence)),
-        (None, None) => {}
-    }
+    tell_verdict(&outcome.summary, out);
     say!("{}", out.display());
     say!("  look at {}", out.join("report.html").display());
     say!("  and at  {}", out.join("pictures/contact_sheet.png").display());
+}
+
+/// Says whether the frames of the result at `out` are found, and what to do about lost ones.
+pub fn tell_verdict(summary: &Summary, out: &Path) {
+    match (summary.warning(), &summary.verdict) {
+        (Some(warning), _) => {
+            let text = remedy::warning(&warning).replace("RESULT", &quoted(out));
+            let (found, hint) = text.split_once("\n  ").unwrap_or((&text, ""));
+            aside!("{}", wrapped(&format!("warning: {found}")));
+            if !hint.is_empty() {
+                aside!("  {}", wrapped(hint));
+            }
+        }
+        (None, Some(verdict)) => say!("{}", wrapped(&verdict.sentence)),
+        (None, None) => {}
+    }
 }
 
 /// Says how well material and light explain the video, and how long that took.

@@ -14,3 +14,4 @@ mod run;
 mod settings;
 mod strangers;
 mod template;
+mod verdict;

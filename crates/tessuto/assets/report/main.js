@@ -4,7 +4,7 @@
   const byId = id => document.getElementById(id);
   const data = JSON.parse(byId("data").textContent);
   byId("data").remove();
-  const { cloth, film, light } = data;
+  const { cloth, film, light, verdicts } = data;
   const hasFilm = film.layers.length > 0;
   const player = new tessuto.Player({
     frameCount: cloth?.frame_count ?? film.layers[0]?.frames.length ?? 1,
@@ -107,6 +107,11 @@
     player.listen(frame => wipe.show(frame));
   }
 
+  const states = verdicts.length !== player.frameCount ? null : new tessuto.States(
+    { root: byId("state"), strip: byId("states"), text: byId("state-text"), next: byId("next-doubt"), scrub: byId("scrub") },
+    verdicts, player,
+  );
+
   const charts = new tessuto.Charts({
     main: document.querySelector("main"),
     frames: byId("frame-charts"),
@@ -153,7 +158,7 @@
   addEventListener("keydown", event => {
     const field = event.target.closest?.("select, summary, #wipe, a");
     if (event.ctrlKey || event.metaKey || event.altKey || (field && event.key !== "Escape")) return;
-    const actions = { w: () => byId("wireframe").click(), c: () => byId("through-camera").click() };
+    const actions = { w: () => byId("wireframe").click(), c: () => byId("through-camera").click(), n: () => states?.next(event.shiftKey) };
     // A focused button would take the space for a click.
     const button = event.target.closest?.("button, input[type=checkbox]");
     if (button && event.key === " " && button.id !== "play") return;
@@ -170,5 +175,5 @@
       getSelection().selectAllChildren(byId("command"));
     }
   });
-  Object.assign(tessuto, { page: { player, view, wipe, charts, data } });
+  Object.assign(tessuto, { page: { player, view, wipe, charts, states, data } });
 })();

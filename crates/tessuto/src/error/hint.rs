@@ -56,6 +56,8 @@ pub enum Remedy {
     Remesh,
     /// Merge vertices that touch: [`Changes::weld`](crate::template::make::Changes::weld).
     Weld,
+    /// Export without the frames that are lost: [`Clip::without_lost`](crate::export::Clip::without_lost).
+    WithoutLost,
     /// Repair the template of a scene: [`Changes`](crate::template::make::Changes).
     RepairTemplate(Repair),
 }
@@ -134,6 +136,7 @@ impl fmt::Display for Remedy {
             Self::MakeTemplate(_) => f.write_str("template::make"),
             Self::Remesh => f.write_str("remesh"),
             Self::Weld => f.write_str("weld = true"),
+            Self::WithoutLost => f.write_str("without_lost"),
             Self::RepairTemplate(repair) => repair.fmt(f),
         }
     }

@@ -1,14 +1,16 @@
 //! What is exported, read from a result folder.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use crate::camera::{Camera, Rect};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io;
 use crate::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
+use crate::metrics::{FrameVerdict, State};
 use crate::motion::parameters::Parameters;
 use crate::result::Folder;
 
@@ -51,6 +53,12 @@ pub struct Clip {
     pub mesh: Mesh,
     /// Positions `[m]`, camera frame, shape [N, V].
     pub motion: Motion,
+    /// Where each of these N frames is in the clip, counted from its first frame, ascending. Its time is this / `fps`.
+    pub frames: Vec<usize>,
+    /// Frames of the whole clip, N and those that were left out.
+    pub frame_count: usize,
+    /// The verdict on every frame of the whole clip; empty where there is none.
+    pub verdicts: Vec<FrameVerdict>,
     /// Frames per second.
     pub fps: f64,
     /// Number of the first frame in the video.
@@ -59,7 +67,7 @@ pub struct Clip {
     pub camera: Camera,
     /// The part of the whole image that was computed on.
     pub crop: Rect,
-    /// Images of all frames, cut to the crop; none if the result lacks some.
+    /// Images of all frames of the whole clip, cut to the crop; none if the result lacks some.
     pub images: Vec<PathBuf>,
     /// The look.
     pub material: Material,
@@ -76,19 +84,63 @@ impl Clip {
         let name = identifier(&folder.run.name());
         let motion = folder.motion()?.clone();
         let first_frame = folder.run.frames[0];
+        let frame_count = motion.len();
+        let verdicts = folder.metrics()?.map_or_else(Vec::new, |m| m.verdicts.clone());
         Ok(Self {
             material: read_material(folder.path(), &name)?,
             name,
-            images: images(folder.path(), first_frame, motion.len()),
+            images: images(folder.path(), first_frame, frame_count),
             version: folder.run.version.clone(),
             mesh: folder.mesh.clone(),
             motion,
+            frames: (0..frame_count).collect(),
+            frame_count,
+            verdicts,
             fps: folder.fps,
             first_frame,
             camera: folder.camera,
             crop: folder.crop,
             parameters: folder.parameters.clone(),
         })
+    }
+
+    /// The clip without the frames that are lost; all others keep their times.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if no frame has a verdict, or all are lost.
+    pub fn without_lost(self) -> Result<Self> {
+        let place = format!("result {}", self.name);
+        if self.verdicts.is_empty() {
+            let problem = "holds no verdicts on its frames: metrics.json does not tell which are lost";
+            let hint = "export all frames, or reconstruct the scene again, which judges them";
+            return Err(Error::input(place, problem, hint));
+        }
+        let lost: BTreeSet<usize> =
+            self.verdicts.iter().filter(|v| v.state == State::Lost).map(|v| v.frame).collect();
+        let kept = |k: &usize| !lost.contains(&(self.first_frame + self.frames[*k]));
+        let kept: Vec<usize> = (0..self.frames.len()).filter(kept).collect();
+        if kept.is_empty() {
+            let hint = "export all of them, or reconstruct a part of the scene";
+            return Err(Error::input(
+                place,
+                "has no frame that is not lost",
+                Hint::from(hint).with(Remedy::Frames(None)),
+            ));
+        }
+        let motion = Motion::new(kept.iter().map(|k| self.motion[*k].clone()).collect())?;
+        let frames = kept.iter().map(|k| self.frames[*k]).collect();
+        Ok(Self { motion, frames, ..self })
+    }
+
+    /// Numbers in the video of the frames that were left out, ascending.
+    pub fn left_out(&self) -> Vec<usize> {
+        let absent = |n: &usize| self.frames.binary_search(n).is_err();
+        (0..self.frame_count).filter(absent).map(|n| self.first_frame + n).collect()
+    }
+
+    /// Time `[s]` of frame `k` of the motion.
+    pub(super) fn time(&self, k: usize) -> f32 {
+        (self.frames[k] as f64 / self.fps) as f32
     }
 
     /// `positions` with y up.
@@ -160,6 +212,9 @@ pub(super) mod tests {
             name: "cloth".into(),
             version: "0".into(),
             motion: Motion::new(vec![mesh.positions.clone()]).unwrap(),
+            frames: vec![0],
+            frame_count: 1,
+            verdicts: Vec::new(),
             fps: 25.0,
             first_frame: 0,
             camera: Camera { fx: 50.0, fy: 50.0, cx: 16.0, cy: 12.0, width: 32, height: 24 },

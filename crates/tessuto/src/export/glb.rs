@@ -133,8 +133,7 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
         let name = if starts.len() > 2 { format!("{}_{from}", clip.name) } else { clip.name.clone() };
         nodes.push(json!({"name": name, "mesh": node}));
         if to > from {
-            let time = |n: usize| (n as f64 / clip.fps) as f32;
-            let times: Vec<f32> = (from..=to).map(time).collect();
+            let times: Vec<f32> = (from..=to).map(|k| clip.time(k)).collect();
             let weights: Vec<f32> = (from..=to)
                 .flat_map(|n| (from + 1..=to).map(move |target| f32::from(u8::from(n == target))))
                 .collect();
@@ -144,8 +143,7 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
         }
         if starts.len() > 2 {
             // Visible from its first frame on, up to the next segment's.
-            let times: Vec<f32> =
-                (0..starts.len() - 1).map(|k| (starts[k] as f64 / clip.fps) as f32).collect();
+            let times: Vec<f32> = (0..starts.len() - 1).map(|k| clip.time(starts[k])).collect();
             let scales: Vec<f32> =
                 (0..starts.len() - 1).flat_map(|k| [f32::from(u8::from(k == node)); 3]).collect();
             let (input, output) = (buffer.times(&times), buffer.floats(&scales, "VEC3", 3, None));
@@ -166,6 +164,11 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
         "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
         "textures": [], "images": [],
     });
+    let left_out = clip.left_out();
+    if !left_out.is_empty() {
+        // Numbers in the video. Between its neighbours in time the mesh goes straight.
+        gltf["scenes"][0]["extras"]["frames_left_out"] = left_out.into();
+    }
     if !channels.is_empty() {
         gltf["animations"] = json!([{"name": "motion", "channels": channels, "samplers": samplers}]);
     }
@@ -231,8 +234,7 @@ fn mesh(
     let mut mesh = json!({"name": clip.name});
     if !targets.is_empty() {
         mesh["weights"] = vec![0; targets.len()].into();
-        mesh["extras"] =
-            json!({"targetNames": frames.skip(1).map(|n| format!("frame {n}")).collect::<Vec<_>>()});
+        mesh["extras"] = json!({"targetNames": frames.skip(1).map(|k| format!("frame {}", clip.frames[k])).collect::<Vec<_>>()});
         primitive["targets"] = targets.into();
     }
     mesh["primitives"] = json!([primitive]);
@@ -288,6 +290,8 @@ mod tests {
         let moved = |n: usize| mesh.positions.iter().map(|p| *p + glam::DVec3::Z * 0.01 * n as f64).collect();
         let clip = Clip {
             motion: Motion::new((0..6).map(moved).collect()).unwrap(),
+            frames: (0..6).collect(),
+            frame_count: 6,
             ..super::super::clip::tests::clip(mesh.clone())
         };
         for (max_targets, counts) in [(2, vec![2, 2, 1]), (5, vec![5]), (256, vec![5])] {

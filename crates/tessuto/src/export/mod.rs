@@ -3,6 +3,10 @@
 //!
 //! All but NPZ and RRD have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
 //! and handedness stay. The camera is at the origin and looks along −z, as glTF and USD have it.
+//!
+//! A clip may lack frames ([`Clip::without_lost`]); all others keep their times and numbers. The samples of USD, the files of the
+//! sequences and the arrays of NPZ have gaps there; played, GLB and USD go straight between the neighbours in time. PC2, which
+//! cannot have gaps, holds samples on that line. RRD shows the frame before. Each file says what it lacks, but RRD.
 
 mod clip;
 mod glb;

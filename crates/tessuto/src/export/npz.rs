@@ -6,9 +6,9 @@ use crate::sim::cloth::AREA_DENSITY;
 
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
 ///
-/// `motion` [N, V, 3], `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` `[F]`, `face_vertices` and
+/// `motion` [N, V, 3], `frames` `[N]` (numbers in the video), `states` `[N]` (0 found, 1 doubtful, 2 lost; where they are known), `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` `[F]`, `face_vertices` and
 /// `face_uvs` [Σ face_sizes], `fps`, `first_frame`, `camera` [fx, fy, cx, cy, width, height], `stretch`, `bend`,
-/// `shear`, `area_density`, `constant_force` `[3]`, `dynamic_force` [(N − 1)·parts, V, 3], `dynamic_parts`.
+/// `shear`, `area_density`, `constant_force` `[3]`, `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`.
 pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
     let vectors = |motion: &[crate::Positions]| -> Vec<f32> {
@@ -46,6 +46,13 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
         ),
         ("dynamic_parts", array(&[], &[accelerations.entries_per_frame as u32])),
     ];
+    let numbers: Vec<u32> = clip.frames.iter().map(|n| (clip.first_frame + n) as u32).collect();
+    files.push(("frames", array(&[frames], &numbers)));
+    let state =
+        |number: &u32| clip.verdicts.iter().find(|v| v.frame == *number as usize).map(|v| v.state as u32);
+    if let Some(states) = numbers.iter().map(state).collect::<Option<Vec<u32>>>() {
+        files.push(("states", array(&[frames], &states)));
+    }
     let c = &clip.camera;
     let values = [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64];
     files.push(("camera", array(&[6], &values)));

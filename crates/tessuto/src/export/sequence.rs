@@ -24,16 +24,37 @@ pub(super) fn obj(clip: &Clip) -> Vec<(String, Vec<u8>)> {
     }
     files.push((library, mtl.into_bytes()));
     files.extend(clip.material.files());
+    files.extend(gaps(clip));
     files
 }
 
-/// The mesh of the first frame, without material.
+/// Which frames were left out and why, for whoever misses them.
+fn gaps(clip: &Clip) -> Option<(String, Vec<u8>)> {
+    let left_out = clip.left_out();
+    let value = serde_json::json!({
+        "frames_per_second": clip.fps,
+        "first_frame": clip.first_frame,
+        "frame_count": clip.frame_count,
+        "frames_left_out": left_out,
+        "verdicts": clip.verdicts,
+    });
+    let text = serde_json::to_string_pretty(&value).expect("plain data") + "\n";
+    (!left_out.is_empty()).then(|| (format!("{}_frames.json", clip.name), text.into_bytes()))
+}
+
+/// The mesh of the first frame, without material, for a point cache.
 pub(super) fn still(clip: &Clip) -> Vec<u8> {
-    text(clip, &clip.motion[0], None)
+    let left_out = clip.left_out();
+    let mut out = match left_out.is_empty() {
+        true => Vec::new(),
+        false => format!("# lost frames, interpolated in the cache: {left_out:?}\n").into_bytes(),
+    };
+    out.extend(text(clip, &clip.motion[0], None));
+    out
 }
 
 fn frame_name(clip: &Clip, n: usize, ending: &str) -> String {
-    format!("{}_{:04}.{ending}", clip.name, clip.first_frame + n)
+    format!("{}_{:04}.{ending}", clip.name, clip.first_frame + clip.frames[n])
 }
 
 fn text(clip: &Clip, vertices: &Positions, library: Option<&str>) -> Vec<u8> {
@@ -71,5 +92,7 @@ pub(super) fn ply(clip: &Clip) -> Vec<(String, Vec<u8>)> {
         }
         (frame_name(clip, n, "ply"), out)
     };
-    clip.motion.par_iter().enumerate().map(file).collect()
+    let mut files: Vec<(String, Vec<u8>)> = clip.motion.par_iter().enumerate().map(file).collect();
+    files.extend(gaps(clip));
+    files
 }

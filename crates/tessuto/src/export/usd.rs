@@ -15,9 +15,15 @@ const FILM_WIDTH: f64 = 0.36;
 
 /// The file; its images lie in the folder `textures` beside it.
 pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
-    let (name, last, fps) = (&clip.name, clip.motion.len() - 1, clip.fps);
+    let (name, last, fps) = (&clip.name, clip.frame_count - 1, clip.fps);
+    let left_out = clip.left_out();
+    let remark = if left_out.is_empty() {
+        String::new()
+    } else {
+        format!("; frames of the video without samples, because they were lost: {left_out:?}")
+    };
     let mut out = format!(
-        "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    doc = \"tessuto {}\"\n    startTimeCode = 0\n    \
+        "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    doc = \"tessuto {}{remark}\"\n    startTimeCode = 0\n    \
          endTimeCode = {last}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}\n    metersPerUnit = 1\n    \
          upAxis = \"Y\"\n)\n\ndef Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n",
         clip.version
@@ -54,8 +60,10 @@ fn integers(values: impl IntoIterator<Item = u32>) -> String {
 }
 
 fn samples(clip: &Clip, of: impl Fn(usize) -> String + Sync) -> String {
-    let lines: Vec<String> =
-        (0..clip.motion.len()).into_par_iter().map(|n| format!("            {n}: {},\n", of(n))).collect();
+    let lines: Vec<String> = (0..clip.motion.len())
+        .into_par_iter()
+        .map(|k| format!("            {}: {},\n", clip.frames[k], of(k)))
+        .collect();
     format!("{{\n{}        }}", lines.concat())
 }
 

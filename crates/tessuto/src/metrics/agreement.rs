@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::similarity::{local_correlation, masked_psnr};
 use crate::image::Image;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, triangle_area};
 use crate::video::Frame;
 
 /// Normals of neighbouring triangles farther apart than this make a crease: cos 120°.
@@ -22,6 +22,10 @@ pub struct FrameAgreement {
     /// coverage is; absent where both are empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silhouette: Option<f64>,
+    /// Fraction of the pixels whose mask is above one half that the mesh does not cover; absent for an empty mask. Unlike the
+    /// silhouette it does not suffer from things in front of the fabric that the mask leaves out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncovered: Option<f64>,
     /// PSNR `[dB]` of the mesh rendered with the recovered texture against the video's sRGB colours, over the pixels in which
     /// both mask and rendered coverage are above one half; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -40,6 +44,15 @@ pub struct FrameAgreement {
     /// Fraction of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
     /// the template does so.
     pub creased: f64,
+    /// Fraction of the area, as the template has it, in triangles turned by more than 90° against their neighbours: against the
+    /// mean of these triangles' unit normals, weighted by area; without those turned so in the template. Folds are wider
+    /// than a triangle and do not count; spikes and inverted corners do.
+    #[serde(default)]
+    pub flipped: f64,
+    /// Standard deviation of the positions that the search itself expects `[m]`: root mean square over the vertices of the
+    /// square root of the trace of each one's covariance; absent where the method estimates none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub deviation: Option<f64>,
 }
 
 /// Measures frames of one mesh.
@@ -52,6 +65,8 @@ pub struct AgreementMeter {
     neighbours: Vec<[u32; 2]>,
     /// Number of inner edges.
     inner_edges: usize,
+    /// Areas of the triangles in the template, of sum 1; 0 for those [turned](turned) against their neighbours there.
+    areas: Vec<f64>,
 }
 
 impl AgreementMeter {
@@ -65,7 +80,12 @@ impl AgreementMeter {
         let inner_edges = neighbours.len();
         let normals = normals(&triangles, p);
         neighbours.retain(|pair| !is_crease(&normals, *pair));
-        Self { threads: threads.collect(), triangles, neighbours, inner_edges }
+        let mut areas: Vec<f64> = triangles.iter().map(|t| triangle_area(p, *t)).collect();
+        let whole = areas.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+        areas.iter_mut().for_each(|a| *a /= whole);
+        let turned_in_template = turned(&normals, &neighbours, &areas);
+        areas.iter_mut().zip(turned_in_template).filter(|(_, turned)| *turned).for_each(|(a, _)| *a = 0.0);
+        Self { threads: threads.collect(), triangles, neighbours, inner_edges, areas }
     }
 
     /// Agreement of frame number `frame`.
@@ -80,26 +100,31 @@ impl AgreementMeter {
         coverage: &Image,
         observed: &Frame,
     ) -> FrameAgreement {
-        let (mut both, mut union) = (0usize, 0usize);
+        let (mut both, mut union, mut masked) = (0usize, 0usize, 0usize);
         let pixels = coverage.data.iter().zip(&observed.mask.data);
         let common: Vec<bool> = pixels
             .map(|(a, b)| {
                 let (a, b) = (*a > 0.5, *b > 0.5);
                 both += usize::from(a && b);
                 union += usize::from(a || b);
+                masked += usize::from(b);
                 a && b
             })
             .collect();
         let [strain_mean, strain_p99, strain_max] = self.strain(positions);
+        let normals = normals(&self.triangles, positions);
         FrameAgreement {
             frame,
             silhouette: (union > 0).then(|| both as f64 / union as f64),
+            uncovered: (masked > 0).then(|| (masked - both) as f64 / masked as f64),
             psnr: masked_psnr(rgb, &observed.rgb, &common),
             correlation: local_correlation(rgb, &observed.rgb, &common),
             strain_mean,
             strain_p99,
             strain_max,
-            creased: self.creased(positions),
+            creased: self.creased(&normals),
+            flipped: self.flipped(&normals),
+            deviation: None,
         }
     }
 
@@ -118,10 +143,14 @@ impl AgreementMeter {
         [mean, strains[(99 * count).div_ceil(100) - 1], strains[count - 1]]
     }
 
-    fn creased(&self, positions: &[DVec3]) -> f64 {
-        let normals = normals(&self.triangles, positions);
-        let count = self.neighbours.iter().filter(|pair| is_crease(&normals, **pair)).count();
+    fn creased(&self, normals: &[DVec3]) -> f64 {
+        let count = self.neighbours.iter().filter(|pair| is_crease(normals, **pair)).count();
         count as f64 / self.inner_edges.max(1) as f64
+    }
+
+    fn flipped(&self, normals: &[DVec3]) -> f64 {
+        let turned = turned(normals, &self.neighbours, &self.areas);
+        self.areas.iter().zip(turned).filter(|(_, turned)| *turned).fold(0.0, |sum, (area, _)| sum + area)
     }
 }
 
@@ -136,6 +165,16 @@ fn normals(triangles: &[[u32; 3]], p: &[DVec3]) -> Vec<DVec3> {
 
 fn is_crease(normals: &[DVec3], [a, b]: [u32; 2]) -> bool {
     normals[a as usize].dot(normals[b as usize]) < CREASE
+}
+
+/// Whether each triangle's normal is more than 90° from the mean of its neighbours', weighted by `areas`.
+fn turned(normals: &[DVec3], neighbours: &[[u32; 2]], areas: &[f64]) -> Vec<bool> {
+    let mut around = vec![DVec3::ZERO; normals.len()];
+    for [a, b] in neighbours.iter().map(|pair| pair.map(|t| t as usize)) {
+        around[a] += areas[b] * normals[b];
+        around[b] += areas[a] * normals[a];
+    }
+    around.iter().zip(normals).map(|(mean, normal)| mean.dot(*normal) < 0.0).collect()
 }
 
 /// The triangles on either side of each edge that has two, in the order of the second.
@@ -210,10 +249,44 @@ mod tests {
         let mut mesh = grid(5, 5, glam::DVec2::ONE, 1.0);
         let folded: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(p.x.abs(), p.y, p.z)).collect();
         let meter = AgreementMeter::new(&mesh);
-        assert_eq!(meter.creased(&mesh.positions), 0.0);
+        let creased = |meter: &AgreementMeter, p: &[DVec3]| meter.creased(&normals(&meter.triangles, p));
+        assert_eq!(creased(&meter, &mesh.positions), 0.0);
         // 16 diagonals and 24 inner threads; the fold runs along 4 of these.
-        assert!((meter.creased(&folded) - 4.0 / 40.0).abs() < 1e-12);
+        assert!((creased(&meter, &folded) - 4.0 / 40.0).abs() < 1e-12);
         mesh.positions.clone_from(&folded);
-        assert_eq!(AgreementMeter::new(&mesh).creased(&folded), 0.0);
+        assert_eq!(creased(&AgreementMeter::new(&mesh), &folded), 0.0);
+    }
+
+    #[test]
+    fn spikes_are_flipped_triangles_and_folds_are_none() {
+        let mesh = grid(9, 9, glam::DVec2::ONE, 1.0);
+        let meter = AgreementMeter::new(&mesh);
+        let flipped = |p: &[DVec3]| meter.flipped(&normals(&meter.triangles, p));
+        let folded: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(p.x.abs(), p.y, p.z)).collect();
+        assert_eq!((flipped(&mesh.positions), flipped(&folded)), (0.0, 0.0));
+        // A vertex pulled over two of its neighbours turns the triangles there inside out.
+        let mut spiked = mesh.positions.clone();
+        spiked[4 * 9 + 4].x += 0.3;
+        let found = flipped(&spiked);
+        assert!((1.0 / 128.0..=4.0 / 128.0 + 1e-12).contains(&found), "{found}");
+        // A sheet that turns its back on the camera as a whole is not inside out.
+        let turned: Vec<DVec3> = mesh.positions.iter().map(|p| DVec3::new(-p.x, p.y, 2.0 - p.z)).collect();
+        assert_eq!(flipped(&turned), 0.0);
+        // A template with a spike is taken as it is.
+        let template = Mesh { positions: spiked.clone(), ..mesh.clone() };
+        let meter = AgreementMeter::new(&template);
+        assert_eq!(meter.flipped(&normals(&meter.triangles, &spiked)), 0.0);
+    }
+
+    #[test]
+    fn what_hides_the_fabric_uncovers_nothing() {
+        let mesh = grid(3, 3, glam::DVec2::ONE, 1.0);
+        let meter = AgreementMeter::new(&mesh);
+        let drawn = columns(2, 12, 0.5);
+        // A hand over columns 2 to 4, and a mesh two columns too far right.
+        for (from, to, silhouette, uncovered) in [(5, 12, 0.7, 0.0), (0, 10, 8.0 / 12.0, 0.2)] {
+            let found = meter.measure(0, &mesh.positions, &drawn.rgb, &drawn.mask, &columns(from, to, 0.5));
+            assert_eq!((found.silhouette, found.uncovered), (Some(silhouette), Some(uncovered)));
+        }
     }
 }

@@ -22,7 +22,7 @@ pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;
 pub use similarity::{correlation, local_correlation, masked_psnr, psnr, ssim};
 pub use table::table;
-pub use verdict::{Grade, OverFrames, Verdict, judge};
+pub use verdict::{Counts, FrameVerdict, OverFrames, State, Verdict, judge, judge_frames};
 
 use std::ops::Range;
 
@@ -194,6 +194,9 @@ pub struct Evaluation {
     /// Agreement with the video, which needs no truth; one entry per frame of the result, ascending.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub agreement: Vec<FrameAgreement>,
+    /// What follows from it: whether each of these frames is to be trusted.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub verdicts: Vec<FrameVerdict>,
 }
 
 fn is_zero(count: &usize) -> bool {

@@ -68,34 +68,69 @@ const TILES: usize = 8;
 /// Images that vary by less than this, as standard deviation within tiles, have nothing to compare.
 const PLAIN: f64 = 0.02;
 
+/// Sums over the pixels of a tile: products of two of 1, x, y, a, b; x and y `[px]`, a and b grey values.
+#[derive(Clone, Copy, Default)]
+struct Tile {
+    sums: [f64; 15],
+}
+
+impl Tile {
+    fn add(&mut self, x: f64, y: f64, a: f64, b: f64) {
+        let products =
+            [1.0, x, y, a, b, x * x, x * y, y * y, x * a, x * b, y * a, y * b, a * a, a * b, b * b];
+        self.sums.iter_mut().zip(products).for_each(|(sum, v)| *sum += v);
+    }
+
+    /// Σa², Σab, Σb² of what is left of a and b without the plane c₀ + c₁ x + c₂ y that is nearest to each.
+    fn without_planes(&self) -> [f64; 3] {
+        let [n, x, y, a, b, xx, xy, yy, xa, xb, ya, yb, aa, ab, bb] = self.sums;
+        let centred = |uv: f64, u: f64, v: f64| uv - u * v / n;
+        // First what goes with x, then what goes with the part of y that x does not tell.
+        let over = |v: f64, w: f64| if w > 1e-9 { v / w } else { 0.0 };
+        let xx = centred(xx, x, x);
+        let slope = over(centred(xy, x, y), xx);
+        let [xa, xb] = [centred(xa, x, a), centred(xb, x, b)];
+        let [va, vb] = [centred(ya, y, a) - slope * xa, centred(yb, y, b) - slope * xb];
+        let vv = centred(yy, y, y) - slope * centred(xy, x, y);
+        let left = |uv: f64, u: f64, v: f64, [xu, xv]: [f64; 2], [vu, vw]: [f64; 2]| {
+            centred(uv, u, v) - over(xu * xv, xx) - over(vu * vw, vv)
+        };
+        [
+            left(aa, a, a, [xa, xa], [va, va]).max(0.0),
+            left(ab, a, b, [xa, xb], [va, vb]),
+            left(bb, b, b, [xb, xb], [vb, vb]).max(0.0),
+        ]
+    }
+}
+
 /// Normalised cross-correlation within tiles, how well the patterns of two images lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
-/// covered part's bounding box, of the channels' mean. 1 is the same pattern, 0 another one. Light that brightens or darkens a tile
-/// as a whole makes no difference. None where an image is plain.
+/// covered part's bounding box, of the channels' mean without its plane in the tile. 1 is the same pattern, 0 another one. Light
+/// that brightens or darkens a tile as a whole, and what it adds across a tile evenly, make no difference. None where an image is plain.
 pub fn local_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
     let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
     let (x0, y0) = places().fold((a.width, a.height), |(x, y), p| (x.min(p.0), y.min(p.1)));
     let (x1, y1) = places().fold((0, 0), |(x, y), p| (x.max(p.0 + 1), y.max(p.1 + 1)));
-    // Count, Σa, Σb, Σa², Σb², Σab of each tile.
-    let mut sums = [[0.0; 6]; TILES * TILES];
+    let mut tiles = [Tile::default(); TILES * TILES];
     for (x, y) in places() {
         let grey = |image: &Image| {
             let sum: f32 = image.pixel(x, y).iter().sum();
             f64::from(sum) / image.channels as f64
         };
-        let (a, b) = (grey(a), grey(b));
-        let tile = (y - y0) * TILES / (y1 - y0) * TILES + (x - x0) * TILES / (x1 - x0);
-        for (sum, v) in sums[tile].iter_mut().zip([1.0, a, b, a * a, b * b, a * b]) {
-            *sum += v;
-        }
+        // Columns and rows of a tile counted from its own first: small numbers keep the differences of sums exact.
+        let (across, down) = ((x - x0) * TILES, (y - y0) * TILES);
+        let (width, height) = (x1 - x0, y1 - y0);
+        let tile = down / height * TILES + across / width;
+        let within = |along: usize, side: usize| (along % side) as f64 / TILES as f64;
+        tiles[tile].add(within(across, width), within(down, height), grey(a), grey(b));
     }
     let (mut count, mut aa, mut bb, mut ab, mut most) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for [n, a, b, a2, b2, product] in sums.into_iter().filter(|s| s[0] > 0.0) {
-        let (va, vb) = ((a2 - a * a / n).max(0.0), (b2 - b * b / n).max(0.0));
-        count += n;
+    for tile in tiles.iter().filter(|t| t.sums[0] > 0.0) {
+        let [va, cov, vb] = tile.without_planes();
+        count += tile.sums[0];
         aa += va;
         bb += vb;
-        ab += product - a * b / n;
+        ab += cov;
         most += (va * vb).sqrt();
     }
     let plain = |sum: f64| (sum / count).sqrt() < PLAIN;
@@ -217,6 +252,14 @@ mod tests {
         assert!(found(&stripes(4, &even)).unwrap() < -0.8);
         assert!(found(&stripes(2, &even)).unwrap().abs() < 0.3);
         assert_eq!(found(&stripes(0, &|_| 0.05)), None);
+        // Light that is added and grows from left to right and downwards, steeply.
+        let mut lit = pattern.clone();
+        for y in 0..48 {
+            for x in 0..64 {
+                lit.pixel_mut(x, y).iter_mut().for_each(|v| *v += 0.05 * x as f32 - 0.03 * y as f32);
+            }
+        }
+        assert!((found(&lit).unwrap() - 1.0).abs() < 1e-5, "{:?}", found(&lit));
         assert_eq!(local_correlation(&pattern, &pattern, &vec![false; 64 * 48]), None);
     }
 

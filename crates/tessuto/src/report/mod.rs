@@ -19,7 +19,7 @@ pub use images::{FrameImages, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
 
 use crate::camera::Camera;
-use crate::metrics::{Evaluation, Verdict};
+use crate::metrics::{Evaluation, FrameVerdict, Verdict};
 
 /// Everything the page says.
 #[derive(Debug, Clone, Default)]
@@ -32,6 +32,8 @@ pub struct ReportData {
     pub command: String,
     /// Whether the result is good, where that is known.
     pub verdict: Option<Verdict>,
+    /// The verdict on every frame, where that is known.
+    pub verdicts: Vec<FrameVerdict>,
     /// Numbers shown first, large; a few.
     pub key_numbers: Vec<KeyNumber>,
     /// The moving fabric.

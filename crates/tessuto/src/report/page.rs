@@ -8,17 +8,20 @@ use serde::Serialize;
 use super::{Chart, ClothData, Film, LightData, Parameter, ReportData, chart};
 use crate::error::Result;
 use crate::io;
-use crate::metrics::{Evaluation, OverFrames, QUANTITIES, Verdict};
+use crate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
 
 /// Size `[bytes]` that the page keeps to by choosing the size of its images.
 pub const BUDGET: usize = 14 << 20;
+
+/// Most stretches of doubtful or lost frames that are listed.
+const DOUBTS: usize = 20;
 
 /// Styles, in the order of the page.
 const STYLES: [&str; 2] =
     [include_str!("../../assets/vendor/uPlot.min.css"), include_str!("../../assets/report/page.css")];
 
 /// Scripts, in the order of the page.
-const SCRIPTS: [&str; 10] = [
+const SCRIPTS: [&str; 11] = [
     include_str!("../../assets/vendor/three.min.js"),
     include_str!("../../assets/vendor/uPlot.min.js"),
     include_str!("../../assets/report/data.js"),
@@ -26,6 +29,7 @@ const SCRIPTS: [&str; 10] = [
     include_str!("../../assets/report/colours.js"),
     include_str!("../../assets/report/cloth.js"),
     include_str!("../../assets/report/wipe.js"),
+    include_str!("../../assets/report/states.js"),
     include_str!("../../assets/report/charts.js"),
     include_str!("../../assets/report/main.js"),
     include_str!("../../assets/report/live.js"),
@@ -37,9 +41,12 @@ const SCRIPTS: [&str; 10] = [
 struct Page<'a> {
     data: &'a ReportData,
     styles: [&'static str; 2],
-    scripts: [&'static str; 10],
+    scripts: [&'static str; 11],
     parameters: Vec<Row>,
     agreement: Vec<Row>,
+    doubts: Vec<Doubt>,
+    /// Stretches that are not in `doubts`.
+    more_doubts: usize,
     errors: Vec<Row>,
     /// Name, time, fraction of the longest in percent.
     timings: Vec<(String, String, String)>,
@@ -57,6 +64,7 @@ struct Embedded<'a> {
     cloth: &'a Option<ClothData>,
     film: &'a Film,
     light: &'a Option<LightData>,
+    verdicts: &'a [FrameVerdict],
     charts: Vec<Chart>,
 }
 
@@ -68,6 +76,13 @@ struct Row {
     note: String,
     /// Worst value, with its unit, and its frame.
     worst: Option<(String, usize)>,
+}
+
+/// Frames one after another that are doubtful or lost.
+struct Doubt {
+    frames: String,
+    state: &'static str,
+    reason: String,
 }
 
 /// A length `[m]` or an area `[m²]` in the unit that people measure cloth in; other units stay.
@@ -111,8 +126,17 @@ fn page(data: &ReportData) -> Page<'_> {
     let mut charts: Vec<Chart> = data.evaluation.as_ref().and_then(chart::of_errors).into_iter().collect();
     charts.extend(data.charts.iter().cloned());
     let errors = data.evaluation.as_ref().map(error_rows).unwrap_or_default();
-    let embedded =
-        Embedded { live: data.live, cloth: &data.cloth, film: &data.film, light: &data.light, charts };
+    let embedded = Embedded {
+        live: data.live,
+        cloth: &data.cloth,
+        film: &data.film,
+        light: &data.light,
+        verdicts: &data.verdicts,
+        charts,
+    };
+    let mut doubts = doubts(&data.verdicts);
+    let more_doubts = doubts.len().saturating_sub(DOUBTS);
+    doubts.truncate(DOUBTS);
     Page {
         data,
         styles: STYLES,
@@ -122,6 +146,8 @@ fn page(data: &ReportData) -> Page<'_> {
             .as_ref()
             .map(|v| agreement_rows(v, data.evaluation.as_ref()))
             .unwrap_or_default(),
+        doubts,
+        more_doubts,
         parameters: data.parameters.iter().map(parameter_row).collect(),
         has_published: errors.iter().any(|e| e.name.contains("published")),
         has_truth: !errors.is_empty(),
@@ -146,6 +172,18 @@ fn parameter_row(p: &Parameter) -> Row {
     Row { name: p.label.clone(), value, unit: p.unit.clone(), note: p.note.clone(), worst: None }
 }
 
+/// Stretches of frames that are doubtful or lost.
+fn doubts(verdicts: &[FrameVerdict]) -> Vec<Doubt> {
+    let runs = verdicts.chunk_by(|a, b| a.state == b.state).filter(|run| run[0].state != State::Found);
+    let doubt = |run: &[FrameVerdict]| {
+        let (first, last) = (run[0].frame, run[run.len() - 1].frame);
+        let frames =
+            if first == last { format!("frame {first}") } else { format!("frame {first} to {last}") };
+        Doubt { frames, state: run[0].state.word(), reason: run[0].reason.clone() }
+    };
+    runs.map(doubt).collect()
+}
+
 /// How the result agrees with the video and with what cloth does.
 fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row> {
     let row = |name: &str, over: &OverFrames, unit: &str, scale: f64, digits: usize| {
@@ -162,6 +200,7 @@ fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row
     let mut rows = Vec::new();
     let silhouette = "silhouette, intersection over union with the mask";
     rows.extend(v.silhouette.map(|o| row(silhouette, &o, "", 1.0, 3)));
+    rows.extend(v.uncovered.map(|o| row("part of the mask that is not covered", &o, "%", 100.0, 1)));
     rows.extend(v.psnr.map(|o| {
         row("colours, PSNR of the recovered texture (in the first frame's light)", &o, "dB", 1.0, 1)
     }));
@@ -178,6 +217,8 @@ fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row
     rows.push(row("strain, 99 of 100 threads less than", &v.strain_p99, "%", 100.0, 1));
     rows.push(row("strain, largest", &v.strain_max, "%", 100.0, 0));
     rows.push(row("creased edges", &v.creased, "%", 100.0, 1));
+    rows.push(row("area in flipped triangles", &v.flipped, "%", 100.0, 1));
+    rows.extend(v.deviation.map(|o| row("standard deviation of the positions", &o, "mm", 1e3, 1)));
     rows
 }
 

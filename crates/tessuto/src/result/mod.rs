@@ -7,7 +7,7 @@
 //! parameters.json                 stiffnesses and constant force with units, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
-//! metrics.json                    every frame's agreement with the video; errors, where there is truth
+//! metrics.json                    every frame's agreement with the video and verdict; errors, where there is truth
 //! texture.png      history.csv
 //! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
 //! log.json                        commands, times, warnings
@@ -43,7 +43,7 @@ use crate::config::{Config, DynamicsSettings, Preset};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::Motion;
-use crate::metrics::Evaluation;
+use crate::metrics::{Evaluation, judge_frames};
 use crate::motion::parameters::{Parameters, StiffnessRange};
 use crate::reconstruct::Reconstruction;
 use crate::scene::Scene;
@@ -207,6 +207,7 @@ pub(crate) fn write_metrics(
     if evaluation.agreement.is_empty() {
         evaluation.agreement = read_metrics(folder)?.unwrap_or_default().agreement;
     }
+    evaluation.verdicts = judge_frames(&evaluation.agreement, &scene.template);
     write_json(&folder.join("metrics.json"), &evaluation)
 }
 

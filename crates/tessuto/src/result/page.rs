@@ -69,13 +69,14 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
     if total > 0.0 {
         subtitle.push_str(&format!(", {total:.0} s of work"));
     }
-    let verdict = metrics::judge(agreement);
+    let verdict = metrics::judge(agreement, &saved.mesh);
     Ok(ReportData {
         title: saved.run.name(),
         subtitle,
         command: log.commands.join("\n"),
         key_numbers: key_numbers(verdict.as_ref(), evaluation.as_ref()),
         verdict,
+        verdicts: evaluation.as_ref().map_or_else(Vec::new, |e| e.verdicts.clone()),
         film: film(folder, saved, motion, budget)?,
         cloth: Some(cloth),
         maps,

@@ -6,14 +6,16 @@
 //! frames           [first, one past the last]
 //! vertices         of the template
 //! seconds          wall time of all stages [s]
-//! verdict          grade, sentence, frames that are not good, and of each quantity mean, worst value and its frame:
-//!                  silhouette (intersection over union), psnr [dB], correlation (of the pattern, within tiles), |strain| (of 1: mean, 99th
-//!                  percentile, largest), creased edges (of 1)
+//! verdict          state of the worst frame (found, doubtful, lost), sentence; counts of the frames by state; doubtful, lost: [first,
+//!                  one past the last] of each stretch of such frames; and of each quantity mean, worst value and its frame:
+//!                  silhouette (intersection over union), uncovered part of the mask (of 1), psnr [dB], correlation (of the
+//!                  pattern, within tiles), |strain| (of 1: mean, 99th percentile, largest), creased edges (of 1), area in flipped triangles
+//!                  (of 1), deviation [m]
 //! warnings         remarks on input and result
 //! ```
 //!
-//! The verdict needs no truth; its limits are in [`crate::metrics::verdict`], the numbers of every frame in
-//! metrics.json under `agreement`. Only `seconds` differs from run to run.
+//! The verdict needs no truth; its limits are in [`crate::metrics::verdict`], the verdict on every frame is
+//! in metrics.json under `verdicts`, its numbers under `agreement`. Only `seconds` differs from run to run.
 
 use std::path::Path;
 
@@ -21,7 +23,8 @@ use serde::{Deserialize, Serialize};
 
 use super::{Folder, read_json, write_json};
 use crate::error::Result;
-use crate::metrics::{Grade, Verdict, judge};
+use crate::error::Warning;
+use crate::metrics::{Verdict, judge};
 
 const NAME: &str = "summary.json";
 
@@ -60,7 +63,7 @@ impl Summary {
             frames: folder.run.frames,
             vertices: folder.mesh.positions.len(),
             seconds: log.timings.iter().map(|(_, seconds)| seconds).sum(),
-            verdict: judge(agreement),
+            verdict: judge(agreement, &folder.mesh),
             warnings: log.warnings.clone(),
         })
     }
@@ -82,8 +85,8 @@ impl Summary {
         write_json(&folder.join(NAME), self)
     }
 
-    /// The sentence of a verdict that is not good.
-    pub fn doubt(&self) -> Option<&str> {
-        self.verdict.as_ref().filter(|v| v.grade > Grade::Good).map(|v| v.sentence.as_str())
+    /// What to tell of a verdict that does not find all frames, and what to do about lost ones.
+    pub fn warning(&self) -> Option<Warning> {
+        self.verdict.as_ref().and_then(Verdict::warning)
     }
 }

@@ -14,7 +14,7 @@ use tessuto::{Camera, Image, Mesh, Motion, Rect, io};
 const FRAMES: usize = 4;
 
 /// A grid of quads with a seam down the middle (one vertex column with two uvs), bending in 4 frames.
-fn clip(maps: bool) -> Clip {
+pub(super) fn clip(maps: bool) -> Clip {
     let grid = seamed();
     let bent = |n: usize| {
         let depth = |p: &DVec3| 0.1 * n as f64 * (5.0 * p.x + 0.3 * n as f64).sin() + 0.02 * p.y;
@@ -30,6 +30,9 @@ fn clip(maps: bool) -> Clip {
         name: "cloth".into(),
         version: "0.0".into(),
         motion: Motion::new((0..FRAMES).map(bent).collect()).unwrap(),
+        frames: (0..FRAMES).collect(),
+        frame_count: FRAMES,
+        verdicts: Vec::new(),
         fps: 25.0,
         first_frame: 7,
         camera: Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 },
@@ -52,21 +55,21 @@ fn clip(maps: bool) -> Clip {
     }
 }
 
-fn floats(bytes: &[u8]) -> Vec<f32> {
+pub(super) fn floats(bytes: &[u8]) -> Vec<f32> {
     bytes.chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
 }
 
-fn word(bytes: &[u8], at: usize) -> usize {
+pub(super) fn word(bytes: &[u8], at: usize) -> usize {
     u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize
 }
 
 /// Positions of frame `n` with y up, as f32.
-fn y_up(clip: &Clip, n: usize) -> Vec<f32> {
+pub(super) fn y_up(clip: &Clip, n: usize) -> Vec<f32> {
     clip.motion[n].iter().flat_map(|p| [p.x as f32, -p.y as f32, -p.z as f32]).collect()
 }
 
 /// JSON and binary chunk of a GLB file.
-fn parse_glb(bytes: &[u8]) -> (Value, &[u8]) {
+pub(super) fn parse_glb(bytes: &[u8]) -> (Value, &[u8]) {
     assert_eq!(&bytes[..8], b"glTF\x02\0\0\0");
     assert_eq!(word(bytes, 8), bytes.len());
     let length = word(bytes, 12);
@@ -76,7 +79,7 @@ fn parse_glb(bytes: &[u8]) -> (Value, &[u8]) {
     (gltf, &bytes[28 + length..])
 }
 
-fn accessor<'a>(gltf: &Value, binary: &'a [u8], index: &Value) -> &'a [u8] {
+pub(super) fn accessor<'a>(gltf: &Value, binary: &'a [u8], index: &Value) -> &'a [u8] {
     let accessor = &gltf["accessors"][index.as_u64().unwrap() as usize];
     let view = &gltf["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
     let number = |key: &str| view[key].as_u64().unwrap() as usize;

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use tessuto::Reconstruction;
 use tessuto::config::{Config, Preset};
-use tessuto::metrics::{Grade, Verdict};
+use tessuto::metrics::{State, Verdict};
 use tessuto::motion::parameters::Parameters;
 use tessuto::motion::texture::fit_texture;
 use tessuto::raster::{Rasterizer, Texture};
@@ -69,11 +69,23 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
     assert_eq!(summary, made);
     assert_eq!((summary.name.as_str(), summary.vertices, summary.seconds), ("cloth", vertices, 3.5));
     assert_eq!((summary.frames, summary.warnings.as_slice()), ([0, FRAMES], &warnings[..]));
-    let frames = result::read_metrics(folder.path()).unwrap().expect("metrics.json").agreement;
-    assert_eq!(frames.iter().map(|f| f.frame).collect::<Vec<_>>(), (0..FRAMES).collect::<Vec<_>>());
-    let summary_doubted = summary.doubt().is_some();
+    let metrics = result::read_metrics(folder.path()).unwrap().expect("metrics.json");
+    assert_eq!(
+        metrics.agreement.iter().map(|f| f.frame).collect::<Vec<_>>(),
+        (0..FRAMES).collect::<Vec<_>>()
+    );
+    let warning = summary.warning();
     let verdict = summary.verdict.expect("a verdict");
-    assert_eq!(summary_doubted, verdict.grade > Grade::Good);
+    assert_eq!(warning.is_some(), verdict.state > State::Found);
+    // metrics.json says the same frame by frame.
+    let stretches = [(State::Doubtful, &verdict.doubtful), (State::Lost, &verdict.lost)];
+    for (n, frame) in metrics.verdicts.iter().enumerate() {
+        let within = |list: &[[usize; 2]]| list.iter().any(|[first, end]| (*first..*end).contains(&n));
+        let told = stretches.iter().find(|(_, list)| within(list)).map_or(State::Found, |(state, _)| *state);
+        assert_eq!((frame.frame, frame.state, frame.reason.is_empty()), (n, told, told == State::Found));
+    }
+    let counts = verdict.counts;
+    assert_eq!((metrics.verdicts.len(), counts.found + counts.doubtful + counts.lost), (FRAMES, FRAMES));
     verdict
 }
 
@@ -81,8 +93,8 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
 fn the_true_motion_is_good_and_spoilt_halves_are_named() {
     let (scene, motion, texture) = scene();
     let found = verdict(&scene, &texture, motion.clone());
-    assert_eq!(found.grade, Grade::Good, "{}", found.sentence);
-    assert!(found.sentence.starts_with("good: silhouette "), "{}", found.sentence);
+    assert_eq!(found.state, State::Found, "{}", found.sentence);
+    assert!(found.sentence.starts_with("found: silhouette "), "{}", found.sentence);
     assert!(found.silhouette.unwrap().worst > 0.97, "{found:?}");
 
     let size = {
@@ -107,15 +119,21 @@ fn the_true_motion_is_good_and_spoilt_halves_are_named() {
         p + 0.1 * size * towards
     };
     let cases = [
-        ("shifted", shifted, "silhouette 0."),
+        ("shifted", shifted, "of the mask not covered"),
         ("slid", slid, "texture displaced"),
         ("stretched", stretched, "strained by"),
         ("crumpled", crumpled, "creased"),
+        ("crumpled", crumpled, "flipped"),
     ];
     for (name, change, reason) in cases {
         let found = verdict(&scene, &texture, spoilt(change));
-        assert!(found.grade > Grade::Good, "{name}: {}", found.sentence);
-        assert_eq!(found.doubtful_frames, (HALF..FRAMES).collect::<Vec<_>>(), "{name}: {}", found.sentence);
+        assert_eq!(found.state, State::Lost, "{name}: {}", found.sentence);
+        assert!(found.lost.last().is_some_and(|l| l[1] == FRAMES), "{name}: {}", found.sentence);
+        assert_eq!(
+            (found.counts.found, found.counts.lost + found.counts.doubtful),
+            (HALF, FRAMES - HALF),
+            "{name}"
+        );
         assert!(found.sentence.contains("from frame 6 on"), "{name}: {}", found.sentence);
         assert!(found.sentence.contains(reason), "{name}: {}", found.sentence);
     }

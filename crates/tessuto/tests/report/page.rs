@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 use image::RgbImage;
 use tessuto::io::jpeg;
 use tessuto::mesh::grid;
-use tessuto::metrics::{Evaluation, FrameMetrics, Metrics};
+use tessuto::metrics::{Evaluation, FrameAgreement, FrameMetrics, FrameVerdict, Metrics, State, judge};
 use tessuto::report::embed::{Window, base64};
 use tessuto::report::film::{Film, Source};
 use tessuto::report::{
@@ -106,6 +106,19 @@ fn contact_sheet_shows_the_first_and_the_last_frame() {
     });
 }
 
+/// Frames 2 and 3 are doubtful, those from 6 on lost.
+fn verdicts(frame_count: usize) -> Vec<FrameVerdict> {
+    let verdict = |frame: usize| {
+        let (state, reason) = match frame {
+            2 | 3 => (State::Doubtful, "texture <b> displaced"),
+            6.. => (State::Lost, "crumpled"),
+            _ => (State::Found, ""),
+        };
+        FrameVerdict { frame, state, reason: reason.into() }
+    };
+    (0..frame_count).map(verdict).collect()
+}
+
 /// A cloth of `side`×`side` vertices that swings, in front of a camera of `size`×`size` pixels.
 fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
     let mesh = grid(side, side, DVec2::new(0.5, 0.5), 1.2);
@@ -186,6 +199,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         }),
         film: Film::new(&sources, frame_count, &camera, None, 11 << 20).unwrap(),
         verdict: None,
+        verdicts: verdicts(frame_count),
         maps: vec![Map {
             key: "texture",
             label: "recovered texture",
@@ -247,6 +261,29 @@ fn page_of_a_hundred_frames_is_one_file_of_bounded_size() {
 }
 
 #[test]
+fn doubtful_and_lost_frames_are_listed_and_counted() {
+    let mut data = data(8, 5, 60);
+    let mesh = grid(3, 3, DVec2::ONE, 1.0);
+    let frame = |frame| FrameAgreement { frame, flipped: 0.02 * frame as f64, ..FrameAgreement::default() };
+    data.verdict = judge(&[frame(0), frame(1), frame(3)], &mesh);
+    let text = page::render(&data);
+    for part in [
+        r#"<td class="with-frames">frame 2 to 3</td><td><b class="doubtful">doubtful</b></td><td>texture &#60;b&#62; displaced</td>"#,
+        r#"<td class="with-frames">frame 6 to 7</td><td><b class="lost">lost</b></td><td>crumpled</td>"#,
+        r#"<span class="state lost">lost</span>"#,
+        "1 frame found, 1 doubtful, 1 lost. What helps: ",
+        r#"{"frame":2,"state":"doubtful","reason":"texture \u003cb> displaced"}"#,
+        "area in flipped triangles",
+    ] {
+        assert!(text.contains(part), "{part} is missing");
+    }
+    // A list that nobody reads to its end is cut.
+    data.verdicts = verdicts(100);
+    data.verdicts.iter_mut().step_by(2).for_each(|v| v.state = State::Found);
+    assert!(page::render(&data).contains("and 28 more, all in metrics.json"));
+}
+
+#[test]
 fn page_without_anything_is_still_a_page() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");
@@ -283,6 +320,10 @@ const look = () => {
   const scrub = document.getElementById("scrub"), wipeSlider = document.getElementById("wipe");
   document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
   const byKey = [player.frame, Number(scrub.value), view.frame, wipe.frame];
+  const strip = [...document.querySelectorAll('#states i')].map(mark => mark.className);
+  const key = (key, shiftKey) => document.body.dispatchEvent(new KeyboardEvent("keydown", { key, shiftKey, bubbles: true }));
+  const doubts = [[], [], [], [true]].map(([back]) => (key("n", back), player.frame));
+  const told = [scrub.getAttribute("aria-valuetext"), document.getElementById("state-text").textContent];
   scrub.value = 5;
   scrub.dispatchEvent(new Event("input"));
   const bySlider = [player.frame, view.frame, document.getElementById("frame").textContent.includes("frame 5")];
@@ -290,7 +331,7 @@ const look = () => {
   wipeSlider.dispatchEvent(new Event("input"));
   player.toggle();
   const played = player.playing;
-  document.title = `PROBE ${JSON.stringify({ faults, colours, wiped, plots, byKey, bySlider, share: wipe.share, played })}`;
+  document.title = `PROBE ${JSON.stringify({ faults, colours, wiped, plots, byKey, bySlider, strip, doubts, told, share: wipe.share, played })}`;
 };
 setTimeout(look, 1500);
 </script></head>"#;
@@ -321,6 +362,8 @@ fn page_runs_in_chromium() {
     assert_eq!(seen["faults"].as_array().map(Vec::len), Some(0), "{title}");
     assert!(seen["colours"].as_u64() > Some(20), "the 3D view is blank: {title}");
     let expected = serde_json::json!({
+        "strip": ["found", "doubtful", "found", "lost"], "doubts": [2, 6, 2, 6],
+        "told": ["frame 6, lost: crumpled", "lost crumpled"],
         "wiped": true, "plots": 3, "byKey": [1, 1, 1, 1], "bySlider": [5, 5, true], "share": 0.25, "played": true
     });
     for (key, value) in expected.as_object().unwrap() {

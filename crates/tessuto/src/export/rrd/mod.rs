@@ -40,11 +40,14 @@ use crate::error::Result;
 pub(super) fn encode(clip: &Clip) -> Result<Vec<u8>> {
     let mut hash = Sha256::new();
     hash.update(format!("{} {:?} {:?} {}", clip.version, clip.mesh, clip.camera, clip.fps));
+    if clip.frames.len() < clip.frame_count {
+        hash.update(format!("{:?}", clip.frames));
+    }
     clip.motion.iter().for_each(|positions| hash.update(bytemuck::cast_slice::<_, u8>(positions)));
     let id = format!("{}-{:x}", clip.name, hash.finalize());
     let mut out = Vec::new();
     let mut recording = Recording::begin(&mut out, Path::new(&clip.name), &id, &Subject::of_clip(clip)?)?;
-    recording.motion(&clip.motion)?;
+    recording.motion_at(&clip.frames, &clip.motion)?;
     recording.texture(&clip.material.base_colour)?;
     recording.end()?;
     Ok(out)

@@ -97,7 +97,7 @@ impl<W: Write> Recording<W> {
         recording.video(subject)?;
         recording.truth(subject)?;
         // Something to see before the first motion.
-        recording.shapes(0, std::slice::from_ref(&subject.mesh.positions))?;
+        recording.shapes(&[0], std::slice::from_ref(&subject.mesh.positions))?;
         Ok(recording)
     }
 
@@ -139,10 +139,20 @@ impl<W: Write> Recording<W> {
     /// # Errors
     /// [`Error::Output`].
     pub fn motion(&mut self, motion: &[Positions]) -> Result<()> {
+        let frames: Vec<usize> = (0..motion.len()).collect();
+        self.motion_at(&frames, motion)
+    }
+
+    /// Writes the motion [N, V] m at `frames` `[N]`, counted from the first of the recording. The viewer shows the frame before
+    /// where one is left out.
+    ///
+    /// # Errors
+    /// [`Error::Output`].
+    pub fn motion_at(&mut self, frames: &[usize], motion: &[Positions]) -> Result<()> {
         let bytes = 12 * self.corners.vertices.len().max(1);
         let together = (CHUNK_BYTES / bytes).max(1);
-        for (k, shapes) in motion.chunks(together).enumerate() {
-            self.shapes(k * together, shapes)?;
+        for (frames, shapes) in frames.chunks(together).zip(motion.chunks(together)) {
+            self.shapes(frames, shapes)?;
         }
         Ok(())
     }
@@ -232,16 +242,16 @@ impl<W: Write> Recording<W> {
         Ok(())
     }
 
-    /// `shapes` from frame `start` on.
-    fn shapes(&mut self, start: usize, shapes: &[Positions]) -> Result<()> {
+    /// `shapes` at `frames`.
+    fn shapes(&mut self, frames: &[usize], shapes: &[Positions]) -> Result<()> {
         let positions: Vec<_> = shapes.iter().map(|vertices| self.corners.of(vertices)).collect();
         let columns = vec![Column::points(["Mesh3D", "vertex_positions"], &positions)];
-        self.write(&Chunk { entity: FABRIC, times: self.frames(start..start + shapes.len()), columns })
+        self.write(&Chunk { entity: FABRIC, times: self.frames(frames.iter().copied()), columns })
     }
 
     /// Times of frames, counted from the first of the recording.
-    fn frames(&self, range: std::ops::Range<usize>) -> Vec<Times> {
-        let numbers: Vec<i64> = range.map(|n| (self.first_frame + n) as i64).collect();
+    fn frames(&self, frames: impl Iterator<Item = usize>) -> Vec<Times> {
+        let numbers: Vec<i64> = frames.map(|n| (self.first_frame + n) as i64).collect();
         let nanoseconds = numbers.iter().map(|n| (*n as f64 / self.fps * 1e9).round() as i64).collect();
         vec![Times::Sequence("frame", numbers), Times::Duration("time", nanoseconds)]
     }

@@ -66,7 +66,7 @@ impl<'a> Subject<'a> {
             mesh: &clip.mesh,
             fps: clip.fps,
             first_frame: clip.first_frame,
-            frame_count: clip.motion.len(),
+            frame_count: clip.frame_count,
             camera: if shown { clip.camera.cropped(clip.crop) } else { clip.camera },
             image: shown.then_some(image),
             truth: None,

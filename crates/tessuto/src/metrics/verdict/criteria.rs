@@ -1,0 +1,89 @@
+//! The quantities that a frame is judged by, and from where on they are wrong.
+//!
+//! The limits say where a reconstruction is no longer what the video shows or what cloth does. Those of the picture were
+//! set on made-up clips of 48 to 160 pixels (`tools/stress.py --scenes 200`), such that most frames whose vertices are off by
+//! 15 mm of a sheet of 0.5 m are told and few others, and on recordings of which the error is known, whose folds are finer than
+//! the mesh. That a high 99th percentile of strain is doubtful but does not lose a frame was decided after seeing one recording
+//! whose coarse mesh folds between its vertices.
+//!
+//! | quantity | doubtful from | lost from | why |
+//! |---|---|---|---|
+//! | part of the mask that the mesh leaves uncovered | 3 % | 10 % | a square moved by as much of its side: 15 mm and 50 mm of 0.5 m |
+//! | intersection over union of the silhouettes, of plain cloth | 0.90 | 0.75 | a square moved by 5 % and by 14 % of its side |
+//! | correlation of the prints | 0.75 | 0.50 | the print explains half and a quarter of the local contrast; 0 is another print |
+//! | \|strain\| of the 99th percentile of threads | 20 % | | woven cloth tears at 15 to 30 %; a hundredth of the threads is no more than a place |
+//! | mean \|strain\| of the threads | 5 % | 10 % | the whole cloth, where woven cloth gives way by 1 to 3 % |
+//! | creased inner edges | 5 % | 15 % | one sharp fold across n×n vertices is 1 / 3n of them |
+//! | area in flipped triangles | 1 % | 5 % | a sound sheet has none; one spike of a coarse mesh is 1 to 2 % |
+//! | standard deviation of the positions, of the sheet's size | 3 % | 8 % | 15 mm and 40 mm of 0.5 m |
+//!
+//! Where a print is to be seen it tells whether the mesh is too large, and what is drawn outside the mask may be hidden by something
+//! in front. Where there is none, only the silhouette can tell. The PSNR of the colours is told but not judged: the recovered
+//! texture holds the first frame's light, and where the light on the cloth changes, the true motion has a PSNR that falls by 30 dB.
+
+use super::State;
+use crate::metrics::agreement::FrameAgreement;
+
+/// One line of the table above.
+pub(super) struct Criterion {
+    /// Doubtful and lost from here on.
+    limits: [f64; 2],
+    /// The larger, the worse; the second argument is the size of the sheet `[m]`.
+    pub cost: fn(&FrameAgreement, f64) -> Option<f64>,
+    /// A cost in words.
+    pub words: fn(f64) -> String,
+}
+
+pub(super) const CRITERIA: [Criterion; 8] = [
+    Criterion {
+        limits: [0.03, 0.10],
+        cost: |f, _| f.uncovered,
+        words: |cost| format!("{:.0} % of the mask not covered", 100.0 * cost),
+    },
+    Criterion {
+        limits: [0.10, 0.25],
+        cost: |f, _| f.silhouette.filter(|_| f.correlation.is_none()).map(|v| 1.0 - v),
+        words: |cost| format!("silhouette {:.2}", 1.0 - cost),
+    },
+    Criterion {
+        limits: [0.25, 0.50],
+        cost: |f, _| f.correlation.map(|v| 1.0 - v),
+        words: |cost| format!("texture displaced, correlation {:.2}", 1.0 - cost),
+    },
+    Criterion {
+        limits: [0.20, f64::INFINITY],
+        cost: |f, _| Some(f.strain_p99),
+        words: |cost| format!("1 thread in 100 strained by {:.0} % or more", 100.0 * cost),
+    },
+    Criterion {
+        limits: [0.05, 0.10],
+        cost: |f, _| Some(f.strain_mean),
+        words: |cost| format!("threads strained by {:.0} % on average", 100.0 * cost),
+    },
+    Criterion {
+        limits: [0.05, 0.15],
+        cost: |f, _| Some(f.creased),
+        words: |cost| format!("{:.0} % of the edges creased", 100.0 * cost),
+    },
+    Criterion {
+        limits: [0.01, 0.05],
+        cost: |f, _| Some(f.flipped),
+        words: |cost| format!("{:.0} % of the area in flipped triangles", 100.0 * cost),
+    },
+    Criterion {
+        limits: [0.03, 0.08],
+        cost: |f, size| f.deviation.map(|d| d / size),
+        words: |cost| format!("positions uncertain by {:.0} % of the sheet's size", 100.0 * cost),
+    },
+];
+
+impl Criterion {
+    pub fn state(&self, frame: &FrameAgreement, size: f64) -> State {
+        let [doubtful, lost] = self.limits;
+        match (self.cost)(frame, size) {
+            Some(cost) if cost >= lost || cost.is_nan() => State::Lost,
+            Some(cost) if cost >= doubtful => State::Doubtful,
+            _ => State::Found,
+        }
+    }
+}
