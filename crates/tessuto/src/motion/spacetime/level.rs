@@ -88,7 +88,7 @@ impl LevelSearch<'_, '_> {
                 adjacent: &self.adjacent[frame],
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
-                weight: area / (s.colour * s.colour * s.colour_area),
+                weight: area / (s.colour * s.colour * s.colour_area * p.scale),
             },
             outline: Outline {
                 cloth: p.cloth,
@@ -96,7 +96,7 @@ impl LevelSearch<'_, '_> {
                 distance: &p.observed.outlines[frame],
                 camera: &p.scene.camera,
                 sigma: s.outline * pixel,
-                weight: 1.0 / (s.outline * s.outline * s.outline_length * pixel.powi(3)),
+                weight: 1.0 / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
             },
         }
     }

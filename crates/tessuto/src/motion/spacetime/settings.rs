@@ -25,13 +25,14 @@ settings! {
         acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");
         /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.
         colour: f64 = 0.1, number(1e-4..=10.0, "sRGB");
-        /// Area whose colours vary together: the colour term is divided by it. Larger is weaker.
+        /// Area whose colours vary together, for a sheet of 160 px: the colour term is divided by it. Larger is weaker.
         colour_area: f64 = 0.075, number(1e-6..=1e6, "px of the finest level");
         /// Weight of the comparison with the frames before and after, relative to that with the first frame.
         neighbour_weight: f64 = 0.5, number(0.0..=100.0, "");
         /// Spread σ of the distance to the outline: larger distances count less and less. Larger is weaker.
         outline: f64 = 12.0, number(1e-3..=1e3, "px of the finest level");
-        /// Length of outline whose errors vary together: the outline term is divided by it. Larger is weaker.
+        /// Length of outline whose errors vary together, for a sheet of 160 px: the outline term is divided by it. Larger is
+        /// weaker.
         outline_length: f64 = 0.0015, number(1e-6..=1e6, "px of the finest level");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
