@@ -54,6 +54,12 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         Evaluation::default()
     };
     evaluation.maps = maps;
+    if let Some(metrics) = folder.map_or(Ok(None), |folder| result::read_metrics(folder))? {
+        // What the result itself says of the frames that are compared.
+        let first = scene.first_frame;
+        let compared = first..first + motion.len();
+        evaluation.verdicts = metrics.verdicts.into_iter().filter(|v| compared.contains(&v.frame)).collect();
+    }
     let text =
         if arguments.json { serde_json::to_string_pretty(&evaluation)? + "\n" } else { table(&evaluation) };
     say::output(format_args!("{text}"));

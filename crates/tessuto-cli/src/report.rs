@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 use tessuto::output::manifest;
-use tessuto::result::{self, Folder};
+use tessuto::result::{self, Folder, Summary};
 
 use crate::say::say;
 use crate::threads::Threads;
+use crate::watch::tell_verdict;
 
 /// Rebuild the page of a result: report.html, one self-contained file that needs no network.
 #[derive(Args)]
@@ -26,8 +27,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let page = arguments.result.join("report.html");
     manifest::check_parts(&[&page], true)?;
-    result::write_page(&Folder::open(&arguments.result)?)?;
+    let folder = Folder::open(&arguments.result)?;
+    result::write_page(&folder)?;
     manifest::record(&[&page])?;
+    tell_verdict(&Summary::of(&folder)?, &arguments.result);
     say!("{}", page.display());
     Ok(())
 }

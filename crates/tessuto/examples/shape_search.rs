@@ -5,6 +5,8 @@
 //! Searches a scene with known vertices twice, once as always and once starting from the truth, and prints the errors
 //! and the objectives reached. If the start from the truth stays there with the lower objective, the search is at
 //! fault; if it walks away, the objective is.
+//!
+//! After the search as always, it prints how far the positions are said to be off, and how often the true vertices are within that.
 
 use std::path::Path;
 
@@ -39,8 +41,11 @@ fn main() -> tessuto::Result<()> {
         let session = &mut Session::silent();
         let (tracked, _) = problem.track(session)?;
         report(&scene, &problem, "tracked", &tracked, clock.elapsed().as_secs_f64());
-        let (refined, _) = problem.refine(tracked, session)?;
+        let (refined, _) = problem.refine(tracked.clone(), session)?;
         report(&scene, &problem, "refined", &refined, clock.elapsed().as_secs_f64());
+        let clock = std::time::Instant::now();
+        let deviations = problem.deviations(&refined, &tracked, config.seed, session)?;
+        report_deviations(&scene, &deviations, &refined, clock.elapsed().as_secs_f64());
         if let Some(path) = &save {
             tessuto::io::npy::write_field(Path::new(&path), &refined)?;
         }
@@ -114,4 +119,37 @@ fn report(scene: &Scene, problem: &Problem, name: &str, frames: &[Positions], se
     print!(" | E {total:.4e}");
     terms.iter().for_each(|(name, value)| print!(" {name} {value:.2e}"));
     println!();
+}
+
+/// Bounds of error / deviation between which vertices are counted.
+const BOUNDS: [f64; 6] = [0.5, 1.0, 1.5, 2.0, 3.0, f64::INFINITY];
+/// A frame with a larger mean error than this [m] is lost.
+const LOST: f64 = 0.015;
+
+/// Mean deviation, and where there is truth how often it is within twice of that, and errors / deviations by their size; then of every
+/// frame mean error and root mean square deviation [mm], those of lost frames in brackets.
+fn report_deviations(scene: &Scene, deviations: &[Vec<f64>], frames: &[Positions], seconds: f64) {
+    let count = (deviations.len() - 1) * scene.template.positions.len();
+    let mean = 1e3 * deviations[1..].iter().flatten().sum::<f64>() / count as f64;
+    print!("{:12} deviation {seconds:6.1} s mean {mean:6.2} mm", scene.name);
+    let Some(truth) = &scene.truth.vertices else {
+        println!();
+        return;
+    };
+    let mut shares = [0.0; BOUNDS.len()];
+    let mut of_frames = String::new();
+    for ((deviations, x), truth) in deviations.iter().zip(frames).zip(truth.iter()).skip(1) {
+        let errors: Vec<f64> = x.iter().zip(truth).map(|(a, b)| a.distance(*b)).collect();
+        for (error, deviation) in errors.iter().zip(deviations) {
+            let bin = BOUNDS.iter().position(|b| *error <= b * deviation).unwrap_or(BOUNDS.len() - 1);
+            shares[bin] += 100.0 / count as f64;
+        }
+        let error = errors.iter().sum::<f64>() / errors.len() as f64;
+        let square = deviations.iter().map(|s| s * s).sum::<f64>() / deviations.len() as f64;
+        let [open, close] = if error > LOST { ["(", ")"] } else { ["", ""] };
+        of_frames += &format!(" {open}{:.1}/{:.1}{close}", 1e3 * error, 1e3 * square.sqrt());
+    }
+    print!(", {:.1} % within 2 deviations; error/deviation", shares[..4].iter().sum::<f64>());
+    BOUNDS.iter().zip(shares).for_each(|(bound, share)| print!(" ≤{bound} {share:.1} %"));
+    println!("\n{:12} frames{of_frames}", scene.name);
 }

@@ -19,6 +19,9 @@ use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
 pub struct Reconstruction {
     /// Positions at every frame, shape [N, V]: the rollout of `parameters`.
     pub motion: Motion,
+    /// Standard deviation of every vertex in every frame `[m]`, shape [N, V]: the root of the trace of its covariance, see
+    /// [`crate::motion::spacetime`]. `None` from the other method and from a search that failed.
+    pub deviations: Option<Vec<Vec<f64>>>,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
     /// Colours of the surface.
@@ -71,17 +74,23 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         dynamics: config.dynamics.at(scene.fps),
         settings: &config.rollout,
     };
-    let (parameters, failure) = match config.method {
+    let (parameters, deviations, failure) = match config.method {
         Method::Rollout => {
             session.begin("rollout");
-            fit.run(fit.start(), session)?
+            let (parameters, failure) = fit.run(fit.start(), session)?;
+            (parameters, None, failure)
         }
         Method::Spacetime => {
             let mut problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
             session.begin("track");
             let (tracked, lost) = problem.track(session)?;
             session.begin("refine");
-            let (frames, stuck) = problem.refine(tracked, session)?;
+            let (frames, stuck) = problem.refine(tracked.clone(), session)?;
+            session.begin("deviation");
+            let deviations = match lost.is_none() && stuck.is_none() {
+                true => Some(problem.deviations(&frames, &tracked, config.seed, session)?),
+                false => None,
+            };
             session.begin("forces and stiffnesses");
             let mut parameters = fit.start();
             if config.material.fit {
@@ -93,17 +102,26 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             let (accelerations, loose) =
                 accelerations_of_motion(&cloth, &fit.dynamics, k, &frames, &config.inverse);
             parameters.accelerations = accelerations;
-            (parameters, lost.or(stuck).or(loose))
+            (parameters, deviations.map(|of_found| (frames, of_found)), lost.or(stuck).or(loose))
         }
     };
 
     // The motion is what these parameters make, nothing else.
     session.begin("rollout of the result");
     let motion = simulate(&cloth, config, scene.fps, template, &parameters)?;
+    let deviations = deviations.map(|(found, deviations)| of_motion(deviations, &found, &motion));
     session.end();
     let history = session.history_of(&["texture", "track", "refine", "rollout"]);
     let timings = session.timings().to_vec();
-    Ok(Reconstruction { motion, parameters, texture, history, timings, failure })
+    Ok(Reconstruction { motion, deviations, parameters, texture, history, timings, failure })
+}
+
+/// `deviations` of the `found` positions, with what the simulated `motion` is off from these added.
+fn of_motion(mut deviations: Vec<Vec<f64>>, found: &[Positions], motion: &Motion) -> Vec<Vec<f64>> {
+    for ((deviations, found), x) in deviations.iter_mut().zip(found).zip(motion.iter()) {
+        deviations.iter_mut().zip(found.iter().zip(x)).for_each(|(d, (a, b))| *d = d.hypot(a.distance(*b)));
+    }
+    deviations
 }
 
 /// The motion of `cloth` from rest at `template` under `parameters`, one shape per frame.

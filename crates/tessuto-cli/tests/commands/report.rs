@@ -41,9 +41,14 @@ fn page_is_made_from_the_result_alone_and_gains_the_maps() {
     let page = || std::fs::read_to_string(result.join("report.html")).unwrap();
     let first = page();
     assert!(first.contains(r#"id="map-texture""#) && !first.contains(r#"id="map-roughness""#));
-    for part in
-        [r#""key":"vertex_error""#, r#""key":"force""#, r#""key":"observed""#, "--no-appearance", "refine"]
-    {
+    for part in [
+        r#""key":"vertex_error""#,
+        r#""key":"deviation""#,
+        r#""key":"force""#,
+        r#""key":"observed""#,
+        "--no-appearance",
+        "refine",
+    ] {
         assert!(first.contains(part), "{part} is missing");
     }
 

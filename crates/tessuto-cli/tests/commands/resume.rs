@@ -53,6 +53,8 @@ fn assert_same(a: &Path, b: &Path) {
         let [a, b] = [a, b].map(|folder| std::fs::read(folder.join(name)).unwrap());
         assert!(a == b, "{name} differs");
     }
+    let deviation = |folder: &Path| std::fs::read(folder.join("deviation.npy")).ok();
+    assert!(deviation(a) == deviation(b), "deviation.npy differs");
     for name in ["material/diffuse.png", "material/environment.exr", "rerendered/rgb_004.png"] {
         let [a, b] = [a, b].map(|folder| std::fs::read(folder.join(name)).unwrap());
         assert!(a == b, "{name} differs");

@@ -57,6 +57,13 @@ fn lost_frames_are_told_everywhere_and_can_be_left_out() {
     let page = std::fs::read_to_string(result.join("report.html")).unwrap();
     assert!(page.contains(r#"<span class="state lost">lost</span>"#) && page.contains("2 lost. What helps"));
 
+    let [table, _] = succeed(&["evaluate", text(&scene), text(&result)]);
+    let line = |n: &str| table.lines().find(|line| line.trim_start().starts_with(n)).unwrap().to_owned();
+    assert!(line("frame ").ends_with("  verdict") && line("0 ").ends_with("  found"), "{table}");
+    assert!(line("3 ").ends_with("  lost") && line("4 ").ends_with("  lost"), "{table}");
+    let [_, news] = succeed(&["report", text(&result)]);
+    assert!(news.contains("warning: verdict: lost in frames 3–4"), "{news}");
+
     let target = ["--to", "obj", "--out", text(&exported)];
     let [_, news] = succeed(&[&["export", text(&result)], &target[..]].concat());
     assert!(news.contains("2 of 6 frames are lost; --without-lost leaves them out"), "{news}");

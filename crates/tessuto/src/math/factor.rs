@@ -211,6 +211,23 @@ impl Analysis {
         scratch.rhs = rhs;
         out
     }
+
+    /// The product of a square root L D^½ of A with `field`, given a factor of A: a field of independent numbers of variance 1
+    /// becomes one of covariance A. `None` if A was not found positive definite.
+    pub fn multiply_root(
+        &self,
+        pattern: &BlockPattern,
+        factor: &Factor,
+        field: &[DVec3],
+    ) -> Option<Vec<DVec3>> {
+        let Factor::Plain(values) = factor else { return None };
+        let mut x = vec![0.0; 3 * pattern.vertex_count()];
+        pattern.gather(field, &mut x);
+        self.fronts.multiply_root(values, &mut x)?;
+        let mut out = vec![DVec3::ZERO; pattern.vertex_count()];
+        pattern.scatter(&x, &mut out);
+        Some(out)
+    }
 }
 
 fn analyse_for_pivoting(pattern: &BlockPattern) -> SymbolicCholesky<usize> {
@@ -282,6 +299,38 @@ mod tests {
             let definite = analysis.definite(&pattern, &matrix, &mut scratch).is_some();
             assert_eq!(definite, dominance > 20.0 || side == 1, "{side} {dominance}");
         }
+    }
+
+    #[test]
+    fn the_root_times_its_transpose_is_the_matrix() {
+        // Its products with all unit vectors are its columns.
+        let (pattern, matrix, _) = system(6, 30.0, 3);
+        let analysis = Analysis::new(&pattern);
+        let factor = analysis.definite(&pattern, &matrix, &mut Scratch::default()).unwrap();
+        let unit = |k: usize| {
+            let mut unit = vec![DVec3::ZERO; pattern.vertex_count()];
+            unit[k / 3][k % 3] = 1.0;
+            unit
+        };
+        let columns: Vec<Vec<DVec3>> = (0..3 * pattern.vertex_count())
+            .map(|k| analysis.multiply_root(&pattern, &factor, &unit(k)).unwrap())
+            .collect();
+        for k in [0, 7, 40, 107] {
+            let mut product = vec![DVec3::ZERO; pattern.vertex_count()];
+            for column in &columns {
+                let of_k = column[k / 3][k % 3];
+                product.iter_mut().zip(column).for_each(|(p, c)| *p += *c * of_k);
+            }
+            let expected = matrix.multiply(&pattern, &unit(k));
+            for (a, b) in product.iter().zip(&expected) {
+                assert!((*a - *b).length() < 1e-12 * 30.0, "{a} {b}");
+            }
+        }
+        // None for a matrix that is not definite.
+        let (pattern, matrix, _) = system(6, -4.0, 3);
+        let analysis = Analysis::new(&pattern);
+        let factor = analysis.factorize(&pattern, &matrix, &mut Scratch::default());
+        assert!(analysis.multiply_root(&pattern, &factor, &unit(0)).is_none());
     }
 
     #[test]

@@ -31,7 +31,8 @@ pub struct FrameAgreement {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
     /// How well the texture's pattern lies on that of the video, over the same pixels: see [`local_correlation`]; absent for plain
-    /// cloth.
+    /// cloth. Where the mesh moves, the best of the sharp rendering and those with the shutter open for a while: a blurred frame lacks
+    /// what is fine in the print.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correlation: Option<f64>,
     /// Mean of |strain| over the threads, the edges of the template's polygons; strain = length / length in the
@@ -152,6 +153,12 @@ impl AgreementMeter {
         let turned = turned(normals, &self.neighbours, &self.areas);
         self.areas.iter().zip(turned).filter(|(_, turned)| *turned).fold(0.0, |sum, (area, _)| sum + area)
     }
+}
+
+/// [`local_correlation`] of `rgb`, rendered with `coverage`, with the video, over the pixels that both cover.
+pub(crate) fn print_correlation(rgb: &Image, coverage: &Image, observed: &Frame) -> Option<f64> {
+    let common = coverage.data.iter().zip(&observed.mask.data).map(|(a, b)| *a > 0.5 && *b > 0.5);
+    local_correlation(rgb, &observed.rgb, &common.collect::<Vec<bool>>())
 }
 
 /// Unit normals of the triangles; zero for those without area.

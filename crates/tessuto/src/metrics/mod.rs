@@ -18,6 +18,7 @@ pub(crate) mod tracked;
 mod validate;
 pub mod verdict;
 
+pub(crate) use agreement::print_correlation;
 pub use agreement::{AgreementMeter, FrameAgreement};
 pub use maps::MapMetrics;
 pub use similarity::{correlation, local_correlation, masked_psnr, psnr, ssim};

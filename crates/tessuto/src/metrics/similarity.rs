@@ -63,6 +63,8 @@ pub fn correlation(a: &[f32], b: &[f32]) -> Option<f64> {
     (!a.is_empty() && !constant(aa) && !constant(bb)).then(|| ab / (aa * bb).sqrt())
 }
 
+/// Boxes across the covered part.
+const ACROSS: f64 = 64.0;
 /// Tiles along each side of the covered part.
 const TILES: usize = 8;
 /// Images that vary by less than this, as standard deviation within tiles, have nothing to compare.
@@ -103,26 +105,56 @@ impl Tile {
     }
 }
 
+/// Grey values of two images, means of the channels and of the covered pixels of boxes.
+struct Boxes {
+    /// Boxes across and down the covered part.
+    size: [usize; 2],
+    /// Column, row and the two values of each box that is covered by half or more.
+    values: Vec<([usize; 2], [f64; 2])>,
+}
+
+impl Boxes {
+    /// Boxes of whole pixels, such that the covered part is about [`ACROSS`] of them across. None where nothing is covered.
+    fn new(a: &Image, b: &Image, covered: &[bool]) -> Option<Self> {
+        let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
+        let count = places().count();
+        let (x0, y0) = places().fold((a.width, a.height), |(x, y), p| (x.min(p.0), y.min(p.1)));
+        let (x1, y1) = places().fold((0, 0), |(x, y), p| (x.max(p.0 + 1), y.max(p.1 + 1)));
+        if count == 0 {
+            return None;
+        }
+        let side = (((count as f64).sqrt() / ACROSS).round() as usize).max(1);
+        let size @ [columns, rows] = [(x1 - x0).div_ceil(side), (y1 - y0).div_ceil(side)];
+        let mut sums = vec![[0.0; 3]; columns * rows];
+        for (x, y) in places() {
+            let grey =
+                |image: &Image| f64::from(image.pixel(x, y).iter().sum::<f32>()) / image.channels as f64;
+            let sum = &mut sums[(y - y0) / side * columns + (x - x0) / side];
+            sum.iter_mut().zip([1.0, grey(a), grey(b)]).for_each(|(sum, v)| *sum += v);
+        }
+        let whole = (side * side) as f64;
+        let kept = sums.iter().enumerate().filter(|(_, [n, ..])| 2.0 * n >= whole);
+        let values = kept.map(|(k, [n, a, b])| ([k % columns, k / columns], [a / n, b / n])).collect();
+        Some(Self { size, values })
+    }
+}
+
 /// Normalised cross-correlation within tiles, how well the patterns of two images lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
 /// covered part's bounding box, of the channels' mean without its plane in the tile. 1 is the same pattern, 0 another one. Light
-/// that brightens or darkens a tile as a whole, and what it adds across a tile evenly, make no difference. None where an image is plain.
+/// that brightens or darkens a tile as a whole, and what it adds across a tile evenly, make no difference. Large images are first
+/// averaged over boxes, some 64 across the covered part: then a displacement counts by its part of the whole, and neither
+/// grain nor threads do. None where an image is plain.
 pub fn local_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
-    let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
-    let (x0, y0) = places().fold((a.width, a.height), |(x, y), p| (x.min(p.0), y.min(p.1)));
-    let (x1, y1) = places().fold((0, 0), |(x, y), p| (x.max(p.0 + 1), y.max(p.1 + 1)));
+    let boxes = Boxes::new(a, b, covered)?;
+    let [columns, rows] = boxes.size;
     let mut tiles = [Tile::default(); TILES * TILES];
-    for (x, y) in places() {
-        let grey = |image: &Image| {
-            let sum: f32 = image.pixel(x, y).iter().sum();
-            f64::from(sum) / image.channels as f64
-        };
+    for ([x, y], [a, b]) in &boxes.values {
+        let (across, down) = (x * TILES, y * TILES);
         // Columns and rows of a tile counted from its own first: small numbers keep the differences of sums exact.
-        let (across, down) = ((x - x0) * TILES, (y - y0) * TILES);
-        let (width, height) = (x1 - x0, y1 - y0);
-        let tile = down / height * TILES + across / width;
-        let within = |along: usize, side: usize| (along % side) as f64 / TILES as f64;
-        tiles[tile].add(within(across, width), within(down, height), grey(a), grey(b));
+        let within = |along: usize, count: usize| (along % count) as f64 / TILES as f64;
+        let tile = &mut tiles[down / rows * TILES + across / columns];
+        tile.add(within(across, columns), within(down, rows), *a, *b);
     }
     let (mut count, mut aa, mut bb, mut ab, mut most) = (0.0, 0.0, 0.0, 0.0, 0.0);
     for tile in tiles.iter().filter(|t| t.sums[0] > 0.0) {
@@ -261,6 +293,29 @@ mod tests {
         }
         assert!((found(&lit).unwrap() - 1.0).abs() < 1e-5, "{:?}", found(&lit));
         assert_eq!(local_correlation(&pattern, &pattern, &vec![false; 64 * 48]), None);
+    }
+
+    #[test]
+    fn grain_finer_than_the_boxes_is_no_other_print_and_displacement_is_the_same_in_any_resolution() {
+        let stripes = |side: usize, shift: f32, grain: f32| {
+            let mut image = Image::new(side, side, 3);
+            for y in 0..side {
+                for x in 0..side {
+                    let phase = (13.0 * (x as f32 + 0.5) / side as f32 - shift) * std::f32::consts::TAU;
+                    let grain = if (x + y) % 2 == 0 { grain } else { -grain };
+                    image.pixel_mut(x, y).fill(0.5 + 0.2 * phase.sin() + grain);
+                }
+            }
+            image
+        };
+        let found = |side: usize, shift: f32, grain: f32| {
+            let (a, b) = (stripes(side, 0.0, 0.0), stripes(side, shift, grain));
+            local_correlation(&a, &b, &vec![true; side * side]).unwrap()
+        };
+        assert!(found(512, 0.0, 0.3) > 0.999, "{}", found(512, 0.0, 0.3));
+        assert!(found(64, 0.0, 0.3) < 0.6, "{}", found(64, 0.0, 0.3));
+        let [coarse, fine] = [64, 512].map(|side| found(side, 0.125, 0.0));
+        assert!((coarse - fine).abs() < 0.02 && coarse < 0.9, "{coarse} {fine}");
     }
 
     #[test]

@@ -28,23 +28,28 @@ fn motion_table(evaluation: &Evaluation, shown: &[usize]) -> String {
     for k in shown {
         let _ = write!(out, " {:>14}", QUANTITIES[*k].key);
     }
+    let state = |frame: usize| evaluation.verdicts.iter().find(|v| v.frame == frame).map(|v| v.state.word());
+    if !evaluation.verdicts.is_empty() {
+        out.push_str("  verdict");
+    }
     out.push_str("\n     ");
     for k in shown {
         let _ = write!(out, " {:>14}", format!("[{}]", QUANTITIES[*k].unit));
     }
     out.push('\n');
-    let mut line = |name: &str, metrics: &Metrics| {
+    let mut line = |name: &str, metrics: &Metrics, state: Option<&str>| {
         let _ = write!(out, "{name:>5}");
         for k in shown {
             let _ =
                 write!(out, " {:>14}", metrics.values()[*k].map_or("-".to_string(), |v| format!("{v:.4e}")));
         }
+        state.iter().for_each(|state| out.push_str(&format!("  {state}")));
         out.push('\n');
     };
     for frame in &evaluation.frames {
-        line(&frame.frame.to_string(), &frame.metrics);
+        line(&frame.frame.to_string(), &frame.metrics, state(frame.frame));
     }
-    line("mean", &evaluation.mean);
+    line("mean", &evaluation.mean, None);
     out.push('\n');
     for k in shown {
         let Quantity { key, label, unit } = QUANTITIES[*k];

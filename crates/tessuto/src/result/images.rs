@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
+use super::shutter;
 use crate::error::Result;
 use crate::image::Image;
 use crate::io;
 use crate::mesh::Positions;
-use crate::metrics::{AgreementMeter, FrameAgreement};
+use crate::metrics::verdict::criteria::CORRELATION;
+use crate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
 use crate::raster::{Rasterizer, Rendering};
 use crate::reconstruct::Reconstruction;
 use crate::report::images::{FrameImages, Ranges, Scales, measured_depth_image};
@@ -55,14 +57,43 @@ impl Painter<'_> {
         Rendered { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured }
     }
 
+    /// How well the print lies on that of the video if the shutter was open for some of the time.
+    fn blurred_correlation(
+        &self,
+        rendering: &mut Rendering,
+        n: usize,
+        observed: &Frame,
+    ) -> impl Iterator<Item = f64> {
+        let draw = |shape: &Positions| {
+            self.rasterizer.render(&self.scene.camera, shape, &self.result.texture, rendering);
+            rendering.rgba.clone()
+        };
+        let exposures = shutter::exposures(&self.result.motion, n, &self.scene.camera, draw);
+        exposures.into_iter().flatten().filter_map(|[rgb, mask]| print_correlation(&rgb, &mask, observed))
+    }
+
     /// Writes the images of frame `n` and measures it.
-    fn finish(&self, rendered: &Rendered, n: usize, folder: &Path, scales: &Scales) -> Result<Measured> {
+    fn finish(
+        &self,
+        rendered: &Rendered,
+        rendering: &mut Rendering,
+        n: usize,
+        folder: &Path,
+        scales: &Scales,
+    ) -> Result<Measured> {
         let (scene, shape) = (self.scene, &self.result.motion[n]);
         let number = scene.first_frame + n;
         let observed = &*scene.frames.frame(n)?;
         rendered.images(observed).write(folder, number, scales)?;
+        let mut agreement = self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed);
+        agreement.deviation = self.result.deviations.as_ref().map(|frames| root_mean_square(&frames[n]));
+        // Blur is a reason to look for only where the sharp print is not there.
+        if let Some(sharp) = agreement.correlation.filter(|sharp| *sharp < CORRELATION) {
+            agreement.correlation =
+                Some(self.blurred_correlation(rendering, n, observed).fold(sharp, f64::max));
+        }
         Ok(Measured {
-            agreement: self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed),
+            agreement,
             errors: depth_errors(scene, shape, &rendered.depth, rendered.measured.as_ref()),
         })
     }
@@ -82,8 +113,8 @@ pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Re
     let scales = Scales::fitting(of_pixels.chain(of_vertices));
     let target = folder.join("pictures");
     let finish = |rendering: &mut Rendering, n: usize| match chosen.binary_search(&n) {
-        Ok(k) => painter.finish(&kept[k], n, &target, &scales),
-        Err(_) => painter.finish(&painter.render(rendering, n), n, &target, &scales),
+        Ok(k) => painter.finish(&kept[k], rendering, n, &target, &scales),
+        Err(_) => painter.finish(&painter.render(rendering, n), rendering, n, &target, &scales),
     };
     let measured = scene.frames.map(0..result.motion.len(), Rendering::new, finish)?;
     write_errors(folder, scene, &result.motion, &measured)?;
@@ -121,6 +152,10 @@ fn write_errors(folder: &Path, scene: &Scene, motion: &[Positions], measured: &[
         io::npy::write(&folder.join("vertex_error.npy"), &size, &errors)?;
     }
     Ok(())
+}
+
+fn root_mean_square(numbers: &[f64]) -> f64 {
+    (numbers.iter().map(|x| x * x).sum::<f64>() / numbers.len().max(1) as f64).sqrt()
 }
 
 /// Depth minus measured depth `[m]` at every vertex that is in sight, NaN elsewhere and where none was measured.

@@ -3,6 +3,7 @@
 //! ```text
 //! motion.npy       [N, V, 3] f32  positions, camera frame [m]
 //! mesh.obj                        the template, bit for bit
+//! deviation.npy    [N, V] f32     standard deviation of the positions [m] (default method)
 //! forces.npy       [(N−1)·parts, V, 3] f32  dynamic part D of force per mass [m/s²]
 //! parameters.json                 stiffnesses and constant force with units, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
@@ -24,6 +25,7 @@ mod live;
 mod log;
 mod page;
 mod replay;
+mod shutter;
 mod summary;
 
 pub use folder::{Folder, read_metrics};
@@ -162,6 +164,11 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     let scene = context.scene;
     let texture = result.texture.to_image();
     io::npy::write_field(&folder.join("motion.npy"), &result.motion)?;
+    if let Some(deviations) = &result.deviations {
+        let shape = [deviations.len(), scene.template.positions.len()];
+        let numbers: Vec<f32> = deviations.iter().flatten().map(|s| *s as f32).collect();
+        io::npy::write(&folder.join("deviation.npy"), &shape, &numbers)?;
+    }
     io::npy::write_field(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
     io::image::write_png(&folder.join("texture.png"), &texture)?;
     io::atomic_write(

@@ -181,6 +181,7 @@ fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Fie
     Ok([
         from_file("depth_error.npy", ["depth_error", "depth − measured depth", "mm"], true)?,
         from_file("vertex_error.npy", ["vertex_error", "distance from the true vertex", "mm"], false)?,
+        from_file("deviation.npy", ["deviation", "standard deviation of the position", "mm"], false)?,
         Field::new(["force", "force per mass", "m/s²"], false, &accelerations),
     ]
     .into_iter()

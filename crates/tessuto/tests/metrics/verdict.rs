@@ -17,10 +17,11 @@ const FRAMES: usize = 12;
 const HALF: usize = 6;
 
 /// A made-up scene without its truth, its true motion and its print as the first frame shows it.
-fn scene() -> (Scene, Vec<Vec<DVec3>>, Texture) {
+fn scene(change: impl FnOnce(&mut synth::Settings)) -> (Scene, Vec<Vec<DVec3>>, Texture) {
     let settings = synth::Settings::default().with(|s| {
         (s.frames, s.size, s.grid) = (FRAMES, 160, [13, 13]);
         (s.seed, s.wind) = (2, 20.0);
+        change(s);
     });
     let mut scene = synth::make(&settings).unwrap();
     let motion = std::mem::take(&mut scene.truth).vertices.unwrap().into_frames();
@@ -48,6 +49,7 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
     };
     let reconstruction = Reconstruction {
         motion: Motion::new(motion).unwrap(),
+        deviations: None,
         parameters: Parameters { log_stiffness: [2.0, -3.0, -3.0], accelerations },
         texture: texture.clone(),
         history: Vec::new(),
@@ -91,7 +93,7 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
 
 #[test]
 fn the_true_motion_is_good_and_spoilt_halves_are_named() {
-    let (scene, motion, texture) = scene();
+    let (scene, motion, texture) = scene(|_| {});
     let found = verdict(&scene, &texture, motion.clone());
     assert_eq!(found.state, State::Found, "{}", found.sentence);
     assert!(found.sentence.starts_with("found: silhouette "), "{}", found.sentence);
@@ -137,4 +139,21 @@ fn the_true_motion_is_good_and_spoilt_halves_are_named() {
         assert!(found.sentence.contains("from frame 6 on"), "{name}: {}", found.sentence);
         assert!(found.sentence.contains(reason), "{name}: {}", found.sentence);
     }
+}
+
+/// Blur takes what is fine out of the print; the true motion, blurred alike, has it still.
+#[test]
+fn the_true_motion_of_a_blurred_clip_is_found() {
+    let (scene, motion, texture) = scene(|s| {
+        (s.mover, s.wind) = (synth::Mover::Hands, 2.0);
+        (s.fps, s.blur) = (10.0, 0.9);
+    });
+    let found = verdict(&scene, &texture, motion.clone());
+    assert_eq!(found.state, State::Found, "{}", found.sentence);
+    // One that is ahead of the video is not.
+    let ahead = |k: usize| {
+        motion[k].iter().zip(&motion[(k + 1).min(FRAMES - 1)]).map(|(p, q)| p.lerp(*q, 0.7)).collect()
+    };
+    let found = verdict(&scene, &texture, (0..FRAMES).map(ahead).collect());
+    assert!(found.counts.lost + found.counts.doubtful > FRAMES / 2, "{}", found.sentence);
 }

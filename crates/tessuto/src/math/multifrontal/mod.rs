@@ -7,6 +7,7 @@
 //! linear equations", 1983; the dense kernels are faer's.
 
 mod eliminate;
+mod root;
 mod solve;
 
 use faer::MatRef;

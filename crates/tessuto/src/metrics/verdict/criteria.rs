@@ -24,6 +24,9 @@
 use super::State;
 use crate::metrics::agreement::FrameAgreement;
 
+/// Correlations of the prints below this are doubtful.
+pub(crate) const CORRELATION: f64 = 0.75;
+
 /// One line of the table above.
 pub(super) struct Criterion {
     /// Doubtful and lost from here on.
@@ -46,7 +49,7 @@ pub(super) const CRITERIA: [Criterion; 8] = [
         words: |cost| format!("silhouette {:.2}", 1.0 - cost),
     },
     Criterion {
-        limits: [0.25, 0.50],
+        limits: [1.0 - CORRELATION, 0.50],
         cost: |f, _| f.correlation.map(|v| 1.0 - v),
         words: |cost| format!("texture displaced, correlation {:.2}", 1.0 - cost),
     },

@@ -98,7 +98,7 @@ impl JointSystem<'_> {
     }
 
     /// Cholesky factor of every frame's block, its neighbours in time left out.
-    fn factors(&self) -> Vec<FrameFactor> {
+    pub fn factors(&self) -> Vec<FrameFactor> {
         let diagonal = self.kappa * (acceleration::DIAGONAL + self.lambda);
         let factor = |scratch: &mut Scratch, system: &FrameSystem| {
             FrameFactor::new(self.cloth, system, diagonal, scratch)
@@ -108,14 +108,24 @@ impl JointSystem<'_> {
 
     /// Solves the system for `rhs`, shape [N−1, V].
     pub fn solve(&self, rhs: &Vec<Positions>) -> Vec<Positions> {
-        let factors = self.factors();
+        self.solve_with(&self.factors(), rhs, CG_TOLERANCE, CG_LIMIT)
+    }
+
+    /// Solves the system for `rhs`, shape [N−1, V], given [`Self::factors`], tolerance and limit of the conjugate gradients.
+    pub fn solve_with(
+        &self,
+        factors: &[FrameFactor],
+        rhs: &Vec<Positions>,
+        tolerance: f64,
+        limit: usize,
+    ) -> Vec<Positions> {
         let precondition = |r: &Vec<Positions>| -> Vec<Positions> {
             let solve = |scratch: &mut Scratch, (r, factor): (&Positions, &FrameFactor)| {
                 factor.solve(self.cloth, r, scratch)
             };
-            r.par_iter().zip(&factors).map_init(Scratch::default, solve).collect()
+            r.par_iter().zip(factors).map_init(Scratch::default, solve).collect()
         };
-        conjugate_gradients(rhs, |p| self.multiply(p), precondition, CG_TOLERANCE, CG_LIMIT).0
+        conjugate_gradients(rhs, |p| self.multiply(p), precondition, tolerance, limit).0
     }
 }
 

@@ -16,9 +16,9 @@ const OUTLIER: f64 = 2.5;
 pub(super) struct LevelSearch<'p, 'a> {
     pub problem: &'p Problem<'a>,
     level: usize,
-    samples: SurfaceSamples,
+    pub samples: SurfaceSamples,
     /// What the first frame shows at the samples.
-    reference: PointColours,
+    pub reference: PointColours,
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     priors: PriorTerms<'a>,

@@ -39,8 +39,11 @@
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
 //! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]).
+//!
+//! How far the result may be off is estimated from the same system and from how badly each frame matches ([`deviation`]).
 
 pub mod acceleration;
+pub mod deviation;
 pub mod gain;
 mod joint;
 mod level;

@@ -65,10 +65,48 @@ impl FrameFactor {
         out
     }
 
+    /// A random vector whose covariance is the factor's whole matrix, given independent numbers of mean 0 and variance 1:
+    /// `noise` of every vertex and `modes` of the correction. `None` if the sparse part is not positive definite.
+    ///
+    /// The whole matrix is what remains of the larger one [A, −U; −Uᵀ, C] when the correction's own unknowns are eliminated. So
+    /// a vector (b, c) of the larger one's covariance is drawn, b = L ξ and c = −Uᵀ A⁻¹ b + R η with L Lᵀ = A and
+    /// R Rᵀ = C − Uᵀ A⁻¹ U, and its c is eliminated as well: b + U C⁻¹ c.
+    pub fn sample(
+        &self,
+        cloth: &Cloth,
+        low_rank: Option<&LowRank>,
+        noise: &[DVec3],
+        modes: DVec4,
+    ) -> Option<Positions> {
+        let mut out = cloth.analysis.multiply_root(&cloth.pattern, &self.factor, noise)?;
+        if let (Some(low), Some((solved, inverse))) = (low_rank, &self.correction) {
+            let c = lower_root(&inverse.inverse()) * modes - products(solved, &out);
+            add_combination(&low.columns, low.inverse * c, &mut out);
+        }
+        Some(out)
+    }
+
     /// Gives the factor's memory back.
     pub fn recycle(self, scratch: &mut Scratch) {
         scratch.recycle(self.factor);
     }
+}
+
+/// The lower triangular R with R Rᵀ = `matrix`; a column is zero where rounding has left nothing of the matrix.
+fn lower_root(matrix: &DMat4) -> DMat4 {
+    let mut root = DMat4::ZERO;
+    for j in 0..4 {
+        for i in j..4 {
+            let left = matrix.col(j)[i] - (0..j).map(|k| root.col(k)[i] * root.col(k)[j]).sum::<f64>();
+            let pivot = root.col(j)[j];
+            root.col_mut(j)[i] = match i == j {
+                true => left.max(0.0).sqrt(),
+                false if pivot > 0.0 => left / pivot,
+                false => 0.0,
+            };
+        }
+    }
+    root
 }
 
 #[cfg(test)]
