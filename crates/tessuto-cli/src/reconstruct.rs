@@ -22,7 +22,7 @@ use crate::watch::{self, Watch};
 Examples:
   tessuto reconstruct scenes/curtain
   tessuto reconstruct scenes/curtain --preset saft --out results/curtain-saft
-  tessuto reconstruct scenes/curtain --frames 0..20 --set spacetime.finest=1
+  tessuto reconstruct scenes/curtain --frames 0..20 --set spacetime.resolution=200
   tessuto reconstruct scenes/curtain --live
   tessuto reconstruct scenes/curtain --rerun curtain.rrd")]
 pub struct Arguments {

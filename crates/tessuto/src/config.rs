@@ -278,8 +278,6 @@ impl Config {
             ordered(&key("low"), k.low, &key("start"), k.start)?;
             ordered(&key("start"), k.start, &key("high"), k.high)?;
         }
-        let [finest, coarsest] = [self.spacetime.finest as f64, self.spacetime.coarsest as f64];
-        ordered("spacetime.finest", finest, "spacetime.coarsest", coarsest)?;
         self.appearance.check_order()?;
         if self.method == Method::Spacetime && dynamics.integrator != Integrator::ImplicitEuler {
             return Err(Error::usage(
@@ -399,7 +397,7 @@ mod tests {
             ("spacetime.gain_smoothness=inf", "between 0 and 1e6"),
             ("dynamics.bend.start=30", "between -10 and 4 log10 J/rad²"),
             ("dynamics.bend.start=-5", "dynamics.bend.low = -4 is above dynamics.bend.start = -5"),
-            ("spacetime.finest=3", "spacetime.finest = 3 is above spacetime.coarsest = 2"),
+            ("spacetime.levels=0", "between 1 and 8"),
             ("method=simulation", "spacetime, rollout"),
             ("material.fit=1", "true, false"),
         ] {
@@ -407,8 +405,8 @@ mod tests {
             assert!(message.contains(range), "{assignment}: {message}");
         }
         // Together they are in order.
-        config.set_all(["spacetime.finest=3", "spacetime.coarsest=4", "texture.epochs=1e2"]).unwrap();
-        assert_eq!((config.spacetime.finest, config.texture.epochs), (3, 100));
+        config.set_all(["spacetime.levels=3", "texture.epochs=1e2"]).unwrap();
+        assert_eq!((config.spacetime.levels, config.texture.epochs), (3, 100));
         config.spacetime.strain = f64::NAN;
         assert!(config.validate().unwrap_err().to_string().contains("NaN"));
     }

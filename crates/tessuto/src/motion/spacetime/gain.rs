@@ -1,6 +1,6 @@
 //! Gains: the brightness of every vertex and channel relative to the first frame that explains a frame best.
 
-use crate::motion::observed::samples::SurfaceSamples;
+use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
 use crate::motion::terms::colour::PointColours;
 use crate::motion::terms::robust::geman_mcclure;
 
@@ -45,6 +45,39 @@ pub fn fit_gain(
     }
 }
 
+/// ‖g_p T_p − I_p‖² of a point.
+fn sq_residual(
+    point: &SurfaceSample,
+    corners: [u32; 3],
+    gain: &[[f32; 3]],
+    t: &[f32; 3],
+    i: &[f32; 3],
+) -> f64 {
+    let predicted = |k: usize| -> f32 {
+        (0..3).map(|c| point.weights[c] as f32 * gain[corners[c] as usize][k]).sum::<f32>() * t[k]
+    };
+    (0..3).map(|k| f64::from(predicted(k) - i[k]).powi(2)).sum()
+}
+
+/// `observed` without the colours that no gain explains, farther than `limit` from g T: something else is in front of
+/// the fabric there. Where the first frame says nothing, nothing is left out.
+pub fn explained(
+    samples: &SurfaceSamples,
+    reference: &PointColours,
+    mut observed: PointColours,
+    gain: &[[f32; 3]],
+    limit: f64,
+) -> PointColours {
+    for ((point, t), i) in samples.points.iter().zip(reference).zip(&mut observed) {
+        let (Some(t), Some(colour)) = (t, &*i) else { continue };
+        let corners = samples.triangles[point.triangle as usize];
+        if sq_residual(point, corners, gain, t, colour) > limit * limit {
+            *i = None;
+        }
+    }
+    observed
+}
+
 /// Σ w b_v T I and Σ w b_v T² of every vertex and channel, b_v the vertex's barycentric weight at a point.
 fn normal_equations(
     samples: &SurfaceSamples,
@@ -57,11 +90,7 @@ fn normal_equations(
     for ((point, t), i) in samples.points.iter().zip(reference).zip(observed) {
         let (Some(t), Some(i)) = (t, i) else { continue };
         let corners = samples.triangles[point.triangle as usize];
-        let predicted = |k: usize| -> f32 {
-            (0..3).map(|c| point.weights[c] as f32 * gain[corners[c] as usize][k]).sum::<f32>() * t[k]
-        };
-        let sq: f64 = (0..3).map(|k| f64::from(predicted(k) - i[k]).powi(2)).sum();
-        let ratio = geman_mcclure(sq, sigma).1;
+        let ratio = geman_mcclure(sq_residual(point, corners, gain, t, i), sigma).1;
         for (c, &v) in corners.iter().enumerate() {
             for k in 0..3 {
                 let w = point.weights[c] * ratio * f64::from(t[k]);
@@ -133,5 +162,17 @@ mod tests {
         for g in gain.iter().flatten() {
             assert!((g - 1.2).abs() < 0.01, "{g}");
         }
+    }
+
+    #[test]
+    fn what_is_in_front_of_the_fabric_is_left_out() {
+        let (samples, _, mut reference, mut observed) = clip(1.2);
+        observed[3] = Some([0.0, 1.0, 0.0]);
+        observed[7] = Some([0.0, 1.0, 0.0]);
+        reference[7] = None;
+        let seen = explained(&samples, &reference, observed.clone(), &[[1.2; 3]; 20], 2.5 * SIGMA);
+        let left_out: Vec<usize> = (0..seen.len()).filter(|p| seen[*p].is_none()).collect();
+        assert_eq!(left_out, [3], "of the two, only the one that the first frame knows");
+        assert_eq!(seen[7], observed[7]);
     }
 }

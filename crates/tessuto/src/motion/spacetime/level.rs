@@ -2,12 +2,15 @@
 
 use rayon::prelude::*;
 
-use super::gain::fit_gain;
+use super::gain::{explained, fit_gain};
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
 use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
+
+/// Colours that differ from the fabric's by more than so many spreads are taken for something in front of it.
+const OUTLIER: f64 = 2.5;
 
 /// State of the search at one level of the pyramid.
 pub(super) struct LevelSearch<'p, 'a> {
@@ -70,8 +73,10 @@ impl LevelSearch<'_, '_> {
     pub fn terms(&self, frame: usize) -> FrameTerms<'_> {
         let p = self.problem;
         let s = &p.settings;
-        // Pixels of level 0 in one of this level.
-        let area = (1usize << (2 * self.level)) as f64;
+        // Pixels of the finest level in one of this level, and of level 0 along one of the finest.
+        let finest = p.observed.range[0];
+        let area = (1usize << (2 * (self.level - finest))) as f64;
+        let pixel = (1usize << finest) as f64;
         FrameTerms {
             priors: &self.priors,
             colour: Colour {
@@ -83,15 +88,15 @@ impl LevelSearch<'_, '_> {
                 adjacent: &self.adjacent[frame],
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
-                weight: area / (s.colour * s.colour * s.colour_area),
+                weight: area / (s.colour * s.colour * s.colour_area * p.scale),
             },
             outline: Outline {
                 cloth: p.cloth,
                 boundary: &p.boundary,
                 distance: &p.observed.outlines[frame],
                 camera: &p.scene.camera,
-                sigma: s.outline,
-                weight: 1.0 / (s.outline * s.outline * s.outline_length),
+                sigma: s.outline * pixel,
+                weight: 1.0 / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
             },
         }
     }
@@ -122,8 +127,16 @@ impl LevelSearch<'_, '_> {
         gains.par_iter_mut().zip(&observed).skip(1).for_each(|(gain, seen)| self.fit_gain(seen, gain));
         self.gains = gains;
         if self.problem.settings.neighbour_weight > 0.0 {
+            let seen = |(n, seen): (usize, PointColours)| self.explained(n, seen);
+            let observed: Vec<PointColours> = observed.into_par_iter().enumerate().map(seen).collect();
             self.adjacent = (0..frames.len()).map(|n| adjacent_mean(&observed, n)).collect();
         }
+    }
+
+    /// `observed` in `frame` without what is not the fabric.
+    pub fn explained(&self, frame: usize, observed: PointColours) -> PointColours {
+        let limit = OUTLIER * self.problem.settings.colour;
+        explained(&self.samples, &self.reference, observed, &self.gains[frame], limit)
     }
 
     fn fit_gain(&self, observed: &PointColours, gain: &mut [[f32; 3]]) {

@@ -5,7 +5,7 @@
 //! minimum of
 //!
 //!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + bend(x_n) + shear(x_n) ]
-//!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a².
+//!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a²,  σ_a = `acceleration` · Δt².
 //!
 //! | term | residual r | what it adds | spread σ (setting) |
 //! |---|---|---|---|
@@ -16,12 +16,15 @@
 //! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]` | c(r/σ) | `signed_bend` `[rad]` |
 //! | [bend](super::terms::bend) | change of every bending angle `[rad]` | ½ (r/σ)² | `bend` `[rad]` |
 //! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ), ½ (m/σ_m)² | `shear`, `shear_smooth` `[rad]` |
-//! | [acceleration] | second difference of every vertex over time `[m]` | ½ (r/σ)² | `acceleration` `[m]` |
+//! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
 //! All are negative logarithms of probabilities, without unit: a residual of one σ costs ½. ρ is Geman and McClure's
 //! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`)
-//! is the area `[px]` and l (`outline_length`) the length `[px]` whose errors vary together; a larger σ, a or l makes a term
-//! weaker. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
+//! is the area and l (`outline_length`) the length whose errors vary together; a larger σ, a or l makes a term weaker. Both,
+//! and the distances of outlines, are in pixels of the finest level of the pyramids, whose resolution follows the sheet's
+//! size in the image (`resolution`): what a camera of more pixels would add is not independent. Told for a sheet of 160 px
+//! there, a and l grow in proportion to its size: errors of the camera are alike over a pixel, those of the model (shading,
+//! the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
@@ -50,7 +53,7 @@ mod refine;
 mod settings;
 mod track;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::observed::Observed;
 use super::observed::samples::{EdgePoint, boundary_points};
@@ -59,8 +62,9 @@ use super::terms::bend::Bend;
 use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
+use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
-use crate::mesh::Positions;
+use crate::mesh::{Mesh, Positions};
 use crate::scene::Scene;
 use crate::sim::Cloth;
 use level::LevelSearch;
@@ -69,8 +73,10 @@ pub use settings::SpacetimeSettings;
 /// Positions, shape [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);
 
-/// Distance between the points of the boundary at which outlines are compared `[px]`.
-const BOUNDARY_SPACING: f64 = 4.0;
+/// Distance between the points of the boundary at which outlines are compared [px of the finest level].
+const BOUNDARY_SPACING: f64 = 2.0;
+/// Size of a sheet [px of the finest level] that areas and lengths whose errors vary together are told for.
+const NOMINAL_SIZE: f64 = 160.0;
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -82,6 +88,8 @@ pub struct Problem<'a> {
     adjacency: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
     observed: Observed,
+    /// Size of the sheet in the first frame at the finest level, of [`NOMINAL_SIZE`].
+    scale: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -98,20 +106,31 @@ impl<'a> Problem<'a> {
             bend: Bend { cloth, sigma: s.bend },
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
+        let size = size_in_image(template, &scene.camera);
+        let finest = (size / settings.resolution).log2().clamp(0.0, 16.0) as usize;
+        let observed = Observed::new(scene, [finest, finest + settings.levels - 1 + settings.track_levels])?;
+        let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
         Ok(Self {
             scene,
             cloth,
             priors,
             adjacency: template.neighbours(),
-            boundary: boundary_points(template, x, &scene.camera, BOUNDARY_SPACING),
-            observed: Observed::new(scene, [settings.finest, settings.coarsest])?,
+            boundary: boundary_points(template, x, &scene.camera, spacing),
+            scale: size / f64::from(1u32 << observed.range[0]) / NOMINAL_SIZE,
+            observed,
             settings,
         })
     }
 
     /// 1/σ_a² of the acceleration term [1/m²].
     fn acceleration_weight(&self) -> f64 {
-        self.settings.acceleration.powi(-2)
+        (self.scene.fps.powi(2) / self.settings.acceleration).powi(2)
+    }
+
+    /// The levels at which all frames are refined together, coarse to fine.
+    fn refined_levels(&self) -> Vec<usize> {
+        let all: Vec<usize> = self.observed.coarse_to_fine().collect();
+        all[all.len() - self.settings.levels.min(all.len())..].to_vec()
     }
 
     /// Whether positions and gains have this cloth's vertices.
@@ -120,6 +139,16 @@ impl<'a> Problem<'a> {
         frames.iter().all(|x| x.len() == count && x.iter().all(|p: &DVec3| p.is_finite()))
             && gains.iter().all(|g| g.len() == count)
     }
+}
+
+/// Square root of the area of `template`'s image `[px]`.
+fn size_in_image(template: &Mesh, camera: &Camera) -> f64 {
+    let p: Vec<DVec2> = template.positions.iter().map(|x| camera.project(*x)).collect();
+    let area = |t: [u32; 3]| {
+        let [a, b, c] = t.map(|v| p[v as usize]);
+        0.5 * (b - a).perp_dot(c - a).abs()
+    };
+    template.triangles().into_iter().map(area).sum::<f64>().sqrt()
 }
 
 fn diverged(place: &str, value: f64) -> Error {

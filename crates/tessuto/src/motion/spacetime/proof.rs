@@ -69,7 +69,7 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     let scene = scene();
     let cloth = Cloth::new(&scene.template);
     // Many points: what 32 bits leave over evens out.
-    let settings = SpacetimeSettings { finest: 0, coarsest: 0, ..SpacetimeSettings::default() };
+    let settings = SpacetimeSettings { resolution: 1e5, levels: 1, ..SpacetimeSettings::default() };
     let problem = Problem::new(&scene, &cloth, settings).unwrap();
     let frames = disturbed(&scene);
     let mut search = problem.at_level(0);

@@ -34,7 +34,8 @@ impl Problem<'_> {
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     pub fn refine(&self, frames: Vec<Positions>, session: &mut Session) -> Result<Fitted> {
-        let levels = self.observed.coarse_to_fine().count();
+        let ladder = self.refined_levels();
+        let levels = ladder.len();
         let start = || Refined { frames, steps: 0, lambda: 0.0, gains: Vec::new() };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
         let iterations = self.settings.iterations;
@@ -44,7 +45,7 @@ impl Problem<'_> {
         if refined.frames.len() != count || !gains || !self.matches(&refined.frames, &refined.gains) {
             return Err(foreign_state("refine"));
         }
-        for (k, level) in self.observed.coarse_to_fine().enumerate() {
+        for (k, level) in ladder.into_iter().enumerate() {
             if refined.steps >= (k + 1) * iterations {
                 continue;
             }

@@ -21,24 +21,28 @@ settings! {
         /// Spread of the modes of the sheet's own smooth shear; larger is weaker. A sheet that is found to shear by much more
         /// is followed again with a larger one.
         shear_smooth: f64 = 0.0015, number(1e-6..=1e3, "rad");
-        /// Spread σ of the second difference of a vertex between frames; larger is weaker.
-        acceleration: f64 = 0.004, number(1e-7..=10.0, "m");
+        /// Spread σ of the acceleration of a vertex; larger is weaker.
+        acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");
         /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.
         colour: f64 = 0.1, number(1e-4..=10.0, "sRGB");
-        /// Area whose colours vary together: the colour term is divided by it. Larger is weaker.
-        colour_area: f64 = 0.3, number(1e-3..=1e6, "px of level 0");
+        /// Area whose colours vary together, for a sheet of 160 px: the colour term is divided by it. Larger is weaker.
+        colour_area: f64 = 0.075, number(1e-6..=1e6, "px of the finest level");
         /// Weight of the comparison with the frames before and after, relative to that with the first frame.
         neighbour_weight: f64 = 0.5, number(0.0..=100.0, "");
         /// Spread σ of the distance to the outline: larger distances count less and less. Larger is weaker.
-        outline: f64 = 24.0, number(1e-3..=1e3, "px");
-        /// Length of outline whose errors vary together: the outline term is divided by it. Larger is weaker.
-        outline_length: f64 = 0.003, number(1e-3..=1e6, "px");
+        outline: f64 = 12.0, number(1e-3..=1e3, "px of the finest level");
+        /// Length of outline whose errors vary together, for a sheet of 160 px: the outline term is divided by it. Larger is
+        /// weaker.
+        outline_length: f64 = 0.0015, number(1e-6..=1e6, "px of the finest level");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
-        /// Coarsest pyramid level; each level halves the frames.
-        coarsest: usize = 2, number(0.0..=8.0, "");
-        /// Finest pyramid level; 0 is the video itself. At most the coarsest.
-        finest: usize = 1, number(0.0..=8.0, "");
+        /// Resolution of the finest level of the image pyramids, each of which halves the frames: the coarsest at which the
+        /// sheet still measures so many pixels in the first frame (the root of its area), or the video itself.
+        resolution: f64 = 120.0, number(1.0..=1e5, "px");
+        /// Number of levels in use; the search goes from coarse to fine.
+        levels: usize = 2, number(1.0..=8.0, "");
+        /// Number of coarser levels that are used besides to find each frame from the ones before.
+        track_levels: usize = 2, number(0.0..=8.0, "");
         /// The search starts with spreads of strain and shear that are larger by this factor.
         start_spread: f64 = 2.0, number(1.0..=1e6, "");
         /// The search starts with tails that are longer by this factor, close to least squares.

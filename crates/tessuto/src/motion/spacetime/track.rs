@@ -97,7 +97,7 @@ impl Problem<'_> {
             let mut value = 0.0;
             for (level, gains) in levels.iter_mut().zip(&mut tracked.gains) {
                 level.gains[n].clone_from(gains);
-                level.set_adjacent(n, level.observe(n - 1, last));
+                level.set_adjacent(n, level.explained(n, level.observe(n - 1, last)));
                 (x, value) = match level.fit_frame(n, x, &predicted, &mut scratch) {
                     Ok(fitted) => fitted,
                     Err(failure) => {

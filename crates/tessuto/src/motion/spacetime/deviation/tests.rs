@@ -181,7 +181,8 @@ fn still() -> Scene {
 fn misfits_are_nothing_at_the_truth_and_measure_what_is_wrong() {
     let scene = still();
     let cloth = Cloth::new(&scene.template);
-    let settings = SpacetimeSettings { finest: 0, coarsest: 0, ..SpacetimeSettings::default() };
+    let settings =
+        SpacetimeSettings { resolution: 1e5, levels: 1, track_levels: 0, ..SpacetimeSettings::default() };
     let problem = Problem::new(&scene, &cloth, settings).unwrap();
     let truth = scene.template.positions.clone();
     let misfit = |x: &Positions| {
@@ -236,7 +237,8 @@ fn the_calibration_is_the_formula() {
 fn deviations_grow_where_the_positions_are_wrong() {
     let scene = still();
     let cloth = Cloth::new(&scene.template);
-    let settings = SpacetimeSettings { finest: 0, coarsest: 0, ..SpacetimeSettings::default() };
+    let settings =
+        SpacetimeSettings { resolution: 1e5, levels: 1, track_levels: 0, ..SpacetimeSettings::default() };
     let problem = Problem::new(&scene, &cloth, settings).unwrap();
     let frames = vec![scene.template.positions.clone(); 4];
     let deviations = |frames: &[Positions], tracked: &[Positions]| {
