@@ -66,7 +66,7 @@ pub struct AgreementMeter {
     neighbours: Vec<[u32; 2]>,
     /// Number of inner edges.
     inner_edges: usize,
-    /// Areas of the triangles in the template, of sum 1; 0 for those [turned](turned) against their neighbours there.
+    /// Areas of the triangles in the template, of sum 1; 0 for those [`turned`] against their neighbours there.
     areas: Vec<f64>,
 }
 

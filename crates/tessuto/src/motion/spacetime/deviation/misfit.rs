@@ -7,7 +7,7 @@ use crate::motion::terms::colour::PointColours;
 
 /// Distance `[px]` below which outlines cannot be told apart.
 const OUTLINE_FLOOR: f64 = 0.1;
-/// Squared difference of colours, summed over the channels, that every video has from rounding [sRGB²]. Cloth without any pattern so
+/// Squared difference of colours, summed over the channels, that every video has from rounding `[sRGB²]`. Cloth without any pattern so
 /// counts as one whose pattern was not found.
 const NOISE: f64 = 1e-6;
 /// Misfit of the texture that is as good as none.

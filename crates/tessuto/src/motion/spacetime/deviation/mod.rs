@@ -1,9 +1,9 @@
 //! How far the found positions may be off: a standard deviation for every vertex in every frame.
 //!
 //! Gauss and Newton's system, whose minimum the search has found, says how firmly terms and video hold every vertex: g_nv², the trace of
-//! a vertex's block of H⁻¹ ([`sampling`]). Alone it says tenths of a millimetre where the error is several millimetres: E takes the
+//! a vertex's block of H⁻¹ (`sampling.rs`). Alone it says tenths of a millimetre where the error is several millimetres: E takes the
 //! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
-//! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame ([`misfit`]):
+//! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
 //!   σ_nv² = (g_nv/ḡ_n) (a_n² + b_n²) + c²,
 //!   a_n = 6.5 ∛(o_n² d_n q_n),  b_n = 11.5 ḡ_n √χ²_n,  c = 0.1 mm,
