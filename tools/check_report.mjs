@@ -83,6 +83,15 @@ await page.keyboard.press("Space");
 await pause(300);
 await page.keyboard.press("Space");
 check("space plays", await frame() > 1);
+const states = await page.evaluate(() => tessuto.page.data.verdicts.map(v => v.state));
+check("every frame has a verdict", states.length === count, `${states.length} of ${count}`);
+if (states.some(state => state !== "found")) {
+  await page.keyboard.press("n");
+  const told = await page.$eval("#state-text", e => e.textContent);
+  check("N goes to a doubtful or lost frame, and its reason is told", states[await frame()] !== "found" && told.startsWith(states[await frame()]), told);
+  await page.click("#next-doubt");
+  check("… and so does the button", states[await frame()] !== "found");
+}
 
 const box = await (await page.$("#film-box")).boundingBox();
 await page.mouse.move(box.x + box.width / 2, box.y + box.height / 2);
