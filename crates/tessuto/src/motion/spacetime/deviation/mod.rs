@@ -6,7 +6,7 @@
 //! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
 //!   σ_nv² = (g_nv/ḡ_n) (a_n² + b_n²) + c²,
-//!   a_n = 6.5 ∛(o_n² d_n q_n),  b_n = 11.5 ḡ_n √χ²_n,  c = 0.1 mm,
+//!   a_n = 4.5 ∛(o_n² d_n q_n),  b_n = 10 ḡ_n √χ²_n,  c = 0.1 mm,
 //!
 //! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1.
 //!
@@ -39,9 +39,9 @@ const SAMPLES: usize = 16;
 /// Fits of the gains before the system is taken: each goes on from the last.
 const GAIN_FITS: usize = 3;
 /// Factor of the frame's misfit to the video.
-const VIDEO: f64 = 6.5;
+const VIDEO: f64 = 4.5;
 /// Factor of the deviation of Gauss and Newton, scaled by the misfit to the priors.
-const POSTERIOR: f64 = 11.5;
+const POSTERIOR: f64 = 10.0;
 /// Least deviation, and what is added to the distance between tracked and final positions `[m]`.
 const FLOOR: f64 = 1e-4;
 const AGREEMENT_FLOOR: f64 = 5e-5;

@@ -19,11 +19,10 @@ use crate::mesh::Positions;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::session::{Epoch, Session, foreign_state, named};
 
-/// Every number of the diagonal of a frame's matrix is larger by this part of the acceleration term's weight κ when its root is taken,
-/// as where the video shows nothing of a frame the matrix has no root; ten times as much each time that this is not enough. The
-/// samples are that much larger than H⁻¹ says where H is near singular: for κ = 1/(4 mm)², that of a vertex that nothing holds but
-/// this would be 13 m.
-const DIAGONAL: f64 = 1e-7;
+/// What every number of the diagonal of a frame's matrix is larger by when its root is taken [1/m²], as where the video shows nothing of
+/// a frame the matrix has no root; ten times as much each time that this is not enough. The samples are that much larger than H⁻¹ says
+/// where H is near singular: that of a vertex that nothing holds but this would be 10 m.
+const DIAGONAL: f64 = 0.01;
 /// Attempts to take a root before a frame goes without noise.
 const ATTEMPTS: usize = 12;
 
@@ -100,7 +99,7 @@ impl JointSystem<'_> {
                     let modes = DVec4::from_array([(); 4].map(|()| rng.normal()));
                     factor.sample(self.cloth, self.systems[n].low_rank.as_ref(), &noise, modes)
                 };
-                let mut diagonal = DIAGONAL * self.kappa;
+                let mut diagonal = DIAGONAL;
                 for _ in 0..ATTEMPTS {
                     let factor = FrameFactor::new(self.cloth, &self.systems[n], diagonal, scratch);
                     let drawn: Option<Vec<Positions>> = wanted.clone().map(|k| draw(&factor, k)).collect();
