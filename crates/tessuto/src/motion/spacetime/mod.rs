@@ -31,10 +31,10 @@
 //! held fixed, like A_n, while a step in x is taken.
 //!
 //! `track` finds a start frame by frame; `refine` then lowers E over all frames together by Gauss-Newton steps with
-//! Levenberg's damping. Both go from coarse to fine images. Heavy tails have many minima: a sheet that is allowed to
-//! crumple does so wherever the start is off. So `track` keeps lengths, shear and bending close to least squares (spreads times
-//! `start_spread`, tails times `start_tail`), and `refine` lets both shrink to their own values in equal ratios, after which
-//! only true folds are left in the tails.
+//! Levenberg's damping. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
+//! many minima: a sheet that is allowed to crumple does so wherever the start is off. So `track` keeps lengths, shear and
+//! bending close to least squares (spreads times `start_spread`, tails times `start_tail`), and `refine` lets both shrink to
+//! their own values in equal ratios, after which only true folds are left in the tails.
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
@@ -141,14 +141,14 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Square root of the area of `template`'s image `[px]`.
+/// Square root of the area of `template`'s image `[px]`; at least 1 px, since what is seen edge-on has none.
 fn size_in_image(template: &Mesh, camera: &Camera) -> f64 {
     let p: Vec<DVec2> = template.positions.iter().map(|x| camera.project(*x)).collect();
     let area = |t: [u32; 3]| {
         let [a, b, c] = t.map(|v| p[v as usize]);
         0.5 * (b - a).perp_dot(c - a).abs()
     };
-    template.triangles().into_iter().map(area).sum::<f64>().sqrt()
+    template.triangles().into_iter().map(area).sum::<f64>().sqrt().max(1.0)
 }
 
 fn diverged(place: &str, value: f64) -> Error {
