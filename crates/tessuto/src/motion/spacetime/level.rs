@@ -7,6 +7,7 @@ use super::{Positions, Problem, acceleration};
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
+use crate::motion::terms::still::Still;
 use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 
 /// Colours that differ from the fabric's by more than so many spreads are taken for something in front of it.
@@ -22,6 +23,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     priors: PriorTerms<'a>,
+    /// Vertices that stand still.
+    pub still: Vec<u32>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
 }
@@ -40,6 +43,7 @@ impl<'a> Problem<'a> {
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             priors: self.priors.clone(),
+            still: Vec::new(),
             adjacent: vec![PointColours::new(); frame_count],
         }
     }
@@ -65,8 +69,13 @@ impl LevelSearch<'_, '_> {
     pub fn anneal(&mut self, t: f64) {
         let s = &self.problem.settings;
         let left = (1.0 - t).max(0.0);
+        self.loosen(s.start_spread.powf(left), s.start_tail.powf(left));
+    }
+
+    /// Sets the priors: those of the settings with spreads of strain and shear times `spread`, tails times `tail`.
+    pub fn loosen(&mut self, spread: f64, tail: f64) {
         self.priors = self.problem.priors.clone();
-        self.priors.loosen(s.start_spread.powf(left), s.start_tail.powf(left));
+        self.priors.loosen(spread, tail);
     }
 
     /// The terms of one frame.
@@ -97,6 +106,12 @@ impl LevelSearch<'_, '_> {
                 camera: &p.scene.camera,
                 sigma: s.outline * pixel,
                 weight: 1.0 / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
+            },
+            still: Still {
+                cloth: p.cloth,
+                first: &p.scene.template.positions,
+                vertices: &self.still,
+                sigma: s.still,
             },
         }
     }

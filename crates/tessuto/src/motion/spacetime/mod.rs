@@ -4,7 +4,8 @@
 //! Unknown are the positions x_n `[m]` of every vertex in every frame n = 1 … N−1; x_0 is the template. Sought is the
 //! minimum of
 //!
-//!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + bend(x_n) + shear(x_n) ]
+//!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + bend(x_n) + shear(x_n)
+//!                + still(x_n) ]
 //!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a²,  σ_a = `acceleration` · Δt².
 //!
 //! | term | residual r | what it adds | spread σ (setting) |
@@ -16,6 +17,7 @@
 //! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]` | c(r/σ) | `signed_bend` `[rad]` |
 //! | [bend](super::terms::bend) | change of every bending angle `[rad]` | ½ (r/σ)² | `bend` `[rad]` |
 //! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ), ½ (m/σ_m)² | `shear`, `shear_smooth` `[rad]` |
+//! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); `refine` alone | ½ (r/σ)² | `still` `[m]` |
 //! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
 //! All are negative logarithms of probabilities, without unit: a residual of one σ costs ½. ρ is Geman and McClure's
@@ -30,10 +32,11 @@
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
 //! held fixed, like A_n, while a step in x is taken.
 //!
-//! `track` finds a start frame by frame; `refine` then lowers E over all frames together by Gauss-Newton steps with
+//! `track` finds a start frame by frame, twice with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
 //! Levenberg's damping. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
 //! many minima: a sheet that is allowed to crumple does so wherever the start is off. So `track` keeps lengths, shear and
-//! bending close to least squares (spreads times `start_spread`, tails times `start_tail`), and `refine` lets both shrink to
+//! bending close to least squares (spreads times `start_spread` or as they are, whichever ends with the lower E; tails times
+//! `start_tail`), and `refine` lets both shrink to
 //! their own values in equal ratios, after which only true folds are left in the tails.
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
@@ -51,6 +54,7 @@ mod level;
 mod proof;
 mod refine;
 mod settings;
+mod still;
 mod track;
 
 use glam::{DVec2, DVec3};

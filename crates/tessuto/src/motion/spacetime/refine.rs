@@ -22,6 +22,8 @@ struct Refined {
     /// Iterations so far, over all levels.
     steps: usize,
     lambda: f64,
+    /// Vertices that stand still in what the search started from.
+    still: Vec<u32>,
     /// Gains at the present level.
     gains: Vec<Vec<[f32; 3]>>,
 }
@@ -36,7 +38,8 @@ impl Problem<'_> {
     pub fn refine(&self, frames: Vec<Positions>, session: &mut Session) -> Result<Fitted> {
         let ladder = self.refined_levels();
         let levels = ladder.len();
-        let start = || Refined { frames, steps: 0, lambda: 0.0, gains: Vec::new() };
+        let still = self.still_vertices(&frames);
+        let start = || Refined { frames, still, steps: 0, lambda: 0.0, gains: Vec::new() };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
         let iterations = self.settings.iterations;
         let count = self.scene.frames.len();
@@ -50,6 +53,7 @@ impl Problem<'_> {
                 continue;
             }
             let mut search = self.at_level(level);
+            search.still.clone_from(&refined.still);
             let first = refined.steps - k * iterations;
             match first {
                 0 => refined.lambda = DAMPING.lambda,

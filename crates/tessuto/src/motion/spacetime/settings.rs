@@ -21,6 +21,8 @@ settings! {
         /// Spread of the modes of the sheet's own smooth shear; larger is weaker. A sheet that is found to shear by much more
         /// is followed again with a larger one.
         shear_smooth: f64 = 0.0015, number(1e-6..=1e3, "rad");
+        /// Spread σ of where the vertices of an edge are that does not move in the image; larger is weaker.
+        still: f64 = 0.0001, number(1e-6..=1e6, "m");
         /// Spread σ of the acceleration of a vertex; larger is weaker.
         acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");
         /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.
@@ -43,7 +45,8 @@ settings! {
         levels: usize = 2, number(1.0..=8.0, "");
         /// Number of coarser levels that are used besides to find each frame from the ones before.
         track_levels: usize = 2, number(0.0..=8.0, "");
-        /// The search starts with spreads of strain and shear that are larger by this factor.
+        /// The search starts with spreads of strain and shear that are larger by this factor; frames are first found both with it
+        /// and without.
         start_spread: f64 = 2.0, number(1.0..=1e6, "");
         /// The search starts with tails that are longer by this factor, close to least squares.
         start_tail: f64 = 100.0, number(1.0..=1e9, "");

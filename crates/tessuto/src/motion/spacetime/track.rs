@@ -1,14 +1,17 @@
 //! The start of the search: the fabric followed frame by frame.
 
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Fitted, LevelSearch, Positions, Problem, diverged};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::damping::Damping;
 use crate::math::factor::Scratch;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::session::{Epoch, Session, foreign_state, named};
 
+/// Number of kinds of start: with spreads larger by `start_spread`, and with their own.
+const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
 /// Damping at the start of each frame and level, relative to the acceleration term.
@@ -30,109 +33,159 @@ const SHARE: f64 = 4.0;
 struct Tracked {
     /// Spread of the smooth shear in use `[rad]`.
     smooth: f64,
+    /// One of each kind of start.
+    followers: [Follower; STARTS],
+}
+
+/// The sheet as followed with one kind of start.
+#[derive(Serialize, Deserialize)]
+struct Follower {
     /// Positions so far.
     frames: Vec<Positions>,
     /// Gains of the last of them, by resolution.
     gains: Vec<Vec<[f32; 3]>>,
+    /// The first frame at which its objective was no longer finite, with that objective; it stands still from there on.
+    lost: Option<(usize, f64)>,
 }
 
 impl Problem<'_> {
     /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one frame, with
     /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
     ///
+    /// A frame has several minima, and the next ones follow into the same. So the fabric is followed twice at the same
+    /// time, with spreads of strain and shear larger by `start_spread` and with their own; the lower E over all frames
+    /// counts.
+    ///
     /// A sheet that turns out to shear as a whole is followed once more, with room for that in its prior.
     ///
-    /// If a frame's objective is no longer finite, the last good positions are held from there on and the failure is
-    /// returned with them.
+    /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
+    /// failure is returned with them.
     ///
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     pub fn track(&mut self, session: &mut Session) -> Result<Fitted> {
         let template = self.scene.template.positions.clone();
         let levels = self.observed.coarse_to_fine().count();
-        let start = |smooth: f64| Tracked {
-            smooth,
+        let follower = || Follower {
             frames: vec![template.clone()],
             gains: vec![vec![[1.0; 3]; template.len()]; levels],
+            lost: None,
         };
+        let start = |smooth: f64| Tracked { smooth, followers: std::array::from_fn(|_| follower()) };
         let given = self.settings.shear_smooth;
         let mut tracked: Tracked = session.restore("track")?.unwrap_or_else(|| start(given));
-        let mut lost = self.follow(&mut tracked, session)?;
-        let found = self.priors.shear.smooth_shear(&tracked.frames);
-        if lost.is_none() && tracked.smooth == given && found > SHEARS * given {
+        self.follow(&mut tracked, session)?;
+        let mut best = self.best(&tracked);
+        let found = self.priors.shear.smooth_shear(&tracked.followers[best].frames);
+        let lost = tracked.followers[best].lost.is_some();
+        if !lost && tracked.smooth == given && found > SHEARS * given {
             tracked = start(found / SHARE);
-            lost = self.follow(&mut tracked, session)?;
+            self.follow(&mut tracked, session)?;
+            best = self.best(&tracked);
         }
+        let lost = tracked.followers[best].lost;
         if lost.is_none() {
             session.finish("track", &tracked);
         }
-        Ok((tracked.frames, lost))
+        let failure = lost.map(|(frame, value)| diverged(&format!("frame {frame}"), value));
+        let mut followers = tracked.followers.into_iter();
+        Ok((followers.nth(best).expect("one of them").frames, failure))
+    }
+
+    /// The follower with the lowest E, of those that were lost last.
+    fn best(&self, tracked: &Tracked) -> usize {
+        let until = |f: &Follower| f.lost.map_or(usize::MAX, |(frame, _)| frame);
+        let last = tracked.followers.iter().map(until).max().unwrap_or(0);
+        let value = |f: &Follower| match until(f) == last {
+            true => self.objective(&f.frames).iter().map(|(_, value)| value).sum(),
+            false => f64::INFINITY,
+        };
+        let values = tracked.followers.each_ref().map(value);
+        (1..STARTS).fold(0, |best, k| if values[k] < values[best] { k } else { best })
     }
 
     /// Follows the fabric through the frames that are left, with the smooth shear that `tracked` names.
-    fn follow(&mut self, tracked: &mut Tracked, session: &mut Session) -> Result<Option<Error>> {
+    fn follow(&mut self, tracked: &mut Tracked, session: &mut Session) -> Result<()> {
         let count = self.scene.frames.len();
         self.priors.shear.smooth = tracked.smooth;
-        let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-        let matches = tracked.smooth > 0.0
-            && (1..=count).contains(&tracked.frames.len())
-            && tracked.gains.len() == levels.len()
-            && self.matches(&tracked.frames, &tracked.gains);
-        if !matches {
+        let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|start| {
+            let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
+            let spread = if start == 0 { self.settings.start_spread } else { 1.0 };
+            levels.iter_mut().for_each(|level| level.loosen(spread, self.settings.start_tail));
+            levels
+        });
+        let done = tracked.followers[0].frames.len();
+        let matches = |f: &Follower| {
+            f.frames.len() == done && f.gains.len() == searches[0].len() && self.matches(&f.frames, &f.gains)
+        };
+        if !(tracked.smooth > 0.0 && (1..=count).contains(&done) && tracked.followers.iter().all(matches)) {
             return Err(foreign_state("track"));
         }
         let before = if tracked.smooth == self.settings.shear_smooth { 0 } else { count - 1 };
-        let mut scratch = Scratch::default();
-        levels.iter_mut().for_each(|level| level.anneal(0.0));
-        for n in tracked.frames.len()..count {
-            // Predict the frame from the two before.
-            let frames = &mut tracked.frames;
-            let last = &frames[n - 1];
-            let predicted: Positions = match n.checked_sub(2) {
-                Some(k) => last.iter().zip(&frames[k]).map(|(x, old)| *x + (*x - *old) * INERTIA).collect(),
-                None => last.clone(),
-            };
-            // Fit it at every resolution.
-            let mut x = predicted.clone();
-            let mut value = 0.0;
-            for (level, gains) in levels.iter_mut().zip(&mut tracked.gains) {
-                level.gains[n].clone_from(gains);
-                level.set_adjacent(n, level.explained(n, level.observe(n - 1, last)));
-                (x, value) = match level.fit_frame(n, x, &predicted, &mut scratch) {
-                    Ok(fitted) => fitted,
-                    Err(failure) => {
-                        let held = frames[n - 1].clone();
-                        frames.resize(count, held);
-                        return Ok(Some(failure));
-                    }
-                };
-                gains.clone_from(&level.gains[n]);
-                level.set_adjacent(n, Vec::new());
-            }
-            frames.push(x);
+        for n in done..count {
+            // Neither keeps more than one core busy.
+            let values: Vec<f64> = (searches.par_iter_mut())
+                .zip(tracked.followers.par_iter_mut())
+                .map(|(levels, follower)| follower.follow(n, levels))
+                .collect();
             let epoch = Epoch {
                 stage: "track".into(),
                 step: n + before,
                 of: count - 1 + before,
                 active_frames: n + 1,
-                losses: named([("total", value)]),
+                losses: named([("total", values[0])]),
                 parameters: named([("shear_smooth", tracked.smooth)]),
             };
-            session.step(&epoch, &tracked.frames, Some(&*tracked))?;
+            session.step(&epoch, &tracked.followers[0].frames, Some(&*tracked))?;
         }
-        Ok(None)
+        Ok(())
+    }
+}
+
+impl Follower {
+    /// Adds frame `n`; returns its objective.
+    fn follow(&mut self, n: usize, levels: &mut [LevelSearch]) -> f64 {
+        let last = &self.frames[n - 1];
+        if let Some((_, value)) = self.lost {
+            self.frames.push(last.clone());
+            return value;
+        }
+        // Predict the frame from the two before.
+        let predicted: Positions = match n.checked_sub(2) {
+            Some(k) => last.iter().zip(&self.frames[k]).map(|(x, old)| *x + (*x - *old) * INERTIA).collect(),
+            None => last.clone(),
+        };
+        // Fit it at every resolution.
+        let mut x = predicted.clone();
+        let mut value = 0.0;
+        let mut scratch = Scratch::default();
+        for (level, gains) in levels.iter_mut().zip(&mut self.gains) {
+            level.gains[n].clone_from(gains);
+            level.set_adjacent(n, level.explained(n, level.observe(n - 1, last)));
+            (x, value) = level.fit_frame(n, x, &predicted, &mut scratch);
+            if !value.is_finite() {
+                self.lost = Some((n, value));
+                self.frames.push(last.clone());
+                return value;
+            }
+            gains.clone_from(&level.gains[n]);
+            level.set_adjacent(n, Vec::new());
+        }
+        self.frames.push(x);
+        value
     }
 }
 
 impl LevelSearch<'_, '_> {
-    /// Fits one frame with a pull towards its prediction.
+    /// Fits one frame with a pull towards its prediction; returns its positions and the objective, with which it ends
+    /// where that is not finite.
     fn fit_frame(
         &mut self,
         frame: usize,
         mut x: Positions,
         predicted: &Positions,
         scratch: &mut Scratch,
-    ) -> Result<(Positions, f64)> {
+    ) -> (Positions, f64) {
         let cloth = self.problem.cloth;
         let kappa = self.problem.acceleration_weight();
         let pull = |x: &Positions| -> f64 {
@@ -145,7 +198,7 @@ impl LevelSearch<'_, '_> {
             let (values, system) = terms.linearise(cloth, &x);
             value = values.iter().sum::<f64>() + pull(&x);
             if !value.is_finite() {
-                return Err(diverged(&format!("frame {frame}"), value));
+                return (x, value);
             }
             let gradient: Positions =
                 (0..x.len()).map(|i| system.gradient[i] + (x[i] - predicted[i]) * kappa).collect();
@@ -161,13 +214,13 @@ impl LevelSearch<'_, '_> {
                     (x, value) = (next, next_value);
                     damping.accept();
                     if moved < FOUND {
-                        return Ok((x, value));
+                        return (x, value);
                     }
                     break;
                 }
                 damping.reject();
             }
         }
-        Ok((x, value))
+        (x, value)
     }
 }

@@ -11,6 +11,7 @@ pub mod outline;
 pub mod robust;
 pub mod shear;
 pub mod signed_bend;
+pub mod still;
 pub mod strain;
 
 use glam::{DMat3, DVec3};
@@ -24,6 +25,7 @@ use low_rank::LowRank;
 use outline::Outline;
 use shear::Shear;
 use signed_bend::SignedBend;
+use still::Still;
 use strain::Strain;
 
 /// A function of the positions of a frame.
@@ -106,10 +108,12 @@ pub struct FrameTerms<'a> {
     pub colour: Colour<'a>,
     /// Against the outline of the mask.
     pub outline: Outline<'a>,
+    /// Against where it is fixed.
+    pub still: Still<'a>,
 }
 
 /// Number of terms.
-pub const TERMS: usize = 6;
+pub const TERMS: usize = 7;
 
 impl PriorTerms<'_> {
     /// Closer to least squares: spreads of strain and shear times `spread`, all tails times `tail`.
@@ -126,7 +130,7 @@ impl FrameTerms<'_> {
     /// The terms, in the order in which they are summed.
     pub fn list(&self) -> [&dyn Term; TERMS] {
         let p = self.priors;
-        [&p.strain, &p.signed_bend, &p.bend, &p.shear, &self.colour, &self.outline]
+        [&p.strain, &p.signed_bend, &p.bend, &p.shear, &self.colour, &self.outline, &self.still]
     }
 
     /// Sum of the terms.

@@ -65,6 +65,7 @@ impl Problem<'_> {
         let cloth = self.cloth;
         assert!(tracked.len() == frames.len(), "one shape for each frame");
         let mut search = self.at_level(self.observed.range[0]);
+        search.still = self.still_vertices(tracked);
         (0..GAIN_FITS).for_each(|_| search.update_references(frames));
         let linearise = |(n, x): (usize, &Positions)| search.terms(n).linearise(cloth, x).1;
         let systems: Vec<FrameSystem> = frames.par_iter().enumerate().skip(1).map(linearise).collect();

@@ -1,0 +1,88 @@
+//! Which vertices stand still: an edge that is fixed does not move in the image.
+
+use glam::DVec2;
+
+use super::{Positions, Problem};
+use crate::mesh::boundary_edges;
+
+/// A clip tells what is fixed if a quarter of the vertices move by so much or more [px of the finest level].
+const SEEN: f64 = 2.0;
+/// What moves by less than this fraction of that, and by less than so many pixels, stands still if its neighbours do.
+const STILL: [f64; 2] = [0.25, 1.0];
+/// What moves by less than this fraction and so many pixels surely does.
+const SURE: [f64; 2] = [0.1, 0.5];
+/// A fixed edge has so many vertices that surely stand still. A single one is not known well enough before the search.
+const LEAST: usize = 4;
+
+impl Problem<'_> {
+    /// Vertices of fixed edges, ascending: they stand still in the image in nine of ten of the `frames`, while the sheet moves.
+    ///
+    /// Only of the border: what stands still in the image while the rest moves may still move along its view ray, as the
+    /// middle of a sheet that billows towards the camera does, but nothing makes a whole edge do so.
+    pub(super) fn still_vertices(&self, frames: &[Positions]) -> Vec<u32> {
+        let camera = &self.scene.camera;
+        let pixel = f64::from(1u32 << self.observed.range[0]);
+        let project = |x: &Positions| -> Vec<DVec2> { x.iter().map(|x| camera.project(*x) / pixel).collect() };
+        let images: Vec<Vec<DVec2>> = frames.iter().map(project).collect();
+        let moved = |v: usize| -> f64 {
+            quantile(images[1..].iter().map(|p| p[v].distance(images[0][v])).collect(), 0.9)
+        };
+        let moved: Vec<f64> = (0..self.cloth.vertex_count()).map(moved).collect();
+        let most = quantile(moved.clone(), 0.75);
+        if most < SEEN {
+            return Vec::new();
+        }
+        let below = |v: u32, [fraction, pixels]: [f64; 2]| moved[v as usize] < pixels.min(fraction * most);
+        let edges = boundary_edges(&self.scene.template);
+        let joined: Vec<[u32; 2]> =
+            edges.into_iter().filter(|edge| edge.iter().all(|&v| below(v, STILL))).collect();
+        let mut still = Vec::new();
+        for part in parts(&joined) {
+            if part.iter().filter(|&&v| below(v, SURE)).count() >= LEAST {
+                still.extend(part);
+            }
+        }
+        still.sort_unstable();
+        still
+    }
+}
+
+/// The vertices of `edges`, those that edges join together.
+fn parts(edges: &[[u32; 2]]) -> Vec<Vec<u32>> {
+    let mut parts: Vec<Vec<u32>> = Vec::new();
+    for edge in edges {
+        let (touched, mut rest): (Vec<_>, Vec<_>) =
+            parts.into_iter().partition(|part| edge.iter().any(|v| part.contains(v)));
+        let mut part: Vec<u32> = touched.into_iter().flatten().chain(*edge).collect();
+        part.sort_unstable();
+        part.dedup();
+        rest.push(part);
+        parts = rest;
+    }
+    parts
+}
+
+/// The `part` quantile of `values`; 0 of none.
+fn quantile(mut values: Vec<f64>, part: f64) -> f64 {
+    values.sort_by(f64::total_cmp);
+    let last = values.len().saturating_sub(1);
+    values.get((part * last as f64).round() as usize).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn edges_that_meet_are_one_part() {
+        let found = parts(&[[0, 1], [4, 5], [2, 3], [1, 2], [7, 6]]);
+        assert_eq!(found, [vec![4, 5], vec![0, 1, 2, 3], vec![6, 7]]);
+    }
+
+    #[test]
+    fn quantiles_are_of_the_sorted_values() {
+        assert_eq!(quantile(vec![3.0, 1.0, 2.0], 0.5), 2.0);
+        assert_eq!(quantile(vec![3.0, 1.0, 2.0], 1.0), 3.0);
+        assert_eq!(quantile(Vec::new(), 0.5), 0.0);
+    }
+}
