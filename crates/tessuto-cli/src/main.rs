@@ -30,7 +30,7 @@ mod verify;
 mod video;
 mod watch;
 
-use std::io::ErrorKind;
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -81,7 +81,26 @@ fn say_kept(kept: Option<std::path::PathBuf>) {
     }
 }
 
+/// Nothing but the check and the program: the compiler may use what the processor lacks anywhere else.
 fn main() -> ExitCode {
+    if let Err(message) = tessuto::processor::check() {
+        refuse(message);
+    }
+    program()
+}
+
+/// Ends with status 6. Without formatting: see [`tessuto::processor`].
+#[inline(never)]
+fn refuse(message: &'static str) -> ! {
+    for part in ["error: ", message, "\n"] {
+        // There is nobody else to tell.
+        std::io::stderr().write_all(part.as_bytes()).unwrap_or(());
+    }
+    std::process::exit(6)
+}
+
+#[inline(never)]
+fn program() -> ExitCode {
     let arguments = match Arguments::try_parse() {
         Ok(arguments) => arguments,
         Err(told) => return tell(&told),
