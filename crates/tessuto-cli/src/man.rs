@@ -22,7 +22,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 fn write(folder: &Path) -> std::io::Result<()> {
-    let command = crate::Arguments::command().name("tessuto").disable_help_subcommand(true);
+    let command = crate::Arguments::command().disable_help_subcommand(true);
     let mut pages = vec!["tessuto.1".to_owned()];
     pages.extend(command.get_subcommands().map(|sub| format!("tessuto-{}.1", sub.get_name())));
     clap_mangen::generate_to(command, folder)?;
