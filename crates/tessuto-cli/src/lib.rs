@@ -2,6 +2,7 @@
 
 mod appearance;
 mod check;
+mod completions;
 mod demo;
 mod evaluate;
 mod export;
@@ -11,6 +12,8 @@ mod frames;
 mod import;
 mod lens;
 mod live;
+#[cfg(feature = "man")]
+mod man;
 mod progress;
 mod reconstruct;
 #[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
@@ -73,6 +76,9 @@ enum Command {
     Settings(settings::Arguments),
     Synth(synth::Arguments),
     Demo(demo::Arguments),
+    Completions(completions::Arguments),
+    #[cfg(feature = "man")]
+    Man(man::Arguments),
 }
 
 /// Says where an earlier folder was kept because somebody put files into it while it was being replaced.
@@ -103,6 +109,9 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Settings(arguments) => settings::run(&arguments),
         Command::Synth(arguments) => synth::run(&arguments),
         Command::Demo(arguments) => demo::run(&arguments),
+        Command::Completions(arguments) => completions::run(&arguments),
+        #[cfg(feature = "man")]
+        Command::Man(arguments) => man::run(&arguments),
     };
     match result.and_then(|()| Ok(say::end()?)) {
         Ok(()) => 0,
