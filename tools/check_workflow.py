@@ -45,7 +45,7 @@ class Workflow:
 
     def __init__(self, folder, snakemake, tessuto, settings, slurm=False):
         self.folder, self.snakemake, self.tessuto = folder, snakemake, tessuto
-        profile = ["slurm", "--jobs", "2", "--latency-wait", "5", "--slurm-init-seconds-before-status-checks", "1", "--slurm-no-account"]
+        profile = ["slurm", "--jobs", "2", "--latency-wait", "5", "--slurm-init-seconds-before-status-checks", "1", "--slurm-no-account", "--slurm-status-command", "squeue", "--seconds-between-status-checks", "2"]
         self.profile = profile if slurm else ["local", "--cores", "2"]
         (folder / "settings.yaml").write_text(f"set: {json.dumps(settings)}\n")
 
