@@ -3,11 +3,16 @@
 #
 # usage: slurm_node.sh COMMAND...        as root; needs apt-get install slurmctld slurmd slurm-client munge
 #
-# Everything it writes is in a temporary folder. The node has no accounting; jobs that take more memory than they asked for are killed.
+# Everything it writes is in a temporary folder, but for /etc/slurm/slurm.conf, where jobs look for it; one that is there already is left alone, and
+# nothing is started. The node has no accounting; jobs that take more memory than they asked for are killed.
 set -euo pipefail
 for program in munged slurmctld slurmd sbatch; do
     command -v "$program" > /dev/null || { echo "$program is missing: apt-get install slurmctld slurmd slurm-client munge" >&2; exit 1; }
 done
+if [[ -e /etc/slurm/slurm.conf ]]; then
+    echo "/etc/slurm/slurm.conf is there: this machine has a cluster, run the command without this script" >&2
+    exit 1
+fi
 folder=$(mktemp -d)
 chmod 755 "$folder"
 started=()
@@ -16,6 +21,7 @@ stop() {
         kill "${started[i]}" 2> /dev/null || true
         wait "${started[i]}" 2> /dev/null || true
     done
+    [[ $(readlink /etc/slurm/slurm.conf) != "$folder/slurm.conf" ]] || rm /etc/slurm/slurm.conf
     rm -rf "$folder"
 }
 trap stop EXIT
@@ -59,11 +65,12 @@ ReturnToService=2
 NodeName=$host NodeAddr=127.0.0.1 CPUs=$(nproc) RealMemory=$(($(grep -o '[0-9]*' <(grep MemTotal /proc/meminfo)) / 1024 - 1000)) State=UNKNOWN
 PartitionName=all Nodes=$host Default=YES MaxTime=INFINITE State=UP
 END
-export SLURM_CONF="$folder/slurm.conf"
+mkdir -p /etc/slurm
+ln -s "$folder/slurm.conf" /etc/slurm/slurm.conf
 for _ in $(seq 50); do [[ -S "$folder/socket/munge" ]] && break; sleep 0.1; done
-slurmctld -D -f "$SLURM_CONF" 2> "$folder/slurmctld.err" &
+slurmctld -D 2> "$folder/slurmctld.err" &
 started+=($!)
-slurmd -D -f "$SLURM_CONF" 2> "$folder/slurmd.err" &
+slurmd -D 2> "$folder/slurmd.err" &
 started+=($!)
 for _ in $(seq 100); do
     [[ $(sinfo -h -o %T 2> /dev/null) == idle ]] && break

@@ -15,16 +15,17 @@ from pathlib import Path
 import runs
 
 STEPS = ["check", "reconstruct", "evaluate", "appearance", "report"]
-# Key of a verdict's quantity, which of its numbers, factor, unit.
+# Of a verdict: the quantity, which of its numbers, factor.
 QUANTITIES = {
-    "silhouette": ("silhouette", "worst", 1, ""),
-    "uncovered_percent": ("uncovered", "worst", 100, "%"),
-    "correlation": ("correlation", "worst", 1, ""),
-    "psnr_db": ("psnr", "mean", 1, "dB"),
-    "deviation_percent": ("deviation", "worst", 100, "%"),
+    "silhouette": ("silhouette", "worst", 1),
+    "uncovered_percent": ("uncovered", "worst", 100),
+    "correlation": ("correlation", "worst", 1),
+    "psnr_db": ("psnr", "mean", 1),
+    "deviation_percent": ("deviation", "worst", 100),
 }
 # Errors against the truth, where there is one: key, factor to millimetres.
 ERRORS = {"chamfer_mm": ("cd1", 1e3), "depth_mm": ("depth", 1e3), "vertex_mm": ("vertex", 1e3)}
+COLUMNS = ["state", "frames", "found", "doubtful", "lost", "lost_frames", "doubtful_frames", *QUANTITIES, *ERRORS, "message", "page"]
 FOLDER = Path(__file__).resolve().parent
 
 
@@ -38,14 +39,16 @@ def main():
     if arguments.verdict:
         return verdict(arguments.out)
     table = runs.read(arguments.table)
+    if arguments.so_far and all(note_path(arguments.out, "report", run).exists() for run in table.values()):
+        return  # all came to an end, some of them failed: the summary is complete
     rows = sorted((row(run, arguments.out, arguments.so_far) for run in table.values()), key=lambda row: row.pop("badness"))
     # Those of the table first; columns that nobody has are left out.
     swept = [column for run in table.values() for column, _ in run.cells]
-    columns = dict.fromkeys(["run", "scene", *swept, *(key for row in rows for key in row)])
+    columns = dict.fromkeys(["run", "scene", *swept, *COLUMNS])
     columns = [c for c in columns if any(row.get(c, "") != "" for row in rows)]
     stem = "summary-so-far" if arguments.so_far else "summary"
     replace(arguments.out / f"{stem}.csv", as_csv(rows, columns))
-    replace(arguments.out / f"{stem}.html", page(rows, [c for c in columns if c != "page"], arguments.out))
+    replace(arguments.out / f"{stem}.html", page(rows, [c for c in columns if c != "page"]))
     if not arguments.so_far:
         for suffix in ["csv", "html"]:
             (arguments.out / f"summary-so-far.{suffix}").unlink(missing_ok=True)
@@ -70,7 +73,7 @@ def row(run, out, so_far):
         row |= {"state": verdict["state"], "frames": sum(counts.values())} | counts
         row["lost_frames"] = " ".join(f"{first}-{end - 1}" for first, end in verdict["lost"])
         row["doubtful_frames"] = " ".join(f"{first}-{end - 1}" for first, end in verdict["doubtful"])
-        for name, (key, which, factor, _) in QUANTITIES.items():
+        for name, (key, which, factor) in QUANTITIES.items():
             row[name] = number(factor * verdict[key][which]) if verdict.get(key) else ""
         deviation = (verdict.get("deviation") or {}).get("worst", 0)
         parts = [-counts["lost"] / row["frames"], -counts["doubtful"] / row["frames"], -deviation]
@@ -78,7 +81,7 @@ def row(run, out, so_far):
     row |= {name: number(factor * errors[key]) if errors.get(key) is not None else "" for name, (key, factor) in ERRORS.items()}
     if failed:
         row["state"] = "failed"
-        row["message"] = f"{failed['step']}, status {failed['status']}: {failed['message']}"
+        row["message"] = f"{failed['step']}, status {failed['status']}: {' '.join(failed['message'].split())}"
     elif verdict:
         row["message"] = verdict["sentence"] if notes[-1] else f"unfinished; {verdict['sentence']}"
     if found:
@@ -126,16 +129,16 @@ def count(rows):
     return f"{len(rows)} runs: " + ", ".join(f"{n} {state}" for n, state in counted if n)
 
 
-def page(rows, columns, out):
+def page(rows, columns):
     """The table with links, without scripts but for sorting by a column."""
     head = "".join(f"<th>{html.escape(c.replace('_', ' '))}" for c in columns)
-    body = "\n".join(f'<tr class="{row["state"]}">' + "".join(cell(row, c, out) for c in columns) for row in rows)
+    body = "\n".join(f'<tr class="{row["state"]}">' + "".join(cell(row, c) for c in columns) for row in rows)
     title = html.escape(count(rows))
     return (FOLDER / "summary_page.html").read_text().replace("{title}", title).replace("{head}", head).replace("{body}", body)
 
 
-def cell(row, column, out):
-    text = html.escape(str(row.get(column, ""))).replace("\n", "<br>")
+def cell(row, column):
+    text = html.escape(str(row.get(column, "")))
     if column == "run" and "page" in row:
         text = f'<a href="{html.escape(row["page"])}">{text}</a>'
     return f'<td class="message">{text}' if column == "message" else f"<td>{text}"
