@@ -252,12 +252,12 @@ def test_an_old_processor_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_program_stops_at_ctrl_c_as_ever(scene_folder: Path, tmp_path: Path) -> None:
     path = Path(sysconfig.get_path("scripts")) / "tessuto"
     arguments = [str(path), "reconstruct", str(scene_folder), "--out", str(tmp_path / "out"), "--no-appearance"]
-    running = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True)
-    assert running.stderr is not None
-    for line in running.stderr:
-        if line.startswith("stage 1"):
-            running.send_signal(signal.SIGINT)
-            break
-    told = running.stderr.read()
-    assert running.wait() == 75, told
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stderr is not None
+        for line in running.stderr:
+            if line.startswith("stage 1"):
+                running.send_signal(signal.SIGINT)
+                break
+        told = running.stderr.read()
+    assert running.returncode == 75, told
     assert "go on with: tessuto reconstruct" in told and not (tmp_path / "out").exists()
