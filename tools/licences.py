@@ -6,6 +6,7 @@ usage: licences.py [--target x86_64-unknown-linux-gnu] > LICENSES.txt
 
 Ends with status 1 if a crate names no licence. `cargo deny check licenses` holds them to those that deny.toml allows.
 """
+
 import argparse
 import json
 import re
@@ -35,7 +36,9 @@ def linked(metadata):
 
 
 def texts(folder):
-    names = [path for path in folder.iterdir() if path.is_file() and re.match(r"(?i)(unlicense|licen[cs]e|copying|notice)", path.name)]
+    names = [
+        path for path in folder.iterdir() if path.is_file() and re.match(r"(?i)(unlicense|licen[cs]e|copying|notice)", path.name)
+    ]
     return [(path.name, path.read_text(errors="replace").strip()) for path in sorted(names)]
 
 
@@ -43,7 +46,17 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--target", default="x86_64-unknown-linux-gnu")
     target = parser.parse_args().target
-    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--filter-platform", target, "--manifest-path", ROOT / "crates/tessuto-cli/Cargo.toml"]
+    command = [
+        "cargo",
+        "metadata",
+        "--format-version",
+        "1",
+        "--locked",
+        "--filter-platform",
+        target,
+        "--manifest-path",
+        ROOT / "crates/tessuto-cli/Cargo.toml",
+    ]
     packages = linked(json.loads(subprocess.run(command, check=True, capture_output=True).stdout))
     unnamed = [package["name"] for package in packages if not package["license"]]
     if unnamed:
@@ -55,7 +68,9 @@ def main():
     vendor = ROOT / "crates/tessuto/assets/vendor"
     for path in sorted(vendor.glob("*.LICENSE")):
         where.setdefault(path.read_text().strip(), []).append(f"{path.stem}, embedded in the report page")
-    print(f"tessuto is licensed MIT OR Apache-2.0. It contains {len(packages)} crates, its own among them, and Rust's standard library (MIT OR Apache-2.0):\n")
+    print(
+        f"tessuto is licensed MIT OR Apache-2.0. It contains {len(packages)} crates, its own among them, and Rust's standard library (MIT OR Apache-2.0):\n"
+    )
     for package in packages:
         print(f"{package['name']:28} {package['version']:12} {package['license']:40} {package['repository'] or ''}".rstrip())
     without = [p["name"] for p in packages if not texts(Path(p["manifest_path"]).parent)]

@@ -6,6 +6,7 @@ one run of each; several such cells, all combinations. An empty cell is the prog
 
 A run's name is made of all that tells it from others, so that a new row, column or value never touches the runs there are.
 """
+
 import csv
 import hashlib
 import itertools
@@ -61,7 +62,9 @@ def read(table):
     for number, row in enumerate(rows, 1):
         place = f"{table}, row {number}"
         if None in row or None in row.values() or not row["scene"].strip():
-            raise TableError(f"{place}: a cell is missing or there is one too many; every row has {len(columns)} cells, the first a scene")
+            raise TableError(
+                f"{place}: a cell is missing or there is one too many; every row has {len(columns)} cells, the first a scene"
+            )
         scene = table.parent / row["scene"].strip()
         folder = scenes.setdefault(scene.name, scene)
         if folder != scene:

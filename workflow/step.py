@@ -12,6 +12,7 @@ What the exit status of the program means for the note:
 A note is found valid, without any work, if it was made by the same program from the same scene and options and the result folder is as the workflow
 left it: `records/RUN.json` knows. Snakemake removes the notes of a group of jobs of which one failed.
 """
+
 import argparse
 import fcntl
 import hashlib
@@ -28,7 +29,11 @@ FOR_GOOD = {2, 3, 4, 101}
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter, epilog="Options for the program stand after --.")
+    parser = argparse.ArgumentParser(
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        epilog="Options for the program stand after --.",
+    )
     parser.add_argument("step", choices=["check", "reconstruct", "evaluate", "appearance", "report"])
     parser.add_argument("--tessuto", required=True)
     parser.add_argument("--scene", type=Path, required=True)
@@ -48,7 +53,15 @@ def main():
     if failed and (arguments.step != "report" or failed[0]["step"] in ["check", "reconstruct"]):
         return write(arguments.note, failed[0])
     with Record(arguments) as record:
-        key = digest([arguments.step, program(arguments.tessuto), arguments.options, [note["key"] for note in earlier], arguments.step == "check" and scene_key(arguments.scene)])
+        key = digest(
+            [
+                arguments.step,
+                program(arguments.tessuto),
+                arguments.options,
+                [note["key"] for note in earlier],
+                arguments.step == "check" and scene_key(arguments.scene),
+            ]
+        )
         note = record.valid(key)
         if note is None:
             note = work(arguments, key, record)
@@ -101,7 +114,15 @@ def run(command, log, threads, record):
         # In a session of its own, so that Ctrl-C reaches it once, from here. It keeps the lock if this script is killed.
         environment = dict(os.environ, RAYON_NUM_THREADS=threads)
         try:
-            process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=file, start_new_session=True, pass_fds=[record.lock.fileno()], env=environment)
+            process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=file,
+                start_new_session=True,
+                pass_fds=[record.lock.fileno()],
+                env=environment,
+            )
         except OSError as error:
             sys.exit(f"cannot run {command[0]}: {error.strerror}; name the program with --config tessuto=FILE")
         asked = []
@@ -182,7 +203,12 @@ def scene_key(scene):
     """Changes with the scene: its manifest, or else names, sizes and times of its files."""
     manifest = scene / "manifest.json"
     files = sorted(path for path in scene.rglob("*") if path.is_file())
-    return digest([manifest.read_text() if manifest.exists() else "", [[str(path.relative_to(scene)), path.stat().st_size, path.stat().st_mtime_ns] for path in files]])
+    return digest(
+        [
+            manifest.read_text() if manifest.exists() else "",
+            [[str(path.relative_to(scene)), path.stat().st_size, path.stat().st_mtime_ns] for path in files],
+        ]
+    )
 
 
 def digest(value):

@@ -4,6 +4,7 @@
 Worse is, in this order: failed, unfinished, more lost frames, more doubtful frames, a larger expected deviation. The summary holds no times, so that
 it is the same however often the workflow was interrupted.
 """
+
 import argparse
 import csv
 import html
@@ -25,7 +26,19 @@ QUANTITIES = {
 }
 # Errors against the truth, where there is one: key, factor to millimetres.
 ERRORS = {"chamfer_mm": ("cd1", 1e3), "depth_mm": ("depth", 1e3), "vertex_mm": ("vertex", 1e3)}
-COLUMNS = ["state", "frames", "found", "doubtful", "lost", "lost_frames", "doubtful_frames", *QUANTITIES, *ERRORS, "message", "page"]
+COLUMNS = [
+    "state",
+    "frames",
+    "found",
+    "doubtful",
+    "lost",
+    "lost_frames",
+    "doubtful_frames",
+    *QUANTITIES,
+    *ERRORS,
+    "message",
+    "page",
+]
 FOLDER = Path(__file__).resolve().parent
 
 
