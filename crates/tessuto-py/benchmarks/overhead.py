@@ -69,6 +69,7 @@ def rollout() -> None:
 def in_memory(folder: Path) -> tessuto.Scene:
     said = json.loads((folder / "scene.json").read_text())
     loaded = tessuto.Scene.load(folder)
+    points = [np.load(path) for path in sorted((folder / "gt/points").glob("*.npy"))]
     images = {kind: [tessuto.read_image(p) for p in sorted((folder / kind).iterdir())] for kind in ("rgbs", "masks")}
     return tessuto.Scene(
         np.stack(images["rgbs"]),
@@ -82,6 +83,7 @@ def in_memory(folder: Path) -> tessuto.Scene:
         name=str(folder),
         crop=loaded.crop,
         true_vertices=loaded.true_vertices,
+        true_points=points or None,
     )
 
 
