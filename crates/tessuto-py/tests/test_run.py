@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import _thread
 import json
+import signal
 import subprocess
 import sys
+import sysconfig
 import threading
 import time
 import warnings
@@ -245,3 +247,17 @@ def test_an_old_processor_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
     assert caught.value.exit_code == 6 and isinstance(caught.value, ImportError)
     monkeypatch.setenv("TESSUTO_ANY_PROCESSOR", "1")
     _processor.check()
+
+
+def test_the_program_stops_at_ctrl_c_as_ever(scene_folder: Path, tmp_path: Path) -> None:
+    path = Path(sysconfig.get_path("scripts")) / "tessuto"
+    arguments = [str(path), "reconstruct", str(scene_folder), "--out", str(tmp_path / "out"), "--no-appearance"]
+    with subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True) as running:
+        assert running.stderr is not None
+        for line in running.stderr:
+            if line.startswith("stage 1"):
+                running.send_signal(signal.SIGINT)
+                break
+        told = running.stderr.read()
+    assert running.returncode == 75, told
+    assert "go on with: tessuto reconstruct" in told and not (tmp_path / "out").exists()
