@@ -2,7 +2,7 @@
 """Prints what the program contains by others: every crate that is linked into it, with its licence and that licence's text, and what the
 report page embeds.
 
-usage: licences.py [--target x86_64-unknown-linux-gnu] > LICENSES.txt
+usage: licences.py [--target x86_64-unknown-linux-gnu] [--package tessuto-cli] > LICENSES.txt
 
 Ends with status 1 if a crate names no licence. `cargo deny check licenses` holds them to those that deny.toml allows.
 """
@@ -18,11 +18,11 @@ ROOT = Path(__file__).resolve().parent.parent
 LINE = "=" * 100
 
 
-def linked(metadata):
-    """Packages of the program's default build that end in it: not those that run while it is built."""
+def linked(metadata, name):
+    """Packages of the default build of package `name` that end in it: not those that run while it is built."""
     packages = {package["id"]: package for package in metadata["packages"]}
     nodes = {node["id"]: node for node in metadata["resolve"]["nodes"]}
-    todo = [package["id"] for package in metadata["packages"] if package["name"] == "tessuto-cli"]
+    todo = [package["id"] for package in metadata["packages"] if package["name"] == name]
     seen = set(todo)
     while todo:
         for dependency in nodes[todo.pop()]["deps"]:
@@ -45,7 +45,9 @@ def texts(folder):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--target", default="x86_64-unknown-linux-gnu")
-    target = parser.parse_args().target
+    parser.add_argument("--package", default="tessuto-cli")
+    arguments = parser.parse_args()
+    target, name = arguments.target, arguments.package
     command = [
         "cargo",
         "metadata",
@@ -55,9 +57,9 @@ def main():
         "--filter-platform",
         target,
         "--manifest-path",
-        ROOT / "crates/tessuto-cli/Cargo.toml",
+        ROOT / "crates" / name / "Cargo.toml",
     ]
-    packages = linked(json.loads(subprocess.run(command, check=True, capture_output=True).stdout))
+    packages = linked(json.loads(subprocess.run(command, check=True, capture_output=True).stdout), name)
     unnamed = [package["name"] for package in packages if not package["license"]]
     if unnamed:
         sys.exit(f"these name no licence: {unnamed}")
