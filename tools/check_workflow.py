@@ -304,6 +304,8 @@ def main():
     parser.add_argument("--slurm", action="store_true")
     arguments = parser.parse_args()
     tessuto = arguments.tessuto.resolve()
+    # In the background of a script Ctrl-C is ignored, and so by all that is started here; not now.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.TemporaryDirectory() as folder:
         folder = Path(folder).resolve()
         real = Workflow(folder, arguments.snakemake, tessuto, SMALL if arguments.full else TINY)
@@ -315,7 +317,7 @@ def main():
             shim.chmod(0o755)
             short(Workflow(folder, arguments.snakemake, shim, TINY, arguments.slurm), real)
         except SystemExit:
-            print((folder / "log").read_text()[-6000:], file=sys.stderr)
+            print((folder / "log").read_text()[-4000:], file=sys.stderr)
             raise
 
 
