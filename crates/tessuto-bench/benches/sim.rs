@@ -1,4 +1,4 @@
-//! One sub-step, forward and adjoint, of both integrators.
+//! One sub-step, forward and adjoint, of both integrators; a rollout, which `crates/tessuto-py/benchmarks/overhead.py` repeats.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
@@ -7,7 +7,9 @@ use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
 use tessuto::sim::state::StepGradients;
 use tessuto::sim::step::{step, step_vjp};
-use tessuto::sim::{Cloth, Integrator, State, StepSettings, Stiffness};
+use tessuto::sim::{
+    Accelerations, Cloth, Integrator, RolloutInputs, State, StepSettings, Stiffness, rollout, rollout_vjp,
+};
 
 /// Cloth in motion: a wavy sheet with random velocities and forces of the size of gravity.
 fn bench(c: &mut Criterion) {
@@ -58,9 +60,46 @@ fn bench(c: &mut Criterion) {
     }
 }
 
+/// 10 frames of 4 sub-steps, forward and adjoint, from nothing but arrays.
+fn bench_rollout(c: &mut Criterion) {
+    let (n, frames, spacing) = (26, 10, 0.02);
+    let mesh = grid(n, n, DVec2::splat(spacing * (n - 1) as f64), 1.2);
+    let cloth = Cloth::new(&mesh);
+    let wave = |p: &DVec3| *p + DVec3::Z * 0.002 * (p.x / (3.0 * spacing)).sin();
+    let x: Vec<DVec3> = mesh.positions.iter().map(wave).collect();
+    let sines = |scale: f64, slope: f64, phase: f64| -> Vec<DVec3> {
+        let value = |k: usize| scale * (slope * k as f64 + phase).sin();
+        (0..x.len()).map(|i| DVec3::from_array([0, 1, 2].map(|axis| value(3 * i + axis)))).collect()
+    };
+    let accelerations = Accelerations {
+        constant: DVec3::Y * 9.81,
+        dynamic: (0..frames).map(|k| sines(3.0, 0.9, k as f64)).collect(),
+        entries_per_frame: 1,
+    };
+    let settings = StepSettings {
+        integrator: Integrator::ImplicitEuler,
+        step: 5e-3,
+        damping: 0.9,
+        tolerance: 1e-7,
+        newton_limit: 50,
+    };
+    c.bench_function("rollout 26x26, 40 sub-steps, forward+adjoint", |b| {
+        b.iter(|| {
+            let initial = State { x: x.clone(), v: sines(0.05, 1.7, 0.0) };
+            let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 1e-4]);
+            let inputs =
+                RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &stiffness };
+            let motion = rollout(&cloth, &settings, 4, frames + 1, &inputs).unwrap();
+            let mut grad = motion.frames.clone();
+            grad[0].fill(DVec3::ZERO);
+            rollout_vjp(&cloth, &settings, &inputs, &motion, &grad)
+        });
+    });
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(20);
-    targets = bench
+    targets = bench, bench_rollout
 }
 criterion_main!(benches);

@@ -4,9 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::output::{FolderKind, OutputFolder, manifest};
-use tessuto::result::{self, Folder};
-use tessuto::sim::Cloth;
-use tessuto::simulate;
+use tessuto::result::Folder;
+use tessuto::run::replay::{self, Changes, replay};
 use tessuto::{Error, io};
 
 use crate::repeat;
@@ -48,30 +47,21 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         false => Some(OutputFolder::prepare(&out, FolderKind::Result, arguments.force)?),
     };
     let original = Folder::open(&arguments.result)?;
-    let mut parameters = original.parameters.clone();
-    arguments.set.iter().try_for_each(|assignment| set(&mut parameters.log_stiffness, assignment))?;
-    if !arguments.forces.is_finite() {
-        let problem = format!("--forces {}: not a finite number", arguments.forces);
-        return Err(Error::usage(problem, "give a factor such as 0.5 or 2").into());
-    }
-    parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= arguments.forces);
-    let (mesh, settings) = (&original.mesh, &original.run.settings);
-    let motion = simulate(&Cloth::new(mesh), settings, original.fps, &mesh.positions, &parameters)?;
+    let mut changes = Changes { forces: arguments.forces, ..Changes::default() };
+    arguments.set.iter().try_for_each(|assignment| set(&mut changes.stiffness, assignment))?;
+    let replayed = replay(&original, &changes)?;
+    let motion = &replayed.motion;
     match folder {
         None => {
-            io::npy::write_field(&out, &motion)?;
+            io::npy::write_field(&out, motion)?;
             manifest::record(&[&out])?;
         }
         Some(folder) => {
             let command = repeat::simulate(&arguments.result, &arguments.set, arguments.forces, &out);
-            result::write_replay(folder.partial(), &original, &parameters, &motion, &command)?;
-            let written = Folder::open(folder.partial())?;
-            result::Summary::of(&written)?.write(folder.partial())?;
-            result::write_page(&written)?;
-            crate::say_kept(folder.publish()?);
+            crate::say_kept(replay::write(&original, &replayed, folder, &command)?);
         }
     }
-    let frames = original.motion()?.iter().zip(&motion);
+    let frames = original.motion()?.iter().zip(motion);
     let distances = frames.flat_map(|(a, b)| a.iter().zip(b).map(|(a, b)| a.distance(*b)));
     say!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
     say!("{}", out.display());
@@ -93,7 +83,7 @@ fn check_target(out: &Path, replace: bool) -> Result<(), Error> {
     }
 }
 
-fn set(log_stiffness: &mut [f64; 3], assignment: &str) -> Result<(), Error> {
+fn set(stiffness: &mut [Option<f64>; 3], assignment: &str) -> Result<(), Error> {
     let hint = "write stretch=VALUE, bend=VALUE or shear=VALUE with a positive number";
     let wrong = || Error::usage(format!("--set {assignment}"), hint);
     let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
@@ -102,6 +92,6 @@ fn set(log_stiffness: &mut [f64; 3], assignment: &str) -> Result<(), Error> {
     if !(value.is_finite() && value > 0.0) {
         return Err(wrong());
     }
-    log_stiffness[index] = value.log10();
+    stiffness[index] = Some(value);
     Ok(())
 }

@@ -80,6 +80,7 @@ mod optim;
 #[doc(hidden)]
 pub mod output;
 pub mod pbr;
+pub mod processor;
 pub mod raster;
 mod reconstruct;
 #[doc(hidden)]

@@ -2,8 +2,11 @@
 
 mod bad_input;
 mod check_bad_input;
+mod completions;
 mod evaluate;
 mod import;
+#[cfg(feature = "man")]
+mod man_pages;
 mod output;
 mod render;
 mod report;

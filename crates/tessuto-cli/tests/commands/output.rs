@@ -105,6 +105,9 @@ fn help_lists_the_commands_in_the_order_of_the_work() {
         "settings",
         "synth",
         "demo",
+        "completions",
+        #[cfg(feature = "man")]
+        "man",
         "help",
     ];
     assert_eq!(names, order);

@@ -19,7 +19,17 @@ pub(crate) const MAX_SIDE: usize = 16_384;
 /// Largest file, and largest decoded image `[bytes]`.
 const MAX_BYTES: u64 = 256 << 20;
 
+/// The numbers of an image.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Samples {
+    /// 0 to 255.
+    Bytes(Vec<u8>),
+    /// 0 to 65535.
+    Words(Vec<u16>),
+}
+
 /// A decoded image that has not been converted to floats yet.
+#[derive(Clone)]
 pub(crate) struct ImageFile {
     path: PathBuf,
     dynamic: DynamicImage,
@@ -173,6 +183,29 @@ pub(super) fn decoder(
 }
 
 impl ImageFile {
+    /// The image of `samples`, shape [height, width, channels] with 1 or 3 channels, whose messages call it `place`; `None`
+    /// if there are not that many samples.
+    pub fn held(place: &str, [width, height]: [usize; 2], channels: usize, samples: Samples) -> Option<Self> {
+        let (w, h) = (u32::try_from(width).ok()?, u32::try_from(height).ok()?);
+        let dynamic = match (samples, channels) {
+            (Samples::Bytes(data), 1) => ::image::GrayImage::from_raw(w, h, data)?.into(),
+            (Samples::Bytes(data), 3) => ::image::RgbImage::from_raw(w, h, data)?.into(),
+            (Samples::Words(data), 1) => {
+                DynamicImage::ImageLuma16(::image::ImageBuffer::from_raw(w, h, data)?)
+            }
+            (Samples::Words(data), 3) => {
+                DynamicImage::ImageRgb16(::image::ImageBuffer::from_raw(w, h, data)?)
+            }
+            _ => return None,
+        };
+        Some(Self { path: place.into(), dynamic, plain: true, notes: Vec::new() })
+    }
+
+    /// The file, or what stands for it in messages.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// The whole image.
     pub fn full(&self) -> Rect {
         Rect { x0: 0, y0: 0, x1: self.dynamic.width() as usize, y1: self.dynamic.height() as usize }

@@ -38,6 +38,48 @@ pub fn accumulate(
     loss: impl Fn(usize, &[[f32; 3]; 2]) -> (f32, [[f32; 3]; 2]) + Sync,
     gradients: &mut Gradients,
 ) {
+    accumulate_of(shader, points, seed, samples_per_pixel, loss, gradients);
+}
+
+/// Linear colour of every point, each estimated once; shape `[P]`.
+pub fn radiance(
+    shader: &Shader,
+    points: &[SurfacePoint],
+    seed: u32,
+    samples_per_pixel: usize,
+) -> Vec<[f32; 3]> {
+    let colour = |estimate: &mut RadianceEstimate, (i, point): (usize, &SurfacePoint)| {
+        shader.estimate(point, key(seed, i, 0), samples_per_pixel, estimate);
+        estimate.colour
+    };
+    points.par_iter().enumerate().map_init(RadianceEstimate::default, colour).collect()
+}
+
+/// Adjoint of [`radiance`] for the derivatives `grad` of a loss by the colours, shape `[P]`. Directions and their densities
+/// are constants to it.
+pub fn radiance_vjp(
+    shader: &Shader,
+    points: &[SurfacePoint],
+    seed: u32,
+    samples_per_pixel: usize,
+    grad: &[[f32; 3]],
+) -> Gradients {
+    assert_eq!(points.len(), grad.len(), "one gradient per point");
+    let mut gradients = Gradients::default();
+    let given = |i: usize, _: &[[f32; 3]; 1]| (0.0, [grad[i]]);
+    accumulate_of(shader, points, seed, samples_per_pixel, given, &mut gradients);
+    gradients
+}
+
+/// [`accumulate`] of K estimates per point.
+fn accumulate_of<const K: usize>(
+    shader: &Shader,
+    points: &[SurfacePoint],
+    seed: u32,
+    samples_per_pixel: usize,
+    loss: impl Fn(usize, &[[f32; 3]; K]) -> (f32, [[f32; 3]; K]) + Sync,
+    gradients: &mut Gradients,
+) {
     let texels = shader.material.texels.len();
     let [width, height] = shader.light.size();
     let Gradients { material, light, loss: total, losses, parts } = gradients;
@@ -49,14 +91,14 @@ pub fn accumulate(
     parts[chunks.len()..].iter_mut().for_each(|sums| sums.clear(texels, width * height));
     parts.par_iter_mut().zip(chunks).enumerate().for_each(|(part, (sums, (points, losses)))| {
         sums.clear(texels, width * height);
-        let mut estimates = [RadianceEstimate::default(), RadianceEstimate::default()];
+        let mut estimates: [RadianceEstimate; K] = std::array::from_fn(|_| RadianceEstimate::default());
         for (k, (point, own)) in points.iter().zip(losses).enumerate() {
             let i = part * length + k;
             let context = shader.shading_context(point);
             for (k, estimate) in estimates.iter_mut().enumerate() {
                 shader.estimate_at(&context, point, key(seed, i, k as u32), samples_per_pixel, estimate);
             }
-            let (value, adjoints) = loss(i, &[estimates[0].colour, estimates[1].colour]);
+            let (value, adjoints) = loss(i, &std::array::from_fn(|k| estimates[k].colour));
             *own = value;
             sums.loss += f64::from(value);
             for (estimate, adjoint) in estimates.iter().zip(adjoints) {

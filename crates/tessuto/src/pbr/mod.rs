@@ -61,7 +61,7 @@ mod shader;
 mod surface;
 mod visible_points;
 
-pub use accumulate::{Gradients, accumulate};
+pub use accumulate::{Gradients, accumulate, radiance, radiance_vjp};
 pub use environment::EnvironmentMap;
 pub use environment_sampler::EnvironmentSampler;
 pub use geometry::Geometry;

@@ -9,7 +9,7 @@ use crate::appearance::{self, AppearanceSettings};
 use crate::config::{Config, Preset};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::io;
-use crate::io::scene::{LoadOptions, load};
+use crate::io::scene::{LoadOptions, Loaded, load};
 use crate::mesh::Motion;
 use crate::output::{FolderKind, OutputFolder, manifest};
 use crate::pbr::Geometry;
@@ -72,6 +72,36 @@ pub fn run(
     options: &AppearanceOptions,
     observer: &mut dyn Observer,
 ) -> Result<AppearanceOutcome> {
+    let saved = saved(folder, options)?;
+    let frames = saved.as_ref().map(|saved| saved.run.frames[0]..saved.run.frames[1]);
+    let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
+    work(&loaded, scene_folder, (folder, saved), options, observer)
+}
+
+/// [`run`] of a scene that is in memory, whose frames are the result's; `name` is what the result says it is of.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_loaded(
+    loaded: &Loaded,
+    name: &Path,
+    folder: &Path,
+    options: &AppearanceOptions,
+    observer: &mut dyn Observer,
+) -> Result<AppearanceOutcome> {
+    let saved = saved(folder, options)?;
+    if let Some([first, end]) = saved.as_ref().map(|saved| saved.run.frames)
+        && end - first != loaded.scene.frames.len()
+    {
+        let problem = format!("has {} frames, the scene has {}", end - first, loaded.scene.frames.len());
+        let hint = "give the frames that the result is of";
+        return Err(Error::input(folder.display().to_string(), problem, hint));
+    }
+    work(loaded, name, (folder, saved), options, observer)
+}
+
+/// The result in `folder`, if it is one.
+fn saved(folder: &Path, options: &AppearanceOptions) -> Result<Option<result::Folder>> {
     let saved = folder.join("config.json").is_file().then(|| result::Folder::open(folder)).transpose()?;
     if saved.is_none() && options.motion == MotionSource::Result {
         return Err(Error::input(
@@ -81,12 +111,20 @@ pub fn run(
                 .with(Remedy::TrueMotion),
         ));
     }
+    Ok(saved)
+}
+
+fn work(
+    loaded: &Loaded,
+    scene_folder: &Path,
+    (folder, saved): (&Path, Option<result::Folder>),
+    options: &AppearanceOptions,
+    observer: &mut dyn Observer,
+) -> Result<AppearanceOutcome> {
     let mut settings =
         saved.as_ref().map_or_else(|| Config::preset(Preset::Default), |saved| saved.run.settings.clone());
     settings.set_all(options.changes.iter().map(String::as_str))?;
     settings.seed = options.seed.unwrap_or(settings.seed);
-    let frames = saved.as_ref().map(|saved| saved.run.frames[0]..saved.run.frames[1]);
-    let loaded = load(scene_folder, &LoadOptions { frames, ..LoadOptions::default() })?;
     loaded.warnings.iter().for_each(|warning| observer.warning(warning));
     let scene = &loaded.scene;
     let motion = match (options.motion, &saved) {

@@ -2,10 +2,12 @@
 //!
 //! [`run`] loads the scene, reconstructs, writes, estimates material and light, exports, makes the page and puts the
 //! folder in its place. An [`Observer`] is told of everything meanwhile. [`appearance`](mod@appearance) does the same for
-//! material and light of a motion that is known.
+//! material and light of a motion that is known, [`mod@evaluate`] compares with the truth, [`replay`] simulates again.
 
 pub mod appearance;
+pub mod evaluate;
 mod observer;
+pub mod replay;
 
 use std::cell::RefCell;
 use std::ops::Range;
@@ -18,7 +20,7 @@ pub use observer::{Observer, Silent, Stage};
 use crate::config::{Config, Method};
 use crate::error::{Error, Result, Warning};
 use crate::export::{Clip, Format, export};
-use crate::io::scene::{LoadOptions, load};
+use crate::io::scene::{LoadOptions, Loaded, load};
 use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation};
 use crate::output::{FolderKind, OutputFolder};
@@ -110,8 +112,33 @@ pub fn run(
     let output = OutputFolder::prepare(out, FolderKind::Result, options.replace)?;
     let loaded =
         load(scene_folder, &LoadOptions { frames: options.frames.clone(), ..LoadOptions::default() })?;
+    work(&loaded, scene_folder, output, options, observer)
+}
+
+/// [`run`] of a scene that is in memory, all of its frames; `name` is what the result says it is of.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_loaded(
+    loaded: &Loaded,
+    name: &Path,
+    out: &Path,
+    options: &RunOptions,
+    observer: &mut dyn Observer,
+) -> Result<Outcome> {
+    let output = OutputFolder::prepare(out, FolderKind::Result, options.replace)?;
+    work(loaded, name, output, options, observer)
+}
+
+fn work(
+    loaded: &Loaded,
+    scene_folder: &Path,
+    output: OutputFolder,
+    options: &RunOptions,
+    observer: &mut dyn Observer,
+) -> Result<Outcome> {
     let scene = &loaded.scene;
-    let mut warnings = loaded.warnings;
+    let mut warnings = loaded.warnings.clone();
     warnings.iter().for_each(|warning| observer.warning(warning));
     let first = scene.first_frame;
     let run = Run {

@@ -9,7 +9,7 @@ use imports::Crate;
 
 /// From the bottom up; a module imports from lower layers and its own module only.
 const LAYERS: [&[&str]; 18] = [
-    &["math", "error", "text"],
+    &["math", "error", "processor", "text"],
     &["camera", "image", "mesh", "settings"],
     &["video"],
     &["scene"],

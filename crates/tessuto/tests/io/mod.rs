@@ -3,6 +3,7 @@
 mod arrays_meshes;
 mod hdr;
 mod image;
+mod memory;
 mod recordings;
 mod scene;
 mod truth;

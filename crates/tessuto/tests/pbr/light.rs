@@ -9,7 +9,7 @@ use tessuto::mesh::grid;
 use tessuto::pbr::brdf::Brdf;
 use tessuto::pbr::{
     EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, RadianceEstimate, Shader,
-    SurfacePoint, accumulate, reference, visible_points,
+    SurfacePoint, accumulate, radiance, radiance_vjp, reference, visible_points,
 };
 use tessuto::raster::{Rasterizer, Rendering};
 use tessuto::{Camera, Mesh};
@@ -438,4 +438,34 @@ fn any_number_of_threads_gives_the_same_bytes() {
         (gradients.loss, gradients.material, gradients.light)
     };
     assert!(run(1) == run(2));
+}
+
+#[test]
+fn colours_alone_and_their_adjoint_are_those_of_the_first_estimate() {
+    let mesh = folded();
+    let geometry = geometry(&mesh);
+    let points = points(&mesh, &geometry);
+    let (environment, material) = (random_environment(16, 6), random_material(8, 6));
+    let light = EnvironmentSampler::new(&environment, 0.1);
+    let shader = Shader { geometry: &geometry, material: &material, light: &light };
+    let mut rng = Rng::new(8, 0);
+    let grad: Vec<[f32; 3]> = points.iter().map(|_| [(); 3].map(|()| rng.signed() as f32)).collect();
+    let colours = radiance(&shader, &points, 5, 16);
+    let mut both = Gradients::default();
+    let loss = |i: usize, c: &[[f32; 3]; 2]| {
+        assert_eq!(c[0], colours[i]);
+        (0.0, [grad[i], [0.0; 3]])
+    };
+    accumulate(&shader, &points, 5, 16, loss, &mut both);
+    let alone = radiance_vjp(&shader, &points, 5, 16, &grad);
+    assert_eq!((&alone.material, &alone.light), (&both.material, &both.light));
+
+    // It is linear in the light: Σ L ∂loss/∂L = loss.
+    let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+    let value = dot(&colours.concat(), &grad.concat());
+    let along = dot(&environment.texels.concat(), &alone.light.concat());
+    assert!(
+        (along - value).abs() < 1e-3 * dot(&colours.concat(), &vec![1.0; 3 * colours.len()]),
+        "{along} {value}"
+    );
 }

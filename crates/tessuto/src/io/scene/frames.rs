@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::SystemTime;
 
 use rayon::prelude::*;
@@ -13,7 +14,7 @@ use super::manifest::Manifest;
 use crate::camera::Rect;
 use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::image::Image;
-use crate::io::image;
+use crate::io::image::{self, ImageFile};
 use crate::video::{Frame, PIXEL_BYTES, Video};
 
 /// Most memory `[bytes]` that one frame may take.
@@ -30,10 +31,50 @@ struct Mask {
     notes: Vec<&'static str>,
 }
 
+/// Where an image comes from.
+#[derive(Clone)]
+pub(super) enum Source {
+    File(PathBuf),
+    Held(Arc<ImageFile>),
+}
+
+impl Source {
+    fn open(&self) -> Result<ImageFile> {
+        match self {
+            Self::File(path) => image::open(path),
+            Self::Held(image) => Ok((**image).clone()),
+        }
+    }
+
+    /// For messages.
+    fn place(&self) -> &Path {
+        match self {
+            Self::File(path) => path,
+            Self::Held(image) => image.path(),
+        }
+    }
+}
+
+/// What the frames are made of, and what is kept of them.
+pub(super) struct Sources {
+    /// One per frame.
+    pub colours: Vec<Source>,
+    /// As many.
+    pub masks: Vec<Source>,
+    /// Number of the first frame.
+    pub first: usize,
+    /// Width and height of the images `[px]`.
+    pub size: [usize; 2],
+    /// The part to keep; the masks decide where it is missing.
+    pub crop: Option<Rect>,
+    /// Frames of more bytes than this in all are read again whenever they are needed.
+    pub held_bytes: usize,
+}
+
 /// One frame's files, and what both looked like when they were read first.
 struct Files {
-    colour: PathBuf,
-    mask: PathBuf,
+    colour: Source,
+    mask: Source,
     /// Part of the image that the mask is not black in.
     region: Rect,
     stamps: [Stamp; 2],
@@ -42,7 +83,8 @@ struct Files {
 /// Length and time of the last change.
 type Stamp = Option<(u64, SystemTime)>;
 
-fn stamp(path: &Path) -> Stamp {
+fn stamp(source: &Source) -> Stamp {
+    let Source::File(path) = source else { return None };
     let data = std::fs::metadata(path).ok()?;
     Some((data.len(), data.modified().ok()?))
 }
@@ -57,25 +99,34 @@ pub(crate) fn read(
     warnings: &mut Vec<Warning>,
 ) -> Result<(Rect, Video)> {
     let camera = manifest.camera();
-    let size = [camera.width, camera.height];
-    let numbers = (range.clone(), manifest.n_frames);
-    let colours = numbered(folder, "rgbs", "rgb_", &ENDINGS, numbers.clone(), warnings)?;
-    let masks = numbered(folder, "masks", "mask_", &ENDINGS, numbers, warnings)?;
-    if let Some(crop) = manifest.crop {
+    let first = range.start;
+    let numbers = (range, manifest.n_frames);
+    let of_files = |paths: Vec<PathBuf>| paths.into_iter().map(Source::File).collect();
+    let colours = of_files(numbered(folder, "rgbs", "rgb_", &ENDINGS, numbers.clone(), warnings)?);
+    let masks = of_files(numbered(folder, "masks", "mask_", &ENDINGS, numbers, warnings)?);
+    let (size, crop) = ([camera.width, camera.height], manifest.crop);
+    from(Sources { colours, masks, first, size, crop, held_bytes }, warnings)
+}
+
+/// The frames that `sources` hold, and the crop.
+pub(super) fn from(sources: Sources, warnings: &mut Vec<Warning>) -> Result<(Rect, Video)> {
+    let Sources { colours, masks, first, size, crop, held_bytes } = sources;
+    let frame_count = colours.len();
+    if let Some(crop) = crop {
         check_memory(crop)?;
     }
-    let found = in_order(&masks, |path| look_at_mask(path, size, manifest.crop))?;
-    let crop = manifest.crop.unwrap_or_else(|| crop_around(&found, size));
+    let found = in_order(&masks, |mask| look_at_mask(mask, size, crop))?;
+    let crop = crop.unwrap_or_else(|| crop_around(&found, size));
     check_memory(crop)?;
 
-    let frame_files = |((colour, mask), found): ((PathBuf, PathBuf), &Mask)| Files {
+    let frame_files = |((colour, mask), found): ((Source, Source), &Mask)| Files {
         stamps: [stamp(&colour), stamp(&mask)],
         region: found.region,
         colour,
         mask,
     };
     let files: Vec<Files> = colours.into_iter().zip(masks).zip(&found).map(frame_files).collect();
-    let held = crop.width() * crop.height() * PIXEL_BYTES <= held_bytes / range.len();
+    let held = crop.width() * crop.height() * PIXEL_BYTES <= held_bytes / frame_count.max(1);
     let read = in_order(&files, |files| {
         let mut read = read_frame(files, size, crop)?;
         if !held {
@@ -84,7 +135,7 @@ pub(crate) fn read(
         Ok(read)
     })?;
     let notes = found.iter().zip(&read).enumerate();
-    notes_as_warnings(notes.map(|(k, (mask, frame))| (range.start + k, &mask.notes, &frame.notes)), warnings);
+    notes_as_warnings(notes.map(|(k, (mask, frame))| (first + k, &mask.notes, &frame.notes)), warnings);
     // Decide for the whole video, so that the background cannot flicker.
     let (sum, count) =
         read.iter().fold((0.0, 0), |(sum, count), f| (sum + f.background.0, count + f.background.1));
@@ -107,7 +158,7 @@ pub(crate) fn read(
         true => read.into_par_iter().filter_map(|f| f.frame).map(finished).collect::<Vec<_>>().into(),
         false => {
             let again = move |n: usize| Ok(finished(read_again(&files[n], size, crop)?));
-            Video::streamed(range.len(), crop.width() * crop.height(), again)
+            Video::streamed(frame_count, crop.width() * crop.height(), again)
         }
     };
     Ok((crop, video))
@@ -119,8 +170,8 @@ fn in_order<T: Sync, U: Send>(items: &[T], f: impl Fn(&T) -> Result<U> + Send + 
     results.into_iter().collect()
 }
 
-fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
-    let mut file = image::open(path)?;
+fn look_at_mask(mask: &Source, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
+    let mut file = mask.open()?;
     file.expect_size(size)?;
     let full = file.full();
     let image = file.mask(crop.unwrap_or(full));
@@ -128,7 +179,7 @@ fn look_at_mask(path: &Path, size: [usize; 2], crop: Option<Rect>) -> Result<Mas
         let brightest = image.data.iter().copied().fold(0.0, f32::max) * 255.0;
         let part = if crop.is_some() { " inside the crop" } else { "" };
         return Err(Error::input(
-            path.display().to_string(),
+            mask.place().display().to_string(),
             format!(
                 "the mask is empty{part}: its brightest value is {brightest:.0} of 255, fabric is 128 or more"
             ),
@@ -152,11 +203,11 @@ struct Read {
 }
 
 fn read_frame(files: &Files, size: [usize; 2], crop: Rect) -> Result<Read> {
-    let file = image::open(&files.colour)?;
+    let file = files.colour.open()?;
     file.expect_size(size)?;
     let rgb = file.rgb(crop);
     let notes = file.notes;
-    let mut file = image::open(&files.mask)?;
+    let mut file = files.mask.open()?;
     file.expect_size(size)?;
     let mask = file.mask(files.region);
     let mask = if files.region == crop { mask } else { cut(&mask, files.region, crop) };
@@ -166,10 +217,10 @@ fn read_frame(files: &Files, size: [usize; 2], crop: Rect) -> Result<Read> {
 
 fn read_again(files: &Files, size: [usize; 2], crop: Rect) -> Result<Frame> {
     let read = read_frame(files, size, crop)?;
-    for (path, before) in [&files.colour, &files.mask].into_iter().zip(&files.stamps) {
-        if stamp(path) != *before {
+    for (source, before) in [&files.colour, &files.mask].into_iter().zip(&files.stamps) {
+        if stamp(source) != *before {
             return Err(Error::input(
-                path.display().to_string(),
+                source.place().display().to_string(),
                 "changed while it was in use",
                 "leave the scene folder alone while it is worked on, and start again",
             ));

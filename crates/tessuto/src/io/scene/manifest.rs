@@ -104,6 +104,14 @@ impl Units {
 }
 
 impl Manifest {
+    /// What a scene.json of these values says, lengths in metres.
+    pub fn new(name: String, fps: f64, n_frames: usize, camera: Camera, crop: Option<Rect>) -> Self {
+        let Camera { fx, fy, cx, cy, width, height } = camera;
+        let units = Units::Metres;
+        let _notes = serde::de::IgnoredAny;
+        Self { name, fps, n_frames, width, height, fx, fy, cx, cy, crop, units, _notes }
+    }
+
     /// Reads scene.json in `folder`.
     pub fn read(folder: &Path) -> Result<Self> {
         if !folder.is_dir() {
@@ -131,7 +139,8 @@ impl Manifest {
         Camera { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, width: self.width, height: self.height }
     }
 
-    fn check(&self, place: &str) -> Result<()> {
+    /// Refuses values that no video has; `place` is where they are from.
+    pub fn check(&self, place: &str) -> Result<()> {
         let demand = |ok: bool, key: &str, value: String, hint: &str| {
             if ok { Ok(()) } else { Err(Error::input(place, format!("\"{key}\" is {value}"), hint)) }
         };

@@ -11,6 +11,7 @@ mod first_frame;
 mod frames;
 mod listing;
 mod manifest;
+mod memory;
 mod rectangle;
 pub(crate) mod template;
 mod tracks;
@@ -26,6 +27,7 @@ use crate::video::HELD_BYTES;
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 pub use manifest::write_manifest;
+pub use memory::{Recording, assemble};
 pub use rectangle::{template_misfit, write_template};
 
 /// What to load.

@@ -43,19 +43,29 @@ pub(crate) fn read(
     };
     mesh.positions.iter_mut().for_each(|p| *p *= manifest.units.scale());
     let place = path.display().to_string();
-    let checks = [
-        check_depth(&mesh, &place, folder),
-        check_scale(&mesh, manifest.units, &place, folder),
-        check_faces(&mesh, &place),
-    ];
+    check(&mesh, manifest.units, (folder, &place), rectangle::warning(&path), errors, warnings);
+    Some(mesh)
+}
+
+/// Adds to `errors` what the simulation could not use, and to `warnings` what is odd, with what is known of its `origin`;
+/// `place` is the mesh of the scene in `folder`.
+pub(super) fn check(
+    mesh: &Mesh,
+    units: Units,
+    (folder, place): (&Path, &str),
+    origin: Option<Warning>,
+    errors: &mut Vec<Error>,
+    warnings: &mut Vec<Warning>,
+) {
+    let checks =
+        [check_depth(mesh, place, folder), check_scale(mesh, units, place, folder), check_faces(mesh, place)];
     errors.extend(checks.into_iter().filter_map(Result::err));
-    if let Err(error) = check_edges(&mesh, &place, warnings) {
+    if let Err(error) = check_edges(mesh, place, warnings) {
         errors.push(error);
     }
-    warnings.extend(rectangle::warning(&path));
-    check_vertices(&mesh, folder, warnings);
-    check_pieces(&mesh, folder, warnings);
-    Some(mesh)
+    warnings.extend(origin);
+    check_vertices(mesh, folder, warnings);
+    check_pieces(mesh, folder, warnings);
 }
 
 /// Diagonal of the bounding box `[m]`.

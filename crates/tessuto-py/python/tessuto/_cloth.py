@@ -1,0 +1,239 @@
+"""The simulation as functions of arrays, each with its adjoint."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Optional, Union
+
+import numpy as np
+
+from . import _native
+from ._arrays import ArrayLike, Faces, Float64, UInt32, corners, doubles
+
+#: A stiffness: one number, or one per spring.
+Stiffness = Union[float, ArrayLike]
+
+
+class Cloth:
+    """Masses and springs of a mesh that is at rest in the shape of `vertices`.
+
+    Every edge is a stretch spring; every path of two edges is an angle spring: bend where the path is straight at rest
+    (within 45°), shear where it is not.
+
+    Args:
+        vertices: [V, 3] m.
+        faces: Vertex indices of every polygon, [F, 3] or [F, 4] or one list per face.
+    """
+
+    def __init__(self, vertices: ArrayLike, faces: Faces) -> None:
+        self._native = _native.Cloth(doubles(vertices), corners(faces))
+
+    @property
+    def masses(self) -> Float64:
+        """Mass of every vertex, [V] kg, at 0.1 kg/m²."""
+        return self._native.masses
+
+    @property
+    def edges(self) -> UInt32:
+        """Vertices of the stretch springs, [E, 2]."""
+        return self._native.edges
+
+    @property
+    def rest_lengths(self) -> Float64:
+        """Length of every edge without load, [E] m."""
+        return self._native.rest_lengths
+
+    @property
+    def bends(self) -> UInt32:
+        """Vertices of the bend springs, [B, 3]: end, middle, end."""
+        return self._native.bends
+
+    @property
+    def shears(self) -> UInt32:
+        """Vertices of the shear springs, [S, 3]: end, middle, end."""
+        return self._native.shears
+
+    def __repr__(self) -> str:
+        return (
+            f"<tessuto.Cloth: {len(self.masses)} vertices, {len(self.edges)} edges, {len(self.bends)} bend and "
+            f"{len(self.shears)} shear springs>"
+        )
+
+
+def _of_springs(cloth: Cloth, stretch: Stiffness, bend: Stiffness, shear: Stiffness) -> _native.OfSprings:
+    counts = (len(cloth.edges), len(cloth.bends), len(cloth.shears))
+    values = (stretch, bend, shear)
+    full = [np.array(np.broadcast_to(doubles(k).reshape(np.shape(k)), n)) for k, n in zip(values, counts)]
+    return full[0], full[1], full[2]
+
+
+def _summed(gradient: Float64, stiffness: Stiffness) -> Float64:
+    """The gradient in the shape that the stiffness was given in."""
+    shape = np.shape(stiffness)
+    return gradient.reshape(shape) if np.prod(shape, dtype=int) == len(gradient) and shape else np.full(shape, gradient.sum())
+
+
+class _Stepping(NamedTuple):
+    dt: float
+    damping: float
+    linearized: bool
+    tolerance: float
+    newton_limit: int
+
+
+def _stepping(dt: float, damping: float, integrator: str, tolerance: float, newton_limit: int) -> _Stepping:
+    if integrator not in ("implicit_euler", "linearized_euler"):
+        raise ValueError(f'integrator is {integrator!r}, it must be "implicit_euler" or "linearized_euler"')
+    linearized = integrator == "linearized_euler"
+    return _Stepping(float(dt), float(damping), linearized, float(tolerance), int(newton_limit))
+
+
+class StepTape(NamedTuple):
+    """What the adjoint of a step needs."""
+
+    native: _native.ClothStep
+    stiffness: tuple[Stiffness, Stiffness, Stiffness]
+
+
+class StepGradients(NamedTuple):
+    """Gradients of a loss by what goes into a step, in the shapes of these."""
+
+    x: Float64
+    v: Float64
+    acceleration: Float64
+    stretch: Float64
+    bend: Float64
+    shear: Float64
+
+
+def cloth_step(
+    cloth: Cloth,
+    x: ArrayLike,
+    v: ArrayLike,
+    acceleration: ArrayLike,
+    stretch: Stiffness,
+    bend: Stiffness,
+    shear: Stiffness,
+    *,
+    dt: float,
+    damping: float = 1.0,
+    integrator: str = "implicit_euler",
+    tolerance: float = 1e-9,
+    newton_limit: int = 50,
+) -> tuple[Float64, Float64, StepTape]:
+    """One time step of the cloth.
+
+    Args:
+        cloth: The cloth.
+        x, v: Positions m and velocities m/s before, [V, 3].
+        acceleration: External force per mass, [V, 3] m/s².
+        stretch, bend, shear: Stiffnesses, N/m, J/rad² and J/rad²: one number each, or one per spring.
+        dt: Length of the step, s.
+        damping: Factor on the velocity before the step.
+        integrator: "implicit_euler", the minimum of the incremental potential, or "linearized_euler", one linear solve.
+        tolerance: Newton's method ends when no coordinate moves by more, m.
+        newton_limit: Most iterations of Newton's method.
+
+    Returns:
+        Positions and velocities after the step, [V, 3], and what `cloth_step_vjp` needs.
+
+    Raises:
+        NumericalError: naming the vertex that is not finite.
+    """
+    native = _native.cloth_step(
+        cloth._native,
+        doubles(x),
+        doubles(v),
+        doubles(acceleration),
+        _of_springs(cloth, stretch, bend, shear),
+        _stepping(dt, damping, integrator, tolerance, newton_limit),
+    )
+    return native[0], native[1], StepTape(native[2], (stretch, bend, shear))
+
+
+def cloth_step_vjp(tape: StepTape, grad_x: ArrayLike, grad_v: ArrayLike) -> StepGradients:
+    """Adjoint of `cloth_step`: gradients of a loss from those by the positions and velocities after it, [V, 3]."""
+    x, v, acceleration, springs = tape.native.vjp(doubles(grad_x), doubles(grad_v))
+    stretch, bend, shear = (_summed(g, k) for g, k in zip(springs, tape.stiffness))
+    return StepGradients(x, v, acceleration, stretch, bend, shear)
+
+
+class RolloutTape(NamedTuple):
+    """What the adjoint of a rollout needs."""
+
+    native: _native.Rollout
+    stiffness: tuple[Stiffness, Stiffness, Stiffness]
+
+
+class RolloutGradients(NamedTuple):
+    """Gradients of a loss by what goes into a rollout, in the shapes of these."""
+
+    x: Float64
+    v: Float64
+    constant: Float64
+    dynamic: Float64
+    stretch: Float64
+    bend: Float64
+    shear: Float64
+
+
+def rollout(
+    cloth: Cloth,
+    x: ArrayLike,
+    v: Optional[ArrayLike],
+    constant: ArrayLike,
+    dynamic: ArrayLike,
+    stretch: Stiffness,
+    bend: Stiffness,
+    shear: Stiffness,
+    *,
+    dt: float,
+    substeps: int = 1,
+    parts: int = 1,
+    damping: float = 1.0,
+    integrator: str = "implicit_euler",
+    tolerance: float = 1e-9,
+    newton_limit: int = 50,
+) -> tuple[Float64, RolloutTape]:
+    """Simulate a clip of N frames.
+
+    The external acceleration is `constant` + `dynamic`.
+
+    Args:
+        cloth: The cloth.
+        x: Positions in frame 0, [V, 3] m.
+        v: Velocities in frame 0, [V, 3] m/s; at rest where None.
+        constant: Force per mass that is the same in space and time, [3] m/s², such as gravity (0, 9.81, 0).
+        dynamic: The rest of the force per mass, [(N - 1)·parts, V, 3] m/s²; its length says how many frames there are.
+        stretch, bend, shear: Stiffnesses, N/m, J/rad² and J/rad²: one number each, or one per spring.
+        dt: Length of a sub-step, s: 1/(fps·substeps).
+        substeps: Sub-steps per frame.
+        parts: Entries of `dynamic` per frame, each held for substeps/parts sub-steps.
+        damping: Factor on the velocity before every sub-step.
+        integrator, tolerance, newton_limit: See `cloth_step`.
+
+    Returns:
+        Positions in every frame, [N, V, 3] m, and what `rollout_vjp` needs.
+
+    Raises:
+        NumericalError: naming frame and vertex that are not finite.
+    """
+    start = doubles(x)
+    native = _native.rollout(
+        cloth._native,
+        start,
+        np.zeros_like(start) if v is None else doubles(v),
+        tuple(float(c) for c in doubles(constant).reshape(3)),
+        doubles(dynamic),
+        int(parts),
+        _of_springs(cloth, stretch, bend, shear),
+        int(substeps),
+        _stepping(dt, damping, integrator, tolerance, newton_limit),
+    )
+    return native[0], RolloutTape(native[1], (stretch, bend, shear))
+
+
+def rollout_vjp(tape: RolloutTape, grad_motion: ArrayLike) -> RolloutGradients:
+    """Adjoint of `rollout`: gradients of a loss from those by the positions in every frame, [N, V, 3]."""
+    x, v, constant, dynamic, springs = tape.native.vjp(doubles(grad_motion))
+    stretch, bend, shear = (_summed(g, k) for g, k in zip(springs, tape.stiffness))
+    return RolloutGradients(x, v, np.array(constant), dynamic, stretch, bend, shear)

@@ -1,0 +1,220 @@
+"""Scenes: of a folder, or of arrays in memory."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Optional, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _native
+from ._arrays import ArrayLike, Faces, Float32, Float64, PathLike, corners, doubles, optional_corners
+from ._errors import InputError
+
+
+@dataclass(frozen=True)
+class Camera:
+    """Pinhole intrinsics in pixels.
+
+    Attributes:
+        fx, fy: Focal lengths.
+        cx, cy: Principal point: column and row; the centre of the first pixel is at (0, 0).
+        width, height: Size of the image.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    def _intrinsics(self) -> _native.Intrinsics:
+        return (
+            float(self.fx),
+            float(self.fy),
+            float(self.cx),
+            float(self.cy),
+            int(self.width),
+            int(self.height),
+        )
+
+    def project(self, points: ArrayLike) -> Float64:
+        """Pixel positions [..., 2] (column, row) of points [..., 3] in metres in front of the camera."""
+        p = np.asarray(points, dtype=np.float64)
+        u = self.fx * p[..., 0] / p[..., 2] + self.cx
+        v = self.fy * p[..., 1] / p[..., 2] + self.cy
+        return np.stack([u, v], axis=-1)
+
+
+def _samples(images: Union[ArrayLike, Sequence[ArrayLike]], what: str) -> npt.NDArray[Any]:
+    """Images as the program reads them from files: 8 or 16 bits."""
+    array = np.asarray(images)
+    if array.dtype in (np.uint8, np.uint16):
+        return array
+    if array.dtype == np.bool_:
+        return array.view(np.uint8) * np.uint8(255)
+    if np.issubdtype(array.dtype, np.floating):
+        low, high = (float(array.min()), float(array.max())) if array.size else (0.0, 0.0)
+        if not (0.0 <= low and high <= 1.0):
+            raise InputError(what, f"values from {low:g} to {high:g}", "give floats in 0 to 1, or 8 or 16 bits")
+        words: npt.NDArray[Any] = np.rint(array * 65535.0).astype(np.uint16)
+        return words
+    raise InputError(what, f"an array of {array.dtype}", "give 8 or 16 bits, bool, or floats in 0 to 1")
+
+
+class Scene:
+    """What was filmed, by which camera, of which fabric.
+
+    Made of arrays in memory by this constructor, of a folder by `Scene.load`. It is checked as a folder is: what cannot
+    be used raises `InputError`, what is doubtful is in `warnings`. Outside of the masks, frames become black; both are cut
+    to the part of the image around the masks.
+
+    Args:
+        frames: Video, [N, h, w, 3], sRGB: 8 or 16 bits, or floats in 0 to 1, which are kept to 16 bits.
+        masks: Where the fabric is, [N, h, w]: 8 or 16 bits (white is fabric), bool, or floats in 0 to 1.
+        camera: Of the whole image, with the size of the frames.
+        vertices: The fabric in the first frame, [V, 3] m, camera coordinates.
+        faces: Polygons: vertex indices, [F, 3] or [F, 4] or one list per face. Their edges are the threads.
+        uv: Texture coordinates, [V, 2], or [U, 2] with `uv_faces`; (0, 0) is the lower left corner.
+        uv_faces: For every face the indices of its corners in `uv`, where these differ from `faces`.
+        fps: Frames per second.
+        name: What results call it; a path if it belongs to one.
+        crop: The part to keep, (first column, first row, end column, end row), in place of that around the masks.
+        true_vertices: True positions of the vertices, [N, V, 3] m, where they are known: `evaluate` compares with them.
+        true_points: Measured points of every frame, N arrays [P, 3] m, where they are known.
+
+    Raises:
+        InputError: naming the array and frame.
+    """
+
+    def __init__(
+        self,
+        frames: Union[ArrayLike, Sequence[ArrayLike]],
+        masks: Union[ArrayLike, Sequence[ArrayLike]],
+        camera: Camera,
+        vertices: ArrayLike,
+        faces: Faces,
+        uv: ArrayLike,
+        *,
+        fps: float,
+        uv_faces: Optional[Faces] = None,
+        name: str = "fabric",
+        crop: Optional[tuple[int, int, int, int]] = None,
+        true_vertices: Optional[ArrayLike] = None,
+        true_points: Optional[Sequence[ArrayLike]] = None,
+    ) -> None:
+        colours, coverages = _samples(frames, "frames"), _samples(masks, "masks")
+        size = (camera.height, camera.width)
+        for what, array, shape in (
+            ("frames", colours, (len(colours), *size, 3)),
+            ("masks", coverages, (len(colours), *size)),
+        ):
+            if array.shape != shape:
+                raise InputError(what, f"shape {array.shape}, expected {shape}", "give one image per frame, all of the camera's size")
+        self._native: _native.Scene = _native.Scene.assemble(
+            name,
+            float(fps),
+            camera._intrinsics(),
+            crop,
+            colours,
+            coverages,
+            doubles(vertices),
+            doubles(uv),
+            corners(faces),
+            optional_corners(uv_faces),
+            None if true_vertices is None else doubles(true_vertices),
+            None if true_points is None else [doubles(points) for points in true_points],
+        )
+
+    @classmethod
+    def load(cls, folder: PathLike, frames: Optional[tuple[int, int]] = None) -> Scene:
+        """Read the scene in `folder` (docs/formats.md); of its frames (first, one past the last), all where None.
+
+        Raises:
+            InputError: naming the file.
+        """
+        scene = cls.__new__(cls)
+        scene._native = _native.Scene.load(os.fspath(folder), frames)
+        return scene
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self._native.name
+
+    @property
+    def fps(self) -> float:
+        """Frames per second."""
+        return self._native.fps
+
+    @property
+    def first_frame(self) -> int:
+        """Number of the first frame."""
+        return self._native.first_frame
+
+    @property
+    def camera(self) -> Camera:
+        """Camera of the crop: what `frame` returns was seen by it."""
+        return Camera(*self._native.camera)
+
+    @property
+    def crop(self) -> tuple[int, int, int, int]:
+        """The part of the whole image that is used: first column, first row, end column, end row."""
+        return self._native.crop
+
+    @property
+    def vertices(self) -> Float64:
+        """The fabric in the first frame, [V, 3] m."""
+        return self._native.vertices
+
+    @property
+    def uv(self) -> Float64:
+        """Texture coordinates, [U, 2]."""
+        return self._native.uv
+
+    @property
+    def faces(self) -> list[list[int]]:
+        """Vertex indices of every polygon."""
+        return self._native.faces
+
+    @property
+    def uv_faces(self) -> list[list[int]]:
+        """Indices in `uv` of every polygon."""
+        return self._native.uv_faces
+
+    @property
+    def warnings(self) -> list[str]:
+        """What is doubtful about it."""
+        return self._native.warnings
+
+    @property
+    def true_vertices(self) -> Optional[Float64]:
+        """True positions of the vertices, [N, V, 3] m, where they are known."""
+        return self._native.true_vertices
+
+    def frame(self, n: int) -> tuple[Float32, Float32]:
+        """Colour [h, w, 3] and coverage [h, w] of frame `n`, counted from 0, in 0 to 1, of the crop."""
+        return self._native.frame(n)
+
+    def __len__(self) -> int:
+        return self._native.frame_count
+
+    def __repr__(self) -> str:
+        x0, y0, x1, y1 = self.crop
+        return (
+            f"<tessuto.Scene {self.name!r}: {len(self)} frames of {x1 - x0}×{y1 - y0} px at {self.fps:g} per second, "
+            f"{len(self.vertices)} vertices>"
+        )
+
+
+def scene_of(scene: Union[Scene, PathLike], frames: Optional[tuple[int, int]] = None) -> Scene:
+    """`scene`, loaded if it is a folder; `frames` of the folder."""
+    if not isinstance(scene, Scene):
+        return Scene.load(scene, frames)
+    if frames is not None:
+        raise InputError("frames", "the scene is loaded already", "give the frames to Scene.load")
+    return scene

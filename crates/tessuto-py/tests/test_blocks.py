@@ -1,0 +1,166 @@
+"""The blocks and their adjoints, without any other package: central differences."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+import numpy as np
+import pytest
+from blocks import CAMERA, STEP, STIFFNESS, drawn, grid, lit, simulated
+
+import tessuto
+
+
+def check(
+    loss: Callable[[Any], float], at: Any, gradient: Any, step: float, tolerance: float, seed: int = 1
+) -> None:
+    """Compares `gradient` with central differences of `loss` along random directions."""
+    rng = np.random.default_rng(seed)
+    point = np.asarray(at, dtype=np.float64)
+    assert np.shape(gradient) == point.shape
+    for _ in range(3):
+        direction = rng.standard_normal(point.shape)
+        moved = [loss(point + sign * step * direction) for sign in (1, -1)]
+        expected = (moved[0] - moved[1]) / (2 * step)
+        found = float(np.sum(np.asarray(gradient, dtype=np.float64) * direction))
+        scale = max(abs(expected), float(np.linalg.norm(gradient)))
+        assert abs(found - expected) <= tolerance * scale, f"{found} and {expected}"
+
+
+@pytest.mark.parametrize("integrator", ["implicit_euler", "linearized_euler"])
+def test_a_step_and_its_adjoint(integrator: str) -> None:
+    cloth, (x, v, _, dynamic) = simulated()
+    rng = np.random.default_rng(5)
+    weights = rng.standard_normal((2, *x.shape))
+    options = {**STEP, "integrator": integrator}
+    given = [x, v, dynamic[0], *(np.array(k) for k in STIFFNESS)]
+    after_x, after_v, tape = tessuto.cloth_step(cloth, *given, **options)
+    assert after_x.shape == x.shape and np.allclose(after_x, x + STEP["dt"] * after_v, atol=1e-9)
+    gradients = tessuto.cloth_step_vjp(tape, weights[0], weights[1])
+    for k, step in enumerate([1e-8, 1e-6, 1e-3, 1e-2, 1e-6, 1e-6]):
+
+        def loss(value: Any) -> float:
+            moved = [value if n == k else g for n, g in enumerate(given)]
+            found_x, found_v, _ = tessuto.cloth_step(cloth, *moved, **options)
+            return float(np.sum(weights[0] * found_x) + np.sum(weights[1] * found_v))
+
+        check(loss, given[k], gradients[k], step, 1e-5)
+
+
+def test_a_rollout_and_its_adjoint() -> None:
+    cloth, given = simulated()
+    options = {**STEP, "substeps": 2, "parts": 2}
+    everything = [*given, *(np.array(k) for k in STIFFNESS)]
+    motion, tape = tessuto.rollout(cloth, *everything, **options)
+    assert motion.shape == (3, 12, 3) and np.array_equal(motion[0], given[0])
+    weights = np.random.default_rng(6).standard_normal(motion.shape)
+    gradients = tessuto.rollout_vjp(tape, weights)
+    for k, step in enumerate([1e-6, 1e-4, 1e-3, 1e-3, 1e-2, 1e-6, 1e-6]):
+
+        def loss(value: Any) -> float:
+            moved = [value if n == k else g for n, g in enumerate(everything)]
+            return float(np.sum(weights * tessuto.rollout(cloth, *moved, **options)[0]))
+
+        check(loss, everything[k], gradients[k], step, 1e-5)
+
+
+def test_a_stiffness_per_spring_is_one_for_all_of_them() -> None:
+    cloth, given = simulated()
+    one, tape = tessuto.rollout(cloth, *given, *STIFFNESS, **STEP)
+    each = [np.full(len(s), k) for s, k in zip((cloth.edges, cloth.bends, cloth.shears), STIFFNESS)]
+    many, tape_of_each = tessuto.rollout(cloth, *given, *each, **STEP)
+    assert np.array_equal(one, many)
+    weights = np.ones_like(one) * [1.0, 2.0, 3.0]
+    a, b = tessuto.rollout_vjp(tape, weights), tessuto.rollout_vjp(tape_of_each, weights)
+    for sum_of, gradients, springs in zip(a[4:], b[4:], each):
+        assert sum_of.shape == () and gradients.shape == springs.shape
+        assert sum_of == pytest.approx(gradients.sum())
+    assert repr(cloth) == "<tessuto.Cloth: 12 vertices, 17 edges, 10 bend and 24 shear springs>"
+
+
+def test_it_falls_as_it_should() -> None:
+    vertices, faces, _ = grid(4, 4)
+    cloth = tessuto.Cloth(vertices, faces)
+    assert cloth.masses.sum() == pytest.approx(0.1 * 0.2 * 0.2)
+    motion, _ = tessuto.rollout(cloth, vertices, None, [0, 9.81, 0], np.zeros((5, 16, 3)), *STIFFNESS, dt=0.01)
+    # Backward Euler in free fall: g h² k (k + 1)/2 after k steps.
+    fallen = 9.81 * 0.01**2 * 15
+    assert np.allclose(motion[5] - vertices, [0, fallen, 0], atol=1e-9)
+
+
+def test_the_rasteriser_and_its_adjoint() -> None:
+    rasterizer, positions, texture = drawn()
+    rgba, depth, tape = tessuto.rasterize(rasterizer, CAMERA, positions, texture)
+    assert rgba.shape == (20, 20, 4) and depth.shape == (20, 20) and rgba[..., 3].max() == 1.0
+    assert ((depth > 0.9) == (depth > 0)).all()
+    weights = np.random.default_rng(2).standard_normal(rgba.shape)
+    gradients = tessuto.rasterize_vjp(tape, weights)
+    with_depth = tessuto.rasterize_vjp(tape, weights, np.ones((20, 20)))
+    assert np.abs(with_depth.positions - gradients.positions).max() > 1e-3
+
+    def of_positions(value: Any) -> float:
+        return float(np.sum(weights * tessuto.rasterize(rasterizer, CAMERA, value, texture)[0]))
+
+    def of_texture(value: Any) -> float:
+        return float(np.sum(weights * tessuto.rasterize(rasterizer, CAMERA, positions, value)[0]))
+
+    check(of_positions, positions, gradients.positions, 1e-5, 2e-2)
+    check(of_texture, texture, gradients.texture, 1e-2, 1e-4)
+    assert gradients.uv.shape == (16, 2) and rasterizer.triangles.shape == (18, 3)
+
+
+def test_direct_light_and_its_adjoint() -> None:
+    seen, material, environment = lit()
+    options: dict[str, Any] = {"samples": 16, "seed": 3, "proposal": environment}
+    colours = tessuto.direct_light(seen, material, environment, **options)
+    assert colours.shape == (len(seen.pixels), 3) and seen.positions.shape == colours.shape
+    assert len(colours) == 16 and colours.min() > 0.0
+    weights = np.random.default_rng(4).standard_normal(colours.shape)
+    gradients = tessuto.direct_light_vjp(seen, material, environment, weights, **options)
+
+    def of_light(value: Any) -> float:
+        return float(np.sum(weights * tessuto.direct_light(seen, material, value, **options)))
+
+    # The directions do not depend on the base colour where the lobes' probabilities are at their bound.
+    def of_colour(value: Any) -> float:
+        changed = np.concatenate([value, material[3:]])
+        return float(np.sum(weights * tessuto.direct_light(seen, changed, environment, **options)))
+
+    check(of_light, environment, gradients.environment, 1e-2, 1e-4)
+    check(of_colour, material[:3], gradients.material[:3], 1e-2, 1e-4)
+    assert np.abs(gradients.material[3:]).max() > 0.0
+    assert np.array_equal(colours, tessuto.direct_light(seen, material, environment, **options))
+
+
+def test_what_does_not_go_together_is_refused() -> None:
+    cloth, (x, v, constant, dynamic) = simulated()
+    vertices, faces, uv = grid(4, 3)
+    with pytest.raises(ValueError, match=r"x has shape \[5, 3\], expected \[12, 3\]"):
+        tessuto.rollout(cloth, x[:5], None, constant, dynamic, *STIFFNESS, **STEP)
+    with pytest.raises(ValueError, match="expected .* of 12 vertices"):
+        tessuto.rollout(cloth, x, v, constant, dynamic[:, :3], *STIFFNESS, **STEP)
+    with pytest.raises(ValueError, match="stretch is not one finite stiffness"):
+        tessuto.rollout(cloth, x, v, constant, dynamic, -1.0, 1e-3, 1e-3, **STEP)
+    with pytest.raises(ValueError, match="dt is 0"):
+        tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, dt=0.0)
+    with pytest.raises(ValueError, match="integrator is 'euler'"):
+        tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, dt=0.01, integrator="euler")
+    with pytest.raises(tessuto.NumericalError, match="frame 1.*vertex 3.*position .NaN") as caught:
+        tessuto.rollout(cloth, np.where(np.arange(12)[:, None] == 3, np.nan, x), v, constant, dynamic, *STIFFNESS, **STEP)
+    assert caught.value.remedy.startswith("check the forces")
+    with pytest.raises(ValueError, match=r"grad_motion has shape"):
+        tessuto.rollout_vjp(tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, **STEP)[1], x[None])
+    with pytest.raises(ValueError, match=r"face 0 is \[0, 1, 99\]"):
+        tessuto.Cloth(vertices, [[0, 1, 99]])
+    with pytest.raises(ValueError, match="vertex 3 has no mass"):
+        tessuto.Cloth(vertices, [[0, 1, 4], [4, 1, 2]])
+    rasterizer = tessuto.Rasterizer(faces, uv)
+    with pytest.raises(ValueError, match="is not a camera"):
+        tessuto.rasterize(rasterizer, tessuto.Camera(0.0, 1.0, 0.0, 0.0, 8, 8), vertices, np.zeros((2, 2, 3)))
+    with pytest.raises(ValueError, match="texture has shape"):
+        tessuto.rasterize(rasterizer, CAMERA, vertices, np.zeros((2, 2, 4)))
+    seen, material, environment = lit()
+    with pytest.raises(ValueError, match="material has shape"):
+        tessuto.direct_light(seen, material[:3], environment)
+    with pytest.raises(ValueError, match="samples is 0"):
+        tessuto.direct_light(seen, material, environment, samples=0)

@@ -1,0 +1,101 @@
+//! How far a motion is from the truth of a scene.
+
+use std::ops::Range;
+use std::path::Path;
+
+use crate::appearance;
+use crate::error::{Error, Hint, Remedy, Result, Warning};
+use crate::io::npy;
+use crate::io::scene::{LoadOptions, Loaded, load};
+use crate::mesh::Motion;
+use crate::metrics::{self, Evaluation, Inputs};
+use crate::result;
+
+/// Compares `result`, a result folder or a .npy file of a motion, shape [N, V, 3] `[m]`, with the truth of the scene in
+/// `scene_folder`, in `frames` of the scene: the result's, or all of a file's, where `None`. `warn` is told what is odd about
+/// the scene.
+///
+/// # Errors
+/// [`Error::Input`] for files that cannot be used, and for a motion of other frames; [`Error::Usage`] for frames that the
+/// result does not have.
+pub fn evaluate(
+    scene_folder: &Path,
+    result: &Path,
+    frames: Option<Range<usize>>,
+    seed: u64,
+    warn: &mut dyn FnMut(&Warning),
+) -> Result<Evaluation> {
+    let motion = motion_of(result)?;
+    let own = result::read_run(result)?.map(|run| run.frames[0]..run.frames[1]);
+    let frames = frames.or(own.clone());
+    let loaded = load(scene_folder, &LoadOptions { frames: frames.clone(), ..LoadOptions::default() })?;
+    loaded.warnings.iter().for_each(warn);
+    let motion = part(motion, own, frames, loaded.scene.frames.len())?;
+    compare(&loaded, result, &motion, seed)
+}
+
+/// [`evaluate`] of a scene that is in memory, all of its frames.
+///
+/// # Errors
+/// As [`evaluate`].
+pub fn evaluate_loaded(loaded: &Loaded, result: &Path, seed: u64) -> Result<Evaluation> {
+    compare(loaded, result, &motion_of(result)?, seed)
+}
+
+fn motion_of(result: &Path) -> Result<Motion> {
+    npy::read_motion(&if result.is_dir() { result.join("motion.npy") } else { result.to_path_buf() })
+}
+
+fn compare(loaded: &Loaded, result: &Path, motion: &Motion, seed: u64) -> Result<Evaluation> {
+    let scene = &loaded.scene;
+    if motion.len() != scene.frames.len() {
+        let problem = format!("has {} frames, the scene has {}", motion.len(), scene.frames.len());
+        let hint =
+            "evaluate a result of this scene, and of these frames; of a file of a part, take that part";
+        let hint = Hint::from(hint).with(Remedy::Frames(None));
+        return Err(Error::input(result.display().to_string(), problem, hint));
+    }
+    let folder = Some(result).filter(|r| r.is_dir());
+    let maps = folder.map_or(Ok(None), |folder| appearance::evaluate(scene, folder, motion))?;
+    let truth = (0..motion.len()).any(|k| scene.truth.knows(k));
+    let mut evaluation = if truth || maps.is_none() {
+        metrics::evaluate(&Inputs::from(scene), motion, 0..motion.len(), seed)?
+    } else {
+        Evaluation::default()
+    };
+    evaluation.maps = maps;
+    if let Some(metrics) = folder.map_or(Ok(None), result::read_metrics)? {
+        // What the result itself says of the frames that are compared.
+        let first = scene.first_frame;
+        let compared = first..first + motion.len();
+        evaluation.verdicts = metrics.verdicts.into_iter().filter(|v| compared.contains(&v.frame)).collect();
+    }
+    Ok(evaluation)
+}
+
+/// The frames of `motion` that are `asked` for, of the scene's. It holds its `own` frames; one that does not say which
+/// holds those that are asked for, or all of the scene's.
+fn part(
+    motion: Motion,
+    own: Option<Range<usize>>,
+    asked: Option<Range<usize>>,
+    loaded: usize,
+) -> Result<Motion> {
+    let Some(asked) = asked else { return Ok(motion) };
+    let start = match &own {
+        Some(own) if own.start <= asked.start && asked.end <= own.end => own.start,
+        Some(own) => {
+            let problem = format!(
+                "frames {}..{} are asked for, the result has {}..{}",
+                asked.start, asked.end, own.start, own.end
+            );
+            let hint = Hint::from("choose frames among the result's, or leave them out")
+                .with(Remedy::Frames(Some(own.clone())));
+            return Err(Error::usage(problem, hint));
+        }
+        None if motion.len() == loaded => return Ok(motion),
+        None => 0,
+    };
+    let part = asked.start - start..asked.end - start;
+    Ok(if part.end <= motion.len() { motion.frames(part) } else { motion })
+}
