@@ -22,7 +22,8 @@ impl Problem<'_> {
     pub(super) fn still_vertices(&self, frames: &[Positions]) -> Vec<u32> {
         let camera = &self.scene.camera;
         let pixel = f64::from(1u32 << self.observed.range[0]);
-        let project = |x: &Positions| -> Vec<DVec2> { x.iter().map(|x| camera.project(*x) / pixel).collect() };
+        let project =
+            |x: &Positions| -> Vec<DVec2> { x.iter().map(|x| camera.project(*x) / pixel).collect() };
         let images: Vec<Vec<DVec2>> = frames.iter().map(project).collect();
         let moved = |v: usize| -> f64 {
             quantile(images[1..].iter().map(|p| p[v].distance(images[0][v])).collect(), 0.9)

@@ -109,7 +109,8 @@ impl Problem<'_> {
         let count = self.scene.frames.len();
         self.priors.shear.smooth = tracked.smooth;
         let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|start| {
-            let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
+            let mut levels: Vec<_> =
+                self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
             let spread = if start == 0 { self.settings.start_spread } else { 1.0 };
             levels.iter_mut().for_each(|level| level.loosen(spread, self.settings.start_tail));
             levels
