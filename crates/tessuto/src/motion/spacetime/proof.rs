@@ -37,7 +37,7 @@ fn frame(n: usize) -> Frame {
     Frame { rgb, mask }
 }
 
-fn scene() -> Scene {
+pub(super) fn scene() -> Scene {
     let camera = Camera { fx: 300.0, fy: 290.0, cx: 47.5, cy: 47.5, width: SIZE, height: SIZE };
     let flat = grid(7, 6, glam::DVec2::new(0.18, 0.15), 1.0);
     let positions = flat.positions.iter().map(|p| *p + DVec3::Z * (1.5 * p.x * p.x + 0.3 * p.y)).collect();

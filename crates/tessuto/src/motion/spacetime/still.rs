@@ -72,7 +72,53 @@ fn quantile(mut values: Vec<f64>, part: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use glam::DVec3;
+
+    use super::super::SpacetimeSettings;
+    use super::super::proof::scene;
     use super::*;
+    use crate::sim::Cloth;
+
+    /// What is found in frames that move vertex `v`, of a grid of 7 columns and 6 rows, by `displacement(column, row)` `[m]`
+    /// in the last of them.
+    fn found(displacement: impl Fn(f64, f64) -> DVec3) -> Vec<u32> {
+        let scene = scene();
+        let cloth = Cloth::new(&scene.template);
+        let settings = SpacetimeSettings { resolution: 1e5, levels: 1, ..SpacetimeSettings::default() };
+        let problem = Problem::new(&scene, &cloth, settings).unwrap();
+        let at = |n: usize| -> Positions {
+            let moved = |(v, x): (usize, &DVec3)| {
+                *x + displacement((v % 7) as f64, (v / 7) as f64) * (n as f64 / 3.0)
+            };
+            scene.template.positions.iter().enumerate().map(moved).collect()
+        };
+        problem.still_vertices(&[0, 1, 2, 3].map(at))
+    }
+
+    #[test]
+    fn a_fixed_edge_is_found() {
+        // 0.1 m are 30 px here: the second row moves by 3 px already.
+        assert_eq!(found(|_, row| DVec3::new(0.01, 0.01, 0.02) * row), [0, 1, 2, 3, 4, 5, 6]);
+    }
+
+    #[test]
+    fn fixed_corners_are_too_little_to_go_by() {
+        assert!(found(|column, row| DVec3::X * (0.01 * (row + column.min(6.0 - column)))).is_empty());
+    }
+
+    #[test]
+    fn nothing_is_found_where_all_or_nothing_moves() {
+        assert!(found(|_, _| DVec3::X * 0.05).is_empty());
+        assert!(found(|_, row| DVec3::X * (0.001 * row)).is_empty());
+    }
+
+    #[test]
+    fn the_middle_of_a_sheet_may_move_along_its_view_rays() {
+        let outer = |column: f64, row: f64| column.min(6.0 - column).min(row.min(5.0 - row)) == 0.0;
+        assert!(
+            found(|column, row| if outer(column, row) { DVec3::X * 0.05 } else { DVec3::ZERO }).is_empty()
+        );
+    }
 
     #[test]
     fn edges_that_meet_are_one_part() {
