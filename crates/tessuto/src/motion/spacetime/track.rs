@@ -225,3 +225,40 @@ impl LevelSearch<'_, '_> {
         (x, value)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::SpacetimeSettings;
+    use super::super::proof::scene;
+    use super::*;
+    use crate::sim::Cloth;
+
+    #[test]
+    fn the_lower_objective_counts_but_a_lost_follower_does_not() {
+        let scene = scene();
+        let cloth = Cloth::new(&scene.template);
+        let settings =
+            SpacetimeSettings { resolution: 1e5, levels: 1, track_levels: 0, ..Default::default() };
+        let mut problem = Problem::new(&scene, &cloth, settings).unwrap();
+        let first = || Follower {
+            frames: vec![scene.template.positions.clone()],
+            gains: vec![vec![[1.0; 3]; scene.template.positions.len()]],
+            lost: None,
+        };
+        let smooth = problem.settings.shear_smooth;
+        let mut tracked = Tracked { smooth, followers: [first(), first()] };
+        problem.follow(&mut tracked, &mut Session::silent()).unwrap();
+        let value = |f: &Follower| problem.objective(&f.frames).iter().map(|(_, value)| value).sum::<f64>();
+        let [a, b] = tracked.followers.each_ref().map(value);
+        println!("objectives {a} {b}");
+        assert!(a != b, "both starts ended alike: {a}");
+        let best = problem.best(&tracked);
+        assert_eq!(best, usize::from(b < a));
+        tracked.followers.swap(0, 1);
+        assert_eq!(problem.best(&tracked), 1 - best);
+        tracked.followers[1 - best].lost = Some((2, f64::NAN));
+        assert_eq!(problem.best(&tracked), best);
+        tracked.followers[best].lost = Some((1, f64::NAN));
+        assert_eq!(problem.best(&tracked), 1 - best);
+    }
+}
