@@ -29,6 +29,7 @@ impl Term for Still<'_> {
 
     fn value(&self, x: &[DVec3]) -> f64 {
         let moved = |&v: &u32| x[v as usize].distance_squared(self.first[v as usize]);
+        // Not `sum`, which is −0 of no vertices and would be written so into the history.
         0.5 * self.vertices.iter().map(moved).fold(0.0, |sum, moved| sum + moved) / self.sigma.powi(2)
     }
 
