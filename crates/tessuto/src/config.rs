@@ -76,8 +76,11 @@ settings! {
     pub struct DynamicsSettings {
         /// Time integrator.
         integrator: Integrator = Integrator::ImplicitEuler, choice(Integrator::NAMES);
-        /// Simulation steps per frame.
+        /// Simulation steps per frame, at least.
         substeps: usize = 4, number(1.0..=64.0, "");
+        /// Longest step `[s]`; slow videos take more steps per frame, at most 64. Compressed cloth can go several ways in a
+        /// long step, and then forces do not lead where they led when they were found.
+        longest_step: f64 = 5e-3, number(1e-5..=1.0, "s");
         /// Factor on the velocity per 5 ms; a longer step takes a power of it.
         damping_per_5ms: f64 = 0.9, number(0.0..=1.0, "");
         /// log10 of the stretch stiffness `[N/m]`.
@@ -92,7 +95,10 @@ settings! {
 impl DynamicsSettings {
     /// For a video of `fps` frames per second.
     pub fn at(&self, fps: f64) -> Dynamics {
-        let h = 1.0 / (fps * self.substeps as f64);
+        // 20 ms are four steps of 5 ms in spite of rounding.
+        let needed = (1.0 / (fps * self.longest_step) - 1e-9).ceil().min(64.0) as usize;
+        let substeps = self.substeps.max(needed);
+        let h = 1.0 / (fps * substeps as f64);
         Dynamics {
             step: StepSettings {
                 integrator: self.integrator,
@@ -102,7 +108,7 @@ impl DynamicsSettings {
                 // Crumpled cloth of many vertices would take dozens, and follows its forces no better for it.
                 newton_limit: 8,
             },
-            substeps: self.substeps,
+            substeps,
             stiffness: [self.stretch, self.bend, self.shear],
         }
     }

@@ -94,7 +94,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             session.begin("forces and stiffnesses");
             let mut parameters = fit.start();
             if config.material.fit {
-                let steps = interpolated(&frames, config.dynamics.substeps);
+                let steps = interpolated(&frames, fit.dynamics.substeps);
                 parameters.log_stiffness =
                     fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
             }
