@@ -361,6 +361,17 @@ mod tests {
     use super::*;
 
     #[test]
+    fn slow_videos_take_more_steps() {
+        let settings = DynamicsSettings::default();
+        let substeps = |fps: f64| {
+            let dynamics = settings.at(fps);
+            assert!((dynamics.step.step * fps * dynamics.substeps as f64 - 1.0).abs() < 1e-12);
+            dynamics.substeps
+        };
+        assert_eq!([240.0, 50.0, 30.0, 25.0, 10.0, 1.0].map(substeps), [4, 4, 7, 8, 20, 64]);
+    }
+
+    #[test]
     fn presets_survive_a_round_trip_and_are_valid() {
         for preset in [Preset::Saft, Preset::Default] {
             let config = Config::preset(preset);

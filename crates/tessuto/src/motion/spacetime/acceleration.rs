@@ -34,6 +34,12 @@ pub fn value(frames: &[Positions], weight: f64) -> f64 {
     0.5 * weight * sum
 }
 
+/// The part of [`value`] of three frames in sequence.
+pub fn of_three([a, b, c]: [&Positions; 3], weight: f64) -> f64 {
+    let squares = (0..a.len()).map(|i| (c[i] - b[i] * 2.0 + a[i]).length_squared());
+    0.5 * weight * squares.sum::<f64>()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

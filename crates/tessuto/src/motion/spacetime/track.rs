@@ -24,28 +24,30 @@ const ATTEMPTS: usize = 6;
 const FOUND: f64 = 2e-5;
 
 /// A sheet whose smooth shear is larger than this many of the spreads it is given is one that shears as a whole; it is
-/// followed again with that shear divided by `SHARE` as the spread.
+/// followed again with that shear as the spread.
 const SHEARS: f64 = 8.0;
-const SHARE: f64 = 4.0;
 
 /// What [`Problem::track`] goes on from.
 #[derive(Serialize, Deserialize)]
-struct Tracked {
+pub(super) struct Tracked {
     /// Spread of the smooth shear in use `[rad]`.
-    smooth: f64,
+    pub(super) smooth: f64,
     /// One of each kind of start.
     followers: [Follower; STARTS],
+    /// The best of them backward.
+    pub(super) backward: Option<Follower>,
 }
 
-/// The sheet as followed with one kind of start.
+/// The sheet as followed with one kind of start, in one direction of time.
 #[derive(Serialize, Deserialize)]
-struct Follower {
-    /// Positions so far.
-    frames: Vec<Positions>,
+pub(super) struct Follower {
+    /// Positions so far, in the order in which they are followed.
+    pub(super) frames: Vec<Positions>,
     /// Gains of the last of them, by resolution.
-    gains: Vec<Vec<[f32; 3]>>,
-    /// The first frame at which its objective was no longer finite, with that objective; it stands still from there on.
-    lost: Option<(usize, f64)>,
+    pub(super) gains: Vec<Vec<[f32; 3]>>,
+    /// The place of the first of them at which its objective was no longer finite, with that objective; it stands still from
+    /// there on.
+    pub(super) lost: Option<(usize, f64)>,
 }
 
 impl Problem<'_> {
@@ -56,7 +58,8 @@ impl Problem<'_> {
     /// time, with spreads of strain and shear larger by `start_spread` and with their own; the lower E over all frames
     /// counts.
     ///
-    /// A sheet that turns out to shear as a whole is followed once more, with room for that in its prior.
+    /// A sheet that turns out to shear as a whole is followed once more, with room for that in its prior. At last it is followed
+    /// backward in time from the last frame, and of both the better path counts.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.
@@ -64,32 +67,42 @@ impl Problem<'_> {
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     pub fn track(&mut self, session: &mut Session) -> Result<Fitted> {
-        let template = self.scene.template.positions.clone();
+        let given = self.settings.shear_smooth;
+        let mut tracked: Tracked = session.restore("track")?.unwrap_or_else(|| self.start(given));
+        self.follow(&mut tracked, session)?;
+        let mut best = self.best(&tracked);
+        let found = self.priors.shear.smooth_shear(&tracked.followers[best].frames);
+        let lost = tracked.followers[best].lost.is_some();
+        if !lost && tracked.smooth == given && found > SHEARS * given {
+            tracked = self.start(found);
+            self.follow(&mut tracked, session)?;
+            best = self.best(&tracked);
+        }
+        let forward = tracked.followers[best].frames.clone();
+        if let Some((frame, value)) = tracked.followers[best].lost {
+            return Ok((forward, Some(diverged(&format!("frame {frame}"), value))));
+        }
+        let frames = self.from_both_sides(&forward, &mut tracked, session)?;
+        session.finish("track", &tracked);
+        Ok((frames, None))
+    }
+
+    /// Nothing but the first frame known, with the spread `smooth` of the smooth shear.
+    pub(super) fn start(&self, smooth: f64) -> Tracked {
+        let template = &self.scene.template.positions;
         let levels = self.observed.coarse_to_fine().count();
         let follower = || Follower {
             frames: vec![template.clone()],
             gains: vec![vec![[1.0; 3]; template.len()]; levels],
             lost: None,
         };
-        let start = |smooth: f64| Tracked { smooth, followers: std::array::from_fn(|_| follower()) };
-        let given = self.settings.shear_smooth;
-        let mut tracked: Tracked = session.restore("track")?.unwrap_or_else(|| start(given));
-        self.follow(&mut tracked, session)?;
-        let mut best = self.best(&tracked);
-        let found = self.priors.shear.smooth_shear(&tracked.followers[best].frames);
-        let lost = tracked.followers[best].lost.is_some();
-        if !lost && tracked.smooth == given && found > SHEARS * given {
-            tracked = start(found / SHARE);
-            self.follow(&mut tracked, session)?;
-            best = self.best(&tracked);
-        }
-        let lost = tracked.followers[best].lost;
-        if lost.is_none() {
-            session.finish("track", &tracked);
-        }
-        let failure = lost.map(|(frame, value)| diverged(&format!("frame {frame}"), value));
-        let mut followers = tracked.followers.into_iter();
-        Ok((followers.nth(best).expect("one of them").frames, failure))
+        Tracked { smooth, followers: std::array::from_fn(|_| follower()), backward: None }
+    }
+
+    /// Number of frames that are followed forward, if the smooth shear ends with the spread `smooth`.
+    pub(super) fn forward_steps(&self, smooth: f64) -> usize {
+        let once = self.scene.frames.len() - 1;
+        if smooth == self.settings.shear_smooth { once } else { 2 * once }
     }
 
     /// The follower with the lowest E, of those that were lost last.
@@ -122,17 +135,17 @@ impl Problem<'_> {
         if !(tracked.smooth > 0.0 && (1..=count).contains(&done) && tracked.followers.iter().all(matches)) {
             return Err(foreign_state("track"));
         }
-        let before = if tracked.smooth == self.settings.shear_smooth { 0 } else { count - 1 };
+        let steps = self.forward_steps(tracked.smooth);
         for n in done..count {
             // Neither keeps more than one core busy.
             let values: Vec<f64> = (searches.par_iter_mut())
                 .zip(tracked.followers.par_iter_mut())
-                .map(|(levels, follower)| follower.follow(n, levels))
+                .map(|(levels, follower)| follower.follow(n, |k| k, levels))
                 .collect();
             let epoch = Epoch {
                 stage: "track".into(),
-                step: n + before,
-                of: count - 1 + before,
+                step: steps + 1 + n - count,
+                of: steps + self.backward_steps(),
                 active_frames: n + 1,
                 losses: named([("total", values[0])]),
                 parameters: named([("shear_smooth", tracked.smooth)]),
@@ -144,15 +157,21 @@ impl Problem<'_> {
 }
 
 impl Follower {
-    /// Adds frame `n`; returns its objective.
-    fn follow(&mut self, n: usize, levels: &mut [LevelSearch]) -> f64 {
-        let last = &self.frames[n - 1];
+    /// Adds the frame at place `k` of the order in which it follows them, told by `frame_at`; returns its objective.
+    pub(super) fn follow(
+        &mut self,
+        k: usize,
+        frame_at: impl Fn(usize) -> usize,
+        levels: &mut [LevelSearch],
+    ) -> f64 {
+        let last = &self.frames[k - 1];
         if let Some((_, value)) = self.lost {
             self.frames.push(last.clone());
             return value;
         }
+        let (n, adjacent) = (frame_at(k), frame_at(k - 1));
         // Predict the frame from the two before.
-        let predicted: Positions = match n.checked_sub(2) {
+        let predicted: Positions = match k.checked_sub(2) {
             Some(k) => last.iter().zip(&self.frames[k]).map(|(x, old)| *x + (*x - *old) * INERTIA).collect(),
             None => last.clone(),
         };
@@ -162,10 +181,10 @@ impl Follower {
         let mut scratch = Scratch::default();
         for (level, gains) in levels.iter_mut().zip(&mut self.gains) {
             level.gains[n].clone_from(gains);
-            level.set_adjacent(n, level.explained(n, level.observe(n - 1, last)));
+            level.set_adjacent(n, level.explained(n, level.observe(adjacent, last)));
             (x, value) = level.fit_frame(n, x, &predicted, &mut scratch);
             if !value.is_finite() {
-                self.lost = Some((n, value));
+                self.lost = Some((k, value));
                 self.frames.push(last.clone());
                 return value;
             }
@@ -240,13 +259,7 @@ mod tests {
         let settings =
             SpacetimeSettings { resolution: 1e5, levels: 1, track_levels: 0, ..Default::default() };
         let mut problem = Problem::new(&scene, &cloth, settings).unwrap();
-        let first = || Follower {
-            frames: vec![scene.template.positions.clone()],
-            gains: vec![vec![[1.0; 3]; scene.template.positions.len()]],
-            lost: None,
-        };
-        let smooth = problem.settings.shear_smooth;
-        let mut tracked = Tracked { smooth, followers: [first(), first()] };
+        let mut tracked = problem.start(problem.settings.shear_smooth);
         problem.follow(&mut tracked, &mut Session::silent()).unwrap();
         let value = |f: &Follower| problem.objective(&f.frames).iter().map(|(_, value)| value).sum::<f64>();
         let [a, b] = tracked.followers.each_ref().map(value);

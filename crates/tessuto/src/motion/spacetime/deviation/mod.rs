@@ -115,4 +115,4 @@ fn pool(variances: &[Vec<f64>], adjacency: &[Vec<u32>]) -> Vec<Vec<f64>> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -149,7 +149,7 @@ fn bytes_do_not_depend_on_threads_nor_on_interruptions() {
 const SIZE: usize = 96;
 
 /// A patterned flat sheet in front of the camera, in frames that all show the same; a millimetre is 0.3 pixels.
-fn still() -> Scene {
+pub(in super::super) fn still() -> Scene {
     let camera = Camera { fx: 300.0, fy: 300.0, cx: 47.5, cy: 47.5, width: SIZE, height: SIZE };
     let template = grid(7, 6, DVec2::new(0.2, 0.16), 1.0);
     let (mut rgb, mut mask) = (Image::new(SIZE, SIZE, 3), Image::new(SIZE, SIZE, 1));
@@ -178,7 +178,7 @@ fn still() -> Scene {
 }
 
 /// One level, that of the video itself.
-fn at_video_resolution() -> SpacetimeSettings {
+pub(in super::super) fn at_video_resolution() -> SpacetimeSettings {
     SpacetimeSettings { resolution: 1e5, levels: 1, track_levels: 0, ..SpacetimeSettings::default() }
 }
 
