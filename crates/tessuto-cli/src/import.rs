@@ -6,35 +6,42 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::Args;
 use tessuto::Error;
 use tessuto::import::{Masks, Settings, check_target, import};
+use tessuto::masks::Request;
 use tessuto::output::{FolderKind, OutputFolder};
+use tessuto::text::quoted;
 
 use crate::ffmpeg::ffmpeg;
 use crate::lens::Lens;
+use crate::masks::{Source, make_masks};
 use crate::say::say;
 use crate::threads::Threads;
 
-/// Make a scene folder from a video or images, masks and a camera, and check it.
+/// Make a scene folder from a video or images and a camera, with masks or with the fabric's outline, and check it.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
+  tessuto import clip.mp4 scenes/towel --fov 63 --outline \"312,208 930,215 941,640 305,622\"
   tessuto import clip.mp4 scenes/curtain --masks masks.mp4 --fov 63 --template curtain.obj
   tessuto import frames/ scenes/flag --fps 25 --alpha --camera colmap/cameras.txt --downscale 2
   tessuto import clip.mov scenes/towel --masks masks/ --camera calibration.yml --frames 120..180
   tessuto template scenes/towel --flat 0.7x0.5m --from-mask     (if there is no template yet)
 
-Videos are decoded by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask is
-fabric; masks pair with frames by name, else by number; a video of masks pairs frame by frame.")]
+With --outline the masks are made from the clip, as tessuto masks makes them; its corners are in pixels of the scene's
+first frame. Videos are decoded by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask
+is fabric; masks pair with frames by name, else by number; a video of masks pairs frame by frame.")]
 pub struct Arguments {
     /// Video file, or folder of PNG or JPEG images.
     input: PathBuf,
     /// Scene folder to write.
     out: PathBuf,
     /// Masks: folder of images, or a video; white is fabric.
-    #[arg(long, value_name = "PATH", required_unless_present = "alpha", conflicts_with = "alpha")]
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["alpha", "outline"])]
     masks: Option<PathBuf>,
     /// Take the masks from the alpha channel of the images.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "outline")]
     alpha: bool,
+    #[command(flatten)]
+    source: Source,
     /// Black is fabric in the masks.
     #[arg(long)]
     invert_masks: bool,
@@ -72,12 +79,22 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     check_target(
         out,
         arguments.force,
-        [Some(&arguments.input), arguments.masks.as_ref(), arguments.template.as_ref()],
+        [
+            Some(&arguments.input),
+            arguments.masks.as_ref(),
+            arguments.template.as_ref(),
+            arguments.source.plate.as_ref(),
+        ],
     )?;
     let kept = Some(out.join("template.obj")).filter(|kept| arguments.template.is_none() && kept.is_file());
     let settings = Settings {
         input: arguments.input.clone(),
-        masks: arguments.masks.clone().map_or(Masks::Alpha, Masks::Path),
+        masks: match &arguments.masks {
+            Some(path) => Masks::Path(path.clone()),
+            None if arguments.alpha => Masks::Alpha,
+            None => Masks::Later,
+        },
+        plate: arguments.source.plate.clone(),
         invert_masks: arguments.invert_masks,
         calibration: arguments.lens.calibration()?,
         fps: arguments.fps,
@@ -103,6 +120,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         std::fs::copy(kept, output.partial().join("template.obj"))
             .map_err(|source| Error::Output { path: kept.clone(), source })?;
     }
+    if arguments.source.outline.is_some() {
+        let plate = output.partial().join("plate.png");
+        let plate = arguments.source.plate.is_some().then_some(plate);
+        make_masks(output.partial(), out, &Request { plate, ..arguments.source.request() })?;
+    }
     crate::say_kept(output.publish()?);
     imported.notes.iter().for_each(|note| say!("note: {note}"));
     say!(
@@ -113,6 +135,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         imported.camera.height,
         (imported.fps * 1e4).round() / 1e4
     );
+    if settings.masks == Masks::Later && arguments.source.outline.is_none() {
+        say!("next: masks, from the fabric's corners in the first frame:");
+        say!("  {}", crate::remedy::make_masks(&quoted(out)));
+        return Ok(());
+    }
     if settings.template.is_some() {
         return crate::check::check(out, None);
     }

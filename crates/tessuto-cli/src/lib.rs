@@ -14,6 +14,7 @@ mod lens;
 mod live;
 #[cfg(feature = "man")]
 mod man;
+mod masks;
 mod progress;
 mod reconstruct;
 #[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
@@ -63,6 +64,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Command {
     Import(import::Arguments),
+    Masks(masks::Arguments),
     Template(template::Arguments),
     Check(check::Arguments),
     Reconstruct(reconstruct::Arguments),
@@ -96,6 +98,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     };
     let result = match arguments.command {
         Command::Import(arguments) => import::run(&arguments),
+        Command::Masks(arguments) => masks::run(&arguments),
         Command::Template(arguments) => template::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),

@@ -9,7 +9,7 @@ use crate::error::{Error, Hint, Remedy, Result};
 ///
 /// # Errors
 /// [`Error::Input`] naming what would be lost.
-pub fn check_target(out: &Path, replace: bool, sources: [Option<&PathBuf>; 3]) -> Result<()> {
+pub fn check_target(out: &Path, replace: bool, sources: [Option<&PathBuf>; 4]) -> Result<()> {
     let there = out.join("scene.json").is_file();
     if there && !replace {
         return Err(Error::input(
