@@ -28,6 +28,9 @@ const SAMPLES: usize = 5;
 /// Cells around a pixel's whose samples count.
 const REACH: usize = 3;
 
+/// The colour of fabric that is expected at a place, if any is.
+pub(super) type Expected<'a> = Box<dyn Fn(f32, f32) -> Option<[f32; 3]> + Sync + 'a>;
+
 /// What is known of a frame before it is segmented.
 pub(super) struct Known<'a> {
     pub frame: &'a Colours,
@@ -37,7 +40,7 @@ pub(super) struct Known<'a> {
     pub band: [f32; 2],
     pub plate: &'a Plate,
     /// Colour of the fabric expected at pixels: frames before and after, moved along.
-    pub expected: &'a [Box<dyn Fn(f32, f32) -> Option<[f32; 3]> + Sync + 'a>],
+    pub expected: &'a [Expected<'a>],
     /// Standard deviation of a channel `[grey levels]`.
     pub noise: f32,
     /// Colours clicked as fabric, and as not fabric.

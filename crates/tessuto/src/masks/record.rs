@@ -10,7 +10,7 @@ use crate::io::{atomic_write, read_text};
 
 /// Name of the file.
 pub(super) const NAME: &str = "masks.json";
-const FORMAT: &str = "tessuto masks 1";
+const FORMAT: &str = "masks of tessuto 1";
 
 /// A place that somebody clicked.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

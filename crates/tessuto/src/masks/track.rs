@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::evidence::Known;
+use super::evidence::{Expected, Known};
 use super::flow::{Flow, flow};
 use super::frames::{Colours, Frames};
 use super::plate::Plate;
@@ -134,7 +134,7 @@ impl Tracker<'_> {
         prior: &'a Field,
         band: [f32; 2],
         plate: &'a Plate,
-        expected: &'a [Box<dyn Fn(f32, f32) -> Option<[f32; 3]> + Sync + 'a>],
+        expected: &'a [Expected<'a>],
     ) -> Known<'a> {
         let frame = &self.frames.images[n];
         Known { frame, prior, band, plate, expected, noise: self.given.noise, clicked: &self.clicked }
@@ -206,7 +206,7 @@ impl Tracker<'_> {
         let rect = own.rect;
         let mut prior = own.clone();
         let mut count = 1.0;
-        let mut expected: Vec<Box<dyn Fn(f32, f32) -> Option<[f32; 3]> + Sync>> = Vec::new();
+        let mut expected: Vec<Expected> = Vec::new();
         let mut carried = Vec::new();
         if n > 0 {
             let flow = &flows[n - 1];
@@ -241,7 +241,7 @@ fn expected<'a>(
     frame: &'a Colours,
     distance: &'a Field,
     origin: impl Fn(f32, f32) -> [f32; 2] + Sync + 'a,
-) -> Box<dyn Fn(f32, f32) -> Option<[f32; 3]> + Sync + 'a> {
+) -> Expected<'a> {
     Box::new(move |x, y| {
         let [x, y] = origin(x, y);
         (distance.sample(x, y) > 1.0).then(|| frame.sample(x, y))
