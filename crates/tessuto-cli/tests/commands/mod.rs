@@ -16,5 +16,6 @@ mod resume;
 mod run;
 mod settings;
 mod strangers;
+mod studio;
 mod template;
 mod verdict;

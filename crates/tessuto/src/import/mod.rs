@@ -10,6 +10,7 @@ mod masks;
 mod nerfstudio;
 mod opencv;
 mod stage;
+mod stills;
 mod target;
 mod video;
 
@@ -28,6 +29,7 @@ use stage::Stage;
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;
 pub use lens::Distortion;
+pub use stills::{StillSettings, Stills, stills};
 pub use target::check_target;
 
 /// Where the masks come from.
