@@ -113,11 +113,15 @@ try {
   const inWindow = ([x, y]) => [canvas.x + (x + 0.5) * canvas.width / sheet.width, canvas.y + (y + 0.5) * canvas.width / sheet.width];
   for (const k of [2, 0, 1, 3]) await page.clickAt(...inWindow(sheet.corners[k]));
   const outline = () => page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form.outline)`);
-  check("the width is asked for after the fourth corner", await page.evaluate("document.activeElement.id") === "width");
+  await page.waitFor(`document.activeElement.id === "width"`, "the width to be asked for after the fourth corner");
   await page.type((sheet.size[0] * 100).toFixed(2));
   await page.press("Tab");
   await page.type((sheet.size[1] * 100).toFixed(2));
+  // Past the unit to the camera, whose entries are found by their first letters.
+  for (const key of ["Tab", "Tab", ..."foc", "Tab"]) await page.press(key);
+  await page.type(String(sheet.focal));
   await pause(400);
+  check("the camera is chosen by keys", (await page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form.camera.fx)`)) === sheet.focal);
   const kept = await outline(), scale = sheet.width / canvas.width;
   const off = Math.max(...kept.map((p, k) => Math.hypot(p.x - sheet.corners[k][0], p.y - sheet.corners[k][1])));
   check("four corners, in their order, where they were clicked", kept.length === 4 && off <= scale, `off by ${off.toFixed(2)} px of the clip`);
