@@ -9,6 +9,7 @@ mod export;
 mod ffmpeg;
 mod findings;
 mod frames;
+mod http;
 mod import;
 mod lens;
 mod live;
@@ -25,6 +26,8 @@ mod report;
 mod say;
 mod settings;
 mod simulate;
+mod stills;
+mod studio;
 mod synth;
 mod template;
 mod threads;
@@ -62,6 +65,8 @@ struct Arguments {
 /// In the order of the work.
 #[derive(Subcommand)]
 enum Command {
+    Studio(studio::Arguments),
+    Frames(stills::Arguments),
     Import(import::Arguments),
     Template(template::Arguments),
     Check(check::Arguments),
@@ -95,6 +100,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Err(told) => return tell(&told),
     };
     let result = match arguments.command {
+        Command::Studio(arguments) => studio::run(&arguments),
+        Command::Frames(arguments) => stills::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
         Command::Template(arguments) => template::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),

@@ -92,7 +92,9 @@ impl Progress {
         }
         if self.last_line.is_none_or(|t| t.elapsed() > BETWEEN_LINES) || done == of && of > 0 {
             self.last_line = Some(Instant::now());
-            aside!("{text}{}", epoch.filter(|_| self.verbose).map_or_else(String::new, values));
+            // A bar shows it on a terminal.
+            let percent = (100.0 * fraction).floor();
+            aside!("{text} ({percent} %){}", epoch.filter(|_| self.verbose).map_or_else(String::new, values));
         }
     }
 

@@ -17,5 +17,6 @@ mod run;
 mod settings;
 mod sheet;
 mod strangers;
+mod studio;
 mod template;
 mod verdict;

@@ -11,6 +11,7 @@ mod metadata;
 mod nerfstudio;
 mod opencv;
 mod stage;
+mod stills;
 mod target;
 mod video;
 
@@ -30,6 +31,7 @@ pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;
 pub use lens::Distortion;
 pub use metadata::camera_of;
+pub use stills::{StillSettings, Stills, stills};
 pub use target::{CARRIED_OVER, check_target, copy_template};
 
 /// Where the masks come from.
