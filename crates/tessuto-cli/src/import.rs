@@ -4,8 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use clap::Args;
-use tessuto::Error;
-use tessuto::import::{Masks, Settings, check_target, import};
+use tessuto::import::{CARRIED_OVER, Masks, Settings, check_target, copy_template, import};
 use tessuto::masks::Request;
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::text::quoted;
@@ -96,7 +95,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         },
         plate: arguments.source.plate.clone(),
         invert_masks: arguments.invert_masks,
-        calibration: arguments.lens.calibration()?,
+        calibration: arguments.lens.calibration_of(&arguments.input)?,
         fps: arguments.fps,
         frames: arguments.frames.clone(),
         stride: arguments.stride,
@@ -107,7 +106,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let name = out.canonicalize().unwrap_or_else(|_| out.clone());
     let name = name.file_name().map_or_else(|| "scene".to_owned(), |n| n.to_string_lossy().into_owned());
-    let carried_over: &[&str] = if kept.is_some() { &["template.obj"] } else { &[] };
+    let carried_over: &[&str] = if kept.is_some() { &CARRIED_OVER } else { &[] };
     let output = OutputFolder::prepare_keeping(out, FolderKind::Scene, arguments.force, carried_over)?;
     let imported = {
         let (bar, count) = (crate::progress::spinner(), AtomicUsize::new(0));
@@ -117,8 +116,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         })?
     };
     if let Some(kept) = &kept {
-        std::fs::copy(kept, output.partial().join("template.obj"))
-            .map_err(|source| Error::Output { path: kept.clone(), source })?;
+        copy_template(kept, output.partial())?;
     }
     if arguments.source.outline.is_some() {
         let plate = output.partial().join("plate.png");
