@@ -164,7 +164,7 @@ try {
   await page.waitFor(`!document.getElementById("live").hidden || !document.getElementById("result").hidden`, "the live view", 60);
   await pause(1500);
   await show("reconstruct");
-  await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`, "the result", 120);
+  await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`, "the result", 300);
   await calm();
   await page.waitFor(`document.getElementById("report").src.includes("report.html")`, "the report");
   await page.click("[data-format=glb]");
