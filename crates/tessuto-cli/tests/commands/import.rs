@@ -444,6 +444,6 @@ fn a_video_through_ffmpeg() {
         2,
         "clip 1.mkv",
         &[&options[..], &["--force", "--frames", "1..9"]].concat(),
-        &["--frames 1..9 of 4 frames"],
+        &["frames 1..9 of 4 frames"],
     );
 }
