@@ -54,6 +54,10 @@ fn options(remedy: &Remedy) -> String {
         Remedy::AllowGaps => "--allow-gaps".into(),
         Remedy::Downscale => "tessuto import --downscale".into(),
         Remedy::Intrinsics => "--fx --fy --cx --cy".into(),
+        Remedy::EstimateCamera => {
+            "tessuto template SCENE --flat WIDTHxHEIGHTm --corners X,Y X,Y X,Y X,Y --camera estimate --force"
+                .into()
+        }
         Remedy::CameraId => "--camera-id".into(),
         Remedy::MakeTemplate(folder) => make_template(&quoted(folder)).join(", or "),
         Remedy::Remesh => "tessuto template SCENE --remesh 32 --from MESH".into(),

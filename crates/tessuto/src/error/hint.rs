@@ -53,6 +53,8 @@ pub enum Remedy {
     Downscale,
     /// [`import::Settings::calibration`](crate::import::Settings::calibration), of these intrinsics.
     Intrinsics,
+    /// Estimate the focal length from the corners of a flat sheet: [`template::focal`](crate::template::focal).
+    EstimateCamera,
     /// Which camera [`read_calibration`](crate::import::read_calibration) shall take.
     CameraId,
     /// Make the template of the scene in this folder: [`template::make`](crate::template::make).
@@ -141,6 +143,7 @@ impl fmt::Display for Remedy {
             Self::AllowGaps => f.write_str("allow_gaps = true"),
             Self::Downscale => f.write_str("downscale"),
             Self::Intrinsics => f.write_str("fx, fy, cx, cy"),
+            Self::EstimateCamera => f.write_str("template::focal"),
             Self::CameraId => f.write_str("camera_id"),
             Self::MakeTemplate(_) => f.write_str("template::make"),
             Self::Remesh => f.write_str("remesh"),

@@ -7,6 +7,7 @@ mod colmap;
 mod frames;
 mod lens;
 mod masks;
+mod metadata;
 mod nerfstudio;
 mod opencv;
 mod stage;
@@ -29,8 +30,9 @@ use stage::Stage;
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;
 pub use lens::Distortion;
+pub use metadata::camera_of;
 pub use stills::{StillSettings, Stills, stills};
-pub use target::check_target;
+pub use target::{CARRIED_OVER, check_target, copy_template};
 
 /// Where the masks come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -121,6 +123,7 @@ pub fn import(
         "stride": settings.stride,
         "downscale": settings.downscale,
         "undistorted": !settings.calibration.distortion.is_none(),
+        "camera": { "source": settings.calibration.place, "uncertainty": settings.calibration.uncertainty },
     });
     write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
     Ok(Imported { frames: colours.frames.len(), fps, camera, notes })
