@@ -167,13 +167,13 @@ try {
   await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`, "the result", 300);
   await calm();
   await page.waitFor(`document.getElementById("report").src.includes("report.html")`, "the report");
-  await page.click("[data-format=glb]");
-  await page.waitFor(`document.querySelector("#files a")`, "the export", 60);
+  await page.click("[data-format=pc2]");
+  await page.waitFor(`document.getElementById("files").textContent.includes(".pc2")`, "the export", 60);
   await pause(1500);
   await show("result");
   await calm();
   const exported = readdirSync(join(project, "results/curtain/export"));
-  check("the export is there", exported.some(name => name.endsWith(".glb")), exported.join(" "));
+  check("the export is there", [".glb", ".pc2"].every(ending => exported.some(name => name.endsWith(ending))), exported.join(" "));
   const length = await page.evaluate(`fetch(document.querySelector("#files a").href).then(a => a.arrayBuffer()).then(b => b.byteLength)`);
   check("… and can be downloaded", length > 1000, `${length} bytes`);
   const peak = memory(child.pid);

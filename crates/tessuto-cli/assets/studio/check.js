@@ -10,7 +10,7 @@ const remarks = text => {
   for (const line of text.slice(text.lastIndexOf("\nok ") < 0 ? 0 : text.lastIndexOf("ok       frames")).split("\n")) {
     const row = /^(ok|warning|error) +(\S+) +(.*)$/.exec(line);
     if (row) found.push({ level: row[1], text: row[3] });
-    else if (/^ {8,}/.test(line) && found.length) found.at(-1).text += ` ${line.trim()}`;
+    else if (/^ {8,}/.test(line) && found.length) found.at(-1).text += `${/^ +hint:/.test(line) ? "\n" : " "}${line.trim()}`;
   }
   return found.filter(f => f.level !== "ok");
 };
