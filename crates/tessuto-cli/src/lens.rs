@@ -1,17 +1,20 @@
 //! The camera on the command line, for the commands that make scenes.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::Error;
-use tessuto::import::{Calibration, Distortion, Focal, read_calibration};
+use tessuto::import::{Calibration, Distortion, Focal, camera_of, read_calibration};
+
+use crate::ffmpeg::ffmpeg;
 
 /// Options that describe the camera.
 #[derive(Args)]
 #[command(next_help_heading = "Camera")]
 pub struct Lens {
-    /// Camera file: nerfstudio transforms.json, COLMAP cameras.txt, or an OpenCV calibration (YAML, JSON).
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["fx", "fov"])]
+    /// Camera file: nerfstudio transforms.json, COLMAP cameras.txt, or an OpenCV calibration (YAML, JSON); or `estimate`:
+    /// to be found by `template --flat` from the corners of the sheet, assumed until then [default: what the video says].
+    #[arg(long, value_name = "FILE|estimate", conflicts_with_all = ["fx", "fov"])]
     camera: Option<PathBuf>,
     /// Which camera of a COLMAP file that holds several.
     #[arg(long, value_name = "N", requires = "camera")]
@@ -43,11 +46,40 @@ pub struct Lens {
 }
 
 impl Lens {
+    /// Whether the camera shall be found from the corners of the fabric.
+    pub fn is_estimated(&self) -> bool {
+        self.camera.as_deref() == Some(Path::new("estimate"))
+    }
+
+    /// The calibration asked for; else what `input` says of its lens; else, if it is estimated later, a stand-in.
+    ///
+    /// # Errors
+    /// Those of [`calibration`](Self::calibration).
+    pub fn calibration_of(&self, input: &Path) -> tessuto::Result<Calibration> {
+        let unknown = self.camera.is_none() && self.fx.is_none() && self.fov.is_none();
+        if !unknown && !self.is_estimated() {
+            return self.calibration();
+        }
+        match camera_of(input, &ffmpeg()) {
+            Some(found) => {
+                let distortion = self.distortion()?;
+                let centre = self.cx.zip(self.cy).map(|(x, y)| [x, y]);
+                Ok(Calibration { distortion, centre, ..found })
+            }
+            None if self.is_estimated() => Ok(Calibration::assumed()),
+            None => self.calibration(),
+        }
+    }
+
     /// The calibration asked for.
     ///
     /// # Errors
     /// [`Error::Usage`] if there is none, or if its values are impossible; [`Error::Input`] of its file.
     pub fn calibration(&self) -> tessuto::Result<Calibration> {
+        if self.is_estimated() {
+            let hint = "give a camera here; `tessuto template SCENE --flat WxH --corners … --camera estimate` finds one";
+            return Err(Error::usage("--camera estimate needs a scene folder", hint));
+        }
         if let Some(path) = &self.camera {
             return read_calibration(path, self.camera_id);
         }
@@ -63,21 +95,25 @@ impl Lens {
             (None, None) => {
                 return Err(Error::usage(
                     "the camera is not given",
-                    "add --camera FILE (COLMAP, nerfstudio, OpenCV), --fx PX (and --fy, --cx, --cy), or --fov DEGREES; \
-                     a phone's main camera held upright or across sees 50 to 70 degrees along its longer side",
+                    "the file does not say it either; add --camera FILE (COLMAP, nerfstudio, OpenCV), --fx PX (and --fy, --cx, --cy), \
+                     --fov DEGREES, or --camera estimate, to find it later from the corners of a flat sheet; a phone's main camera held upright or across sees 50 to 70 degrees along its longer side",
                 ));
             }
         };
+        Ok(Calibration {
+            centre: self.cx.zip(self.cy).map(|(x, y)| [x, y]),
+            distortion: self.distortion()?,
+            ..Calibration::new("the camera options", focal)
+        })
+    }
+
+    fn distortion(&self) -> tessuto::Result<Distortion> {
         if !matches!(self.distortion.len(), 0 | 2 | 4 | 5) || self.distortion.iter().any(|k| !k.is_finite()) {
             return Err(Error::usage(
                 format!("--distortion has {} numbers", self.distortion.len()),
                 "give k1,k2 or k1,k2,p1,p2 or k1,k2,p1,p2,k3, as OpenCV orders them",
             ));
         }
-        Ok(Calibration {
-            centre: self.cx.zip(self.cy).map(|(x, y)| [x, y]),
-            distortion: Distortion::from_opencv(&self.distortion),
-            ..Calibration::new("the camera options", focal)
-        })
+        Ok(Distortion::from_opencv(&self.distortion))
     }
 }

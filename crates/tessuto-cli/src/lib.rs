@@ -9,11 +9,13 @@ mod export;
 mod ffmpeg;
 mod findings;
 mod frames;
+mod http;
 mod import;
 mod lens;
 mod live;
 #[cfg(feature = "man")]
 mod man;
+mod masks;
 mod progress;
 mod reconstruct;
 #[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
@@ -25,6 +27,8 @@ mod report;
 mod say;
 mod settings;
 mod simulate;
+mod stills;
+mod studio;
 mod synth;
 mod template;
 mod threads;
@@ -62,7 +66,10 @@ struct Arguments {
 /// In the order of the work.
 #[derive(Subcommand)]
 enum Command {
+    Studio(studio::Arguments),
+    Frames(stills::Arguments),
     Import(import::Arguments),
+    Masks(masks::Arguments),
     Template(template::Arguments),
     Check(check::Arguments),
     Reconstruct(reconstruct::Arguments),
@@ -95,7 +102,10 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Err(told) => return tell(&told),
     };
     let result = match arguments.command {
+        Command::Studio(arguments) => studio::run(&arguments),
+        Command::Frames(arguments) => stills::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        Command::Masks(arguments) => masks::run(&arguments),
         Command::Template(arguments) => template::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),

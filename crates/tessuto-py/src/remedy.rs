@@ -34,7 +34,10 @@ fn way(remedy: &Remedy) -> String {
             format!("pip install . --config-settings=build-args=\"--features {name}\"")
         }
         Remedy::WithoutLost => "without_lost=True".into(),
-        Remedy::MakeTemplate(_) | Remedy::Remesh => "the program's `tessuto template`".into(),
+        Remedy::Outline | Remedy::Plate | Remedy::MakeMasks(_) => "the program's `tessuto masks`".into(),
+        Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::EstimateCamera => {
+            "the program's `tessuto template`".into()
+        }
         Remedy::RepairTemplate(repair) => self::repair(repair),
         Remedy::Weld => "merge vertices that touch".into(),
         // Scenes of other programs are imported by the program.

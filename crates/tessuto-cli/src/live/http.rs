@@ -1,87 +1,56 @@
-//! The server behind the page. A handful of GET requests need no HTTP library: `/` is the page, `/state` the news as JSON.
+//! The server behind the page: `/` is the page, `/state` the news as JSON.
 
-use std::io::{Read as _, Write as _};
 use std::net::TcpStream;
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use tessuto::result;
 
 use super::{End, Shared, lock};
+use crate::http::{Request, Response};
 
-/// Longest request head that is read [bytes].
-const LONGEST_HEAD: usize = 16 << 10;
-/// A client that says nothing for this long is left, and one that takes nothing; a page of megabytes may wait for a busy
-/// browser.
-const PATIENCE: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(120)];
 /// Answers one request.
 pub(super) fn serve(mut stream: TcpStream, port: u16, shared: &Mutex<Shared>) {
-    let _ = stream.set_read_timeout(Some(PATIENCE[0]));
-    let _ = stream.set_write_timeout(Some(PATIENCE[1]));
-    let Some(head) = read_head(&mut stream) else { return };
-    let (status, kind, body) = answer(&head, port, shared);
-    let header = format!(
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}; charset=utf-8\r\nContent-Length: {}\r\n\
-         Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nConnection: close\r\n\r\n",
-        body.len()
-    );
+    let Some(request) = Request::read(&mut stream) else { return };
+    let (response, page) = answer(&request, port, shared);
     // A client that has gone away is no fault.
-    let sent = stream.write_all(header.as_bytes()).and_then(|()| stream.write_all(body.as_bytes()));
+    let sent = response.send(&mut stream);
     let mut shared = lock(shared);
-    if sent.is_ok() && shared.end == Some(End::Finished) && Arc::ptr_eq(&shared.page, &body) {
+    let newest = page.is_some_and(|page| Arc::ptr_eq(&shared.page, &page));
+    if sent.is_ok() && shared.end == Some(End::Finished) && newest {
         shared.end = Some(End::Fetched);
     }
 }
 
-/// The request line and the headers.
-fn read_head(stream: &mut TcpStream) -> Option<String> {
-    let (mut head, mut buffer) = (Vec::new(), [0; 2048]);
-    while !head.windows(4).any(|w| w == b"\r\n\r\n") {
-        let count = stream.read(&mut buffer).ok().filter(|n| *n > 0)?;
-        head.extend_from_slice(&buffer[..count]);
-        if head.len() > LONGEST_HEAD {
-            return None;
-        }
-    }
-    String::from_utf8(head).ok()
-}
-
-/// Status, type and body for a request.
-fn answer(head: &str, port: u16, shared: &Mutex<Shared>) -> (&'static str, &'static str, Arc<String>) {
-    let plain = |status, text: &str| (status, "text/plain", Arc::new(text.to_owned()));
-    let mut lines = head.lines();
-    let mut words = lines.next().unwrap_or_default().split(' ');
-    let (method, target) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
+/// The answer, and the page if it is that.
+fn answer(request: &Request, port: u16, shared: &Mutex<Shared>) -> (Response, Option<Arc<String>>) {
     // Pages of other sites reach this server under names of their own; they get nothing.
-    let host = lines.filter_map(|l| l.split_once(':')).find(|(name, _)| name.eq_ignore_ascii_case("host"));
     let ours = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
-    if !host.is_some_and(|(_, value)| ours.iter().any(|o| o == value.trim())) {
-        return plain("403 Forbidden", "only as 127.0.0.1 or localhost\n");
+    if !request.header("host").ok().flatten().is_some_and(|host| ours.iter().any(|o| o == host)) {
+        return (Response::plain("403 Forbidden", "only as 127.0.0.1 or localhost\n"), None);
     }
-    if method != "GET" {
-        return plain("405 Method Not Allowed", "only GET\n");
+    if request.method != "GET" {
+        return (Response::plain("405 Method Not Allowed", "only GET\n"), None);
     }
-    let (path, query) = target.split_once('?').unwrap_or((target, ""));
-    match path {
+    let response = match request.path.as_str() {
         "/" => {
             let mut shared = lock(shared);
             shared.last_request = Some(Instant::now());
-            ("200 OK", "text/html", shared.page.clone())
+            let page = shared.page.clone();
+            return (Response::page(page.clone()), Some(page));
         }
-        "/state" => match state(query, shared) {
-            Some(json) => ("200 OK", "application/json", Arc::new(json)),
-            None => plain("204 No Content", ""),
+        "/state" => match state(request, shared) {
+            Some(json) => Response::json(json),
+            None => Response::plain("204 No Content", ""),
         },
-        _ => plain("404 Not Found", "there is / and /state\n"),
-    }
+        _ => Response::plain("404 Not Found", "there is / and /state\n"),
+    };
+    (response, None)
 }
 
 /// What is new since the versions that the client names; None if nothing is.
-fn state(query: &str, shared: &Mutex<Shared>) -> Option<String> {
-    let known = |key: &str| -> usize {
-        let value = query.split('&').filter_map(|p| p.split_once('=')).find(|(k, _)| *k == key);
-        value.and_then(|(_, v)| v.parse().ok()).unwrap_or(0)
-    };
+fn state(request: &Request, shared: &Mutex<Shared>) -> Option<String> {
+    let known = |key: &str| -> usize { request.query(key).and_then(|v| v.parse().ok()).unwrap_or(0) };
     let (epochs, motion, motion_version, end) = {
         let mut shared = lock(shared);
         shared.last_request = Some(Instant::now());

@@ -3,13 +3,14 @@
 
 mod http;
 
-use std::net::{Ipv4Addr, TcpListener};
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use tessuto::session::Epoch;
-use tessuto::{Error, Positions, Result};
+use tessuto::{Positions, Result};
+
+use crate::http::Listener;
 
 /// Copies of the motion are at least this far apart.
 const BETWEEN_MOTIONS: Duration = Duration::from_millis(500);
@@ -17,10 +18,7 @@ const BETWEEN_MOTIONS: Duration = Duration::from_millis(500);
 const OPEN: Duration = Duration::from_secs(3);
 
 /// A port that is ours.
-pub struct Server {
-    listener: TcpListener,
-    port: u16,
-}
+pub struct Server(Listener);
 
 /// What the running reconstruction tells, and what the server answers.
 pub struct Live {
@@ -54,16 +52,12 @@ impl Server {
     /// # Errors
     /// [`Error::Usage`] if it is taken.
     pub fn bind(port: u16) -> Result<Self> {
-        let bound = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
-            .and_then(|listener| Ok(Self { port: listener.local_addr()?.port(), listener }));
-        bound.map_err(|e| {
-            Error::usage(format!("--live {port}: {e}"), "choose another port, or leave it out for a free one")
-        })
+        Ok(Self(Listener::bind(port, "--live")?))
     }
 
     /// Where a browser finds the page.
     pub fn address(&self) -> String {
-        format!("http://127.0.0.1:{}/", self.port)
+        self.0.address()
     }
 
     /// Serves `page` and the state that the reconstruction leaves, until the program ends.
@@ -76,14 +70,8 @@ impl Server {
             end: None,
             last_request: None,
         }));
-        let answers = shared.clone();
-        std::thread::spawn(move || {
-            for stream in self.listener.incoming().flatten() {
-                let (shared, port) = (answers.clone(), self.port);
-                // Browsers open connections that they use later or never, so each waits on its own.
-                std::thread::spawn(move || http::serve(stream, port, &shared));
-            }
-        });
+        let (answers, port) = (shared.clone(), self.0.port);
+        std::thread::spawn(move || self.0.serve(move |stream| http::serve(stream, port, &answers)));
         Live { shared, last_motion: None }
     }
 }
@@ -153,8 +141,8 @@ mod tests {
     #[test]
     fn only_this_machine_gets_news_and_each_motion_once() {
         let server = Server::bind(0).unwrap();
-        let address = format!("127.0.0.1:{}", server.port);
-        assert_eq!(Server::bind(server.port).err().unwrap().exit_code(), 2);
+        let address = format!("127.0.0.1:{}", server.0.port);
+        assert_eq!(Server::bind(server.0.port).err().unwrap().exit_code(), 2);
         let mut live = server.start("<page>".to_owned());
         let ask = |target: &str| get(&address, &format!("GET {target} HTTP/1.1\r\nHost: {address}\r\n\r\n"));
         assert!(ask("/").ends_with("\r\n\r\n<page>"));

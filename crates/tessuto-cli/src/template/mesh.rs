@@ -1,44 +1,80 @@
 //! The mesh that the arguments ask for.
 
-use tessuto::io::scene::template_misfit;
+use tessuto::glam::DVec2;
+use tessuto::io::scene::{CameraRecord, TemplateKind, TemplateRecord, template_misfit};
 use tessuto::template::fix::Fix;
-use tessuto::template::make::{Changes, CornersFrom, FromRectangle, from_file, from_rectangle};
-use tessuto::{Error, Mesh, Result};
+use tessuto::template::focal;
+use tessuto::template::make::{Changes, CornersFrom, from_file, from_rectangle};
+use tessuto::{Error, Result};
 
-use super::{Arguments, View};
+use super::{Arguments, Made, View};
 use crate::say::say;
 use crate::values::Pair;
+
+/// How well a person or the mask knows a corner of fabric, in either direction `[px]`.
+const CLICK: f64 = 1.0;
 
 fn told(line: String) {
     say!("{line}");
 }
 
-/// A rectangle of fabric of `size` `[m]`, and its misfit `[px]`, if it has one.
-pub(super) fn flat(arguments: &Arguments, view: &View, size: Pair) -> Result<(Mesh, Option<f64>)> {
-    let place = view.mask.as_ref().map_or_else(String::new, |(_, path)| path.display().to_string());
-    let corners = match (&view.mask, arguments.from_mask) {
+/// A rectangle of fabric of `size` `[m]`; its corners tell the camera, too, if that is asked for.
+pub(super) fn flat(arguments: &Arguments, view: &mut View, size: Pair) -> Result<Made> {
+    let mask = view.mask.take();
+    let place = mask.as_ref().map_or_else(String::new, |(_, path)| path.display().to_string());
+    let corners = match (&mask, arguments.from_mask) {
         (Some((mask, _)), true) => CornersFrom::Mask { mask, place: &place, straight: arguments.straight },
         (None, true) => {
-            let hint = "add --mask FILE, or give the corners with --corners";
+            let hint = "give the corners with --corners, or make or name masks first";
             return Err(Error::usage("--from-mask without a mask", hint));
         }
-        _ => {
-            let missing = |_| {
-                let hint = "add --corners X,Y X,Y X,Y X,Y (clockwise from the upper left), or --from-mask";
-                Error::usage("the corners are not given", hint)
-            };
-            let points = <[Pair; 4]>::try_from(&arguments.corners[..]).map_err(missing)?;
-            CornersFrom::Points(points.map(Into::into))
-        }
+        _ => CornersFrom::Points(points(arguments)?),
     };
-    let FromRectangle { mut mesh, misfit } =
-        from_rectangle(&view.camera, size.into(), arguments.grid, corners, &mut told)?;
-    mesh.positions.iter_mut().for_each(|p| *p /= view.metres);
-    Ok((mesh, misfit))
+    let camera = match arguments.lens.is_estimated() {
+        true => Some(estimated(view, size, &corners)?),
+        false => None,
+    };
+    let found = from_rectangle(&view.camera, size.into(), arguments.grid, corners, &mut told)?;
+    let record = TemplateRecord {
+        size: Some(size),
+        corners: Some(found.corners.map(Into::into)),
+        residual: Some(found.residual),
+        plane: Some(found.plane),
+        ambiguous: Some(found.ambiguous),
+        camera,
+        ..TemplateRecord::new(TemplateKind::Flat)
+    };
+    view.mask = mask;
+    let misfit = (!found.plane).then_some(found.residual);
+    Ok(Made { mesh: found.mesh, record, misfit, raw: false })
 }
 
-/// A given mesh, changed, and the misfit `[px]` of the rectangle that it was made of, if it has one.
-pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<(Mesh, Option<f64>)> {
+/// The corners that were given.
+fn points(arguments: &Arguments) -> Result<[DVec2; 4]> {
+    let missing = |_| {
+        let hint = "add --corners X,Y X,Y X,Y X,Y (clockwise from the upper left), or --from-mask";
+        Error::usage("the corners are not given", hint)
+    };
+    Ok(<[Pair; 4]>::try_from(&arguments.corners[..]).map_err(missing)?.map(Into::into))
+}
+
+/// Finds the camera from the corners, and looks through it from now on.
+fn estimated(view: &mut View, size: Pair, corners: &CornersFrom) -> Result<CameraRecord> {
+    let image = [view.camera.width, view.camera.height];
+    let (camera, found) = focal::estimate(size.into(), corners.found()?, image, CLICK)?;
+    let [low, high] = found.interval;
+    say!(
+        "focal length from the corners: {:.0} px ({low:.0} to {high:.0}, ± {:.1} %, if corners are known to {CLICK} px)",
+        found.focal,
+        100.0 * found.uncertainty()
+    );
+    view.camera = camera;
+    let source = "estimated from the corners of the sheet".to_owned();
+    Ok(CameraRecord { source, fx: camera.fx, fy: camera.fy, interval: Some(found.interval) })
+}
+
+/// A given mesh, changed. The misfit of the rectangle that it was made of stays with it.
+pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Made> {
     let nothing = arguments.remesh.is_none()
         && !arguments.weld
         && arguments.scale.is_none()
@@ -56,7 +92,13 @@ pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<(Mesh, Opt
         None => return Err(Error::usage("the mesh is not given", "add --from FILE")),
     };
     let changes = Changes { fix: fix(arguments)?, weld: arguments.weld, remesh: arguments.remesh };
-    Ok((from_file(&path, &changes, &mut told)?, template_misfit(&path)))
+    let record = TemplateRecord::new(TemplateKind::Mesh);
+    Ok(Made {
+        mesh: from_file(&path, &changes, &mut told)?,
+        record,
+        misfit: template_misfit(&path),
+        raw: true,
+    })
 }
 
 fn fix(arguments: &Arguments) -> Result<Fix> {

@@ -2,27 +2,31 @@
 
 mod arguments;
 mod mesh;
+mod view;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use tessuto::io::image;
-use tessuto::io::scene::{first_frame, write_template};
+use tessuto::io::scene::{TemplateRecord, replace_camera, write_template};
 use tessuto::output::manifest;
-use tessuto::template::overlap_with_mask;
+use tessuto::template::{gate, overlap_with_mask};
 use tessuto::text::quoted;
-use tessuto::{Camera, Error, Image, Result};
+use tessuto::{Error, Mesh, Result};
 
 pub use arguments::Arguments;
 use mesh::{flat, from_mesh};
+use view::{View, view};
 
 use crate::say::say;
 
-/// What the template is for.
-struct View {
-    camera: Camera,
-    mask: Option<(Image, PathBuf)>,
-    /// Metres in one unit of the file to write.
-    metres: f64,
+/// A template, and what is known of its making.
+struct Made {
+    /// Of lengths in metres.
+    mesh: Mesh,
+    record: TemplateRecord,
+    /// What template.obj says of a rectangle that does not fit `[px]`.
+    misfit: Option<f64>,
+    /// Lengths are in the file's unit: a mesh is changed as it is.
+    raw: bool,
 }
 
 /// Runs the command.
@@ -34,11 +38,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         (None, false) => {
             let problem =
                 format!("{} is not a scene folder, and --out is not given", arguments.target.display());
-            return Err(Error::usage(
-                problem,
-                "name a scene folder, or an image with --mask FILE, a camera and --out FILE.obj",
-            )
-            .into());
+            let hint = "name a scene folder, or an image with --mask FILE, a camera and --out FILE.obj";
+            return Err(Error::usage(problem, hint).into());
         }
     };
     if out.exists() && !arguments.force {
@@ -47,71 +48,65 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             Error::input(out.display().to_string(), "already exists and would be replaced", hint).into()
         );
     }
-    let view = view(arguments, scene)?;
-    let (mut mesh, misfit) = match arguments.flat {
-        Some(size) => flat(arguments, &view, size)?,
+    let mut view = view(arguments, scene)?;
+    let mut made = match arguments.flat {
+        Some(size) => flat(arguments, &mut view, size)?,
         None => from_mesh(arguments, scene)?,
     };
-    keep_foreign(&out)?;
-    write_template(&out, &mesh, misfit)?;
-    manifest::record(&[&out])?;
-    mesh.positions.iter_mut().for_each(|p| *p *= view.metres);
-    say!("{}: {} vertices, {} faces", out.display(), mesh.positions.len(), mesh.faces.len());
-    if let Some((mask, _)) = &view.mask {
-        let overlap = overlap_with_mask(&mesh, &view.camera, mask);
-        say!(
-            "overlap with the mask of the first frame: {overlap:.3}{}",
-            if overlap < 0.85 { ", 0.85 expected" } else { "" }
-        );
+    let mask = view.mask.as_ref().map(|(mask, _)| mask);
+    let mut metres = made.mesh.clone();
+    if made.raw {
+        metres.positions.iter_mut().for_each(|p| *p *= view.metres);
+        made.record.overlap = mask.map(|mask| overlap_with_mask(&metres, &view.camera, mask));
+    } else {
+        made.record.overlap = gate::check_place(&metres, &view.camera, mask)?;
+        made.mesh.positions.iter_mut().for_each(|p| *p /= view.metres);
     }
-    if scene {
+    let own = scene && arguments.out.is_none();
+    write(&out, &made, own.then_some((&*arguments.target, &view)))?;
+    say!("{}: {} vertices, {} faces", out.display(), made.mesh.positions.len(), made.mesh.faces.len());
+    if let Some(overlap) = made.record.overlap {
+        let expected = if overlap < 0.85 { ", 0.85 expected" } else { "" };
+        say!("overlap with the mask of the first frame: {overlap:.3}{expected}");
+    }
+    if scene && mask.is_some() {
         say!("next: tessuto check {} --picture check.png", quoted(&arguments.target));
     }
     Ok(())
 }
 
-/// Renames a mesh that tessuto did not write, or that was changed since: it is not lost.
-fn keep_foreign(out: &Path) -> Result<()> {
-    if manifest::check_parts(&[out], true).is_ok() {
-        return Ok(());
+/// Writes the template; in a scene of its own also what is known of it, and the camera that was found with it.
+fn write(out: &Path, made: &Made, scene: Option<(&Path, &View)>) -> Result<()> {
+    keep_foreign(out)?;
+    write_template(out, &made.mesh, made.misfit)?;
+    manifest::record(&[out])?;
+    let Some((folder, view)) = scene else { return Ok(()) };
+    let record = folder.join(TemplateRecord::NAME);
+    keep_foreign(&record)?;
+    made.record.write(folder)?;
+    let mut written = vec![record];
+    if let Some(camera) = &made.record.camera {
+        let doubt = camera.interval.map(|[low, high]| (high - low) / (camera.fx + camera.fy));
+        let path = folder.join("scene.json");
+        let before = std::fs::read(&path).map_err(|source| Error::Output { path: path.clone(), source })?;
+        if keep_foreign(&path)? {
+            tessuto::io::atomic_write(&path, &before)?;
+        }
+        replace_camera(folder, &view.camera, &camera.source, doubt)?;
+        written.push(path);
     }
-    let place = |n: usize| out.with_extension(format!("before{n}.obj"));
+    manifest::record(&written)
+}
+
+/// Renames a file that tessuto did not write, or that was changed since: it is not lost.
+fn keep_foreign(out: &Path) -> Result<bool> {
+    if manifest::check_parts(&[out], true).is_ok() {
+        return Ok(false);
+    }
+    let ending = out.extension().unwrap_or_default().to_string_lossy().into_owned();
+    let place = |n: usize| out.with_extension(format!("before{n}.{ending}"));
     let kept = (1..).map(place).find(|path| path.symlink_metadata().is_err()).expect("names do not end");
     std::fs::rename(out, &kept).map_err(|source| Error::Output { path: kept.clone(), source })?;
     say!("note: {} is kept as {}", out.display(), kept.display());
-    Ok(())
-}
-
-fn view(arguments: &Arguments, scene: bool) -> Result<View> {
-    if scene {
-        let first = first_frame(&arguments.target)?;
-        return Ok(View {
-            camera: first.camera,
-            mask: Some((first.mask, first.mask_path)),
-            metres: first.metres,
-        });
-    }
-    let size = image::size(&arguments.target)?;
-    let calibration = arguments.lens.calibration()?;
-    if !calibration.distortion.is_none() {
-        let hint = "import the images first, which removes it, and name the scene folder here";
-        return Err(Error::input(&calibration.place, "has lens distortion, which is not removed here", hint));
-    }
-    let mut notes = Vec::new();
-    let camera = calibration.scaled_to(size, &mut notes)?;
-    note(&notes);
-    let mask = arguments.mask.as_ref().map(|path| {
-        let (mask, _) = image::read_mask(path)?;
-        if [mask.width, mask.height] != size {
-            let problem =
-                format!("is {}×{} pixels, but the image {}×{}", mask.width, mask.height, size[0], size[1]);
-            return Err(Error::input(path.display().to_string(), problem, "give the mask of this image"));
-        }
-        Ok((mask, path.clone()))
-    });
-    Ok(View { camera, mask: mask.transpose()?, metres: 1.0 })
-}
-
-fn note(notes: &[String]) {
-    notes.iter().for_each(|note| say!("note: {note}"));
+    Ok(true)
 }

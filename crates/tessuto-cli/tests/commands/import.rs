@@ -208,7 +208,7 @@ fn wrong_input() {
     let no_fps = [&MASKS[..], &CAMERA[..]].concat();
     recording.refused(2, "frames été", &no_fps, &["frame rate", "--fps"]);
     let no_camera = [&MASKS[..], &["--fps", "25"]].concat();
-    recording.refused(2, "frames été", &no_camera, &["camera is not given", "--fov"]);
+    recording.refused(2, "frames été", &no_camera, &["camera is not given", "--fov", "--camera estimate"]);
     recording.refused(
         2,
         "frames été",
@@ -218,6 +218,58 @@ fn wrong_input() {
     recording.refused(3, "nothing", &with(&[]), &["nothing", "does not exist"]);
     let wide = [&MASKS[..], &["--fps", "25", "--fov", "500"]].concat();
     recording.refused(2, "frames été", &wide, &["--fov is 500"]);
+}
+
+/// A QuickTime file's metadata: the focal length in 35 mm terms as text.
+fn quicktime_metadata(value: &[u8]) -> Vec<u8> {
+    let in_box =
+        |kind: &[u8], content: &[u8]| [&(content.len() as u32 + 8).to_be_bytes()[..], kind, content].concat();
+    let name = in_box(b"mdta", b"com.apple.quicktime.camera.focal_length.35mm_equivalent");
+    let data = in_box(b"data", &[&[0, 0, 0, 1, 0, 0, 0, 0], value].concat());
+    let meta = [
+        in_box(b"hdlr", &[0; 25]),
+        in_box(b"keys", &[&[0, 0, 0, 0, 0, 0, 0, 1][..], &name].concat()),
+        in_box(b"ilst", &in_box(&[0, 0, 0, 1], &data)),
+    ];
+    in_box(b"moov", &in_box(b"trak", &in_box(b"meta", &meta.concat())))
+}
+
+#[cfg(unix)]
+#[test]
+fn the_camera_that_the_video_says_or_one_to_be_estimated() {
+    let recording = Recording::new();
+    let said = "  Stream #0:0: Video: h264, yuv420p, 24x24, 25 fps, 25 tbr, 90k tbn";
+    let script = stand_in(&recording, said, "exit 0");
+    for n in 0..FRAMES {
+        let from = recording.path(&format!("masks été/shot {}.mask.png", n + 8));
+        std::fs::rename(from, recording.path(&format!("masks été/{:04}.png", n + 1))).unwrap();
+    }
+    let import = |bytes: &[u8], more: &[&str]| {
+        std::fs::write(recording.path("clip.mov"), bytes).unwrap();
+        let options = [&["--masks", "@masks été"], more].concat();
+        let output = recording.import_with("clip.mov", &options, |command| {
+            command.env("TESSUTO_FFMPEG", &script);
+        });
+        (output.status.code(), one_line(&output.stdout) + &one_line(&output.stderr))
+    };
+    let scene = || -> Value {
+        let text = std::fs::read_to_string(recording.path("scène 1/scene.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    };
+    let (status, text) = import(b"nothing", &[]);
+    assert!(status == Some(2) && text.contains("the camera is not given"), "{text}");
+    let (status, text) = import(&quicktime_metadata(b"26"), &[]);
+    assert!(status == Some(0) && text.contains("says of its lens 26 mm in 35-mm terms"), "{text}");
+    let diagonal = |mm: f64| mm * 24.0 * 2f64.sqrt() / 36f64.hypot(24.0);
+    assert!((scene()["fx"].as_f64().unwrap() - diagonal(26.0)).abs() < 1e-9, "{}", scene());
+    assert_eq!(scene()["notes"]["camera"]["uncertainty"], 0.06);
+    assert!(!text.contains("focal length is known"), "{text}");
+    // What is given counts more; what nobody says is assumed, and doubted.
+    assert_eq!(import(&quicktime_metadata(b"26"), &["--fx", "40", "--force"]).0, Some(0));
+    assert_eq!(scene()["fx"], 40.0);
+    let (status, text) = import(b"nothing", &["--camera", "estimate", "--force"]);
+    assert!(status == Some(0) && text.contains("focal length is known to 20 % only"), "{text}");
+    assert!((scene()["fx"].as_f64().unwrap() - diagonal(28.0)).abs() < 1e-9, "{}", scene());
 }
 
 #[test]
@@ -444,6 +496,6 @@ fn a_video_through_ffmpeg() {
         2,
         "clip 1.mkv",
         &[&options[..], &["--force", "--frames", "1..9"]].concat(),
-        &["--frames 1..9 of 4 frames"],
+        &["frames 1..9 of 4 frames"],
     );
 }

@@ -15,6 +15,8 @@ mod rerun;
 mod resume;
 mod run;
 mod settings;
+mod sheet;
 mod strangers;
+mod studio;
 mod template;
 mod verdict;

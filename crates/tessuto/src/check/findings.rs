@@ -7,11 +7,11 @@ use super::{Finding, Level, outline};
 use crate::error::{Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
 use crate::io::scene::template::{DIAGONAL, diagonal};
+use crate::io::scene::{TemplateRecord, template_misfit};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
+use crate::template::gate::{MISFIT, NEAREST};
 
-/// Nearer than this `[m]` no camera films cloth.
-const NEAREST: f64 = 0.1;
 /// Columns and rows of the raster on which overlapping uv is measured.
 const UV_RASTER: usize = 512;
 
@@ -43,13 +43,34 @@ impl Glance {
 
 /// Findings about the template, which covers the pixels `covered`; `mask` is that of the first frame, `iou` their overlap.
 pub(super) fn of_template(scene: &Scene, mask: &Image, covered: &[bool], iou: f64) -> Vec<Finding> {
-    vec![
+    let rows = vec![
         scale(scene),
         template_overlap(scene, iou),
         outline::finding(scene, covered, mask),
         orientation(scene, mask, iou),
         uv(scene),
-    ]
+    ];
+    origin(scene, mask).into_iter().chain(rows).collect()
+}
+
+/// What is known of the template's making. Loading doubts a rectangle that does not fit.
+fn origin(scene: &Scene, mask: &Image) -> Option<Finding> {
+    let size = (mask.data.iter().filter(|m| **m >= 0.5).count().max(1) as f64).sqrt();
+    if let Some(off) = template_misfit(&scene.folder.join("template.obj")).filter(|off| *off > MISFIT * size)
+    {
+        let detail = format!(
+            "made of a rectangle that is off by {off:.1} px, {:.0} % of the fabric's size: it is not the fabric's",
+            100.0 * off / size
+        );
+        let hint = "make it anew, of the fabric's own corners and size";
+        return Some(Finding {
+            level: Level::Error,
+            what: "rectangle".into(),
+            detail,
+            hint: Some(hint.into()),
+        });
+    }
+    Some(ok("template", TemplateRecord::read(&scene.folder)?.sentence()))
 }
 
 /// The findings and what loading already doubted, which replaces the good word on the same topic.

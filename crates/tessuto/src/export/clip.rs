@@ -14,6 +14,9 @@ use crate::metrics::{FrameVerdict, State};
 use crate::motion::parameters::Parameters;
 use crate::result::Folder;
 
+/// Largest file of a light that is taken along `[bytes]`.
+const LARGEST_LIGHT: u64 = 256 << 20;
+
 /// The images that make up the look.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Material {
@@ -69,6 +72,10 @@ pub struct Clip {
     pub crop: Rect,
     /// Images of all frames of the whole clip, cut to the crop; none if the result lacks some.
     pub images: Vec<PathBuf>,
+    /// First frame of the video, in the scene's folder, where that is known.
+    pub video: Option<PathBuf>,
+    /// The recovered light, where there is one: an OpenEXR file.
+    pub environment: Option<Vec<u8>>,
     /// The look.
     pub material: Material,
     /// Stiffnesses and forces.
@@ -88,6 +95,8 @@ impl Clip {
         let verdicts = folder.metrics()?.map_or_else(Vec::new, |m| m.verdicts.clone());
         Ok(Self {
             material: read_material(folder.path(), &name)?,
+            environment: environment(folder.path())?,
+            video: first_image(&folder.run.scene, first_frame),
             name,
             images: images(folder.path(), first_frame, frame_count),
             version: folder.run.version.clone(),
@@ -130,6 +139,11 @@ impl Clip {
         let motion = Motion::new(kept.iter().map(|k| self.motion[*k].clone()).collect())?;
         let frames = kept.iter().map(|k| self.frames[*k]).collect();
         Ok(Self { motion, frames, ..self })
+    }
+
+    /// Name of the file of the light.
+    pub(super) fn environment_file(&self) -> String {
+        format!("{}_environment.exr", self.name)
     }
 
     /// Numbers in the video of the frames that were left out, ascending.
@@ -176,6 +190,26 @@ fn images(folder: &Path, first: usize, count: usize) -> Vec<PathBuf> {
     if paths.iter().all(|p| p.is_file()) { paths } else { Vec::new() }
 }
 
+/// Image `number` of the scene in `folder`.
+fn first_image(folder: &Path, number: usize) -> Option<PathBuf> {
+    let is = |path: &PathBuf| {
+        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        stem.strip_prefix("rgb_").and_then(|digits| digits.parse().ok()) == Some(number)
+    };
+    std::fs::read_dir(folder.join("rgbs")).ok()?.filter_map(|entry| Some(entry.ok()?.path())).filter(is).min()
+}
+
+/// The file of the light that was estimated.
+fn environment(folder: &Path) -> Result<Option<Vec<u8>>> {
+    let path = folder.join("material/environment.exr");
+    if !path.is_file() {
+        return Ok(None);
+    }
+    // What is no light is refused here, not by the program that opens it.
+    io::hdr::read_environment(&path)?;
+    io::read_bounded(&path, LARGEST_LIGHT).map(Some)
+}
+
 fn read_material(folder: &Path, name: &str) -> Result<Material> {
     let map = |file: &str| folder.join("material").join(file);
     let diffuse = map("diffuse.png");
@@ -220,6 +254,8 @@ pub(super) mod tests {
             camera: Camera { fx: 50.0, fy: 50.0, cx: 16.0, cy: 12.0, width: 32, height: 24 },
             crop: Rect { x0: 0, y0: 0, x1: 32, y1: 24 },
             images: Vec::new(),
+            video: None,
+            environment: None,
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
                 log_stiffness: [2.0, -3.0, -4.0],

@@ -8,6 +8,7 @@
 //! sequences and the arrays of NPZ have gaps there; played, GLB and USD go straight between the neighbours in time. PC2, which
 //! cannot have gaps, holds samples on that line. RRD shows the frame before. Each file says what it lacks, but RRD.
 
+mod blender;
 mod clip;
 mod glb;
 mod npz;
@@ -92,7 +93,8 @@ impl Output {
 }
 
 /// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written. The manifest of
-/// the folder or of the result around it lists the files, so that they can be replaced later.
+/// the folder or of the result around it lists the files, so that they can be replaced later. With GLB or USD come a script that
+/// sets up a scene of Blender, and the light, where it was estimated; those that are there as they would be written stay.
 ///
 /// # Errors
 /// [`Error::Input`] if one of the files already exists, unless `force` is set and a manifest lists it as it is;
@@ -103,8 +105,11 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
     formats.sort_unstable();
     formats.dedup();
     let mut outputs = Vec::new();
-    for format in formats {
-        outputs.extend(files(clip, format)?);
+    for format in &formats {
+        outputs.extend(files(clip, *format)?);
+    }
+    if formats.iter().any(|format| [Format::Glb, Format::Usd].contains(format)) {
+        outputs.extend(companions(clip, folder));
     }
     manifest::check_parts(&outputs.iter().map(|o| folder.join(o.name())).collect::<Vec<_>>(), force)?;
     std::fs::create_dir_all(folder).map_err(|e| failed(folder, e))?;
@@ -139,6 +144,17 @@ fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {
         #[cfg(not(feature = "rerun"))]
         Format::Rrd => return Err(Error::left_out("format rrd", "rerun")),
     })
+}
+
+/// What several formats share. Whatever formats follow each other, it is the same.
+fn companions(clip: &Clip, folder: &Path) -> Vec<Output> {
+    let script = Output::File(blender::name(clip), blender::encode(clip, folder));
+    let light = clip.environment.as_ref().map(|exr| Output::File(clip.environment_file(), exr.clone()));
+    let differs = |output: &Output| match output {
+        Output::File(name, bytes) => std::fs::read(folder.join(name)).ok().as_ref() != Some(bytes),
+        Output::Folder(..) => true,
+    };
+    std::iter::once(script).chain(light).filter(differs).collect()
 }
 
 fn write(folder: &Path, output: Output) -> Result<PathBuf> {

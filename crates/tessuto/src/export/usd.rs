@@ -1,5 +1,5 @@
 //! USD as text: the template's polygons with points, normals and extent as time samples, a preview
-//! surface with the maps, and the exact camera.
+//! surface with the maps, the exact camera, the light where it was estimated, and the size at which square pixels show the video.
 //!
 //! Source: Pixar, *USD documentation*, UsdGeomMesh, UsdGeomCamera, *UsdPreviewSurface Specification*.
 
@@ -25,13 +25,15 @@ pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
     let mut out = format!(
         "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    doc = \"tessuto {}{remark}\"\n    startTimeCode = 0\n    \
          endTimeCode = {last}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}\n    metersPerUnit = 1\n    \
-         upAxis = \"Y\"\n)\n\ndef Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n",
+         renderSettingsPrimPath = \"/Render/Video\"\n    upAxis = \"Y\"\n)\n\ndef Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n",
         clip.version
     );
     mesh(clip, &mut out);
     material(clip, textures, &mut out);
     camera(clip, &mut out);
+    light(clip, &mut out);
     out.push_str("}\n");
+    render_settings(clip, &mut out);
     out.into_bytes()
 }
 
@@ -152,5 +154,32 @@ fn camera(clip: &Clip, out: &mut String) {
          float horizontalApertureOffset = {}\n        float verticalApertureOffset = {}\n        \
          float2 clippingRange = (0.01, 100)\n        float fStop = 0\n    }}\n",
         focal as f32, FILM_WIDTH as f32, film_height as f32, offsets[0] as f32, offsets[1] as f32
+    );
+}
+
+/// The recovered light: the middle of its map is where the camera looks, −z; USD's middle is +z.
+fn light(clip: &Clip, out: &mut String) {
+    if clip.environment.is_none() {
+        return;
+    }
+    let _ = write!(
+        out,
+        "\n    def DomeLight \"Light\"\n    {{\n        float inputs:intensity = 1\n        \
+         asset inputs:texture:file = @./{}@\n        token inputs:texture:format = \"latlong\"\n        \
+         double xformOp:rotateY = 180\n        uniform token[] xformOpOrder = [\"xformOp:rotateY\"]\n    }}\n",
+        clip.environment_file()
+    );
+}
+
+/// Pixels of the video are 1/fx wide and 1/fy high; square ones of the same width show the same with as many rows more or
+/// less, to within half a row.
+fn render_settings(clip: &Clip, out: &mut String) {
+    let c = &clip.camera;
+    let rows = (c.height as f64 * c.fx / c.fy).round();
+    let _ = write!(
+        out,
+        "\ndef Scope \"Render\"\n{{\n    def RenderSettings \"Video\"\n    {{\n        rel camera = </{}/Camera>\n        \
+         uniform int2 resolution = ({}, {rows})\n        uniform float pixelAspectRatio = 1\n    }}\n}}\n",
+        clip.name, c.width
     );
 }

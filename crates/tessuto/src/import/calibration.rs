@@ -17,6 +17,8 @@ pub struct Calibration {
     pub size: Option<[usize; 2]>,
     /// Lens distortion.
     pub distortion: Distortion,
+    /// Standard deviation of the focal length, as a fraction of it, where that is known.
+    pub uncertainty: Option<f64>,
     /// What a user should know of it.
     pub notes: Vec<String>,
 }
@@ -28,9 +30,21 @@ pub enum Focal {
     Pixels([f64; 2]),
     /// Horizontal field of view `[rad]`.
     Angle(f64),
+    /// In 35 mm terms `[mm]`: the lens that has the same diagonal field of view on film of 36 mm × 24 mm.
+    Film(f64),
 }
 
+/// What is assumed of a lens of which nothing is known, in 35 mm terms `[mm]`, and its standard deviation as a fraction: main
+/// cameras of phones have 24 to 28 mm as photos and up to a third more as stabilised videos.
+const ASSUMED: (f64, f64) = (28.0, 0.2);
+
 impl Calibration {
+    /// A stand-in for a lens of which nothing is known, until it is estimated.
+    pub fn assumed() -> Self {
+        let (mm, uncertainty) = ASSUMED;
+        Self { uncertainty: Some(uncertainty), ..Self::new("assumed", Focal::Film(mm)) }
+    }
+
     /// A camera without distortion, known from `place`.
     pub fn new(place: impl Into<String>, focal: Focal) -> Self {
         Self {
@@ -39,6 +53,7 @@ impl Calibration {
             centre: None,
             size: None,
             distortion: Distortion::default(),
+            uncertainty: None,
             notes: Vec::new(),
         }
     }
@@ -81,6 +96,7 @@ impl Calibration {
         let [fx, fy] = match self.focal {
             Focal::Pixels(focal) => focal,
             Focal::Angle(angle) => [own[0] / (2.0 * (angle / 2.0).tan()); 2],
+            Focal::Film(mm) => [mm * own[0].hypot(own[1]) / 36f64.hypot(24.0); 2],
         };
         let centre = self.centre.unwrap_or([(own[0] - 1.0) / 2.0, (own[1] - 1.0) / 2.0]);
         // The upper left corner of the image, half a pixel from the first centre, is what scaling keeps.

@@ -7,9 +7,11 @@ mod colmap;
 mod frames;
 mod lens;
 mod masks;
+mod metadata;
 mod nerfstudio;
 mod opencv;
 mod stage;
+mod stills;
 mod target;
 mod video;
 
@@ -28,7 +30,9 @@ use stage::Stage;
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;
 pub use lens::Distortion;
-pub use target::check_target;
+pub use metadata::camera_of;
+pub use stills::{StillSettings, Stills, stills};
+pub use target::{CARRIED_OVER, check_target, copy_template};
 
 /// Where the masks come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -37,6 +41,8 @@ pub enum Masks {
     Path(PathBuf),
     /// The alpha channel of the frames.
     Alpha,
+    /// None: they are made from the frames afterwards, by [`masks::make`](crate::masks::make), or given later.
+    Later,
 }
 
 /// What to import, and how.
@@ -62,6 +68,8 @@ pub struct Settings {
     pub allow_gaps: bool,
     /// The fabric in the first frame, in camera coordinates: OBJ, PLY or glTF.
     pub template: Option<PathBuf>,
+    /// Image of the place without the fabric: written as `plate.png`, straightened and shrunk as the frames are.
+    pub plate: Option<PathBuf>,
     /// The program that decodes videos.
     pub ffmpeg: PathBuf,
 }
@@ -94,7 +102,7 @@ pub fn import(
     if let Some(path) = &settings.template {
         write_template(path, folder, &mut notes)?;
     }
-    for sub in ["rgbs", "masks"] {
+    for sub in ["rgbs", "masks"].into_iter().take(if settings.masks == Masks::Later { 1 } else { 2 }) {
         let path = folder.join(sub);
         std::fs::create_dir_all(&path).map_err(|source| Error::Output { path, source })?;
     }
@@ -102,6 +110,9 @@ pub fn import(
     let stage = Stage::new(settings, folder, progress);
     let colours = source.write(&stage, &mut notes)?;
     masks::write(settings, &source, &stage, &colours, &mut notes)?;
+    if let Some(plate) = &settings.plate {
+        stage.plate(&colours, plate)?;
+    }
 
     let fps = source.fps / settings.stride as f64;
     let camera = colours.camera.downsampled(settings.downscale);
@@ -112,6 +123,7 @@ pub fn import(
         "stride": settings.stride,
         "downscale": settings.downscale,
         "undistorted": !settings.calibration.distortion.is_none(),
+        "camera": { "source": settings.calibration.place, "uncertainty": settings.calibration.uncertainty },
     });
     write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
     Ok(Imported { frames: colours.frames.len(), fps, camera, notes })

@@ -5,6 +5,7 @@ use std::path::Path;
 use glam::DVec2;
 
 use super::fix::Fix;
+use super::gate::check_misfit;
 use super::hem::hem;
 use super::outline::Outline;
 use super::rectangle::{locate, patch};
@@ -31,19 +32,38 @@ pub enum CornersFrom<'a> {
     },
 }
 
+impl CornersFrom<'_> {
+    /// The four corners `[px]`, clockwise from the upper left.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the mask has none.
+    pub fn found(&self) -> Result<[DVec2; 4]> {
+        match self {
+            Self::Points(corners) => Ok(*corners),
+            Self::Mask { mask, place, .. } => Ok(Outline::new(mask, place)?.corners()),
+        }
+    }
+}
+
 /// A template made of a rectangle.
 #[derive(Debug, Clone)]
 pub struct FromRectangle {
     /// The template `[m]`.
     pub mesh: Mesh,
-    /// Root mean square distance of a plane rectangle's corners from those seen `[px]`, where none fits.
-    pub misfit: Option<f64>,
+    /// Where its corners are in the first frame `[px]`, clockwise from the upper left.
+    pub corners: [DVec2; 4],
+    /// Root mean square distance of a plane rectangle's corners from those `[px]`.
+    pub residual: f64,
+    /// Whether that rectangle was taken; otherwise the sheet sags or bends.
+    pub plane: bool,
+    /// Whether the rectangle tilted the other way fits nearly as well.
+    pub ambiguous: bool,
 }
 
 /// A rectangle of fabric of `size` (width, height) `[m]`, flat or nearly so, as `camera` sees it; `tell` hears what was found.
 ///
 /// # Errors
-/// [`Error::Input`] if the mask has no four corners, or if no fabric of this size can look like this.
+/// [`Error::Input`] if the mask has no four corners, or if no rectangle of this size can look like this.
 pub fn from_rectangle(
     camera: &Camera,
     size: DVec2,
@@ -61,6 +81,7 @@ pub fn from_rectangle(
         }
     };
     let found = locate(camera, size, corners)?;
+    check_misfit(found.rigid_error, corners)?;
     tell(format!("corners: {}", corners.map(|p| format!("{:.1},{:.1}", p.x, p.y)).join(" ")));
     let depths = found.positions.map(|p| format!("{:.3} m", p.z)).join(", ");
     let error = found.rigid_error;
@@ -77,7 +98,7 @@ pub fn from_rectangle(
     if let (Some(outline), false) = (&outline, straight) {
         hem(&mut mesh, grid, found.positions, camera, outline, corners);
     }
-    Ok(FromRectangle { mesh, misfit: (!found.rigid).then_some(error) })
+    Ok(FromRectangle { mesh, corners, residual: error, plane: found.rigid, ambiguous: found.ambiguous })
 }
 
 /// What is done to a mesh, in this order.

@@ -38,21 +38,52 @@ pub struct Corners {
 /// # Errors
 /// [`Error::Usage`] if the four points are no convex quadrilateral in this order.
 pub fn locate(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> Result<Corners> {
+    check_order(p_pixel)?;
+    let side = (0..4).map(|k| p_pixel[k].distance(p_pixel[(k + 1) % 4])).sum::<f64>() / 4.0;
+    let poses = fit(camera, size, p_pixel);
+    let (pose, rigid_error) = poses[0];
+    let turned_away = (poses[1].0.rotation.z_axis - pose.rotation.z_axis).length() > 0.05;
+    let rigid_positions = model(size).map(|c| pose.apply(c));
+    let rigid = rigid_error < RIGID * side;
+    let positions = if rigid {
+        rigid_positions
+    } else {
+        by_distances(p_pixel.map(|p| camera.ray(p).truncate()), size, rigid_positions.map(|p| p.z))
+    };
+    Ok(Corners {
+        positions,
+        rigid_error,
+        rigid,
+        ambiguous: turned_away && poses[1].1 < 1.5 * rigid_error + 0.2,
+    })
+}
+
+/// Refuses corners that are no convex quadrilateral, clockwise from the upper left.
+pub(super) fn check_order(p_pixel: [DVec2; 4]) -> Result<()> {
     let turn =
         |k: usize| (p_pixel[(k + 1) % 4] - p_pixel[k]).perp_dot(p_pixel[(k + 2) % 4] - p_pixel[(k + 1) % 4]);
-    let side = (0..4).map(|k| p_pixel[k].distance(p_pixel[(k + 1) % 4])).sum::<f64>() / 4.0;
     // A tenth of a square pixel is a line, not a corner.
-    if !(0..4).all(|k| turn(k) > 0.1) {
-        return Err(Error::usage(
-            format!(
-                "the corners {} are no quadrilateral clockwise from the upper left",
-                p_pixel.map(|p| format!("{:.0},{:.0}", p.x, p.y)).join(" ")
-            ),
-            "give upper left, upper right, lower right, lower left, as seen in the image",
-        ));
+    if (0..4).all(|k| turn(k) > 0.1) {
+        return Ok(());
     }
-    let rays = p_pixel.map(|p| camera.ray(p).truncate());
-    let model = [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|c| DVec2::from_array(c) * size);
+    Err(Error::usage(
+        format!(
+            "the corners {} are no quadrilateral clockwise from the upper left",
+            p_pixel.map(|p| format!("{:.0},{:.0}", p.x, p.y)).join(" ")
+        ),
+        "give upper left, upper right, lower right, lower left, as seen in the image",
+    ))
+}
+
+/// Corners of the rectangle in its own plane `[m]`.
+fn model(size: DVec2) -> [DVec2; 4] {
+    [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]].map(|c| DVec2::from_array(c) * size)
+}
+
+/// The two poses of a rigid rectangle that fit, tilted either way, and their root mean square errors `[px]`; the better
+/// one first.
+pub(super) fn fit(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> [(Pose, f64); 2] {
+    let (model, rays) = (model(size), p_pixel.map(|p| camera.ray(p).truncate()));
     let first = from_homography(model, rays);
     // A weak perspective hardly tells a pose from the one tilted the other way.
     let view = first.translation.normalize();
@@ -61,18 +92,7 @@ pub fn locate(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> Result<Corne
         Pose { rotation: half_turn * first.rotation * DMat3::from_rotation_z(std::f64::consts::PI), ..first };
     let mut poses = [first, other].map(|pose| refine(pose, camera, model, p_pixel));
     poses.sort_by(|a, b| a.1.total_cmp(&b.1));
-    let (pose, rigid_error) = poses[0];
-    let turned_away = (poses[1].0.rotation.z_axis - pose.rotation.z_axis).length() > 0.05;
-    let rigid_positions = model.map(|c| pose.apply(c));
-    let rigid = rigid_error < RIGID * side;
-    let positions =
-        if rigid { rigid_positions } else { by_distances(rays, size, rigid_positions.map(|p| p.z)) };
-    Ok(Corners {
-        positions,
-        rigid_error,
-        rigid,
-        ambiguous: turned_away && poses[1].1 < 1.5 * rigid_error + 0.2,
-    })
+    poses
 }
 
 /// The regular grid on the patch between four corners; uv and order as in [`grid`].
@@ -86,7 +106,7 @@ pub fn patch(corners: [DVec3; 4], [columns, rows]: [usize; 2]) -> Mesh {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct Pose {
+pub(super) struct Pose {
     rotation: DMat3,
     translation: DVec3,
 }

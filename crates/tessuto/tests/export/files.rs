@@ -38,6 +38,8 @@ pub(super) fn clip(maps: bool) -> Clip {
         camera: Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 },
         crop: Rect { x0: 0, y0: 0, x1: 640, y1: 480 },
         images: Vec::new(),
+        video: None,
+        environment: None,
         material: Material {
             name: "cloth".into(),
             base_colour: image(3, 0.5),
@@ -219,14 +221,14 @@ fn nothing_is_replaced_without_force() {
 
     std::fs::remove_file(target.join("cloth.glb")).unwrap();
     let written = export(&clip, &[Format::Usd, Format::Glb, Format::Glb], &target, false).unwrap();
-    // And the manifest.
-    assert_eq!((written.len(), entries(&target)), (3, 4));
+    // GLB, USD, its textures, the script for Blender; and the manifest.
+    assert_eq!((written.len(), entries(&target)), (4, 5));
     let message = export(&clip, &[Format::Glb], &target, false).unwrap_err().to_string();
     assert!(message.contains("cloth.glb") && message.contains("replace = true"), "{message}");
     let first = std::fs::read(target.join("cloth.glb")).unwrap();
     export(&clip, &[Format::Glb, Format::Usd], &target, true).unwrap();
     assert_eq!(std::fs::read(target.join("cloth.glb")).unwrap(), first, "same clip, same bytes");
-    assert_eq!(entries(&target), 4, "something half-written is left");
+    assert_eq!(entries(&target), 5, "something half-written is left");
 }
 
 #[test]

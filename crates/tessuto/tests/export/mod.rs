@@ -1,5 +1,6 @@
 //! Results for other programs.
 
+mod blender;
 mod files;
 mod gaps;
 #[cfg(feature = "rerun")]

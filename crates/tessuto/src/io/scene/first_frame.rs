@@ -1,4 +1,4 @@
-//! The first frame of a scene folder, with or without a template: enough to make one from.
+//! The first frame of a scene folder, with or without masks or a template: enough to make one from.
 
 use std::path::{Path, PathBuf};
 
@@ -10,15 +10,13 @@ use crate::error::Result;
 use crate::image::Image;
 use crate::io::image;
 
-/// Camera and mask of the first frame.
+/// Camera of the first frame, and its mask.
 #[derive(Debug, Clone)]
 pub struct FirstFrame {
     /// Camera of the full image.
     pub camera: Camera,
-    /// Fraction of each pixel that is fabric, shape [height, width, 1].
-    pub mask: Image,
-    /// The file of the mask.
-    pub mask_path: PathBuf,
+    /// Fraction of each pixel that is fabric, shape [height, width, 1], and its file; `None` in a scene that has no masks yet.
+    pub mask: Option<(Image, PathBuf)>,
     /// Metres in one unit of template.obj.
     pub metres: f64,
 }
@@ -30,10 +28,15 @@ pub struct FirstFrame {
 pub fn first_frame(folder: &Path) -> Result<FirstFrame> {
     let manifest = Manifest::read(folder)?;
     let camera = manifest.camera();
+    let metres = manifest.units.scale();
+    let empty = |found: std::fs::ReadDir| found.flatten().next().is_none();
+    if std::fs::read_dir(folder.join("masks")).map_or(true, empty) {
+        return Ok(FirstFrame { camera, mask: None, metres });
+    }
     let numbers = (0..1, manifest.n_frames);
     let mask_path = numbered(folder, "masks", "mask_", &ENDINGS, numbers, &mut Vec::new())?.remove(0);
     let mut file = image::open(&mask_path)?;
     file.expect_size([camera.width, camera.height])?;
     let mask = file.mask(file.full());
-    Ok(FirstFrame { camera, mask, mask_path, metres: manifest.units.scale() })
+    Ok(FirstFrame { camera, mask: Some((mask, mask_path)), metres })
 }

@@ -35,9 +35,9 @@ pub(crate) struct Manifest {
     pub crop: Option<Rect>,
     #[serde(default)]
     pub units: Units,
-    /// Anything; not read.
-    #[serde(default, rename = "notes")]
-    _notes: serde::de::IgnoredAny,
+    /// Anything; what tessuto reads of it is [`camera_doubt`](Self::camera_doubt).
+    #[serde(default)]
+    notes: Value,
 }
 
 /// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be anything.
@@ -67,6 +67,31 @@ pub fn write_manifest(
     });
     let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
     atomic_write(&folder.join("scene.json"), text.as_bytes())
+}
+
+/// Gives the scene in `folder` another camera, of images of the same size; all else in scene.json stays. `source` says where it
+/// is from, `uncertainty` is the standard deviation of its focal length, as a fraction.
+///
+/// # Errors
+/// [`Error::Input`] if scene.json cannot be used; [`Error::Output`].
+pub fn replace_camera(folder: &Path, camera: &Camera, source: &str, uncertainty: Option<f64>) -> Result<()> {
+    Manifest::read(folder)?;
+    let path = folder.join("scene.json");
+    let place = path.display().to_string();
+    let text = crate::io::read_text(&path)?;
+    let unusable = |problem: String| Error::input(&place, problem, "correct the file");
+    let mut scene: Value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
+        .map_err(|e| unusable(format!("is not valid JSON: {e}")))?;
+    for (key, value) in [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)] {
+        scene[key] = json!(value);
+    }
+    if !scene["notes"].is_object() {
+        let before = scene["notes"].take();
+        scene["notes"] = if before.is_null() { json!({}) } else { json!({ "text": before }) };
+    }
+    scene["notes"]["camera"] = json!({ "source": source, "uncertainty": uncertainty });
+    let text = serde_json::to_string_pretty(&scene).expect("plain data") + "\n";
+    atomic_write(&path, text.as_bytes())
 }
 
 /// Unit of every length in the folder's files.
@@ -108,8 +133,7 @@ impl Manifest {
     pub fn new(name: String, fps: f64, n_frames: usize, camera: Camera, crop: Option<Rect>) -> Self {
         let Camera { fx, fy, cx, cy, width, height } = camera;
         let units = Units::Metres;
-        let _notes = serde::de::IgnoredAny;
-        Self { name, fps, n_frames, width, height, fx, fy, cx, cy, crop, units, _notes }
+        Self { name, fps, n_frames, width, height, fx, fy, cx, cy, crop, units, notes: Value::Null }
     }
 
     /// Reads scene.json in `folder`.
@@ -137,6 +161,11 @@ impl Manifest {
     /// Camera of the full image.
     pub fn camera(&self) -> Camera {
         Camera { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, width: self.width, height: self.height }
+    }
+
+    /// Standard deviation of the focal length, as a fraction of it, where the notes have it.
+    pub fn camera_doubt(&self) -> Option<f64> {
+        self.notes.get("camera")?.get("uncertainty")?.as_f64().filter(|doubt| *doubt > 0.0)
     }
 
     /// Refuses values that no video has; `place` is where they are from.

@@ -7,11 +7,13 @@
 //! gt/points/points_000.npy …   gt/vertices.npy   gt/tracks.npz  (truth, where known)
 //! ```
 
+mod colours;
 mod first_frame;
 mod frames;
 mod listing;
 mod manifest;
 mod memory;
+mod record;
 mod rectangle;
 pub(crate) mod template;
 mod tracks;
@@ -20,15 +22,20 @@ mod truth;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result, Warning};
+use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::video::HELD_BYTES;
+pub use colours::{ColourFiles, colour_files};
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
-pub use manifest::write_manifest;
+pub use manifest::{replace_camera, write_manifest};
 pub use memory::{Recording, assemble};
+pub use record::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};
 pub use rectangle::{template_misfit, write_template};
+
+/// A standard deviation of the focal length above this fraction is doubted.
+const CAMERA_DOUBTED: f64 = 0.1;
 
 /// What to load.
 #[derive(Debug, Clone)]
@@ -128,23 +135,32 @@ fn frame_range(manifest: &Manifest, options: &LoadOptions) -> Result<Range<usize
 fn intrinsics_warnings(manifest: &Manifest, warnings: &mut Vec<Warning>) {
     let camera = manifest.camera();
     let width = camera.width as f64;
-    let mut add = |found: String, hint: &str| warnings.push(Warning::new("intrinsics", found, hint));
+    let mut add = |found: String, hint: Hint| warnings.push(Warning::new("intrinsics", found, hint));
+    if let Some(doubt) = manifest.camera_doubt().filter(|doubt| *doubt > CAMERA_DOUBTED) {
+        let found = format!(
+            "the focal length is known to {:.0} % only, and depths are off by as much",
+            100.0 * doubt
+        );
+        let hint =
+            "estimate it from the corners of a flat sheet that is seen at an angle, or give the camera";
+        add(found, Hint::from(hint).with(Remedy::EstimateCamera));
+    }
     for (key, focal) in [("fx", camera.fx), ("fy", camera.fy)] {
         if !(0.3..=10.0).contains(&(focal / width)) {
             add(
                 format!("{key} = {focal} is {:.2} image widths, expected 0.3 to 10", focal / width),
-                "focal lengths are in pixels of these images, not in mm or degrees",
+                "focal lengths are in pixels of these images, not in mm or degrees".into(),
             );
         }
     }
     if !(0.8..=1.25).contains(&(camera.fx / camera.fy)) {
-        add(format!("fx = {} and fy = {} differ by over 20 %", camera.fx, camera.fy), "check both");
+        add(format!("fx = {} and fy = {} differ by over 20 %", camera.fx, camera.fy), "check both".into());
     }
     for (key, centre, side) in [("cx", camera.cx, camera.width), ("cy", camera.cy, camera.height)] {
         if !(0.2..=0.8).contains(&(centre / side as f64)) {
             add(
                 format!("{key} = {centre} is far from the middle of {side} pixels"),
-                "check that cx and cy are not swapped and belong to this image size",
+                "check that cx and cy are not swapped and belong to this image size".into(),
             );
         }
     }

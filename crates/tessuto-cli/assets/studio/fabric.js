@@ -1,0 +1,138 @@
+/** Step 3: outline, size and camera, and the commands that make scene, masks and template of them. */
+import { byId, fileUrl, loadImage, number } from "./api.js";
+import { outline } from "./outline.js";
+
+const UNITS = { mm: 1e-3, cm: 1e-2, m: 1 };
+const NOTES = {
+  auto: "Taken from the clip if it tells its lens, else from the four corners of the sheet.",
+  fov: "A phone's main camera sees 50 to 70 degrees along the longer side.",
+  focal: "Pixels of the clip; the centre of the first pixel is 0.",
+  file: "OpenCV (YAML, JSON), COLMAP cameras.txt or nerfstudio transforms.json.",
+};
+
+export const fabric = studio => {
+  const wait = byId("outline-wait"), next = byId("fabric-next"), unit = byId("unit"), camera = byId("camera");
+  let shown = null, loaded = null, asked = null;
+
+  const drawing = outline(byId("outline"), points => {
+    const before = studio.form.outline.filter(p => p.corner).length;
+    studio.change({ outline: points.map(p => ({ ...p })) });
+    // After the click, which would take the focus to the drawing.
+    if (before < 4 && drawing.corners() === 4 && !studio.form.size) setTimeout(() => byId("width").focus());
+    tell();
+  });
+
+  const lengths = () => ["width", "height"].map(id => number(byId(id).value));
+  const missing = () => {
+    const corners = drawing.corners(), [w, h] = lengths();
+    if (corners < 4) return `Click the corners: ${corners} of 4`;
+    return w > 0 && h > 0 ? null : "Enter the size of the sheet";
+  };
+
+  const tell = () => {
+    const lack = missing(), texts = [byId("width").value, byId("height").value];
+    const wrong = texts.find(text => text.trim() !== "" && !(number(text) > 0));
+    byId("size-note").hidden = wrong === undefined;
+    byId("size-note").textContent = `“${wrong}” is no length: write a number such as 55 or 55.5`;
+    const count = drawing.corners();
+    byId("outline-hint").textContent = count === 0 ? "Click its four corners." : count < 4 ? `${4 - count} more.` : "Is the side marked “width” the one you measured as width? If not: Turn.";
+    const running = studio.state.work.job?.running;
+    next.disabled = Boolean(lack || running);
+    next.textContent = lack ?? (studio.state.work.scene ? "Make the masks anew" : "Make the masks");
+  };
+
+  const showCamera = () => {
+    for (const part of document.querySelectorAll("[data-camera]")) part.hidden = part.dataset.camera !== camera.value;
+    const lens = studio.state?.work?.clip?.lens;
+    byId("camera-note").textContent = camera.value === "auto" && lens ? `The clip says ${lens} mm in terms of 35-mm film; videos often see a little less.` : NOTES[camera.value];
+  };
+
+  const keepCamera = () => {
+    showCamera();
+    const value = id => { const v = number(byId(id).value); return Number.isNaN(v) ? null : v; };
+    const centre = value("cx") !== null && value("cy") !== null ? [value("cx"), value("cy")] : null;
+    const chosen = {
+      auto: { kind: "auto" },
+      fov: value("fov") ? { kind: "fov", fov: value("fov") } : null,
+      focal: value("fx") ? { kind: "focal", fx: value("fx"), fy: value("fy"), centre } : null,
+      file: byId("camera-file").value.trim() ? { kind: "file", file: byId("camera-file").value.trim() } : null,
+    }[camera.value];
+    if (chosen) studio.change({ camera: chosen });
+  };
+
+  const keepSize = () => {
+    const [w, h] = lengths(), scale = UNITS[unit.value];
+    studio.change({ size: w > 0 && h > 0 ? [w * scale, h * scale] : null, unit: unit.value });
+    tell();
+  };
+
+  const show = form => {
+    const scale = UNITS[form.unit];
+    unit.value = form.unit;
+    ["width", "height"].forEach((id, k) => { byId(id).value = form.size ? Number((form.size[k] / scale).toFixed(4)) : ""; });
+    camera.value = form.camera.kind;
+    byId("fov").value = form.camera.fov ?? "";
+    byId("fx").value = form.camera.fx ?? "";
+    byId("fy").value = form.camera.fy ?? "";
+    [byId("cx").value, byId("cy").value] = form.camera.centre ?? ["", ""];
+    byId("camera-file").value = form.camera.file ?? "";
+    showCamera();
+    drawing.set(form.outline);
+  };
+
+  /** The first frame: of the clip as it will be imported, or of the scene. */
+  const image = async (work, form) => {
+    const start = form.frames?.[0] ?? 0;
+    if (form.clip) {
+      if (work.first !== start) {
+        const failed = work.job?.step === "first" && work.job.ended === "failed";
+        if (!work.job?.running && !failed && asked !== start) { asked = start; await studio.run({ step: "first" }); }
+        return;
+      }
+      await put(`${work.first_folder}/frame_${String(start).padStart(5, "0")}.png`, `${form.clip}${start}`);
+    } else if (work.scene && loaded === null) {
+      const { frames } = await studio.frames();
+      if (frames.length) await put(frames[0], work.scene_version);
+    }
+  };
+  const put = async (name, version) => {
+    const key = `${name}?${version}`;
+    if (loaded === key) return;
+    loaded = key;
+    const found = await loadImage(fileUrl(name, version));
+    wait.hidden = true;
+    drawing.show(found);
+  };
+
+  for (const id of ["width", "height"]) byId(id).addEventListener("input", keepSize);
+  unit.addEventListener("change", keepSize);
+  camera.addEventListener("change", keepCamera);
+  for (const id of ["fov", "fx", "fy", "cx", "cy", "camera-file"]) byId(id).addEventListener("input", keepCamera);
+  byId("undo").addEventListener("click", drawing.undo);
+  byId("clear").addEventListener("click", drawing.clear);
+  byId("turn").addEventListener("click", drawing.turn);
+  byId("side").addEventListener("submit", e => {
+    e.preventDefault();
+    if (!missing()) studio.run({ step: "prepare" }).catch(studio.alarm);
+  });
+
+  return {
+    enter: drawing.draw,
+    key(e) {
+      if (!(e.ctrlKey || e.metaKey) || e.key !== "z" || document.activeElement.tagName === "INPUT") return false;
+      drawing.undo();
+      return true;
+    },
+    update({ work }, form) {
+      if (shown !== work.name) {
+        shown = work.name;
+        loaded = asked = null;
+        wait.hidden = false;
+        show(form);
+      }
+      if (form.clip && asked !== null && asked !== (form.frames?.[0] ?? 0)) asked = null;
+      image(work, form).catch(studio.alarm);
+      tell();
+    },
+  };
+};

@@ -1,0 +1,333 @@
+//! The commands behind the buttons: lists of arguments, which no shell sees.
+
+use std::path::Path;
+
+use serde::Deserialize;
+use tessuto::text::quoted;
+
+use super::form::{Camera, Form};
+use super::work::Work;
+
+/// Longer side of the frames that a part of the clip is chosen from [px].
+const PREVIEW_SIDE: &str = "480";
+/// Seconds between checkpoints: what a killed run repeats.
+const CHECKPOINT: &str = "10";
+/// The formats that may be exported.
+const FORMATS: [&str; 6] = ["glb", "usd", "obj", "ply", "pc2", "npz"];
+
+/// What a button does.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(tag = "step", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Step {
+    /// Look at the clip.
+    Preview,
+    /// The first chosen frame as filmed.
+    First,
+    /// Scene, masks, template, and the look at them.
+    Prepare,
+    /// Masks anew, after clicks.
+    Masks { inside: Vec<Click>, outside: Vec<Click>, forget: bool },
+    /// The whole work.
+    Reconstruct,
+    /// Files for other programs.
+    Export { formats: Vec<String> },
+    /// The page anew.
+    Report,
+}
+
+/// A place in a frame of the scene that is fabric, or is not.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Click {
+    frame: usize,
+    x: f64,
+    y: f64,
+}
+
+impl Step {
+    /// Under which name its log is kept.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Preview => "preview",
+            Self::First => "first",
+            Self::Prepare => "prepare",
+            Self::Masks { .. } => "masks",
+            Self::Reconstruct => "reconstruct",
+            Self::Export { .. } => "export",
+            Self::Report => "report",
+        }
+    }
+}
+
+/// The arguments of one run of the program, without its name.
+pub type Command = Vec<String>;
+
+/// `command` as the user would type it.
+pub fn shown(command: &Command) -> String {
+    let words = command.iter().map(|word| quoted(Path::new(word)));
+    std::iter::once("tessuto".to_owned()).chain(words).collect::<Vec<_>>().join(" ")
+}
+
+/// The commands of a step.
+///
+/// # Errors
+/// A sentence that says what is missing.
+pub fn of(work: &Work, form: &Form, step: &Step) -> Result<Vec<Command>, String> {
+    form.check()?;
+    let (scene, result) = (work.scene(), work.result());
+    match step {
+        Step::Preview => {
+            let out = work.beside("preview");
+            let force = work.has(&out);
+            let command =
+                vec!["frames".into(), clip(form)?, argument(&out), "--side".into(), PREVIEW_SIDE.into()];
+            Ok(vec![forced(command, force)])
+        }
+        Step::First => {
+            let out = work.beside("first");
+            let start = form.frames.map_or(0, |[a, _]| a);
+            let range = format!("{start}..{}", start + 1);
+            let force = work.has(&out);
+            Ok(vec![forced(
+                vec!["frames".into(), clip(form)?, argument(&out), "--frames".into(), range],
+                force,
+            )])
+        }
+        Step::Prepare => prepare(work, form),
+        Step::Masks { inside, outside, forget } => {
+            let mut command = vec!["masks".into(), argument(scene)];
+            for (option, clicks) in [("--inside", inside), ("--outside", outside)] {
+                if clicks.iter().any(|c| !(c.x.abs() < 1e6 && c.y.abs() < 1e6)) {
+                    return Err("a click is far outside of the image".to_owned());
+                }
+                if !clicks.is_empty() {
+                    let text: Vec<_> = clicks
+                        .iter()
+                        .map(|c| format!("{}:{},{}", c.frame, number(c.x), number(c.y)))
+                        .collect();
+                    command.extend([option.into(), text.join(" ")]);
+                }
+            }
+            if *forget {
+                command.push("--forget".into());
+            }
+            Ok(vec![command, check(work)])
+        }
+        Step::Reconstruct => Ok(vec![reconstruct(work, form)]),
+        Step::Export { formats } => {
+            if formats.is_empty() || !formats.iter().all(|f| FORMATS.contains(&f.as_str())) {
+                return Err(format!("choose formats among {}", FORMATS.join(", ")));
+            }
+            Ok(vec![vec![
+                "export".into(),
+                argument(&result),
+                "--to".into(),
+                formats.join(","),
+                "--force".into(),
+            ]])
+        }
+        Step::Report => Ok(vec![vec!["report".into(), argument(&result)]]),
+    }
+}
+
+/// Clip to scene, masks and template.
+fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
+    let scene = argument(work.scene());
+    let outline: Vec<_> = form.outline.iter().map(|p| pair(form.in_scene([p.x, p.y]))).collect();
+    let Some(corners) = form.corners() else {
+        return Err("click the four corners of the sheet in the first frame".to_owned());
+    };
+    let Some([width, height]) = form.size else {
+        return Err("enter width and height of the sheet".to_owned());
+    };
+    let mut commands = Vec::new();
+    let estimated = is_estimated(work, form);
+    if form.clip.is_some() {
+        let mut import = vec!["import".into(), clip(form)?, scene.clone()];
+        if let Some([a, b]) = form.frames {
+            import.extend(["--frames".into(), format!("{a}..{b}")]);
+        }
+        for (option, value) in [("--stride", form.stride), ("--downscale", form.downscale)] {
+            if value > 1 {
+                import.extend([option.into(), value.to_string()]);
+            }
+        }
+        import.extend(["--outline".into(), outline.join(" ")]);
+        import.extend(form.plate.iter().flat_map(|plate| ["--plate".to_owned(), argument(plate)]));
+        import.extend(camera(&form.camera, estimated));
+        commands.push(forced(import, work.has(&format!("{}/scene.json", work.scene()))));
+    } else {
+        commands.push(vec!["masks".into(), scene.clone(), "--outline".into(), outline.join(" ")]);
+    }
+    let mut template = vec!["template".into(), scene, "--flat".into()];
+    template.push(format!("{}x{}m", metres(width), metres(height)));
+    template.push("--corners".into());
+    template.extend(corners.map(|c| pair(form.in_scene(c))));
+    if estimated {
+        template.extend(camera(&Camera::Auto, true));
+    }
+    template.push("--force".into());
+    commands.extend([template, check(work)]);
+    Ok(commands)
+}
+
+fn check(work: &Work) -> Command {
+    let image = argument(&work.beside("check.png"));
+    vec!["check".into(), argument(work.scene()), "--picture".into(), image]
+}
+
+fn reconstruct(work: &Work, form: &Form) -> Command {
+    let result = work.result();
+    let mut command: Command = vec![
+        "reconstruct".into(),
+        argument(work.scene()),
+        "--out".into(),
+        argument(&result),
+        "--live".into(),
+    ];
+    command.extend(["--checkpoint".into(), CHECKPOINT.into()]);
+    if !form.appearance {
+        command.push("--no-appearance".into());
+    }
+    if work.has(&format!("{result}.checkpoints")) {
+        command.push("--resume".into());
+    }
+    forced(command, work.has(&result))
+}
+
+fn clip(form: &Form) -> Result<String, String> {
+    form.clip.as_deref().map(argument).ok_or_else(|| "choose a clip first".to_owned())
+}
+
+/// Whether neither the user nor the clip tells the camera, so that the corners must.
+fn is_estimated(work: &Work, form: &Form) -> bool {
+    let told = || work.json(&work.beside("preview/clip.json")).is_some_and(|clip| clip["lens"].is_number());
+    form.clip.is_some() && form.camera == Camera::Auto && !told()
+}
+
+fn camera(camera: &Camera, estimated: bool) -> Command {
+    let options =
+        |pairs: &[(&str, f64)]| pairs.iter().flat_map(|(o, v)| [(*o).to_owned(), number(*v)]).collect();
+    match camera {
+        Camera::Auto if estimated => vec!["--camera".into(), "estimate".into()],
+        Camera::Auto => Vec::new(),
+        Camera::Fov { fov } => options(&[("--fov", *fov)]),
+        Camera::Focal { fx, fy, centre } => {
+            let mut pairs = vec![("--fx", *fx)];
+            pairs.extend(fy.map(|fy| ("--fy", fy)));
+            pairs.extend(centre.iter().flat_map(|[x, y]| [("--cx", *x), ("--cy", *y)]));
+            options(&pairs)
+        }
+        Camera::File { file } => vec!["--camera".into(), argument(file)],
+    }
+}
+
+fn forced(mut command: Command, force: bool) -> Command {
+    if force {
+        command.push("--force".into());
+    }
+    command
+}
+
+/// A name that is not taken for an option.
+fn argument(name: &str) -> String {
+    if name.starts_with('-') { format!("./{name}") } else { name.to_owned() }
+}
+
+fn pair([x, y]: [f64; 2]) -> String {
+    format!("{},{}", number(x), number(y))
+}
+
+/// Thousandths are enough for pixels and degrees, and are read easily.
+fn number(value: f64) -> String {
+    format!("{}", (value * 1e3).round() / 1e3)
+}
+
+/// Hundredths of a millimetre are enough.
+fn metres(value: f64) -> String {
+    format!("{}", (value * 1e5).round() / 1e5)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::form::Point;
+    use super::super::place::Project;
+    use super::*;
+
+    fn form() -> Form {
+        let point = |x, y, corner| Point { x, y, corner };
+        Form {
+            clip: Some("-it's; $(touch x).mp4".into()),
+            frames: Some([3, 20]),
+            downscale: 2,
+            outline: vec![
+                point(10.5, 20.5, true),
+                point(30.5, 18.5, false),
+                point(50.5, 20.5, true),
+                point(50.5, 60.5, true),
+                point(10.5, 60.5, true),
+            ],
+            size: Some([0.55, 0.56]),
+            camera: Camera::Focal { fx: 800.0, fy: None, centre: Some([319.5, 319.5]) },
+            ..Form::default()
+        }
+    }
+
+    #[test]
+    fn commands_are_lists_and_shown_as_typed() {
+        let folder = tempfile::tempdir().unwrap();
+        let project = Project::open(folder.path()).unwrap();
+        let work = Work::new(&project, "scenes/a").unwrap();
+        let commands = of(&work, &form(), &Step::Prepare).unwrap();
+        // One argument each, however odd the name is, and none that starts like an option.
+        assert_eq!(commands[0][..3], ["import", "./-it's; $(touch x).mp4", "scenes/a"]);
+        let text: Vec<_> = commands.iter().map(shown).collect();
+        let import = r"tessuto import './-it'\''s; $(touch x).mp4' scenes/a --frames 3..20 --downscale 2 --outline '5,10 15,9 25,10 25,30 5,30' --fx 800 --cx 319.5 --cy 319.5";
+        assert_eq!(text[0], import);
+        assert_eq!(
+            text[1],
+            "tessuto template scenes/a --flat 0.55x0.56m --corners 5,10 25,10 25,30 5,30 --force"
+        );
+        assert_eq!(text[2], "tessuto check scenes/a --picture scenes/a.studio/check.png");
+        let step = r#"{"step":"masks","inside":[{"frame":3,"x":1.5,"y":2}],"outside":[],"forget":false}"#;
+        let step: Step = serde_json::from_str(step).unwrap();
+        assert_eq!(shown(&of(&work, &form(), &step).unwrap()[0]), "tessuto masks scenes/a --inside 3:1.5,2");
+        assert!(of(&work, &form(), &Step::Export { formats: vec!["glb".into(), "--out=/".into()] }).is_err());
+        assert!(of(&work, &Form { size: None, ..form() }, &Step::Prepare).unwrap_err().contains("width"));
+        assert!(
+            of(&work, &Form { outline: vec![], ..form() }, &Step::Prepare)
+                .unwrap_err()
+                .contains("four corners")
+        );
+    }
+
+    #[test]
+    fn the_corners_tell_the_camera_where_nobody_else_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let project = Project::open(folder.path()).unwrap();
+        let work = Work::new(&project, "scenes/a").unwrap();
+        let form = Form { camera: Camera::Auto, ..form() };
+        let estimates = || -> Vec<bool> {
+            let commands = of(&work, &form, &Step::Prepare).unwrap();
+            commands.iter().map(|c| shown(c).contains("--camera estimate")).collect()
+        };
+        assert_eq!(estimates(), [true, true, false]);
+        std::fs::create_dir_all(folder.path().join("scenes/a.studio/preview")).unwrap();
+        std::fs::write(folder.path().join("scenes/a.studio/preview/clip.json"), r#"{"lens": 26.0}"#).unwrap();
+        assert_eq!(estimates(), [false, false, false]);
+    }
+
+    #[test]
+    fn a_killed_run_is_resumed_and_a_finished_one_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let project = Project::open(folder.path()).unwrap();
+        let work = Work::new(&project, "scenes/a").unwrap();
+        let text = || shown(&of(&work, &Form::default(), &Step::Reconstruct).unwrap()[0]);
+        let fresh = "tessuto reconstruct scenes/a --out results/a --live --checkpoint 10";
+        assert_eq!(text(), fresh);
+        std::fs::create_dir_all(folder.path().join("results/a.checkpoints")).unwrap();
+        assert_eq!(text(), format!("{fresh} --resume"));
+        std::fs::create_dir_all(folder.path().join("results/a")).unwrap();
+        assert_eq!(text(), format!("{fresh} --resume --force"));
+    }
+}

@@ -1,0 +1,166 @@
+//! What the user has entered, kept as `form.json` in the studio's folder beside the scene. All lengths of the image are
+//! pixels of the clip: x is the column, y the row, whole numbers are centres of pixels.
+
+use serde::{Deserialize, Serialize};
+
+use super::place::is_name;
+
+/// Most points of an outline.
+const MOST_POINTS: usize = 400;
+
+/// All that is entered before something runs.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Form {
+    /// Name of the video in the project.
+    pub clip: Option<String>,
+    /// First frame, and the one after the last; all frames without.
+    pub frames: Option<[usize; 2]>,
+    /// Every so many frames one is used.
+    pub stride: usize,
+    /// Pixels of the clip, in each direction, that become one.
+    pub downscale: usize,
+    /// The fabric's border in the first frame, clockwise from its upper left corner.
+    pub outline: Vec<Point>,
+    /// Width along the upper side and height of the flat sheet [m].
+    pub size: Option<[f64; 2]>,
+    /// In what lengths are shown: mm, cm or m.
+    pub unit: Unit,
+    /// The lens.
+    pub camera: Camera,
+    /// A photo or video of the place without the fabric, by its name in the project.
+    pub plate: Option<String>,
+    /// Whether material and light are estimated too.
+    pub appearance: bool,
+}
+
+/// A point of the outline.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Point {
+    pub x: f64,
+    pub y: f64,
+    /// One of the sheet's four corners, rather than a point between them.
+    pub corner: bool,
+}
+
+/// In what lengths are shown.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Unit {
+    Mm,
+    Cm,
+    M,
+}
+
+/// What is known of the lens.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
+pub enum Camera {
+    /// Nothing: the clip's metadata, or else the four corners tell.
+    Auto,
+    /// Horizontal field of view [degrees].
+    Fov { fov: f64 },
+    /// Focal lengths and principal point [px of the clip].
+    Focal { fx: f64, fy: Option<f64>, centre: Option<[f64; 2]> },
+    /// A calibration, by its name in the project.
+    File { file: String },
+}
+
+impl Default for Form {
+    fn default() -> Self {
+        Self {
+            clip: None,
+            frames: None,
+            stride: 1,
+            downscale: 1,
+            outline: Vec::new(),
+            size: None,
+            unit: Unit::Cm,
+            camera: Camera::Auto,
+            plate: None,
+            appearance: true,
+        }
+    }
+}
+
+impl Form {
+    /// Says what cannot be.
+    ///
+    /// # Errors
+    /// A sentence for the user.
+    pub fn check(&self) -> Result<(), String> {
+        let demand = |ok: bool, text: &str| if ok { Ok(()) } else { Err(text.to_owned()) };
+        let length = |v: f64| v > 0.0 && v < 1e6;
+        demand(self.frames.is_none_or(|[a, b]| a < b), "the clip must end after it begins")?;
+        demand((1..=1000).contains(&self.stride), "every how many frames: 1 to 1000")?;
+        demand((1..=64).contains(&self.downscale), "frames are made smaller by a factor of 1 to 64")?;
+        demand(self.outline.len() <= MOST_POINTS, "an outline has 400 points at most")?;
+        let finite = self.outline.iter().all(|p| p.x.abs() < 1e6 && p.y.abs() < 1e6);
+        demand(finite, "a point of the outline is far outside of the image")?;
+        let size = self.size.is_none_or(|[w, h]| [w, h].iter().all(|v| (1e-4..1e3).contains(v)));
+        demand(size, "width and height of the sheet must be lengths above 0.1 mm")?;
+        let names = [&self.clip, &self.plate];
+        demand(names.into_iter().flatten().all(|name| is_name(name)), "a file lies outside of the project")?;
+        match &self.camera {
+            Camera::Auto => Ok(()),
+            Camera::Fov { fov } => {
+                demand(*fov > 0.0 && *fov < 179.0, "the field of view lies between 0 and 179 degrees")
+            }
+            Camera::Focal { fx, fy, centre } => {
+                let known = length(*fx) && fy.is_none_or(length);
+                demand(known, "a focal length is above 0 px")?;
+                demand(
+                    centre.is_none_or(|c| c.iter().all(|v| v.is_finite())),
+                    "a principal point is a number of px",
+                )
+            }
+            Camera::File { file } => demand(is_name(file), "the calibration lies outside of the project"),
+        }
+    }
+
+    /// The four corners, if there are as many.
+    pub fn corners(&self) -> Option<[[f64; 2]; 4]> {
+        let corners: Vec<_> = self.outline.iter().filter(|p| p.corner).map(|p| [p.x, p.y]).collect();
+        corners.try_into().ok()
+    }
+
+    /// A point of the clip in the pixels of the scene, which are means of `downscale`² of the clip's.
+    pub fn in_scene(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let factor = self.downscale as f64;
+        [x, y].map(|v| (v + 0.5) / factor - 0.5)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn check(change: impl FnOnce(&mut Form)) -> bool {
+        let mut form = Form::default();
+        change(&mut form);
+        form.check().is_ok()
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused() {
+        assert!(check(|f| f.frames = Some([3, 9])) && !check(|f| f.frames = Some([9, 9])));
+        assert!(!check(|f| f.stride = 0) && !check(|f| f.downscale = 99));
+        assert!(!check(|f| f.size = Some([0.0, 1.0])) && !check(|f| f.size = Some([f64::NAN, 1.0])));
+        assert!(!check(|f| f.outline = vec![Point { x: f64::NAN, y: 0.0, corner: true }]));
+        assert!(
+            !check(|f| f.clip = Some("../clip.mp4".into())) && check(|f| f.clip = Some("clip.mp4".into()))
+        );
+        assert!(!check(|f| f.camera = Camera::Fov { fov: 180.0 }));
+        assert!(!check(|f| f.camera = Camera::Focal { fx: -1.0, fy: None, centre: None }));
+        assert!(!check(|f| f.camera = Camera::File { file: "/etc/passwd".into() }));
+        assert!(serde_json::from_str::<Form>(r#"{"shell":"rm"}"#).is_err());
+    }
+
+    #[test]
+    fn pixels_of_the_scene_are_blocks_of_the_clips() {
+        let form = Form { downscale: 2, ..Form::default() };
+        // The middle of the first two columns is the first one's centre.
+        assert_eq!(form.in_scene([0.5, 2.5]), [0.0, 1.0]);
+    }
+}

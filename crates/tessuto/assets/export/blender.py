@@ -1,0 +1,137 @@
+
+
+# Sets a scene of Blender up so that its picture is the video's: frame rate and range, resolution and shape of the pixels, the
+# camera with its lens shift, the video behind it, and the recovered light. Written for Blender 4.2 to 5.
+#
+#   blender --python FILE                          opens it
+#   blender -b --python FILE -- 20 out.png         renders frame 20 into out.png and ends
+#
+# or open it in the Scripting tab and press Run. It adds to the scene that is open; only the cube, light and camera of
+# Blender's first start are left out of the render.
+
+import math
+import os
+import sys
+
+import bpy
+
+
+def folder():
+    """Where this file is, whether Blender runs it from disk or from its text editor."""
+    text = getattr(getattr(bpy.context, "space_data", None), "text", None)
+    path = bpy.path.abspath(text.filepath) if text and text.filepath else __file__
+    return os.path.dirname(os.path.abspath(path))
+
+
+def set_time(scene):
+    whole = max(1, math.ceil(CLIP["fps"] - 1e-6))
+    scene.render.fps, scene.render.fps_base = whole, whole / CLIP["fps"]
+    scene.frame_start, scene.frame_end = 0, CLIP["frames"] - 1
+    scene.frame_set(0)
+
+
+def set_picture(scene):
+    width, height, fx, fy = (CLIP[key] for key in ("width", "height", "fx", "fy"))
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, height, 100
+    # Pixels are as wide as 1 / fx and as high as 1 / fy; neither side may be below 1 here.
+    render.pixel_aspect_x, render.pixel_aspect_y = max(1.0, fy / fx), max(1.0, fx / fy)
+    render.film_transparent = True
+    scene.view_settings.view_transform, scene.view_settings.look = "Standard", "None"
+    render.engine = "CYCLES"
+
+
+def import_fabric(home):
+    before = set(bpy.data.objects)
+    glb, usd = (os.path.join(home, CLIP["name"] + ending) for ending in (".glb", ".usda"))
+    if os.path.isfile(glb):
+        bpy.ops.import_scene.gltf(filepath=glb)
+    elif os.path.isfile(usd):
+        bpy.ops.wm.usd_import(filepath=usd)
+    else:
+        raise SystemExit("neither %s nor %s is there: export one of them beside this file" % (glb, usd))
+    return [added for added in bpy.data.objects if added not in before]
+
+
+def hide_startup(imported):
+    for name in ("Cube", "Light"):
+        found = bpy.data.objects.get(name)
+        if found is not None and found not in imported:
+            found.hide_render = found.hide_viewport = True
+
+
+def add_camera(scene):
+    width, height, fx, fy, cx, cy = (CLIP[key] for key in ("width", "height", "fx", "fy", "cx", "cy"))
+    data = bpy.data.cameras.new(CLIP["name"] + " camera")
+    data.sensor_fit, data.sensor_width = "HORIZONTAL", 36.0
+    data.lens = fx * 36.0 / width
+    data.shift_x = ((width - 1) / 2 - cx) / width
+    data.shift_y = (cy - (height - 1) / 2) * (fx / fy) / width
+    data.clip_start = 0.01
+    camera = bpy.data.objects.new(data.name, data)
+    # The file's camera looks along -z with y up; what is imported has been turned so that z is up.
+    camera.rotation_euler = (math.pi / 2, 0, 0)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    return camera
+
+
+def add_video(home, camera):
+    first = os.path.normpath(os.path.join(home, CLIP["video"])) if CLIP["video"] else ""
+    if not os.path.isfile(first):
+        print("the video's frames are not at %s: no background" % (first or "any known place"))
+        return
+    image = bpy.data.images.load(first)
+    image.source = "SEQUENCE"
+    camera.data.show_background_images = True
+    background = camera.data.background_images.new()
+    background.image, background.alpha, background.frame_method = image, 1.0, "STRETCH"
+    user = background.image_user
+    user.frame_start, user.frame_duration = 0, CLIP["frames"]
+    # File numbers are counted from 1 here.
+    user.frame_offset = CLIP["first"] - 1
+
+
+def add_light(home, scene):
+    world = bpy.data.worlds.new(CLIP["name"] + " light")
+    scene.world = world
+    if not world.node_tree:
+        world.use_nodes = True
+    nodes, links = world.node_tree.nodes, world.node_tree.links
+    nodes.clear()
+    output, shade = nodes.new("ShaderNodeOutputWorld"), nodes.new("ShaderNodeBackground")
+    links.new(shade.outputs["Background"], output.inputs["Surface"])
+    path = os.path.join(home, CLIP["light"]) if CLIP["light"] else ""
+    if not os.path.isfile(path):
+        # The print has the light of the video in it: under an even light it looks as it was filmed.
+        shade.inputs["Color"].default_value = (1, 1, 1, 1)
+        return
+    picture, turn = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeMapping")
+    place = nodes.new("ShaderNodeTexCoord")
+    picture.image = bpy.data.images.load(path)
+    picture.image.colorspace_settings.name = "Linear Rec.709"
+    # The middle of the map is where the camera looks, which is +y here; Blender's middle is +x.
+    turn.inputs["Rotation"].default_value = (0, 0, -math.pi / 2)
+    links.new(place.outputs["Generated"], turn.inputs["Vector"])
+    links.new(turn.outputs["Vector"], picture.inputs["Vector"])
+    links.new(picture.outputs["Color"], shade.inputs["Color"])
+
+
+def main():
+    scene, home = bpy.context.scene, folder()
+    # The importers place key frames by the frame rate: it comes first.
+    set_time(scene)
+    imported = import_fabric(home)
+    hide_startup(imported)
+    set_time(scene)
+    set_picture(scene)
+    add_video(home, add_camera(scene))
+    add_light(home, scene)
+    if "--" in sys.argv[1:]:
+        frame, path = sys.argv[sys.argv.index("--") + 1:][:2]
+        scene.frame_set(int(frame))
+        scene.render.filepath = os.path.abspath(path)
+        bpy.ops.render.render(write_still=True)
+
+
+main()

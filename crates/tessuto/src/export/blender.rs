@@ -1,0 +1,78 @@
+//! A script that sets up a scene of Blender: what neither GLB nor USD can tell it, such as pixels that are not square and the light.
+//! What it does does not depend on the formats beside it; what it knows of the clip is a table at its top.
+
+use std::path::{Component, Path, PathBuf};
+
+use serde_json::json;
+
+use super::Clip;
+
+const BODY: &str = include_str!("../../assets/export/blender.py");
+
+/// Name of the script.
+pub(super) fn name(clip: &Clip) -> String {
+    format!("{}_blender.py", clip.name)
+}
+
+/// The script, for a `folder` that it will be in.
+pub(super) fn encode(clip: &Clip, folder: &Path) -> Vec<u8> {
+    let c = &clip.camera;
+    let video = clip.video.as_ref().and_then(|file| relative(file, folder)).unwrap_or_default();
+    // JSON of texts and finite numbers is Python, too.
+    let table = json!({
+        "name": clip.name,
+        "fps": clip.fps,
+        "frames": clip.frame_count,
+        "first": clip.first_frame,
+        "video": video,
+        "light": clip.environment.as_ref().map_or_else(String::new, |_| clip.environment_file()),
+        "width": c.width,
+        "height": c.height,
+        "fx": c.fx,
+        "fy": c.fy,
+        "cx": c.cx,
+        "cy": c.cy,
+    });
+    format!("# Written by tessuto {} for Blender.\nCLIP = {table:#}\n{BODY}", clip.version).into_bytes()
+}
+
+/// The way to `file` from `folder`, with slashes: folders that are moved together keep it. `None` where either is not there.
+fn relative(file: &Path, folder: &Path) -> Option<String> {
+    let file = file.canonicalize().ok()?;
+    // What is about to be made is not there yet: the nearest folder that is counts.
+    let (mut there, mut missing) = (std::path::absolute(folder).ok()?, Vec::new());
+    while !there.exists() {
+        missing.push(there.file_name()?.to_owned());
+        there.pop();
+    }
+    let mut from = there.canonicalize().ok()?;
+    from.extend(missing.iter().rev());
+    let (to, from): (Vec<Component>, Vec<Component>) =
+        (file.components().collect(), from.components().collect());
+    let same = to.iter().zip(&from).take_while(|(a, b)| a == b).count();
+    // Windows' drives have no way from one to another.
+    if same == 0 {
+        return Some(file.to_string_lossy().into_owned());
+    }
+    let mut way: PathBuf = from[same..].iter().map(|_| Component::ParentDir).collect();
+    way.extend(&to[same..]);
+    Some(way.to_string_lossy().replace('\\', "/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_way_is_relative_and_goes_up() {
+        let home = tempfile::tempdir().unwrap();
+        let at = |name: &str| home.path().join(name);
+        std::fs::create_dir_all(at("scenes/flag/rgbs")).unwrap();
+        std::fs::write(at("scenes/flag/rgbs/rgb_000.png"), "").unwrap();
+        let way = relative(&at("scenes/flag/rgbs/rgb_000.png"), &at("results/flag/export"));
+        assert_eq!(way.as_deref(), Some("../../../scenes/flag/rgbs/rgb_000.png"));
+        let way = relative(&at("scenes/flag/rgbs/rgb_000.png"), &at("scenes/flag"));
+        assert_eq!(way.as_deref(), Some("rgbs/rgb_000.png"));
+        assert_eq!(relative(&at("nothing.png"), home.path()), None);
+    }
+}

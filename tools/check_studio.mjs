@@ -1,0 +1,194 @@
+#!/usr/bin/env node
+// Goes the way of a user through `tessuto studio` in headless Chromium, from a clip to an export by clicks and keys alone:
+// no error in the console, few clicks, the server killed on the way loses nothing, nothing sticks out at 1280 and 800 px.
+//
+// usage: node tools/check_studio.mjs TESSUTO [--shots FOLDER] [--keep FOLDER]
+//
+// The clip is made here (`tessuto synth`, ffmpeg). Needs Node 18, Chromium (CHROMIUM=program, default /usr/bin/chromium) and
+// ffmpeg (TESSUTO_FFMPEG). --shots writes a picture of every step at 1280 px in light; and, named after their looks, at
+// 800 px and in dark. --keep uses that folder and leaves it. Exit status 0: all passed.
+import { execFileSync, spawn } from "node:child_process";
+import { mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { createInterface } from "node:readline";
+import { launch, pause } from "./chromium.mjs";
+
+const [program, ...options] = process.argv.slice(2);
+const option = name => options.includes(name) ? options[options.indexOf(name) + 1] : null;
+const tessuto = resolve(program), shots = option("--shots");
+const folder = option("--keep") ?? mkdtempSync(join(tmpdir(), "studio-"));
+const made = join(folder, "made"), project = join(folder, "project");
+mkdirSync(project, { recursive: true });
+if (shots) mkdirSync(shots, { recursive: true });
+
+let failures = 0;
+const check = (what, passed, detail = "") => {
+  console.log(`${passed ? "ok  " : "FAIL"} ${what}${detail === "" ? "" : `  ${detail}`}`);
+  if (!passed) failures++;
+};
+
+/** A clip of a moving sheet. */
+const makeClip = () => {
+  const scene = join(made, "scene"), clip = join(made, "curtain.mp4");
+  execFileSync(tessuto, ["synth", scene, "--frames", "8", "--size", "224", "--grid", "13x13", "--seed", "3", "--wind", "4"]);
+  execFileSync(process.env.TESSUTO_FFMPEG ?? "ffmpeg", ["-v", "error", "-y", "-framerate", "25", "-i", join(scene, "rgbs/rgb_%03d.png"), "-pix_fmt", "yuv420p", "-crf", "14", clip]);
+  return clip;
+};
+
+/** The server, and the address that it prints. */
+const serve = async (...more) => {
+  const child = spawn(tessuto, ["studio", "--no-browser", "--dir", project, ...more], { stdio: ["ignore", "pipe", "inherit"] });
+  for await (const line of createInterface({ input: child.stdout })) {
+    const address = /http:\S+/.exec(line)?.[0];
+    if (address) return { child, address };
+  }
+  throw new Error("the studio has not started");
+};
+
+/** What a user would measure and click: size of the sheet [m] and its corners in the first frame [px]. */
+const measure = () => {
+  const scene = join(made, "scene"), camera = JSON.parse(readFileSync(join(scene, "scene.json"), "utf8"));
+  const lines = readFileSync(join(scene, "template.obj"), "utf8").split("\n").filter(line => line.startsWith("v "));
+  const points = lines.map(line => line.split(" ").slice(1).map(Number)), side = Math.sqrt(points.length);
+  const along = step => Array.from({ length: side - 1 }, (_, k) => [points[k * step], points[(k + 1) * step]])
+    .reduce((sum, [a, b]) => sum + Math.hypot(...a.map((v, i) => v - b[i])), 0);
+  const pixel = ([x, y, z]) => [camera.fx * x / z + camera.cx, camera.fy * y / z + camera.cy];
+  const corners = [0, side - 1, points.length - 1, points.length - side].map(k => pixel(points[k]));
+  return { size: [along(1), along(side)], corners, width: camera.width, focal: camera.fx };
+};
+
+/** Resident memory of a process [MB]. */
+const memory = pid => Number(/VmHWM:\s+(\d+)/.exec(readFileSync(`/proc/${pid}/status`, "utf8"))?.[1] ?? NaN) / 1024;
+
+const clip = makeClip(), sheet = measure();
+let { child, address } = await serve();
+const page = await launch();
+let step = 0;
+
+/** A picture of the step as it is now, and whether it fits at both widths in both colours. */
+const show = async name => {
+  step++;
+  for (const [width, scheme] of [[800, "dark"], [800, "light"], [1280, "dark"], [1280, "light"]]) {
+    await page.look(width, scheme);
+    await page.evaluate("scrollTo(0, 0)");
+    const [inner, outer] = await page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]");
+    if (inner > outer) check(`nothing sticks out: ${name} at ${width} px, ${scheme}`, false, `${inner} of ${outer} px`);
+    if (shots) await page.shot(join(shots, `${step}-${name}${width === 1280 && scheme === "light" ? "" : `-${width}-${scheme}`}.png`));
+  }
+};
+const at = name => page.waitFor(`!document.getElementById("${name}").hidden`, `step ${name}`, 60);
+const calm = async () => {
+  const text = await page.evaluate(`document.getElementById("alarm").hidden ? "" : document.getElementById("alarm").innerText`);
+  if (text) throw new Error(`the page says: ${text}`);
+};
+
+try {
+  await page.look(1280, "light");
+  const started = performance.now();
+  await page.go(address);
+  await page.waitFor("document.body?.dataset.ready", "the page");
+  await page.evaluate("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))");
+  const first = (performance.now() - started) / 1000;
+  check("first page drawn within 1 s", first <= 1, `${first.toFixed(2)} s`);
+  check("the token has left the address", !(await page.evaluate("location.href")).includes("token"));
+  await show("clip");
+
+  await page.chooseFile(clip, () => page.click("#drop"));
+  await at("trim");
+  await page.waitFor(`document.getElementById("trim-wait").hidden`, "the frames of the clip");
+  await page.evaluate(`document.getElementById("trim-end").focus()`);
+  for (let k = 0; k < 4; k++) await page.press("ArrowLeft");
+  check("the end of the part follows the keys", (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 0 to 3 of 8"));
+  await pause(300);
+  await show("part");
+  page.clicks = 0;
+  const person = performance.now();
+
+  await page.click("#trim-next");
+  await at("fabric");
+  await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame");
+  const canvas = await page.box("#outline");
+  const inWindow = ([x, y]) => [canvas.x + (x + 0.5) * canvas.width / sheet.width, canvas.y + (y + 0.5) * canvas.width / sheet.width];
+  for (const k of [2, 0, 1, 3]) await page.clickAt(...inWindow(sheet.corners[k]));
+  const outline = () => page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form.outline)`);
+  await page.waitFor(`document.activeElement.id === "width"`, "the width to be asked for after the fourth corner");
+  await page.type((sheet.size[0] * 100).toFixed(2));
+  await page.press("Tab");
+  await page.type((sheet.size[1] * 100).toFixed(2));
+  // Past the unit to the camera, whose entries are found by their first letters.
+  for (const key of ["Tab", "Tab", ..."foc", "Tab"]) await page.press(key);
+  await page.type(String(sheet.focal));
+  await pause(400);
+  check("the camera is chosen by keys", (await page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form.camera.fx)`)) === sheet.focal);
+  const kept = await outline(), scale = sheet.width / canvas.width;
+  const off = Math.max(...kept.map((p, k) => Math.hypot(p.x - sheet.corners[k][0], p.y - sheet.corners[k][1])));
+  check("four corners, in their order, where they were clicked", kept.length === 4 && off <= scale, `off by ${off.toFixed(2)} px of the clip`);
+  const clicks = page.clicks;
+
+  // Beside the way: a wrong point, dragged, nudged and undone.
+  const [x, y] = inWindow(kept.map(p => [p.x, p.y])[2]);
+  await page.drag([x, y], [x - 40, y - 30]);
+  await page.press("ArrowRight");
+  await pause(400);
+  const dragged = (await outline())[2];
+  check("a point is dragged and nudged", Math.abs(dragged.x - kept[2].x + 40 * scale - 1) < 1.5 * scale && Math.abs(dragged.y - kept[2].y + 30 * scale) < 1.5 * scale);
+  await page.press("z", 2);
+  await page.press("z", 2);
+  await pause(400);
+  check("… and undone", JSON.stringify(await outline()) === JSON.stringify(kept));
+  await page.send("Input.dispatchMouseEvent", { type: "mouseMoved", x: x - 6, y: y - 5 });
+  await show("fabric");
+  page.clicks = clicks;
+
+  // The server is killed: nothing is lost, and the page goes on where it was.
+  child.kill("SIGKILL");
+  ({ child, address } = await serve());
+  await page.go(`${address}#scenes/curtain`);
+  await at("fabric");
+  await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame");
+  check("a killed server loses nothing", JSON.stringify(await outline()) === JSON.stringify(kept));
+
+  await page.click("#fabric-next");
+  await page.waitFor(`!document.getElementById("check").hidden || !document.getElementById("alarm").hidden`, "masks", 60);
+  await calm();
+  await page.waitFor(`document.getElementById("overlay").width > 300`, "the overlay");
+  await pause(300);
+  await show("check");
+  // Motion alone, which takes seconds.
+  await page.click("#appearance");
+  await page.click("#check-next");
+  await at("run");
+  const seconds = (performance.now() - person) / 1000;
+  check("from an opened clip to a running reconstruction in 8 clicks", page.clicks <= 8, `${page.clicks} clicks; this script, with waiting: ${seconds.toFixed(0)} s`);
+  await page.waitFor(`!document.getElementById("live").hidden || !document.getElementById("result").hidden`, "the live view", 60);
+  await pause(1500);
+  await show("reconstruct");
+  await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`, "the result", 400);
+  await calm();
+  await page.waitFor(`document.getElementById("report").src.includes("report.html")`, "the report");
+  await page.click("[data-format=pc2]");
+  await page.waitFor(`document.getElementById("files").textContent.includes(".pc2")`, "the export", 60);
+  await pause(1500);
+  await show("result");
+  await calm();
+  const exported = readdirSync(join(project, "results/curtain/export"));
+  check("the export is there", [".glb", ".pc2"].every(ending => exported.some(name => name.endsWith(ending))), exported.join(" "));
+  const length = await page.evaluate(`fetch(document.querySelector("#files a").href).then(a => a.arrayBuffer()).then(b => b.byteLength)`);
+  check("… and can be downloaded", length > 1000, `${length} bytes`);
+  const peak = memory(child.pid);
+  check("the server takes at most 150 MB", peak <= 150, `${peak.toFixed(1)} MB at most`);
+  check("no complaint in the console", page.complaints.length === 0, page.complaints.join(" | "));
+} catch (error) {
+  check(error.message, false);
+  if (shots) await page.shot(join(shots, "failed.png")).catch(() => {});
+  console.log(await page.evaluate("document.body.innerText").catch(() => ""));
+} finally {
+  // What still runs would go on without the server.
+  await page.evaluate(`fetch("/api/stop", { method: "POST" })`).catch(() => {});
+  await pause(200);
+  await page.close();
+  child.kill();
+  if (!option("--keep")) rmSync(folder, { recursive: true, force: true });
+}
+process.exit(failures > 0 ? 1 : 0);
