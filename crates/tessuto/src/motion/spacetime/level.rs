@@ -23,6 +23,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     priors: PriorTerms<'a>,
+    /// Most steps by which one frame is fitted.
+    pub steps: usize,
     /// Vertices that stand still.
     pub still: Vec<u32>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
@@ -43,6 +45,7 @@ impl<'a> Problem<'a> {
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             priors: self.priors.clone(),
+            steps: super::track::STEPS,
             still: Vec::new(),
             adjacent: vec![PointColours::new(); frame_count],
         }

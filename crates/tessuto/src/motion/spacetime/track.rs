@@ -18,7 +18,7 @@ const INERTIA: f64 = 0.9;
 const DAMPING: Damping =
     Damping { lambda: 1e-3, accepted: 0.3, rejected: 10.0, least: 0.0, least_rejected: 1e-2 };
 /// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
-const STEPS: usize = 8;
+pub(super) const STEPS: usize = 8;
 const ATTEMPTS: usize = 6;
 /// A frame is found when no vertex moves by more than this `[m]`.
 const FOUND: f64 = 2e-5;
@@ -212,7 +212,7 @@ impl LevelSearch<'_, '_> {
             0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
         };
         let (mut damping, mut value) = (DAMPING, f64::INFINITY);
-        for _ in 0..self.problem.settings.iterations.min(STEPS) {
+        for _ in 0..self.problem.settings.iterations.min(self.steps) {
             self.update_gain(frame, &x);
             let terms = self.terms(frame);
             let (values, system) = terms.linearise(cloth, &x);
