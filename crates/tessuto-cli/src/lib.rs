@@ -16,6 +16,7 @@ mod lens;
 mod live;
 #[cfg(feature = "man")]
 mod man;
+mod masks;
 mod progress;
 mod reconstruct;
 #[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
@@ -69,6 +70,7 @@ enum Command {
     Studio(studio::Arguments),
     Frames(stills::Arguments),
     Import(import::Arguments),
+    Masks(masks::Arguments),
     Template(template::Arguments),
     Check(check::Arguments),
     Reconstruct(reconstruct::Arguments),
@@ -104,6 +106,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Studio(arguments) => studio::run(&arguments),
         Command::Frames(arguments) => stills::run(&arguments),
         Command::Import(arguments) => import::run(&arguments),
+        Command::Masks(arguments) => masks::run(&arguments),
         Command::Template(arguments) => template::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),

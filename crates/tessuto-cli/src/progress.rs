@@ -162,6 +162,50 @@ fn values(epoch: &Epoch) -> String {
     pairs.map(|(name, value)| format!("  {name} {value:.3e}")).collect()
 }
 
+/// How far a short computation without stages is: a bar on a terminal, a line now and then elsewhere.
+pub struct Fraction {
+    name: &'static str,
+    bar: Option<ProgressBar>,
+    last: std::sync::Mutex<(f64, Instant)>,
+}
+
+impl Fraction {
+    /// Lines are at least this far apart.
+    const BETWEEN: Duration = Duration::from_millis(500);
+
+    /// Nothing is done yet.
+    pub fn new(name: &'static str) -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style =
+                ProgressStyle::with_template("{msg} {wide_bar} {percent} %").expect("a valid template");
+            ProgressBar::new(100).with_style(style).with_message(name)
+        });
+        Self { name, bar, last: std::sync::Mutex::new((0.0, Instant::now())) }
+    }
+
+    /// The fraction `part` is done; it never goes back.
+    pub fn show(&self, part: f64) {
+        let mut last = self.last.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        if part <= last.0 {
+            return;
+        }
+        last.0 = part;
+        match &self.bar {
+            Some(bar) => bar.set_position((100.0 * part) as u64),
+            None if last.1.elapsed() >= Self::BETWEEN => {
+                last.1 = Instant::now();
+                aside!("{}: {:.0} %", self.name, 100.0 * part);
+            }
+            None => {}
+        }
+    }
+
+    /// It is over.
+    pub fn end(&self) {
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
+    }
+}
+
 /// A line that counts on a terminal, nothing elsewhere.
 pub fn spinner() -> ProgressBar {
     let style = ProgressStyle::with_template("{spinner} {msg}").expect("a valid template");

@@ -48,6 +48,9 @@ fn options(remedy: &Remedy) -> String {
         Remedy::Feature(_) => "cargo install --path crates/tessuto-cli --features full".into(),
         Remedy::Fps => "--fps".into(),
         Remedy::Masks => "--masks".into(),
+        Remedy::Outline => "--outline \"X,Y X,Y X,Y X,Y\"".into(),
+        Remedy::Plate => "--plate FILE".into(),
+        Remedy::MakeMasks(folder) => make_masks(&quoted(folder)),
         Remedy::AllowGaps => "--allow-gaps".into(),
         Remedy::Downscale => "tessuto import --downscale".into(),
         Remedy::Intrinsics => "--fx --fy --cx --cy".into(),
@@ -62,6 +65,11 @@ fn options(remedy: &Remedy) -> String {
         Remedy::WithoutLost => "tessuto export RESULT --to glb --without-lost --force".into(),
         Remedy::RepairTemplate(repair) => repair_template(repair),
     }
+}
+
+/// The command that makes masks.
+pub fn make_masks(scene: &str) -> String {
+    format!("tessuto masks {scene} --outline \"X,Y X,Y X,Y X,Y\"")
 }
 
 /// The two commands that make a template: a flat rectangle from its size, or any mesh.

@@ -25,6 +25,35 @@ pub fn point(text: &str) -> Result<Pair, String> {
         .ok_or_else(|| "write column,row in pixels, such as 312,208".to_owned())
 }
 
+/// Corners of a polygon [px].
+#[derive(Debug, Clone, PartialEq)]
+pub struct Polygon(pub Vec<Pair>);
+
+/// `X,Y X,Y X,Y …`.
+pub fn polygon(text: &str) -> Result<Polygon, String> {
+    let corners: Vec<Pair> = text.split_whitespace().map(point).collect::<Result<_, _>>()?;
+    match corners.len() {
+        0..3 => {
+            Err("write three or more corners column,row, such as \"312,208 930,215 941,640 305,622\""
+                .to_owned())
+        }
+        _ => Ok(Polygon(corners)),
+    }
+}
+
+/// Places [px] in frames.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Places(pub Vec<(usize, Pair)>);
+
+/// `FRAME:X,Y FRAME:X,Y …`.
+pub fn places(text: &str) -> Result<Places, String> {
+    let place = |word: &str| {
+        let (frame, at) = word.split_once(':').ok_or("write FRAME:column,row, such as 17:610,230")?;
+        Ok::<_, String>((frame.parse().map_err(|_| format!("{frame} is no number of a frame"))?, point(at)?))
+    };
+    Ok(Places(text.split_whitespace().map(place).collect::<Result<_, _>>()?))
+}
+
 /// `N` or `CxR`.
 pub fn resolution(text: &str) -> Result<Resolution, String> {
     let hint = "write a number, such as 32, or columns x rows, such as 32x24";

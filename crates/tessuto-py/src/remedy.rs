@@ -34,6 +34,7 @@ fn way(remedy: &Remedy) -> String {
             format!("pip install . --config-settings=build-args=\"--features {name}\"")
         }
         Remedy::WithoutLost => "without_lost=True".into(),
+        Remedy::Outline | Remedy::Plate | Remedy::MakeMasks(_) => "the program's `tessuto masks`".into(),
         Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::EstimateCamera => {
             "the program's `tessuto template`".into()
         }

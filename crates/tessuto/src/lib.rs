@@ -71,6 +71,7 @@ pub mod export;
 mod image;
 pub mod import;
 pub mod io;
+pub mod masks;
 #[doc(hidden)]
 pub mod math;
 pub mod mesh;

@@ -41,6 +41,12 @@ pub enum Remedy {
     Fps,
     /// [`import::Settings::masks`](crate::import::Settings::masks).
     Masks,
+    /// Corners of the fabric in the first frame: [`masks::Request::outline`](crate::masks::Request::outline).
+    Outline,
+    /// The place without the fabric: [`masks::Request::plate`](crate::masks::Request::plate).
+    Plate,
+    /// Make the masks of the scene in this folder from its frames: [`masks::make`](crate::masks::make).
+    MakeMasks(PathBuf),
     /// [`import::Settings::allow_gaps`](crate::import::Settings::allow_gaps).
     AllowGaps,
     /// [`import::Settings::downscale`](crate::import::Settings::downscale).
@@ -131,6 +137,9 @@ impl fmt::Display for Remedy {
             Self::Feature(name) => write!(f, "feature {name}"),
             Self::Fps => f.write_str("fps"),
             Self::Masks => f.write_str("masks"),
+            Self::Outline => f.write_str("outline"),
+            Self::Plate => f.write_str("plate"),
+            Self::MakeMasks(_) => f.write_str("masks::make"),
             Self::AllowGaps => f.write_str("allow_gaps = true"),
             Self::Downscale => f.write_str("downscale"),
             Self::Intrinsics => f.write_str("fx, fy, cx, cy"),

@@ -45,6 +45,7 @@ pub(super) fn write(
                 stage.mask(colours, k, &mask)
             })?;
         }
+        (Masks::Later, _) => {}
         (Masks::Alpha, Kind::Video(_)) => unreachable!("validated: alpha is read from images only"),
         (Masks::Path(path), kind) if path.is_dir() => {
             let files = pair(kind, path, &wanted, notes)?;

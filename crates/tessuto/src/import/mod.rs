@@ -43,6 +43,8 @@ pub enum Masks {
     Path(PathBuf),
     /// The alpha channel of the frames.
     Alpha,
+    /// None: they are made from the frames afterwards, by [`masks::make`](crate::masks::make), or given later.
+    Later,
 }
 
 /// What to import, and how.
@@ -68,6 +70,8 @@ pub struct Settings {
     pub allow_gaps: bool,
     /// The fabric in the first frame, in camera coordinates: OBJ, PLY or glTF.
     pub template: Option<PathBuf>,
+    /// Image of the place without the fabric: written as `plate.png`, straightened and shrunk as the frames are.
+    pub plate: Option<PathBuf>,
     /// The program that decodes videos.
     pub ffmpeg: PathBuf,
 }
@@ -100,7 +104,7 @@ pub fn import(
     if let Some(path) = &settings.template {
         write_template(path, folder, &mut notes)?;
     }
-    for sub in ["rgbs", "masks"] {
+    for sub in ["rgbs", "masks"].into_iter().take(if settings.masks == Masks::Later { 1 } else { 2 }) {
         let path = folder.join(sub);
         std::fs::create_dir_all(&path).map_err(|source| Error::Output { path, source })?;
     }
@@ -108,6 +112,9 @@ pub fn import(
     let stage = Stage::new(settings, folder, progress);
     let colours = source.write(&stage, &mut notes)?;
     masks::write(settings, &source, &stage, &colours, &mut notes)?;
+    if let Some(plate) = &settings.plate {
+        stage.plate(&colours, plate)?;
+    }
 
     let fps = source.fps / settings.stride as f64;
     let camera = colours.camera.downsampled(settings.downscale);

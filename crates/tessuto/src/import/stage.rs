@@ -96,6 +96,15 @@ impl<'a> Stage<'a> {
         self.put(&format!("rgbs/rgb_{k:03}.png"), &png)
     }
 
+    /// Writes the image of the empty place at `path`.
+    pub fn plate(&self, colours: &Colours, path: &Path) -> Result<()> {
+        let file = image::open(path)?;
+        let full = file.full();
+        expect_size([full.x1, full.y1], colours.size(), path)?;
+        let png = self.finish(colours, file.into_rgb8(), 3);
+        self.put("plate.png", &png)
+    }
+
     /// Writes mask `k` [0, 1] of frames of this size.
     pub fn mask(&self, colours: &Colours, k: usize, mask: &Image) -> Result<()> {
         let invert = self.settings.invert_masks;

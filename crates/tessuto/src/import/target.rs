@@ -13,7 +13,7 @@ pub const CARRIED_OVER: [&str; 2] = ["template.obj", TemplateRecord::NAME];
 ///
 /// # Errors
 /// [`Error::Input`] naming what would be lost.
-pub fn check_target(out: &Path, replace: bool, sources: [Option<&PathBuf>; 3]) -> Result<()> {
+pub fn check_target(out: &Path, replace: bool, sources: [Option<&PathBuf>; 4]) -> Result<()> {
     let there = out.join("scene.json").is_file();
     if there && !replace {
         return Err(Error::input(

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use imports::Crate;
 
 /// From the bottom up; a module imports from lower layers and its own module only.
-const LAYERS: [&[&str]; 18] = [
+const LAYERS: [&[&str]; 19] = [
     &["math", "error", "processor", "text"],
     &["camera", "image", "mesh", "settings"],
     &["video"],
@@ -24,6 +24,7 @@ const LAYERS: [&[&str]; 18] = [
     &["reconstruct"],
     &["report"],
     &["result"],
+    &["masks"],
     &["check", "export", "import", "view"],
     &["run", "synth"],
     &["lib"],

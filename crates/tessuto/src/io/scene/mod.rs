@@ -7,6 +7,7 @@
 //! gt/points/points_000.npy …   gt/vertices.npy   gt/tracks.npz  (truth, where known)
 //! ```
 
+mod colours;
 mod first_frame;
 mod frames;
 mod listing;
@@ -25,6 +26,7 @@ use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::mesh::Mesh;
 use crate::scene::Scene;
 use crate::video::HELD_BYTES;
+pub use colours::{ColourFiles, colour_files};
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 pub use manifest::{replace_camera, write_manifest};

@@ -1,0 +1,65 @@
+//! Arguments of `tessuto import`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use crate::lens::Lens;
+use crate::masks::Source;
+use crate::threads::Threads;
+
+/// Make a scene folder from a video or images and a camera, with masks or with the fabric's outline, and check it.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto import clip.mp4 scenes/towel --fov 63 --outline \"312,208 930,215 941,640 305,622\"
+  tessuto import clip.mp4 scenes/curtain --masks masks.mp4 --fov 63 --template curtain.obj
+  tessuto import frames/ scenes/flag --fps 25 --alpha --camera colmap/cameras.txt --downscale 2
+  tessuto import clip.mov scenes/towel --masks masks/ --camera calibration.yml --frames 120..180
+  tessuto template scenes/towel --flat 0.7x0.5m --from-mask     (if there is no template yet)
+
+With --outline the masks are made from the clip, as tessuto masks makes them; its corners are in pixels of the scene's
+first frame. Videos are decoded by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask
+is fabric; masks pair with frames by name, else by number; a video of masks pairs frame by frame.")]
+pub struct Arguments {
+    /// Video file, or folder of PNG or JPEG images.
+    pub input: PathBuf,
+    /// Scene folder to write.
+    pub out: PathBuf,
+    /// Masks: folder of images, or a video; white is fabric.
+    #[arg(long, value_name = "PATH", conflicts_with_all = ["alpha", "outline"])]
+    pub masks: Option<PathBuf>,
+    /// Take the masks from the alpha channel of the images.
+    #[arg(long, conflicts_with = "outline")]
+    pub alpha: bool,
+    #[command(flatten)]
+    pub source: Source,
+    /// Black is fabric in the masks.
+    #[arg(long)]
+    pub invert_masks: bool,
+    /// The fabric in the first frame: OBJ, PLY or glTF, camera axes, metres, with uv.
+    #[arg(long, value_name = "FILE")]
+    pub template: Option<PathBuf>,
+    /// Frames per second; required for images. A video of another rate is resampled.
+    #[arg(long)]
+    pub fps: Option<f64>,
+    /// Only frames A to B − 1 of the input.
+    #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
+    pub frames: Option<std::ops::Range<usize>>,
+    /// Use every N-th frame.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub stride: usize,
+    /// Shrink frames by this integer factor.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub downscale: usize,
+    /// Treat numbered images with gaps as evenly spaced in time.
+    #[arg(long)]
+    pub allow_gaps: bool,
+    /// Replace a scene that tessuto wrote and nobody changed; its template is kept where no other is given.
+    #[arg(long)]
+    pub force: bool,
+    #[command(flatten)]
+    pub threads: Threads,
+    #[command(flatten)]
+    pub lens: Lens,
+}

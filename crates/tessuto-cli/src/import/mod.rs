@@ -1,0 +1,89 @@
+//! `tessuto import`.
+
+mod arguments;
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use tessuto::import::{CARRIED_OVER, Masks, Settings, check_target, copy_template, import};
+use tessuto::masks::Request;
+use tessuto::output::{FolderKind, OutputFolder};
+use tessuto::text::quoted;
+
+pub use arguments::Arguments;
+
+use crate::ffmpeg::ffmpeg;
+use crate::masks::make_masks;
+use crate::say::say;
+
+/// Runs the command: writes the scene, prints what was changed and what `check` finds.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    arguments.threads.start()?;
+    let out = &arguments.out;
+    check_target(
+        out,
+        arguments.force,
+        [
+            Some(&arguments.input),
+            arguments.masks.as_ref(),
+            arguments.template.as_ref(),
+            arguments.source.plate.as_ref(),
+        ],
+    )?;
+    let kept = Some(out.join("template.obj")).filter(|kept| arguments.template.is_none() && kept.is_file());
+    let settings = Settings {
+        input: arguments.input.clone(),
+        masks: match &arguments.masks {
+            Some(path) => Masks::Path(path.clone()),
+            None if arguments.alpha => Masks::Alpha,
+            None => Masks::Later,
+        },
+        plate: arguments.source.plate.clone(),
+        invert_masks: arguments.invert_masks,
+        calibration: arguments.lens.calibration_of(&arguments.input)?,
+        fps: arguments.fps,
+        frames: arguments.frames.clone(),
+        stride: arguments.stride,
+        downscale: arguments.downscale,
+        allow_gaps: arguments.allow_gaps,
+        template: arguments.template.clone().or_else(|| kept.clone()),
+        ffmpeg: ffmpeg(),
+    };
+    let name = out.canonicalize().unwrap_or_else(|_| out.clone());
+    let name = name.file_name().map_or_else(|| "scene".to_owned(), |n| n.to_string_lossy().into_owned());
+    let carried_over: &[&str] = if kept.is_some() { &CARRIED_OVER } else { &[] };
+    let output = OutputFolder::prepare_keeping(out, FolderKind::Scene, arguments.force, carried_over)?;
+    let imported = {
+        let (bar, count) = (crate::progress::spinner(), AtomicUsize::new(0));
+        import(&settings, &name, output.partial(), &|written| {
+            let count = count.fetch_add(1, Ordering::Relaxed) + 1;
+            bar.set_message(format!("{count} files, {written}"));
+        })?
+    };
+    if let Some(kept) = &kept {
+        copy_template(kept, output.partial())?;
+    }
+    if arguments.source.outline.is_some() {
+        let plate = output.partial().join("plate.png");
+        let plate = arguments.source.plate.is_some().then_some(plate);
+        make_masks(output.partial(), out, &Request { plate, ..arguments.source.request() })?;
+    }
+    crate::say_kept(output.publish()?);
+    imported.notes.iter().for_each(|note| say!("note: {note}"));
+    say!(
+        "{}: {} frames of {}×{} px, {} per second",
+        out.display(),
+        imported.frames,
+        imported.camera.width,
+        imported.camera.height,
+        (imported.fps * 1e4).round() / 1e4
+    );
+    if settings.masks == Masks::Later && arguments.source.outline.is_none() {
+        say!("next: masks, from the fabric's corners in the first frame:");
+        say!("  {}", crate::remedy::make_masks(&quoted(out)));
+        return Ok(());
+    }
+    if settings.template.is_some() {
+        return crate::check::check(out, None);
+    }
+    crate::check::check_without_template(out)
+}

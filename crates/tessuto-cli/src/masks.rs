@@ -1,0 +1,120 @@
+//! `tessuto masks`.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use tessuto::masks::{Click, Record, Request, make};
+use tessuto::text::quoted;
+
+use crate::say::{aside, say};
+use crate::threads::Threads;
+use crate::values::{Places, Polygon};
+
+/// Make the masks of a scene from its frames: where the fabric is, from its corners in the first one.
+#[derive(Args)]
+#[command(after_help = "\
+Examples:
+  tessuto masks scenes/towel --outline \"312,208 930,215 941,640 305,622\"
+  tessuto masks scenes/towel --outline \"312,208 930,215 941,640 305,622\" --plate empty.png
+  tessuto masks scenes/towel --outside \"17:610,230\" --inside \"17:400,300 21:410,305\"
+  tessuto masks scenes/towel --forget                             (again, without the places of before)
+
+The camera must stand still. Corners are column,row in pixels of the scene's first frame, in order around the fabric;
+more of them where its border bends. Writes masks/, masks.json (what the masks were made from, the confidence in each)
+and masks.html, the page to check them on, into the scene. Outline, plate and places are kept for the next time.")]
+pub struct Arguments {
+    /// Scene folder (holds scene.json, rgbs/).
+    scene: PathBuf,
+    #[command(flatten)]
+    source: Source,
+    /// Mask of the first frame, instead of its outline.
+    #[arg(long, value_name = "FILE", conflicts_with = "outline")]
+    first: Option<PathBuf>,
+    /// Places where fabric is, by frame; added to those of before.
+    #[arg(long, value_name = "FRAME:X,Y ...", value_parser = crate::values::places)]
+    inside: Vec<Places>,
+    /// Places where no fabric is, by frame; added to those of before.
+    #[arg(long, value_name = "FRAME:X,Y ...", value_parser = crate::values::places)]
+    outside: Vec<Places>,
+    /// Forget the places of before.
+    #[arg(long)]
+    forget: bool,
+    #[command(flatten)]
+    threads: Threads,
+}
+
+/// Where the fabric is and what is behind it, for `masks` and `import`.
+#[derive(Args)]
+pub struct Source {
+    /// Corners of the fabric in the first frame [px], in order around it, such as "312,208 930,215 941,640 305,622".
+    #[arg(long, value_name = "X,Y ...", value_parser = crate::values::polygon, allow_hyphen_values = true)]
+    pub outline: Option<Polygon>,
+    /// Image of the place without the fabric, by the same camera.
+    #[arg(long, value_name = "FILE")]
+    pub plate: Option<PathBuf>,
+    /// Keep only the largest piece of each mask.
+    #[arg(long)]
+    pub largest_piece: bool,
+}
+
+/// Runs the command.
+pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
+    arguments.threads.start()?;
+    let side = |places: &[Places], inside: bool| -> Vec<Click> {
+        let all = places.iter().flat_map(|p| &p.0);
+        all.map(|(frame, [x, y])| Click { frame: *frame, x: *x, y: *y, inside }).collect()
+    };
+    let mut clicks = side(&arguments.inside, true);
+    clicks.extend(side(&arguments.outside, false));
+    let request = Request {
+        first: arguments.first.clone(),
+        clicks,
+        forget: arguments.forget,
+        ..arguments.source.request()
+    };
+    make_masks(&arguments.scene, &arguments.scene, &request)?;
+    let scene = quoted(&arguments.scene);
+    match arguments.scene.join("template.obj").is_file() {
+        true => say!("next: tessuto check {scene} --picture check.png"),
+        false => crate::remedy::make_template(&scene).iter().for_each(|c| say!("next: {c}")),
+    }
+    Ok(())
+}
+
+impl Source {
+    /// The request that these options make.
+    pub fn request(&self) -> Request {
+        Request {
+            outline: self.outline.clone().map(|p| p.0),
+            plate: self.plate.clone(),
+            largest_piece: self.largest_piece,
+            ..Request::default()
+        }
+    }
+}
+
+/// Makes the masks of the scene in `folder`, and says what came of it; the scene will be at `place`.
+pub fn make_masks(folder: &Path, place: &Path, request: &Request) -> anyhow::Result<()> {
+    let progress = crate::progress::Fraction::new("masks");
+    let made = make(folder, request, &|part| progress.show(part))?;
+    progress.end();
+    tell(place, &made.record);
+    Ok(())
+}
+
+fn tell(folder: &Path, record: &Record) {
+    let frames = &record.frames;
+    let mean = frames.iter().map(|f| f.confidence).sum::<f64>() / frames.len().max(1) as f64;
+    let least = frames.iter().min_by(|a, b| a.confidence.total_cmp(&b.confidence));
+    let worst =
+        least.map_or_else(String::new, |f| format!(", least {:.2} (frame {})", f.confidence, f.frame));
+    say!("{}: {} masks, confidence {mean:.2}{worst}", folder.join("masks").display(), frames.len());
+    record.notes.iter().for_each(|note| aside!("note: {note}"));
+    for frame in record.doubtful() {
+        say!("look at frame {}: {}", frame.frame, frame.reason.as_deref().unwrap_or_default());
+    }
+    if record.doubtful().next().is_some() {
+        say!("  mend them: tessuto masks {} --inside \"FRAME:X,Y\" --outside \"FRAME:X,Y\"", quoted(folder));
+    }
+    say!("page: {}", folder.join("masks.html").display());
+}

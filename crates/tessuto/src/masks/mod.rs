@@ -1,0 +1,198 @@
+//! Masks from the clip itself: the fabric's corners in the first frame are enough.
+//!
+//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own motion
+//! predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not by its colour
+//! (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then every frame again with
+//! both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). What looks wrong is named with
+//! the frame (`judge`, `steady`).
+
+mod cut;
+mod evidence;
+mod files;
+mod flow;
+mod frames;
+mod judge;
+mod matte;
+mod page;
+mod plate;
+mod record;
+mod refuse;
+mod region;
+mod segment;
+mod steady;
+mod track;
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec2;
+use rayon::prelude::*;
+
+use crate::camera::Rect;
+use crate::error::{Error, Hint, Remedy, Result};
+use crate::image::Image;
+use crate::io::image;
+use crate::io::scene::{ColourFiles, colour_files};
+use frames::Frames;
+use plate::Plate;
+pub use record::{Click, Frame, Record};
+use region::{Field, Region};
+use segment::Mark;
+use track::{Given, Tracked, track};
+
+/// What the masks are to be made from; what is not given is taken from the [`Record`] of an earlier time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Request {
+    /// Corners of the fabric in the first frame (column, row) `[px]`, in order around it; at least three.
+    pub outline: Option<Vec<[f64; 2]>>,
+    /// Mask of the first frame, instead of an outline.
+    pub first: Option<PathBuf>,
+    /// Image of the place without the fabric, of the size of the frames.
+    pub plate: Option<PathBuf>,
+    /// Places to add to those kept.
+    pub clicks: Vec<Click>,
+    /// Forget the places kept.
+    pub forget: bool,
+    /// Drop all pieces but the largest.
+    pub largest_piece: bool,
+}
+
+/// Masks that were made.
+#[derive(Debug, Clone)]
+pub struct Made {
+    /// What masks.json says.
+    pub record: Record,
+    /// The files and folders that were written.
+    pub files: Vec<PathBuf>,
+}
+
+/// Makes the masks of the scene in `folder`, which needs no template: writes `masks/`, masks.json, masks.html, and
+/// plate.png where a plate is given. `progress` is told the fraction that is done. Masks that tessuto did not write, or
+/// that were changed since, are not replaced.
+///
+/// # Errors
+/// [`Error::Usage`] if nothing tells where the fabric is; [`Error::Input`] if the clip is none that masks can be made of,
+/// naming the frame; [`Error::Output`].
+pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
+    let clip = colour_files(folder)?;
+    let mut record = Record::read(folder)?.unwrap_or_else(Record::new);
+    files::check(folder)?;
+    if request.forget {
+        record.clicks.clear();
+    }
+    record.clicks.extend(&request.clicks);
+    record.largest_piece = request.largest_piece;
+    let size = [clip.camera.width, clip.camera.height];
+    refuse::clicks(&record.clicks, size, clip.paths.len())?;
+    let (first, rough) = first_frame(folder, request, &mut record, size)?;
+    let area = first.area() as f64;
+    let frames = Frames::read(&clip, area)?;
+    progress(0.05);
+    let given_plate = plate(folder, request, &mut record, &clip, &frames)?;
+    let first = shrunk(&first, &frames);
+    let noise = frames::noise(&frames, &first);
+    record.noise = (f64::from(noise) * 1e3).round() / 1e3;
+    record.notes = refuse::clip(&frames, &first, noise)?;
+    let given = Given {
+        first,
+        rough,
+        plate: given_plate,
+        marks: marks(&record.clicks, &frames),
+        largest_piece: record.largest_piece,
+        noise,
+    };
+    let tracked = track(&frames, &given, &|part| progress(0.1 + 0.8 * part))
+        .map_err(|n| refuse::lost(&clip.paths[n], n))?;
+    refuse::outline(&given.first, &tracked, rough)?;
+    let judgements = judge::judge(&frames, &tracked);
+    let coverage = coverages(&frames, &tracked, noise);
+    let pixels = (frames.size[0] * frames.size[1]) as f64;
+    let areas: Vec<f64> = tracked.regions.iter().map(|r| r.area() as f64 / pixels).collect();
+    record.judged(judgements, &areas);
+    let enlarged = |k: usize| frames::enlarged(&coverage[k], frames.factor, size);
+    let outlines: Vec<String> =
+        (0..coverage.len()).into_par_iter().map(|k| page::outline(&coverage[k], frames.factor)).collect();
+    let page = page::page(&clip, &record, size, &outlines)?;
+    let files = files::write(folder, &record, &page, size, coverage.len(), &enlarged)?;
+    progress(1.0);
+    Ok(Made { record, files })
+}
+
+/// Soft coverage of every frame.
+fn coverages(frames: &Frames, tracked: &Tracked, noise: f32) -> Vec<Field> {
+    let of = |n: usize| {
+        let region = &tracked.regions[n];
+        let rect = region.bounds().unwrap_or(region.rect).padded(4, frames.size);
+        matte::coverage(&frames.images[n], &region.within(rect), &tracked.plate, noise)
+    };
+    (0..frames.images.len()).into_par_iter().map(of).collect()
+}
+
+/// Where the fabric is in the first frame, and whether that is rough.
+fn first_frame(
+    folder: &Path,
+    request: &Request,
+    record: &mut Record,
+    size: [usize; 2],
+) -> Result<(Region, bool)> {
+    if let Some(path) = &request.first {
+        let (mask, _) = image::read_mask(path)?;
+        refuse::size(path, [mask.width, mask.height], size)?;
+        let rect = Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] };
+        record.outline = None;
+        return Ok((Region { rect, inside: mask.data.iter().map(|v| *v >= 0.5).collect() }, false));
+    }
+    if let Some(outline) = request.outline.clone() {
+        record.outline = Some(outline);
+    }
+    let Some(outline) = &record.outline else {
+        let hint = Hint::from("give the fabric's corners in the first frame, in order around it")
+            .with(Remedy::Outline);
+        return Err(Error::usage(format!("nothing tells where the fabric of {} is", folder.display()), hint));
+    };
+    refuse::polygon(outline, size)?;
+    let corners: Vec<DVec2> = outline.iter().map(|p| DVec2::from_array(*p)).collect();
+    Ok((Region::polygon(&corners, size), true))
+}
+
+/// The plate that is given now, or was given before.
+fn plate(
+    folder: &Path,
+    request: &Request,
+    record: &mut Record,
+    clip: &ColourFiles,
+    frames: &Frames,
+) -> Result<Option<Plate>> {
+    let size = [clip.camera.width, clip.camera.height];
+    let kept = folder.join(files::PLATE);
+    if let Some(path) = &request.plate {
+        let read = frames::read_one(path, size, frames.factor)?;
+        let rgb: Image = image::read(path)?;
+        files::keep_plate(folder, &rgb)?;
+        record.plate = Some(files::PLATE.to_owned());
+        return Ok(Some(Plate::given(&read)));
+    }
+    match record.plate {
+        Some(_) => Ok(Some(Plate::given(&frames::read_one(&kept, size, frames.factor)?))),
+        None => Ok(None),
+    }
+}
+
+/// The region on frames that are smaller.
+fn shrunk(region: &Region, frames: &Frames) -> Region {
+    let [w, h] = frames.size;
+    let rect = Rect { x0: 0, y0: 0, x1: w, y1: h };
+    let half = frames.factor / 2;
+    let inside =
+        (0..w * h).map(|i| region.at((i % w) * frames.factor + half, (i / w) * frames.factor + half));
+    Region { rect, inside: inside.collect() }
+}
+
+/// Clicks, per frame, on frames that may be smaller.
+fn marks(clicks: &[Click], frames: &Frames) -> Vec<Vec<Mark>> {
+    let mut marks = vec![Vec::new(); frames.images.len()];
+    for click in clicks {
+        let at = [click.x, click.y].map(|v| ((v + 0.5) / frames.factor as f64 - 0.5) as f32);
+        marks[click.frame].push(Mark { at, inside: click.inside });
+    }
+    marks
+}
