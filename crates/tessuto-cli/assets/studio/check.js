@@ -4,6 +4,25 @@ import { loadMesh, overlay } from "./overlay.js";
 
 const SURE = 0.5;
 
+/** Warnings and errors of the latest check, with their ways out: rows of its table, whose later lines are indented. */
+const remarks = text => {
+  const found = [];
+  for (const line of text.slice(text.lastIndexOf("\nok ") < 0 ? 0 : text.lastIndexOf("ok       frames")).split("\n")) {
+    const row = /^(ok|warning|error) +(\S+) +(.*)$/.exec(line);
+    if (row) found.push({ level: row[1], text: row[3] });
+    else if (/^ {8,}/.test(line) && found.length) found.at(-1).text += `${/^ +hint:/.test(line) ? "\n" : " "}${line.trim()}`;
+  }
+  return found.filter(f => f.level !== "ok");
+};
+
+const remark = ({ level, text }) => {
+  const item = document.createElement("li"), word = document.createElement("b");
+  word.textContent = level;
+  word.className = level;
+  item.append(word, text);
+  return item;
+};
+
 export const check = studio => {
   const canvas = byId("overlay"), slider = byId("check-frame"), strip = byId("confidence");
   const view = overlay(canvas);
@@ -29,7 +48,7 @@ export const check = studio => {
     strip.hidden = all.length === 0;
     const dense = devicePixelRatio || 1, pen = strip.getContext("2d"), style = getComputedStyle(document.documentElement);
     strip.width = strip.clientWidth * dense;
-    strip.height = 26 * dense;
+    strip.height = 14 * dense;
     const wide = strip.width / Math.max(1, all.length);
     all.forEach((f, k) => {
       pen.fillStyle = style.getPropertyValue(isDoubtful(f) ? "--alarm-rule" : "--accent");
@@ -48,10 +67,13 @@ export const check = studio => {
     byId("masks-undo").disabled = pending.length === 0;
     byId("check-next").disabled = !work.template_version || Boolean(running);
     byId("check-next").textContent = work.result ? "Reconstruct again" : "Start the reconstruction";
-    const t = work.template, misfit = t?.misfit ?? t?.residual ?? t?.residual_px;
+    const found = remarks(work.findings ?? ""), t = work.template;
+    const residual = typeof t?.residual === "number" ? ` The sheet's corners fit to ${t.residual.toFixed(1)} px.` : "";
+    const seen = t?.camera?.interval ? ` Focal length ${t.camera.fx.toFixed(0)} px, ${t.camera.interval.map(v => v.toFixed(0)).join(" to ")}.` : "";
     byId("template-box").hidden = !work.template_version;
-    byId("template-text").textContent = typeof misfit === "number" ? `Its corners are off by ${misfit.toFixed(1)} px from a flat sheet of this size.` : "The mesh of the first frame is there.";
+    byId("template-text").textContent = `${found.length ? "" : "Nothing to complain of."}${residual}${seen}`.trim();
     byId("findings").textContent = work.findings ?? "";
+    if (byId("remarks").textContent !== found.map(f => f.level + f.text).join("")) byId("remarks").replaceChildren(...found.map(remark));
   };
 
   const toggle = id => byId(id).addEventListener("change", draw);

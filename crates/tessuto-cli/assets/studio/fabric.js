@@ -39,12 +39,12 @@ export const fabric = studio => {
     const running = studio.state.work.job?.running;
     next.disabled = Boolean(lack || running);
     next.textContent = lack ?? (studio.state.work.scene ? "Make the masks anew" : "Make the masks");
-    camera.dispatchEvent(new Event("told"));
   };
 
   const showCamera = () => {
     for (const part of document.querySelectorAll("[data-camera]")) part.hidden = part.dataset.camera !== camera.value;
-    byId("camera-note").textContent = NOTES[camera.value];
+    const lens = studio.state?.work?.clip?.lens;
+    byId("camera-note").textContent = camera.value === "auto" && lens ? `The clip says ${lens} mm in terms of 35-mm film; videos often see a little less.` : NOTES[camera.value];
   };
 
   const keepCamera = () => {

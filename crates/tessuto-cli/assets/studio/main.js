@@ -114,7 +114,12 @@ const show = () => {
   for (const box of document.querySelectorAll("[data-job]")) {
     const running = work?.job?.running && work.job.step === box.dataset.job;
     box.hidden = !running;
-    if (!running || box.dataset.command === work.job.command) continue;
+    if (!running) continue;
+    const bar = box.querySelector("progress");
+    if (box.dataset.command === work.job.command && bar) {
+      if (typeof work.job.fraction === "number") bar.value = work.job.fraction;
+      continue;
+    }
     box.dataset.command = work.job.command;
     const word = WORDS.find(([name]) => work.job.command.startsWith(`tessuto ${name} `))?.[1] ?? WAITS[work.job.step];
     box.replaceChildren(word, document.createElement("progress"));

@@ -141,6 +141,7 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
         return Err("enter width and height of the sheet".to_owned());
     };
     let mut commands = Vec::new();
+    let estimated = is_estimated(work, form);
     if form.clip.is_some() {
         let mut import = vec!["import".into(), clip(form)?, scene.clone()];
         if let Some([a, b]) = form.frames {
@@ -153,7 +154,7 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
         }
         import.extend(["--outline".into(), outline.join(" ")]);
         import.extend(form.plate.iter().flat_map(|plate| ["--plate".to_owned(), argument(plate)]));
-        import.extend(camera(&form.camera));
+        import.extend(camera(&form.camera, estimated));
         commands.push(forced(import, work.has(&format!("{}/scene.json", work.scene()))));
     } else {
         commands.push(vec!["masks".into(), scene.clone(), "--outline".into(), outline.join(" ")]);
@@ -162,6 +163,9 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
     template.push(format!("{}x{}m", metres(width), metres(height)));
     template.push("--corners".into());
     template.extend(corners.map(|c| pair(form.in_scene(c))));
+    if estimated {
+        template.extend(camera(&Camera::Auto, true));
+    }
     template.push("--force".into());
     commands.extend([template, check(work)]);
     Ok(commands)
@@ -195,10 +199,17 @@ fn clip(form: &Form) -> Result<String, String> {
     form.clip.as_deref().map(argument).ok_or_else(|| "choose a clip first".to_owned())
 }
 
-fn camera(camera: &Camera) -> Command {
+/// Whether neither the user nor the clip tells the camera, so that the corners must.
+fn is_estimated(work: &Work, form: &Form) -> bool {
+    let told = || work.json(&work.beside("preview/clip.json")).is_some_and(|clip| clip["lens"].is_number());
+    form.clip.is_some() && form.camera == Camera::Auto && !told()
+}
+
+fn camera(camera: &Camera, estimated: bool) -> Command {
     let options =
         |pairs: &[(&str, f64)]| pairs.iter().flat_map(|(o, v)| [(*o).to_owned(), number(*v)]).collect();
     match camera {
+        Camera::Auto if estimated => vec!["--camera".into(), "estimate".into()],
         Camera::Auto => Vec::new(),
         Camera::Fov { fov } => options(&[("--fov", *fov)]),
         Camera::Focal { fx, fy, centre } => {
@@ -288,6 +299,22 @@ mod tests {
                 .unwrap_err()
                 .contains("four corners")
         );
+    }
+
+    #[test]
+    fn the_corners_tell_the_camera_where_nobody_else_does() {
+        let folder = tempfile::tempdir().unwrap();
+        let project = Project::open(folder.path()).unwrap();
+        let work = Work::new(&project, "scenes/a").unwrap();
+        let form = Form { camera: Camera::Auto, ..form() };
+        let estimates = || -> Vec<bool> {
+            let commands = of(&work, &form, &Step::Prepare).unwrap();
+            commands.iter().map(|c| shown(c).contains("--camera estimate")).collect()
+        };
+        assert_eq!(estimates(), [true, true, false]);
+        std::fs::create_dir_all(folder.path().join("scenes/a.studio/preview")).unwrap();
+        std::fs::write(folder.path().join("scenes/a.studio/preview/clip.json"), r#"{"lens": 26.0}"#).unwrap();
+        assert_eq!(estimates(), [false, false, false]);
     }
 
     #[test]

@@ -38,10 +38,17 @@ pub fn read(path: &Path) -> Option<News> {
     Some(parse(&String::from_utf8_lossy(&bytes)))
 }
 
-/// What a line of progress tells: `stage 2 of 5, refine 3/9, about 4 min left (37 %)`.
+/// What a line of progress tells: `stage 2 of 5, refine 3/9, about 4 min left (37 %)`, or `masks: 37 %`.
 fn fraction(line: &str) -> Option<f64> {
-    let percent = line.strip_suffix(" %)")?.rsplit_once('(')?.1;
+    let percent = match line.strip_prefix("masks: ") {
+        Some(masks) => masks.strip_suffix(" %")?,
+        None => line.strip_suffix(" %)")?.rsplit_once('(')?.1,
+    };
     percent.parse().ok().map(|p: f64| p / 100.0)
+}
+
+fn is_progress(line: &str) -> bool {
+    line.starts_with("stage ") && line.contains(" of ") || line.starts_with("masks: ") && line.ends_with(" %")
 }
 
 fn parse(text: &str) -> News {
@@ -59,7 +66,7 @@ fn parse(text: &str) -> News {
                 _ => "failed",
             });
             continue;
-        } else if line.starts_with("stage ") && line.contains(" of ") {
+        } else if is_progress(line) {
             news.progress = Some(line.to_owned());
             news.fraction = fraction(line).or(news.fraction);
             continue;
@@ -99,6 +106,7 @@ mod tests {
             (news.error.as_deref(), news.ended),
             (Some("a.obj: strange\n  hint: turn it"), Some("failed"))
         );
+        assert_eq!(parse("$ a\nmasks: 12 %\nmasks: 40 %\n").fraction, Some(0.4));
         assert_eq!(parse("$ a\n= stopped\n").ended, Some("stopped"));
         assert_eq!(parse("live at http://evil.example/\n").live, None);
     }

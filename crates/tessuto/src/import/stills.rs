@@ -9,6 +9,7 @@ use serde_json::json;
 
 use super::frames::in_order;
 use super::video::{Raw, Video};
+use super::{Focal, camera_of};
 use crate::camera::Rect;
 use crate::error::{Error, Result};
 use crate::io::{atomic_write, image, jpeg};
@@ -45,7 +46,8 @@ pub struct Stills {
 }
 
 /// Writes `frame_00012.png` or `.jpg` for every frame asked for into the existing `folder`, and `clip.json`, which tells
-/// frame rate, size and the numbers of the frames; `progress` is told the number of a frame that has been written.
+/// frame rate, size, the numbers of the frames and, where the file tells
+/// it, the focal length in terms of 35-mm film `[mm]`; `progress` is told the number of a frame that has been written.
 ///
 /// # Errors
 /// [`Error::Usage`] if the frames asked for do not exist; [`Error::Input`] of the video; [`Error::Output`].
@@ -74,7 +76,9 @@ pub fn stills(settings: &StillSettings, folder: &Path, progress: &(dyn Fn(usize)
         ));
     }
     notes.extend(stream.complaints());
-    let text = json!({ "fps": video.fps, "width": size[0], "height": size[1], "frames": [begin, count] });
+    let lens = camera_of(&settings.input, &settings.ffmpeg);
+    let lens = lens.and_then(|lens| if let Focal::Film(mm) = lens.focal { Some(mm) } else { None });
+    let text = json!({ "fps": video.fps, "width": size[0], "height": size[1], "frames": [begin, count], "lens": lens });
     atomic_write(&folder.join("clip.json"), format!("{text:#}\n").as_bytes())?;
     Ok(Stills { written, fps: video.fps, size, notes })
 }
