@@ -36,7 +36,7 @@ fn cloth(clip: Clip, n: usize, x: f64, y: f64) -> Option<[f64; 2]> {
     let [x0, y0] = corner(clip, n);
     let (u, v) = (x - x0, y - y0);
     let bent = CLOTH[1] + 4.0 * (u / 12.0).sin();
-    (u >= 0.0 && u <= CLOTH[0] && v >= 0.0 && v <= bent).then_some([u, v])
+    ((0.0..=CLOTH[0]).contains(&u) && (0.0..=bent).contains(&v)).then_some([u, v])
 }
 
 fn colour(clip: Clip, n: usize, x: f64, y: f64) -> [f64; 3] {
