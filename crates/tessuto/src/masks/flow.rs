@@ -177,7 +177,7 @@ pub(super) fn shift(from: &Colours, to: &Colours, region: &Region, rect: Rect) -
     const SIDE: usize = 14;
     const FEWEST: usize = 8;
     /// Mean squared gradient in every direction, beyond noise.
-    const TEXTURED: f32 = 20.0;
+    const TEXTURED: f32 = 6.0;
     let outside = Region { rect, inside: region.within(rect).inside.iter().map(|i| !i).collect() };
     let levels = pyramid(from, to, &outside, rect);
     let size = [rect.width(), rect.height()];

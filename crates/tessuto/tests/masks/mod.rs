@@ -45,7 +45,8 @@ fn colour(clip: Clip, n: usize, x: f64, y: f64) -> [f64; 3] {
         return [0.6 + print, 0.55 - print, 0.3 + 0.5 * print];
     }
     let x = if clip == Clip::MovingCamera { x + 3.0 * n as f64 } else { x };
-    let mut wall = [0.35, 0.4, 0.5].map(|c| c + 0.06 * (x / 9.0).sin() * (y / 13.0).cos());
+    let plaster = 0.08 * (x / 3.1 + y / 7.0).sin() * (y / 2.9 - x / 11.0).cos();
+    let mut wall = [0.35, 0.4, 0.5].map(|c| c + plaster);
     if (x - 90.0).abs() < 9.0 || (y - 105.0).abs() < 4.0 {
         wall = [0.5, 0.3, 0.25];
     }
