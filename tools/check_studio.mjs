@@ -31,7 +31,7 @@ const check = (what, passed, detail = "") => {
 /** A clip of a moving sheet. */
 const makeClip = () => {
   const scene = join(made, "scene"), clip = join(made, "curtain.mp4");
-  execFileSync(tessuto, ["synth", scene, "--frames", "12", "--size", "256", "--grid", "13x13", "--seed", "3", "--wind", "4"]);
+  execFileSync(tessuto, ["synth", scene, "--frames", "8", "--size", "224", "--grid", "13x13", "--seed", "3", "--wind", "4"]);
   execFileSync(process.env.TESSUTO_FFMPEG ?? "ffmpeg", ["-v", "error", "-y", "-framerate", "25", "-i", join(scene, "rgbs/rgb_%03d.png"), "-pix_fmt", "yuv420p", "-crf", "14", clip]);
   return clip;
 };
@@ -99,7 +99,7 @@ try {
   await page.waitFor(`document.getElementById("trim-wait").hidden`, "the frames of the clip");
   await page.evaluate(`document.getElementById("trim-end").focus()`);
   for (let k = 0; k < 4; k++) await page.press("ArrowLeft");
-  check("the end of the part follows the keys", (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 0 to 7 of 12"));
+  check("the end of the part follows the keys", (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 0 to 3 of 8"));
   await pause(300);
   await show("part");
   page.clicks = 0;
@@ -164,7 +164,7 @@ try {
   await page.waitFor(`!document.getElementById("live").hidden || !document.getElementById("result").hidden`, "the live view", 60);
   await pause(1500);
   await show("reconstruct");
-  await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`, "the result", 300);
+  await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`, "the result", 400);
   await calm();
   await page.waitFor(`document.getElementById("report").src.includes("report.html")`, "the report");
   await page.click("[data-format=pc2]");
