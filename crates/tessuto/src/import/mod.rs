@@ -56,6 +56,8 @@ pub struct Settings {
     pub masks: Masks,
     /// Black is fabric.
     pub invert_masks: bool,
+    /// Blacken all of a mask but its largest piece.
+    pub largest_piece: bool,
     /// The lens.
     pub calibration: Calibration,
     /// Frames per second; a video is resampled to it. Needed for images.
