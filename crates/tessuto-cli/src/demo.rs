@@ -20,7 +20,8 @@ use crate::watch::{self, Watch};
 #[command(after_help = "\
 Examples:
   tessuto demo
-  tessuto demo --out /tmp/demo --seed 3")]
+  tessuto demo --out /tmp/demo --seed 3
+  tessuto demo --clip trial            (a clip as a phone films it, to try the whole way with)")]
 pub struct Arguments {
     /// Folder for scene and result.
     #[arg(long, value_name = "DIR", default_value = "tessuto-out/demo")]
@@ -28,6 +29,9 @@ pub struct Arguments {
     /// Replace an earlier demonstration there.
     #[arg(long)]
     force: bool,
+    /// Only make a clip with surroundings, noise and compression, and a README of corners, size and camera, in this new folder.
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "force"])]
+    clip: Option<PathBuf>,
     #[command(flatten)]
     threads: Threads,
     /// Seed of the scene.
@@ -38,6 +42,9 @@ pub struct Arguments {
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
+    if let Some(folder) = &arguments.clip {
+        return crate::clip::make(folder, arguments.seed);
+    }
     let started = Instant::now();
     let (scene, result) = (arguments.out.join("scene"), arguments.out.join("result"));
     let settings = Settings::default().with(|s| s.seed = arguments.seed);

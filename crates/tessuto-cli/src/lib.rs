@@ -2,6 +2,7 @@
 
 mod appearance;
 mod check;
+mod clip;
 mod completions;
 mod demo;
 mod evaluate;

@@ -7,6 +7,7 @@ mod architecture;
 mod export;
 mod invariants;
 mod io;
+mod masks;
 mod metrics;
 mod motion;
 mod pbr;

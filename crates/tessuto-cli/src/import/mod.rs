@@ -39,6 +39,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         },
         plate: arguments.source.plate.clone(),
         invert_masks: arguments.invert_masks,
+        largest_piece: arguments.source.largest_piece,
         calibration: arguments.lens.calibration_of(&arguments.input)?,
         fps: arguments.fps,
         frames: arguments.frames.clone(),

@@ -14,6 +14,8 @@ use crate::values::{self, Pair};
 Examples:
   tessuto template scenes/towel --flat 70x50cm --from-mask
   tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622
+  tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622 --camera estimate
+  tessuto template scenes/flag --depth capture/ --from-mask        (Stray Scanner, Polycam; or a depth map)
   tessuto template scenes/flag --remesh 32 --from flag.glb
   tessuto template scenes/flag --flip yz --scale 0.001 --force
   tessuto template first.png --mask mask.png --fov 63 --flat 70x50cm --from-mask --out towel.obj
@@ -26,17 +28,24 @@ pub struct Arguments {
     /// A flat or nearly flat rectangle of this size, such as 0.7x0.5m, 70x50cm or 700x500mm.
     #[arg(long, value_name = "WxH", value_parser = values::lengths, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
     pub flat: Option<Pair>,
+    /// A depth map of the first frame: PNG of 16 bits in mm, .npy or OpenEXR in m; or the folder of a capture of Stray Scanner or
+    /// of Polycam's raw data, which brings its camera.
+    #[arg(long, value_name = "FILE|DIR", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
+    pub depth: Option<PathBuf>,
+    /// The camera of the colour images recorded with the depth map (JSON as apps write it) [default: the scene's].
+    #[arg(long, value_name = "FILE", requires = "depth")]
+    pub depth_camera: Option<PathBuf>,
     /// Where its corners are in the first frame [px].
-    #[arg(long, value_name = "X,Y", num_args = 4, value_parser = values::point, requires = "flat", allow_negative_numbers = true)]
+    #[arg(long, value_name = "X,Y", num_args = 4, value_parser = values::point, allow_negative_numbers = true)]
     pub corners: Vec<Pair>,
     /// Find the corners in the mask of the first frame, and let the sides follow the mask's outline.
-    #[arg(long, requires = "flat", conflicts_with = "corners")]
+    #[arg(long, conflicts_with = "corners")]
     pub from_mask: bool,
     /// Keep the sides straight between the corners.
-    #[arg(long, requires = "from_mask")]
+    #[arg(long)]
     pub straight: bool,
     /// Vertices along the longer side, or columns x rows.
-    #[arg(long, value_name = "N|CxR", value_parser = values::resolution, requires = "flat", default_value = "32")]
+    #[arg(long, value_name = "N|CxR", value_parser = values::resolution, default_value = "32")]
     pub grid: Resolution,
     /// Re-sample a mesh as a regular grid of quads: vertices along the longer side, or columns x rows.
     #[arg(long, value_name = "N|CxR", value_parser = values::resolution)]

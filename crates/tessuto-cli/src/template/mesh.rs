@@ -1,11 +1,13 @@
 //! The mesh that the arguments ask for.
 
+use std::path::PathBuf;
+
 use tessuto::glam::DVec2;
 use tessuto::io::scene::{CameraRecord, TemplateKind, TemplateRecord, template_misfit};
 use tessuto::template::fix::Fix;
 use tessuto::template::focal;
 use tessuto::template::make::{Changes, CornersFrom, from_file, from_rectangle};
-use tessuto::{Error, Result};
+use tessuto::{Error, Image, Result};
 
 use super::{Arguments, Made, View};
 use crate::say::say;
@@ -21,15 +23,8 @@ fn told(line: String) {
 /// A rectangle of fabric of `size` `[m]`; its corners tell the camera, too, if that is asked for.
 pub(super) fn flat(arguments: &Arguments, view: &mut View, size: Pair) -> Result<Made> {
     let mask = view.mask.take();
-    let place = mask.as_ref().map_or_else(String::new, |(_, path)| path.display().to_string());
-    let corners = match (&mask, arguments.from_mask) {
-        (Some((mask, _)), true) => CornersFrom::Mask { mask, place: &place, straight: arguments.straight },
-        (None, true) => {
-            let hint = "give the corners with --corners, or make or name masks first";
-            return Err(Error::usage("--from-mask without a mask", hint));
-        }
-        _ => CornersFrom::Points(points(arguments)?),
-    };
+    let place = place_of(mask.as_ref());
+    let corners = corners(arguments, mask.as_ref(), &place)?;
     let camera = match arguments.lens.is_estimated() {
         true => Some(estimated(view, size, &corners)?),
         false => None,
@@ -47,6 +42,27 @@ pub(super) fn flat(arguments: &Arguments, view: &mut View, size: Pair) -> Result
     view.mask = mask;
     let misfit = (!found.plane).then_some(found.residual);
     Ok(Made { mesh: found.mesh, record, misfit, raw: false })
+}
+
+/// What messages call the mask.
+pub(super) fn place_of(mask: Option<&(Image, PathBuf)>) -> String {
+    mask.map_or_else(String::new, |(_, path)| path.display().to_string())
+}
+
+/// The corners in the mask, or those that were given.
+pub(super) fn corners<'a>(
+    arguments: &Arguments,
+    mask: Option<&'a (Image, PathBuf)>,
+    place: &'a str,
+) -> Result<CornersFrom<'a>> {
+    Ok(match (mask, arguments.from_mask) {
+        (Some((mask, _)), true) => CornersFrom::Mask { mask, place, straight: arguments.straight },
+        (None, true) => {
+            let hint = "give the corners with --corners, or make or name masks first";
+            return Err(Error::usage("--from-mask without a mask", hint));
+        }
+        _ => CornersFrom::Points(points(arguments)?),
+    })
 }
 
 /// The corners that were given.

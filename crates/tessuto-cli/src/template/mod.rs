@@ -1,6 +1,7 @@
 //! `tessuto template`.
 
 mod arguments;
+mod depth;
 mod mesh;
 mod view;
 
@@ -49,9 +50,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         );
     }
     let mut view = view(arguments, scene)?;
-    let mut made = match arguments.flat {
-        Some(size) => flat(arguments, &mut view, size)?,
-        None => from_mesh(arguments, scene)?,
+    let mut made = match (arguments.flat, &arguments.depth) {
+        (Some(size), _) => flat(arguments, &mut view, size)?,
+        (None, Some(path)) => depth::from_depth(arguments, &mut view, path)?,
+        (None, None) => from_mesh(arguments, scene)?,
     };
     let mask = view.mask.as_ref().map(|(mask, _)| mask);
     let mut metres = made.mesh.clone();

@@ -161,3 +161,114 @@ fn rectangles_that_no_fabric_can_be_are_refused() {
         "{text}"
     );
 }
+
+/// Depth [m] of the sheet that [`scene`] shows, as a sensor of 64×48 pixels measures it: with a ripple, noise and a hole. 0 is nothing.
+fn measured([x, y]: [f64; 2], distance: f64) -> Vec<f32> {
+    let sensor = CAMERA.resized([64, 48]);
+    let turn = DMat3::from_euler(EulerRot::XYZ, x, y, 0.05);
+    let (normal, middle) = (turn * DVec3::Z, DVec3::new(0.01, 0.02, distance));
+    let depth = |k: usize| {
+        let p = DVec2::new((k % 64) as f64, (k / 64) as f64);
+        let ray = sensor.ray(p);
+        let noise = 0.002 * ((k * 7919 % 1000) as f64 / 500.0 - 1.0);
+        if (28..33).contains(&(k % 64)) && (20..25).contains(&(k / 64)) {
+            0.0
+        } else {
+            normal.dot(middle) / normal.dot(ray) + noise
+        }
+    };
+    (0..64 * 48).map(|k| depth(k) as f32).collect()
+}
+
+#[test]
+fn a_depth_map_brings_shape_and_camera() {
+    let (pose, distance) = ([0.5, -0.6], 0.8);
+    let (folder, _) = scene(pose, distance);
+    let at = |name: &str| folder.path().join(name);
+    let map = measured(pose, distance);
+    for sub in ["stray/depth", "stray/confidence", "poly/keyframes/depth", "poly/keyframes/cameras"] {
+        std::fs::create_dir_all(at(sub)).unwrap();
+    }
+    // Phones' colour images are larger than the map; here 640×480, of which the scene's are half the size.
+    std::fs::write(at("stray/camera_matrix.csv"), "600,0,319.5\n0,600,239.5\n0,0,1\n").unwrap();
+    // What the sensor is not sure of is far off.
+    let (mut wild, mut sure) = (map.clone(), Image::new(64, 48, 1));
+    sure.data.fill(1.0);
+    (1500..1510).for_each(|k| (wild[k], sure.data[k]) = (2.0, 0.0));
+    tessuto::io::npy::write(&at("stray/depth/000000.npy"), &[48, 64], &wild).unwrap();
+    write_png(&at("stray/confidence/000000.png"), &sure).unwrap();
+    tessuto::io::npy::write(&at("poly/keyframes/depth/17.npy"), &[48, 64], &map).unwrap();
+    let camera = r#"{"fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}"#;
+    std::fs::write(at("poly/keyframes/cameras/17.json"), camera).unwrap();
+    std::fs::write(at("camera.json"), camera).unwrap();
+    tessuto::io::npy::write(&at("plain.npy"), &[48, 64], &map).unwrap();
+    let scene = folder.path().to_str().unwrap();
+    let make = |depth: &str, more: &[&str]| {
+        let depth = at(depth);
+        let start = ["template", scene, "--depth", depth.to_str().unwrap(), "--grid", "9", "--force"];
+        tessuto(&[&start[..], more].concat())
+    };
+    let camera = at("camera.json");
+    let turn = DMat3::from_euler(EulerRot::XYZ, pose[0], pose[1], 0.05);
+    for (depth, more) in [
+        ("stray", &["--from-mask"][..]),
+        ("poly", &["--from-mask"]),
+        ("plain.npy", &["--from-mask", "--depth-camera", camera.to_str().unwrap()]),
+    ] {
+        let (status, text) = make(depth, more);
+        assert!(status == Some(0) && text.contains("camera of the depth map: fx 300.0"), "{depth}: {text}");
+        assert_eq!(json(&at("scene.json"))["fx"], 300.0);
+        let mesh = tessuto::io::obj::read(&at("template.obj")).unwrap();
+        let off = |p: &DVec3| (turn * DVec3::Z).dot(*p - DVec3::new(0.01, 0.02, distance)).abs();
+        let worst = mesh.positions.iter().map(off).fold(0.0, f64::max);
+        assert!(worst < 4e-3, "{depth}: {worst} m off the plane");
+        let side = mesh.positions[0].distance(mesh.positions[8]);
+        assert!((side - SIZE.x).abs() < 0.01, "{depth}: the upper side is {side} m");
+        let record = json(&at("template.json"));
+        assert!(record["kind"] == "depth" && record["depth"]["noise"].as_f64().unwrap() < 4e-3, "{record}");
+        let (status, text) = tessuto(&["check", scene]);
+        assert!(
+            status == Some(0) && text.contains("from a depth map") && !text.contains("focal length is known"),
+            "{text}"
+        );
+    }
+    // A map of another shape, and none at all.
+    tessuto::io::npy::write(&at("bad.npy"), &[64, 48], &map).unwrap();
+    std::fs::write(at("tall.json"), r#"{"fx": 600, "cx": 239.5, "cy": 319.5, "width": 480, "height": 640}"#)
+        .unwrap();
+    let tall = at("tall.json");
+    let (status, text) = make("bad.npy", &["--from-mask", "--depth-camera", tall.to_str().unwrap()]);
+    assert!(status == Some(3) && text.contains("turned by 90°"), "{text}");
+    let (status, text) = make("bad.npy", &["--from-mask"]);
+    assert!(status == Some(3) && text.contains("another shape"), "{text}");
+    let (status, text) = make("stray/confidence", &["--from-mask"]);
+    assert!(status == Some(3) && text.contains("has no depth maps"), "{text}");
+}
+
+#[test]
+fn a_made_up_clip_comes_with_what_is_needed() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("trial");
+    let make = |out: &Path| {
+        Command::new(env!("CARGO_BIN_EXE_tessuto"))
+            .args(["demo", "--clip", out.to_str().unwrap()])
+            .env("TESSUTO_FFMPEG", "/no/such/program")
+            .output()
+            .unwrap()
+    };
+    let output = make(&out);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let text = std::fs::read_to_string(out.join("README.md")).unwrap();
+    assert!(text.contains("Size of the sheet: 50 × 50 cm") && text.contains("--fps 50"), "{text}");
+    assert_eq!(std::fs::read_dir(out.join("frames")).unwrap().count(), 30);
+    // The corners it names are those of a plane sheet of that size.
+    let line = text.lines().find(|l| l.starts_with("tessuto template")).unwrap();
+    let corners: Vec<&str> = line.split("--corners ").nth(1).unwrap().split(' ').collect();
+    let (image, mesh) = (out.join("frames/frame_000.png"), folder.path().join("sheet.obj"));
+    let (image, mesh) = (image.to_str().unwrap(), mesh.to_str().unwrap());
+    let start = ["template", image, "--fx", "600", "--flat", "50x50cm", "--out", mesh, "--corners"];
+    let (status, text) = tessuto(&[&start[..], &corners[..]].concat());
+    assert!(status == Some(0) && text.contains("a plane rectangle fits them"), "{text}");
+    let again = make(&out);
+    assert_eq!(again.status.code(), Some(3), "{}", String::from_utf8_lossy(&again.stderr));
+}

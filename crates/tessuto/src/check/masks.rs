@@ -1,7 +1,9 @@
 //! What is wrong with masks: pieces, holes, greys, and sizes that jump.
 
 use super::{Finding, Level};
+use crate::error::Hint;
 use crate::image::Image;
+use crate::masks::Record;
 use crate::mesh::pieces;
 use crate::scene::Scene;
 
@@ -121,8 +123,13 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
             shape.pieces,
             100.0 * shape.largest
         );
-        out.push(finding(level, detail, "leave only the fabric white: other pieces are taken for cloth"));
+        out.push(finding(
+            level,
+            detail,
+            "leave only the fabric white, as import can (largest_piece): other pieces are taken for cloth",
+        ));
     }
+    out.extend(made(scene));
     if let Some((level, frame, shape)) = worst(&|s| s.holes, [f64::INFINITY, HOLES]) {
         let detail =
             format!("the mask of frame {frame} has holes, {:.1} % of the fabric", 100.0 * shape.holes);
@@ -133,6 +140,33 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
         ));
     }
     out
+}
+
+/// What was doubtful when the masks were made from the clip.
+fn made(scene: &Scene) -> Option<Finding> {
+    let finding = |detail, hint: Hint| Finding {
+        level: Level::Warning,
+        what: "masks".into(),
+        detail,
+        hint: Some(hint),
+    };
+    let record = match Record::read(&scene.folder) {
+        Ok(record) => record?,
+        Err(error) => return Some(finding(error.to_string(), "make the masks again".into())),
+    };
+    let doubtful: Vec<_> = record.doubtful().collect();
+    let first = doubtful.first()?;
+    let detail = format!(
+        "{} of {} masks made from the clip look wrong, first that of frame {}: {}",
+        doubtful.len(),
+        record.frames.len(),
+        first.frame,
+        first.reason.as_deref().unwrap_or_default()
+    );
+    Some(finding(
+        detail,
+        "look at masks.html, and say of places in these frames whether they are fabric".into(),
+    ))
 }
 
 /// How much of the image is fabric.

@@ -4,6 +4,7 @@
 mod calibration;
 mod calibration_file;
 mod colmap;
+mod depth;
 mod frames;
 mod lens;
 mod masks;
@@ -29,6 +30,7 @@ use stage::Stage;
 
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;
+pub use depth::{Captured, read_depth};
 pub use lens::Distortion;
 pub use metadata::camera_of;
 pub use stills::{StillSettings, Stills, stills};
@@ -54,6 +56,8 @@ pub struct Settings {
     pub masks: Masks,
     /// Black is fabric.
     pub invert_masks: bool,
+    /// Blacken all of a mask but its largest piece.
+    pub largest_piece: bool,
     /// The lens.
     pub calibration: Calibration,
     /// Frames per second; a video is resampled to it. Needed for images.

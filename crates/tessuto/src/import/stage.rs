@@ -10,6 +10,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::{atomic_write, image};
+use crate::masks::keep_largest_piece;
 
 /// What all images go through.
 pub(super) struct Stage<'a> {
@@ -108,7 +109,14 @@ impl<'a> Stage<'a> {
     /// Writes mask `k` [0, 1] of frames of this size.
     pub fn mask(&self, colours: &Colours, k: usize, mask: &Image) -> Result<()> {
         let invert = self.settings.invert_masks;
-        let byte = |v: &f32| ((if invert { 1.0 - v } else { *v }).clamp(0.0, 1.0) * 255.0).round() as u8;
+        let mut mask = mask.clone();
+        if invert {
+            mask.data.iter_mut().for_each(|v| *v = 1.0 - *v);
+        }
+        if self.settings.largest_piece {
+            keep_largest_piece(&mut mask);
+        }
+        let byte = |v: &f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
         let png = self.finish(colours, mask.data.iter().map(byte).collect(), 1);
         self.put(&format!("masks/mask_{k:03}.png"), &png)
     }

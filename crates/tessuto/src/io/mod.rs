@@ -1,6 +1,7 @@
 //! Files in and out: scenes, images, meshes, arrays. Every file is written through [`atomic_write`].
 
 mod atomic;
+pub mod depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;

@@ -24,7 +24,7 @@ const MOST: f32 = 5.0;
 /// A shadow leaves this much of the companded colour at least, and is so likely.
 const SHADOW: (f32, f32) = (0.72, 0.1);
 /// Colours kept of a cell, of either side.
-const SAMPLES: usize = 5;
+const SAMPLES: usize = 3;
 /// Cells around a pixel's whose samples count.
 const REACH: usize = 3;
 

@@ -28,18 +28,29 @@ pub(super) struct Flow {
     rows: usize,
     /// To the other frame.
     data: Vec<[f32; 2]>,
+    /// Of what comes to the grid's places in the other frame.
+    arriving: Vec<[f32; 2]>,
 }
 
 impl Flow {
     /// The displacement at a place of the image.
     pub fn at(&self, x: f32, y: f32) -> [f32; 2] {
+        self.between(&self.data, x, y)
+    }
+
+    /// The displacement of what comes to this place.
+    pub fn to(&self, x: f32, y: f32) -> [f32; 2] {
+        self.between(&self.arriving, x, y)
+    }
+
+    fn between(&self, data: &[[f32; 2]], x: f32, y: f32) -> [f32; 2] {
         let place = |v: f32, start: usize, n: usize| {
             let v = ((v - start as f32) / self.step as f32).clamp(0.0, (n - 1) as f32);
             (v as usize, ((v as usize) + 1).min(n - 1), v.fract())
         };
         let (x0, x1, s) = place(x, self.rect.x0, self.columns);
         let (y0, y1, t) = place(y, self.rect.y0, self.rows);
-        let d = |i: usize, j: usize| self.data[j * self.columns + i];
+        let d = |i: usize, j: usize| data[j * self.columns + i];
         std::array::from_fn(|c| {
             let (a, b) = (
                 d(x0, y0)[c] + s * (d(x1, y0)[c] - d(x0, y0)[c]),
@@ -49,13 +60,17 @@ impl Flow {
         })
     }
 
-    /// The displacement of what comes to this place.
-    pub fn to(&self, x: f32, y: f32) -> [f32; 2] {
-        let mut d = self.at(x, y);
-        for _ in 0..3 {
-            d = self.at(x - d[0], y - d[1]);
-        }
-        d
+    /// Where what comes to the grid's places has been: a fixed point.
+    fn turned(mut self) -> Self {
+        let place = |i: usize| {
+            [self.rect.x0 + i % self.columns * self.step, self.rect.y0 + i / self.columns * self.step]
+        };
+        let origin = |i: usize| {
+            let [x, y] = place(i).map(|v| v as f32);
+            (0..4).fold([0.0; 2], |d: [f32; 2], _| self.at(x - d[0], y - d[1]))
+        };
+        self.arriving = (0..self.data.len()).map(origin).collect();
+        self
     }
 
     /// Largest displacement, of either coordinate.
@@ -154,7 +169,7 @@ pub(super) fn flow(from: &Colours, to: &Colours, inside: &Region, rect: Rect) ->
         membrane(&mut data, &matched, columns);
         data.iter_mut().flatten().for_each(|v| *v *= scale);
     }
-    Flow { rect, step, columns, rows, data }
+    Flow { rect, step, columns, rows, data, arriving: Vec::new() }.turned()
 }
 
 /// How far, in the median, the textured windows outside of `region` move `[px]`; `None` where there are too few to tell.
@@ -162,7 +177,7 @@ pub(super) fn shift(from: &Colours, to: &Colours, region: &Region, rect: Rect) -
     const SIDE: usize = 14;
     const FEWEST: usize = 8;
     /// Mean squared gradient in every direction, beyond noise.
-    const TEXTURED: f32 = 20.0;
+    const TEXTURED: f32 = 6.0;
     let outside = Region { rect, inside: region.within(rect).inside.iter().map(|i| !i).collect() };
     let levels = pyramid(from, to, &outside, rect);
     let size = [rect.width(), rect.height()];

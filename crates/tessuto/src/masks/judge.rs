@@ -1,5 +1,7 @@
 //! How far each mask can be trusted, and why not.
 
+use rayon::prelude::*;
+
 use super::frames::Frames;
 use super::region::{Field, Region};
 use super::track::Tracked;
@@ -25,14 +27,14 @@ pub struct Judgement {
 /// Judges every frame.
 pub(super) fn judge(frames: &Frames, tracked: &Tracked) -> Vec<Judgement> {
     let count = tracked.regions.len();
-    (0..count).map(|n| one(frames, tracked, n)).collect()
+    (0..count).into_par_iter().map(|n| one(frames, tracked, n)).collect()
 }
 
 fn one(frames: &Frames, tracked: &Tracked, n: usize) -> Judgement {
     let region = &tracked.regions[n];
     let clear = clearness(region, &tracked.evidence[n]);
     // What neighbours say where the fabric should be.
-    let rect = tracked.evidence[n].rect;
+    let rect = region.bounds().unwrap_or(region.rect).padded(8, frames.size);
     let mut agreement: f64 = 1.0;
     if n > 0 {
         let before = tracked.regions[n - 1].signed_distance(tracked.evidence[n - 1].rect);

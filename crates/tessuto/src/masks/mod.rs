@@ -117,6 +117,15 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     Ok(Made { record, files })
 }
 
+/// Blackens all of a mask but its largest piece: pixels above 5 % that hang together along sides.
+pub fn keep_largest_piece(mask: &mut Image) {
+    let rect = Rect { x0: 0, y0: 0, x1: mask.width, y1: mask.height };
+    let region = Region { rect, inside: mask.data.iter().map(|v| *v > 0.05).collect() };
+    let mut pieces = region.pieces(true);
+    pieces.sort_by_key(|piece| std::cmp::Reverse(piece.len()));
+    pieces.iter().skip(1).flatten().for_each(|i| mask.data[*i] = 0.0);
+}
+
 /// Soft coverage of every frame.
 fn coverages(frames: &Frames, tracked: &Tracked, noise: f32) -> Vec<Field> {
     let of = |n: usize| {

@@ -4,11 +4,11 @@
 use rayon::prelude::*;
 
 use super::frames::{Colours, Frames};
-use super::region::Field;
+use super::region::{Field, index};
 use crate::camera::Rect;
 
 /// Frames whose colours are looked at for one pixel.
-const LOOKS: usize = 41;
+const LOOKS: usize = 24;
 /// From so many looks on a colour is sure.
 const SURE: f32 = 3.0;
 
@@ -44,23 +44,28 @@ impl Plate {
     pub fn seen(frames: &Frames, distances: &[Field], margin: f32) -> Self {
         let [width, height] = frames.size;
         let stride = distances.len().div_ceil(LOOKS).max(1);
+        // Far from the fabric of all frames nobody asks.
+        let asked = distances.iter().map(|d| d.rect).reduce(Rect::union);
         let rows: Vec<Vec<([f32; 3], f32, f32)>> = (0..height)
             .into_par_iter()
             .map(|y| {
-                let mut looks: Vec<[u8; 3]> = Vec::new();
+                let mut looks: [Vec<u8>; 3] = Default::default();
                 (0..width)
                     .map(|x| {
-                        looks.clear();
+                        looks.iter_mut().for_each(Vec::clear);
+                        if asked.is_none_or(|asked| index(asked, x, y).is_none()) {
+                            return ([0.0; 3], 0.0, 0.0);
+                        }
                         for (n, distance) in distances.iter().enumerate() {
                             // All frames where the fabric comes near, of the others some are enough.
-                            let near = inside(distance.rect, x, y);
-                            if near && distance.sample(x as f32, y as f32) > -margin {
+                            let near = index(distance.rect, x, y);
+                            if near.is_some_and(|i| distance.data[i] > -margin) {
                                 continue;
                             }
-                            if n % stride == 0 || (looks.len() < 5 && near) {
+                            if n % stride == 0 || (looks[0].len() < 5 && near.is_some()) {
                                 let i = 3 * (y * width + x);
                                 let data = &frames.images[n].data;
-                                looks.push([data[i], data[i + 1], data[i + 2]]);
+                                (0..3).for_each(|c| looks[c].push(data[i + c]));
                             }
                         }
                         median(&mut looks)
@@ -80,7 +85,7 @@ impl Plate {
     pub fn add(&mut self, frame: &Colours, distance: &Field, margin: f32) {
         for i in 0..self.sure.len() {
             let (x, y) = (i % self.width, i / self.width);
-            if inside(distance.rect, x, y) && distance.sample(x as f32, y as f32) > -margin {
+            if index(distance.rect, x, y).is_some_and(|i| distance.data[i] > -margin) {
                 continue;
             }
             // What is seen now counts a tenth at least: light changes, people go away.
@@ -106,25 +111,22 @@ impl Plate {
     }
 }
 
-fn inside(rect: Rect, x: usize, y: usize) -> bool {
-    x >= rect.x0 && x < rect.x1 && y >= rect.y0 && y < rect.y1
-}
-
-fn median(looks: &mut [[u8; 3]]) -> ([f32; 3], f32, f32) {
-    if looks.is_empty() {
+/// Median, how sure it is, and spread, of looks at each channel.
+fn median(looks: &mut [Vec<u8>; 3]) -> ([f32; 3], f32, f32) {
+    let count = looks[0].len();
+    if count == 0 {
         return ([0.0; 3], 0.0, 0.0);
     }
-    let middle = looks.len() / 2;
     let mut colour = [0.0; 3];
     let mut spread: f32 = 0.0;
-    for c in 0..3 {
-        looks.sort_unstable_by_key(|l| l[c]);
-        colour[c] = f32::from(looks[middle][c]);
+    for (c, looks) in looks.iter_mut().enumerate() {
+        looks.sort_unstable();
+        colour[c] = f32::from(looks[count / 2]);
         // Half of the looks lie between the quartiles, 1.35 deviations apart.
-        let (low, high) = (looks[looks.len() / 4][c], looks[(3 * looks.len() / 4).min(looks.len() - 1)][c]);
+        let (low, high) = (looks[count / 4], looks[(3 * count / 4).min(count - 1)]);
         spread = spread.max(f32::from(high - low) / 1.35);
     }
-    (colour, (looks.len() as f32 / SURE).min(1.0), spread)
+    (colour, (count as f32 / SURE).min(1.0), spread)
 }
 
 #[cfg(test)]

@@ -110,10 +110,15 @@ pub(super) fn segment(known: &Known, marks: &[Mark]) -> Segmented {
     }
     let source = graph.cut();
     unknown.iter().zip(source).for_each(|(i, fabric)| region.inside[*i] = fabric);
-    for mark in marks {
-        certain(rect, *mark).into_iter().for_each(|i| region.inside[i] = mark.inside);
-    }
+    impose(&mut region, marks);
     Segmented { region, evidence: ratio }
+}
+
+/// What was clicked holds, whatever was found.
+pub(super) fn impose(region: &mut Region, marks: &[Mark]) {
+    for mark in marks {
+        certain(region.rect, *mark).into_iter().for_each(|i| region.inside[i] = mark.inside);
+    }
 }
 
 fn signed(strength: i32, distance: f32) -> i32 {

@@ -14,6 +14,8 @@ const CUT: f64 = 0.5;
 /// Shifts of the surroundings `[px]` of an image of 640 columns: doubtful, and too much.
 const SHAKEN: f32 = 1.5;
 const MOVED: f32 = 6.0;
+/// Frames at which the shift is looked at, before the one in which it begins is looked for.
+const LOOKS: usize = 16;
 
 /// What the surroundings of the fabric do.
 #[derive(Debug, Default, PartialEq)]
@@ -45,15 +47,19 @@ pub(super) fn steadiness(frames: &Frames, fabric: &Region) -> Steadiness {
         return Steadiness { cut: Some(cut + 1), ..Steadiness::default() };
     }
     let unit = width as f32 / 640.0;
-    let shifts: Vec<Option<f32>> = (1..frames.images.len())
-        .into_par_iter()
-        .map(|n| shift(&frames.images[0], &frames.images[n], &near, rect))
-        .collect();
-    let far = |limit: f32| move |s: &Option<f32>| s.is_some_and(|s| s > limit * unit);
-    let recorded = |(n, s): (usize, f32)| (n + 1, s * frames.factor as f32);
-    let moved = shifts.iter().position(far(MOVED)).and_then(|n| Some((n, shifts[n]?))).map(recorded);
-    let most = shifts.iter().enumerate().filter_map(|(n, s)| Some((n, (*s)?)));
-    let most = most.max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, s)| *s > SHAKEN * unit);
+    let of = |n: usize| Some((n, shift(&frames.images[0], &frames.images[n], &near, rect)?));
+    let last = frames.images.len() - 1;
+    let looked: Vec<usize> =
+        (1..=last).filter(|n| n % last.div_ceil(LOOKS).max(1) == 0 || *n == last).collect();
+    let shifts: Vec<(usize, f32)> = looked.into_par_iter().filter_map(of).collect();
+    let recorded = |(n, s): (usize, f32)| (n, s * frames.factor as f32);
+    let moved = shifts.iter().find(|(_, s)| *s > MOVED * unit).copied();
+    // Frames between two that were looked at.
+    let first = moved.and_then(|(n, _)| {
+        (n.saturating_sub(last / LOOKS).max(1)..=n).filter_map(of).find(|(_, s)| *s > MOVED * unit)
+    });
+    let moved = first.or(moved).map(recorded);
+    let most = shifts.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, s)| *s > SHAKEN * unit);
     Steadiness { cut: None, moved, shaken: most.map(recorded).filter(|_| moved.is_none()) }
 }
 

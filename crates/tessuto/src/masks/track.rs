@@ -8,7 +8,7 @@ use super::flow::{Flow, flow};
 use super::frames::{Colours, Frames};
 use super::plate::Plate;
 use super::region::{Field, Region};
-use super::segment::{Mark, segment};
+use super::segment::{Mark, impose, segment};
 use crate::camera::Rect;
 
 /// Half width of the band in which the outline is looked for, inside and outside, as fractions of the fabric's size: of
@@ -112,8 +112,11 @@ impl Tracker<'_> {
         region.bounds().map_or(whole, |b| b.padded(margin, self.frames.size))
     }
 
-    fn tidy(&self, region: Region) -> Region {
-        region.tidied(if self.given.largest_piece { 1.0 } else { CRUMBS }, PINHOLES)
+    /// Frame `n` without crumbs and pinholes, but for what was clicked.
+    fn tidy(&self, region: Region, n: usize) -> Region {
+        let mut tidy = region.tidied(if self.given.largest_piece { 1.0 } else { CRUMBS }, PINHOLES);
+        impose(&mut tidy, &self.given.marks[n]);
+        tidy
     }
 
     /// The first frame, from what was drawn.
@@ -123,7 +126,7 @@ impl Tracker<'_> {
         for band in bands {
             let prior = self.opened(region.signed_distance(self.around(&region)), self.band(*band));
             let known = self.known(0, &prior, self.band(*band), plate, &[]);
-            region = self.tidy(segment(&known, &self.given.marks[0]).region);
+            region = self.tidy(segment(&known, &self.given.marks[0]).region, 0);
         }
         region
     }
@@ -184,7 +187,7 @@ impl Tracker<'_> {
             band.iter_mut().for_each(|b| *b = b.max(0.7 * flow.largest()).min(0.12 * self.size));
             let prior = self.opened(prior, band);
             let known = self.known(n, &prior, band, &plate, &expected);
-            let region = self.tidy(segment(&known, &self.given.marks[n]).region);
+            let region = self.tidy(segment(&known, &self.given.marks[n]).region, n);
             drop(expected);
             regions.push(region);
             flows.push(flow);
@@ -232,7 +235,7 @@ impl Tracker<'_> {
         let prior = self.opened(prior, self.band(band));
         let known = self.known(n, &prior, self.band(band), plate, &expected);
         let found = segment(&known, &self.given.marks[n]);
-        (self.tidy(found.region), found.evidence)
+        (self.tidy(found.region, n), found.evidence)
     }
 }
 

@@ -9,6 +9,7 @@ pub(crate) mod paper;
 pub(crate) mod settings;
 pub(crate) mod shade;
 pub(crate) mod sheet;
+pub(crate) mod surroundings;
 pub(crate) mod texture;
 pub(crate) mod trajectory;
 pub(crate) mod view;
@@ -27,6 +28,8 @@ use crate::scene::{Scene, Truth};
 use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use occluder::{Behind, Occluder};
 pub use settings::{Mover, Settings};
+pub use sheet::SIZE as SHEET;
+pub use surroundings::filmed;
 use trajectory::Trajectory;
 use view::{Studio, View, exposed};
 

@@ -43,18 +43,18 @@ pub fn texture(size: usize, seed: u64) -> Image {
 }
 
 /// Value noise: random numbers on a lattice, smooth in between.
-struct Lattice {
+pub(super) struct Lattice {
     cells: usize,
     values: Vec<f64>,
 }
 
 impl Lattice {
-    fn new(cells: usize, rng: &mut Rng) -> Self {
+    pub fn new(cells: usize, rng: &mut Rng) -> Self {
         Self { cells, values: (0..(cells + 1) * (cells + 1)).map(|_| rng.uniform()).collect() }
     }
 
     /// In [0, 1], for u and v in [0, 1).
-    fn at(&self, u: f64, v: f64) -> f64 {
+    pub fn at(&self, u: f64, v: f64) -> f64 {
         let split = |t: f64| {
             let t = t * self.cells as f64;
             let f = t.fract();

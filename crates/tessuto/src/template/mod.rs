@@ -2,11 +2,13 @@
 //!
 //! - a flat or nearly flat rectangle of known size: `outline`, `rectangle`, `hem`(mod@hem)
 //! - any textured mesh, as a regular grid of quads: [`remesh`]
+//! - a depth map of the first frame: [`depth`]
 //! - the camera, from the corners of such a sheet: [`focal`]
 //! - a mesh in another unit or with other axes: [`fix`]
 //!
 //! [`make`] does all of it; [`gate`] refuses what no fabric can be.
 
+pub mod depth;
 pub mod fix;
 pub mod focal;
 pub mod gate;
