@@ -10,8 +10,9 @@ missing=()
 command -v node > /dev/null || missing+=(nodejs)
 command -v "${CHROMIUM:-chromium}" > /dev/null || missing+=(chromium)
 if [[ ${#missing[@]} -gt 0 && $(id -u) == 0 ]] && command -v apt-get > /dev/null; then
-    apt-get update -qq && apt-get install -qq -y "${missing[@]}" > /dev/null
-    missing=()
+    if apt-get update -qq && apt-get install -qq -y "${missing[@]}" > /dev/null; then
+        missing=()
+    fi
 fi
 if [[ ${#missing[@]} -gt 0 ]]; then
     echo "NOT TESTED: studio in a browser: ${missing[*]} missing" >&2

@@ -13,8 +13,8 @@ use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Forward and backward.
 const SIDES: usize = 2;
-/// Most steps by which a frame is fitted at the finest level: only the basin counts, `refine` goes on from there.
-const FINEST_STEPS: usize = 3;
+/// A frame is found when a step lowers its E by less than this part: only the basin counts, `refine` goes on from there.
+const LEAST_GAIN: f64 = 1e-2;
 
 impl Problem<'_> {
     /// `forward`, shape [N, V], with the frames that are better explained when followed backward from the last one:
@@ -31,9 +31,9 @@ impl Problem<'_> {
         let count = forward.len();
         let mut levels: Vec<LevelSearch> =
             self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-        levels.iter_mut().for_each(|level| level.loosen(1.0, self.settings.start_tail));
-        if let Some(finest) = levels.last_mut() {
-            finest.steps = FINEST_STEPS;
+        for level in &mut levels {
+            level.loosen(1.0, self.settings.start_tail);
+            level.least_gain = LEAST_GAIN;
         }
         let last = count - 1;
         let start = |levels: &mut [LevelSearch]| {

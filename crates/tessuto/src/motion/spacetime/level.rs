@@ -23,8 +23,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     priors: PriorTerms<'a>,
-    /// Most steps by which one frame is fitted.
-    pub steps: usize,
+    /// One frame is found when a step lowers its E by less than this part.
+    pub least_gain: f64,
     /// Vertices that stand still.
     pub still: Vec<u32>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
@@ -45,7 +45,7 @@ impl<'a> Problem<'a> {
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             priors: self.priors.clone(),
-            steps: super::track::STEPS,
+            least_gain: 0.0,
             still: Vec::new(),
             adjacent: vec![PointColours::new(); frame_count],
         }

@@ -18,7 +18,7 @@ const INERTIA: f64 = 0.9;
 const DAMPING: Damping =
     Damping { lambda: 1e-3, accepted: 0.3, rejected: 10.0, least: 0.0, least_rejected: 1e-2 };
 /// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
-pub(super) const STEPS: usize = 8;
+const STEPS: usize = 8;
 const ATTEMPTS: usize = 6;
 /// A frame is found when no vertex moves by more than this `[m]`.
 const FOUND: f64 = 2e-5;
@@ -212,7 +212,7 @@ impl LevelSearch<'_, '_> {
             0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
         };
         let (mut damping, mut value) = (DAMPING, f64::INFINITY);
-        for _ in 0..self.problem.settings.iterations.min(self.steps) {
+        for _ in 0..self.problem.settings.iterations.min(STEPS) {
             self.update_gain(frame, &x);
             let terms = self.terms(frame);
             let (values, system) = terms.linearise(cloth, &x);
@@ -231,9 +231,10 @@ impl LevelSearch<'_, '_> {
                 let next_value = terms.value(&next) + pull(&next);
                 if next_value <= value {
                     let moved = step.iter().fold(0.0, |m: f64, s| m.max(s.length()));
+                    let gained = value - next_value;
                     (x, value) = (next, next_value);
                     damping.accept();
-                    if moved < FOUND {
+                    if moved < FOUND || gained < self.least_gain * value {
                         return (x, value);
                     }
                     break;
