@@ -22,7 +22,7 @@ impl Problem<'_> {
     ///
     /// # Errors
     /// As of [`Problem::track`].
-    pub(super) fn from_both_sides(
+    pub(super) fn both_sides(
         &self,
         forward: &[Positions],
         tracked: &mut Tracked,
@@ -182,7 +182,7 @@ mod tests {
             forward[n].iter_mut().for_each(|x| *x += DVec3::new(by, 0.0, -0.3 * by));
         }
         let mut tracked = problem.start(problem.settings.shear_smooth);
-        let filled = problem.from_both_sides(&forward, &mut tracked, &mut Session::silent()).unwrap();
+        let filled = problem.both_sides(&forward, &mut tracked, &mut Session::silent()).unwrap();
         let off = |x: &[Positions]| {
             let pairs = x.iter().flat_map(|x| x.iter().zip(right));
             pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
@@ -190,7 +190,7 @@ mod tests {
         println!("{} m before, {} m after", off(&forward), off(&filled));
         assert!(off(&filled) < 0.1 * off(&forward));
         // Nothing is lost where it was right.
-        let kept = problem.from_both_sides(&filled, &mut tracked, &mut Session::silent()).unwrap();
+        let kept = problem.both_sides(&filled, &mut tracked, &mut Session::silent()).unwrap();
         assert!(off(&kept) <= off(&filled));
     }
 }

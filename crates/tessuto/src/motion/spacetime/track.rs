@@ -82,7 +82,7 @@ impl Problem<'_> {
         if let Some((frame, value)) = tracked.followers[best].lost {
             return Ok((forward, Some(diverged(&format!("frame {frame}"), value))));
         }
-        let frames = self.from_both_sides(&forward, &mut tracked, session)?;
+        let frames = self.both_sides(&forward, &mut tracked, session)?;
         session.finish("track", &tracked);
         Ok((frames, None))
     }
