@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::io::depth::DepthMap;
 use crate::io::{image, read_text};
 
-/// Widths of the colour images that phones record with depth [px].
+/// Widths of the colour images that phones record with depth `[px]`.
 const WIDTHS: [usize; 9] = [640, 960, 1024, 1280, 1440, 1920, 2016, 3840, 4032];
 
 /// A depth map and the camera that it was recorded with.
