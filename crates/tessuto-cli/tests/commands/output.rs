@@ -91,7 +91,10 @@ fn help_lists_the_commands_in_the_order_of_the_work() {
         .filter_map(|line| line.split_whitespace().next())
         .collect();
     let order = [
+        "studio",
+        "frames",
         "import",
+        "masks",
         "template",
         "check",
         "reconstruct",
