@@ -40,15 +40,10 @@ pub fn appearance(scene: &Path, result: &Path, options: &AppearanceOptions) -> S
     command
 }
 
-/// `tessuto simulate` with changed stiffnesses and scaled forces.
-pub fn simulate(result: &Path, set: &[String], forces: f64, out: &Path) -> String {
+/// `tessuto simulate` with `changes`, options as they are written.
+pub fn simulate(result: &Path, changes: &[String], out: &Path) -> String {
     let mut command = format!("tessuto simulate {} --out {}", quoted(result), quoted(out));
-    for change in set {
-        let _ = write!(command, " --set {change}");
-    }
-    if forces != 1.0 {
-        let _ = write!(command, " --forces {forces}");
-    }
+    changes.iter().for_each(|change| command.extend([" ", change]));
     command
 }
 

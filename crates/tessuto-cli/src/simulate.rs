@@ -2,7 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use tessuto::motion::causes::{Hold, Otherwise};
 use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::result::Folder;
 use tessuto::run::replay::{self, Changes, replay};
@@ -17,10 +18,13 @@ use crate::say::say;
 Examples:
   tessuto simulate results/curtain                       the same motion, compared with motion.npy
   tessuto simulate results/curtain --set bend=0.01 --out results/stiffer
-  tessuto simulate results/curtain --forces 1.5 --out windier.npy
+  tessuto simulate results/curtain --continue 20 --air still --out calm.npy     20 more frames, without wind
+  tessuto simulate results/curtain --scale bend=10,shear=2 --out stiffer.npy
+  tessuto simulate results/curtain --hold release --out falling.npy
 
-A folder at --out becomes a result that render, export and report take. There is no gravity and no pin in the model:
-the forces hold the cloth where the video shows it, and other forces let it drift.")]
+A folder at --out becomes a result that render, export and report take. With --continue, other air and other holds begin
+where the clip ends; without it, in the first frame. --continue, --air, --hold, --gravity and --scale need a result of the
+default method.")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
@@ -30,12 +34,87 @@ pub struct Arguments {
     /// Scale the dynamic forces by this factor.
     #[arg(long, default_value_t = 1.0, value_name = "SCALE")]
     forces: f64,
+    /// Frames to go on after the clip; the last wind holds, what is held stays.
+    #[arg(long = "continue", default_value_t = 0, value_name = "FRAMES")]
+    further: usize,
+    /// The wind: as found, still, or a factor such as 0.5.
+    #[arg(long, default_value = "found", value_name = "found|still|FACTOR")]
+    air: String,
+    /// What becomes of the vertices that are held.
+    #[arg(long, value_enum, default_value_t = Held::Found)]
+    hold: Held,
+    /// Factors on stretch, bend and shear stiffness and on the drag of the air.
+    #[arg(long, value_name = "KEY=FACTOR,…", value_delimiter = ',')]
+    scale: Vec<String>,
+    /// Gravity as found, or none.
+    #[arg(long, value_enum, default_value_t = Gravity::Found)]
+    gravity: Gravity,
     /// Result folder to write; or, if it ends in .npy, the motion alone, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
     #[arg(long, value_name = "DIR|FILE.npy")]
     out: Option<PathBuf>,
     /// Replace the array, or the result that nobody changed since, at --out.
     #[arg(long)]
     force: bool,
+}
+
+/// --hold.
+#[derive(Clone, Copy, ValueEnum)]
+enum Held {
+    /// They follow their paths.
+    Found,
+    /// They stay where they are.
+    Still,
+    /// They are let go.
+    Release,
+}
+
+/// --gravity.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Gravity {
+    /// As found.
+    Found,
+    /// None.
+    Off,
+}
+
+impl Arguments {
+    /// The options that change anything, as they are written.
+    fn changes(&self) -> Vec<String> {
+        let mut out: Vec<String> = self.set.iter().map(|change| format!("--set {change}")).collect();
+        let mut add = |is_changed: bool, text: String| out.extend(is_changed.then_some(text));
+        add(self.forces != 1.0, format!("--forces {}", self.forces));
+        add(self.further > 0, format!("--continue {}", self.further));
+        add(self.air != "found", format!("--air {}", self.air));
+        add(
+            !matches!(self.hold, Held::Found),
+            format!("--hold {}", if matches!(self.hold, Held::Still) { "still" } else { "release" }),
+        );
+        add(!self.scale.is_empty(), format!("--scale {}", self.scale.join(",")));
+        add(self.gravity == Gravity::Off, "--gravity off".to_owned());
+        out
+    }
+
+    fn otherwise(&self) -> Result<Otherwise, Error> {
+        let mut scale = [1.0; 4];
+        for assignment in &self.scale {
+            let (k, factor) = number("--scale", assignment, &["stretch", "bend", "shear", "drag"])?;
+            scale[k] = factor;
+        }
+        let air = match self.air.as_str() {
+            "found" => 1.0,
+            "still" => 0.0,
+            factor => factor.parse().ok().filter(|f: &f64| f.is_finite()).ok_or_else(|| {
+                Error::usage(format!("--air {factor}"), "write found, still or a factor such as 0.5")
+            })?,
+        };
+        let hold = match self.hold {
+            Held::Found => Hold::Found,
+            Held::Still => Hold::Still,
+            Held::Release => Hold::Release,
+        };
+        let gravity = if self.gravity == Gravity::Off { 0.0 } else { 1.0 };
+        Ok(Otherwise { scale, further: self.further, air, hold, gravity })
+    }
 }
 
 /// Runs the command.
@@ -47,7 +126,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         false => Some(OutputFolder::prepare(&out, FolderKind::Result, arguments.force)?),
     };
     let original = Folder::open(&arguments.result)?;
-    let mut changes = Changes { forces: arguments.forces, ..Changes::default() };
+    let otherwise = arguments.otherwise()?;
+    let mut changes = Changes { forces: arguments.forces, otherwise, ..Changes::default() };
     arguments.set.iter().try_for_each(|assignment| set(&mut changes.stiffness, assignment))?;
     let replayed = replay(&original, &changes)?;
     let motion = &replayed.motion;
@@ -57,7 +137,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             manifest::record(&[&out])?;
         }
         Some(folder) => {
-            let command = repeat::simulate(&arguments.result, &arguments.set, arguments.forces, &out);
+            let command = repeat::simulate(&arguments.result, &arguments.changes(), &out);
             crate::say_kept(replay::write(&original, &replayed, folder, &command)?);
         }
     }
@@ -84,14 +164,19 @@ fn check_target(out: &Path, replace: bool) -> Result<(), Error> {
 }
 
 fn set(stiffness: &mut [Option<f64>; 3], assignment: &str) -> Result<(), Error> {
-    let hint = "write stretch=VALUE, bend=VALUE or shear=VALUE with a positive number";
-    let wrong = || Error::usage(format!("--set {assignment}"), hint);
-    let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
-    let value: f64 = value.parse().map_err(|_| wrong())?;
-    let index = ["stretch", "bend", "shear"].iter().position(|k| *k == key).ok_or_else(wrong)?;
-    if !(value.is_finite() && value > 0.0) {
-        return Err(wrong());
-    }
-    stiffness[index] = Some(value);
+    let (k, value) = number("--set", assignment, &["stretch", "bend", "shear"])?;
+    stiffness[k] = Some(value);
     Ok(())
+}
+
+/// Which of `keys` the `assignment` KEY=VALUE of `option` names, and its positive value.
+fn number(option: &str, assignment: &str, keys: &[&str]) -> Result<(usize, f64), Error> {
+    let wrong = || {
+        let hint = format!("write KEY=VALUE with a positive number and one of {}", keys.join(", "));
+        Error::usage(format!("{option} {assignment}"), hint)
+    };
+    let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
+    let index = keys.iter().position(|k| *k == key).ok_or_else(wrong)?;
+    let value: f64 = value.parse().map_err(|_| wrong())?;
+    if value.is_finite() && value > 0.0 { Ok((index, value)) } else { Err(wrong()) }
 }

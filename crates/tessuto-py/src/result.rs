@@ -93,7 +93,7 @@ pub fn simulate(
         // What can be refused is refused before the work.
         let target = out.map(|out| OutputFolder::prepare(&out, FolderKind::Result, replace)).transpose()?;
         let original = Folder::open(&result)?;
-        let changes = Changes { stiffness: [stretch, bend, shear], forces };
+        let changes = Changes { stiffness: [stretch, bend, shear], forces, ..Changes::default() };
         let replayed = replay(&original, &changes)?;
         if let Some(target) = target {
             replay::write(&original, &replayed, target, &command)?;

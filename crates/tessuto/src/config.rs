@@ -8,8 +8,8 @@ use serde_json::Value;
 use crate::appearance::{AppearanceSettings, MapPrior};
 use crate::error::{Error, Result, Warning};
 use crate::io::read_bounded;
+use crate::motion::causes::CauseSettings;
 use crate::motion::inverse::accelerations::InverseSettings;
-use crate::motion::inverse::stiffness::MaterialSettings;
 use crate::motion::parameters::{Dynamics, StiffnessRange};
 use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
@@ -82,13 +82,13 @@ settings! {
         /// long step, and then forces do not lead where they led when they were found.
         longest_step: f64 = 5e-3, number(1e-5..=1.0, "s");
         /// Factor on the velocity per 5 ms; a longer step takes a power of it.
-        damping_per_5ms: f64 = 0.9, number(0.0..=1.0, "");
+        damping_per_5ms: f64 = 1.0, number(0.0..=1.0, "");
         /// log10 of the stretch stiffness `[N/m]`.
-        stretch: StiffnessRange = range(200f64.log10(), 1.0, 3.0), stiffness("stretch", "log10 N/m", -3.0, 8.0);
+        stretch: StiffnessRange = range(200f64.log10(), 0.0, 4.0), stiffness("stretch", "log10 N/m", -3.0, 8.0);
         /// log10 of the bend stiffness `[J/rad²]`.
-        bend: StiffnessRange = range(-3.0, -4.0, -2.0), stiffness("bend", "log10 J/rad²", -10.0, 4.0);
+        bend: StiffnessRange = range(-3.0, -7.0, -1.0), stiffness("bend", "log10 J/rad²", -10.0, 4.0);
         /// log10 of the shear stiffness `[J/rad²]`.
-        shear: StiffnessRange = range(-4.0, -5.0, -2.0), stiffness("shear", "log10 J/rad²", -10.0, 4.0);
+        shear: StiffnessRange = range(-4.0, -7.0, -1.0), stiffness("shear", "log10 J/rad²", -10.0, 4.0);
     }
 }
 
@@ -160,8 +160,8 @@ settings! {
         spacetime: SpacetimeSettings = SpacetimeSettings::default(), group::<SpacetimeSettings>();
         /// Forces of a motion, of method = spacetime.
         inverse: InverseSettings = InverseSettings::default(), group::<InverseSettings>();
-        /// Stiffnesses of a motion, of method = spacetime.
-        material: MaterialSettings = MaterialSettings::default(), group::<MaterialSettings>();
+        /// Stiffnesses, gravity and air of a motion, of method = spacetime.
+        causes: CauseSettings = CauseSettings::default(), group::<CauseSettings>();
         /// Material maps and light.
         appearance: AppearanceSettings = AppearanceSettings::default(), group::<AppearanceSettings>();
     }
@@ -174,8 +174,14 @@ impl Config {
         match preset {
             Preset::Default => default,
             Preset::Saft => {
-                let dynamics =
-                    DynamicsSettings { integrator: Integrator::LinearizedEuler, ..default.dynamics };
+                let dynamics = DynamicsSettings {
+                    integrator: Integrator::LinearizedEuler,
+                    damping_per_5ms: 0.9,
+                    stretch: range(200f64.log10(), 1.0, 3.0),
+                    bend: range(-3.0, -4.0, -2.0),
+                    shear: range(-4.0, -5.0, -2.0),
+                    ..default.dynamics
+                };
                 Self { method: Method::Rollout, dynamics, ..default }
             }
         }
@@ -400,7 +406,7 @@ mod tests {
             error.to_string()
         };
         assert!(refused("energi=1").contains("did you mean rollout.weights.energy?"));
-        assert!(refused("inverse=1").contains("inverse.tracking_stiffness"));
+        assert!(refused("inverse=1").contains("inverse.tracking"));
         assert!(refused("preset=saft").contains("preset"));
         assert!(refused("texture.size=2.5").contains("whole number"));
         for (assignment, range) in [
@@ -416,7 +422,7 @@ mod tests {
             ("dynamics.bend.start=-5", "dynamics.bend.low = -4 is above dynamics.bend.start = -5"),
             ("spacetime.levels=0", "between 1 and 8"),
             ("method=simulation", "spacetime, rollout"),
-            ("material.fit=1", "true, false"),
+            ("causes.fit=1", "true, false"),
         ] {
             let message = refused(assignment);
             assert!(message.contains(range), "{assignment}: {message}");

@@ -3,8 +3,7 @@
 use crate::config::{Config, Method};
 use crate::error::{Error, Result};
 use crate::mesh::{Motion, Positions};
-use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
-use crate::motion::inverse::stiffness::fit_material;
+use crate::motion::causes::{self, Explained};
 use crate::motion::parameters::Parameters;
 use crate::motion::rollout::RolloutFit;
 use crate::motion::spacetime;
@@ -13,6 +12,9 @@ use crate::raster::{Rasterizer, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
+
+/// Deviation of positions of which nothing better is known `[m]`.
+const UNKNOWN_DEVIATION: f64 = 0.01;
 
 /// What a video tells about the fabric.
 #[derive(Debug)]
@@ -24,6 +26,8 @@ pub struct Reconstruction {
     pub deviations: Option<Vec<Vec<f64>>>,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
+    /// What the forces are of; `None` from the other method.
+    pub causes: Option<Explained>,
     /// Colours of the surface.
     pub texture: Texture,
     /// Every step of every stage.
@@ -74,11 +78,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         dynamics: config.dynamics.at(scene.fps),
         settings: &config.rollout,
     };
-    let (parameters, deviations, failure) = match config.method {
+    let (parameters, deviations, causes, failure) = match config.method {
         Method::Rollout => {
             session.begin("rollout");
             let (parameters, failure) = fit.run(fit.start(), session)?;
-            (parameters, None, failure)
+            (parameters, None, None, failure)
         }
         Method::Spacetime => {
             let mut problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
@@ -92,28 +96,32 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                 false => None,
             };
             session.begin("forces and stiffnesses");
-            let mut parameters = fit.start();
-            if config.material.fit {
-                let steps = interpolated(&frames, fit.dynamics.substeps);
-                parameters.log_stiffness =
-                    fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
-            }
-            let k = parameters.stiffness();
-            let (accelerations, loose) =
-                accelerations_of_motion(&cloth, &fit.dynamics, k, &frames, &config.inverse);
-            parameters.accelerations = accelerations;
-            (parameters, deviations.map(|of_found| (frames, of_found)), lost.or(stuck).or(loose))
+            let doubtful = vec![vec![UNKNOWN_DEVIATION; template.len()]; frames.len()];
+            let sigma = deviations.as_ref().unwrap_or(&doubtful);
+            let clock = (scene.fps, &fit.dynamics);
+            let found = causes::find(&scene.template, &frames, sigma, clock, &config.causes);
+            let cut = causes::cut_cloth(&scene.template, &found.rest_lengths);
+            let (guided, parts) =
+                causes::follow(&cut, &fit.dynamics, &found, &frames, config.inverse.tracking);
+            let parameters = Parameters {
+                log_stiffness: found.causes.stiffness().map(f64::log10),
+                accelerations: guided.accelerations,
+            };
+            let explained = Explained::new(&cut, found, parts, &guided.frames, scene.fps);
+            let deviations = deviations.map(|of_found| (frames, of_found));
+            (parameters, deviations, Some(explained), lost.or(stuck).or(guided.failure))
         }
     };
 
     // The motion is what these parameters make, nothing else.
     session.begin("rollout of the result");
-    let motion = simulate(&cloth, config, scene.fps, template, &parameters)?;
+    let cut = causes.as_ref().map(|c| causes::cut_cloth(&scene.template, &c.found.rest_lengths));
+    let motion = simulate(cut.as_ref().unwrap_or(&cloth), config, scene.fps, template, &parameters)?;
     let deviations = deviations.map(|(found, deviations)| of_motion(deviations, &found, &motion));
     session.end();
     let history = session.history_of(&["texture", "track", "refine", "rollout"]);
     let timings = session.timings().to_vec();
-    Ok(Reconstruction { motion, deviations, parameters, texture, history, timings, failure })
+    Ok(Reconstruction { motion, deviations, parameters, causes, texture, history, timings, failure })
 }
 
 /// `deviations` of the `found` positions, with what the simulated `motion` is off from these added.

@@ -111,7 +111,7 @@ fn a_changed_simulation_is_a_result_like_any_other() {
     let parameters = std::fs::read_to_string(result.join("parameters.json")).unwrap();
     // Whoever reads a stiffness at its bound is told so.
     assert_eq!(parameters.contains("\"at_bound\": true"), log.contains("bound"), "{log}");
-    assert!(parameters.contains("not measurements") && parameters.contains("\"bounds\": ["), "{parameters}");
+    assert!(parameters.contains("\"informed\": ") && parameters.contains("\"bounds\": ["), "{parameters}");
 
     succeed(&["simulate", text(&result), "--set", "bend=0.005", "--out", text(&changed)]);
     assert!(succeed(&["verify", text(&changed)]).contains("all as they were written"));

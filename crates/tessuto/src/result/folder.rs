@@ -5,20 +5,19 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{Log, ParameterFile, Run, history, read_json};
+use super::causes::CauseFile;
+use super::{Log, ParameterFile, Run, UNCHANGED, history, read_json};
 use crate::appearance;
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::{Mesh, Motion};
 use crate::metrics::Evaluation;
+use crate::motion::causes::{Found, Sizes};
 use crate::motion::parameters::Parameters;
 use crate::pbr::Material;
 use crate::session::Epoch;
 use crate::sim::Accelerations;
-
-/// What helps if a file of a result cannot be used.
-pub(super) const UNCHANGED: &str = "use the folder as tessuto wrote it";
 
 /// See the module. What a simulation needs is read at once.
 #[derive(Debug)]
@@ -30,6 +29,10 @@ pub struct Folder {
     pub mesh: Mesh,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
+    /// What the forces are of; `None` from the other method.
+    pub found: Option<Found>,
+    /// How large the causes are, there.
+    pub sizes: Option<Sizes>,
     /// Frames per second.
     pub fps: f64,
     /// Camera of the whole image.
@@ -61,8 +64,11 @@ impl Folder {
         check_view(&file, &path.join("parameters.json"))?;
         let mesh = io::obj::read(&path.join("mesh.obj"))?;
         let parameters = parameters(&file, &mesh, &path.join("forces.npy"))?;
+        let found = file.causes.as_ref().map(|c| c.found(path, &mesh)).transpose()?;
         Ok(Self {
             path: path.to_path_buf(),
+            found,
+            sizes: file.causes.as_ref().map(CauseFile::sizes),
             run,
             mesh,
             parameters,

@@ -5,7 +5,9 @@
 //! mesh.obj                        the template, bit for bit
 //! deviation.npy    [N, V] f32     standard deviation of the positions [m] (default method)
 //! forces.npy       [(N−1)·parts, V, 3] f32  dynamic part D of force per mass [m/s²]
-//! parameters.json                 stiffnesses and constant force with units, time stepping
+//! forces.npz                      the forces by their causes [N−1, V, 3] (default method)
+//! rest_lengths.npy [edges] f32    lengths of the edges without load [m] (default method)
+//! parameters.json                 stiffnesses and causes with units and standard deviations, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
 //! metrics.json                    every frame's agreement with the video and verdict; errors, where there is truth
@@ -16,6 +18,7 @@
 //! manifest.json                   sizes and hashes of all of these, written last
 //! ```
 
+mod causes;
 mod curves;
 mod folder;
 mod history;
@@ -46,6 +49,7 @@ use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::Motion;
 use crate::metrics::{Evaluation, judge_frames};
+use crate::motion::causes::Explained;
 use crate::motion::parameters::{Parameters, StiffnessRange};
 use crate::reconstruct::Reconstruction;
 use crate::scene::Scene;
@@ -107,16 +111,30 @@ struct FoundStiffness {
     bounds: [f64; 2],
     /// It went as far as it could: the value says less about the fabric than about the bound.
     at_bound: bool,
+    /// Standard deviation, and whether the video tells anything about it (default method).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    sd: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    informed: Option<bool>,
 }
 
 fn found_stiffness(value: f64, log_k: f64, range: StiffnessRange, unit: &str) -> FoundStiffness {
     let bounds = [range.low, range.high].map(|k| 10f64.powf(k));
-    FoundStiffness { value, unit: unit.to_owned(), bounds, at_bound: range.bound_at(log_k).is_some() }
+    let at_bound = range.bound_at(log_k).is_some();
+    FoundStiffness { value, unit: unit.to_owned(), bounds, at_bound, sd: None, informed: None }
 }
+
+/// What helps if a file of a result cannot be used.
+const UNCHANGED: &str = "use the folder as tessuto wrote it";
 
 /// What the numbers of parameters.json are.
 const REMARK: &str = "Stiffnesses and forces are effective values: with them the simulation replays the motion. They are not \
                       measurements of the fabric. All of them are relative to area_density, which is assumed.";
+
+/// The same where causes were found.
+const REMARK_OF_CAUSES: &str = "Stiffnesses, gravity and air are found from the motion, with standard deviations (sd); where informed is false, \
+                                the video says little and the value is what was assumed before. With them and forces.npy the \
+                                simulation replays the motion. All of them are relative to area_density, which is assumed.";
 
 /// parameters.json.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -139,6 +157,9 @@ struct ParameterFile {
     camera: Camera,
     /// The part of the whole image that was used.
     crop: Rect,
+    /// What the forces are of (default method).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    causes: Option<causes::CauseFile>,
 }
 
 /// What goes into the folder besides the reconstruction.
@@ -177,10 +198,12 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     )?;
     let material = io::obj::Material { library: "mesh.mtl", name: "fabric" };
     io::obj::write(&folder.join("mesh.obj"), &scene.template, Some(material))?;
-    write_json(
-        &folder.join("parameters.json"),
-        &parameter_file(&result.parameters, scene, &context.run.settings.dynamics),
-    )?;
+    let mut parameters = parameter_file(&result.parameters, scene, &context.run.settings.dynamics);
+    if let Some(explained) = &result.causes {
+        parameters.explain(explained, result.motion.len(), scene.fps);
+        causes::write_forces(folder, explained)?;
+    }
+    write_json(&folder.join("parameters.json"), &parameters)?;
     write_json(&folder.join("config.json"), context.run)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
     let agreement = images::write(folder, scene, result)?;
@@ -242,8 +265,21 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
         frame_rate: quantity(scene.fps, "1/s"),
         camera,
         crop,
+        causes: None,
     };
     parameters_in(file, p, dynamics)
+}
+
+impl ParameterFile {
+    /// Adds causes of a motion of `frames` frames.
+    fn explain(&mut self, explained: &Explained, frames: usize, fps: f64) {
+        for (k, stiffness) in [&mut self.stretch, &mut self.bend, &mut self.shear].into_iter().enumerate() {
+            let (sd, informed) = causes::certainty(&explained.found, k);
+            (stiffness.sd, stiffness.informed) = (Some(sd), Some(informed));
+        }
+        REMARK_OF_CAUSES.clone_into(&mut self.remark);
+        self.causes = Some(causes::CauseFile::new(explained, frames, fps));
+    }
 }
 
 /// `file` with the stiffnesses of `p`.

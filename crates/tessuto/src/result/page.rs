@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::folder::UNCHANGED;
+use super::UNCHANGED;
 use super::{Folder, curves, light};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
@@ -124,9 +124,14 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     let note = |k: usize| {
         let range = [d.stretch, d.bend, d.shear][k];
         let [low, high] = [range.low, range.high].map(|b| format!("{}", (10f64.powf(b) * 1e9).round() / 1e9));
-        match range.bound_at(log_stiffness[k]) {
-            Some(bound) => format!("at its {bound} bound, searched from {low} to {high}: not a measurement"),
-            None => format!("searched from {low} to {high}"),
+        let certainty = saved.found.as_ref().map(|found| super::causes::certainty(found, k));
+        match (range.bound_at(log_stiffness[k]), certainty) {
+            (Some(bound), _) => {
+                format!("at its {bound} bound, searched from {low} to {high}: not a measurement")
+            }
+            (None, Some((sd, true))) => format!("± {sd:.1e}, informed by the video"),
+            (None, Some((sd, false))) => format!("± {sd:.1e}, hardly informed by the video"),
+            (None, None) => format!("searched from {low} to {high}"),
         }
     };
     let parameter = |name: &str, label: &str, value, unit: &str, note| Parameter {
@@ -137,7 +142,7 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
         note,
     };
     let c = accelerations.constant;
-    vec![
+    let mut rows = vec![
         parameter("stretch", "stretch stiffness", stretch, "N/m", note(0)),
         parameter("bend", "bend stiffness", bend, "J/rad²", note(1)),
         parameter("shear", "shear stiffness", shear, "J/rad²", note(2)),
@@ -151,7 +156,32 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
             "kg/m²",
             "assumed, not recovered".to_owned(),
         ),
-    ]
+    ];
+    if let (Some(found), Some(sizes)) = (&saved.found, &saved.sizes) {
+        let tilt = found.causes.down.angle_between(glam::DVec3::Y).to_degrees();
+        let sure = format!("± {:.1}°", found.spread.down.to_degrees());
+        let size = |name: &str, label: &str, value| {
+            let note = "root mean square over vertices and frames".to_owned();
+            parameter(name, label, value, "m/s²", note)
+        };
+        rows.extend([
+            parameter("gravity_tilt", "gravity, angle to the image's down", tilt, "°", sure),
+            parameter(
+                "drag",
+                "drag of the air",
+                found.causes.drag(),
+                "1/s",
+                format!("± {:.1e}", found.causes.drag() * found.spread.ln_drag),
+            ),
+            parameter("held", "held vertices", found.held.len() as f64, "", String::new()),
+            size("size_motion", "acceleration of the motion", sizes.motion),
+            size("size_elastic", "acceleration by the cloth's springs", sizes.elastic),
+            size("size_air", "acceleration by the air", sizes.air),
+            size("size_hold", "acceleration of held vertices by what holds them", sizes.hold),
+            size("size_residual", "acceleration that none of these explains", sizes.residual),
+        ]);
+    }
+    rows
 }
 
 /// What the fabric can be coloured by; strain is left to the script, which has all it needs.

@@ -29,7 +29,15 @@ pub fn write_replay(
     }
     io::npy::write_field(&folder.join("motion.npy"), motion)?;
     io::npy::write_field(&folder.join("forces.npy"), &parameters.accelerations.dynamic)?;
-    let file: ParameterFile = read_json(&from.join("parameters.json"))?;
+    let mut file: ParameterFile = read_json(&from.join("parameters.json"))?;
+    file.constant_force.value = parameters.accelerations.constant.to_array();
+    if let Some(found) = &original.found {
+        copy(&from.join("rest_lengths.npy"), &folder.join("rest_lengths.npy"))?;
+        let changed = [0, 1, 2].map(|k| parameters.log_stiffness[k] - original.parameters.log_stiffness[k]);
+        if let Some(causes) = &mut file.causes {
+            causes.scale(found, changed);
+        }
+    }
     let file = parameters_in(file, parameters, &original.run.settings.dynamics);
     write_json(&folder.join("parameters.json"), &file)?;
     let remark = format!("motion: simulated from {}, not found in a video", from.display());
@@ -38,7 +46,7 @@ pub fn write_replay(
 
 fn copy(from: &Path, to: &Path) -> Result<()> {
     let bytes = std::fs::read(from).map_err(|e| {
-        Error::input(from.display().to_string(), format!("cannot be read: {e}"), super::folder::UNCHANGED)
+        Error::input(from.display().to_string(), format!("cannot be read: {e}"), super::UNCHANGED)
     })?;
     io::atomic_write(to, &bytes)
 }

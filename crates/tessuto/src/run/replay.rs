@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::error::{Error, Result};
 use crate::mesh::Motion;
+use crate::motion::causes::{self, Otherwise};
 use crate::motion::parameters::Parameters;
 use crate::output::OutputFolder;
 use crate::reconstruct::simulate;
@@ -15,13 +16,15 @@ use crate::sim::Cloth;
 pub struct Changes {
     /// Other stretch `[N/m]`, bend and shear `[J/rad²]` stiffness.
     pub stiffness: [Option<f64>; 3],
-    /// Factor on the dynamic forces.
+    /// Factor on the dynamic forces, whatever their cause.
     pub forces: f64,
+    /// Other causes; only of results of the default method.
+    pub otherwise: Otherwise,
 }
 
 impl Default for Changes {
     fn default() -> Self {
-        Self { stiffness: [None; 3], forces: 1.0 }
+        Self { stiffness: [None; 3], forces: 1.0, otherwise: Otherwise::default() }
     }
 }
 
@@ -52,10 +55,59 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
         let problem = format!("forces scaled by {}: not a finite number", changes.forces);
         return Err(Error::usage(problem, "give a factor such as 0.5 or 2"));
     }
-    parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);
     let (mesh, settings) = (&original.mesh, &original.run.settings);
-    let motion = simulate(&Cloth::new(mesh), settings, original.fps, &mesh.positions, &parameters)?;
+    let Some(found) = &original.found else {
+        if changes.otherwise != Otherwise::default() {
+            let place = original.path().display().to_string();
+            let hint =
+                "reconstruct the scene with the default method, or change stiffnesses and forces as a whole";
+            return Err(Error::input(place, "its forces are not known by their causes", hint));
+        }
+        parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);
+        let motion = simulate(&Cloth::new(mesh), settings, original.fps, &mesh.positions, &parameters)?;
+        return Ok(Replay { motion, parameters });
+    };
+    let cut = causes::cut_cloth(mesh, &found.rest_lengths);
+    let mut otherwise = changes.otherwise;
+    for (k, (value, own)) in changes.stiffness.iter().zip(found.causes.stiffness()).enumerate() {
+        otherwise.scale[k] *= value.map_or(1.0, |value| value / own);
+    }
+    check(&otherwise)?;
+    if otherwise == Otherwise::default() {
+        parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);
+        let motion = simulate(&cut, settings, original.fps, &mesh.positions, &parameters)?;
+        return Ok(Replay { motion, parameters });
+    }
+    if changes.forces != 1.0 {
+        let hint = "scale the wind alone, or all forces alone";
+        return Err(Error::usage("forces scaled as a whole and by their causes", hint));
+    }
+    let dynamics = settings.dynamics.at(original.fps);
+    let frames: Vec<_> = original.motion()?.iter().cloned().collect();
+    let guided = causes::changed(&cut, &dynamics, found, &frames, &otherwise);
+    if let Some(failure) = guided.failure {
+        return Err(failure);
+    }
+    let [stretch, bend, shear, _] = otherwise.scale.map(f64::log10);
+    let log = original.parameters.log_stiffness;
+    parameters.log_stiffness = [log[0] + stretch, log[1] + bend, log[2] + shear];
+    parameters.accelerations = guided.accelerations;
+    // As the forces make it from the written parameters.
+    let motion = simulate(&cut, settings, original.fps, &mesh.positions, &parameters)?;
     Ok(Replay { motion, parameters })
+}
+
+/// Refuses factors that no cloth has.
+fn check(otherwise: &Otherwise) -> Result<()> {
+    let names = ["stretch", "bend", "shear", "drag"];
+    if let Some(k) = otherwise.scale.iter().position(|s| !(s.is_finite() && *s > 0.0)) {
+        let problem = format!("{} scaled by {}", names[k], otherwise.scale[k]);
+        return Err(Error::usage(problem, "give a factor above 0"));
+    }
+    match [otherwise.air, otherwise.gravity].iter().all(|f| f.is_finite()) {
+        true => Ok(()),
+        false => Err(Error::usage("a factor that is no finite number", "give one such as 0.5 or 2")),
+    }
 }
 
 /// Makes a result of `replay` in `folder`, with a page; `command` is what repeats it. Returns where an earlier folder is

@@ -24,6 +24,8 @@ pub struct Edge {
     pub vertices: [u32; 2],
     /// Length without load `[m]`.
     pub rest_length: f64,
+    /// Factor on its stiffness where it is shorter than that: 1 is a spring, 0 a thread.
+    pub compression: f64,
     /// Pattern's pair (second, first end point).
     pub pair: usize,
 }
@@ -101,6 +103,11 @@ pub struct Cloth {
 impl Cloth {
     /// The cloth that is at rest in the shape of `template`.
     pub fn new(template: &Mesh) -> Self {
+        Self::with_angles_of(template, &template.positions)
+    }
+
+    /// The cloth whose edges are at rest in the shape of `template`, its angles in the positions `angles_of`, shape `[V]`.
+    pub(super) fn with_angles_of(template: &Mesh, angles_of: &[DVec3]) -> Self {
         let x = &template.positions;
         let mut masses = vec![0.0; x.len()];
         for t in template.triangles() {
@@ -114,7 +121,7 @@ impl Cloth {
             .map(|[a, b]| {
                 pairs.push([b, a]);
                 let rest_length = x[a as usize].distance(x[b as usize]);
-                Edge { vertices: [a, b], rest_length, pair: pairs.len() - 1 }
+                Edge { vertices: [a, b], rest_length, compression: 1.0, pair: pairs.len() - 1 }
             })
             .collect();
         let (mut bends, mut shears) = (Vec::new(), Vec::new());
@@ -122,7 +129,7 @@ impl Cloth {
             for (k, &a) in around.iter().enumerate() {
                 for &c in &around[k + 1..] {
                     let o = o as u32;
-                    let [u, w] = arms(x, [a, o, c]);
+                    let [u, w] = arms(angles_of, [a, o, c]);
                     let rest_angle = angle::angle(u, w);
                     let first = pairs.len();
                     pairs.extend([[a, o], [a, c], [o, c]]);
@@ -178,7 +185,7 @@ impl Cloth {
             };
             hinges.iter().zip(k).map(of).sum()
         };
-        let of = |(e, &k): (&Edge, &f64)| stretch::value(e.along(x), k, e.rest_length);
+        let of = |(e, &k): (&Edge, &f64)| stretch::value(e.along(x), e.stiffness(k, x), e.rest_length);
         Energy {
             stretch: self.edges.iter().zip(&stiffness.stretch).map(of).sum(),
             bend: hinges(&self.bends, &stiffness.bend),
@@ -197,7 +204,7 @@ impl Cloth {
         rayon::join(
             || {
                 for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                    e.scatter(stretch::gradient(e.along(x), k, e.rest_length) * scale, out);
+                    e.scatter(stretch::gradient(e.along(x), e.stiffness(k, x), e.rest_length) * scale, out);
                 }
                 first_half.for_each(|h| of_spring(h, out));
             },
@@ -226,7 +233,7 @@ impl Cloth {
                     HessianKind::Projected | HessianKind::GaussNewton => stretch::hessian_projected,
                 };
                 for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                    let h = of_edge(e.along(x), k * scale, e.rest_length);
+                    let h = of_edge(e.along(x), e.stiffness(k, x) * scale, e.rest_length);
                     e.vertices.iter().for_each(|&v| matrix.add_diagonal(&self.pattern, v as usize, &h));
                     matrix.add_pair(&self.pattern, e.pair, &-h);
                 }
@@ -276,7 +283,8 @@ impl Cloth {
         rayon::join(
             || {
                 for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                    let third = stretch::third(e.along(x), k * scale, e.rest_length, e.along(a), e.along(b));
+                    let k = e.stiffness(k, x) * scale;
+                    let third = stretch::third(e.along(x), k, e.rest_length, e.along(a), e.along(b));
                     e.scatter(third, out);
                 }
                 first_half.for_each(|h| of_spring(h, out));
@@ -289,7 +297,8 @@ impl Cloth {
     /// Adds `scale`·λᵀ ∂(∂E/∂x)/∂k to `out` for the stiffness k of every element.
     pub fn add_gradient_by_stiffness(&self, x: &[DVec3], lambda: &[DVec3], scale: f64, out: &mut Stiffness) {
         for (e, out) in self.edges.iter().zip(&mut out.stretch) {
-            *out += scale * stretch::gradient(e.along(x), 1.0, e.rest_length).dot(e.along(lambda));
+            let unit = stretch::gradient(e.along(x), e.stiffness(1.0, x), e.rest_length);
+            *out += scale * unit.dot(e.along(lambda));
         }
         for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
             hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(h, out)| {
@@ -310,7 +319,8 @@ impl Cloth {
         out: &mut Stiffness,
     ) {
         for (e, out) in self.edges.iter().zip(&mut out.stretch) {
-            *out += scale * e.along(a).dot(stretch::hessian(e.along(x), 1.0, e.rest_length) * e.along(b));
+            let unit = stretch::hessian(e.along(x), e.stiffness(1.0, x), e.rest_length);
+            *out += scale * e.along(a).dot(unit * e.along(b));
         }
         for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
             hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(spring, out)| {
@@ -360,6 +370,12 @@ impl Edge {
     /// Difference of a field along the edge.
     pub fn along(&self, field: &[DVec3]) -> DVec3 {
         field[self.vertices[1] as usize] - field[self.vertices[0] as usize]
+    }
+
+    /// Its stiffness at `x`, given `k` [N/m] where it is stretched.
+    pub fn stiffness(&self, k: f64, x: &[DVec3]) -> f64 {
+        let is_short = self.along(x).length_squared() < self.rest_length * self.rest_length;
+        if is_short { k * self.compression } else { k }
     }
 
     pub(crate) fn scatter(&self, gradient: DVec3, out: &mut [DVec3]) {

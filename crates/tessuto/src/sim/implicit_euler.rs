@@ -179,7 +179,7 @@ impl Potential<'_> {
 }
 
 /// ∂²Φ = M/h² + ∂²E.
-fn hessian(
+pub(crate) fn hessian(
     cloth: &Cloth,
     stiffness: &Stiffness,
     x: &[DVec3],
@@ -221,7 +221,8 @@ pub fn step_vjp(
     }
     cloth.add_gradient_by_stiffness(x, &mu, -1.0, &mut gradients.stiffness);
     for ((edge, &k), out) in cloth.edges.iter().zip(&stiffness.stretch).zip(&mut gradients.rest_lengths) {
-        *out -= super::stretch::gradient_by_rest_length(edge.along(x), k).dot(edge.along(&mu));
+        *out -=
+            super::stretch::gradient_by_rest_length(edge.along(x), edge.stiffness(k, x)).dot(edge.along(&mu));
     }
 }
 

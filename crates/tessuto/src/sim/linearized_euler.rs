@@ -92,7 +92,7 @@ pub fn step_vjp(
     cloth.add_gradient_by_stiffness(x, &lambda, -h, &mut gradients.stiffness);
     cloth.add_hessian_by_stiffness(x, [&lambda, v_next], -h * h, &mut gradients.stiffness);
     for ((edge, &k), out) in cloth.edges.iter().zip(&stiffness.stretch).zip(&mut gradients.rest_lengths) {
-        let e = edge.along(x);
+        let (e, k) = (edge.along(x), edge.stiffness(k, x));
         let (l, v) = (edge.along(&lambda), edge.along(v_next));
         *out -= h * super::stretch::gradient_by_rest_length(e, k).dot(l);
         *out -= h * h * super::stretch::hessian_by_rest_length(e, k, l, v);

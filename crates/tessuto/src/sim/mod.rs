@@ -38,6 +38,7 @@
 
 pub(crate) mod angle;
 pub mod cloth;
+mod flat;
 pub mod implicit_euler;
 pub mod linearized_euler;
 pub(crate) mod rollout;

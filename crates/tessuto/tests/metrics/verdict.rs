@@ -51,6 +51,7 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
         motion: Motion::new(motion).unwrap(),
         deviations: None,
         parameters: Parameters { log_stiffness: [2.0, -3.0, -3.0], accelerations },
+        causes: None,
         texture: texture.clone(),
         history: Vec::new(),
         timings: vec![("refine".into(), 1.5), ("track".into(), 2.0)],

@@ -1,4 +1,3 @@
-//! From a motion to its causes: [`stiffness`] first, then the [`accelerations`] that lead a simulation along it.
+//! The [`accelerations`] that lead a simulation along a motion.
 
 pub(crate) mod accelerations;
-pub(crate) mod stiffness;

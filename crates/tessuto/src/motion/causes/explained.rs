@@ -1,0 +1,74 @@
+//! A motion and its causes, in numbers that tell their sizes.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::{Found, Parts};
+use crate::mesh::Positions;
+use crate::sim::{Cloth, Stiffness};
+
+/// What was found, the accelerations by each cause, and their sizes.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Explained {
+    /// Stiffnesses, gravity, air, held vertices.
+    pub found: Found,
+    /// Accelerations of every vertex.
+    pub parts: Parts,
+    /// How large they are.
+    pub sizes: Sizes,
+}
+
+/// Root mean squares over vertices and frames [m/s²].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sizes {
+    /// The motion's own acceleration, without held vertices: second differences of its frames.
+    pub motion: f64,
+    /// By the cloth's springs, without held vertices.
+    pub elastic: f64,
+    /// Gravity.
+    pub gravity: f64,
+    /// Wind and drag.
+    pub air: f64,
+    /// By what holds held vertices.
+    pub hold: f64,
+    /// What is left, of the other vertices.
+    pub residual: f64,
+}
+
+impl Explained {
+    /// Of the motion `frames`, shape [N, V], of `cloth`, `fps` frames per second.
+    pub fn new(cloth: &Cloth, found: Found, parts: Parts, frames: &[Positions], fps: f64) -> Self {
+        let stiffness = Stiffness::uniform(cloth, found.causes.stiffness());
+        let mut is_held = vec![false; cloth.vertex_count()];
+        found.held.iter().for_each(|v| is_held[*v] = true);
+        let rms = |fields: &[Positions], of_held: Option<bool>| {
+            let (mut sum, mut count) = (0.0, 0usize);
+            for (i, a) in fields.iter().flat_map(|field| field.iter().enumerate()) {
+                if of_held.is_none_or(|held| held == is_held[i]) {
+                    sum += a.length_squared();
+                    count += 1;
+                }
+            }
+            (sum / count.max(1) as f64).sqrt()
+        };
+        let elastic = |x: &Positions| {
+            let mut force = vec![DVec3::ZERO; x.len()];
+            cloth.add_gradient(&stiffness, x, -1.0, &mut force);
+            force.iter_mut().zip(&cloth.masses).for_each(|(f, m)| *f /= *m);
+            force
+        };
+        let second = |x: &[Positions]| -> Positions {
+            (0..x[0].len()).map(|i| (x[2][i] - x[1][i] * 2.0 + x[0][i]) * (fps * fps)).collect()
+        };
+        let sizes = Sizes {
+            motion: rms(&frames.windows(3).map(second).collect::<Vec<_>>(), Some(false)),
+            elastic: rms(&frames.iter().map(elastic).collect::<Vec<_>>(), Some(false)),
+            gravity: parts.gravity.length(),
+            air: rms(&parts.air, None),
+            hold: rms(&parts.hold, Some(true)),
+            residual: rms(&parts.residual, Some(false)),
+        };
+        Self { found, parts, sizes }
+    }
+}

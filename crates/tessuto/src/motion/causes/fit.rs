@@ -1,0 +1,242 @@
+//! The search: Gauss-Newton with damping.
+
+use glam::DVec3;
+
+use super::drive::{Drive, Trajectory};
+use super::forces::{Causes, Knots, Spread};
+use super::held::held_vertices;
+use super::lengths::rest_lengths;
+use super::objective::{Data, Prior, System};
+use super::{CauseSettings, Found, cut_cloth};
+use crate::error::Result;
+use crate::mesh::{Mesh, Positions};
+use crate::motion::inverse::accelerations::interpolated;
+use crate::motion::parameters::Dynamics;
+
+/// Longest step of the simulation `[s]`; it is of second order.
+const LONGEST_STEP: f64 = 0.01;
+/// Strength of the ties of held vertices [1/s²].
+const HOLD: f64 = 1e7;
+/// Drag at the start [1/s].
+const DRAG: f64 = 1.0;
+/// Spread of gravity's direction about +y `[rad]`.
+const TILT: f64 = 0.35;
+/// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
+const LARGEST_STEP: f64 = 1.5;
+/// The search ends when an iteration gains less than this, or so much of the objective.
+const LEAST_GAIN: f64 = 1e-3;
+const ATTEMPTS: usize = 4;
+
+/// What moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
+/// `deviations`, shape [N, V] `[m]`.
+pub fn find(
+    template: &Mesh,
+    found: &[Positions],
+    deviations: &[Vec<f64>],
+    (fps, dynamics): (f64, &Dynamics),
+    settings: &CauseSettings,
+) -> Found {
+    let vertex_count = template.positions.len();
+    let window = (settings.window / vertex_count).clamp(8, 1 << 20).min(found.len());
+    let end = ((window - 1) as f64 / fps).max(1e-6);
+    let knots = Knots { count: ((end / settings.wind_interval).round() as usize + 1).max(2), end };
+    let rest_lengths = rest_lengths(template, found);
+    let held = held_vertices(template, found, DVec3::Y);
+    let ln = |log10: f64| log10 * std::f64::consts::LN_10;
+    let mean = Causes {
+        ln_stiffness: dynamics.stiffness.map(|range| ln(range.start)),
+        down: DVec3::Y,
+        ln_drag: DRAG.ln(),
+        wind: vec![DVec3::ZERO; knots.count],
+    };
+    let s = settings.spread;
+    let spread = Spread { ln_stiffness: [0.5 * s, s, s], down: TILT, ln_drag: s };
+    let prior =
+        Prior { mean: mean.clone(), spread, wind: [0.1 * settings.wind, settings.wind, 0.5 * settings.wind] };
+    let mut out = Found { causes: mean, spread, prior: spread, knots, held, rest_lengths };
+    if !settings.fit || found.len() < 3 {
+        return out;
+    }
+    let cloth = cut_cloth(template, &out.rest_lengths);
+    let substeps = (1.0 / (fps * LONGEST_STEP) - 1e-9).ceil().clamp(1.0, 64.0) as usize;
+    let targets = interpolated(&found[..window], substeps);
+    let mut ties = vec![settings.tie; vertex_count];
+    out.held.iter().for_each(|v| ties[*v] = HOLD);
+    let h = 1.0 / (fps * substeps as f64);
+    let drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, knots };
+    let data = Data::new(&found[..window], deviations, fps);
+    let bounds = dynamics.stiffness.map(|range| [ln(range.low), ln(range.high)]);
+    // A simulation that fails at the start leaves what was known before.
+    if let Ok(search) = Search::new(&drive, &data, &prior, out.causes.clone(), bounds) {
+        let (causes, spread) = search.run(settings.iterations);
+        (out.causes, out.spread) = (causes, spread);
+    }
+    out
+}
+
+struct Search<'a> {
+    drive: &'a Drive<'a>,
+    data: &'a Data<'a>,
+    prior: &'a Prior,
+    causes: Causes,
+    trajectory: Trajectory,
+    value: f64,
+    /// Of ln stiffnesses.
+    bounds: [[f64; 2]; 3],
+}
+
+impl<'a> Search<'a> {
+    fn new(
+        drive: &'a Drive<'a>,
+        data: &'a Data<'a>,
+        prior: &'a Prior,
+        causes: Causes,
+        bounds: [[f64; 2]; 3],
+    ) -> Result<Self> {
+        let trajectory = drive.run(&causes, true)?;
+        let value = data.value(&trajectory.frames) + prior.value(&causes, None);
+        Ok(Self { drive, data, prior, causes, trajectory, value, bounds })
+    }
+
+    fn system(&self) -> System {
+        let mut system = System::zeros(self.causes.unknowns());
+        self.data.add_system(&self.trajectory, &mut system);
+        self.prior.value(&self.causes, Some(&mut system));
+        system
+    }
+
+    fn run(mut self, iterations: usize) -> (Causes, Spread) {
+        let mut lambda = 1e-3;
+        for _ in 0..iterations {
+            let before = self.value;
+            if !self.step(&mut lambda) || before - self.value < LEAST_GAIN * before.max(1.0) {
+                break;
+            }
+        }
+        let spread = spread(&self.system().matrix);
+        (self.causes, spread)
+    }
+
+    /// A step that lowers the objective, if one is found.
+    fn step(&mut self, lambda: &mut f64) -> bool {
+        let system = self.system();
+        for _ in 0..ATTEMPTS {
+            let mut matrix = system.matrix.clone();
+            (0..matrix.len()).for_each(|p| matrix[p][p] *= 1.0 + *lambda);
+            let mut step = solve(&matrix, &system.gradient);
+            let logarithms = [step[0], step[1], step[2], step[5], 5.0 * step[3], 5.0 * step[4]];
+            let largest = logarithms.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+            let scale = -f64::min(1.0, LARGEST_STEP / largest.max(f64::MIN_POSITIVE));
+            step.iter_mut().for_each(|s| *s *= scale);
+            let mut causes = self.causes.moved(&step);
+            for (k, [low, high]) in causes.ln_stiffness.iter_mut().zip(self.bounds) {
+                *k = k.clamp(low, high);
+            }
+            let value = self
+                .drive
+                .run(&causes, false)
+                .map(|t| self.data.value(&t.frames) + self.prior.value(&causes, None));
+            if value.is_ok_and(|value| value < self.value)
+                && let Ok(next) = Self::new(self.drive, self.data, self.prior, causes, self.bounds)
+            {
+                *self = next;
+                *lambda = (*lambda * 0.1).max(1e-6);
+                return true;
+            }
+            *lambda *= 10.0;
+        }
+        false
+    }
+}
+
+/// Roots of the diagonal of the inverse.
+fn spread(matrix: &[Vec<f64>]) -> Spread {
+    let variance = |p: usize| {
+        let unit: Vec<f64> = (0..matrix.len()).map(|q| f64::from(u8::from(p == q))).collect();
+        solve(matrix, &unit)[p]
+    };
+    let ln_stiffness = [0, 1, 2].map(|p| variance(p).sqrt());
+    Spread { ln_stiffness, down: (variance(3) + variance(4)).sqrt(), ln_drag: variance(5).sqrt() }
+}
+
+/// Solution of a small positive definite system, by Cholesky's method.
+fn solve(matrix: &[Vec<f64>], rhs: &[f64]) -> Vec<f64> {
+    let n = rhs.len();
+    let mut l = vec![vec![0.0; n]; n];
+    for i in 0..n {
+        for j in 0..=i {
+            let rest = matrix[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
+            l[i][j] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / l[j][j] };
+        }
+    }
+    let mut x = rhs.to_vec();
+    for i in 0..n {
+        x[i] = (x[i] - (0..i).map(|k| l[i][k] * x[k]).sum::<f64>()) / l[i][i];
+    }
+    for i in (0..n).rev() {
+        x[i] = (x[i] - (i + 1..n).map(|k| l[k][i] * x[k]).sum::<f64>()) / l[i][i];
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::grid;
+    use crate::motion::parameters::StiffnessRange;
+    use crate::sim::{Cloth, Integrator, StepSettings};
+    use glam::DVec2;
+
+    #[test]
+    fn a_hanging_sheet_that_is_shaken_gives_back_its_causes() {
+        let mut mesh = grid(7, 7, DVec2::splat(0.4), 1.0);
+        // In folds, from two corners.
+        mesh.positions.iter_mut().for_each(|p| {
+            let fold = 0.02 * (25.0 * p.x).sin();
+            *p = DVec3::new(p.x * 0.93, p.y, p.z + fold);
+        });
+        let range = |start: f64| StiffnessRange { start: start.log10(), low: -9.0, high: 9.0 };
+        let step = StepSettings {
+            integrator: Integrator::ImplicitEuler,
+            step: 5e-3,
+            damping: 1.0,
+            tolerance: 1e-8,
+            newton_limit: 20,
+        };
+        let dynamics = Dynamics { step, substeps: 4, stiffness: [range(200.0), range(1e-3), range(1e-4)] };
+        let cloth = Cloth::flat(&mesh, 0.05);
+        let truth = Causes {
+            ln_stiffness: [200f64.ln(), 6e-3f64.ln(), 6e-4f64.ln()],
+            down: DVec3::new(-0.15, 0.95, 0.2).normalize(),
+            ln_drag: 1.5f64.ln(),
+            wind: vec![DVec3::ZERO, DVec3::Z * 0.5, DVec3::X * 0.5],
+        };
+        let knots = Knots { count: 3, end: 0.4 };
+        let shaken = |n: usize| -> Positions {
+            let way = DVec3::new(0.02, 0.0, 0.03) * (1.0 - (n as f64 * 0.2).cos());
+            mesh.positions.iter().map(|p| *p + way).collect()
+        };
+        let targets: Vec<Positions> = (0..41).map(shaken).collect();
+        let mut ties = vec![0.0; 49];
+        let corners = held_vertices(&mesh, &[mesh.positions.clone()], DVec3::Y);
+        assert_eq!(corners, [0, 6]);
+        corners.iter().for_each(|v| ties[*v] = HOLD);
+        let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, knots };
+        let frames = drive.run(&truth, false).unwrap().frames;
+        let deviations = vec![vec![2e-3; 49]; frames.len()];
+        let settings = CauseSettings { iterations: 30, ..CauseSettings::default() };
+        let found = find(&mesh, &frames, &deviations, (50.0, &dynamics), &settings);
+        let off = |k: usize| (found.causes.ln_stiffness[k] - truth.ln_stiffness[k]).exp();
+        let angle = found.causes.down.angle_between(truth.down).to_degrees();
+        println!("bend {:.2}, shear {:.2}, gravity {angle:.1}°, {:?}", off(1), off(2), found.spread);
+        assert!(off(1).ln().abs() < 1.25f64.ln() && off(2).ln().abs() < 1.25f64.ln() && angle < 3.0);
+        assert!(
+            found
+                .spread
+                .ln_stiffness
+                .iter()
+                .zip(found.prior.ln_stiffness)
+                .all(|(sd, prior)| *sd < 0.4 * prior)
+        );
+    }
+}

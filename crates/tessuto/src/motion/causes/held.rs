@@ -1,0 +1,108 @@
+//! Which vertices are held.
+//!
+//! Pins show in the image: what they hold keeps still while the rest moves. Where nothing does, hands hold the cloth, and the two
+//! upper corners are the best guess.
+
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3};
+
+use crate::mesh::{Mesh, Positions};
+
+/// A vertex is still if it moves by less than this fraction of the median movement.
+const STILL: f64 = 0.2;
+/// Movement of the sheet, as a fraction of its distance, below which nothing can be told.
+const LEAST: f64 = 1e-3;
+
+/// The held vertices of `template` in ascending order, given positions `found`, shape [N, V], and where `down` is.
+pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -> Vec<usize> {
+    let x = &template.positions;
+    let border = border(template);
+    let centre = x.iter().sum::<DVec3>() / x.len() as f64;
+    let movement = movements(x, found);
+    let mut sorted = movement.clone();
+    sorted.sort_by(f64::total_cmp);
+    let median = sorted[sorted.len() / 2];
+    let is_above = |v: usize| (x[v] - centre).dot(down) < 0.0;
+    let still: Vec<usize> =
+        border.iter().copied().filter(|v| movement[*v] < STILL * median && is_above(*v)).collect();
+    if median > LEAST && !still.is_empty() { still } else { upper_corners(x, &border, centre, down) }
+}
+
+/// Root mean square of the movement of every vertex in the image since the template, in units of its distance.
+fn movements(x: &[DVec3], found: &[Positions]) -> Vec<f64> {
+    let seen = |p: DVec3| DVec2::new(p.x, p.y) / p.z.max(1e-9);
+    let of = |i: usize| {
+        let squares: f64 = found.iter().map(|f| seen(f[i]).distance_squared(seen(x[i]))).sum();
+        (squares / found.len().max(1) as f64).sqrt()
+    };
+    (0..x.len()).map(of).collect()
+}
+
+/// Vertices at edges of one face only, in ascending order.
+fn border(template: &Mesh) -> Vec<usize> {
+    let mut faces: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    for face in &template.faces {
+        let v = &face.vertices;
+        for (k, a) in v.iter().enumerate() {
+            let b = v[(k + 1) % v.len()];
+            *faces.entry([*a.min(&b), *a.max(&b)]).or_default() += 1;
+        }
+    }
+    let mut out: Vec<usize> = faces
+        .iter()
+        .filter(|(_, count)| **count == 1)
+        .flat_map(|(edge, _)| edge.map(|v| v as usize))
+        .collect();
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+/// The vertices of `border` that lie farthest up to either side.
+fn upper_corners(x: &[DVec3], border: &[usize], centre: DVec3, down: DVec3) -> Vec<usize> {
+    // Sideways is where the sheet is widest across gravity.
+    let across = |v: &usize| {
+        let d = x[*v] - centre;
+        d - down * d.dot(down)
+    };
+    let wide = border.iter().map(across).max_by(|a, b| a.length_squared().total_cmp(&b.length_squared()));
+    let side = wide.unwrap_or(DVec3::X).normalize_or(DVec3::X);
+    let corner = |sign: f64| {
+        let direction = side * sign - down;
+        let best = |a: &&usize, b: &&usize| {
+            (x[**a] - centre).dot(direction).total_cmp(&(x[**b] - centre).dot(direction))
+        };
+        border.iter().max_by(best).copied()
+    };
+    let mut out: Vec<usize> = [corner(-1.0), corner(1.0)].into_iter().flatten().collect();
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::grid;
+
+    #[test]
+    fn pins_keep_still_and_hands_are_looked_for_at_the_corners() {
+        let mesh = grid(7, 6, DVec2::splat(0.4), 1.0);
+        let pins = [0, 3, 6];
+        let swing = |n: usize| -> Positions {
+            let at = |(i, p): (usize, &DVec3)| match pins.contains(&i) {
+                true => *p,
+                false => *p + DVec3::new(0.03 * (n as f64).sin(), 0.0, 0.1),
+            };
+            mesh.positions.iter().enumerate().map(at).collect()
+        };
+        let frames: Vec<Positions> = (0..12).map(swing).collect();
+        assert_eq!(held_vertices(&mesh, &frames, DVec3::Y), pins);
+        let carried: Vec<Positions> = (0..12)
+            .map(|n| mesh.positions.iter().map(|p| *p + DVec3::X * 0.01 * f64::from(n)).collect())
+            .collect();
+        assert_eq!(held_vertices(&mesh, &carried, DVec3::Y), [0, 6]);
+        assert_eq!(held_vertices(&mesh, &carried, DVec3::X), [0, 35]);
+    }
+}

@@ -1,0 +1,57 @@
+//! From a motion to its causes: stiffnesses, gravity, air and what holds the cloth.
+//!
+//! For every vertex m a = −∂E/∂x + m g + m γ (w − v) + hold + m D. The cloth is flat as cut ([`crate::sim::Cloth::flat`]), g has a known
+//! size, the air's velocity w changes smoothly in time, few vertices are held; D is what is left.
+//!
+//! The unknowns θ, ln stiffnesses, the direction of g, ln γ and the wind at [`Knots`], make a motion x(θ) by a [`Drive`]: a simulation of
+//! second order in time whose held vertices follow their found paths and whose others are tied to theirs by weak springs, the gain of
+//! a steady filter: they keep errors of the model from growing without end. θ minimises
+//!
+//!   1/ν Σ ½ τ² ln(1 + e²/τ²) + priors,   e² = ‖(x(θ) − found)/σ‖²,
+//!
+//! with the deviations σ of the found positions, soft along the view ray and firm across it, and as errors are smooth in space and time,
+//! the number ν of vertices and frames that err together. So stiffnesses never meet the noise of found positions, which regression on
+//! these takes for softness, and the inverse of the Gauss-Newton matrix tells how sure they are.
+
+mod drive;
+mod explained;
+mod fit;
+mod forces;
+mod held;
+mod lengths;
+mod objective;
+mod parts;
+mod settings;
+
+pub use explained::{Explained, Sizes};
+pub use fit::find;
+pub use forces::{Causes, GRAVITY, Knots, Spread};
+pub use parts::{Hold, Otherwise, Parts, changed, follow};
+pub use settings::CauseSettings;
+
+use crate::mesh::Mesh;
+use crate::sim::Cloth;
+
+/// What was found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Found {
+    /// Stiffnesses, gravity, air.
+    pub causes: Causes,
+    /// Their standard deviations.
+    pub spread: Spread,
+    /// Those of the prior: what was known before.
+    pub prior: Spread,
+    /// Times of the wind's values.
+    pub knots: Knots,
+    /// Vertices that are held, in ascending order.
+    pub held: Vec<usize>,
+    /// Lengths of the edges without load `[m]`: a fold smaller than a cell hides some of it in the template.
+    pub rest_lengths: Vec<f64>,
+}
+
+/// The cloth of `template` as it was cut, with edges of `rest_lengths` `[m]` that hardly resist when shorter.
+pub fn cut_cloth(template: &Mesh, rest_lengths: &[f64]) -> Cloth {
+    let mut cloth = Cloth::flat(template, settings::COMPRESSION);
+    cloth.edges.iter_mut().zip(rest_lengths).for_each(|(edge, l)| edge.rest_length = *l);
+    cloth
+}

@@ -1,0 +1,26 @@
+//! Settings of the search for causes.
+
+use crate::settings::settings;
+
+/// Resistance of an edge to shortening, as a fraction of that to lengthening: coarse edges shorten as the cloth wrinkles below them.
+pub const COMPRESSION: f64 = 0.05;
+
+settings! {
+    /// Settings of the causes of a motion.
+    pub struct CauseSettings {
+        /// Search for stiffnesses, gravity and air; otherwise they keep their start, without wind.
+        fit: bool = true, flag();
+        /// Gauss-Newton iterations, at most.
+        iterations: usize = 6, number(0.0..=100.0, "");
+        /// Strength of the springs between the simulated and the found positions while causes are searched.
+        tie: f64 = 100.0, number(0.0..=1e6, "1/s²");
+        /// Spread of ln of a stiffness or of the drag about its start; for stretch, about which a video says little, half of it.
+        spread: f64 = 2.0, number(1e-3..=100.0, "");
+        /// Spread of the wind's acceleration; a tenth of it in the first frame, in which the cloth hangs still as a rule.
+        wind: f64 = 1.0, number(1e-6..=1e3, "m/s²");
+        /// Time between two values of the wind.
+        wind_interval: f64 = 0.1, number(1e-3..=1e3, "s");
+        /// Most vertices times frames that the search looks at, from the first frame on.
+        window: usize = 32_000, number(1.0..=1e9, "");
+    }
+}

@@ -1,0 +1,158 @@
+//! The causes of a motion in parameters.json, and forces.npz.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::{Quantity, quantity};
+use crate::error::{Error, Result};
+use crate::io;
+use crate::mesh::{Mesh, Positions};
+use crate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
+
+/// A number is informed if its standard deviation is less than this fraction of what it was without the video.
+const INFORMED: f64 = 0.4;
+
+/// Gravity.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Gravity {
+    value: [f64; 3],
+    unit: String,
+    /// Of its direction.
+    sd_degrees: f64,
+    informed: bool,
+}
+
+/// Drag.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Drag {
+    value: f64,
+    sd: f64,
+    unit: String,
+    informed: bool,
+}
+
+/// What a replay needs, to the last bit, beside forces.npy and rest_lengths.npy.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Model {
+    causes: Causes,
+    spread: Spread,
+    prior: Spread,
+    knots: Knots,
+}
+
+/// `causes` of parameters.json.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct CauseFile {
+    gravity: Gravity,
+    drag: Drag,
+    /// Velocity of the air, [N, 3].
+    wind: Quantity<Vec<[f64; 3]>>,
+    /// Held vertices; their paths are those of motion.npy.
+    held: Vec<usize>,
+    /// Root mean squares.
+    sizes: Quantity<Sizes>,
+    model: Model,
+}
+
+/// Standard deviation of a stiffness, and whether the video tells anything about it.
+pub(super) fn certainty(found: &Found, k: usize) -> (f64, bool) {
+    let (sd, prior) = (found.spread.ln_stiffness[k], found.prior.ln_stiffness[k]);
+    (found.causes.stiffness()[k] * sd, sd < INFORMED * prior)
+}
+
+impl CauseFile {
+    /// Of a video of `frames` frames, `fps` per second.
+    pub fn new(explained: &Explained, frames: usize, fps: f64) -> Self {
+        let found = &explained.found;
+        let (causes, spread, prior) = (&found.causes, &found.spread, &found.prior);
+        let drag = causes.drag();
+        let wind = |n: usize| (causes.wind_at(&found.knots, n as f64 / fps) / drag).to_array();
+        Self {
+            gravity: Gravity {
+                value: causes.gravity().to_array(),
+                unit: "m/s^2".to_owned(),
+                sd_degrees: spread.down.to_degrees(),
+                informed: spread.down < INFORMED * prior.down,
+            },
+            drag: Drag {
+                value: drag,
+                sd: drag * spread.ln_drag,
+                unit: "1/s".to_owned(),
+                informed: spread.ln_drag < INFORMED * prior.ln_drag,
+            },
+            wind: quantity((0..frames).map(wind).collect(), "m/s"),
+            held: found.held.clone(),
+            sizes: quantity(explained.sizes, "m/s^2"),
+            model: Model { causes: causes.clone(), spread: *spread, prior: *prior, knots: found.knots },
+        }
+    }
+
+    /// What was found, given the lengths of the edges from `folder`.
+    pub fn found(&self, folder: &Path, mesh: &Mesh) -> Result<Found> {
+        let path = folder.join("rest_lengths.npy");
+        let bad = |problem: String| Error::input(path.display().to_string(), problem, super::UNCHANGED);
+        let rest_lengths = io::npy::read(&path)?.data;
+        let edges = mesh.edges().len();
+        if rest_lengths.len() != edges || rest_lengths.iter().any(|l| !(*l > 0.0 && l.is_finite())) {
+            return Err(bad(format!(
+                "{} lengths, mesh.obj has {edges} edges; all must be above 0",
+                rest_lengths.len()
+            )));
+        }
+        let Model { causes, spread, prior, knots } = self.model.clone();
+        let numbers = causes.ln_stiffness.iter().chain([&causes.ln_drag]).all(|x| x.is_finite());
+        let vertices = mesh.positions.len();
+        let wind = causes.wind.len() == knots.count && knots.count >= 2 && knots.end > 0.0;
+        if !numbers
+            || !wind
+            || !causes.wind.iter().all(|w| w.is_finite())
+            || self.held.iter().any(|v| *v >= vertices)
+        {
+            return Err(Error::input(
+                folder.join("parameters.json").display().to_string(),
+                "the causes are not those of this mesh",
+                super::UNCHANGED,
+            ));
+        }
+        Ok(Found { causes, spread, prior, knots, held: self.held.clone(), rest_lengths })
+    }
+
+    /// Multiplies the stiffnesses of the model by 10 to the power of `log10`.
+    pub fn scale(&mut self, found: &Found, log10: [f64; 3]) {
+        for (k, l) in log10.iter().enumerate() {
+            self.model.causes.ln_stiffness[k] = found.causes.ln_stiffness[k] + l * std::f64::consts::LN_10;
+        }
+    }
+
+    /// The sizes.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes.value
+    }
+}
+
+/// Writes forces.npz, `gravity`, `air`, `hold` and `residual` [N − 1, V, 3] m/s², and rest_lengths.npy [edges] m.
+pub(super) fn write_forces(folder: &Path, explained: &Explained) -> Result<()> {
+    let parts = &explained.parts;
+    let vertices = parts.air.first().map_or(0, Vec::len);
+    let shape = [parts.air.len(), vertices, 3];
+    let bytes = |field: &[Positions]| {
+        let numbers: Vec<f32> = field.iter().flatten().flat_map(|a| a.as_vec3().to_array()).collect();
+        io::npy::encode(&shape, &numbers)
+    };
+    let gravity: Vec<Positions> = vec![vec![DVec3::from(parts.gravity); vertices]; parts.air.len()];
+    let arrays = [
+        ("gravity", bytes(&gravity)),
+        ("air", bytes(&parts.air)),
+        ("hold", bytes(&parts.hold)),
+        ("residual", bytes(&parts.residual)),
+    ];
+    io::atomic_write(&folder.join("forces.npz"), &io::npy::archive(&arrays))?;
+    let lengths: Vec<f32> = explained.found.rest_lengths.iter().map(|l| *l as f32).collect();
+    io::npy::write(&folder.join("rest_lengths.npy"), &[lengths.len()], &lengths)
+}
