@@ -130,6 +130,22 @@ fn a_changed_simulation_is_a_result_like_any_other() {
     let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
     assert!(distances.fold(0.0, f64::max) <= 1e-5);
     assert!(fail(3, &["simulate", text(&result), "--out", text(&changed)]).contains("--force"));
+    // What would have been otherwise, and what comes after the clip.
+    let calm = at("calm.npy");
+    let otherwise = ["--continue", "4", "--air", "still", "--hold", "still"];
+    succeed(&[&["simulate", text(&result), "--out", text(&calm)], &otherwise[..]].concat());
+    assert_eq!(read_field(&calm).unwrap().len(), 3 + 4);
+    let loose = at("loose.npy");
+    let falling = ["--hold", "release", "--continue", "4"];
+    succeed(&[&["simulate", text(&result), "--out", text(&loose)], &falling[..]].concat());
+    let lowest = |path: &Path| -> f64 {
+        let last = read_field(path).unwrap().pop().unwrap();
+        last.iter().map(|p| p.y).fold(f64::NEG_INFINITY, f64::max)
+    };
+    assert!(lowest(&loose) > lowest(&calm) + 1e-3, "let go, it falls: {} {}", lowest(&loose), lowest(&calm));
+    for (option, value) in [("--scale", "bend=0"), ("--scale", "bent=2"), ("--air", "windy")] {
+        assert!(fail(2, &["simulate", text(&result), option, value]).contains(value));
+    }
     // A result of some of the scene's frames is compared with the truth of these.
     assert!(succeed(&["evaluate", text(&scene()), text(&result)]).contains("mean"));
     assert!(fail(2, &["evaluate", text(&scene()), text(&result), "--frames", "2..5"]).contains("0..3"));

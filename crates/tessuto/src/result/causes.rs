@@ -2,7 +2,6 @@
 
 use std::path::Path;
 
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Quantity, quantity};
@@ -145,7 +144,7 @@ pub(super) fn write_forces(folder: &Path, explained: &Explained) -> Result<()> {
         let numbers: Vec<f32> = field.iter().flatten().flat_map(|a| a.as_vec3().to_array()).collect();
         io::npy::encode(&shape, &numbers)
     };
-    let gravity: Vec<Positions> = vec![vec![DVec3::from(parts.gravity); vertices]; parts.air.len()];
+    let gravity: Vec<Positions> = vec![vec![parts.gravity; vertices]; parts.air.len()];
     let arrays = [
         ("gravity", bytes(&gravity)),
         ("air", bytes(&parts.air)),

@@ -46,7 +46,7 @@ pub fn panel(template: &Mesh) -> Option<Vec<DVec3>> {
     let [a, b, c] = matrix;
     let determinant = a * c - b * b;
     let scale = DVec2::new(c * rhs.x - b * rhs.y, a * rhs.y - b * rhs.x) / determinant;
-    if !(scale.x > 0.0 && scale.y > 0.0) || !scale.is_finite() {
+    if !(scale.x > 0.0 && scale.y > 0.0 && scale.is_finite()) {
         return None;
     }
     let off = |edge: &[u32; 2]| {

@@ -19,6 +19,9 @@ const LONGEST_STEP: f64 = 0.01;
 const HOLD: f64 = 1e7;
 /// Drag at the start [1/s].
 const DRAG: f64 = 1.0;
+/// Its bounds, and the spread of its logarithm: a sheet that hardly moves says nothing of it.
+const DRAGS: [f64; 2] = [0.05, 20.0];
+const DRAG_SPREAD: f64 = 1.0;
 /// Spread of gravity's direction about +y `[rad]`.
 const TILT: f64 = 0.35;
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
@@ -50,7 +53,7 @@ pub fn find(
         wind: vec![DVec3::ZERO; knots.count],
     };
     let s = settings.spread;
-    let spread = Spread { ln_stiffness: [0.5 * s, s, s], down: TILT, ln_drag: s };
+    let spread = Spread { ln_stiffness: [0.5 * s, s, s], down: TILT, ln_drag: DRAG_SPREAD };
     let prior =
         Prior { mean: mean.clone(), spread, wind: [0.1 * settings.wind, settings.wind, 0.5 * settings.wind] };
     let mut out = Found { causes: mean, spread, prior: spread, knots, held, rest_lengths };
@@ -132,6 +135,7 @@ impl<'a> Search<'a> {
             for (k, [low, high]) in causes.ln_stiffness.iter_mut().zip(self.bounds) {
                 *k = k.clamp(low, high);
             }
+            causes.ln_drag = causes.ln_drag.clamp(DRAGS[0].ln(), DRAGS[1].ln());
             let value = self
                 .drive
                 .run(&causes, false)

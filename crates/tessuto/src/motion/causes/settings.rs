@@ -14,7 +14,7 @@ settings! {
         iterations: usize = 6, number(0.0..=100.0, "");
         /// Strength of the springs between the simulated and the found positions while causes are searched.
         tie: f64 = 100.0, number(0.0..=1e6, "1/s²");
-        /// Spread of ln of a stiffness or of the drag about its start; for stretch, about which a video says little, half of it.
+        /// Spread of ln of a stiffness about its start; for stretch, about which a video says little, half of it.
         spread: f64 = 2.0, number(1e-3..=100.0, "");
         /// Spread of the wind's acceleration; a tenth of it in the first frame, in which the cloth hangs still as a rule.
         wind: f64 = 1.0, number(1e-6..=1e3, "m/s²");
