@@ -10,7 +10,8 @@ use crate::math::factor::Scratch;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::session::{Epoch, Session, foreign_state, named};
 
-/// Number of kinds of start: with spreads larger by `start_spread`, and with their own.
+/// Number of kinds of start: with spreads of strain and shear larger by `start_spread`, or with that of signed bending larger by
+/// `start_bend`.
 const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
@@ -20,8 +21,10 @@ const DAMPING: Damping =
 /// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
 const STEPS: usize = 8;
 const ATTEMPTS: usize = 6;
-/// A frame is found when no vertex moves by more than this `[m]`.
+/// A frame is found when no vertex moves by more than this `[m]`, or a step lowers its E by less than this part: only the basin
+/// counts, `refine` goes on from there.
 const FOUND: f64 = 2e-5;
+const LEAST_GAIN: f64 = 1e-2;
 
 /// A sheet whose smooth shear is larger than this many of the spreads it is given is one that shears as a whole; it is
 /// followed again with that shear as the spread.
@@ -33,7 +36,7 @@ pub(super) struct Tracked {
     /// Spread of the smooth shear in use `[rad]`.
     pub(super) smooth: f64,
     /// One of each kind of start.
-    followers: [Follower; STARTS],
+    pub(super) followers: [Follower; STARTS],
     /// The best of them backward.
     pub(super) backward: Option<Follower>,
 }
@@ -54,12 +57,12 @@ impl Problem<'_> {
     /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one frame, with
     /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
     ///
-    /// A frame has several minima, and the next ones follow into the same. So the fabric is followed twice at the same
-    /// time, with spreads of strain and shear larger by `start_spread` and with their own; the lower E over all frames
-    /// counts.
+    /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may turn or bend. So
+    /// the fabric is followed twice at the same time, once with spreads of strain and shear larger by `start_spread`, once with that of
+    /// signed bending larger by `start_bend`.
     ///
     /// A sheet that turns out to shear as a whole is followed once more, with room for that in its prior. At last it is followed
-    /// backward in time from the last frame, and of both the better path counts.
+    /// backward in time from the last frame, and of all the best path counts.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.
@@ -78,11 +81,11 @@ impl Problem<'_> {
             self.follow(&mut tracked, session)?;
             best = self.best(&tracked);
         }
-        let forward = tracked.followers[best].frames.clone();
         if let Some((frame, value)) = tracked.followers[best].lost {
-            return Ok((forward, Some(diverged(&format!("frame {frame}"), value))));
+            let failure = diverged(&format!("frame {frame}"), value);
+            return Ok((tracked.followers[best].frames.clone(), Some(failure)));
         }
-        let frames = self.both_sides(&forward, &mut tracked, session)?;
+        let frames = self.both_sides(&mut tracked, session)?;
         session.finish("track", &tracked);
         Ok((frames, None))
     }
@@ -124,8 +127,9 @@ impl Problem<'_> {
         let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|start| {
             let mut levels: Vec<_> =
                 self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-            let spread = if start == 0 { self.settings.start_spread } else { 1.0 };
-            levels.iter_mut().for_each(|level| level.loosen(spread, self.settings.start_tail));
+            let s = &self.settings;
+            let spreads = if start == 0 { [s.start_spread, 1.0] } else { [1.0, s.start_bend] };
+            levels.iter_mut().for_each(|level| level.loosen(spreads, s.start_tail));
             levels
         });
         let done = tracked.followers[0].frames.len();
@@ -234,7 +238,7 @@ impl LevelSearch<'_, '_> {
                     let gained = value - next_value;
                     (x, value) = (next, next_value);
                     damping.accept();
-                    if moved < FOUND || gained < self.least_gain * value {
+                    if moved < FOUND || gained < LEAST_GAIN * value {
                         return (x, value);
                     }
                     break;
