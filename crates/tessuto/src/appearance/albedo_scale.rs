@@ -49,7 +49,7 @@ pub struct AlbedoScale {
     pub undyed: f64,
 }
 
-/// Mean colour of the brightest of the texels of `diffuse`, planes [3, n], that count with `weights` [n]. `None` if it is black,
+/// Mean colour of the brightest of the texels of `diffuse`, planes [3, n], that count with `weights` `[n]`. `None` if it is black,
 /// and without any.
 pub(super) fn brightest(diffuse: &[f64], weights: &[f64]) -> Option<[f64; 3]> {
     let n = weights.len();

@@ -66,7 +66,7 @@ settings! {
         diffuse_smoothness: f64 = 3e-4, number(0.0..=1e3, "");
         /// Weight of the mean of the metallic map: a region of similar colour becomes metal only where that lowers its mean
         /// squared error by more than this.
-        metallic_pull: f64 = 5e-4, number(0.0..=1e3, "");
+        metallic_pull: f64 = 2e-4, number(0.0..=1e3, "");
         /// Weight of the mean squared difference from roughness_start: where no highlight tells, roughness stays there.
         roughness_pull: f64 = 1e-3, number(0.0..=1e3, "");
         /// Fraction of the steps from which on patches with large errors count less; 1: all count alike to the end.

@@ -19,7 +19,7 @@ pub(super) const LIMITS: [[f64; 2]; CHANNELS] =
 /// Where the total variation turns from linear to quadratic.
 const SOFT: f32 = 0.01;
 
-/// Factors by channel of the diffuse planes [3, n], from these and the metallic plane [n].
+/// Factors by channel of the diffuse planes [3, n], from these and the metallic plane `[n]`.
 pub(super) type Factors<'a> = &'a mut dyn FnMut(&[f64], &[f32]) -> Option<[f64; 3]>;
 
 /// Something that makes material maps and learns from their gradient.

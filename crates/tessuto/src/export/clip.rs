@@ -45,6 +45,9 @@ impl Material {
     }
 }
 
+/// Name, shape and numbers of an array.
+pub type NamedArray = (&'static str, Vec<usize>, Vec<f32>);
+
 /// A recovered motion with all that other programs can take of it.
 #[derive(Debug, Clone)]
 pub struct Clip {
@@ -81,7 +84,7 @@ pub struct Clip {
     /// Stiffnesses and forces.
     pub parameters: Parameters,
     /// How often what was seen, where that is known: name, shape, numbers.
-    pub seen: Vec<(&'static str, Vec<usize>, Vec<f32>)>,
+    pub seen: Vec<NamedArray>,
 }
 
 impl Clip {
@@ -203,7 +206,7 @@ fn first_image(folder: &Path, number: usize) -> Option<PathBuf> {
 }
 
 /// How often vertices, texels and directions of light were seen.
-fn seen(folder: &Path) -> Result<Vec<(&'static str, Vec<usize>, Vec<f32>)>> {
+fn seen(folder: &Path) -> Result<Vec<NamedArray>> {
     let files = [
         ("seen_vertices", "seen_vertices.npy"),
         ("seen_texels", "seen_texels.npy"),
