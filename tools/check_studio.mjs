@@ -161,24 +161,6 @@ try {
   await pause(300);
   await show("check");
 
-  // Beside the way: two places are said to be fabric and none, one more is taken back, and the masks are made anew.
-  const way = page.clicks, overlay = await page.box("#overlay");
-  const onOverlay = (u, v) => page.clickAt(overlay.x + u * overlay.width, overlay.y + v * overlay.height);
-  await page.press("o");
-  await onOverlay(0.03, 0.03);
-  await page.press("i");
-  await onOverlay(0.5, 0.5);
-  await onOverlay(0.9, 0.9);
-  await page.click("#masks-undo");
-  await page.click("#masks-next");
-  await page.waitFor(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => !s.work.job?.running && s.work.masks?.clicks?.length === 2)`, "masks with two clicks", 120);
-  await calm();
-  const said = await page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.masks.clicks)`);
-  const placed = said.map(c => [c.inside, Math.round(10 * c.x / sheet.width), Math.round(10 * c.y / sheet.width)].join(" ")).sort();
-  check("clicks inside and outside reach the masks", JSON.stringify(placed) === JSON.stringify(["false 0 0", "true 5 5"]), placed.join(", "));
-  await page.waitFor(`!document.getElementById("check-next").disabled`, "the masks", 60);
-  page.clicks = way;
-
   // Motion alone, which takes seconds.
   await page.click("#appearance");
   await page.click("#check-next");
