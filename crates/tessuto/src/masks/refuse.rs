@@ -11,7 +11,7 @@ use super::track::Tracked;
 use crate::error::{Error, Hint, Remedy, Result};
 
 /// The fewest pixels of fabric.
-const FEWEST: usize = 400;
+pub(super) const FEWEST: usize = 400;
 /// Overlap of what was drawn with what was found, and clear fraction of the outline: below either nothing was found.
 const FOUND: (f64, f64) = (0.6, 0.15);
 /// Fractions of changing pixels inside of the outline and, of the image, elsewhere: it is around the wrong thing.
