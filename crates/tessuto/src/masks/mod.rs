@@ -79,8 +79,8 @@ pub struct Made {
 /// that were changed since, are not replaced.
 ///
 /// # Errors
-/// [`Error::Usage`] if nothing tells where the fabric is; [`Error::Input`] if the clip is none that masks can be made of,
-/// naming the frame; [`Error::Output`].
+/// [`Error::Usage`](crate::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
+/// naming the frame; [`Error::Output`](crate::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
     let clip = colour_files(folder)?;
     let mut record = Record::read(folder)?.unwrap_or_else(Record::new);

@@ -1,4 +1,4 @@
-//! The start of the search from both sides: frames followed backward in time as well, and the best of all in each.
+//! The start of the search from both sides: frames followed backward in time as well, and the best of all followers in each.
 //!
 //! Where the fabric moves fast, it may be lost for some frames and found again: the next ones are right, those between are
 //! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side.
@@ -9,62 +9,77 @@ use crate::error::Result;
 use crate::session::{Epoch, Session, foreign_state, named};
 
 impl Problem<'_> {
-    /// The best path through the frames of all followers that were not lost, and those of one that goes backward from where it ends.
+    /// The best path through the frames of all followers that were not lost: those of `tracked`, one that goes backward from where the
+    /// best of these ends and, on the other core, one with the spreads as they are.
     ///
     /// # Errors
     /// As of [`Problem::track`].
     pub(super) fn both_sides(&self, tracked: &mut Tracked, session: &mut Session) -> Result<Vec<Positions>> {
-        let found = |tracked: &Tracked| -> Vec<Vec<Positions>> {
-            let whole = tracked.followers.iter().filter(|f| f.lost.is_none());
-            whole.map(|f| f.frames.clone()).collect()
-        };
-        let mut sides = found(tracked);
+        let found = |f: &Follower| f.lost.is_none().then(|| f.frames.clone());
+        let mut sides: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(found).collect();
         let forward = self.best_path(&sides, 1.0);
-        let mut levels: Vec<LevelSearch> =
-            self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-        levels.iter_mut().for_each(|level| level.loosen([1.0; 2], self.settings.start_tail));
         let last = forward.len() - 1;
-        let start = |levels: &mut [LevelSearch]| {
+        let s = &self.settings;
+        let mut levels = [(); 2].map(|()| {
+            let mut levels: Vec<LevelSearch> =
+                self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
+            levels.iter_mut().for_each(|level| level.loosen([1.0; 2], s.start_tail));
+            levels
+        });
+        let start = |levels: &mut [LevelSearch], n: usize| {
             let gains = levels.iter_mut().map(|level| {
-                level.update_gain(last, &forward[last]);
-                level.gains[last].clone()
+                level.update_gain(n, &forward[n]);
+                level.gains[n].clone()
             });
-            Follower { gains: gains.collect(), frames: vec![forward[last].clone()], lost: None }
+            Follower { gains: gains.collect(), frames: vec![forward[n].clone()], lost: None }
         };
-        let mut backward = tracked.backward.take().unwrap_or_else(|| start(&mut levels));
-        let matches = backward.gains.len() == levels.len() && self.matches(&backward.frames, &backward.gains);
-        if !matches || !(1..=forward.len()).contains(&backward.frames.len()) {
+        let [mut backward, mut strict] = match tracked.late.take() {
+            Some(late) => late,
+            None => [start(&mut levels[0], last), start(&mut levels[1], 0)],
+        };
+        let matches = |f: &Follower| f.gains.len() == levels[0].len() && self.matches(&f.frames, &f.gains);
+        let done = strict.frames.len();
+        if ![&backward, &strict].into_iter().all(matches)
+            || !(1..=forward.len()).contains(&done)
+            || backward.frames.len() != done.min(last.max(1))
+        {
             return Err(foreign_state("track"));
         }
         let forward_steps = self.forward_steps(tracked.smooth);
-        for k in backward.frames.len()..last {
-            let value = backward.follow(k, |k| last - k, &mut levels);
+        for k in done..=last {
+            let [for_backward, for_strict] = &mut levels;
+            let (_, value) = rayon::join(
+                // The first frame is known.
+                || (k < last).then(|| backward.follow(k, |k| last - k, for_backward)),
+                || strict.follow(k, |k| k, for_strict),
+            );
             let epoch = Epoch {
                 stage: "track".into(),
                 step: forward_steps + k,
-                of: forward_steps + self.backward_steps(),
+                of: forward_steps + self.late_steps(),
                 active_frames: forward.len(),
                 losses: named([("total", value)]),
                 parameters: named([("shear_smooth", tracked.smooth)]),
             };
-            tracked.backward = Some(backward);
+            tracked.late = Some([backward, strict]);
             session.step(&epoch, &[], Some(&*tracked))?;
-            backward = tracked.backward.take().expect("put there above");
+            [backward, strict] = tracked.late.take().expect("put there above");
         }
         drop(levels);
+        sides.extend(found(&strict));
         let reached = backward.lost.map_or(backward.frames.len(), |(k, _)| k);
         let mut behind = forward;
         for (k, x) in backward.frames[..reached].iter().enumerate() {
             behind[last - k].clone_from(x);
         }
-        tracked.backward = Some(backward);
-        sides.insert(0, behind);
+        tracked.late = Some([backward, strict]);
+        sides.push(behind);
         Ok(self.best_settled(&sides))
     }
 
-    /// Number of frames that are followed backward.
-    pub(super) fn backward_steps(&self) -> usize {
-        self.scene.frames.len().saturating_sub(2)
+    /// Number of frames that are followed late.
+    pub(super) fn late_steps(&self) -> usize {
+        self.scene.frames.len() - 1
     }
 }
 

@@ -48,7 +48,7 @@ settings! {
         /// The search starts with spreads of strain and shear that are larger by this factor; frames are first found both with it
         /// and without.
         start_spread: f64 = 2.0, number(1.0..=1e6, "");
-        /// Where frames are first found without `start_spread`, the spread of signed bending is larger by this factor.
+        /// Frames are first found with a spread of signed bending larger by this factor, too.
         start_bend: f64 = 3.0, number(1.0..=1e6, "");
         /// The search starts with tails that are longer by this factor, close to least squares.
         start_tail: f64 = 100.0, number(1.0..=1e9, "");

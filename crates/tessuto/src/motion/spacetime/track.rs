@@ -10,8 +10,8 @@ use crate::math::factor::Scratch;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::session::{Epoch, Session, foreign_state, named};
 
-/// Number of kinds of start: with spreads of strain and shear larger by `start_spread`, or with that of signed bending larger by
-/// `start_bend`.
+/// Number of kinds of start: with spreads of strain and shear larger by `start_spread`, without and with that of signed bending
+/// larger by `start_bend`.
 const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
@@ -37,8 +37,8 @@ pub(super) struct Tracked {
     pub(super) smooth: f64,
     /// One of each kind of start.
     pub(super) followers: [Follower; STARTS],
-    /// The best of them backward.
-    pub(super) backward: Option<Follower>,
+    /// The best of them backward, and one with the spreads' own strictness forward.
+    pub(super) late: Option<[Follower; 2]>,
 }
 
 /// The sheet as followed with one kind of start, in one direction of time.
@@ -57,12 +57,13 @@ impl Problem<'_> {
     /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one frame, with
     /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
     ///
-    /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may turn or bend. So
-    /// the fabric is followed twice at the same time, once with spreads of strain and shear larger by `start_spread`, once with that of
-    /// signed bending larger by `start_bend`.
+    /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may turn or bend. So the
+    /// fabric is followed twice at the same time, with spreads of strain and shear larger by `start_spread`, without and with
+    /// that of signed bending larger by `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for
+    /// that in its prior.
     ///
-    /// A sheet that turns out to shear as a whole is followed once more, with room for that in its prior. At last it is followed
-    /// backward in time from the last frame, and of all the best path counts.
+    /// At last it is followed backward in time from the last frame and, at the same time, forward with the spreads as they are. Of all
+    /// the best path counts.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.
@@ -99,7 +100,7 @@ impl Problem<'_> {
             gains: vec![vec![[1.0; 3]; template.len()]; levels],
             lost: None,
         };
-        Tracked { smooth, followers: std::array::from_fn(|_| follower()), backward: None }
+        Tracked { smooth, followers: std::array::from_fn(|_| follower()), late: None }
     }
 
     /// Number of frames that are followed forward, if the smooth shear ends with the spread `smooth`.
@@ -128,8 +129,8 @@ impl Problem<'_> {
             let mut levels: Vec<_> =
                 self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
             let s = &self.settings;
-            let spreads = if start == 0 { [s.start_spread, 1.0] } else { [1.0, s.start_bend] };
-            levels.iter_mut().for_each(|level| level.loosen(spreads, s.start_tail));
+            let bend = if start == 0 { 1.0 } else { s.start_bend };
+            levels.iter_mut().for_each(|level| level.loosen([s.start_spread, bend], s.start_tail));
             levels
         });
         let done = tracked.followers[0].frames.len();
@@ -149,7 +150,7 @@ impl Problem<'_> {
             let epoch = Epoch {
                 stage: "track".into(),
                 step: steps + 1 + n - count,
-                of: steps + self.backward_steps(),
+                of: steps + self.late_steps(),
                 active_frames: n + 1,
                 losses: named([("total", values[0])]),
                 parameters: named([("shear_smooth", tracked.smooth)]),
