@@ -121,6 +121,24 @@ for (const look of looks) {
   const seen = await colours("#cloth");
   check(`look: ${look}`, seen > 40, `${seen} colours`);
 }
+if (looks.includes("lit")) {
+  await page.select("#look", "lit");
+  const shown = async () => (await page.$("#cloth")).screenshot({ encoding: "base64" });
+  await pause(300);
+  let last = await shown();
+  const changed = async what => {
+    await pause(300);
+    const now = await shown();
+    check(what, now !== last && await colours("#cloth") > 40);
+    last = now;
+  };
+  for (const light of (await page.$$eval("#light option", all => all.map(o => o.value))).slice(1)) {
+    await page.select("#light", light);
+    await changed(`light: ${light}`);
+  }
+  await page.$eval("#turn", e => { e.value = 120; e.dispatchEvent(new Event("input")); });
+  await changed("the light turns");
+}
 for (const name of ["strain", "force"].concat(options.includes("--no-truth") ? [] : ["depth_error"])) {
   check(`there is a look for ${name}`, looks.includes(name));
 }

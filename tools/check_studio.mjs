@@ -8,7 +8,7 @@
 // ffmpeg (TESSUTO_FFMPEG). --shots writes a picture of every step at 1280 px in light; and, named after their looks, at
 // 800 px and in dark. --keep uses that folder and leaves it. Exit status 0: all passed.
 import { execFileSync, spawn } from "node:child_process";
-import { mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { createInterface } from "node:readline";
@@ -100,6 +100,11 @@ try {
   await page.evaluate(`document.getElementById("trim-end").focus()`);
   for (let k = 0; k < 4; k++) await page.press("ArrowLeft");
   check("the end of the part follows the keys", (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 0 to 3 of 8"));
+  await page.evaluate(`document.getElementById("trim-start").focus()`);
+  await page.press("ArrowRight");
+  check("… and so does the start", (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 1 to 3 of 8"));
+  // Back to the frame whose corners are known.
+  await page.press("ArrowLeft");
   await pause(300);
   await show("part");
   page.clicks = 0;
@@ -155,12 +160,22 @@ try {
   await page.waitFor(`document.getElementById("overlay").width > 300`, "the overlay");
   await pause(300);
   await show("check");
+
   // Motion alone, which takes seconds.
   await page.click("#appearance");
   await page.click("#check-next");
   await at("run");
   const seconds = (performance.now() - person) / 1000;
   check("from an opened clip to a running reconstruction in 8 clicks", page.clicks <= 8, `${page.clicks} clicks; this script, with waiting: ${seconds.toFixed(0)} s`);
+  // Stopped at once, before it can end; it goes on to the same end.
+  await page.waitFor(`!document.getElementById("stop").hidden`, "the button to stop", 60);
+  await page.click("#stop");
+  await page.waitFor(`!document.getElementById("run-again").hidden`, "the stop", 60);
+  check("a reconstruction is stopped", (await page.evaluate(`document.getElementById("run-title").textContent`)) === "Not finished" && !existsSync(join(project, "results/curtain")));
+  await calm();
+  await page.click("#run-next");
+  await page.waitFor(`!document.getElementById("stop").hidden`, "the reconstruction to go on", 60);
+  check("… and goes on", true);
   await page.waitFor(`!document.getElementById("live").hidden || !document.getElementById("result").hidden`, "the live view", 60);
   await pause(1500);
   await show("reconstruct");

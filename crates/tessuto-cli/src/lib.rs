@@ -17,6 +17,7 @@ mod live;
 #[cfg(feature = "man")]
 mod man;
 mod masks;
+mod points;
 mod progress;
 mod reconstruct;
 #[cfg_attr(not(feature = "rerun"), path = "record/absent.rs")]
@@ -98,7 +99,7 @@ fn say_kept(kept: Option<std::path::PathBuf>) {
 
 /// Runs the program with `arguments`, the first of which is its name; its exit status.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let arguments = match Arguments::try_parse_from(arguments) {
+    let arguments = match Arguments::try_parse_from(points::joined(arguments)) {
         Ok(arguments) => arguments,
         Err(told) => return tell(&told),
     };

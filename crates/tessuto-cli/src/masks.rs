@@ -3,9 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use tessuto::masks::{Click, Record, Request, make};
+use tessuto::import::empty_place;
+use tessuto::masks::{Click, EmptyPlace, Record, Request, make};
 use tessuto::text::quoted;
 
+use crate::ffmpeg::ffmpeg;
 use crate::say::{aside, say};
 use crate::threads::Threads;
 use crate::values::{Places, Polygon};
@@ -14,14 +16,15 @@ use crate::values::{Places, Polygon};
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  tessuto masks scenes/towel --outline \"312,208 930,215 941,640 305,622\"
-  tessuto masks scenes/towel --outline \"312,208 930,215 941,640 305,622\" --plate empty.png
-  tessuto masks scenes/towel --outside \"17:610,230\" --inside \"17:400,300 21:410,305\"
+  tessuto masks scenes/towel --outline 312,208 930,215 941,640 305,622 --plate empty.mp4
+  tessuto masks scenes/towel                          (where the template is; or as the last time)
+  tessuto masks scenes/towel --outside 17:610,230 --inside 17:400,300 21:410,305
   tessuto masks scenes/towel --forget                             (again, without the places of before)
 
 The camera must stand still. Corners are column,row in pixels of the scene's first frame, in order around the fabric;
-more of them where its border bends. Writes masks/, masks.json (what the masks were made from, the confidence in each)
-and masks.html, the page to check them on, into the scene. Outline, plate and places are kept for the next time.")]
+more of them where its border bends; without them the template's projection counts. Writes masks/, masks.json (what
+they were made from, the confidence in each) and masks.html, the page to check them on, into the scene. Outline, plate
+and places are kept for the next time.")]
 pub struct Arguments {
     /// Scene folder (holds scene.json, rgbs/).
     scene: PathBuf,
@@ -49,7 +52,7 @@ pub struct Source {
     /// Corners of the fabric in the first frame [px], in order around it, such as "312,208 930,215 941,640 305,622".
     #[arg(long, value_name = "X,Y ...", value_parser = crate::values::polygon, allow_hyphen_values = true)]
     pub outline: Option<Polygon>,
-    /// Image of the place without the fabric, by the same camera.
+    /// Image, or a second of film, of the place without the fabric, by the same camera.
     #[arg(long, value_name = "FILE")]
     pub plate: Option<PathBuf>,
     /// Keep only the largest piece of each mask.
@@ -66,12 +69,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let mut clicks = side(&arguments.inside, true);
     clicks.extend(side(&arguments.outside, false));
-    let request = Request {
-        first: arguments.first.clone(),
-        clicks,
-        forget: arguments.forget,
-        ..arguments.source.request()
-    };
+    let plate = arguments.source.plate.as_ref().map(|path| empty_place(path, &ffmpeg())).transpose()?;
+    let plate = plate.map(EmptyPlace::Image);
+    let (first, forget) = (arguments.first.clone(), arguments.forget);
+    let request = Request { first, plate, clicks, forget, ..arguments.source.request() };
     make_masks(&arguments.scene, &arguments.scene, &request)?;
     let scene = quoted(&arguments.scene);
     match arguments.scene.join("template.obj").is_file() {
@@ -82,11 +83,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 impl Source {
-    /// The request that these options make.
+    /// The request that these options make, but for the empty place.
     pub fn request(&self) -> Request {
         Request {
             outline: self.outline.clone().map(|p| p.0),
-            plate: self.plate.clone(),
             largest_piece: self.largest_piece,
             ..Request::default()
         }

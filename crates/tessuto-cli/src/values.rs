@@ -41,6 +41,15 @@ pub fn polygon(text: &str) -> Result<Polygon, String> {
     }
 }
 
+/// `X,Y X,Y X,Y X,Y`.
+pub fn corners(text: &str) -> Result<[Pair; 4], String> {
+    let corners: Vec<Pair> = text.split_whitespace().map(point).collect::<Result<_, _>>()?;
+    let count = corners.len();
+    corners.try_into().map_err(|_| {
+        format!("{count} corners; write four, clockwise from the upper left, such as 312,208 930,215 941,640 305,622")
+    })
+}
+
 /// Places [px] in frames.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Places(pub Vec<(usize, Pair)>);

@@ -11,10 +11,11 @@ mod outline;
 
 use std::path::Path;
 
-use crate::error::{Error, Hint, Result};
+use crate::error::{Error, Hint, Result, Warning};
 use crate::image::Image;
 use crate::io::scene::{LoadOptions, Loaded, attempt};
 use crate::raster::coverage::{overlap, template_coverage};
+use crate::scene::Scene;
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -64,16 +65,38 @@ impl CheckReport {
 /// # Errors
 /// Those of reading its frames once more.
 pub fn check(loaded: &Loaded) -> Result<CheckReport> {
+    let (findings, iou) = all_findings(&loaded.scene)?;
+    let findings = findings::with_warnings(findings, &loaded.warnings);
+    Ok(CheckReport { findings, iou: Some(iou), image: Some(drawing::draw(&loaded.scene)?) })
+}
+
+/// What computing on a scene should be told beside what loading said: the warnings of its check.
+///
+/// # Errors
+/// [`Error::Input`] for the first finding that is an error; those of reading its frames once more.
+pub fn gate(loaded: &Loaded) -> Result<Vec<Warning>> {
     let scene = &loaded.scene;
+    let mut warnings = Vec::new();
+    for Finding { level, what, detail, hint } in all_findings(scene)?.0 {
+        match level {
+            Level::Ok => {}
+            Level::Warning => warnings.push(Warning { topic: what, found: detail, hint }),
+            Level::Error => {
+                let place = format!("{}, {what}", scene.folder.display());
+                return Err(Error::input(place, detail, hint.unwrap_or_else(|| "check the scene".into())));
+            }
+        }
+    }
+    Ok(warnings)
+}
+
+/// What is found in frames, masks, camera and template, and the overlap of the template with the first mask.
+fn all_findings(scene: &Scene) -> Result<(Vec<Finding>, f64)> {
     let covered = template_coverage(&scene.template, &scene.template.positions, &scene.camera);
     let first = scene.frames.frame(0)?;
     let iou = overlap(&covered, &first.mask);
-    let findings = findings::of_video(scene)?
-        .into_iter()
-        .chain(findings::of_template(scene, &first.mask, &covered, iou))
-        .collect();
-    let findings = findings::with_warnings(findings, &loaded.warnings);
-    Ok(CheckReport { findings, iou: Some(iou), image: Some(drawing::draw(scene)?) })
+    let of_template = findings::of_template(scene, &first.mask, &covered, iou);
+    Ok((findings::of_video(scene)?.into_iter().chain(of_template).collect(), iou))
 }
 
 /// Checks what is there of a scene whose template cannot be read.

@@ -5,7 +5,7 @@ mod arguments;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tessuto::import::{CARRIED_OVER, Masks, Settings, check_target, copy_template, import};
-use tessuto::masks::Request;
+use tessuto::masks::{EmptyPlace, Request};
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::text::quoted;
 
@@ -65,7 +65,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     if arguments.source.outline.is_some() {
         let plate = output.partial().join("plate.png");
-        let plate = arguments.source.plate.is_some().then_some(plate);
+        let plate = arguments.source.plate.is_some().then_some(EmptyPlace::File(plate));
         make_masks(output.partial(), out, &Request { plate, ..arguments.source.request() })?;
     }
     crate::say_kept(output.publish()?);

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use tessuto::template::focal;
 use tessuto::text::quoted;
 
 use super::form::{Camera, Form};
@@ -12,6 +13,8 @@ use super::work::Work;
 const PREVIEW_SIDE: &str = "480";
 /// Seconds between checkpoints: what a killed run repeats.
 const CHECKPOINT: &str = "10";
+/// How well a click is known, as `template --camera estimate` has it [px].
+const CLICK: f64 = 1.0;
 /// The formats that may be exported.
 const FORMATS: [&str; 6] = ["glb", "usd", "obj", "ply", "pc2", "npz"];
 
@@ -142,6 +145,9 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
     };
     let mut commands = Vec::new();
     let estimated = is_estimated(work, form);
+    if estimated {
+        tells_focal_length(work, form, [width, height], corners)?;
+    }
     if form.clip.is_some() {
         let mut import = vec!["import".into(), clip(form)?, scene.clone()];
         if let Some([a, b]) = form.frames {
@@ -203,6 +209,23 @@ fn clip(form: &Form) -> Result<String, String> {
 fn is_estimated(work: &Work, form: &Form) -> bool {
     let told = || work.json(&work.beside("preview/clip.json")).is_some_and(|clip| clip["lens"].is_number());
     form.clip.is_some() && form.camera == Camera::Auto && !told()
+}
+
+/// Refuses corners that do not tell the focal length, before minutes are spent on masks. Of the scene's pixels, as the command
+/// for the template sees them.
+fn tells_focal_length(
+    work: &Work,
+    form: &Form,
+    size: [f64; 2],
+    corners: [[f64; 2]; 4],
+) -> Result<(), String> {
+    let Some(clip) = work.json(&work.beside("preview/clip.json")) else { return Ok(()) };
+    let side = |name: &str| clip[name].as_u64().map(|n| n as usize / form.downscale.max(1));
+    let (Some(width), Some(height)) = (side("width"), side("height")) else { return Ok(()) };
+    let corners = corners.map(|c| form.in_scene(c).into());
+    focal::estimate(size.into(), corners, [width, height], CLICK)
+        .map(|_| ())
+        .map_err(|error| format!("the clip does not tell its camera; {error}"))
 }
 
 fn camera(camera: &Camera, estimated: bool) -> Command {
@@ -312,6 +335,25 @@ mod tests {
             commands.iter().map(|c| shown(c).contains("--camera estimate")).collect()
         };
         assert_eq!(estimates(), [true, true, false]);
+        // A sheet seen from the front is refused before anything is run, one that is tilted is not.
+        let clip = folder.path().join("scenes/a.studio/preview/clip.json");
+        std::fs::create_dir_all(clip.parent().unwrap()).unwrap();
+        std::fs::write(&clip, r#"{"lens": null, "width": 640, "height": 480}"#).unwrap();
+        let points = |at: [[f64; 2]; 4]| at.map(|[x, y]| Point { x, y, corner: true }).to_vec();
+        let frontal = Form {
+            outline: points([[200.0, 100.0], [440.0, 100.0], [440.0, 340.0], [200.0, 340.0]]),
+            size: Some([0.5, 0.5]),
+            ..form.clone()
+        };
+        let told = of(&work, &frontal, &Step::Prepare).unwrap_err();
+        assert!(told.contains("do not tell the focal length") && told.contains("give the camera"), "{told}");
+        let tilted = Form {
+            outline: points([[149.4, 105.1], [440.1, 21.9], [516.7, 395.4], [259.6, 347.5]]),
+            size: Some([0.5, 0.5]),
+            ..form.clone()
+        };
+        let result = of(&work, &tilted, &Step::Prepare);
+        assert!(result.is_ok(), "{result:?}");
         std::fs::create_dir_all(folder.path().join("scenes/a.studio/preview")).unwrap();
         std::fs::write(folder.path().join("scenes/a.studio/preview/clip.json"), r#"{"lens": 26.0}"#).unwrap();
         assert_eq!(estimates(), [false, false, false]);

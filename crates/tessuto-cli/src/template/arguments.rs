@@ -36,8 +36,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE", requires = "depth")]
     pub depth_camera: Option<PathBuf>,
     /// Where its corners are in the first frame [px].
-    #[arg(long, value_name = "X,Y", num_args = 4, value_parser = values::point, allow_negative_numbers = true)]
-    pub corners: Vec<Pair>,
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = values::corners, allow_hyphen_values = true)]
+    pub corners: Option<[Pair; 4]>,
     /// Find the corners in the mask of the first frame, and let the sides follow the mask's outline.
     #[arg(long, conflicts_with = "corners")]
     pub from_mask: bool,

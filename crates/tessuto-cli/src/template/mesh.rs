@@ -67,11 +67,11 @@ pub(super) fn corners<'a>(
 
 /// The corners that were given.
 fn points(arguments: &Arguments) -> Result<[DVec2; 4]> {
-    let missing = |_| {
+    let missing = || {
         let hint = "add --corners X,Y X,Y X,Y X,Y (clockwise from the upper left), or --from-mask";
         Error::usage("the corners are not given", hint)
     };
-    Ok(<[Pair; 4]>::try_from(&arguments.corners[..]).map_err(missing)?.map(Into::into))
+    Ok(arguments.corners.ok_or_else(missing)?.map(Into::into))
 }
 
 /// Finds the camera from the corners, and looks through it from now on.

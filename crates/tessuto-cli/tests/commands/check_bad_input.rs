@@ -216,10 +216,22 @@ fn masks_that_are_none_of_one_cloth() {
         &with_masks(&|x, y| if inside(x, y) { 0.6 } else { 0.2 }),
         &["masks", "100 % of the mask of frame 2 is neither black nor white", "white is fabric"],
     );
-    refused(
-        &with_masks(&|x, y| value(inside(x, y) && x % 3 != 0 && y % 3 != 0)),
-        &["the mask of frame 2 is", "pieces, the largest holds", "leave only the fabric white"],
-    );
+    let crumbs = with_masks(&|x, y| value(inside(x, y) && x % 3 != 0 && y % 3 != 0));
+    let fragments = ["the mask of frame 2 is", "pieces, the largest holds", "leave only the fabric white"];
+    refused(&crumbs, &fragments);
+    // What a check refuses is not computed on either.
+    let elsewhere = tempfile::tempdir().unwrap();
+    let out = elsewhere.path().join("out");
+    let output = Command::new(env!("CARGO_BIN_EXE_tessuto"))
+        .arg("reconstruct")
+        .arg(crumbs.folder())
+        .arg("--out")
+        .arg(&out)
+        .output()
+        .unwrap();
+    let told = unwrapped(&String::from_utf8(output.stderr).unwrap());
+    assert_eq!(output.status.code(), Some(3), "{told}");
+    assert!(fragments.iter().all(|f| told.contains(f)) && !out.exists(), "{told}");
     accepted(
         &with_masks(&|x, y| value(inside(x, y) || (x, y) == (1, 1))),
         &["warning masks", "the mask of frame 2 is 2 pieces, the largest holds 99.6 % of it"],

@@ -7,6 +7,7 @@ mod evaluate;
 mod import;
 #[cfg(feature = "man")]
 mod man_pages;
+mod masks;
 mod output;
 mod render;
 mod report;

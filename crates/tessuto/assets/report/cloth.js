@@ -104,27 +104,48 @@ tessuto.ClothView = class {
     return Boolean(this.images.diffuse && this.images.roughness && this.images.metallic && this.lightData);
   }
 
-  /** The recovered material in the recovered light; made when first wanted, filtering the light takes a while. */
+  /** The recovered material in the chosen light; made when first wanted, filtering the light takes a while. */
   litMaterial() {
-    if (!this.materials.lit) {
-      this.environment = this.makeEnvironment();
-      this.materials.lit = new THREE.MeshStandardMaterial({
-        ...this.offset,
-        map: this.materials.diffuse.map,
-        roughnessMap: this.texture("roughness", THREE.NoColorSpace),
-        metalnessMap: this.texture("metallic", THREE.NoColorSpace),
-        roughness: 1,
-        metalness: 1,
-        envMap: this.environment.filtered,
-      });
-    }
+    this.environment ??= this.makeEnvironment();
+    this.materials.lit ??= new THREE.MeshStandardMaterial({
+      ...this.offset,
+      map: this.materials.diffuse.map,
+      roughnessMap: this.texture("roughness", THREE.NoColorSpace),
+      metalnessMap: this.texture("metallic", THREE.NoColorSpace),
+      roughness: 1,
+      metalness: 1,
+      envMap: this.environment.filtered,
+    });
     return this.materials.lit;
   }
 
-  /** The recovered light: as an image for the background, and filtered for the material. */
+  /** Lights that can be chosen: [key, label]. */
+  lightChoices() {
+    return [["recovered", "recovered light"], ...Object.entries(tessuto.madeLights).map(([key, { label }]) => [key, label])];
+  }
+
+  /** Chooses the light of the lit look. */
+  setLight(key) {
+    this.lightKey = key;
+    this.environment?.target.dispose();
+    this.environment?.image.dispose();
+    this.environment = this.makeEnvironment();
+    if (this.materials.lit) this.materials.lit.envMap = this.environment.filtered;
+    this.setBackground(this.background);
+  }
+
+  /** Turns the light about the vertical by so many degrees. */
+  turnLight(degrees) {
+    const angle = degrees * Math.PI / 180;
+    this.litMaterial().envMapRotation.y = this.scene.backgroundRotation.y = angle;
+    this.draw();
+  }
+
+  /** The chosen light: as an image for the background, and filtered for the material. */
   makeEnvironment() {
-    const { width, height } = this.lightData;
-    const radiance = tessuto.numbers(Float32Array, this.lightData.radiance);
+    const made = tessuto.madeLights[this.lightKey];
+    const { width, height } = made ? { width: 128, height: 64 } : this.lightData;
+    const radiance = made ? tessuto.radianceOf(made, width, height) : tessuto.numbers(Float32Array, this.lightData.radiance);
     const texels = new Float32Array(4 * width * height);
     for (let row = 0; row < height; row++) {
       for (let column = 0; column < width; column++) {
@@ -141,9 +162,9 @@ tessuto.ClothView = class {
     image.wrapS = THREE.RepeatWrapping;
     image.needsUpdate = true;
     const generator = new THREE.PMREMGenerator(this.renderer);
-    const filtered = generator.fromEquirectangular(image).texture;
+    const target = generator.fromEquirectangular(image);
     generator.dispose();
-    return { image, filtered };
+    return { image, target, filtered: target.texture };
   }
 
   /** Takes another motion, such as that of a later step. */
@@ -396,4 +417,44 @@ tessuto.ClothView = class {
     this.renderer.render(this.scene, this.camera);
     this.drawn = (this.drawn ?? 0) + 1;
   }
+};
+
+/** Lights to try the material in: radiance of the room and of lamps, which fill the directions within `cosine` of `at` (x right,
+ * y down, z away from the camera). */
+tessuto.madeLights = {
+  lamps: {
+    label: "a warm and a cold lamp",
+    room: [0.25, 0.25, 0.25],
+    lamps: [
+      { at: [-0.7, -0.6, -0.5], cosine: 0.93, radiance: [7, 6, 4.5] },
+      { at: [0.9, 0.1, -0.3], cosine: 0.9, radiance: [1.5, 2, 3] },
+    ],
+  },
+  sky: {
+    label: "open sky",
+    room: [0.15, 0.14, 0.12],
+    lamps: [
+      { at: [0.4, -0.8, -0.5], cosine: 0.99, radiance: [60, 56, 48] },
+      { at: [0, -1, 0], cosine: 0, radiance: [0.5, 0.65, 0.9] },
+    ],
+  },
+  window: {
+    label: "a window",
+    room: [0.08, 0.08, 0.08],
+    lamps: [{ at: [-1, -0.2, -0.7], cosine: 0.88, radiance: [6, 6.2, 6.5] }],
+  },
+};
+
+/** Radiance of a made light, 3 numbers per texel; the middle is where the camera looks. Of lamps that overlap the first counts. */
+tessuto.radianceOf = ({ room, lamps }, width, height) => {
+  const out = new Float32Array(3 * width * height);
+  for (let row = 0; row < height; row++) {
+    for (let column = 0; column < width; column++) {
+      const lon = ((column + 0.5) / width - 0.5) * 2 * Math.PI, lat = (0.5 - (row + 0.5) / height) * Math.PI;
+      const to = [Math.cos(lat) * Math.sin(lon), -Math.sin(lat), Math.cos(lat) * Math.cos(lon)];
+      const lit = lamps.find(({ at, cosine }) => at.reduce((sum, v, k) => sum + v * to[k], 0) > cosine * Math.hypot(...at));
+      out.set(lit?.radiance ?? room, 3 * (row * width + column));
+    }
+  }
+  return out;
 };

@@ -56,10 +56,14 @@
       }));
       if ([...look.options].some(o => o.value === chosen)) look.value = chosen;
     };
+    const light = byId("light"), turn = byId("turn");
     const choose = () => {
-      byId("background-label").hidden = look.value !== "lit";
+      for (const id of ["background-label", "light", "turn-label"]) byId(id).hidden = look.value !== "lit";
       view.setLook(look.value);
     };
+    fill(light, view.lightChoices());
+    light.addEventListener("change", () => view.setLight(light.value));
+    turn.addEventListener("input", () => view.turnLight(Number(turn.value)));
     list();
     if (view.canBeLit) look.value = "lit";
     if (data.live && film.camera && view.motion) {

@@ -5,10 +5,11 @@ use serde::{Deserialize, Serialize};
 use crate::optim::Adam;
 use crate::pbr::EnvironmentMap;
 
-/// Radiance on the fine grid is the bilinear interpolation of exp(parameters), partly made grey.
+/// Radiance on the fine grid is the bilinear interpolation of exp(parameters), partly made grey, times a tint.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct EnvironmentParameters {
     rows: usize,
+    tint: [f64; 3],
     /// Logarithm of the radiance, shape [rows, 2·rows, 3].
     logs: Vec<f64>,
     adam: Adam,
@@ -18,7 +19,12 @@ impl EnvironmentParameters {
     /// The same `radiance` from every direction.
     pub fn new(rows: usize, radiance: f64) -> Self {
         let logs = vec![radiance.ln(); 6 * rows * rows];
-        Self { rows, adam: Adam::new(logs.len(), 1.0), logs }
+        Self { rows, tint: [1.0; 3], adam: Adam::new(logs.len(), 1.0), logs }
+    }
+
+    /// Multiplies the light by a factor per channel.
+    pub fn rescale(&mut self, factors: [f64; 3]) {
+        (0..3).for_each(|c| self.tint[c] *= factors[c]);
     }
 
     /// Whether its values are those of its grid.
@@ -38,7 +44,7 @@ impl EnvironmentParameters {
         resample(self.rows, rows, |from, to, weight| {
             (0..3).for_each(|c| logs[3 * to + c] += weight * self.logs[3 * from + c]);
         });
-        *self = Self { rows, adam: Adam::new(logs.len(), 1.0), logs };
+        *self = Self { rows, tint: self.tint, adam: Adam::new(logs.len(), 1.0), logs };
     }
 
     /// The light on a grid of `rows` rows; `colour` 0 is grey, 1 is as it is.
@@ -56,13 +62,20 @@ impl EnvironmentParameters {
         let mix = |l: &[f64]| {
             let e = [l[0].exp(), l[1].exp(), l[2].exp()];
             let grey = (e[0] + e[1] + e[2]) / 3.0;
-            e.map(|e| grey + colour * (e - grey))
+            [0, 1, 2].map(|c| self.tint[c] * (grey + colour * (e[c] - grey)))
         };
         self.logs.chunks_exact(3).map(mix).collect()
     }
 
     /// Moves against the gradient with respect to the radiance on the fine grid of `rows` rows.
     pub fn step(&mut self, rows: usize, gradient: &[[f32; 3]], colour: f64, smoothness: f64, rate: f64) {
+        let total = self.gradient(rows, gradient, colour, smoothness);
+        self.adam.set_learning_rate(rate);
+        self.adam.step(&mut self.logs, &total, 1.0);
+    }
+
+    /// The gradient with respect to the parameters, from that with respect to the radiance on the fine grid.
+    fn gradient(&self, rows: usize, gradient: &[[f32; 3]], colour: f64, smoothness: f64) -> Vec<f64> {
         let mut coarse = vec![[0.0; 3]; 2 * self.rows * self.rows];
         resample(self.rows, rows, |from, to, weight| {
             (0..3).for_each(|c| coarse[from][c] += weight * f64::from(gradient[to][c]));
@@ -70,11 +83,11 @@ impl EnvironmentParameters {
         self.add_smoothness(smoothness, colour, &mut coarse);
         let mut total = Vec::with_capacity(self.logs.len());
         for (g, l) in coarse.iter().zip(self.logs.chunks_exact(3)) {
+            let g = [0, 1, 2].map(|c| g[c] * self.tint[c]);
             let mean = (g[0] + g[1] + g[2]) / 3.0;
             total.extend((0..3).map(|c| l[c].exp() * (colour * g[c] + (1.0 - colour) * mean)));
         }
-        self.adam.set_learning_rate(rate);
-        self.adam.step(&mut self.logs, &total, 1.0);
+        total
     }
 
     /// Adds the gradient of `weight` times the mean absolute difference between neighbours.
@@ -129,6 +142,8 @@ fn resample(coarse: usize, fine: usize, mut f: impl FnMut(usize, usize, f64)) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::gradient_check::check;
+    use crate::math::rng::Rng;
 
     #[test]
     fn a_uniform_sky_stays_uniform_at_any_size() {
@@ -136,6 +151,37 @@ mod tests {
         parameters.refine(8);
         let e = parameters.environment(32, 1.0);
         assert!(e.texels.iter().flatten().all(|v| (v - 1.5).abs() < 1e-6));
+    }
+
+    #[test]
+    fn gradient_of_a_tinted_light_matches_differences() {
+        let mut rng = Rng::new(3, 0);
+        let mut parameters = EnvironmentParameters::new(4, 1.2);
+        parameters.logs.iter_mut().for_each(|l| *l += 0.5 * rng.signed());
+        parameters.rescale([1.4, 0.9, 0.6]);
+        let weights: Vec<[f32; 3]> = (0..2 * 64).map(|_| [0; 3].map(|_| rng.signed() as f32)).collect();
+        let (colour, smoothness) = (0.7, 0.3);
+        let gradient = parameters.gradient(8, &weights, colour, smoothness);
+        let value = |logs: &[f64]| {
+            let moved = EnvironmentParameters { logs: logs.to_vec(), ..parameters.clone() };
+            // In double precision: the light on the fine grid is rounded.
+            let coarse = moved.radiance(colour);
+            let mut sum = 0.0;
+            resample(4, 8, |from, to, weight| {
+                sum += (0..3).map(|c| weight * coarse[from][c] * f64::from(weights[to][c])).sum::<f64>();
+            });
+            let (h, w) = (4, 8);
+            for i in 0..h * w {
+                let right = i / w * w + (i + 1) % w;
+                for j in [Some(right), (i + w < h * w).then_some(i + w)].into_iter().flatten() {
+                    let term = |c: usize| ((coarse[j][c] - coarse[i][c]).powi(2) + 1e-4).sqrt();
+                    sum += smoothness / (3 * h * w) as f64 * (0..3).map(term).sum::<f64>();
+                }
+            }
+            sum
+        };
+        let worst = check(&parameters.logs, &gradient, 1e-4, 8, 5, value);
+        assert!(worst.relative_error < 1e-6, "{:.1e}", worst.relative_error);
     }
 
     #[test]

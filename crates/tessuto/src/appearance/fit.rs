@@ -2,11 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::albedo_scale::{AlbedoScale, brightest, expected};
 use super::environment_parameters::EnvironmentParameters;
 use super::loss::loss;
 use super::observations::observe;
 use super::patch_weights::PatchWeights;
-use super::texels::{MapState, Maps, Texels, splat};
+use super::splat::Splat;
+use super::surfaces::SurfacePrior;
+use super::texels::{MapState, Maps, Texels};
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
@@ -29,6 +32,7 @@ struct State {
     maps: MapState,
     lighting: EnvironmentParameters,
     patch_weights: PatchWeights,
+    scale: Option<AlbedoScale>,
 }
 
 /// What the cloth is made of, and what shines on it.
@@ -40,6 +44,8 @@ pub struct Appearance {
     pub window: Window,
     /// The light.
     pub environment: EnvironmentMap,
+    /// What is known of the scale of the diffuse map, where it was led to that.
+    pub scale: Option<AlbedoScale>,
     /// Every step.
     pub history: Vec<Epoch>,
 }
@@ -79,20 +85,21 @@ pub fn fit(
 
     // Start: under a uniform light L, an unshadowed diffuse surface has the colour T_D L.
     let size = settings.map_size;
-    let uvs = seen.points.iter().map(|p| p.uv);
-    let linear: Vec<[f32; 3]> = seen.colours.iter().map(|c| c.map(srgb::decode)).collect();
-    let mut planes = splat(size, uvs, &linear);
-    drop(linear);
-    let scale = (1.0 / settings.light_start) as f32;
-    planes.iter_mut().for_each(|v| *v = (*v * scale).clamp(0.02, 0.98));
-    planes.resize(4 * size * size, settings.roughness_start as f32);
-    planes.resize(5 * size * size, settings.metallic_start as f32);
+    let mut colours = Splat::new(size);
+    for (point, colour) in seen.points.iter().zip(&seen.colours) {
+        colours.add(point.uv, colour.map(srgb::decode), 1.0);
+    }
+    let counts: Vec<f32> = colours.weights().collect();
+    let mut planes = colours.planes();
+    let start = (1.0 / settings.light_start) as f32;
+    planes.iter_mut().for_each(|v| *v = (*v * start).clamp(0.01, 0.88));
     let mut maps = maps(settings, &planes, seed)?;
     let mut lighting = EnvironmentParameters::new(settings.light_coarsest, settings.light_start);
 
     let mut patch_weights = PatchWeights::new(motion.len(), rasterizer.triangles().len());
     let state: Option<State> = session.restore("appearance")?;
     let first = state.as_ref().map_or(0, |s| s.steps);
+    let mut albedo = state.as_ref().and_then(|s| s.scale);
     if let Some(state) = state {
         if !(state.lighting.matches() && state.patch_weights.matches(&patch_weights)) {
             return Err(foreign_state("appearance"));
@@ -113,6 +120,12 @@ pub fn fit(
         }
         let span = (settings.colour_from - settings.grey_until).max(1e-9);
         let colour = ((at - settings.grey_until) / span).clamp(0.0, 1.0);
+        if step % REDRAW == 0 {
+            albedo = rescale(&mut *maps, &mut lighting, &counts, colour).or(albedo);
+        }
+        if step > 0 && step == settings.steps * 2 / 5 {
+            maps.regroup();
+        }
         let environment = lighting.environment(settings.light_rows, colour);
         let light = match &mut light {
             Some(light) if step % REDRAW != 0 => light,
@@ -174,6 +187,7 @@ pub fn fit(
             maps: maps.save(),
             lighting: lighting.clone(),
             patch_weights: patch_weights.clone(),
+            scale: albedo,
         });
         session.step(&epoch, &[], saved.as_ref())?;
     }
@@ -184,18 +198,58 @@ pub fn fit(
         material,
         window,
         environment: lighting.environment(settings.light_rows, colour),
+        scale: albedo,
         history,
     })
 }
 
-/// The maps that start from `planes`.
-fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<dyn Maps>> {
+/// Leads the brightest part of the diffuse map to what is known of fabrics, the light the other way, and says what that is.
+/// `counts` tells how often each texel was seen; the light is as far from grey as `colour` says.
+fn rescale(
+    maps: &mut dyn Maps,
+    lighting: &mut EnvironmentParameters,
+    counts: &[f32],
+    colour: f64,
+) -> Option<AlbedoScale> {
+    let lit = irradiance(&lighting.environment(lighting.rows(), colour));
+    let mut scale = None;
+    let factors = maps.rescale(&mut |diffuse, metallic| {
+        let paint = |(m, count): (&f32, &f32)| if *count > 0.0 { f64::from(1.0 - m) } else { 0.0 };
+        let weights: Vec<f64> = metallic.iter().zip(counts).map(paint).collect();
+        let found = brightest(diffuse, &weights)?;
+        let known = scale.insert(expected([0, 1, 2].map(|c| found[c] * lit[c])));
+        Some([0, 1, 2].map(|c| known.brightest[c] / found[c]))
+    })?;
+    lighting.rescale(factors.map(f64::recip));
+    scale
+}
+
+/// Irradiance over π of a surface that faces the camera.
+fn irradiance(environment: &EnvironmentMap) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for row in 0..environment.height {
+        let solid_angle = environment.solid_angle(row);
+        for column in 0..environment.width {
+            let weight = solid_angle * (-environment.direction(column, row).z).max(0.0);
+            let texel = environment.texels[row * environment.width + column];
+            (0..3).for_each(|c| sum[c] += weight * f64::from(texel[c]) / std::f64::consts::PI);
+        }
+    }
+    sum
+}
+
+/// The maps that start from `diffuse` planes.
+fn maps(settings: &AppearanceSettings, diffuse: &[f32], seed: u32) -> Result<Box<dyn Maps>> {
     let size = settings.map_size;
     match settings.prior {
         MapPrior::Smooth => {
-            let (diffuse, surface) = (settings.diffuse_smoothness, settings.surface_smoothness);
-            let pull = [0.0, 0.0, 0.0, 0.0, settings.metallic_pull];
-            Ok(Box::new(Texels::new(size, planes, [diffuse, diffuse, diffuse, surface, surface], pull)))
+            let prior = SurfacePrior {
+                metallic: settings.metallic_pull,
+                roughness_weight: settings.roughness_pull,
+                roughness: settings.roughness_start,
+            };
+            let start = [settings.roughness_start, settings.metallic_start];
+            Ok(Box::new(Texels::new(size, diffuse, start, settings.diffuse_smoothness, prior)))
         }
         #[cfg(feature = "decoder")]
         MapPrior::Decoder if !size.is_multiple_of(DecoderConfig::LIGHT_STEP) => Err(Error::usage(
@@ -207,7 +261,10 @@ fn maps(settings: &AppearanceSettings, planes: &[f32], seed: u32) -> Result<Box<
         )),
         #[cfg(feature = "decoder")]
         MapPrior::Decoder => {
-            Ok(Box::new(super::decoded::Decoded::new(size, planes, settings.map_rate, u64::from(seed))))
+            let mut planes = diffuse.to_vec();
+            planes.resize(4 * size * size, settings.roughness_start as f32);
+            planes.resize(5 * size * size, settings.metallic_start as f32);
+            Ok(Box::new(super::decoded::Decoded::new(size, &planes, settings.map_rate, u64::from(seed))))
         }
         #[cfg(not(feature = "decoder"))]
         MapPrior::Decoder => {

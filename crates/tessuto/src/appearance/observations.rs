@@ -66,7 +66,7 @@ pub(super) fn observe(
 }
 
 /// Whether the 3×3 pixels around `pixel` are cloth both in `mask` and as rendered.
-fn inside(mask: &Image, rendering: &Rendering, pixel: usize) -> bool {
+pub(super) fn inside(mask: &Image, rendering: &Rendering, pixel: usize) -> bool {
     let (width, height) = (mask.width, mask.height);
     let cloth = |x: usize, y: usize| {
         mask.pixel(x, y)[0] > 0.5 && rendering.triangle[y * width + x] != Rendering::NO_TRIANGLE

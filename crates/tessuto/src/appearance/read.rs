@@ -53,6 +53,7 @@ mod tests {
             material,
             window,
             environment: EnvironmentMap::uniform(8, 4, [1.0; 3]),
+            scale: None,
             history: Vec::new(),
         };
         write_material(folder.path(), &written).unwrap();

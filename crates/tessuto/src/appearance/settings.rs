@@ -54,20 +54,21 @@ settings! {
         grey_until: f64 = 0.4, number(0.0..=1.0, "");
         /// Fraction of the steps from which on the light has its full colour.
         colour_from: f64 = 0.6, number(0.0..=1.0, "");
-        /// Radiance from every direction that the light starts with.
+        /// Radiance from every direction that the light starts with, before scale and tint are led to what is known of fabrics.
         light_start: f64 = 1.5, number(1e-3..=1e3, "linear");
         /// Roughness that the maps start with.
-        roughness_start: f64 = 0.5, number(0.2..=1.0, "");
+        roughness_start: f64 = 0.7, number(0.3..=1.0, "");
         /// Metallic that the maps start with.
-        metallic_start: f64 = 0.4, number(0.0..=1.0, "");
+        metallic_start: f64 = 0.2, number(0.0..=1.0, "");
         /// Weight of the mean absolute differences between neighbouring texels of the light.
         light_smoothness: f64 = 5e-5, number(0.0..=1e3, "");
         /// Weight of the mean absolute differences between neighbouring texels of the diffuse map.
         diffuse_smoothness: f64 = 3e-4, number(0.0..=1e3, "");
-        /// Weight of the mean absolute differences between neighbouring texels of roughness and metallic.
-        surface_smoothness: f64 = 1e-3, number(0.0..=1e3, "");
-        /// Weight of the mean of the metallic map: what no highlight shows to be metal is paint.
-        metallic_pull: f64 = 0.0, number(0.0..=1e3, "");
+        /// Weight of the mean of the metallic map: a region of similar colour becomes metal only where that lowers its mean
+        /// squared error by more than this.
+        metallic_pull: f64 = 2e-4, number(0.0..=1e3, "");
+        /// Weight of the mean squared difference from roughness_start: where no highlight tells, roughness stays there.
+        roughness_pull: f64 = 1e-3, number(0.0..=1e3, "");
         /// Fraction of the steps from which on patches with large errors count less; 1: all count alike to the end.
         reweight_from: f64 = 0.6, number(0.0..=1.0, "");
         /// Fraction of the light samples that are drawn uniformly over the sphere.

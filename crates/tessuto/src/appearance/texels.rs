@@ -1,8 +1,11 @@
-//! Material maps, one parameter per texel and channel.
+//! Material maps as they are optimised: the diffuse colour by texel, roughness and metallic by region.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::albedo_scale::HIGHEST;
+use super::regions::regions;
+use super::surfaces::{self, SurfacePrior, Surfaces};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderState;
 use crate::error::{Error, Hint, Remedy, Result};
@@ -10,10 +13,14 @@ use crate::optim::Adam;
 use crate::pbr::CHANNELS;
 
 /// Limits of the channels: diffuse, roughness, metallic.
-pub(super) const LIMITS: [[f64; 2]; CHANNELS] = [[0.0, 1.0], [0.0, 1.0], [0.0, 1.0], [0.2, 1.0], [0.0, 1.0]];
+pub(super) const LIMITS: [[f64; 2]; CHANNELS] =
+    [[0.0, HIGHEST], [0.0, HIGHEST], [0.0, HIGHEST], surfaces::LIMITS[0], surfaces::LIMITS[1]];
 
 /// Where the total variation turns from linear to quadratic.
 const SOFT: f32 = 0.01;
+
+/// Factors by channel of the diffuse planes [3, n], from these and the metallic plane `[n]`.
+pub(super) type Factors<'a> = &'a mut dyn FnMut(&[f64], &[f32]) -> Option<[f64; 3]>;
 
 /// Something that makes material maps and learns from their gradient.
 pub(super) trait Maps {
@@ -31,51 +38,70 @@ pub(super) trait Maps {
 
     /// Moves the parameters against a gradient of a loss with respect to the maps.
     fn step(&mut self, gradient: &[f32], rate: f64);
+
+    /// Multiplies the diffuse map by what `factors` makes of it and of the metallic map, by channel, and returns that.
+    /// `None`: it stays as it is.
+    fn rescale(&mut self, factors: Factors<'_>) -> Option<[f64; 3]>;
+
+    /// Finds regions that share a surface anew.
+    fn regroup(&mut self);
 }
 
 /// Parameters and optimiser of maps.
 #[derive(Serialize, Deserialize)]
 pub(super) enum MapState {
-    Texels(Vec<f64>, Adam),
+    Texels(Vec<f64>, Adam, Surfaces),
     #[cfg(feature = "decoder")]
     Decoder(DecoderState),
 }
 
-/// The maps themselves are the parameters.
+/// Diffuse colour by texel; roughness and metallic by region of similar colour.
 pub(super) struct Texels {
     size: usize,
-    values: Vec<f64>,
+    diffuse: Vec<f64>,
     adam: Adam,
-    /// Weights of the prior, by channel.
-    smoothness: [f64; CHANNELS],
-    /// Weight of the mean of each channel.
-    pull: [f64; CHANNELS],
+    surfaces: Surfaces,
+    /// Weight of the diffuse map's prior.
+    smoothness: f64,
+    prior: SurfacePrior,
 }
 
 impl Texels {
-    /// Starts from `planes`.
-    pub fn new(size: usize, planes: &[f32], smoothness: [f64; CHANNELS], pull: [f64; CHANNELS]) -> Self {
-        let values: Vec<f64> = planes.iter().copied().map(f64::from).collect();
-        Self { size, adam: Adam::new(values.len(), 1.0), values, smoothness, pull }
+    /// Starts from `diffuse` planes [3, size, size], roughness and metallic that are the same everywhere.
+    pub fn new(
+        size: usize,
+        diffuse: &[f32],
+        [roughness, metallic]: [f64; 2],
+        smoothness: f64,
+        prior: SurfacePrior,
+    ) -> Self {
+        let surfaces = Surfaces::new(regions(diffuse), roughness, metallic);
+        let diffuse: Vec<f64> = diffuse.iter().copied().map(f64::from).collect();
+        Self { size, adam: Adam::new(diffuse.len(), 1.0), diffuse, surfaces, smoothness, prior }
     }
 }
 
 impl Maps for Texels {
     fn maps(&mut self) -> Vec<f32> {
-        self.values.iter().map(|v| *v as f32).collect()
+        let mut maps: Vec<f32> = self.diffuse.iter().map(|v| *v as f32).collect();
+        (0..2).for_each(|channel| maps.extend(self.surfaces.plane(channel)));
+        maps
     }
 
     fn save(&self) -> MapState {
-        MapState::Texels(self.values.clone(), self.adam.clone())
+        MapState::Texels(self.diffuse.clone(), self.adam.clone(), self.surfaces.clone())
     }
 
     fn restore(&mut self, state: &MapState) -> Result<()> {
         match state {
-            MapState::Texels(values, adam)
-                if values.len() == self.values.len() && adam.matches(values.len()) =>
+            MapState::Texels(diffuse, adam, surfaces)
+                if diffuse.len() == self.diffuse.len()
+                    && adam.matches(diffuse.len())
+                    && surfaces.matches(self.size * self.size) =>
             {
-                self.values.clone_from(values);
+                self.diffuse.clone_from(diffuse);
                 self.adam = adam.clone();
+                self.surfaces = surfaces.clone();
                 Ok(())
             }
             _ => Err(other_maps()),
@@ -84,19 +110,33 @@ impl Maps for Texels {
 
     fn step(&mut self, gradient: &[f32], rate: f64) {
         let n = self.size * self.size;
-        let mut total: Vec<f64> = gradient.iter().copied().map(f64::from).collect();
-        let planes = self.values.par_chunks_exact(n).zip(total.par_chunks_exact_mut(n));
-        planes.zip(self.smoothness.par_iter().zip(&self.pull[..])).for_each(
-            |((plane, total), (smoothness, pull))| {
-                total.iter_mut().for_each(|g| *g += pull / n as f64);
-                add_variation_gradient(self.size, plane, smoothness / n as f64, total);
-            },
-        );
+        let (diffuse, surfaces) = gradient.split_at(3 * n);
+        let mut total: Vec<f64> = diffuse.iter().copied().map(f64::from).collect();
+        let planes = self.diffuse.par_chunks_exact(n).zip(total.par_chunks_exact_mut(n));
+        planes.for_each(|(plane, total)| {
+            add_variation_gradient(self.size, plane, self.smoothness / n as f64, total);
+        });
         self.adam.set_learning_rate(rate);
-        self.adam.step(&mut self.values, &total, 1.0);
-        for (plane, [low, high]) in self.values.chunks_exact_mut(n).zip(LIMITS) {
+        self.adam.step(&mut self.diffuse, &total, 1.0);
+        for (plane, [low, high]) in self.diffuse.chunks_exact_mut(n).zip(LIMITS) {
             plane.iter_mut().for_each(|v| *v = v.clamp(low, high));
         }
+        self.surfaces.step(surfaces, &self.prior, rate);
+    }
+
+    fn rescale(&mut self, factors: Factors<'_>) -> Option<[f64; 3]> {
+        let metallic: Vec<f32> = self.surfaces.plane(1).collect();
+        let factors = factors(&self.diffuse, &metallic)?;
+        let n = self.size * self.size;
+        for ((plane, factor), [low, high]) in self.diffuse.chunks_exact_mut(n).zip(factors).zip(LIMITS) {
+            plane.iter_mut().for_each(|v| *v = (*v * factor).clamp(low, high));
+        }
+        Some(factors)
+    }
+
+    fn regroup(&mut self) {
+        let diffuse: Vec<f32> = self.diffuse.iter().map(|v| *v as f32).collect();
+        self.surfaces.regroup(regions(&diffuse));
     }
 }
 
@@ -127,49 +167,6 @@ fn add_variation_gradient(size: usize, plane: &[f64], weight: f64, gradient: &mu
     }
 }
 
-/// Diffuse planes [3, size, size] from the mean of `values` at the points `uvs`; texels that no point is near take
-/// the mean of their neighbours.
-pub(super) fn splat(size: usize, uvs: impl Iterator<Item = [f32; 2]>, values: &[[f32; 3]]) -> Vec<f32> {
-    let mut sums = vec![[0.0f32; 4]; size * size];
-    for ([u, v], value) in uvs.zip(values) {
-        let at = |s: f32| (s * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
-        let (x, y) = (at(u), at(1.0 - v));
-        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-            let (column, row) = ((x as usize + dx).min(size - 1), (y as usize + dy).min(size - 1));
-            let weight = (1.0 - (x - column as f32).abs()).max(0.0) * (1.0 - (y - row as f32).abs()).max(0.0);
-            let sum = &mut sums[row * size + column];
-            (0..3).for_each(|c| sum[c] += weight * value[c]);
-            sum[3] += weight;
-        }
-    }
-    fill(size, &mut sums);
-    (0..3).flat_map(|c| sums.iter().map(move |s| if s[3] > 0.0 { s[c] / s[3] } else { 0.0 })).collect()
-}
-
-/// Gives empty texels the sums of the 2×2 block that they lie in, blocks again of blocks (pull and push).
-fn fill(size: usize, sums: &mut [[f32; 4]]) {
-    if size < 2 || sums.iter().all(|s| s[3] > 0.0) {
-        return;
-    }
-    let half = size.div_ceil(2);
-    let mut coarse = vec![[0.0f32; 4]; half * half];
-    for y in 0..size {
-        for x in 0..size {
-            let sum = &mut coarse[y / 2 * half + x / 2];
-            (0..4).for_each(|c| sum[c] += sums[y * size + x][c]);
-        }
-    }
-    fill(half, &mut coarse);
-    for y in 0..size {
-        for x in 0..size {
-            let own = &mut sums[y * size + x];
-            if own[3] <= 0.0 {
-                *own = coarse[y / 2 * half + x / 2];
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -194,9 +191,28 @@ mod tests {
     }
 
     #[test]
-    fn splatting_fills_what_no_point_is_near() {
-        let planes = splat(4, [[0.125, 0.875]].into_iter(), &[[0.5, 0.25, 1.0]]);
-        assert_eq!(planes.len(), 48);
-        assert!(planes[..16].iter().all(|v| *v == 0.5) && planes[32..].iter().all(|v| *v == 1.0));
+    fn texels_of_one_colour_share_a_surface_and_no_other() {
+        // Left half red, right half blue; the loss wants metal on the left, and one texel of it says nothing.
+        let (size, n) = (8, 64);
+        let ink = |c: usize, i: usize| if (i % size < 4) == (c == 0) { 0.6 } else { 0.1 };
+        let diffuse: Vec<f32> = (0..3 * n).map(|k| ink(k / n, k % n)).collect();
+        let prior = SurfacePrior { metallic: 1e-3, roughness_weight: 0.0, roughness: 0.7 };
+        let mut texels = Texels::new(size, &diffuse, [0.7, 0.2], 0.0, prior);
+        let mut gradient = vec![0.0; 5 * n];
+        (0..n).filter(|i| i % size < 4 && *i != 9).for_each(|i| gradient[4 * n + i] = -1.0);
+        (0..20).for_each(|_| texels.step(&gradient, 0.01));
+        let metallic = texels.maps()[4 * n..].to_vec();
+        assert_eq!(metallic[9], metallic[0]);
+        assert!(metallic[0] > 0.3 && metallic[7] < 0.1, "{metallic:?}");
+        // Regions found anew start from what was.
+        texels.regroup();
+        assert_eq!(texels.maps()[4 * n..], metallic);
+        let factors = texels.rescale(&mut |diffuse, metal| {
+            assert_eq!((diffuse.len(), metal.len()), (3 * n, n));
+            Some([0.5, 1.0, 2.0])
+        });
+        assert_eq!(factors, Some([0.5, 1.0, 2.0]));
+        let scaled = texels.maps();
+        assert!((scaled[0] - 0.3).abs() < 1e-6 && scaled[2 * n + 7] == HIGHEST as f32, "{scaled:?}");
     }
 }

@@ -30,10 +30,7 @@ impl Window {
     /// The maps on all of uv space; outside the window they go on constantly. A smaller window makes for larger maps,
     /// so that no detail is lost as long as they stay within the largest size.
     pub fn spread(&self, material: &Material) -> Material {
-        let fraction = self.size[0].min(self.size[1]).min(1.0);
-        let factor = ((1.0 / fraction).ceil() as usize).next_power_of_two();
-        let side = |n: usize| (n * factor).min(LARGEST.max(n));
-        let (width, height) = (side(material.width), side(material.height));
+        let (width, height) = (self.side(material.width), self.side(material.height));
         let mut planes = vec![0.0; CHANNELS * width * height];
         for row in 0..height {
             for column in 0..width {
@@ -44,6 +41,38 @@ impl Window {
             }
         }
         Material::from_planes(width, height, &planes)
+    }
+
+    /// The same for square planes of `size`; returns their new size.
+    pub fn spread_planes(&self, size: usize, planes: &[f32]) -> (usize, Vec<f32>) {
+        let side = self.side(size);
+        let at = |s: f32| (s * size as f32 - 0.5).clamp(0.0, (size - 1) as f32);
+        let mut spread = Vec::with_capacity(planes.len() / (size * size) * side * side);
+        for plane in planes.chunks_exact(size * size) {
+            for row in 0..side {
+                for column in 0..side {
+                    let centre = [column, side - 1 - row].map(|k| (k as f32 + 0.5) / side as f32);
+                    let [u, v] = self.inside(centre);
+                    let (x, y) = (at(u), at(1.0 - v));
+                    let (fx, fy) = (x.fract(), y.fract());
+                    let value = |dx: usize, dy: usize| {
+                        let (c, r) = ((x as usize + dx).min(size - 1), (y as usize + dy).min(size - 1));
+                        plane[r * size + c]
+                    };
+                    let upper = value(0, 0) * (1.0 - fx) + value(1, 0) * fx;
+                    let lower = value(0, 1) * (1.0 - fx) + value(1, 1) * fx;
+                    spread.push(upper * (1.0 - fy) + lower * fy);
+                }
+            }
+        }
+        (side, spread)
+    }
+
+    /// Side of the map on all of uv space, of one of `n` texels on the window.
+    fn side(&self, n: usize) -> usize {
+        let fraction = self.size[0].min(self.size[1]).min(1.0);
+        let factor = ((1.0 / fraction).ceil() as usize).next_power_of_two();
+        (n * factor).min(LARGEST.max(n))
     }
 }
 
@@ -66,5 +95,8 @@ mod tests {
         let uv = [0.6, 0.3];
         let (a, b) = (spread.sample(uv)[0], material.sample(window.inside(uv))[0]);
         assert!((a - b).abs() < 1e-5, "{a} {b}");
+        let (side, again) = window.spread_planes(8, &planes);
+        assert_eq!(side, 32);
+        assert!(again.iter().zip(spread.to_planes()).all(|(a, b)| (a - b).abs() < 1e-5));
     }
 }

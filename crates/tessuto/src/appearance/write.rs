@@ -18,7 +18,11 @@ environment.exr  radiance from each direction, linear Rec.709, 32-bit float. Col
                  lon = ((i + 0.5)/W - 0.5) * 2 pi, lat = (0.5 - (j + 0.5)/H) * pi, and the direction to the light is
                  (cos lat * sin lon, -sin lat, cos lat * cos lon) in the camera's frame (x right, y down, z forward):
                  the middle of the image is where the camera looks, the top row is up, the border is behind it.
-Only brightness of cloth times brightness of light is known: both may be scaled by opposite factors.
+scale.json       what the brightness of diffuse.png and of the light rests on: the pictures tell almost only the product of
+                 cloth and light, and how bright and how tinted fabrics and lights are wont to be tells the rest.
+                 brightest: albedo of the brightest twentieth that is not metal, by channel. log_deviation: all maps' common
+                 factor is uncertain by this standard deviation of its natural logarithm; tint_log_deviation: each channel's
+                 beyond that. undyed: probability that the brightest part is not dyed.
 ";
 
 /// Writes maps, light and a note about them into the existing `folder`.
@@ -41,5 +45,10 @@ pub fn write_material(folder: &Path, appearance: &Appearance) -> Result<()> {
     let data = e.texels.concat();
     let light = Image { width: e.width, height: e.height, channels: 3, data };
     io::hdr::write_exr(&folder.join("environment.exr"), &light)?;
+    if let Some(scale) = &appearance.scale {
+        let mut text = serde_json::to_string_pretty(scale).expect("plain data");
+        text.push('\n');
+        atomic_write(&folder.join("scale.json"), text.as_bytes())?;
+    }
     atomic_write(&folder.join("README.txt"), NOTE.as_bytes())
 }

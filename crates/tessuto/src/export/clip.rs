@@ -45,6 +45,9 @@ impl Material {
     }
 }
 
+/// Name, shape and numbers of an array.
+pub type NamedArray = (&'static str, Vec<usize>, Vec<f32>);
+
 /// A recovered motion with all that other programs can take of it.
 #[derive(Debug, Clone)]
 pub struct Clip {
@@ -80,6 +83,8 @@ pub struct Clip {
     pub material: Material,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
+    /// How often what was seen, where that is known: name, shape, numbers.
+    pub seen: Vec<NamedArray>,
 }
 
 impl Clip {
@@ -110,6 +115,7 @@ impl Clip {
             camera: folder.camera,
             crop: folder.crop,
             parameters: folder.parameters.clone(),
+            seen: seen(folder.path())?,
         })
     }
 
@@ -199,6 +205,21 @@ fn first_image(folder: &Path, number: usize) -> Option<PathBuf> {
     std::fs::read_dir(folder.join("rgbs")).ok()?.filter_map(|entry| Some(entry.ok()?.path())).filter(is).min()
 }
 
+/// How often vertices, texels and directions of light were seen.
+fn seen(folder: &Path) -> Result<Vec<NamedArray>> {
+    let files = [
+        ("seen_vertices", "seen_vertices.npy"),
+        ("seen_texels", "seen_texels.npy"),
+        ("seen_directions", "seen_directions.npy"),
+    ];
+    let there = files.into_iter().map(|(name, file)| (name, folder.join(file))).filter(|(_, p)| p.is_file());
+    let read = |(name, path): (&'static str, PathBuf)| {
+        let array = io::npy::read(&path)?;
+        Ok((name, array.shape, array.data.iter().map(|v| *v as f32).collect()))
+    };
+    there.map(read).collect()
+}
+
 /// The file of the light that was estimated.
 fn environment(folder: &Path) -> Result<Option<Vec<u8>>> {
     let path = folder.join("material/environment.exr");
@@ -261,6 +282,7 @@ pub(super) mod tests {
                 log_stiffness: [2.0, -3.0, -4.0],
                 accelerations: Accelerations { constant: DVec3::Y, dynamic: vec![], entries_per_frame: 1 },
             },
+            seen: Vec::new(),
             mesh,
         }
     }

@@ -5,6 +5,7 @@ mod calibration;
 mod calibration_file;
 mod colmap;
 mod depth;
+mod empty;
 mod frames;
 mod lens;
 mod masks;
@@ -31,6 +32,7 @@ use stage::Stage;
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;
 pub use depth::{Captured, read_depth};
+pub use empty::empty_place;
 pub use lens::Distortion;
 pub use metadata::camera_of;
 pub use stills::{StillSettings, Stills, stills};
@@ -72,7 +74,7 @@ pub struct Settings {
     pub allow_gaps: bool,
     /// The fabric in the first frame, in camera coordinates: OBJ, PLY or glTF.
     pub template: Option<PathBuf>,
-    /// Image of the place without the fabric: written as `plate.png`, straightened and shrunk as the frames are.
+    /// Image or video of the place without the fabric: written as `plate.png`, straightened and shrunk as the frames are.
     pub plate: Option<PathBuf>,
     /// The program that decodes videos.
     pub ffmpeg: PathBuf,

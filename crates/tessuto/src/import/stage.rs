@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::Settings;
+use super::empty::empty_place;
 use super::lens::Undistortion;
 use super::video::Raw;
 use crate::camera::Camera;
@@ -97,12 +98,12 @@ impl<'a> Stage<'a> {
         self.put(&format!("rgbs/rgb_{k:03}.png"), &png)
     }
 
-    /// Writes the image of the empty place at `path`.
+    /// Writes the image of the empty place, an image or a video at `path`.
     pub fn plate(&self, colours: &Colours, path: &Path) -> Result<()> {
-        let file = image::open(path)?;
-        let full = file.full();
-        expect_size([full.x1, full.y1], colours.size(), path)?;
-        let png = self.finish(colours, file.into_rgb8(), 3);
+        let place = empty_place(path, &self.settings.ffmpeg)?;
+        expect_size([place.width, place.height], colours.size(), path)?;
+        let bytes = place.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+        let png = self.finish(colours, bytes, 3);
         self.put("plate.png", &png)
     }
 

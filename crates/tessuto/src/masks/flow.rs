@@ -33,6 +33,15 @@ pub(super) struct Flow {
 }
 
 impl Flow {
+    /// The same displacement everywhere.
+    #[cfg(test)]
+    pub fn uniform(rect: Rect, displacement: [f32; 2]) -> Self {
+        let step = 8;
+        let (columns, rows) = (rect.width().div_ceil(step) + 1, rect.height().div_ceil(step) + 1);
+        let data = vec![displacement; columns * rows];
+        Self { rect, step, columns, rows, arriving: data.clone(), data }
+    }
+
     /// The displacement at a place of the image.
     pub fn at(&self, x: f32, y: f32) -> [f32; 2] {
         self.between(&self.data, x, y)

@@ -89,7 +89,8 @@ pub(super) fn read_one(path: &Path, size: [usize; 2], factor: usize) -> Result<C
     Ok(companded(&file.into_rgb8(), size, factor))
 }
 
-fn companded(rgb: &[u8], [width, height]: [usize; 2], factor: usize) -> Colours {
+/// RGB bytes as frames are kept.
+pub(super) fn companded(rgb: &[u8], [width, height]: [usize; 2], factor: usize) -> Colours {
     let table: Vec<u8> =
         (0..256 * 16).map(|v| (16.0 * (v as f32 / 16.0).sqrt()).round().min(255.0) as u8).collect();
     let (w, h) = (width / factor, height / factor);

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::frames::Frames;
 use super::region::{Field, Region};
+use super::still::standing_still;
 use super::track::Tracked;
 
 /// Below this confidence a frame is named.
@@ -14,6 +15,9 @@ const CLEAR: f32 = 1.0;
 const STEP: f32 = 2.5;
 /// Fraction of the outline that may lie at the border of the image.
 const LEAVES: f64 = 0.02;
+
+/// Fraction of the outline that may stand still, and how much more of it leaves no confidence.
+const STILL: (f64, f64) = (0.02, 0.1);
 
 /// What is said of one frame's mask.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,23 +31,27 @@ pub struct Judgement {
 /// Judges every frame.
 pub(super) fn judge(frames: &Frames, tracked: &Tracked) -> Vec<Judgement> {
     let count = tracked.regions.len();
-    (0..count).into_par_iter().map(|n| one(frames, tracked, n)).collect()
+    let distances: Vec<Field> = (0..count)
+        .into_par_iter()
+        .map(|n| tracked.regions[n].signed_distance(tracked.evidence[n].rect))
+        .collect();
+    let still = standing_still(frames, tracked, &distances);
+    (0..count).into_par_iter().map(|n| one(frames, tracked, &distances, still[n], n)).collect()
 }
 
-fn one(frames: &Frames, tracked: &Tracked, n: usize) -> Judgement {
+fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], still: f64, n: usize) -> Judgement {
     let region = &tracked.regions[n];
     let clear = clearness(region, &tracked.evidence[n]);
     // What neighbours say where the fabric should be.
     let rect = region.bounds().unwrap_or(region.rect).padded(8, frames.size);
     let mut agreement: f64 = 1.0;
     if n > 0 {
-        let before = tracked.regions[n - 1].signed_distance(tracked.evidence[n - 1].rect);
-        agreement =
-            agreement.min(region.overlap(&Region::positive(&tracked.flows[n - 1].forward(&before, rect))));
+        let before = tracked.flows[n - 1].forward(&distances[n - 1], rect);
+        agreement = agreement.min(region.overlap(&Region::positive(&before)));
     }
     if n + 1 < tracked.regions.len() {
-        let after = tracked.regions[n + 1].signed_distance(tracked.evidence[n + 1].rect);
-        agreement = agreement.min(region.overlap(&Region::positive(&tracked.flows[n].back(&after, rect))));
+        let after = tracked.flows[n].back(&distances[n + 1], rect);
+        agreement = agreement.min(region.overlap(&Region::positive(&after)));
     }
     let [at_border, outline] = border(region, frames.size);
     let leaves = at_border as f64 / outline.max(1) as f64;
@@ -60,6 +68,7 @@ fn one(frames: &Frames, tracked: &Tracked, n: usize) -> Judgement {
         ((agreement - 0.85) / 0.1).clamp(0.0, 1.0),
         if leaves > LEAVES { 0.5 } else { 1.0 },
         1.0 - ((jump.max(1.0 / jump) - 1.1) / 0.4).clamp(0.0, 1.0),
+        1.0 - ((still - STILL.0) / STILL.1).clamp(0.0, 1.0),
     ];
     let confidence = steps.iter().product::<f64>();
     let reasons = [
@@ -67,8 +76,12 @@ fn one(frames: &Frames, tracked: &Tracked, n: usize) -> Judgement {
         format!("it overlaps what its neighbours predict by {:.0} % only", 100.0 * agreement),
         "the fabric leaves the image".to_owned(),
         format!("its area is {jump:.2} times that of the frames around"),
+        format!(
+            "{:.0} % of the outline stands still while the fabric moves: it may be that of something behind in the same colours",
+            100.0 * still
+        ),
     ];
-    let worst = (0..4).min_by(|a, b| steps[*a].total_cmp(&steps[*b])).unwrap_or(0);
+    let worst = (0..steps.len()).min_by(|a, b| steps[*a].total_cmp(&steps[*b])).unwrap_or(0);
     let reason = (confidence < DOUBTFUL).then(|| reasons[worst].clone());
     Judgement { confidence: (confidence * 1e3).round() / 1e3, reason }
 }

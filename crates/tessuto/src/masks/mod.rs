@@ -19,21 +19,20 @@ mod record;
 mod refuse;
 mod region;
 mod segment;
+mod start;
 mod steady;
+mod still;
 mod track;
 
 use std::path::{Path, PathBuf};
 
-use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::camera::Rect;
-use crate::error::{Error, Hint, Remedy, Result};
+use crate::error::Result;
 use crate::image::Image;
-use crate::io::image;
-use crate::io::scene::{ColourFiles, colour_files};
+use crate::io::scene::colour_files;
 use frames::Frames;
-use plate::Plate;
 pub use record::{Click, Frame, Record};
 use region::{Field, Region};
 use segment::Mark;
@@ -46,14 +45,23 @@ pub struct Request {
     pub outline: Option<Vec<[f64; 2]>>,
     /// Mask of the first frame, instead of an outline.
     pub first: Option<PathBuf>,
-    /// Image of the place without the fabric, of the size of the frames.
-    pub plate: Option<PathBuf>,
+    /// The place without the fabric, of the size of the frames.
+    pub plate: Option<EmptyPlace>,
     /// Places to add to those kept.
     pub clicks: Vec<Click>,
     /// Forget the places kept.
     pub forget: bool,
     /// Drop all pieces but the largest.
     pub largest_piece: bool,
+}
+
+/// The place without the fabric, by the same camera.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EmptyPlace {
+    /// A file.
+    File(PathBuf),
+    /// Colours, shape [height, width, 3].
+    Image(Image),
 }
 
 /// Masks that were made.
@@ -65,13 +73,14 @@ pub struct Made {
     pub files: Vec<PathBuf>,
 }
 
-/// Makes the masks of the scene in `folder`, which needs no template: writes `masks/`, masks.json, masks.html, and
+/// Makes the masks of the scene in `folder`: begins with the outline or mask that is given, now or before, else with the
+/// projection of the scene's template. Writes `masks/`, masks.json, masks.html, and
 /// plate.png where a plate is given. `progress` is told the fraction that is done. Masks that tessuto did not write, or
 /// that were changed since, are not replaced.
 ///
 /// # Errors
-/// [`Error::Usage`] if nothing tells where the fabric is; [`Error::Input`] if the clip is none that masks can be made of,
-/// naming the frame; [`Error::Output`].
+/// [`Error::Usage`](crate::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
+/// naming the frame; [`Error::Output`](crate::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
     let clip = colour_files(folder)?;
     let mut record = Record::read(folder)?.unwrap_or_else(Record::new);
@@ -83,11 +92,11 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     record.largest_piece = request.largest_piece;
     let size = [clip.camera.width, clip.camera.height];
     refuse::clicks(&record.clicks, size, clip.paths.len())?;
-    let (first, rough) = first_frame(folder, request, &mut record, size)?;
+    let (first, rough) = start::first_frame(folder, request, &mut record, size)?;
     let area = first.area() as f64;
     let frames = Frames::read(&clip, area)?;
     progress(0.05);
-    let given_plate = plate(folder, request, &mut record, &clip, &frames)?;
+    let given_plate = start::plate(folder, request, &mut record, &clip, &frames)?;
     let first = shrunk(&first, &frames);
     let noise = frames::noise(&frames, &first);
     record.noise = (f64::from(noise) * 1e3).round() / 1e3;
@@ -134,56 +143,6 @@ fn coverages(frames: &Frames, tracked: &Tracked, noise: f32) -> Vec<Field> {
         matte::coverage(&frames.images[n], &region.within(rect), &tracked.plate, noise)
     };
     (0..frames.images.len()).into_par_iter().map(of).collect()
-}
-
-/// Where the fabric is in the first frame, and whether that is rough.
-fn first_frame(
-    folder: &Path,
-    request: &Request,
-    record: &mut Record,
-    size: [usize; 2],
-) -> Result<(Region, bool)> {
-    if let Some(path) = &request.first {
-        let (mask, _) = image::read_mask(path)?;
-        refuse::size(path, [mask.width, mask.height], size)?;
-        let rect = Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] };
-        record.outline = None;
-        return Ok((Region { rect, inside: mask.data.iter().map(|v| *v >= 0.5).collect() }, false));
-    }
-    if let Some(outline) = request.outline.clone() {
-        record.outline = Some(outline);
-    }
-    let Some(outline) = &record.outline else {
-        let hint = Hint::from("give the fabric's corners in the first frame, in order around it")
-            .with(Remedy::Outline);
-        return Err(Error::usage(format!("nothing tells where the fabric of {} is", folder.display()), hint));
-    };
-    refuse::polygon(outline, size)?;
-    let corners: Vec<DVec2> = outline.iter().map(|p| DVec2::from_array(*p)).collect();
-    Ok((Region::polygon(&corners, size), true))
-}
-
-/// The plate that is given now, or was given before.
-fn plate(
-    folder: &Path,
-    request: &Request,
-    record: &mut Record,
-    clip: &ColourFiles,
-    frames: &Frames,
-) -> Result<Option<Plate>> {
-    let size = [clip.camera.width, clip.camera.height];
-    let kept = folder.join(files::PLATE);
-    if let Some(path) = &request.plate {
-        let read = frames::read_one(path, size, frames.factor)?;
-        let rgb: Image = image::read(path)?;
-        files::keep_plate(folder, &rgb)?;
-        record.plate = Some(files::PLATE.to_owned());
-        return Ok(Some(Plate::given(&read)));
-    }
-    match record.plate {
-        Some(_) => Ok(Some(Plate::given(&frames::read_one(&kept, size, frames.factor)?))),
-        None => Ok(None),
-    }
 }
 
 /// The region on frames that are smaller.

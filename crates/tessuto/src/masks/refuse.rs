@@ -11,7 +11,7 @@ use super::track::Tracked;
 use crate::error::{Error, Hint, Remedy, Result};
 
 /// The fewest pixels of fabric.
-const FEWEST: usize = 400;
+pub(super) const FEWEST: usize = 400;
 /// Overlap of what was drawn with what was found, and clear fraction of the outline: below either nothing was found.
 const FOUND: (f64, f64) = (0.6, 0.15);
 /// Fractions of changing pixels inside of the outline and, of the image, elsewhere: it is around the wrong thing.
@@ -96,16 +96,7 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32) -> Result<Vec<St
             Hint::from("import one take of the clip").with(Remedy::Frames(Some(longer))),
         ));
     }
-    if let Some((n, shift)) = found.moved {
-        return Err(Error::input(
-            format!("frame {n}"),
-            format!(
-                "the surroundings have moved by {shift:.0} px since frame 0: the camera did not stand still"
-            ),
-            Hint::from("film from a tripod, steady the clip in a video editor, or import the part before")
-                .with(Remedy::Frames(Some(0..n))),
-        ));
-    }
+    // First: a fabric that is taken for the surroundings looks like a camera that moves.
     if let Some((inside, Some((at, elsewhere)))) = Some(movement(frames, first, noise))
         && inside < STILL.0
         && elsewhere > STILL.1
@@ -117,6 +108,16 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32) -> Result<Vec<St
                 at[0], at[1]
             ),
             Hint::from("give the outline of what moves").with(Remedy::Outline),
+        ));
+    }
+    if let Some((n, shift)) = found.moved {
+        return Err(Error::input(
+            format!("frame {n}"),
+            format!(
+                "the surroundings have moved by {shift:.0} px since frame 0: the camera did not stand still"
+            ),
+            Hint::from("film from a tripod, steady the clip in a video editor, or import the part before")
+                .with(Remedy::Frames(Some(0..n))),
         ));
     }
     let shaken = found.shaken.map(|(n, shift)| {

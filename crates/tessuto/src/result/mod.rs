@@ -11,7 +11,8 @@
 //! config.json                     scene, frames and all settings: what repeats the run
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
 //! metrics.json                    every frame's agreement with the video and verdict; errors, where there is truth
-//! texture.png      history.csv
+//! texture.png      history.csv    colours from all frames, in the first frame's light
+//! seen_vertices.npy [V], seen_texels.npy [S, S], seen_directions.npy [24, 48] f32  how often each was seen: see [`crate::appearance::Seen`]
 //! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
 //! log.json                        commands, times, warnings
 //! pictures/        report.html
@@ -43,6 +44,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::appearance::{DIRECTION_ROWS, Seen, gather};
 use crate::camera::{Camera, Rect};
 use crate::config::{Config, DynamicsSettings, Preset};
 use crate::error::{Error, Result};
@@ -180,10 +182,11 @@ pub struct Context<'a> {
 /// [`Summary::of`] and [`write_page`].
 ///
 /// # Errors
-/// [`Error::Output`].
+/// [`Error::Output`]; those of reading the frames.
 pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Result<()> {
     let scene = context.scene;
-    let texture = result.texture.to_image();
+    let deviations = result.deviations.as_deref();
+    let print = gather(scene, &result.motion, deviations, context.run.settings.texture.size)?;
     io::npy::write_field(&folder.join("motion.npy"), &result.motion)?;
     if let Some(deviations) = &result.deviations {
         let shape = [deviations.len(), scene.template.positions.len()];
@@ -191,7 +194,11 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
         io::npy::write(&folder.join("deviation.npy"), &shape, &numbers)?;
     }
     io::npy::write_field(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
-    io::image::write_png(&folder.join("texture.png"), &texture)?;
+    io::image::write_png(&folder.join("texture.png"), &print.texture.to_image())?;
+    let Seen { size, texels, vertices, directions } = &print.seen;
+    io::npy::write(&folder.join("seen_vertices.npy"), &[vertices.len()], vertices)?;
+    io::npy::write(&folder.join("seen_texels.npy"), &[*size, *size], texels)?;
+    io::npy::write(&folder.join("seen_directions.npy"), &[DIRECTION_ROWS, 2 * DIRECTION_ROWS], directions)?;
     io::atomic_write(
         &folder.join("mesh.mtl"),
         b"newmtl fabric\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd texture.png\n",

@@ -208,11 +208,19 @@ fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Fie
         Ok(Field::new(texts, diverging, &values))
     };
     let accelerations = curves::force_magnitudes(&saved.parameters.accelerations, motion.len(), vertex_count);
+    let often = match io::npy::read_if_there(&folder.join("seen_vertices.npy"), &[vertex_count])? {
+        Some(often) => {
+            let frames: Vec<Vec<f32>> = vec![often.iter().map(|n| *n as f32).collect(); motion.len()];
+            Field::new(["seen", "frames that show the vertex", "frames"], false, &frames)
+        }
+        None => None,
+    };
     Ok([
         from_file("depth_error.npy", ["depth_error", "depth − measured depth", "mm"], true)?,
         from_file("vertex_error.npy", ["vertex_error", "distance from the true vertex", "mm"], false)?,
         from_file("deviation.npy", ["deviation", "standard deviation of the position", "mm"], false)?,
         Field::new(["force", "force per mass", "m/s²"], false, &accelerations),
+        often,
     ]
     .into_iter()
     .flatten()
@@ -222,13 +230,25 @@ fn fields(folder: &Path, saved: &Folder, motion: &[Positions]) -> Result<Vec<Fie
 /// The recovered texture and, where they were estimated, the material maps; of each the part that `window` shows.
 fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
     let all = [
-        ("texture", "recovered texture: the first frame's colours, with its light", "texture.png"),
+        (
+            "texture",
+            "recovered texture: all frames' colours, in the first one's light; hatched: never seen",
+            "texture.png",
+        ),
         ("diffuse", "albedo: the diffuse colour, without the light", "material/diffuse.png"),
         ("roughness", "roughness: black is smooth, white is matt", "material/roughness.png"),
         ("metallic", "metallic: black is none, white is metal", "material/metallic.png"),
     ];
     let read = |(key, label, file): &(&'static str, &'static str, &str)| {
-        let image = io::image::read_bytes(&folder.join(file))?;
+        let mut image = io::image::read_bytes(&folder.join(file))?;
+        let size = [image.height() as usize, image.width() as usize];
+        let seen = match *key {
+            "texture" => io::npy::read_if_there(&folder.join("seen_texels.npy"), &size)?,
+            _ => None,
+        };
+        if let Some(seen) = seen {
+            hatch(&mut image, &seen);
+        }
         let [x, y, width, height] = window.pixels(image.width(), image.height());
         let image = ::image::imageops::crop_imm(&image, x, y, width, height).to_image();
         let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
@@ -237,6 +257,17 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         Ok(Map { key, label, image: embed::base64(&jpeg::encode(&small, light::MAP_QUALITY)) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
+}
+
+/// Strikes out the pixels of which `seen` holds 0.
+fn hatch(image: &mut ::image::RgbImage, seen: &[f64]) {
+    let width = image.width();
+    let spacing = (width / 64).max(4);
+    for ((x, y, pixel), seen) in image.enumerate_pixels_mut().zip(seen) {
+        if *seen == 0.0 && (x + y) % spacing < spacing / 2 {
+            pixel.0 = pixel.0.map(|v| (0.4 * f32::from(v) + 0.6 * 245.0) as u8);
+        }
+    }
 }
 
 /// The frames that the folder has images of.

@@ -17,6 +17,7 @@ use std::time::Duration;
 use observer::Shared;
 pub use observer::{Observer, Silent, Stage};
 
+use crate::check;
 use crate::config::{Config, Method};
 use crate::error::{Error, Result, Warning};
 use crate::export::{Clip, Format, export};
@@ -138,7 +139,9 @@ fn work(
     observer: &mut dyn Observer,
 ) -> Result<Outcome> {
     let scene = &loaded.scene;
+    // What a check refuses is refused here, too.
     let mut warnings = loaded.warnings.clone();
+    warnings.extend(check::gate(loaded)?);
     warnings.iter().for_each(|warning| observer.warning(warning));
     let first = scene.first_frame;
     let run = Run {

@@ -53,6 +53,7 @@ pub(super) fn clip(maps: bool) -> Clip {
                 entries_per_frame: 1,
             },
         },
+        seen: vec![("seen_vertices", vec![3], vec![4.0, 0.0, 2.0])],
         mesh: grid,
     }
 }
@@ -201,7 +202,7 @@ fn npz_is_a_zip_file_of_arrays() {
     let end = bytes.len() - 22;
     assert_eq!((&bytes[end..end + 4], word(&bytes, end + 16)), (&b"PK\x05\x06"[..], at));
     assert_eq!(usize::from(bytes[end + 10]), names.len());
-    for name in ["camera.npy", "dynamic_force.npy", "face_uvs.npy", "stretch.npy"] {
+    for name in ["camera.npy", "dynamic_force.npy", "face_uvs.npy", "stretch.npy", "seen_vertices.npy"] {
         assert!(names.iter().any(|n| n == name), "{names:?}");
     }
 }

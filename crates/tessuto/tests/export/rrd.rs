@@ -254,6 +254,7 @@ fn an_exported_result_is_read_back_as_it_was() {
             log_stiffness: [2.0, -3.0, -4.0],
             accelerations: Accelerations { constant: DVec3::Y, dynamic: vec![], entries_per_frame: 1 },
         },
+        seen: Vec::new(),
         mesh,
     };
     export(&clip, &[Format::Rrd], folder.path(), false).unwrap();

@@ -5,7 +5,7 @@ use std::path::Path;
 use tempfile::TempDir;
 use tessuto::io::image::{read_mask, write_png};
 use tessuto::io::scene::write_manifest;
-use tessuto::masks::{Click, Record, Request, make};
+use tessuto::masks::{Click, EmptyPlace, Record, Request, make};
 use tessuto::math::rng::Rng;
 use tessuto::{Camera, Error, Image};
 
@@ -186,7 +186,7 @@ fn an_empty_plate_is_a_source() {
     }
     let file = folder.path().join("empty.png");
     write_png(&file, &plate).unwrap();
-    make(folder.path(), &Request { plate: Some(file), ..clicked() }, &|_| {}).unwrap();
+    make(folder.path(), &Request { plate: Some(EmptyPlace::File(file)), ..clicked() }, &|_| {}).unwrap();
     assert!(worst_overlap(Clip::Good, folder.path()) >= 0.97);
     assert_eq!(Record::read(folder.path()).unwrap().unwrap().plate.as_deref(), Some("plate.png"));
 }

@@ -34,6 +34,22 @@ pub fn read(path: &Path) -> Result<Array> {
     })
 }
 
+/// The numbers of the array in `path`, which has this `shape`; `None` where there is no such file.
+///
+/// # Errors
+/// As [`read`], and for another shape.
+pub(crate) fn read_if_there(path: &Path, shape: &[usize]) -> Result<Option<Vec<f64>>> {
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let array = read(path)?;
+    if array.shape != shape {
+        let problem = format!("has shape {:?}, expected {shape:?}", array.shape);
+        return Err(Error::input(path.display().to_string(), problem, "use the file as tessuto wrote it"));
+    }
+    Ok(Some(array.data))
+}
+
 /// The array in the .npy file of these `bytes`, of floats or, if they are welcome, of `integers` (up to 2⁵³ exactly); or
 /// what is wrong with it.
 pub(crate) fn decode(bytes: &[u8], integers: bool) -> std::result::Result<Array, String> {

@@ -23,8 +23,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     priors: PriorTerms<'a>,
-    /// One frame is found when a step lowers its E by less than this part.
-    pub least_gain: f64,
+    /// Whether points that the frame does not show as fabric count (see [`Colour::counts_unseen`]).
+    pub counts_unseen: bool,
     /// Vertices that stand still.
     pub still: Vec<u32>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
@@ -45,7 +45,7 @@ impl<'a> Problem<'a> {
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             priors: self.priors.clone(),
-            least_gain: 0.0,
+            counts_unseen: false,
             still: Vec::new(),
             adjacent: vec![PointColours::new(); frame_count],
         }
@@ -53,10 +53,11 @@ impl<'a> Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// Every term of E at `frames`, summed over them, at the finest resolution.
+    /// Every term of E at `frames`, summed over them, at the finest resolution; what is not seen counts.
     pub fn objective(&self, frames: &[Positions]) -> Vec<(&'static str, f64)> {
         let mut search = self.at_level(self.observed.range[0]);
         search.update_references(frames);
+        search.counts_unseen = true;
         let terms_of = |(n, x): (usize, &Positions)| search.terms(n).list().map(|term| term.value(x));
         let values: Vec<_> = frames.par_iter().enumerate().skip(1).map(terms_of).collect();
         let names = search.terms(0).list().map(|term| term.name());
@@ -72,13 +73,14 @@ impl LevelSearch<'_, '_> {
     pub fn anneal(&mut self, t: f64) {
         let s = &self.problem.settings;
         let left = (1.0 - t).max(0.0);
-        self.loosen(s.start_spread.powf(left), s.start_tail.powf(left));
+        self.loosen([s.start_spread.powf(left), 1.0], s.start_tail.powf(left));
     }
 
-    /// Sets the priors: those of the settings with spreads of strain and shear times `spread`, tails times `tail`.
-    pub fn loosen(&mut self, spread: f64, tail: f64) {
+    /// Sets the priors: those of the settings with spreads of strain and shear, and of signed bending, times `spreads`, tails
+    /// times `tail`.
+    pub fn loosen(&mut self, spreads: [f64; 2], tail: f64) {
         self.priors = self.problem.priors.clone();
-        self.priors.loosen(spread, tail);
+        self.priors.loosen(spreads, tail);
     }
 
     /// The terms of one frame.
@@ -101,6 +103,7 @@ impl LevelSearch<'_, '_> {
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
                 weight: area / (s.colour * s.colour * s.colour_area * p.scale),
+                counts_unseen: self.counts_unseen,
             },
             outline: Outline {
                 cloth: p.cloth,

@@ -35,11 +35,11 @@
 //! `track` finds a start frame by frame, twice with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
 //! Levenberg's damping. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
 //! many minima: a sheet that is allowed to crumple does so wherever the start is off. So `track` keeps lengths, shear and
-//! bending close to least squares (spreads times `start_spread` or as they are, whichever ends with the lower E; tails times
-//! `start_tail`), and `refine` lets both shrink to
+//! bending close to least squares (spreads of strain and shear times `start_spread` or as they are, that of signed bending times
+//! `start_bend` or as it is; tails times `start_tail`), and `refine` lets both shrink to
 //! their own values in equal ratios, after which only true folds are left in the tails. Frames that are lost on the way and found
-//! again later are filled from the later ones: the sheet is followed backward too, and the better path through both counts
-//! (`both_sides`).
+//! again later are filled from the later ones: the sheet is followed backward too (`both_sides`), and the best path through all
+//! counts (`best_path`).
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
@@ -48,6 +48,7 @@
 //! How far the result may be off is estimated from the same system and from how badly each frame matches ([`deviation`]).
 
 pub mod acceleration;
+mod best_path;
 mod both_sides;
 pub mod deviation;
 pub mod gain;

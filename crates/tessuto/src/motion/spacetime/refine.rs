@@ -9,11 +9,11 @@ use crate::motion::terms::TERMS;
 use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Damping at the start of each level, relative to the acceleration term.
-const DAMPING: Damping =
+pub(super) const DAMPING: Damping =
     Damping { lambda: 1e-3, accepted: 0.3, rejected: 8.0, least: 1e-6, least_rejected: 0.0 };
 
 /// Part of the iterations over which the priors go from the start's to their own.
-const ANNEALED: f64 = 0.7;
+pub(super) const ANNEALED: f64 = 0.7;
 
 /// What [`Problem::refine`] goes on from.
 #[derive(Serialize, Deserialize)]

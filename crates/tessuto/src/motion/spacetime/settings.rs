@@ -48,6 +48,8 @@ settings! {
         /// The search starts with spreads of strain and shear that are larger by this factor; frames are first found both with it
         /// and without.
         start_spread: f64 = 2.0, number(1.0..=1e6, "");
+        /// Frames are first found with a spread of signed bending larger by this factor, too.
+        start_bend: f64 = 3.0, number(1.0..=1e6, "");
         /// The search starts with tails that are longer by this factor, close to least squares.
         start_tail: f64 = 100.0, number(1.0..=1e9, "");
         /// Iterations over all frames at each level.

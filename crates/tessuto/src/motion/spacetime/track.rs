@@ -10,7 +10,8 @@ use crate::math::factor::Scratch;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::session::{Epoch, Session, foreign_state, named};
 
-/// Number of kinds of start: with spreads larger by `start_spread`, and with their own.
+/// Number of kinds of start: with spreads of strain and shear larger by `start_spread`, without and with that of signed bending
+/// larger by `start_bend`.
 const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
@@ -20,8 +21,10 @@ const DAMPING: Damping =
 /// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
 const STEPS: usize = 8;
 const ATTEMPTS: usize = 6;
-/// A frame is found when no vertex moves by more than this `[m]`.
+/// A frame is found when no vertex moves by more than this `[m]`, or a step lowers its E by less than this part: only the basin
+/// counts, `refine` goes on from there.
 const FOUND: f64 = 2e-5;
+const LEAST_GAIN: f64 = 1e-2;
 
 /// A sheet whose smooth shear is larger than this many of the spreads it is given is one that shears as a whole; it is
 /// followed again with that shear as the spread.
@@ -33,9 +36,9 @@ pub(super) struct Tracked {
     /// Spread of the smooth shear in use `[rad]`.
     pub(super) smooth: f64,
     /// One of each kind of start.
-    followers: [Follower; STARTS],
-    /// The best of them backward.
-    pub(super) backward: Option<Follower>,
+    pub(super) followers: [Follower; STARTS],
+    /// The best of them backward, and one with the spreads' own strictness forward.
+    pub(super) late: Option<[Follower; 2]>,
 }
 
 /// The sheet as followed with one kind of start, in one direction of time.
@@ -54,12 +57,13 @@ impl Problem<'_> {
     /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one frame, with
     /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
     ///
-    /// A frame has several minima, and the next ones follow into the same. So the fabric is followed twice at the same
-    /// time, with spreads of strain and shear larger by `start_spread` and with their own; the lower E over all frames
-    /// counts.
+    /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may turn or bend. So the
+    /// fabric is followed twice at the same time, with spreads of strain and shear larger by `start_spread`, without and with
+    /// that of signed bending larger by `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for
+    /// that in its prior.
     ///
-    /// A sheet that turns out to shear as a whole is followed once more, with room for that in its prior. At last it is followed
-    /// backward in time from the last frame, and of both the better path counts.
+    /// At last it is followed backward in time from the last frame and, at the same time, forward with the spreads as they are. Of all
+    /// the best path counts.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.
@@ -78,11 +82,11 @@ impl Problem<'_> {
             self.follow(&mut tracked, session)?;
             best = self.best(&tracked);
         }
-        let forward = tracked.followers[best].frames.clone();
         if let Some((frame, value)) = tracked.followers[best].lost {
-            return Ok((forward, Some(diverged(&format!("frame {frame}"), value))));
+            let failure = diverged(&format!("frame {frame}"), value);
+            return Ok((tracked.followers[best].frames.clone(), Some(failure)));
         }
-        let frames = self.both_sides(&forward, &mut tracked, session)?;
+        let frames = self.both_sides(&mut tracked, session)?;
         session.finish("track", &tracked);
         Ok((frames, None))
     }
@@ -96,7 +100,7 @@ impl Problem<'_> {
             gains: vec![vec![[1.0; 3]; template.len()]; levels],
             lost: None,
         };
-        Tracked { smooth, followers: std::array::from_fn(|_| follower()), backward: None }
+        Tracked { smooth, followers: std::array::from_fn(|_| follower()), late: None }
     }
 
     /// Number of frames that are followed forward, if the smooth shear ends with the spread `smooth`.
@@ -124,8 +128,9 @@ impl Problem<'_> {
         let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|start| {
             let mut levels: Vec<_> =
                 self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-            let spread = if start == 0 { self.settings.start_spread } else { 1.0 };
-            levels.iter_mut().for_each(|level| level.loosen(spread, self.settings.start_tail));
+            let s = &self.settings;
+            let bend = if start == 0 { 1.0 } else { s.start_bend };
+            levels.iter_mut().for_each(|level| level.loosen([s.start_spread, bend], s.start_tail));
             levels
         });
         let done = tracked.followers[0].frames.len();
@@ -145,7 +150,7 @@ impl Problem<'_> {
             let epoch = Epoch {
                 stage: "track".into(),
                 step: steps + 1 + n - count,
-                of: steps + self.backward_steps(),
+                of: steps + self.late_steps(),
                 active_frames: n + 1,
                 losses: named([("total", values[0])]),
                 parameters: named([("shear_smooth", tracked.smooth)]),
@@ -234,7 +239,7 @@ impl LevelSearch<'_, '_> {
                     let gained = value - next_value;
                     (x, value) = (next, next_value);
                     damping.accept();
-                    if moved < FOUND || gained < self.least_gain * value {
+                    if moved < FOUND || gained < LEAST_GAIN * value {
                         return (x, value);
                     }
                     break;

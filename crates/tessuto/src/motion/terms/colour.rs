@@ -42,6 +42,9 @@ pub struct Colour<'a> {
     pub sigma: f64,
     /// Weight of one pixel of `level`, 1/(σ² a).
     pub weight: f64,
+    /// Whether a point that T knows and the frame does not show as fabric counts as the worst of differences, ½σ², in the value. Off
+    /// while steps are taken, as it has no slope; on where motions are compared, or leaving the picture would pay.
+    pub counts_unseen: bool,
 }
 
 /// Value and derivatives over one triangle: blocks (0,0) (1,1) (2,2) (1,0) (2,0) (2,1).
@@ -116,7 +119,19 @@ impl Colour<'_> {
                 *sum += weight * geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma).0;
             }
         });
-        sums[0] + sums[1]
+        let unseen = if self.counts_unseen { self.unseen_area(triangle, x) } else { 0.0 };
+        sums[0] + sums[1] + unseen * self.weight * 0.5 * self.sigma * self.sigma
+    }
+
+    /// Area of the points of a triangle that T knows and the frame does not show as fabric [px of level 0].
+    fn unseen_area(&self, triangle: usize, x: &[DVec3]) -> f64 {
+        let known = self.samples.of_triangle(triangle).filter(|index| self.reference[*index].is_some());
+        let known: f64 = known.map(|index| self.samples.points[index].area).sum();
+        let mut seen = 0.0;
+        self.visit(triangle, x, |point, residual| {
+            seen += if residual.of[0].is_some() { point.area } else { 0.0 };
+        });
+        known - seen
     }
 
     fn triangle_system(&self, triangle: usize, x: &[DVec3]) -> Local {

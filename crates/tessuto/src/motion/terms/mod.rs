@@ -116,10 +116,12 @@ pub struct FrameTerms<'a> {
 pub const TERMS: usize = 7;
 
 impl PriorTerms<'_> {
-    /// Closer to least squares: spreads of strain and shear times `spread`, all tails times `tail`.
-    pub fn loosen(&mut self, spread: f64, tail: f64) {
-        self.strain.sigma *= spread;
-        self.shear.sigma *= spread;
+    /// Closer to least squares: spreads of strain and shear times the first of `spreads`, that of signed bending times the second,
+    /// all tails times `tail`.
+    pub fn loosen(&mut self, spreads: [f64; 2], tail: f64) {
+        self.strain.sigma *= spreads[0];
+        self.shear.sigma *= spreads[0];
+        self.signed_bend.loosen(spreads[1]);
         for own in [&mut self.strain.tail, &mut self.signed_bend.tail, &mut self.shear.tail] {
             *own *= tail;
         }

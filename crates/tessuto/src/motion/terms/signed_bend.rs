@@ -44,6 +44,11 @@ impl<'a> SignedBend<'a> {
         prior
     }
 
+    /// Makes the spread σ larger by `factor`.
+    pub fn loosen(&mut self, factor: f64) {
+        self.scale.iter_mut().for_each(|scale| *scale /= factor);
+    }
+
     /// Unit normals, weighted by area.
     fn normals(&self, x: &[DVec3]) -> Positions {
         let mut normals = vec![DVec3::ZERO; x.len()];

@@ -5,20 +5,21 @@
 //! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
 //! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
-//!   σ_nv² = (g_nv/ḡ_n) (a_n² + b_n²) + c²,
-//!   a_n = 4.5 ∛(o_n² d_n q_n),  b_n = 10 ḡ_n √χ²_n,  c = 0.1 mm,
+//!   σ_nv² = (g_nv/ḡ_n) a_n² + c²,  a_n = 7.7 ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
 //!
-//! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1.
+//! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric mean of all that tells
+//! where the error is large, each by about what it tells.
 //!
+//! - o: distance of the boundary to the mask's outline `[m]`.
+//! - d: mean distance `[m]` between the positions that tracking found and the final ones, two searches that agree where both are
+//!   right.
 //! - b: the deviations of Gauss and Newton, times the root of strain's and shear's energy per vertex. The usual posterior scale, where χ²
 //!   per degree of freedom tells that the residuals are larger or smaller than the spreads say: paper keeps lengths and angles far
-//!   better than the spreads ask, crumpled cloth worse, and depth follows from them.
-//! - a: the search may have slipped. Geometric mean of what is seen of that: o, distance of the boundary to the mask's outline `[m]`,
-//!   twice; d, mean distance `[m]` between the positions that tracking found and the final ones, two searches that agree where
-//!   both are right; and q, what part of the texture's contrast the colours do not follow.
+//!   better than the spreads ask, crumpled cloth worse, and depth follows from them. χ² is at least 0.1.
+//! - q: what part of the texture's contrast the colours do not follow.
 //! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in the errors.
 //!
-//! The two factors are such that about 95 of 100 true vertices lie within 2 σ on made scenes. Where they come from, and how far they
+//! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from, and how far they
 //! hold: `docs/experiments/deviation.md`. No truth is used here.
 
 mod misfit;
@@ -38,10 +39,10 @@ use crate::session::Session;
 const SAMPLES: usize = 16;
 /// Fits of the gains before the system is taken: each goes on from the last.
 const GAIN_FITS: usize = 3;
-/// Factor of the frame's misfit to the video.
-const VIDEO: f64 = 4.5;
-/// Factor of the deviation of Gauss and Newton, scaled by the misfit to the priors.
-const POSTERIOR: f64 = 10.0;
+/// Factor of the geometric mean.
+const FACTOR: f64 = 7.7;
+/// Least misfit to the priors: a sheet that keeps all lengths and angles may have slipped all the same.
+const PRIOR_FLOOR: f64 = 0.1;
 /// Least deviation, and what is added to the distance between tracked and final positions `[m]`.
 const FLOOR: f64 = 1e-4;
 const AGREEMENT_FLOOR: f64 = 5e-5;
@@ -88,8 +89,9 @@ impl Problem<'_> {
 fn calibrated(variances: &[f64], misfit: &Misfit, apart: f64) -> Vec<f64> {
     let count = variances.len().max(1) as f64;
     let mean = variances.iter().sum::<f64>() / count;
-    let video = VIDEO * (misfit.outline.powi(2) * (apart + AGREEMENT_FLOOR) * misfit.texture).cbrt();
-    let of_frame = video * video + POSTERIOR * POSTERIOR * misfit.prior * mean;
+    let posterior = (misfit.prior.max(PRIOR_FLOOR) * mean).sqrt();
+    let squares = (misfit.outline * (apart + AGREEMENT_FLOOR)).powi(2);
+    let of_frame = (FACTOR * (squares * posterior * misfit.texture).powf(0.2)).powi(2);
     // Without any variance, all vertices are alike.
     let mean_root = variances.iter().map(|g| g.sqrt()).sum::<f64>() / count;
     let pattern = |g: f64| if mean_root > 0.0 { g.sqrt() / mean_root } else { 1.0 };

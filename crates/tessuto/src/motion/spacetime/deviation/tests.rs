@@ -223,9 +223,10 @@ fn the_calibration_is_the_formula() {
     let misfit = Misfit { outline: 2e-3, texture: 0.125, prior: 0.25 };
     let variances = [1e-8, 4e-8, 9e-8];
     let found = calibrated(&variances, &misfit, 8e-3 - AGREEMENT_FLOOR);
-    let (a, b) = (VIDEO * (4e-6f64 * 8e-3 * 0.125).cbrt(), POSTERIOR * 0.5 * (14e-8f64 / 3.0).sqrt());
+    let posterior = 0.5 * (14e-8f64 / 3.0).sqrt();
+    let a = FACTOR * (4e-6 * 64e-6 * posterior * 0.125).powf(0.2);
     for (sigma, factor) in found.iter().zip([0.5, 1.0, 1.5]) {
-        let expected = (factor * (a * a + b * b) + FLOOR * FLOOR).sqrt();
+        let expected = (factor * a * a + FLOOR * FLOOR).sqrt();
         assert!((sigma / expected - 1.0).abs() < 1e-12, "{sigma} {expected}");
     }
     assert!(calibrated(&[0.0; 2], &misfit, 0.0).iter().all(|s| s.is_finite() && *s >= FLOOR));

@@ -1,0 +1,159 @@
+//! Of several motions the best in each frame, and of two such paths the one that settles lower.
+//!
+//! Positions that were found frame by frame are not at rest: with the priors' own tails a little noise counts as much as a fold,
+//! with long ones a bent sheet as one that cannot be. Which of two paths is right may depend on that. Where they differ,
+//! both are refined a little, and the lower objective counts.
+
+use rayon::prelude::*;
+
+use super::refine::{ANNEALED, DAMPING};
+use super::{LevelSearch, Positions, Problem, acceleration};
+
+/// Iterations over all frames, at the finest level, before two paths are compared.
+const SETTLING: usize = 11;
+
+impl Problem<'_> {
+    /// The path through the motions `sides`, each of shape [N, V], with the least E of frames and accelerations, tails of the
+    /// priors times `tail`.
+    pub(super) fn best_path(&self, sides: &[Vec<Positions>], tail: f64) -> Vec<Positions> {
+        let mut finest = self.at_level(self.observed.range[0]);
+        finest.loosen([1.0; 2], tail);
+        finest.counts_unseen = true;
+        let values: Vec<Vec<f64>> = sides.iter().map(|x| finest.frame_values(x)).collect();
+        let chosen = best_sides(sides, &values, self.acceleration_weight());
+        chosen.iter().enumerate().map(|(n, side)| sides[*side][n].clone()).collect()
+    }
+
+    /// The better of the paths that long tails and the priors' own choose.
+    pub(super) fn best_settled(&self, sides: &[Vec<Positions>]) -> Vec<Positions> {
+        let paths = [self.settings.start_tail, 1.0].map(|tail| self.best_path(sides, tail));
+        if paths[0] == paths[1] {
+            let [path, _] = paths;
+            return path;
+        }
+        let [a, b] = paths.each_ref().map(|path| self.settled_value(path.clone()));
+        let [long, own] = paths;
+        if b < a { own } else { long }
+    }
+
+    /// Every term of E once `frames` have settled a little.
+    fn settled_value(&self, mut frames: Vec<Positions>) -> f64 {
+        let mut search = self.at_level(self.observed.range[0]);
+        search.still = self.still_vertices(&frames);
+        let mut damping = DAMPING;
+        for k in 0..SETTLING {
+            search.anneal(k as f64 / (ANNEALED * SETTLING as f64));
+            search.update_references(&frames);
+            match search.joint_step(&frames, damping.lambda).next {
+                Some(next) => {
+                    frames = next;
+                    damping.accept();
+                }
+                None => damping.reject(),
+            }
+        }
+        self.objective(&frames).iter().map(|(_, value)| value).sum()
+    }
+}
+
+impl LevelSearch<'_, '_> {
+    /// E of every frame by itself, without comparison to adjacent ones.
+    fn frame_values(&mut self, frames: &[Positions]) -> Vec<f64> {
+        for (n, x) in frames.iter().enumerate().skip(1) {
+            self.update_gain(n, x);
+        }
+        let search = &*self;
+        let value = |(n, x): (usize, &Positions)| if n == 0 { 0.0 } else { search.terms(n).value(x) };
+        frames.par_iter().enumerate().map(value).collect()
+    }
+}
+
+/// The side to take in every frame, given the E of each side's frames, shape [S, N], and the weight κ of the accelerations `[1/m²]`:
+/// dynamic programming over the sides of two frames in sequence. Of equals the first side.
+fn best_sides(sides: &[Vec<Positions>], values: &[Vec<f64>], kappa: f64) -> Vec<usize> {
+    let (size, count) = (sides.len(), values[0].len());
+    // Lowest cost of a path that ends with the sides [a][b] in two frames, and the side before a, by frame.
+    let mut cost = vec![vec![f64::INFINITY; size]; size];
+    // The first frame is known.
+    cost[0] = values.iter().map(|v| v.get(1).copied().unwrap_or(0.0)).collect();
+    let mut came_from: Vec<Vec<Vec<usize>>> = Vec::new();
+    let all_triples = || (0..size.pow(3)).map(|k| (k / (size * size), k / size % size, k % size));
+    for n in 2..count {
+        let mut next = vec![vec![f64::INFINITY; size]; size];
+        let mut from = vec![vec![0; size]; size];
+        for (a, b, c) in all_triples() {
+            let three = [&sides[a][n - 2], &sides[b][n - 1], &sides[c][n]];
+            let total = cost[a][b] + values[c][n] + acceleration::of_three(three, kappa);
+            if total < next[b][c] {
+                (next[b][c], from[b][c]) = (total, a);
+            }
+        }
+        cost = next;
+        came_from.push(from);
+    }
+    let pairs = (0..size * size).map(|k| (k / size, k % size));
+    let (mut b, mut c) =
+        pairs.fold((0, 0), |best, (b, c)| if cost[b][c] < cost[best.0][best.1] { (b, c) } else { best });
+    let mut chosen = vec![0; count];
+    for n in (1..count).rev() {
+        chosen[n] = c;
+        if n >= 2 {
+            (b, c) = (came_from[n - 2][b][c], b);
+        }
+    }
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng::Rng;
+    use crate::motion::spacetime::proof::scene;
+    use crate::sim::Cloth;
+    use glam::DVec3;
+
+    #[test]
+    fn the_path_is_the_best_of_all() {
+        let mut rng = Rng::new(8, 0);
+        let mut mixed = 0;
+        for _ in 0..20 {
+            let mut random = || -> Vec<Positions> { (0..6).map(|_| vec![rng.vector(); 1]).collect() };
+            let mut sides = vec![random(), random(), random()];
+            let first = sides[0][0].clone();
+            sides.iter_mut().for_each(|side| side[0].clone_from(&first));
+            let values: Vec<Vec<f64>> =
+                (0..3).map(|_| (0..6).map(|_| 3.0 * rng.normal()).collect()).collect();
+            let cost = |path: &[usize]| {
+                let x: Vec<Positions> = path.iter().enumerate().map(|(n, s)| sides[*s][n].clone()).collect();
+                let own: f64 = path.iter().enumerate().skip(1).map(|(n, s)| values[*s][n]).sum();
+                own + acceleration::value(&x, 0.7)
+            };
+            let found = best_sides(&sides, &values, 0.7);
+            let path = |k: usize| (0..6).map(|n| k / 3usize.pow(n) % 3).collect::<Vec<usize>>();
+            let least = (0..3usize.pow(6)).map(|k| cost(&path(k))).fold(f64::INFINITY, f64::min);
+            assert!((cost(&found) - least).abs() < 1e-12 * least.abs().max(1.0), "{} {least}", cost(&found));
+            mixed += usize::from((0..3).all(|side| found[1..].contains(&side)));
+        }
+        assert!(mixed > 5, "{mixed} paths with all sides");
+        let one = vec![Positions::new()];
+        assert_eq!(best_sides(&[one.clone(), one], &[vec![0.0], vec![0.0]], 1.0), [0]);
+    }
+
+    #[test]
+    fn leaving_the_picture_does_not_pay() {
+        let scene = scene();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, Default::default()).unwrap();
+        let count = scene.frames.len();
+        let near = vec![scene.template.positions.clone(); count];
+        let mut gone = near.clone();
+        gone[1..].iter_mut().flatten().for_each(|x| *x += DVec3::X * 10.0);
+        let colour = |frames: &[Positions]| {
+            let terms = problem.objective(frames);
+            terms.iter().find(|(name, _)| *name == "colour").unwrap().1
+        };
+        println!("colour {} near, {} gone", colour(&near), colour(&gone));
+        assert!(colour(&gone) > colour(&near));
+        assert_eq!(problem.best_path(&[gone, near.clone()], 1.0)[1..], near[1..]);
+    }
+}
