@@ -104,7 +104,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             let (guided, parts) =
                 causes::follow(&cut, &fit.dynamics, &found, &frames, config.inverse.tracking);
             let parameters = Parameters {
-                log_stiffness: found.causes.stiffness().map(f64::log10),
+                log_stiffness: found.causes.log_stiffness(),
                 accelerations: guided.accelerations,
             };
             let explained = Explained::new(&cut, found, parts, &guided.frames, scene.fps);

@@ -92,6 +92,8 @@ pub struct Cloth {
     pub bends: Vec<AngleSpring>,
     /// Shearing pairs.
     pub shears: Vec<AngleSpring>,
+    /// The mesh's triangles.
+    pub triangles: Vec<[u32; 3]>,
     /// Pattern's pairs (corner 1, 0), (2, 0), (2, 1) of every triangle, for terms that act on triangles.
     pub triangle_pairs: Vec<[usize; 3]>,
     /// Pattern of Hessians and of the systems to solve.
@@ -155,6 +157,7 @@ impl Cloth {
             edges,
             bends,
             shears,
+            triangles: template.triangles(),
             triangle_pairs,
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),

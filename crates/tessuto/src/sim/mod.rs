@@ -39,6 +39,7 @@
 pub(crate) mod angle;
 pub mod cloth;
 mod flat;
+mod friction;
 pub mod implicit_euler;
 pub mod linearized_euler;
 pub(crate) mod rollout;
@@ -48,6 +49,7 @@ pub(crate) mod stretch;
 pub(crate) mod ties;
 
 pub use cloth::{Cloth, Energy, HessianKind, Stiffness};
+pub use flat::panel;
 pub use rollout::{Accelerations, Rollout, RolloutGradients, RolloutInputs, rollout, rollout_vjp};
 pub use state::{Integrator, State, StepSettings};
 pub use ties::TiedCloth;

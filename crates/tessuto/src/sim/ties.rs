@@ -34,6 +34,11 @@ impl TiedCloth {
         Self { cloth, settings: *settings, held }
     }
 
+    /// Lets the angles of this cloth, otherwise like those of `elastic`, resist their change: [`Cloth::rub`].
+    pub fn rub(&mut self, elastic: &Cloth, stiffness: &Stiffness, rate: f64, from: &[f64]) -> Stiffness {
+        self.cloth.rub(elastic, stiffness, rate, from)
+    }
+
     /// [`step`] under external `acceleration` [m/s²] with the vertices tied to `targets` `[m]`, shape `[V]` each.
     ///
     /// # Errors

@@ -2,13 +2,15 @@
 //!
 //! BDF2, whose damping of slow motion is of third order in the step: with x̄ = (4 xₙ − xₙ₋₁)/3, v̄ likewise and H = 2h/3,
 //!
-//!   x' = argmin ½ ‖x − x̄ − H v̄ − H² g‖²_M/H² + ½ γ/H ‖x − x̄‖²_M + ½ ‖x − target‖²_{M κ} + E(x),   v' = (x' − x̄)/H,
+//!   x' = argmin ½ ‖x − x̄ − H v̄ − H² a‖²_M/H² + ½ ‖x − target‖²_{M κ} + E(x) + ½ c/H ‖θ(x) − θ̄‖²,
+//!   v' = (x' − x̄)/H,
 //!
-//! an implicit Euler step from (x̄, v̄) with other masses. Its derivatives follow from the implicit function theorem.
+//! an implicit Euler step from (x̄, v̄) with other masses and, for internal friction, other springs ([`crate::sim::Cloth::rub`]). Its derivatives follow from the implicit function theorem.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::air::Air;
 use super::forces::{Causes, FIRST, GRAVITY, Knots};
 use crate::error::Result;
 use crate::math::factor::{Factor, Scratch};
@@ -45,13 +47,38 @@ pub struct Trajectory {
 
 /// What one step is made of, for its derivatives.
 struct Taken<'a> {
-    bar: &'a State,
     after: &'a State,
     big: f64,
     time: f64,
     factor: &'a Factor,
     /// Springs of one kind alone.
     only: &'a [Stiffness; 3],
+    air: &'a Air<'a>,
+    /// θ − θ̄ of every angle, ∂θ/∂x after the step.
+    turned: &'a [f64],
+    gradients: &'a [[DVec3; 2]],
+}
+
+/// Derivatives of a state and its angles by one unknown.
+#[derive(Clone)]
+struct Tangent {
+    state: State,
+    angles: Vec<f64>,
+}
+
+/// Start of a step: θ̄, as x̄.
+fn combined_angles(now: &[f64], before: Option<&[f64]>) -> Vec<f64> {
+    match before {
+        None => now.to_vec(),
+        Some(before) => now.iter().zip(before).map(|(a, b)| (a * 4.0 - b) / 3.0).collect(),
+    }
+}
+
+/// Where the last two states lead.
+fn ahead(now: &State, before: Option<&State>) -> State {
+    let Some(before) = before else { return now.clone() };
+    let go = |a: &Positions, b: &Positions| a.iter().zip(b).map(|(a, b)| *a * 2.0 - *b).collect();
+    State { x: go(&now.x, &before.x), v: go(&now.v, &before.v) }
 }
 
 /// Start of a step: x̄, v̄.
@@ -79,40 +106,60 @@ impl Drive<'_> {
         let mut scratch = Scratch::default();
         let mut heavy = self.cloth.clone();
         let (mut now, mut before) = (still(self.targets[0].clone()), None);
+        let (mut angles, mut angles_before) = (self.cloth.angles_at(&now.x), None::<Vec<f64>>);
         let unknowns = if with_tangents { causes.unknowns() } else { 0 };
-        let mut tangents = vec![still(vec![DVec3::ZERO; count]); unknowns];
-        let mut tangents_before: Option<Vec<State>> = None;
-        let shapes = |tangents: &[State]| tangents.iter().map(|t| t.x.clone()).collect();
+        let resting = Tangent { state: still(vec![DVec3::ZERO; count]), angles: vec![0.0; angles.len()] };
+        let mut tangents = vec![resting; unknowns];
+        let mut tangents_before: Option<Vec<Tangent>> = None;
+        let shapes = |tangents: &[Tangent]| tangents.iter().map(|t| t.state.x.clone()).collect();
         let mut out = Trajectory { frames: vec![now.x.clone()], tangents: vec![shapes(&tangents)] };
         for n in 0..self.targets.len() - 1 {
             let big = if before.is_some() { 2.0 / 3.0 * self.h } else { self.h };
             let bar = combined(&now, before.as_ref());
+            let from = combined_angles(&angles, angles_before.as_deref());
+            let total = heavy.rub(self.cloth, &stiffness, causes.friction() / big, &from);
             let time = (n + 1) as f64 * self.h;
-            let after = self.step(
-                causes,
-                &stiffness,
-                &bar,
-                [big, time],
-                &self.targets[n + 1],
-                &mut heavy,
-                &mut scratch,
-            )?;
+            let ahead_of = ahead(&now, before.as_ref());
+            let wind = causes.wind_at(&self.knots, time);
+            let air = Air::new(self.cloth, causes.drag(), wind, &ahead_of.x, &ahead_of.v, self.h);
+            let gravity = causes.gravity();
+            let outer = |i: usize| gravity + air.acceleration(i);
+            let after =
+                self.step(outer, &total, &bar, big, &self.targets[n + 1], &mut heavy, &mut scratch)?;
+            let angles_after = self.cloth.angles_at(&after.x);
             if with_tangents {
-                let matrix = hessian(&heavy, &stiffness, &after.x, big, HessianKind::Exact, &mut scratch);
+                let matrix = hessian(&heavy, &total, &after.x, big, HessianKind::Exact, &mut scratch);
                 let factor = self.cloth.analysis.factorize(&self.cloth.pattern, &matrix, &mut scratch);
                 scratch.recycle_matrix(matrix);
-                let taken = Taken { bar: &bar, after: &after, big, time, factor: &factor, only: &only };
+                let turned: Vec<f64> = angles_after.iter().zip(&from).map(|(a, b)| a - b).collect();
+                let gradients = self.cloth.angle_gradients_at(&after.x);
+                let taken = Taken {
+                    after: &after,
+                    big,
+                    time,
+                    factor: &factor,
+                    only: &only,
+                    air: &air,
+                    turned: &turned,
+                    gradients: &gradients,
+                };
                 let next = (0..unknowns)
                     .into_par_iter()
                     .map_init(Scratch::default, |scratch, p| {
-                        let start = combined(&tangents[p], tangents_before.as_ref().map(|t| &t[p]));
-                        self.tangent(causes, &taken, p, &start, scratch)
+                        let old = tangents_before.as_ref().map(|t| &t[p]);
+                        let start = Tangent {
+                            state: combined(&tangents[p].state, old.map(|t| &t.state)),
+                            angles: combined_angles(&tangents[p].angles, old.map(|t| &t.angles[..])),
+                        };
+                        let ahead = ahead(&tangents[p].state, old.map(|t| &t.state));
+                        self.tangent(causes, &taken, p, [&ahead, &start.state], &start.angles, scratch)
                     })
                     .collect();
                 scratch.recycle(factor);
                 tangents_before = Some(std::mem::replace(&mut tangents, next));
             }
             before = Some(std::mem::replace(&mut now, after));
+            angles_before = Some(std::mem::replace(&mut angles, angles_after));
             if (n + 1).is_multiple_of(self.substeps) {
                 out.frames.push(now.x.clone());
                 out.tangents.push(shapes(&tangents));
@@ -121,21 +168,20 @@ impl Drive<'_> {
         Ok(out)
     }
 
-    /// One step from `bar`; `heavy` gets the masses with drag and ties.
+    /// One step from `bar` under the accelerations `outer`; `heavy` gets the masses with ties.
     #[expect(clippy::too_many_arguments, reason = "what a step depends on")]
     fn step(
         &self,
-        causes: &Causes,
+        outer: impl Fn(usize) -> DVec3,
         stiffness: &Stiffness,
         bar: &State,
-        [big, time]: [f64; 2],
+        big: f64,
         target: &[DVec3],
         heavy: &mut Cloth,
         scratch: &mut Scratch,
     ) -> Result<State> {
         let sq = big * big;
-        let outer = causes.gravity() + causes.wind_at(&self.knots, time);
-        let factors = self.ties.iter().map(|tie| 1.0 + sq * tie + big * causes.drag());
+        let factors = self.ties.iter().map(|tie| 1.0 + sq * tie);
         heavy
             .masses
             .iter_mut()
@@ -147,7 +193,7 @@ impl Drive<'_> {
             .map(|(i, factor)| {
                 let drift = bar.v[i] * big;
                 let pull = (target[i] - bar.x[i]) * (sq * self.ties[i]);
-                ((drift + outer * sq + pull) / factor - drift) / sq
+                ((drift + outer(i) * sq + pull) / factor - drift) / sq
             })
             .collect();
         let settings = StepSettings {
@@ -160,48 +206,52 @@ impl Drive<'_> {
         Ok(step(heavy, &settings, stiffness, bar.clone(), &acceleration, scratch)?.after)
     }
 
-    /// Derivative of a step by unknown `p`, given that of its start.
+    /// Derivative of a step by unknown `p`, given those of the state ahead and of the start.
     fn tangent(
         &self,
         causes: &Causes,
         taken: &Taken,
         p: usize,
-        start: &State,
+        [ahead, start]: [&State; 2],
+        angles: &[f64],
         scratch: &mut Scratch,
-    ) -> State {
-        let (cloth, big, drag) = (self.cloth, taken.big, causes.drag());
+    ) -> Tangent {
+        let (cloth, big) = (self.cloth, taken.big);
         let [a, b] = causes.across();
-        let outer = match p {
+        let gravity = match p {
             3 => a * GRAVITY,
             4 => b * GRAVITY,
-            p if p >= FIRST => {
-                let (knot, weight) = self.knots.around(taken.time);
-                let own = match (p - FIRST) / 3 {
-                    k if k == knot => 1.0 - weight,
-                    k if k == knot + 1 => weight,
-                    _ => 0.0,
-                };
-                DVec3::AXES[(p - FIRST) % 3] * own
-            }
             _ => DVec3::ZERO,
         };
+        let mut wind = DVec3::ZERO;
+        if p >= FIRST {
+            let (knot, weight) = self.knots.around(taken.time);
+            let own = match (p - FIRST) / 3 {
+                k if k == knot => 1.0 - weight,
+                k if k == knot + 1 => weight,
+                _ => 0.0,
+            };
+            wind = DVec3::AXES[(p - FIRST) % 3] * own;
+        }
+        let air = taken.air.changes(&ahead.x, &ahead.v, wind, f64::from(u8::from(p == 5)));
         let mut rhs: Positions = (0..cloth.vertex_count())
             .map(|i| {
-                let m = cloth.masses[i];
-                let mut force =
-                    (start.x[i] * (1.0 + big * drag) + start.v[i] * big) * (m / (big * big)) + outer * m;
-                if p == 5 {
-                    force += (taken.bar.x[i] - taken.after.x[i]) * (m * drag / big);
-                }
-                force
+                let inertia = (start.x[i] + start.v[i] * big) / (big * big);
+                (inertia + gravity + air[i]) * cloth.masses[i]
             })
             .collect();
         if let Some(only) = taken.only.get(p) {
             cloth.add_gradient(only, &taken.after.x, -1.0, &mut rhs);
         }
+        let rate = causes.friction() / big;
+        cloth.add_moments(taken.gradients, angles, rate, &mut rhs);
+        if p == 6 {
+            cloth.add_moments(taken.gradients, taken.turned, -rate, &mut rhs);
+        }
         let x = cloth.analysis.solve(&cloth.pattern, taken.factor, &rhs, scratch);
         let v = x.iter().zip(&start.x).map(|(a, b)| (*a - *b) / big).collect();
-        State { x, v }
+        let angles = cloth.angle_changes(taken.gradients, &x);
+        Tangent { state: State { x, v }, angles }
     }
 }
 
@@ -234,6 +284,7 @@ mod tests {
             ln_stiffness: [100f64.ln(), 2e-3f64.ln(), 5e-4f64.ln()],
             down: DVec3::new(0.1, 1.0, -0.2).normalize(),
             ln_drag: 0.3,
+            ln_friction: 4e-4f64.ln(),
             wind: (0..3).map(|_| rng.vector()).collect(),
         };
         let run = drive.run(&causes, true).unwrap();

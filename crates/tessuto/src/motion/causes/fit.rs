@@ -16,12 +16,16 @@ use crate::motion::parameters::Dynamics;
 /// Longest step of the simulation `[s]`; it is of second order.
 const LONGEST_STEP: f64 = 0.01;
 /// Strength of the ties of held vertices [1/s²].
-const HOLD: f64 = 1e7;
-/// Drag at the start [1/s].
-const DRAG: f64 = 1.0;
+const HOLD: f64 = 1e9;
+/// Drag coefficient at the start: that of a plate across the wind.
+const DRAG: f64 = 1.2;
 /// Its bounds, and the spread of its logarithm: a sheet that hardly moves says nothing of it.
 const DRAGS: [f64; 2] = [0.05, 20.0];
 const DRAG_SPREAD: f64 = 1.0;
+/// Internal friction at the start [J·s/rad²], its bounds, and the spread of its logarithm.
+const FRICTION: f64 = 1e-5;
+const FRICTIONS: [f64; 2] = [1e-8, 1.0];
+const FRICTION_SPREAD: f64 = 2.0;
 /// Spread of gravity's direction about +y `[rad]`.
 const TILT: f64 = 0.35;
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
@@ -50,10 +54,16 @@ pub fn find(
         ln_stiffness: dynamics.stiffness.map(|range| ln(range.start)),
         down: DVec3::Y,
         ln_drag: DRAG.ln(),
+        ln_friction: FRICTION.ln(),
         wind: vec![DVec3::ZERO; knots.count],
     };
     let s = settings.spread;
-    let spread = Spread { ln_stiffness: [0.5 * s, s, s], down: TILT, ln_drag: DRAG_SPREAD };
+    let spread = Spread {
+        ln_stiffness: [0.5 * s, s, s],
+        down: TILT,
+        ln_drag: DRAG_SPREAD,
+        ln_friction: FRICTION_SPREAD,
+    };
     let prior =
         Prior { mean: mean.clone(), spread, wind: [0.1 * settings.wind, settings.wind, 0.5 * settings.wind] };
     let mut out = Found { causes: mean, spread, prior: spread, knots, held, rest_lengths };
@@ -127,7 +137,7 @@ impl<'a> Search<'a> {
             let mut matrix = system.matrix.clone();
             (0..matrix.len()).for_each(|p| matrix[p][p] *= 1.0 + *lambda);
             let mut step = solve(&matrix, &system.gradient);
-            let logarithms = [step[0], step[1], step[2], step[5], 5.0 * step[3], 5.0 * step[4]];
+            let logarithms = [step[0], step[1], step[2], step[5], step[6], 5.0 * step[3], 5.0 * step[4]];
             let largest = logarithms.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
             let scale = -f64::min(1.0, LARGEST_STEP / largest.max(f64::MIN_POSITIVE));
             step.iter_mut().for_each(|s| *s *= scale);
@@ -136,6 +146,7 @@ impl<'a> Search<'a> {
                 *k = k.clamp(low, high);
             }
             causes.ln_drag = causes.ln_drag.clamp(DRAGS[0].ln(), DRAGS[1].ln());
+            causes.ln_friction = causes.ln_friction.clamp(FRICTIONS[0].ln(), FRICTIONS[1].ln());
             let value = self
                 .drive
                 .run(&causes, false)
@@ -160,7 +171,8 @@ fn spread(matrix: &[Vec<f64>]) -> Spread {
         solve(matrix, &unit)[p]
     };
     let ln_stiffness = [0, 1, 2].map(|p| variance(p).sqrt());
-    Spread { ln_stiffness, down: (variance(3) + variance(4)).sqrt(), ln_drag: variance(5).sqrt() }
+    let down = (variance(3) + variance(4)).sqrt();
+    Spread { ln_stiffness, down, ln_drag: variance(5).sqrt(), ln_friction: variance(6).sqrt() }
 }
 
 /// Solution of a small positive definite system, by Cholesky's method.
@@ -213,6 +225,7 @@ mod tests {
             ln_stiffness: [200f64.ln(), 6e-3f64.ln(), 6e-4f64.ln()],
             down: DVec3::new(-0.15, 0.95, 0.2).normalize(),
             ln_drag: 1.5f64.ln(),
+            ln_friction: 2e-4f64.ln(),
             wind: vec![DVec3::ZERO, DVec3::Z * 0.5, DVec3::X * 0.5],
         };
         let knots = Knots { count: 3, end: 0.4 };

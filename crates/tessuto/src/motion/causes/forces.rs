@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 /// Size of gravity [m/s²].
 pub const GRAVITY: f64 = 9.81;
-/// Unknowns before those of the wind: ln stretch, ln bend, ln shear, gravity's direction (2), ln drag.
-pub(super) const FIRST: usize = 6;
+/// Unknowns before those of the wind: ln stretch, ln bend, ln shear, gravity's direction (2), ln drag, ln friction.
+pub(super) const FIRST: usize = 7;
 
 /// Stiffnesses, gravity and air.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -15,9 +15,11 @@ pub struct Causes {
     pub ln_stiffness: [f64; 3],
     /// Direction of gravity, a unit vector.
     pub down: DVec3,
-    /// ln of the drag γ [1/s]: still air decelerates by γ v.
+    /// ln of the drag coefficient C_d of the air: [`super::air`].
     pub ln_drag: f64,
-    /// Acceleration γ w by the wind w at the [`Knots`] [m/s²].
+    /// ln of the internal friction c [J·s/rad²] of bending and shearing: a moment c θ̇ at every angle.
+    pub ln_friction: f64,
+    /// Velocity of the wind at the [`Knots`] [m/s].
     pub wind: Vec<DVec3>,
 }
 
@@ -30,6 +32,8 @@ pub struct Spread {
     pub down: f64,
     /// Of ln of the drag.
     pub ln_drag: f64,
+    /// Of ln of the internal friction.
+    pub ln_friction: f64,
 }
 
 /// Times between which the wind is interpolated.
@@ -68,15 +72,21 @@ impl Causes {
         let [a, b] = self.across();
         out.down = (self.down + a * step[3] + b * step[4]).normalize();
         out.ln_drag += step[5];
+        out.ln_friction += step[6];
         for (w, s) in out.wind.iter_mut().zip(step[FIRST..].chunks_exact(3)) {
             *w += DVec3::from_slice(s);
         }
         out
     }
 
-    /// Stretch [N/m], bend [J/rad²], shear [J/rad²].
+    /// log10 of stretch [N/m], bend [J/rad²], shear [J/rad²].
+    pub fn log_stiffness(&self) -> [f64; 3] {
+        self.ln_stiffness.map(|ln| ln / std::f64::consts::LN_10)
+    }
+
+    /// Stretch [N/m], bend [J/rad²], shear [J/rad²]: the same bits as of a simulation's parameters, which are log10.
     pub fn stiffness(&self) -> [f64; 3] {
-        self.ln_stiffness.map(f64::exp)
+        self.log_stiffness().map(|log| 10f64.powf(log))
     }
 
     /// Gravity [m/s²].
@@ -84,12 +94,17 @@ impl Causes {
         self.down * GRAVITY
     }
 
-    /// Drag γ [1/s].
+    /// Drag coefficient C_d.
     pub fn drag(&self) -> f64 {
         self.ln_drag.exp()
     }
 
-    /// The wind's acceleration at `time` `[s]`.
+    /// Internal friction c [J·s/rad²].
+    pub fn friction(&self) -> f64 {
+        self.ln_friction.exp()
+    }
+
+    /// The wind's velocity at `time` `[s]` [m/s].
     pub fn wind_at(&self, knots: &Knots, time: f64) -> DVec3 {
         let (k, t) = knots.around(time);
         self.wind[k].lerp(self.wind[k + 1], t)

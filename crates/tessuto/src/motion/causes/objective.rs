@@ -111,7 +111,7 @@ impl<'a> Data<'a> {
 pub struct Prior {
     pub mean: Causes,
     pub spread: Spread,
-    /// Spread of the wind's acceleration in the first frame, later, and of its change from value to value [m/s²].
+    /// Spread of the wind in the first frame, later, and of its change from value to value [m/s].
     pub wind: [f64; 3],
 }
 
@@ -139,6 +139,7 @@ impl Prior {
             add(&[(3 + k, -causes.down.dot(self.mean.down))], axis.dot(self.mean.down), angle);
         }
         add(&[(5, 1.0)], causes.ln_drag - self.mean.ln_drag, self.spread.ln_drag);
+        add(&[(6, 1.0)], causes.ln_friction - self.mean.ln_friction, self.spread.ln_friction);
         let [first, later, change] = self.wind;
         for (n, w) in causes.wind.iter().enumerate() {
             for k in 0..3 {
@@ -165,9 +166,10 @@ mod tests {
             ln_stiffness: [5.0, -7.0, -9.0],
             down: DVec3::new(0.1, 0.9, -0.3).normalize(),
             ln_drag: 0.1,
+            ln_friction: -8.0,
             wind: vec![DVec3::ZERO; 3],
         };
-        let spread = Spread { ln_stiffness: [0.5, 2.0, 1.5], down: 0.4, ln_drag: 0.7 };
+        let spread = Spread { ln_stiffness: [0.5, 2.0, 1.5], down: 0.4, ln_drag: 0.7, ln_friction: 1.3 };
         let prior = Prior { mean: mean.clone(), spread, wind: [0.1, 1.0, 0.5] };
         let unknowns = mean.unknowns();
         let causes = mean.moved(&(0..unknowns).map(|_| 0.3 * rng.signed()).collect::<Vec<_>>());

@@ -3,10 +3,11 @@
 use glam::DVec3;
 
 use super::Found;
+use super::air::Air;
 use crate::mesh::Positions;
 use crate::motion::inverse::accelerations::{Guide, Guided, guide, guide_from, interpolated};
 use crate::motion::parameters::Dynamics;
-use crate::sim::Cloth;
+use crate::sim::{Cloth, State};
 
 /// What acts on every vertex beside the cloth's own springs, per mass, mean of each frame interval [m/s²], shape [N − 1, V].
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +16,8 @@ pub struct Parts {
     pub gravity: DVec3,
     /// Wind and drag.
     pub air: Vec<Positions>,
+    /// Internal friction, which is no outer cause but no spring either.
+    pub friction: Vec<Positions>,
     /// On held vertices, by what holds them.
     pub hold: Vec<Positions>,
     /// What none of these explains.
@@ -30,12 +33,9 @@ pub fn follow(
     tracking: f64,
 ) -> (Guided, Parts) {
     let targets = interpolated(frames, dynamics.substeps);
-    let (h, drag) = (dynamics.step.step, found.causes.drag());
-    let air = |k: usize, v: DVec3| {
-        found.causes.wind_at(&found.knots, (k + 1) as f64 * h) - v * (drag / (1.0 + drag * h))
-    };
-    let ties = vec![tracking; cloth.vertex_count()];
-    let outer = |k: usize, _: usize, v: DVec3| air(k, v);
+    let h = dynamics.step.step;
+    let ties = held_ties(cloth, found, tracking);
+    let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
     let guided = guide(&Guide {
         cloth,
         dynamics,
@@ -43,10 +43,18 @@ pub fn follow(
         ties: &ties,
         targets: &targets,
         constant: found.causes.gravity(),
+        friction: found.causes.friction(),
         outer: &outer,
     });
     let parts = Parts::of(&guided, found, dynamics.substeps);
     (guided, parts)
+}
+
+/// Accelerations by the air at `time` `[s]` in a step of length `h` `[s]`, with factors on drag and wind.
+fn air(cloth: &Cloth, found: &Found, [drag, wind]: [f64; 2], time: f64, state: &State, h: f64) -> Positions {
+    let wind = found.causes.wind_at(&found.knots, time) * wind;
+    let air = Air::new(cloth, found.causes.drag() * drag, wind, &state.x, &state.v, h);
+    (0..state.x.len()).map(|i| air.acceleration(i)).collect()
 }
 
 impl Parts {
@@ -67,10 +75,18 @@ impl Parts {
         Self {
             gravity: found.causes.gravity(),
             air: mean(&guided.outer, &|_| true),
+            friction: mean(&guided.friction, &|_| true),
             hold: mean(&guided.pulls, &|i| is_held[i]),
             residual: mean(&guided.pulls, &|i| !is_held[i]),
         }
     }
+}
+
+/// Strength of every vertex's tie [1/s²]: `loose`, and what holds the held ones.
+fn held_ties(cloth: &Cloth, found: &Found, loose: f64) -> Vec<f64> {
+    let mut ties = vec![loose; cloth.vertex_count()];
+    found.held.iter().for_each(|v| ties[*v] = HOLD);
+    ties
 }
 
 /// How a motion shall go otherwise.
@@ -86,6 +102,8 @@ pub struct Otherwise {
     pub hold: Hold,
     /// Factor on gravity.
     pub gravity: f64,
+    /// Factor on what no cause explains.
+    pub residual: f64,
 }
 
 /// What becomes of held vertices.
@@ -101,12 +119,12 @@ pub enum Hold {
 
 impl Default for Otherwise {
     fn default() -> Self {
-        Self { scale: [1.0; 4], further: 0, air: 1.0, hold: Hold::Found, gravity: 1.0 }
+        Self { scale: [1.0; 4], further: 0, air: 1.0, hold: Hold::Found, gravity: 1.0, residual: 1.0 }
     }
 }
 
 /// Strength of the ties of held vertices [1/s²].
-const HOLD: f64 = 1e6;
+const HOLD: f64 = 1e9;
 /// Strength of the ties that tell what a motion's causes leave unexplained [1/s²].
 const SOFT: f64 = 5000.0;
 
@@ -131,48 +149,53 @@ pub fn changed(
     let targets: Vec<Positions> = (0..=end).map(|k| paths[k.min(last)].clone()).collect();
     let [stretch, bend, shear, drag_scale] = otherwise.scale;
     let k = found.causes.stiffness();
-    let drag = found.causes.drag() * drag_scale;
     let last_time = clip as f64 * h;
-    let outer = |step: usize, i: usize, v: DVec3| {
+    let outer = |step: usize, state: &State| {
         let factor = if step >= from { otherwise.air } else { 1.0 };
-        let wind = found.causes.wind_at(&found.knots, ((step + 1) as f64 * h).min(last_time));
-        let rest = residual.get(step).map_or(DVec3::ZERO, |of_step| of_step[i]);
-        // As in the middle of the step: however strong, drag only slows.
-        wind * (factor * drag_scale) - v * (drag / (1.0 + drag * h)) + rest
+        let time = ((step + 1) as f64 * h).min(last_time);
+        let mut out = air(cloth, found, [drag_scale, factor], time, state, h);
+        if let Some(rest) = residual.get(step) {
+            out.iter_mut().zip(rest).for_each(|(a, rest)| *a += *rest * otherwise.residual);
+        }
+        out
     };
-    let mut ties = vec![0.0; cloth.vertex_count()];
-    found.held.iter().for_each(|v| ties[*v] = HOLD);
+    let ties = held_ties(cloth, found, 0.0);
     let stiffness = [k[0] * stretch, k[1] * bend, k[2] * shear];
     let constant = found.causes.gravity() * otherwise.gravity;
+    let friction = found.causes.friction();
     let run = |targets: &[Positions],
                ties: &[f64],
-               outer: &dyn Fn(usize, usize, DVec3) -> DVec3,
+               outer: &dyn Fn(usize, &State) -> Positions,
                start: Option<Guided>| {
-        guide_from(&Guide { cloth, dynamics, stiffness, ties, targets, constant, outer }, start)
+        guide_from(&Guide { cloth, dynamics, stiffness, ties, targets, constant, friction, outer }, start)
     };
     if otherwise.hold != Hold::Release {
         return run(&targets, &ties, &outer, None);
     }
     let held = run(&targets[..=from], &ties, &outer, None);
     let loose = vec![0.0; cloth.vertex_count()];
-    run(&targets[from..], &loose, &|step, i, v| outer(step + from, i, v), Some(held))
+    run(&targets[from..], &loose, &|step, state| outer(step + from, state), Some(held))
 }
 
 /// What gravity, air and springs do not explain of the motion `frames`, of every step; zero at held vertices, which follow their paths.
 ///
 /// The pull of soft ties: those of stiff ones hold the found positions' noise too, which says nothing of another motion.
 fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, frames: &[Positions]) -> Vec<Positions> {
-    let (h, drag) = (dynamics.step.step, found.causes.drag());
+    let h = dynamics.step.step;
     let targets = interpolated(frames, dynamics.substeps);
-    let mut ties = vec![SOFT; cloth.vertex_count()];
-    found.held.iter().for_each(|v| ties[*v] = HOLD);
-    let outer = |step: usize, _: usize, v: DVec3| {
-        found.causes.wind_at(&found.knots, (step + 1) as f64 * h) - v * (drag / (1.0 + drag * h))
-    };
+    let ties = held_ties(cloth, found, SOFT);
+    let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
     let stiffness = found.causes.stiffness();
-    let constant = found.causes.gravity();
-    let guided =
-        guide(&Guide { cloth, dynamics, stiffness, ties: &ties, targets: &targets, constant, outer: &outer });
+    let guided = guide(&Guide {
+        cloth,
+        dynamics,
+        stiffness,
+        ties: &ties,
+        targets: &targets,
+        constant: found.causes.gravity(),
+        friction: found.causes.friction(),
+        outer: &outer,
+    });
     let mut out = guided.pulls;
     out.iter_mut().for_each(|pulls| found.held.iter().for_each(|v| pulls[*v] = DVec3::ZERO));
     out

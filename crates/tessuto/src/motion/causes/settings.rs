@@ -16,8 +16,8 @@ settings! {
         tie: f64 = 100.0, number(0.0..=1e6, "1/s²");
         /// Spread of ln of a stiffness about its start; for stretch, about which a video says little, half of it.
         spread: f64 = 2.0, number(1e-3..=100.0, "");
-        /// Spread of the wind's acceleration; a tenth of it in the first frame, in which the cloth hangs still as a rule.
-        wind: f64 = 1.0, number(1e-6..=1e3, "m/s²");
+        /// Spread of the wind's velocity; a tenth of it in the first frame, in which the cloth hangs still as a rule.
+        wind: f64 = 1.0, number(1e-6..=1e3, "m/s");
         /// Time between two values of the wind.
         wind_interval: f64 = 0.1, number(1e-3..=1e3, "s");
         /// Most vertices times frames that the search looks at, from the first frame on.

@@ -4,7 +4,8 @@
 //! Each sub-step minimises Φ(x) + ½ ‖x − x*‖²_{M κ} with the incremental potential Φ of [`crate::sim::implicit_euler`] under the known
 //! accelerations alone; at the minimum the tie acts as the acceleration κ (x* − x). The sub-step is then taken again under all of them
 //! without the tie, and the next one starts from where that leads: compressed cloth may buckle another way than the tied one, and the
-//! loop closed over the real state keeps such differences from growing. Targets between frames lie on Catmull-Rom curves.
+//! loop closed over the real state keeps such differences from growing. Internal friction acts in the tied sub-step as springs, and as
+//! the accelerations that these make in the other. Targets between frames lie on Catmull-Rom curves.
 
 use glam::DVec3;
 
@@ -61,8 +62,10 @@ pub struct Guide<'a> {
     pub targets: &'a [Positions],
     /// Acceleration C, the same in space and time [m/s²].
     pub constant: DVec3,
-    /// Further known acceleration in a step, of a vertex with its velocity [m/s²].
-    pub outer: &'a dyn Fn(usize, usize, DVec3) -> DVec3,
+    /// Internal friction c [J·s/rad²].
+    pub friction: f64,
+    /// Further known accelerations in a step from a state, shape `[V]` [m/s²].
+    pub outer: &'a dyn Fn(usize, &State) -> Positions,
 }
 
 /// What came of it.
@@ -74,6 +77,8 @@ pub struct Guided {
     pub outer: Vec<Positions>,
     /// See above.
     pub pulls: Vec<Positions>,
+    /// The part of D by internal friction, shape [steps, V] [m/s²].
+    pub friction: Vec<Positions>,
     /// Shape of every frame, [N, V] `[m]`.
     pub frames: Vec<Positions>,
     /// Where the simulation failed, D is zero from that sub-step on.
@@ -91,7 +96,7 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
     let (cloth, dynamics) = (guide.cloth, guide.dynamics);
     let (count, steps) = (cloth.vertex_count(), guide.targets.len() - 1);
     let ties: Vec<f64> = guide.ties.iter().zip(&cloth.masses).map(|(tie, m)| tie * m).collect();
-    let tied = TiedCloth::new(cloth, &ties, &dynamics.step);
+    let mut tied = TiedCloth::new(cloth, &ties, &dynamics.step);
     let stiffness = Stiffness::uniform(cloth, guide.stiffness);
     let mut scratch = Scratch::default();
     let start = State { x: guide.targets[0].clone(), v: vec![DVec3::ZERO; count] };
@@ -103,38 +108,47 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
         },
         outer: Vec::new(),
         pulls: Vec::new(),
+        friction: Vec::new(),
         frames: vec![start.x.clone()],
         failure: None,
         end: start,
     });
     for k in 0..steps {
         let zeros = vec![DVec3::ZERO; count];
-        let (mut dynamic, mut pulls) = (zeros.clone(), zeros);
-        let outer: Positions = out.end.v.iter().enumerate().map(|(i, v)| (guide.outer)(k, i, *v)).collect();
+        let (mut dynamic, mut pulls, mut friction) = (zeros.clone(), zeros.clone(), zeros);
+        let outer = (guide.outer)(k, &out.end);
         if out.failure.is_none() {
             let known = |i: usize| guide.constant + outer[i];
             let target = &guide.targets[k + 1];
-            let taken =
-                tied.step(&stiffness, out.end.clone(), target, known, &mut scratch).and_then(|tape| {
-                    for i in 0..count {
-                        pulls[i] = (target[i] - tape.after.x[i]) * guide.ties[i];
-                        dynamic[i] = (outer[i] + pulls[i]).as_vec3().as_dvec3();
-                    }
-                    let total: Positions = dynamic.iter().map(|d| guide.constant + *d).collect();
-                    step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)
-                });
+            let from = cloth.angles_at(&out.end.x);
+            let rate = guide.friction / dynamics.step.step;
+            let total = tied.rub(cloth, &stiffness, rate, &from);
+            let taken = tied.step(&total, out.end.clone(), target, known, &mut scratch).and_then(|tape| {
+                let x = &tape.after.x;
+                let turned: Vec<f64> = cloth.angles_at(x).iter().zip(&from).map(|(a, b)| a - b).collect();
+                cloth.add_moments(&cloth.angle_gradients_at(x), &turned, -rate, &mut friction);
+                for i in 0..count {
+                    friction[i] /= cloth.masses[i];
+                    pulls[i] = (target[i] - x[i]) * guide.ties[i];
+                    dynamic[i] = (outer[i] + pulls[i] + friction[i]).as_vec3().as_dvec3();
+                }
+                let total: Positions = dynamic.iter().map(|d| guide.constant + *d).collect();
+                step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)
+            });
             match taken {
                 Ok(tape) => out.end = tape.after,
                 Err(failure) => {
                     out.failure = Some(failure);
                     dynamic.fill(DVec3::ZERO);
                     pulls.fill(DVec3::ZERO);
+                    friction.fill(DVec3::ZERO);
                 }
             }
         }
         out.accelerations.dynamic.push(dynamic);
         out.outer.push(outer);
         out.pulls.push(pulls);
+        out.friction.push(friction);
         if (k + 1).is_multiple_of(dynamics.substeps) {
             out.frames.push(out.end.x.clone());
         }
@@ -171,7 +185,7 @@ mod tests {
         };
         let frames: Vec<Positions> = (0..8).map(swing).collect();
         let targets = interpolated(&frames, 4);
-        let drag = |_: usize, _: usize, v: DVec3| v * -2.0;
+        let drag = |_: usize, state: &State| state.v.iter().map(|v| *v * -2.0).collect();
         let guided = guide(&Guide {
             cloth: &cloth,
             dynamics: &dynamics,
@@ -179,6 +193,7 @@ mod tests {
             ties: &[4e7; 25],
             targets: &targets,
             constant: DVec3::Y,
+            friction: 2e-4,
             outer: &drag,
         });
         assert!(guided.failure.is_none());
