@@ -24,10 +24,10 @@ struct Gravity {
     informed: bool,
 }
 
-/// Drag.
+/// A number with its standard deviation.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Drag {
+struct Measured {
     value: f64,
     sd: f64,
     unit: String,
@@ -49,7 +49,10 @@ struct Model {
 #[serde(deny_unknown_fields)]
 pub(super) struct CauseFile {
     gravity: Gravity,
-    drag: Drag,
+    /// Drag coefficient of the air.
+    drag: Measured,
+    /// Internal friction of bending and shearing.
+    friction: Measured,
     /// Velocity of the air, [N, 3].
     wind: Quantity<Vec<[f64; 3]>>,
     /// Held vertices; their paths are those of motion.npy.
@@ -70,8 +73,13 @@ impl CauseFile {
     pub fn new(explained: &Explained, frames: usize, fps: f64) -> Self {
         let found = &explained.found;
         let (causes, spread, prior) = (&found.causes, &found.spread, &found.prior);
-        let drag = causes.drag();
-        let wind = |n: usize| (causes.wind_at(&found.knots, n as f64 / fps) / drag).to_array();
+        let measured = |value: f64, [sd, before]: [f64; 2], unit: &str| Measured {
+            value,
+            sd: value * sd,
+            unit: unit.to_owned(),
+            informed: sd < INFORMED * before,
+        };
+        let wind = |n: usize| causes.wind_at(&found.knots, n as f64 / fps).to_array();
         Self {
             gravity: Gravity {
                 value: causes.gravity().to_array(),
@@ -79,12 +87,8 @@ impl CauseFile {
                 sd_degrees: spread.down.to_degrees(),
                 informed: spread.down < INFORMED * prior.down,
             },
-            drag: Drag {
-                value: drag,
-                sd: drag * spread.ln_drag,
-                unit: "1/s".to_owned(),
-                informed: spread.ln_drag < INFORMED * prior.ln_drag,
-            },
+            drag: measured(causes.drag(), [spread.ln_drag, prior.ln_drag], "1"),
+            friction: measured(causes.friction(), [spread.ln_friction, prior.ln_friction], "J s/rad^2"),
             wind: quantity((0..frames).map(wind).collect(), "m/s"),
             held: found.held.clone(),
             sizes: quantity(explained.sizes, "m/s^2"),
@@ -105,7 +109,8 @@ impl CauseFile {
             )));
         }
         let Model { causes, spread, prior, knots } = self.model.clone();
-        let numbers = causes.ln_stiffness.iter().chain([&causes.ln_drag]).all(|x| x.is_finite());
+        let numbers =
+            causes.ln_stiffness.iter().chain([&causes.ln_drag, &causes.ln_friction]).all(|x| x.is_finite());
         let vertices = mesh.positions.len();
         let wind = causes.wind.len() == knots.count && knots.count >= 2 && knots.end > 0.0;
         if !numbers
@@ -135,7 +140,7 @@ impl CauseFile {
     }
 }
 
-/// Writes forces.npz, `gravity`, `air`, `hold` and `residual` [N − 1, V, 3] m/s², and rest_lengths.npy [edges] m.
+/// Writes forces.npz, `gravity`, `air`, `friction`, `hold` and `residual` [N − 1, V, 3] m/s², and rest_lengths.npy [edges] m.
 pub(super) fn write_forces(folder: &Path, explained: &Explained) -> Result<()> {
     let parts = &explained.parts;
     let vertices = parts.air.first().map_or(0, Vec::len);
@@ -148,6 +153,7 @@ pub(super) fn write_forces(folder: &Path, explained: &Explained) -> Result<()> {
     let arrays = [
         ("gravity", bytes(&gravity)),
         ("air", bytes(&parts.air)),
+        ("friction", bytes(&parts.friction)),
         ("hold", bytes(&parts.hold)),
         ("residual", bytes(&parts.residual)),
     ];

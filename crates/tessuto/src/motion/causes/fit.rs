@@ -77,12 +77,18 @@ pub fn find(
     out.held.iter().for_each(|v| ties[*v] = HOLD);
     let h = 1.0 / (fps * substeps as f64);
     let drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, knots };
-    let data = Data::new(&found[..window], deviations, fps);
+    let mut data = Data::new(&found[..window], deviations, fps);
     let bounds = dynamics.stiffness.map(|range| [ln(range.low), ln(range.high)]);
     // A simulation that fails at the start leaves what was known before.
-    if let Ok(search) = Search::new(&drive, &data, &prior, out.causes.clone(), bounds) {
-        let (causes, spread) = search.run(settings.iterations);
+    for _ in 0..2 {
+        let Ok(search) = Search::new(&drive, &data, &prior, out.causes.clone(), bounds) else { break };
+        let (causes, spread, misfit) = search.run(settings.iterations);
         (out.causes, out.spread) = (causes, spread);
+        if misfit <= 1.0 {
+            break;
+        }
+        // The model is off by more than the positions are: its errors are what data are uncertain by.
+        data.together *= misfit;
     }
     out
 }
@@ -118,7 +124,8 @@ impl<'a> Search<'a> {
         system
     }
 
-    fn run(mut self, iterations: usize) -> (Causes, Spread) {
+    /// What was found, its standard deviations, and [`Data::misfit`].
+    fn run(mut self, iterations: usize) -> (Causes, Spread, f64) {
         let mut lambda = 1e-3;
         for _ in 0..iterations {
             let before = self.value;
@@ -127,7 +134,8 @@ impl<'a> Search<'a> {
             }
         }
         let spread = spread(&self.system().matrix);
-        (self.causes, spread)
+        let misfit = self.data.misfit(&self.trajectory.frames);
+        (self.causes, spread, misfit)
     }
 
     /// A step that lowers the objective, if one is found.

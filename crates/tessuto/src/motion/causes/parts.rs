@@ -34,7 +34,7 @@ pub fn follow(
 ) -> (Guided, Parts) {
     let targets = interpolated(frames, dynamics.substeps);
     let h = dynamics.step.step;
-    let ties = held_ties(cloth, found, tracking);
+    let ties = vec![tracking; cloth.vertex_count()];
     let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
     let guided = guide(&Guide {
         cloth,
@@ -43,10 +43,12 @@ pub fn follow(
         ties: &ties,
         targets: &targets,
         constant: found.causes.gravity(),
-        friction: found.causes.friction(),
+        friction: 0.0,
+        exact: true,
         outer: &outer,
     });
-    let parts = Parts::of(&guided, found, dynamics.substeps);
+    let mut parts = Parts::of(&guided, found, dynamics.substeps);
+    parts.take_friction(cloth, found.causes.friction(), &guided.frames, h * dynamics.substeps as f64);
     (guided, parts)
 }
 
@@ -58,6 +60,22 @@ fn air(cloth: &Cloth, found: &Found, [drag, wind]: [f64; 2], time: f64, state: &
 }
 
 impl Parts {
+    /// Internal friction as the motion `frames`, a time `interval` `[s]` apart, has it; what it explains is no residual.
+    fn take_friction(&mut self, cloth: &Cloth, friction: f64, frames: &[Positions], interval: f64) {
+        for (n, pair) in frames.windows(2).enumerate() {
+            let [from, to] = [&pair[0], &pair[1]].map(|x| cloth.angles_at(x));
+            let turned: Vec<f64> = to.iter().zip(&from).map(|(a, b)| a - b).collect();
+            let mut force = vec![DVec3::ZERO; cloth.vertex_count()];
+            cloth.add_moments(&cloth.angle_gradients_at(&pair[1]), &turned, -friction / interval, &mut force);
+            for (i, f) in force.iter().enumerate() {
+                let a = *f / cloth.masses[i];
+                self.friction[n][i] = a;
+                let rest = if self.hold[n][i] == DVec3::ZERO { &mut self.residual } else { &mut self.hold };
+                rest[n][i] -= a;
+            }
+        }
+    }
+
     /// The parts of what `guided` recorded, `substeps` steps per frame.
     fn of(guided: &Guided, found: &Found, substeps: usize) -> Self {
         let mut is_held = vec![false; guided.pulls.first().map_or(0, Vec::len)];
@@ -167,7 +185,10 @@ pub fn changed(
                ties: &[f64],
                outer: &dyn Fn(usize, &State) -> Positions,
                start: Option<Guided>| {
-        guide_from(&Guide { cloth, dynamics, stiffness, ties, targets, constant, friction, outer }, start)
+        guide_from(
+            &Guide { cloth, dynamics, stiffness, ties, targets, constant, friction, exact: false, outer },
+            start,
+        )
     };
     if otherwise.hold != Hold::Release {
         return run(&targets, &ties, &outer, None);
@@ -194,6 +215,7 @@ fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, frames: &[Positi
         targets: &targets,
         constant: found.causes.gravity(),
         friction: found.causes.friction(),
+        exact: false,
         outer: &outer,
     });
     let mut out = guided.pulls;

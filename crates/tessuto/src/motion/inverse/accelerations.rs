@@ -64,6 +64,8 @@ pub struct Guide<'a> {
     pub constant: DVec3,
     /// Internal friction c [J·s/rad²].
     pub friction: f64,
+    /// Whether the accelerations alone must lead along the same motion; otherwise it is that of the tied cloth.
+    pub exact: bool,
     /// Further known accelerations in a step from a state, shape `[V]` [m/s²].
     pub outer: &'a dyn Fn(usize, &State) -> Positions,
 }
@@ -132,6 +134,9 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
                     pulls[i] = (target[i] - x[i]) * guide.ties[i];
                     dynamic[i] = (outer[i] + pulls[i] + friction[i]).as_vec3().as_dvec3();
                 }
+                if !guide.exact {
+                    return Ok(tape);
+                }
                 let total: Positions = dynamic.iter().map(|d| guide.constant + *d).collect();
                 step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)
             });
@@ -194,6 +199,7 @@ mod tests {
             targets: &targets,
             constant: DVec3::Y,
             friction: 2e-4,
+            exact: true,
             outer: &drag,
         });
         assert!(guided.failure.is_none());
