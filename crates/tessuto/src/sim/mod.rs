@@ -1,4 +1,4 @@
-//! Differentiable cloth simulation: springs, two implicit integrators, their adjoints.
+//! Differentiable cloth simulation: two elastic models, springs and a [`continuum`], two implicit integrators, their adjoints.
 //!
 //! [`rollout()`] simulates a clip, [`rollout_vjp`] takes the derivatives of a loss by its positions back to accelerations,
 //! stiffnesses and the initial state:
@@ -38,8 +38,11 @@
 
 pub(crate) mod angle;
 pub mod cloth;
+pub mod continuum;
+pub(crate) mod hinge;
 pub mod implicit_euler;
 pub mod linearized_euler;
+pub(crate) mod membrane;
 pub(crate) mod rollout;
 pub mod state;
 pub mod step;
