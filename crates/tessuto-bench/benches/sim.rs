@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 use tessuto::math::factor::Scratch;
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
-use tessuto::sim::continuum::Fabric;
+use tessuto::sim::Fabric;
 use tessuto::sim::state::StepGradients;
 use tessuto::sim::step::{step, step_vjp};
 use tessuto::sim::{

@@ -185,9 +185,8 @@ mod tests {
     #[test]
     fn a_lookup_in_the_window_is_one_in_the_whole_map() {
         let mut rng = Rng::new(1, 0);
-        let uvs: Vec<DVec2> = (0..40)
-            .map(|_| DVec2::new(0.22 + 0.22 * rng.uniform(), 0.4 + 0.41 * rng.uniform()))
-            .collect();
+        let uvs: Vec<DVec2> =
+            (0..40).map(|_| DVec2::new(0.22 + 0.22 * rng.uniform(), 0.4 + 0.41 * rng.uniform())).collect();
         let window = Window::around(&uvs, 64);
         assert!(window.map[0] > 250 && window.map[1] > 140, "{window:?}");
         let mut texture = Texture::uniform(64, 64, [0.0; 3]);

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::continuum::Continuum;
-use super::membrane::Coefficients;
+use super::stiffness::{Energy, HessianKind, Stiffness};
 use super::{angle, stretch};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
 use crate::math::factor::{Analysis, Scratch};
@@ -41,39 +41,6 @@ pub struct AngleSpring {
     pub pairs: [usize; 3],
 }
 
-/// Stiffness of every element; all the same number in a homogeneous cloth.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Stiffness {
-    /// Y of every edge [N/m].
-    pub stretch: Vec<f64>,
-    /// B of every bending pair [J/rad²].
-    pub bend: Vec<f64>,
-    /// S of every shearing pair [J/rad²].
-    pub shear: Vec<f64>,
-    /// Coefficients of every triangle of a [`continuum`](super::continuum) [N/m].
-    pub membrane: Vec<Coefficients>,
-    /// B of every hinge of a continuum `[J]`.
-    pub hinge: Vec<f64>,
-}
-
-/// Elastic energy by kind `[J]`; that of a continuum likewise.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Energy {
-    /// Of the edges.
-    pub stretch: f64,
-    /// Of the bending pairs.
-    pub bend: f64,
-    /// Of the shearing pairs.
-    pub shear: f64,
-}
-
-impl Energy {
-    /// Sum of the kinds `[J]`.
-    pub fn total(&self) -> f64 {
-        self.stretch + self.bend + self.shear
-    }
-}
-
 /// A third of each triangle's mass at each of its corners `[kg]`, shape `[V]`.
 pub(super) fn lumped_masses(template: &Mesh) -> Vec<f64> {
     let x = &template.positions;
@@ -83,17 +50,6 @@ pub(super) fn lumped_masses(template: &Mesh) -> Vec<f64> {
         t.iter().for_each(|&v| masses[v as usize] += third);
     }
     masses
-}
-
-/// Which second derivatives to assemble.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HessianKind {
-    /// As they are; indefinite under compression.
-    Exact,
-    /// Each element's positive semi-definite upper bound.
-    Projected,
-    /// Squares of first derivatives of lengths and angles only; positive semi-definite.
-    GaussNewton,
 }
 
 /// Masses and springs of a mesh, with the sparse pattern of their second derivatives, which clones share.
@@ -374,7 +330,7 @@ impl Cloth {
 
 impl Stiffness {
     /// The same stretch, bend and shear stiffness for every spring of `cloth`; zeros for the elements of a continuum, whose stiffness is
-    /// [`super::continuum::Fabric::stiffness`].
+    /// [`super::fabric::Fabric::stiffness`].
     pub fn uniform(cloth: &Cloth, [stretch, bend, shear]: [f64; 3]) -> Self {
         Self {
             stretch: vec![stretch; cloth.edges.len()],

@@ -7,7 +7,7 @@ use tessuto::math::gradient_check::{Worst, check};
 use tessuto::math::rng::Rng;
 use tessuto::math::{dot, flat, vectors};
 use tessuto::mesh::grid;
-use tessuto::sim::continuum::Fabric;
+use tessuto::sim::Fabric;
 use tessuto::sim::{
     Accelerations, Cloth, HessianKind, Integrator, RolloutInputs, State, StepSettings, Stiffness, rollout,
     rollout_vjp,
@@ -113,8 +113,7 @@ fn the_projected_hessian_bounds_the_exact_one_and_equals_it_at_rest() {
         k.hinge.iter_mut().for_each(|b| *b *= 100.0);
         for positive in [HessianKind::Projected, HessianKind::GaussNewton] {
             let exact = hessian(&cloth, &k, &mesh.positions, HessianKind::Exact);
-            let (difference, largest) =
-                exact.difference(&hessian(&cloth, &k, &mesh.positions, positive));
+            let (difference, largest) = exact.difference(&hessian(&cloth, &k, &mesh.positions, positive));
             assert!(largest > 1.0 && difference < 1e-9 * largest, "{difference} of {largest}");
         }
         let zeros = vec![DVec3::ZERO; mesh.positions.len()];
@@ -266,8 +265,7 @@ fn both_integrators_over_nine_steps() {
             let name = |what: &str| format!("{integrator:?}, {what}");
             let bound = 1e-5;
 
-            let d: Vec<f64> =
-                inputs.accelerations.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
+            let d: Vec<f64> = inputs.accelerations.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
             let gd: Vec<f64> = g.dynamic.iter().flat_map(|d| flat(d).to_vec()).collect();
             let n = 3 * problem.cloth.vertex_count();
             let worst = check(&d, &gd, 1e-2, 10, 2, |d| {

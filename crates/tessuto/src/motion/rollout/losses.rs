@@ -148,8 +148,7 @@ mod tests {
         accelerations.constant = DVec3::new(3.0, 4.0, 100.0);
         let rays = vec![DVec3::Z; 5];
         let (mut constant, mut dynamic) = (DVec3::ZERO, accelerations.dynamic.clone());
-        let force =
-            force_across_rays(&accelerations, 2, &[&rays, &rays], 1.0, &mut constant, &mut dynamic);
+        let force = force_across_rays(&accelerations, 2, &[&rays, &rays], 1.0, &mut constant, &mut dynamic);
         // Three frames are looked at, two of which follow a force of 5 m/s² across the rays.
         assert!((force - 5.0 * 2.0 / 3.0).abs() < 1e-9, "{force}");
         assert!((constant - DVec3::new(0.6, 0.8, 0.0) * (2.0 / 3.0)).length() < 1e-9, "{constant}");
