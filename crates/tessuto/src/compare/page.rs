@@ -46,7 +46,8 @@ struct Shown<'a> {
 /// Writes `compare.txt`, `compare.csv` and `compare.html` of `entries` into the folder `out`, in place of earlier ones; the text.
 ///
 /// # Errors
-/// [`Error::Input`] if `out` holds anything but unchanged tables of tessuto's, or for results that cannot be read; [`Error::Output`].
+/// [`Error::Input`](crate::Error::Input) if `out` holds anything but unchanged tables of tessuto's, or for results that cannot be read;
+/// [`Error::Output`](crate::Error::Output).
 pub fn write_page(out: &Path, entries: &[Entry]) -> Result<String> {
     let output = OutputFolder::prepare(out, FolderKind::Comparison, true)?;
     let tables = tables(entries);

@@ -35,7 +35,7 @@ pub struct Fabric {
 pub type FabricGradient = Fabric;
 
 impl Fabric {
-    /// c₁₁ = Y₁/(1 − ν²), c₂₂ = Y₂/(1 − ν²), c₁₂ = ν √(Y₁ Y₂)/(1 − ν²) and g of [`super::membrane`](mod@super::membrane).
+    /// c₁₁ = Y₁/(1 − ν²), c₂₂ = Y₂/(1 − ν²), c₁₂ = ν √(Y₁ Y₂)/(1 − ν²) and g of [`mod@super::membrane`].
     pub fn coefficients(&self) -> Coefficients {
         let free = 1.0 / (1.0 - self.poisson * self.poisson);
         let mixed = self.poisson * (self.warp * self.weft).sqrt();

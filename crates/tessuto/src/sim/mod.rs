@@ -40,14 +40,14 @@ pub(crate) mod angle;
 pub mod cloth;
 pub mod continuum;
 pub mod fabric;
-pub(crate) mod hinge;
+pub mod hinge;
 pub mod implicit_euler;
 pub mod linearized_euler;
-pub(crate) mod membrane;
+pub mod membrane;
 pub(crate) mod rollout;
 pub mod state;
 pub mod step;
-pub(crate) mod stiffness;
+pub mod stiffness;
 pub(crate) mod stretch;
 pub(crate) mod ties;
 
