@@ -17,6 +17,7 @@ pub fn preset(text: &str) -> Result<Preset, String> {
     match text {
         "default" => Ok(Preset::Default),
         "saft" => Ok(Preset::Saft),
+        "physics" => Ok(Preset::Physics),
         _ => Err(format!("the presets are: {}", Preset::NAMES.join(", "))),
     }
 }

@@ -33,6 +33,7 @@ pub fn reconstruct(
     let mut config = Config::preset(match preset {
         "default" => Preset::Default,
         "saft" => Preset::Saft,
+        "physics" => Preset::Physics,
         other => {
             let presets = format!("the presets are: {}", Preset::NAMES.join(", "));
             return Err(to_python(py, &tessuto::Error::usage(format!("preset {other}"), presets)));

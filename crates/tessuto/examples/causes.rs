@@ -38,7 +38,7 @@ fn mean(values: &[f64]) -> f64 {
 fn main() -> tessuto::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let (folder, motion) = (arguments.next().expect("SCENE"), arguments.next().expect("MOTION.npy"));
-    let mut config = Config::preset(Preset::Default);
+    let mut config = Config::preset(Preset::Physics);
     let (mut known, mut held, mut start, mut deviations) = (false, None, [1.0; 3], None);
     let (mut residual, mut friction, mut length, mut compression) = (1.0, None, None, None);
     for argument in arguments {
@@ -69,7 +69,7 @@ fn main() -> tessuto::Result<()> {
             .ok()
             .map(|text| serde_json::from_str(&text).expect("json"));
     if known {
-        config.causes.fit = false;
+        config.causes.iterations = 0;
     }
     let clock = std::time::Instant::now();
     let mut found = causes::find(&scene.template, &frames, &sigma, (scene.fps, &dynamics), &config.causes);
@@ -130,7 +130,7 @@ fn main() -> tessuto::Result<()> {
         cut.edges[0].rest_length,
         cut.edges[1].rest_length
     );
-    let (guided, parts) = causes::follow(&cut, &dynamics, &found, &frames, config.inverse.tracking);
+    let (guided, parts) = causes::follow(&cut, &dynamics, &found, &frames, config.causes.tracking);
     npy::write_field(Path::new("/tmp/residual.npy"), &parts.residual)?;
     let follows = mean(&errors(&guided.frames, &frames));
     let sizes = causes::Explained::new(&cut, found.clone(), parts, &guided.frames, scene.fps).sizes;

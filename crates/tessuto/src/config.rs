@@ -10,6 +10,7 @@ use crate::error::{Error, Result, Warning};
 use crate::io::read_bounded;
 use crate::motion::causes::CauseSettings;
 use crate::motion::inverse::accelerations::InverseSettings;
+use crate::motion::inverse::stiffness::MaterialSettings;
 use crate::motion::parameters::{Dynamics, StiffnessRange};
 use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
@@ -26,17 +27,20 @@ pub enum Preset {
     Saft,
     /// All frames at once, then the forces; more accurate and faster.
     Default,
+    /// The same, then what moved the fabric: stiffness, gravity, air, what holds it. Being worked on.
+    Physics,
 }
 
 impl Preset {
     /// Their names.
-    pub const NAMES: &[&str] = &["default", "saft"];
+    pub const NAMES: &[&str] = &["default", "saft", "physics"];
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
             Self::Saft => "saft",
+            Self::Physics => "physics",
         }
     }
 }
@@ -82,13 +86,13 @@ settings! {
         /// long step, and then forces do not lead where they led when they were found.
         longest_step: f64 = 5e-3, number(1e-5..=1.0, "s");
         /// Factor on the velocity per 5 ms; a longer step takes a power of it.
-        damping_per_5ms: f64 = 1.0, number(0.0..=1.0, "");
+        damping_per_5ms: f64 = 0.9, number(0.0..=1.0, "");
         /// log10 of the stretch stiffness `[N/m]`.
-        stretch: StiffnessRange = range(200f64.log10(), 0.0, 4.0), stiffness("stretch", "log10 N/m", -3.0, 8.0);
+        stretch: StiffnessRange = range(200f64.log10(), 1.0, 3.0), stiffness("stretch", "log10 N/m", -3.0, 8.0);
         /// log10 of the bend stiffness `[J/rad²]`.
-        bend: StiffnessRange = range(-3.0, -7.0, -1.0), stiffness("bend", "log10 J/rad²", -10.0, 4.0);
+        bend: StiffnessRange = range(-3.0, -4.0, -2.0), stiffness("bend", "log10 J/rad²", -10.0, 4.0);
         /// log10 of the shear stiffness `[J/rad²]`.
-        shear: StiffnessRange = range(-4.0, -7.0, -1.0), stiffness("shear", "log10 J/rad²", -10.0, 4.0);
+        shear: StiffnessRange = range(-4.0, -5.0, -2.0), stiffness("shear", "log10 J/rad²", -10.0, 4.0);
     }
 }
 
@@ -160,7 +164,9 @@ settings! {
         spacetime: SpacetimeSettings = SpacetimeSettings::default(), group::<SpacetimeSettings>();
         /// Forces of a motion, of method = spacetime.
         inverse: InverseSettings = InverseSettings::default(), group::<InverseSettings>();
-        /// Stiffnesses, gravity and air of a motion, of method = spacetime.
+        /// Stiffnesses of a motion, of method = spacetime.
+        material: MaterialSettings = MaterialSettings::default(), group::<MaterialSettings>();
+        /// Stiffnesses, gravity, air and what is held, of method = spacetime; takes the place of `material`.
         causes: CauseSettings = CauseSettings::default(), group::<CauseSettings>();
         /// Material maps and light.
         appearance: AppearanceSettings = AppearanceSettings::default(), group::<AppearanceSettings>();
@@ -173,13 +179,22 @@ impl Config {
         let default = Self { preset, ..Self::default() };
         match preset {
             Preset::Default => default,
+            Preset::Physics => {
+                let dynamics = DynamicsSettings {
+                    damping_per_5ms: 1.0,
+                    stretch: range(200f64.log10(), 0.0, 4.0),
+                    bend: range(-3.0, -7.0, -1.0),
+                    shear: range(-4.0, -7.0, -1.0),
+                    ..default.dynamics
+                };
+                let causes = CauseSettings { fit: true, ..default.causes };
+                Self { dynamics, causes, ..default }
+            }
             Preset::Saft => {
                 let dynamics = DynamicsSettings {
                     integrator: Integrator::LinearizedEuler,
-                    damping_per_5ms: 0.9,
-                    stretch: range(200f64.log10(), 1.0, 3.0),
-                    bend: range(-3.0, -4.0, -2.0),
-                    shear: range(-4.0, -5.0, -2.0),
+                    bend: range(-4.0, -5.0, -2.0),
+                    shear: range(-3.0, -4.0, -2.0),
                     ..default.dynamics
                 };
                 Self { method: Method::Rollout, dynamics, ..default }
@@ -406,7 +421,7 @@ mod tests {
             error.to_string()
         };
         assert!(refused("energi=1").contains("did you mean rollout.weights.energy?"));
-        assert!(refused("inverse=1").contains("inverse.tracking"));
+        assert!(refused("inverse=1").contains("inverse.tracking_stiffness"));
         assert!(refused("preset=saft").contains("preset"));
         assert!(refused("texture.size=2.5").contains("whole number"));
         for (assignment, range) in [
@@ -422,7 +437,7 @@ mod tests {
             ("dynamics.bend.start=-5", "dynamics.bend.low = -4 is above dynamics.bend.start = -5"),
             ("spacetime.levels=0", "between 1 and 8"),
             ("method=simulation", "spacetime, rollout"),
-            ("causes.fit=1", "true, false"),
+            ("material.fit=1", "true, false"),
         ] {
             let message = refused(assignment);
             assert!(message.contains(range), "{assignment}: {message}");

@@ -4,17 +4,16 @@ use crate::config::{Config, Method};
 use crate::error::{Error, Result};
 use crate::mesh::{Motion, Positions};
 use crate::motion::causes::{self, Explained};
+use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
+use crate::motion::inverse::stiffness::fit_material;
 use crate::motion::parameters::Parameters;
 use crate::motion::rollout::RolloutFit;
 use crate::motion::spacetime;
-use crate::motion::texture::fit_texture;
+use crate::motion::texture::{Window, fit_texture};
 use crate::raster::{Rasterizer, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
-
-/// Deviation of positions of which nothing better is known `[m]`.
-const UNKNOWN_DEVIATION: f64 = 0.01;
 
 /// What a video tells about the fabric.
 #[derive(Debug)]
@@ -26,7 +25,7 @@ pub struct Reconstruction {
     pub deviations: Option<Vec<Vec<f64>>>,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
-    /// What the forces are of; `None` from the other method.
+    /// What the forces are of, where that was searched (`causes.fit`).
     pub causes: Option<Explained>,
     /// Colours of the surface.
     pub texture: Texture,
@@ -48,7 +47,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     config.check_build()?;
     scene.check()?;
     let cloth = Cloth::new(&scene.template);
-    let rasterizer = Rasterizer::new(&scene.template);
+    let window = Window::around(&scene.template.uvs, config.texture.size);
+    // The published program's renderer, whose losses are weighted for it.
+    let one_sided = config.method == Method::Rollout && config.rollout.one_sided_silhouettes;
+    let mut rasterizer = Rasterizer::new(&scene.template).one_sided(one_sided);
+    rasterizer.uvs_mut().iter_mut().for_each(|uv| *uv = window.uv(*uv));
     let template = &scene.template.positions;
 
     // What the fabric looks like, from the first frame.
@@ -78,11 +81,12 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         dynamics: config.dynamics.at(scene.fps),
         settings: &config.rollout,
     };
-    let (parameters, deviations, causes, failure) = match config.method {
+    let mut causes = None;
+    let (parameters, deviations, failure) = match config.method {
         Method::Rollout => {
             session.begin("rollout");
             let (parameters, failure) = fit.run(fit.start(), session)?;
-            (parameters, None, None, failure)
+            (parameters, None, failure)
         }
         Method::Spacetime => {
             let mut problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
@@ -96,20 +100,25 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                 false => None,
             };
             session.begin("forces and stiffnesses");
-            let doubtful = vec![vec![UNKNOWN_DEVIATION; template.len()]; frames.len()];
-            let sigma = deviations.as_ref().unwrap_or(&doubtful);
             let clock = (scene.fps, &fit.dynamics);
-            let found = causes::find(&scene.template, &frames, sigma, clock, &config.causes);
-            let cut = causes::cut_cloth(&scene.template, &found.rest_lengths);
-            let (guided, parts) =
-                causes::follow(&cut, &fit.dynamics, &found, &frames, config.inverse.tracking);
-            let parameters = Parameters {
-                log_stiffness: found.causes.log_stiffness(),
-                accelerations: guided.accelerations,
+            let (parameters, loose) = if config.causes.fit {
+                let template = &scene.template;
+                let found = causes::explain(template, &frames, deviations.as_deref(), clock, &config.causes);
+                causes = Some(found.explained);
+                (found.parameters, found.failure)
+            } else {
+                let mut parameters = fit.start();
+                if config.material.fit {
+                    let steps = interpolated(&frames, fit.dynamics.substeps);
+                    parameters.log_stiffness =
+                        fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
+                }
+                let k = parameters.stiffness();
+                let (accelerations, loose) =
+                    accelerations_of_motion(&cloth, &fit.dynamics, k, &frames, &config.inverse);
+                (Parameters { accelerations, ..parameters }, loose)
             };
-            let explained = Explained::new(&cut, found, parts, &guided.frames, scene.fps);
-            let deviations = deviations.map(|of_found| (frames, of_found));
-            (parameters, deviations, Some(explained), lost.or(stuck).or(guided.failure))
+            (parameters, deviations.map(|of_found| (frames, of_found)), lost.or(stuck).or(loose))
         }
     };
 
@@ -121,6 +130,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     session.end();
     let history = session.history_of(&["texture", "track", "refine", "rollout"]);
     let timings = session.timings().to_vec();
+    let texture = window.whole(&texture);
     Ok(Reconstruction { motion, deviations, parameters, causes, texture, history, timings, failure })
 }
 

@@ -111,7 +111,7 @@ fn a_changed_simulation_is_a_result_like_any_other() {
     let parameters = std::fs::read_to_string(result.join("parameters.json")).unwrap();
     // Whoever reads a stiffness at its bound is told so.
     assert_eq!(parameters.contains("\"at_bound\": true"), log.contains("bound"), "{log}");
-    assert!(parameters.contains("\"informed\": ") && parameters.contains("\"bounds\": ["), "{parameters}");
+    assert!(parameters.contains("not measurements") && parameters.contains("\"bounds\": ["), "{parameters}");
 
     succeed(&["simulate", text(&result), "--set", "bend=0.005", "--out", text(&changed)]);
     assert!(succeed(&["verify", text(&changed)]).contains("all as they were written"));
@@ -130,6 +130,32 @@ fn a_changed_simulation_is_a_result_like_any_other() {
     let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
     assert!(distances.fold(0.0, f64::max) <= 1e-5);
     assert!(fail(3, &["simulate", text(&result), "--out", text(&changed)]).contains("--force"));
+    assert!(
+        fail(3, &["simulate", text(&result), "--air", "still", "--out", text(&at("no.npy"))])
+            .contains("physics")
+    );
+    // A result of some of the scene's frames is compared with the truth of these.
+    assert!(succeed(&["evaluate", text(&scene()), text(&result)]).contains("mean"));
+    assert!(fail(2, &["evaluate", text(&scene()), text(&result), "--frames", "2..5"]).contains("0..3"));
+}
+
+#[test]
+fn causes_are_found_on_demand_and_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let result = at("result");
+    let quick = ["--preset", "physics", "--no-appearance", "--frames", "0..3", "--set", "texture.size=32"];
+    succeed(&[&["reconstruct", text(&scene()), "--out", text(&result)], &quick[..]].concat());
+    let parameters = std::fs::read_to_string(result.join("parameters.json")).unwrap();
+    for word in ["\"informed\": ", "\"gravity\"", "\"friction\"", "\"wind\"", "\"held\""] {
+        assert!(parameters.contains(word), "{word}: {parameters}");
+    }
+    assert!(result.join("forces.npz").is_file() && result.join("rest_lengths.npy").is_file());
+    let again = at("again.npy");
+    succeed(&["simulate", text(&result), "--out", text(&again)]);
+    let (a, b) = (read_field(&result.join("motion.npy")).unwrap(), read_field(&again).unwrap());
+    let distances = a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p.distance(*q));
+    assert!(distances.fold(0.0, f64::max) <= 1e-5);
     // What would have been otherwise, and what comes after the clip.
     let calm = at("calm.npy");
     let otherwise = ["--continue", "4", "--air", "still", "--hold", "still"];
@@ -146,9 +172,6 @@ fn a_changed_simulation_is_a_result_like_any_other() {
     for (option, value) in [("--scale", "bend=0"), ("--scale", "bent=2"), ("--air", "windy")] {
         assert!(fail(2, &["simulate", text(&result), option, value]).contains(value));
     }
-    // A result of some of the scene's frames is compared with the truth of these.
-    assert!(succeed(&["evaluate", text(&scene()), text(&result)]).contains("mean"));
-    assert!(fail(2, &["evaluate", text(&scene()), text(&result), "--frames", "2..5"]).contains("0..3"));
 }
 
 #[test]

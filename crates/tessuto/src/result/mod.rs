@@ -5,8 +5,8 @@
 //! mesh.obj                        the template, bit for bit
 //! deviation.npy    [N, V] f32     standard deviation of the positions [m] (default method)
 //! forces.npy       [(N−1)·parts, V, 3] f32  dynamic part D of force per mass [m/s²]
-//! forces.npz                      the forces by their causes [N−1, V, 3] (default method)
-//! rest_lengths.npy [edges] f32    lengths of the edges without load [m] (default method)
+//! forces.npz                      the forces by their causes [N−1, V, 3] (preset physics)
+//! rest_lengths.npy [edges] f32    lengths of the edges without load [m] (preset physics)
 //! parameters.json                 stiffnesses and causes with units and standard deviations, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
@@ -83,6 +83,7 @@ impl Run {
         let preset = match self.settings.preset {
             Preset::Saft => "saft",
             Preset::Default => "default",
+            Preset::Physics => "physics",
         };
         let [first, end] = self.frames;
         format!("frames {first} to {}, preset {preset}, tessuto {}", end.saturating_sub(1), self.version)
@@ -113,7 +114,7 @@ struct FoundStiffness {
     bounds: [f64; 2],
     /// It went as far as it could: the value says less about the fabric than about the bound.
     at_bound: bool,
-    /// Standard deviation, and whether the video tells anything about it (default method).
+    /// Standard deviation, and whether the video tells anything about it (preset physics).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sd: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -135,7 +136,8 @@ const REMARK: &str = "Stiffnesses and forces are effective values: with them the
 
 /// The same where causes were found.
 const REMARK_OF_CAUSES: &str = "Stiffnesses, gravity and air are found from the motion, with standard deviations (sd); where informed is false, \
-                                the video says little and the value is what was assumed before. With them and forces.npy the \
+                                the video says little and the value is what was assumed before. On real clips they were not compared \
+                                with measurements. With them and forces.npy the \
                                 simulation replays the motion. All of them are relative to area_density, which is assumed.";
 
 /// parameters.json.
@@ -159,7 +161,7 @@ struct ParameterFile {
     camera: Camera,
     /// The part of the whole image that was used.
     crop: Rect,
-    /// What the forces are of (default method).
+    /// What the forces are of (preset physics).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     causes: Option<causes::CauseFile>,
 }

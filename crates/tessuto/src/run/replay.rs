@@ -18,7 +18,7 @@ pub struct Changes {
     pub stiffness: [Option<f64>; 3],
     /// Factor on the dynamic forces, whatever their cause.
     pub forces: f64,
-    /// Other causes; only of results of the default method.
+    /// Other causes; only of results of the preset physics.
     pub otherwise: Otherwise,
 }
 
@@ -60,7 +60,7 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
         if changes.otherwise != Otherwise::default() {
             let place = original.path().display().to_string();
             let hint =
-                "reconstruct the scene with the default method, or change stiffnesses and forces as a whole";
+                "reconstruct the scene with the preset physics, or change stiffnesses and forces as a whole";
             return Err(Error::input(place, "its forces are not known by their causes", hint));
         }
         parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);

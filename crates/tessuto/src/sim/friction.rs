@@ -9,7 +9,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::angle;
-use super::cloth::{AngleSpring, Cloth, Stiffness, arms};
+use super::cloth::{AngleSpring, Cloth, arms};
+use super::stiffness::Stiffness;
 
 /// Angles of one parallel task.
 const TASK: usize = 1000;

@@ -67,7 +67,7 @@ pub fn find(
     let prior =
         Prior { mean: mean.clone(), spread, wind: [0.1 * settings.wind, settings.wind, 0.5 * settings.wind] };
     let mut out = Found { causes: mean, spread, prior: spread, knots, held, rest_lengths };
-    if !settings.fit || found.len() < 3 {
+    if found.len() < 3 {
         return out;
     }
     let cloth = cut_cloth(template, &out.rest_lengths);
@@ -249,7 +249,7 @@ mod tests {
         let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, knots };
         let frames = drive.run(&truth, false).unwrap().frames;
         let deviations = vec![vec![2e-3; 49]; frames.len()];
-        let settings = CauseSettings { iterations: 30, ..CauseSettings::default() };
+        let settings = CauseSettings { fit: true, iterations: 30, ..CauseSettings::default() };
         let found = find(&mesh, &frames, &deviations, (50.0, &dynamics), &settings);
         let off = |k: usize| (found.causes.ln_stiffness[k] - truth.ln_stiffness[k]).exp();
         let angle = found.causes.down.angle_between(truth.down).to_degrees();

@@ -19,6 +19,7 @@ mod drive;
 mod explained;
 mod fit;
 mod forces;
+mod guide;
 mod held;
 mod lengths;
 mod objective;
@@ -31,8 +32,13 @@ pub use forces::{Causes, GRAVITY, Knots, Spread};
 pub use parts::{Hold, Otherwise, Parts, changed, follow};
 pub use settings::CauseSettings;
 
-use crate::mesh::Mesh;
+use crate::error::Error;
+use crate::mesh::{Mesh, Positions};
+use crate::motion::parameters::{Dynamics, Parameters};
 use crate::sim::Cloth;
+
+/// Deviation of positions of which nothing better is known `[m]`.
+const UNKNOWN: f64 = 0.01;
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,4 +62,35 @@ pub fn cut_cloth(template: &Mesh, rest_lengths: &[f64]) -> Cloth {
     let mut cloth = Cloth::flat(template, settings::COMPRESSION);
     cloth.edges.iter_mut().zip(rest_lengths).for_each(|(edge, l)| edge.rest_length = *l);
     cloth
+}
+
+/// A motion's causes, and what replays it.
+#[derive(Debug)]
+pub struct Explanation {
+    /// Stiffnesses and forces.
+    pub parameters: Parameters,
+    /// What they are of.
+    pub explained: Explained,
+    /// Where the simulation failed, forces are zero from then on.
+    pub failure: Option<Error>,
+}
+
+/// Finds the causes of the motion `frames`, shape [N, V], of the cloth of `template`, `fps` frames per second, with standard deviations
+/// `deviations`, shape [N, V] `[m]`, and the forces that replay it.
+pub fn explain(
+    template: &Mesh,
+    frames: &[Positions],
+    deviations: Option<&[Vec<f64>]>,
+    (fps, dynamics): (f64, &Dynamics),
+    settings: &CauseSettings,
+) -> Explanation {
+    let unknown = || vec![vec![UNKNOWN; template.positions.len()]; frames.len()];
+    let sigma = deviations.map_or_else(unknown, <[Vec<f64>]>::to_vec);
+    let found = find(template, frames, &sigma, (fps, dynamics), settings);
+    let cut = cut_cloth(template, &found.rest_lengths);
+    let (guided, parts) = follow(&cut, dynamics, &found, frames, settings.tracking);
+    let parameters =
+        Parameters { log_stiffness: found.causes.log_stiffness(), accelerations: guided.accelerations };
+    let explained = Explained::new(&cut, found, parts, &guided.frames, fps);
+    Explanation { parameters, explained, failure: guided.failure }
 }

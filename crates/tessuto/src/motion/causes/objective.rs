@@ -87,7 +87,7 @@ impl<'a> Data<'a> {
     /// Mean square of the independent residuals: 1 where a model is as good as the positions are said to be.
     pub fn misfit(&self, frames: &[Positions]) -> f64 {
         let independent = (3 * frames[0].len() * (frames.len() - 1)) as f64 / self.together;
-        let out = 2.0 * self.value(frames) / independent;
+        2.0 * self.value(frames) / independent
     }
 
     /// Adds gradient and Gauss-Newton matrix.

@@ -4,8 +4,9 @@ use glam::DVec3;
 
 use super::Found;
 use super::air::Air;
+use super::guide::{Guide, Guided, guide, guide_from};
 use crate::mesh::Positions;
-use crate::motion::inverse::accelerations::{Guide, Guided, guide, guide_from, interpolated};
+use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
 use crate::sim::{Cloth, State};
 

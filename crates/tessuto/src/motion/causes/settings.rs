@@ -8,12 +8,14 @@ pub const COMPRESSION: f64 = 0.05;
 settings! {
     /// Settings of the causes of a motion.
     pub struct CauseSettings {
-        /// Search for stiffnesses, gravity and air; otherwise they keep their start, without wind.
-        fit: bool = true, flag();
+        /// Search for stiffnesses, gravity, air and what is held; otherwise stiffnesses are effective values that replay the motion.
+        fit: bool = false, flag();
         /// Gauss-Newton iterations, at most.
         iterations: usize = 6, number(0.0..=100.0, "");
         /// Strength of the springs between the simulated and the found positions while causes are searched.
         tie: f64 = 100.0, number(0.0..=1e6, "1/s²");
+        /// Strength of the springs that lead the replay along the found positions: what they pull is what no cause explains.
+        tracking: f64 = 4e5, number(1e-6..=1e12, "1/s²");
         /// Spread of ln of a stiffness about its start; for stretch, about which a video says little, half of it.
         spread: f64 = 2.0, number(1e-3..=100.0, "");
         /// Spread of the wind's velocity; a tenth of it in the first frame, in which the cloth hangs still as a rule.

@@ -1,11 +1,11 @@
-//! Accelerations of a known trajectory: the cloth is simulated with vertices tied to their targets by springs, and the springs' pull is
-//! part of the external force.
+//! Accelerations of a known trajectory: the cloth is simulated with every vertex tied to its target by a
+//! spring, and the springs' pull is the external force.
 //!
-//! Each sub-step minimises Φ(x) + ½ ‖x − x*‖²_{M κ} with the incremental potential Φ of [`crate::sim::implicit_euler`] under the known
-//! accelerations alone; at the minimum the tie acts as the acceleration κ (x* − x). The sub-step is then taken again under all of them
-//! without the tie, and the next one starts from where that leads: compressed cloth may buckle another way than the tied one, and the
-//! loop closed over the real state keeps such differences from growing. Internal friction acts in the tied sub-step as springs, and as
-//! the accelerations that these make in the other. Targets between frames lie on Catmull-Rom curves.
+//! Each sub-step minimises Φ(x) + ½ κ ‖x − x*‖² with the incremental potential Φ of
+//! [`crate::sim::implicit_euler`] under C alone; at the minimum the tie acts as the acceleration
+//! D = κ (x* − x)/m. The sub-step is then taken again under C + D without the tie, and the next one starts
+//! from where that leads: compressed cloth may buckle another way than the tied one, and the loop closed over
+//! the real state keeps such differences from growing. Targets between frames lie on Catmull-Rom curves.
 
 use glam::DVec3;
 
@@ -20,8 +20,8 @@ use crate::sim::{Accelerations, Cloth, State, Stiffness, TiedCloth};
 settings! {
     /// Settings of the tied simulation.
     pub struct InverseSettings {
-        /// Strength κ of the springs that tie each vertex to its observed place: 1 mm away it is accelerated by κ mm.
-        tracking: f64 = 4e5, number(1e-6..=1e12, "1/s²");
+        /// Stiffness κ of the springs that tie each vertex to its observed place.
+        tracking_stiffness: f64 = 1000.0, number(1e-6..=1e9, "N/m");
     }
 }
 
@@ -48,117 +48,59 @@ pub fn interpolated(frames: &[Positions], substeps: usize) -> Vec<Positions> {
     out
 }
 
-/// What leads a cloth.
-pub struct Guide<'a> {
-    /// The cloth.
-    pub cloth: &'a Cloth,
-    /// How it is simulated.
-    pub dynamics: &'a Dynamics,
-    /// Stretch [N/m], bend [J/rad²], shear [J/rad²].
-    pub stiffness: [f64; 3],
-    /// Strength κ of every vertex's tie [1/s²].
-    pub ties: &'a [f64],
-    /// Where the ties pull, shape [steps + 1, V] `[m]`.
-    pub targets: &'a [Positions],
-    /// Acceleration C, the same in space and time [m/s²].
-    pub constant: DVec3,
-    /// Internal friction c [J·s/rad²].
-    pub friction: f64,
-    /// Whether the accelerations alone must lead along the same motion; otherwise it is that of the tied cloth.
-    pub exact: bool,
-    /// Further known accelerations in a step from a state, shape `[V]` [m/s²].
-    pub outer: &'a dyn Fn(usize, &State) -> Positions,
-}
-
-/// What came of it.
-#[derive(Debug)]
-pub struct Guided {
-    /// C, and all else in D, one entry per sub-step, exact in 32-bit numbers.
-    pub accelerations: Accelerations,
-    /// The part of D that was known and the pull of the ties, shape [steps, V] [m/s²].
-    pub outer: Vec<Positions>,
-    /// See above.
-    pub pulls: Vec<Positions>,
-    /// The part of D by internal friction, shape [steps, V] [m/s²].
-    pub friction: Vec<Positions>,
-    /// Shape of every frame, [N, V] `[m]`.
-    pub frames: Vec<Positions>,
-    /// Where the simulation failed, D is zero from that sub-step on.
-    pub failure: Option<Error>,
-    end: State,
-}
-
-/// Leads a cloth from rest at the first target.
-pub fn guide(guide: &Guide) -> Guided {
-    guide_from(guide, None)
-}
-
-/// Leads a cloth on from where `before` ended, of which the result contains all; at rest from the first target without it.
-pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
-    let (cloth, dynamics) = (guide.cloth, guide.dynamics);
-    let (count, steps) = (cloth.vertex_count(), guide.targets.len() - 1);
-    let ties: Vec<f64> = guide.ties.iter().zip(&cloth.masses).map(|(tie, m)| tie * m).collect();
-    let mut tied = TiedCloth::new(cloth, &ties, &dynamics.step);
-    let stiffness = Stiffness::uniform(cloth, guide.stiffness);
+/// Accelerations, one entry of D per sub-step, that lead the cloth along `frames`, shape [N, V]. C is the mean
+/// acceleration that the centre of mass needs; D is exact in 32-bit numbers. Where the simulation fails, D is zero
+/// from that sub-step on and the failure is returned too.
+pub fn accelerations_of_motion(
+    cloth: &Cloth,
+    dynamics: &Dynamics,
+    stiffness: [f64; 3],
+    frames: &[Positions],
+    settings: &InverseSettings,
+) -> (Accelerations, Option<Error>) {
+    let (h, damping) = (dynamics.step.step, dynamics.step.damping);
+    let kappa = settings.tracking_stiffness;
+    let targets = interpolated(frames, dynamics.substeps);
+    let tied = TiedCloth::new(cloth, &vec![kappa; cloth.vertex_count()], &dynamics.step);
+    let stiffness = Stiffness::uniform(cloth, stiffness);
+    let constant = mean_acceleration(cloth, &targets, h, damping);
+    let mut accelerations = Accelerations::zeros(frames.len(), dynamics.substeps, cloth.vertex_count());
+    accelerations.constant = constant;
     let mut scratch = Scratch::default();
-    let start = State { x: guide.targets[0].clone(), v: vec![DVec3::ZERO; count] };
-    let mut out = before.unwrap_or_else(|| Guided {
-        accelerations: Accelerations {
-            constant: guide.constant,
-            dynamic: Vec::new(),
-            entries_per_frame: dynamics.substeps,
-        },
-        outer: Vec::new(),
-        pulls: Vec::new(),
-        friction: Vec::new(),
-        frames: vec![start.x.clone()],
-        failure: None,
-        end: start,
-    });
-    for k in 0..steps {
-        let zeros = vec![DVec3::ZERO; count];
-        let (mut dynamic, mut pulls, mut friction) = (zeros.clone(), zeros.clone(), zeros);
-        let outer = (guide.outer)(k, &out.end);
-        if out.failure.is_none() {
-            let known = |i: usize| guide.constant + outer[i];
-            let target = &guide.targets[k + 1];
-            let from = cloth.angles_at(&out.end.x);
-            let rate = guide.friction / dynamics.step.step;
-            let total = tied.rub(cloth, &stiffness, rate, &from);
-            let taken = tied.step(&total, out.end.clone(), target, known, &mut scratch).and_then(|tape| {
-                let x = &tape.after.x;
-                let turned: Vec<f64> = cloth.angles_at(x).iter().zip(&from).map(|(a, b)| a - b).collect();
-                cloth.add_moments(&cloth.angle_gradients_at(x), &turned, -rate, &mut friction);
-                for i in 0..count {
-                    friction[i] /= cloth.masses[i];
-                    pulls[i] = (target[i] - x[i]) * guide.ties[i];
-                    dynamic[i] = (outer[i] + pulls[i] + friction[i]).as_vec3().as_dvec3();
-                }
-                if !guide.exact {
-                    return Ok(tape);
-                }
-                let total: Positions = dynamic.iter().map(|d| guide.constant + *d).collect();
-                step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)
-            });
-            match taken {
-                Ok(tape) => out.end = tape.after,
-                Err(failure) => {
-                    out.failure = Some(failure);
-                    dynamic.fill(DVec3::ZERO);
-                    pulls.fill(DVec3::ZERO);
-                    friction.fill(DVec3::ZERO);
-                }
-            }
+    let mut state = State { x: targets[0].clone(), v: vec![DVec3::ZERO; cloth.vertex_count()] };
+    for (target, dynamic) in targets[1..].iter().zip(&mut accelerations.dynamic) {
+        let tape = match tied.step(&stiffness, state, target, |_| constant, &mut scratch) {
+            Ok(tape) => tape,
+            Err(failure) => return (accelerations, Some(failure)),
+        };
+        for (i, d) in dynamic.iter_mut().enumerate() {
+            let pull = (target[i] - tape.after.x[i]) * (kappa / cloth.masses[i]);
+            *d = pull.as_vec3().as_dvec3();
         }
-        out.accelerations.dynamic.push(dynamic);
-        out.outer.push(outer);
-        out.pulls.push(pulls);
-        out.friction.push(friction);
-        if (k + 1).is_multiple_of(dynamics.substeps) {
-            out.frames.push(out.end.x.clone());
+        let total: Positions = dynamic.iter().map(|d| constant + *d).collect();
+        state = match step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch) {
+            Ok(tape) => tape.after,
+            Err(failure) => {
+                dynamic.fill(DVec3::ZERO);
+                return (accelerations, Some(failure));
+            }
+        };
+    }
+    (accelerations, None)
+}
+
+/// Mass-weighted mean of (x_{k+1} − x_k − h δ v_k)/h²; internal forces do not enter it.
+fn mean_acceleration(cloth: &Cloth, targets: &[Positions], h: f64, damping: f64) -> DVec3 {
+    let mass: f64 = cloth.masses.iter().sum();
+    let mut sum = DVec3::ZERO;
+    for k in 0..targets.len() - 1 {
+        let before = &targets[k.saturating_sub(1)];
+        for (i, m) in cloth.masses.iter().enumerate() {
+            let v = targets[k][i] - before[i];
+            sum += (targets[k + 1][i] - targets[k][i] - v * damping) * (m / mass / (h * h));
         }
     }
-    out
+    sum / (targets.len() - 1).max(1) as f64
 }
 
 #[cfg(test)]
@@ -188,28 +130,17 @@ mod tests {
                 .map(|p| *p + DVec3::Z * (0.3 * (p.y + 0.05) * (n as f64 * 0.2).sin()))
                 .collect()
         };
-        let frames: Vec<Positions> = (0..8).map(swing).collect();
-        let targets = interpolated(&frames, 4);
-        let drag = |_: usize, state: &State| state.v.iter().map(|v| *v * -2.0).collect();
-        let guided = guide(&Guide {
-            cloth: &cloth,
-            dynamics: &dynamics,
-            stiffness: k,
-            ties: &[4e7; 25],
-            targets: &targets,
-            constant: DVec3::Y,
-            friction: 2e-4,
-            exact: true,
-            outer: &drag,
-        });
-        assert!(guided.failure.is_none());
-        let initial = State { x: frames[0].clone(), v: vec![DVec3::ZERO; 25] };
+        let targets: Vec<Positions> = (0..8).map(swing).collect();
+        let (accelerations, failure) =
+            accelerations_of_motion(&cloth, &dynamics, k, &targets, &InverseSettings::default());
+        assert!(failure.is_none());
+        assert!(accelerations.constant.length() > 1e-3);
+        let initial = State { x: targets[0].clone(), v: vec![DVec3::ZERO; 25] };
         let stiffness = Stiffness::uniform(&cloth, k);
         let inputs =
-            RolloutInputs { initial: &initial, accelerations: &guided.accelerations, stiffness: &stiffness };
+            RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &stiffness };
         let motion = rollout(&cloth, &settings, 4, 8, &inputs).unwrap();
-        assert_eq!(motion.frames, guided.frames);
-        for (x, target) in motion.frames.iter().zip(&frames) {
+        for (x, target) in motion.frames.iter().zip(&targets) {
             let worst = x.iter().zip(target).map(|(x, t)| x.distance(*t)).fold(0.0, f64::max);
             assert!(worst < 5e-4, "{worst} m");
         }
