@@ -1,22 +1,26 @@
-//! One sub-step, forward and adjoint, of both integrators; a rollout, which `crates/tessuto-py/benchmarks/overhead.py` repeats.
+//! One sub-step, forward and adjoint, of both elastic models and integrators; a rollout, which `crates/tessuto-py/benchmarks/overhead.py` repeats.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};
 use tessuto::math::factor::Scratch;
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
+use tessuto::sim::Fabric;
 use tessuto::sim::state::StepGradients;
 use tessuto::sim::step::{step, step_vjp};
 use tessuto::sim::{
     Accelerations, Cloth, Integrator, RolloutInputs, State, StepSettings, Stiffness, rollout, rollout_vjp,
 };
 
+/// A woven cotton, about.
+const FABRIC: Fabric = Fabric { warp: 300.0, weft: 200.0, poisson: 0.2, shear: 20.0, bend: 1e-5 };
+
 /// Cloth in motion: a wavy sheet with random velocities and forces of the size of gravity.
 fn bench(c: &mut Criterion) {
     for n in [26, 101] {
         let spacing = 0.02;
         let mut mesh = grid(n, n, DVec2::splat(spacing * (n - 1) as f64), 1.2);
-        let cloth = Cloth::new(&mesh);
+        let models = [("", Cloth::new(&mesh)), ("continuum ", Cloth::continuum(&mesh))];
         let mut rng = Rng::new(1, 0);
         for p in &mut mesh.positions {
             p.z += 0.002 * (p.x / (3.0 * spacing)).sin();
@@ -24,31 +28,37 @@ fn bench(c: &mut Criterion) {
         }
         let v: Vec<DVec3> = mesh.positions.iter().map(|_| rng.vector() * 0.05).collect();
         let acceleration: Vec<DVec3> = v.iter().map(|_| rng.vector() * 3.0 + DVec3::Y * 9.81).collect();
-        let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 1e-4]);
         let grad: Vec<DVec3> = v.iter().map(|_| rng.vector()).collect();
-        for integrator in [Integrator::LinearizedEuler, Integrator::ImplicitEuler] {
+        let runs = models.iter().flat_map(|model| {
+            [Integrator::LinearizedEuler, Integrator::ImplicitEuler].map(|integrator| (model, integrator))
+        });
+        for ((model, cloth), integrator) in runs {
+            let stiffness = match &cloth.continuum {
+                None => Stiffness::uniform(cloth, [200.0, 1e-3, 1e-4]),
+                Some(_) => FABRIC.stiffness(cloth),
+            };
             let settings =
                 StepSettings { integrator, step: 5e-3, damping: 0.9, tolerance: 1e-7, newton_limit: 50 };
             let mut scratch = Scratch::default();
             let start = || State { x: mesh.positions.clone(), v: v.clone() };
-            c.bench_function(&format!("substep {n}x{n} {integrator:?} forward"), |b| {
+            c.bench_function(&format!("{model}substep {n}x{n} {integrator:?} forward"), |b| {
                 b.iter_batched(
                     start,
-                    |s| step(&cloth, &settings, &stiffness, s, &acceleration, &mut scratch).unwrap(),
+                    |s| step(cloth, &settings, &stiffness, s, &acceleration, &mut scratch).unwrap(),
                     BatchSize::LargeInput,
                 );
             });
-            c.bench_function(&format!("substep {n}x{n} {integrator:?} forward+adjoint"), |b| {
+            c.bench_function(&format!("{model}substep {n}x{n} {integrator:?} forward+adjoint"), |b| {
                 b.iter_batched(
                     || {
-                        let mut gradients = StepGradients::zeros(&cloth);
+                        let mut gradients = StepGradients::zeros(cloth);
                         gradients.x.clone_from(&grad);
                         (start(), gradients)
                     },
                     |(s, mut gradients)| {
                         let mut tape =
-                            step(&cloth, &settings, &stiffness, s, &acceleration, &mut scratch).unwrap();
-                        step_vjp(&cloth, &settings, &stiffness, &tape, &mut gradients, &mut scratch);
+                            step(cloth, &settings, &stiffness, s, &acceleration, &mut scratch).unwrap();
+                        step_vjp(cloth, &settings, &stiffness, &tape, &mut gradients, &mut scratch);
                         // As a rollout does whose factors do not fit into memory.
                         tape.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
                         (tape, gradients)

@@ -3,6 +3,7 @@
 mod appearance;
 mod check;
 mod clip;
+mod compare;
 mod completions;
 mod demo;
 mod evaluate;
@@ -80,6 +81,7 @@ enum Command {
     Render(render::Arguments),
     Export(export::Arguments),
     Evaluate(evaluate::Arguments),
+    Compare(compare::Arguments),
     Simulate(simulate::Arguments),
     Verify(verify::Arguments),
     Settings(settings::Arguments),
@@ -116,6 +118,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Render(arguments) => render::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
+        Command::Compare(arguments) => compare::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Settings(arguments) => settings::run(&arguments),

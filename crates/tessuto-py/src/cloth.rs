@@ -94,11 +94,12 @@ fn stiffness(cloth: &sim::Cloth, (stretch, bend, shear): &Stiffnesses) -> PyResu
         stretch: of(stretch, cloth.edges.len(), "stretch")?,
         bend: of(bend, cloth.bends.len(), "bend")?,
         shear: of(shear, cloth.shears.len(), "shear")?,
+        ..Stiffness::uniform(cloth, [0.0; 3])
     })
 }
 
 fn of_springs<'py>(py: Python<'py>, gradients: Stiffness) -> (Elements<'py>, Elements<'py>, Elements<'py>) {
-    let Stiffness { stretch, bend, shear } = gradients;
+    let Stiffness { stretch, bend, shear, .. } = gradients;
     (PyArray1::from_vec(py, stretch), PyArray1::from_vec(py, bend), PyArray1::from_vec(py, shear))
 }
 

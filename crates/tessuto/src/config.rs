@@ -174,8 +174,12 @@ impl Config {
         match preset {
             Preset::Default => default,
             Preset::Saft => {
-                let dynamics =
-                    DynamicsSettings { integrator: Integrator::LinearizedEuler, ..default.dynamics };
+                let dynamics = DynamicsSettings {
+                    integrator: Integrator::LinearizedEuler,
+                    bend: range(-4.0, -5.0, -2.0),
+                    shear: range(-3.0, -4.0, -2.0),
+                    ..default.dynamics
+                };
                 Self { method: Method::Rollout, dynamics, ..default }
             }
         }

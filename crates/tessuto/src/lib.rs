@@ -63,6 +63,7 @@
 pub mod appearance;
 mod camera;
 pub mod check;
+pub mod compare;
 pub mod config;
 #[cfg(feature = "decoder")]
 pub mod decoder;

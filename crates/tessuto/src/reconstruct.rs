@@ -8,7 +8,7 @@ use crate::motion::inverse::stiffness::fit_material;
 use crate::motion::parameters::Parameters;
 use crate::motion::rollout::RolloutFit;
 use crate::motion::spacetime;
-use crate::motion::texture::fit_texture;
+use crate::motion::texture::{Window, fit_texture};
 use crate::raster::{Rasterizer, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
@@ -44,7 +44,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     config.check_build()?;
     scene.check()?;
     let cloth = Cloth::new(&scene.template);
-    let rasterizer = Rasterizer::new(&scene.template);
+    let window = Window::around(&scene.template.uvs, config.texture.size);
+    // The published program's renderer, whose losses are weighted for it.
+    let one_sided = config.method == Method::Rollout && config.rollout.one_sided_silhouettes;
+    let mut rasterizer = Rasterizer::new(&scene.template).one_sided(one_sided);
+    rasterizer.uvs_mut().iter_mut().for_each(|uv| *uv = window.uv(*uv));
     let template = &scene.template.positions;
 
     // What the fabric looks like, from the first frame.
@@ -113,6 +117,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     session.end();
     let history = session.history_of(&["texture", "track", "refine", "rollout"]);
     let timings = session.timings().to_vec();
+    let texture = window.whole(&texture);
     Ok(Reconstruction { motion, deviations, parameters, texture, history, timings, failure })
 }
 

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod check_bad_input;
+mod compare;
 mod completions;
 mod evaluate;
 mod import;

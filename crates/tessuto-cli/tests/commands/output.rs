@@ -103,6 +103,7 @@ fn help_lists_the_commands_in_the_order_of_the_work() {
         "render",
         "export",
         "evaluate",
+        "compare",
         "simulate",
         "verify",
         "settings",

@@ -16,6 +16,10 @@ pub trait Scalar: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = 
     fn recip(self) -> Self;
     /// Inverse cosine.
     fn acos(self) -> Self;
+    /// Angle of the point (`x`, self) from the first axis.
+    fn atan2(self, x: Self) -> Self;
+    /// Its real part.
+    fn value(self) -> f64;
 }
 
 impl Scalar for f64 {
@@ -33,6 +37,14 @@ impl Scalar for f64 {
 
     fn acos(self) -> Self {
         f64::acos(self)
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        f64::atan2(self, x)
+    }
+
+    fn value(self) -> f64 {
+        self
     }
 }
 
@@ -104,6 +116,21 @@ impl Scalar for HyperDual {
         let q = 1.0 / (1.0 - self.value * self.value);
         let root = q.sqrt();
         self.chain(self.value.acos(), -root, -self.value * q * root)
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        // d atan2 = (x dy − y dx)/(x² + y²), and once more along the other direction.
+        let y = self;
+        let square = x.value * x.value + y.value * y.value;
+        let turned = |dx: f64, dy: f64| (x.value * dy - y.value * dx) / square;
+        let grown = |dx: f64, dy: f64| (x.value * dx + y.value * dy) / square;
+        let (a, b) = (turned(x.a, y.a), turned(x.b, y.b));
+        let bent = a * grown(x.b, y.b) + b * grown(x.a, y.a);
+        Self { value: y.value.atan2(x.value), a, b, ab: turned(x.ab, y.ab) - bent }
+    }
+
+    fn value(self) -> f64 {
+        self.value
     }
 }
 

@@ -1,21 +1,23 @@
 //! The texture that the first frame shows.
 
+use glam::DVec2;
+
 use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::math::finite;
 use crate::mesh::Positions;
-use crate::optim::Adam;
+use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::session::{Epoch, Session, named};
 use crate::settings::settings;
 use crate::video::Frame;
 
-use super::rollout::losses::{LossWeights, image_loss};
+use super::rollout::losses::{LOSS_FLOOR, LossWeights, image_loss};
 
 settings! {
     /// Settings of the texture phase.
     pub struct TextureSettings {
-        /// Width and height of the texture.
+        /// Width and height of the texture, across the part of the texture map that the template uses.
         size: usize = 512, number(2.0..=8192.0, "texel");
         /// Steps of the optimisation.
         epochs: usize = 200, number(0.0..=1e6, "");
@@ -23,6 +25,62 @@ settings! {
         learning_rate: f64 = 0.05, number(0.0..=1.0, "sRGB");
         /// Weight of the mean absolute difference of neighbouring texels.
         smoothness: f64 = 1e-4, number(0.0..=1e3, "");
+        /// Fixed limit of the gradient's norm.
+        clip_limit: f64 = 1000.0, number(1e-9..=1e12, "");
+        /// Quantile of the recent gradient norms that limits the next one.
+        clip_quantile: f64 = 0.75, number(0.0..=1.0, "");
+        /// How many gradient norms are recent.
+        clip_history: usize = 11, number(1.0..=1e6, "");
+    }
+}
+
+/// Largest width and height of the whole map of a [`Window`] `[texel]`.
+const LARGEST_MAP: usize = 4096;
+
+/// The part of the texture map that a template uses: on many a scan a tenth of it, and a texture spread over the whole map would be
+/// too coarse there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Window {
+    /// Width and height of the whole map `[texel]`.
+    map: [usize; 2],
+    /// First column and row of the window `[texel]`.
+    first: [usize; 2],
+    /// Width and height of the window `[texel]`.
+    size: usize,
+}
+
+impl Window {
+    /// `size`×`size` texels, whole ones of a larger map, around all texture coordinates; the whole map if some lie outside of it.
+    pub fn around(uvs: &[DVec2], size: usize) -> Self {
+        let low = uvs.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+        let high = uvs.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+        if !(low.min_element() >= 0.0 && high.max_element() <= 1.0) {
+            return Self { map: [size; 2], first: [0; 2], size };
+        }
+        let axis = |low: f64, high: f64| {
+            let map = ((size - 1) as f64 / (high - low)).min(LARGEST_MAP as f64) as usize;
+            let map = map.max(size);
+            [map, ((low * map as f64) as usize).min(map - size)]
+        };
+        // Rows count from v = 1 downwards.
+        let (columns, rows) = (axis(low.x, high.x), axis(1.0 - high.y, 1.0 - low.y));
+        Self { map: [columns[0], rows[0]], first: [columns[1], rows[1]], size }
+    }
+
+    /// Texture coordinates within the window.
+    pub fn uv(&self, uv: DVec2) -> DVec2 {
+        let size = self.size as f64;
+        let at = |k: usize, u: f64| (u * self.map[k] as f64 - self.first[k] as f64) / size;
+        DVec2::new(at(0, uv.x), 1.0 - at(1, 1.0 - uv.y))
+    }
+
+    /// The whole map with `texture` in the window, its borders carried on outside.
+    pub fn whole(&self, texture: &Texture) -> Texture {
+        assert_eq!([texture.width, texture.height], [self.size; 2], "a texture of the window's size");
+        let [width, height] = self.map;
+        let within = |k: usize, i: usize| i.saturating_sub(self.first[k]).min(self.size - 1);
+        let texel = |i: usize| texture.texels[within(1, i / width) * self.size + within(0, i % width)];
+        Texture { width, height, texels: (0..width * height).map(texel).collect() }
     }
 }
 
@@ -42,6 +100,7 @@ pub fn fit_texture(
     let weights = LossWeights { colour: 1.0, silhouette: 0.0, ..LossWeights::default() };
     let mut texture = Texture::uniform(settings.size, settings.size, [0.5; 3]);
     let mut parameters = vec![0.5; 3 * settings.size * settings.size];
+    let mut clip = GradientClip::new(settings.clip_limit, settings.clip_quantile, settings.clip_history);
     let mut adam = Adam::new(parameters.len(), settings.learning_rate);
     let (mut rendering, mut grad_rgba) = (Rendering::new(), Vec::new());
     let mut gradients = Gradients::new(rasterizer).with_texture(&texture);
@@ -59,8 +118,12 @@ pub fn fit_texture(
             .flatten()
             .flat_map(|t| [f64::from(t[0]), f64::from(t[1]), f64::from(t[2])])
             .collect();
-        add_smoothness(&parameters, settings.size, settings.smoothness, &mut gradient);
+        let roughness = add_smoothness(&parameters, settings.size, settings.smoothness, &mut gradient);
         debug_assert!(finite(&gradient));
+        // Lifts what smoothing asks of texels that no pixel sees above the floor in Adam's denominator.
+        let scale = 1.0 / (colour + roughness + LOSS_FLOOR);
+        gradient.iter_mut().for_each(|g| *g *= scale);
+        clip.clip(&mut gradient);
         adam.step(&mut parameters, &gradient, 1.0);
         for (texel, p) in texture.texels.iter_mut().zip(parameters.chunks_exact_mut(3)) {
             for c in 0..3 {
@@ -94,9 +157,10 @@ fn not_finite(step: usize, loss: f64, frame: &Frame) -> Error {
     )
 }
 
-/// Adds the gradient of `weight`·(mean |∂_u T| + mean |∂_v T|), forward differences.
-fn add_smoothness(texels: &[f64], size: usize, weight: f64, gradient: &mut [f64]) {
+/// `weight`·(mean |∂_u T| + mean |∂_v T|), forward differences; adds its gradient.
+fn add_smoothness(texels: &[f64], size: usize, weight: f64, gradient: &mut [f64]) -> f64 {
     let share = weight / texels.len() as f64;
+    let mut sum = 0.0;
     for (stride, skip) in [(3, true), (3 * size, false)] {
         for i in 0..texels.len() - stride {
             if skip && (i / 3) % size == size - 1 {
@@ -106,6 +170,56 @@ fn add_smoothness(texels: &[f64], size: usize, weight: f64, gradient: &mut [f64]
             let slope = if difference == 0.0 { 0.0 } else { share * difference.signum() };
             gradient[i + stride] += slope;
             gradient[i] -= slope;
+            sum += share * difference.abs();
         }
+    }
+    sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::gradient_check::check;
+    use crate::math::rng::Rng;
+
+    #[test]
+    fn a_lookup_in_the_window_is_one_in_the_whole_map() {
+        let mut rng = Rng::new(1, 0);
+        let uvs: Vec<DVec2> =
+            (0..40).map(|_| DVec2::new(0.22 + 0.22 * rng.uniform(), 0.4 + 0.41 * rng.uniform())).collect();
+        let window = Window::around(&uvs, 64);
+        assert!(window.map[0] > 250 && window.map[1] > 140, "{window:?}");
+        let mut texture = Texture::uniform(64, 64, [0.0; 3]);
+        texture.texels.iter_mut().for_each(|t| t[0] = rng.uniform() as f32);
+        let whole = window.whole(&texture);
+        for uv in uvs {
+            let lookup = |t: &Texture, uv: DVec2| {
+                let at = t.texel_position(uv);
+                t.sample(at.x, at.y)[0]
+            };
+            let (small, large) = (lookup(&texture, window.uv(uv)), lookup(&whole, uv));
+            assert!((small - large).abs() < 1e-5, "{uv}: {small} {large}");
+        }
+    }
+
+    #[test]
+    fn coordinates_that_fill_the_map_keep_their_bits() {
+        for uvs in [[DVec2::ZERO, DVec2::ONE], [DVec2::splat(-0.3), DVec2::splat(0.4)]] {
+            let window = Window::around(&uvs, 512);
+            assert_eq!(window, Window { map: [512; 2], first: [0; 2], size: 512 });
+            assert_eq!(window.uv(DVec2::new(0.3, 0.75)), DVec2::new(0.3, 0.75));
+        }
+    }
+
+    #[test]
+    fn smoothness_has_its_gradient() {
+        let mut rng = Rng::new(3, 0);
+        let texels: Vec<f64> = (0..3 * 8 * 8).map(|_| rng.uniform()).collect();
+        let mut gradient = vec![0.0; texels.len()];
+        add_smoothness(&texels, 8, 0.7, &mut gradient);
+        let worst =
+            check(&texels, &gradient, 1e-7, 20, 1, |t| add_smoothness(t, 8, 0.7, &mut vec![0.0; t.len()]));
+        println!("smoothness: {worst:?}");
+        assert!(worst.relative_error < 1e-6, "{worst:?}");
     }
 }

@@ -35,6 +35,8 @@ pub enum FolderKind {
     Appearance,
     /// Files for other programs. Other files may be beside them.
     Export,
+    /// Tables and page that compare results.
+    Comparison,
 }
 
 impl FolderKind {
@@ -45,6 +47,7 @@ impl FolderKind {
             Self::Views => "folder of views",
             Self::Appearance => "folder of material and light",
             Self::Export => "folder of exports",
+            Self::Comparison => "folder of a comparison",
         }
     }
 }

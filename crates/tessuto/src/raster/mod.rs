@@ -67,6 +67,7 @@ pub struct Rasterizer {
     triangle_uvs: Vec<[u32; 3]>,
     uvs: Vec<DVec2>,
     vertex_count: usize,
+    one_sided: bool,
     /// Across the edge opposite to each corner, shape [T, 3].
     across: Vec<[Across; 3]>,
 }
@@ -81,7 +82,16 @@ impl Rasterizer {
             triangle_uvs: mesh.triangle_uvs(),
             uvs: mesh.uvs.clone(),
             vertex_count: mesh.positions.len(),
+            one_sided: false,
         }
+    }
+
+    /// Whether antialiasing leaves the background as it is: pixels whose centre is not covered stay black with mask 0, and the half
+    /// of the outline's gradient that comes from them is missing.
+    #[must_use]
+    pub fn one_sided(mut self, one_sided: bool) -> Self {
+        self.one_sided = one_sided;
+        self
     }
 
     /// Vertex indices of each triangle, shape `[T]`.

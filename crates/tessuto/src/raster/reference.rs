@@ -126,6 +126,9 @@ fn antialias(
                 continue;
             }
             let (to, from) = if d > 0.5 { (other, occluder) } else { (occluder, other) };
+            if rasterizer.one_sided && out.triangle[to].is_none() {
+                continue;
+            }
             for (c, out) in out.rgba[to].iter_mut().enumerate() {
                 *out += (d - 0.5).abs() * (unblended[from][c] - unblended[to][c]);
             }

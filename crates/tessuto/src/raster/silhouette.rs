@@ -113,6 +113,9 @@ fn find_blend(rasterizer: &Rasterizer, rendering: &Rendering, p: usize, q: usize
     // d = −n·r0/(n·dr) for the plane n, so dd/dn = −r(d)/(n·dr) with r(d) the ray that meets the edge.
     let d_by_plane = (r0 + (r1 - r0) * d) / (e0 - e1);
     let (receiver, partner, sign) = if d > 0.5 { (other, occluder, 1.0) } else { (occluder, other, -1.0) };
+    if rasterizer.one_sided && rendering.triangle[receiver] == NONE {
+        return None;
+    }
     let color = |pixel: usize| Vec4::from_array(rendering.rgba[pixel]);
     Some(Blend {
         receiver: receiver as u32,

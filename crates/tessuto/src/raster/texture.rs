@@ -55,7 +55,7 @@ impl Texture {
 
     /// Colour at texel coordinates (x, y), bilinear.
     #[inline]
-    pub(super) fn sample(&self, x: f64, y: f64) -> Vec4 {
+    pub(crate) fn sample(&self, x: f64, y: f64) -> Vec4 {
         let footprint = self.footprint(x, y);
         let [t00, t10, t01, t11] = self.corners(&footprint);
         let [fx, fy] = footprint.fraction;

@@ -5,6 +5,8 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::continuum::Continuum;
+use super::stiffness::{Energy, HessianKind, Stiffness};
 use super::{angle, stretch};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
 use crate::math::factor::{Analysis, Scratch};
@@ -39,44 +41,15 @@ pub struct AngleSpring {
     pub pairs: [usize; 3],
 }
 
-/// Stiffness of every element; all the same number in a homogeneous cloth.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Stiffness {
-    /// Y of every edge [N/m].
-    pub stretch: Vec<f64>,
-    /// B of every bending pair [J/rad²].
-    pub bend: Vec<f64>,
-    /// S of every shearing pair [J/rad²].
-    pub shear: Vec<f64>,
-}
-
-/// Elastic energy by kind `[J]`.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Energy {
-    /// Of the edges.
-    pub stretch: f64,
-    /// Of the bending pairs.
-    pub bend: f64,
-    /// Of the shearing pairs.
-    pub shear: f64,
-}
-
-impl Energy {
-    /// Sum of the kinds `[J]`.
-    pub fn total(&self) -> f64 {
-        self.stretch + self.bend + self.shear
+/// A third of each triangle's mass at each of its corners `[kg]`, shape `[V]`.
+pub(super) fn lumped_masses(template: &Mesh) -> Vec<f64> {
+    let x = &template.positions;
+    let mut masses = vec![0.0; x.len()];
+    for t in template.triangles() {
+        let third = AREA_DENSITY * triangle_area(x, t) / 3.0;
+        t.iter().for_each(|&v| masses[v as usize] += third);
     }
-}
-
-/// Which second derivatives to assemble.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum HessianKind {
-    /// As they are; indefinite under compression.
-    Exact,
-    /// Each element's positive semi-definite upper bound.
-    Projected,
-    /// Squares of first derivatives of lengths and angles only; positive semi-definite.
-    GaussNewton,
+    masses
 }
 
 /// Masses and springs of a mesh, with the sparse pattern of their second derivatives, which clones share.
@@ -90,6 +63,8 @@ pub struct Cloth {
     pub bends: Vec<AngleSpring>,
     /// Shearing pairs.
     pub shears: Vec<AngleSpring>,
+    /// Instead of all springs.
+    pub continuum: Option<Continuum>,
     /// Pattern's pairs (corner 1, 0), (2, 0), (2, 1) of every triangle, for terms that act on triangles.
     pub triangle_pairs: Vec<[usize; 3]>,
     /// Pattern of Hessians and of the systems to solve.
@@ -99,14 +74,9 @@ pub struct Cloth {
 }
 
 impl Cloth {
-    /// The cloth that is at rest in the shape of `template`.
+    /// The cloth of springs that is at rest in the shape of `template`.
     pub fn new(template: &Mesh) -> Self {
         let x = &template.positions;
-        let mut masses = vec![0.0; x.len()];
-        for t in template.triangles() {
-            let third = AREA_DENSITY * triangle_area(x, t) / 3.0;
-            t.iter().for_each(|&v| masses[v as usize] += third);
-        }
         let mut pairs = Vec::new();
         let edges: Vec<Edge> = template
             .edges()
@@ -144,10 +114,11 @@ impl Cloth {
         let pattern = BlockPattern::new(x, &pairs);
         let analysis = Analysis::new(&pattern);
         Self {
-            masses,
+            masses: lumped_masses(template),
             edges,
             bends,
             shears,
+            continuum: None,
             triangle_pairs,
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),
@@ -171,6 +142,9 @@ impl Cloth {
 
     /// Elastic energy of shape `x` `[m]`.
     pub fn energy(&self, stiffness: &Stiffness, x: &[DVec3]) -> Energy {
+        if let Some(continuum) = &self.continuum {
+            return continuum.energy(stiffness, x);
+        }
         let hinges = |hinges: &[AngleSpring], k: &[f64]| {
             let of = |(h, &k): (&AngleSpring, &f64)| {
                 let [u, w] = arms(x, h.vertices);
@@ -188,6 +162,9 @@ impl Cloth {
 
     /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` `[N]`, shape `[V]`.
     pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
+        if let Some(continuum) = &self.continuum {
+            return continuum.add_gradient(stiffness, x, scale, out);
+        }
         let mut second = vec![DVec3::ZERO; out.len()];
         let [first_half, second_half] = self.angle_halves(stiffness);
         let of_spring = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
@@ -216,6 +193,9 @@ impl Cloth {
         matrix: &mut BlockMatrix,
         scratch: &mut Scratch,
     ) {
+        if let Some(continuum) = &self.continuum {
+            return continuum.add_hessian(stiffness, x, kind, scale, (&self.pattern, matrix), scratch);
+        }
         // Two sums, added in the end: the same bits on one thread and on two.
         let mut second = scratch.zero_matrix(&self.pattern);
         let [first_half, second_half] = self.angle_halves(stiffness);
@@ -267,6 +247,9 @@ impl Cloth {
         scale: f64,
         out: &mut [DVec3],
     ) {
+        if let Some(continuum) = &self.continuum {
+            return continuum.add_third(stiffness, x, [a, b], scale, out);
+        }
         let mut second = vec![DVec3::ZERO; out.len()];
         let [first_half, second_half] = self.angle_halves(stiffness);
         let of_spring = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
@@ -288,6 +271,9 @@ impl Cloth {
 
     /// Adds `scale`·λᵀ ∂(∂E/∂x)/∂k to `out` for the stiffness k of every element.
     pub fn add_gradient_by_stiffness(&self, x: &[DVec3], lambda: &[DVec3], scale: f64, out: &mut Stiffness) {
+        if let Some(continuum) = &self.continuum {
+            return continuum.add_gradient_by_stiffness(x, lambda, scale, out);
+        }
         for (e, out) in self.edges.iter().zip(&mut out.stretch) {
             *out += scale * stretch::gradient(e.along(x), 1.0, e.rest_length).dot(e.along(lambda));
         }
@@ -309,6 +295,9 @@ impl Cloth {
         scale: f64,
         out: &mut Stiffness,
     ) {
+        if let Some(continuum) = &self.continuum {
+            return continuum.add_hessian_by_stiffness(x, [a, b], scale, out);
+        }
         for (e, out) in self.edges.iter().zip(&mut out.stretch) {
             *out += scale * e.along(a).dot(stretch::hessian(e.along(x), 1.0, e.rest_length) * e.along(b));
         }
@@ -340,12 +329,15 @@ impl Cloth {
 }
 
 impl Stiffness {
-    /// The same stretch, bend and shear stiffness for every element of `cloth`.
+    /// The same stretch, bend and shear stiffness for every spring of `cloth`; zeros for the elements of a continuum, whose stiffness is
+    /// [`super::fabric::Fabric::stiffness`].
     pub fn uniform(cloth: &Cloth, [stretch, bend, shear]: [f64; 3]) -> Self {
         Self {
             stretch: vec![stretch; cloth.edges.len()],
             bend: vec![bend; cloth.bends.len()],
             shear: vec![shear; cloth.shears.len()],
+            membrane: vec![[0.0; 4]; cloth.continuum.as_ref().map_or(0, |c| c.membranes.len())],
+            hinge: vec![0.0; cloth.continuum.as_ref().map_or(0, |c| c.hinges.len())],
         }
     }
 

@@ -9,8 +9,9 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, HessianKind, Stiffness};
+use super::cloth::Cloth;
 use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
+use super::stiffness::{HessianKind, Stiffness};
 use crate::error::{Error, Result};
 use crate::math::block_matrix::BlockMatrix;
 use crate::math::conjugate_gradients::{End, conjugate_gradients};

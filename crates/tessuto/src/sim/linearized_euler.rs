@@ -7,8 +7,9 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, HessianKind, Stiffness};
+use super::cloth::Cloth;
 use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
+use super::stiffness::{HessianKind, Stiffness};
 use crate::error::{Error, Result};
 use crate::math::factor::{Factor, Scratch};
 

@@ -1,4 +1,4 @@
-//! Differentiable cloth simulation: springs, two implicit integrators, their adjoints.
+//! Differentiable cloth simulation: two elastic models, springs and a continuum ([`fabric`]), two implicit integrators, their adjoints.
 //!
 //! [`rollout()`] simulates a clip, [`rollout_vjp`] takes the derivatives of a loss by its positions back to accelerations,
 //! stiffnesses and the initial state:
@@ -38,15 +38,22 @@
 
 pub(crate) mod angle;
 pub mod cloth;
+pub mod continuum;
+pub mod fabric;
+pub mod hinge;
 pub mod implicit_euler;
 pub mod linearized_euler;
+pub mod membrane;
 pub(crate) mod rollout;
 pub mod state;
 pub mod step;
+pub mod stiffness;
 pub(crate) mod stretch;
 pub(crate) mod ties;
 
-pub use cloth::{Cloth, Energy, HessianKind, Stiffness};
+pub use cloth::Cloth;
+pub use fabric::Fabric;
 pub use rollout::{Accelerations, Rollout, RolloutGradients, RolloutInputs, rollout, rollout_vjp};
 pub use state::{Integrator, State, StepSettings};
+pub use stiffness::{Energy, HessianKind, Stiffness};
 pub use ties::TiedCloth;

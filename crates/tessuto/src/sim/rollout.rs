@@ -2,9 +2,10 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, Stiffness};
+use super::cloth::Cloth;
 use super::state::{State, StepGradients, StepSettings, StepTape};
 use super::step::{step, step_vjp};
+use super::stiffness::Stiffness;
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;

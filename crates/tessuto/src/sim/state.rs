@@ -2,7 +2,8 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, Stiffness};
+use super::cloth::Cloth;
+use super::stiffness::Stiffness;
 use crate::error::{Error, Result};
 use crate::math::factor::Factor;
 use crate::mesh::Positions;

@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, Stiffness};
+use super::cloth::Cloth;
 use super::state::{Integrator, State, StepGradients, StepSettings, StepTape};
+use super::stiffness::Stiffness;
 use super::{implicit_euler, linearized_euler};
 use crate::error::Result;
 use crate::math::factor::Scratch;

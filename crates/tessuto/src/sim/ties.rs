@@ -7,9 +7,10 @@
 
 use glam::DVec3;
 
-use super::cloth::{Cloth, Stiffness};
+use super::cloth::Cloth;
 use super::state::{State, StepSettings, StepTape};
 use super::step::step;
+use super::stiffness::Stiffness;
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;

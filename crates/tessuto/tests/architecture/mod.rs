@@ -26,7 +26,7 @@ const LAYERS: [&[&str]; 19] = [
     &["result"],
     &["masks"],
     &["check", "export", "import", "view"],
-    &["run", "synth"],
+    &["run", "synth", "compare"],
     &["lib"],
 ];
 

@@ -122,6 +122,21 @@ fn silhouette_gradient() {
 }
 
 #[test]
+fn one_sided_silhouette_gradient() {
+    let mut worst = 0.0f64;
+    for seed in 0..3 {
+        let mut scene = Scene::cloth(seed, 0.01, ramp());
+        let weights = Weights::new(seed, [1.0; 4], false, |_| true);
+        let both = weights.gradients(&scene);
+        scene.rasterizer = scene.rasterizer.one_sided(true);
+        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-8));
+        assert_ne!(both.positions, weights.gradients(&scene).positions);
+    }
+    println!("one-sided: worst relative error {worst:.1e}");
+    assert!(worst < 1e-5, "{worst}");
+}
+
+#[test]
 fn gradient_of_crumpled_cloth_with_folds() {
     let mut worst = 0.0f64;
     for seed in 0..4 {

@@ -18,7 +18,8 @@ fn fast_path_is_the_plain_twin() {
     let (mut worst_color, mut worst_depth, mut blends) = (0.0f64, 0.0f64, 0);
     for seed in 0..12 {
         let crumple = [0.004, 0.02, 0.08, 0.2][seed as usize % 4];
-        let scene = Scene::cloth(seed, crumple, noise(seed));
+        let mut scene = Scene::cloth(seed, crumple, noise(seed));
+        scene.rasterizer = scene.rasterizer.one_sided(seed % 3 == 2);
         let fast = render(&scene, &CAMERA);
         let twin = reference::render(&scene.rasterizer, &CAMERA, &scene.positions, &plain(&scene.texture));
         blends += fast.blend_count();
@@ -151,6 +152,25 @@ fn silhouettes_reach_into_the_background_and_sum_to_the_area() {
         assert!((coverage - area).abs() < 2.0, "{coverage} {area}");
         assert!(out.rgba.iter().all(|c| (0.0..=1.0).contains(&c[3])));
     }
+}
+
+#[test]
+fn one_sided_antialiasing_leaves_the_background_black() {
+    let mut scene = Scene::cloth(3, 0.02, noise(3));
+    let both = render(&scene, &CAMERA);
+    scene.rasterizer = scene.rasterizer.one_sided(true);
+    let one = render(&scene, &CAMERA);
+    let (mut changed, mut kept) = (0, 0);
+    for ((one, both), triangle) in one.rgba.iter().zip(&both.rgba).zip(&one.triangle) {
+        if *triangle == Rendering::NO_TRIANGLE {
+            assert_eq!(one, &[0.0; 4]);
+            changed += usize::from(one != both);
+        } else {
+            assert_eq!(one, both);
+            kept += usize::from(one[3] < 1.0);
+        }
+    }
+    assert!(changed > 50 && kept > 50, "{changed} {kept}");
 }
 
 #[test]

@@ -1,3 +1,4 @@
 //! The simulation and its derivatives.
 
+mod continuum;
 mod gradient;

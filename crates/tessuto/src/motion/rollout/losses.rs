@@ -24,6 +24,9 @@ settings! {
     }
 }
 
+/// Added to a loss before gradients are divided by it.
+pub(crate) const LOSS_FLOOR: f64 = 1e-8;
+
 /// Losses by name, unweighted.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Losses {
@@ -33,7 +36,7 @@ pub struct Losses {
     pub silhouette: f64,
     /// Mean elastic energy `[J]`.
     pub energy: f64,
-    /// Mean acceleration across the view ray [m/s²].
+    /// Mean acceleration across the view ray, see [`force_across_rays`] [m/s²].
     pub force: f64,
     /// Mean change of the dynamic acceleration [m/s²].
     pub force_smoothness: f64,
@@ -79,7 +82,8 @@ pub fn view_rays(shape: &[DVec3]) -> Positions {
     shape.iter().map(|x| x.normalize_or_zero()).collect()
 }
 
-/// Mean over entries and vertices of ‖g − (g·d) d‖ with g = C + D and the unit view rays d, taken as constants.
+/// Mean over vertices and frames, the first one counted with no force, of ‖g − (g·d) d‖ with g = C + D and the unit view rays d,
+/// taken as constants.
 /// Adds `scale`·its gradient to `grad_constant` and `grad_dynamic`; only the first `entries` of D count.
 /// `rays[k]` belongs to entry k.
 pub fn force_across_rays(
@@ -91,7 +95,7 @@ pub fn force_across_rays(
     grad_dynamic: &mut [Positions],
 ) -> f64 {
     let vertex_count = accelerations.dynamic.first().map_or(1, Vec::len);
-    let share = 1.0 / (entries * vertex_count) as f64;
+    let share = 1.0 / ((entries + accelerations.entries_per_frame) * vertex_count) as f64;
     let mut sum = 0.0;
     for k in 0..entries {
         for (i, d) in rays[k].iter().enumerate() {
@@ -132,4 +136,22 @@ pub fn force_changes(
         }
     }
     sum * share
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_frame_counts_as_one_without_force() {
+        let mut accelerations = Accelerations::zeros(4, 1, 5);
+        accelerations.constant = DVec3::new(3.0, 4.0, 100.0);
+        let rays = vec![DVec3::Z; 5];
+        let (mut constant, mut dynamic) = (DVec3::ZERO, accelerations.dynamic.clone());
+        let force = force_across_rays(&accelerations, 2, &[&rays, &rays], 1.0, &mut constant, &mut dynamic);
+        // Three frames are looked at, two of which follow a force of 5 m/s² across the rays.
+        assert!((force - 5.0 * 2.0 / 3.0).abs() < 1e-9, "{force}");
+        assert!((constant - DVec3::new(0.6, 0.8, 0.0) * (2.0 / 3.0)).length() < 1e-9, "{constant}");
+        assert_eq!(dynamic[2], [DVec3::ZERO; 5]);
+    }
 }

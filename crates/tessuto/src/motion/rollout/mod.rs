@@ -23,21 +23,23 @@ use crate::sim::{
 };
 use crate::video::Frame;
 use guard::DivergenceGuard;
-use losses::{LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
+use losses::{LOSS_FLOOR, LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
 
 settings! {
     /// Settings of the rollout fit.
     pub struct RolloutSettings {
         /// Frames of the first epochs.
         first_frames: usize = 2, number(2.0..=1e6, "");
-        /// Epochs until the next frame joins.
+        /// Epochs between two frames that join.
         epochs_per_frame: usize = 5, number(1.0..=1e6, "");
-        /// Epochs after the last frame joined.
-        last_epochs: usize = 15, number(0.0..=1e6, "");
+        /// Epochs beyond those of the frames that join.
+        last_epochs: usize = 20, number(0.0..=1e6, "");
         /// Weights of the losses.
         weights: LossWeights = LossWeights::default(), group::<LossWeights>();
         /// Take the view rays of weights.force from the first frame in all frames, as the published program does.
-        frozen_rays: bool = false, flag();
+        frozen_rays: bool = true, flag();
+        /// Leave the pixels beside the fabric unblended, as the published program does; half of the gradient of the silhouettes.
+        one_sided_silhouettes: bool = true, flag();
         /// Optimise the stiffnesses; otherwise they keep their start.
         optimise_material: bool = true, flag();
         /// Learning rate of the log10 stiffnesses.
@@ -56,6 +58,18 @@ settings! {
         force_per_substep: bool = false, flag();
         /// Failed epochs since the last sound one after which the fit stops with the best state.
         patience: usize = 10, number(0.0..=1e6, "");
+    }
+}
+
+impl RolloutSettings {
+    /// Number of epochs for a video of `frames` frames.
+    fn epoch_count(&self, frames: usize) -> usize {
+        frames.saturating_sub(self.first_frames) * self.epochs_per_frame + self.last_epochs
+    }
+
+    /// How many of `frames` frames epoch number `epoch`, counted from 0, looks at.
+    fn active_frames(&self, frames: usize, epoch: usize) -> usize {
+        (self.first_frames + epoch.div_ceil(self.epochs_per_frame)).min(frames)
     }
 }
 
@@ -129,8 +143,6 @@ struct Run {
     epochs: usize,
     state: FitState,
     guard: DivergenceGuard<FitState>,
-    /// Lowest loss over all frames and where it was.
-    best: Option<(f64, Parameters)>,
 }
 
 impl FitState {
@@ -159,9 +171,7 @@ impl FitState {
 impl Run {
     fn fits(&self, fit: &RolloutFit) -> bool {
         let active = fit.active_frames(self.epochs.saturating_sub(1));
-        self.state.fits(fit)
-            && self.guard.fits(active, |state| state.fits(fit))
-            && self.best.as_ref().is_none_or(|(_, p)| p.accelerations.matches(&fit.start().accelerations))
+        self.state.fits(fit) && self.guard.fits(active, |state| state.fits(fit))
     }
 }
 
@@ -177,38 +187,34 @@ impl RolloutFit<'_> {
 
     /// Number of epochs of the whole fit.
     pub fn epoch_count(&self) -> usize {
-        let s = self.settings;
-        self.scene.frames.len().saturating_sub(s.first_frames) * s.epochs_per_frame + s.last_epochs
+        self.settings.epoch_count(self.scene.frames.len())
     }
 
     fn active_frames(&self, epoch: usize) -> usize {
-        let s = self.settings;
-        (s.first_frames + epoch / s.epochs_per_frame).min(self.scene.frames.len())
+        self.settings.active_frames(self.scene.frames.len(), epoch)
     }
 
-    /// Runs all epochs from `parameters`; returns the parameters with the lowest loss over all frames. If the fit
-    /// diverges for good it ends early, with the last sound parameters and the failure.
+    /// Runs all epochs from `parameters`; returns the last parameters. If the fit diverges for good it ends early, with the
+    /// last sound parameters and the failure.
     ///
     /// # Errors
     /// [`Error::Input`] if it is to go on from a state that does not fit; what the session's observer returns.
     pub fn run(&self, parameters: Parameters, session: &mut Session) -> Result<(Parameters, Option<Error>)> {
-        let start = || Run {
-            epochs: 0,
-            state: FitState::new(self, parameters),
-            guard: DivergenceGuard::new(),
-            best: None,
-        };
+        let start =
+            || Run { epochs: 0, state: FitState::new(self, parameters), guard: DivergenceGuard::new() };
         let mut run: Run = session.restore("rollout")?.unwrap_or_else(start);
         if !run.fits(self) {
             return Err(foreign_state("rollout"));
         }
-        // One epoch more looks at the last step.
+        // One epoch more judges the last step.
         while run.epochs <= self.epoch_count() {
-            let Run { epochs, state, guard, best } = &mut run;
+            let Run { epochs, state, guard } = &mut run;
             let epoch = *epochs;
             *epochs += 1;
             let active = self.active_frames(epoch);
-            self.move_mean_to_constant(&mut state.parameters.accelerations, active);
+            if epoch < self.epoch_count() {
+                subtract_mean(&mut state.parameters.accelerations.dynamic);
+            }
             let evaluated = self.loss_and_gradients(&state.parameters, active).and_then(|gradients| {
                 let verdict = guard.judge(state, &gradients.by_frame);
                 verdict.map_err(|problem| Error::numerical("loss", problem, "")).map(|()| gradients)
@@ -225,9 +231,6 @@ impl RolloutFit<'_> {
                     continue;
                 }
             };
-            if active == self.scene.frames.len() && best.as_ref().is_none_or(|b| gradients.total < b.0) {
-                *best = Some((gradients.total, state.parameters.clone()));
-            }
             if epoch < self.epoch_count() {
                 let before = state.parameters.stiffness();
                 let constant = state.parameters.accelerations.constant;
@@ -237,13 +240,13 @@ impl RolloutFit<'_> {
             }
         }
         session.finish("rollout", &run);
-        Ok((run.best.map_or(run.state.parameters, |(_, parameters)| parameters), None))
+        Ok((run.state.parameters, None))
     }
 
     /// One step of every group against `gradients`.
     fn descend(&self, state: &mut FitState, gradients: &LossAndGradients, rate: f64) {
         // Dividing by the loss makes the step free of its scale.
-        let scale = 1.0 / gradients.total;
+        let scale = 1.0 / (gradients.total + LOSS_FLOOR);
         let parameters = &mut state.parameters;
         if self.settings.optimise_material {
             for (k, group) in state.stiffness.iter_mut().enumerate() {
@@ -298,15 +301,6 @@ impl RolloutFit<'_> {
                 ("rate", rate),
             ]),
         }
-    }
-
-    /// Moves the mean of D over the active entries and the vertices into C; the sum C + D stays for these.
-    fn move_mean_to_constant(&self, accelerations: &mut Accelerations, active: usize) {
-        let entries = (active - 1) * accelerations.entries_per_frame;
-        let count = (entries * self.cloth.vertex_count()) as f64;
-        let mean = accelerations.dynamic[..entries].iter().flatten().copied().sum::<DVec3>() / count;
-        accelerations.constant += mean;
-        accelerations.dynamic[..entries].iter_mut().flatten().for_each(|d| *d -= mean);
     }
 
     /// Simulates `frame_count` frames with `parameters`.
@@ -428,6 +422,14 @@ struct FrameLoss {
     gradient: Positions,
 }
 
+/// Takes the mean over all entries and vertices off `dynamic`. What all have in common is for C to find; entries of frames that
+/// are not looked at yet take part, so that these do not start from no force when they join.
+fn subtract_mean(dynamic: &mut [Positions]) {
+    let count = dynamic.iter().map(Vec::len).sum::<usize>().max(1);
+    let mean = dynamic.iter().flatten().copied().sum::<DVec3>() / count as f64;
+    dynamic.iter_mut().flatten().for_each(|d| *d -= mean);
+}
+
 fn at_rest(x: &[DVec3]) -> State {
     State { x: x.to_vec(), v: vec![DVec3::ZERO; x.len()] }
 }
@@ -443,4 +445,25 @@ fn divergence(epoch: usize, cause: &Error) -> Error {
         Hint::from("the best state so far was kept; try lower learning rates, or another integrator")
             .with(Remedy::Set("dynamics.integrator=implicit_euler")),
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_published_schedule() {
+        let settings = RolloutSettings::default();
+        assert_eq!(settings.epoch_count(50), 260);
+        let active: Vec<usize> = (0..260).map(|e| settings.active_frames(50, e)).collect();
+        assert_eq!(active[..7], [2, 3, 3, 3, 3, 3, 4]);
+        assert_eq!(active.iter().filter(|&&a| a == 50).count(), 24);
+    }
+
+    #[test]
+    fn the_mean_of_all_entries_goes() {
+        let mut dynamic = vec![vec![DVec3::X * 4.0; 2], vec![DVec3::ZERO; 2]];
+        subtract_mean(&mut dynamic);
+        assert_eq!(dynamic, [[DVec3::X * 2.0; 2], [DVec3::X * -2.0; 2]]);
+    }
 }
