@@ -129,6 +129,9 @@ pub fn text(tables: &[Table], entries: &[Entry]) -> String {
         }
         out.push('\n');
     }
+    if tables.iter().flat_map(|t| &t.rows).any(|row| row.is_published) {
+        out.push_str("Published figures are means over whole clips.\n");
+    }
     for (entry, failure) in failures(entries) {
         let _ = writeln!(out, "{}, {}: {failure}", entry.scene, entry.method.key);
     }
@@ -195,8 +198,12 @@ mod tests {
         assert_eq!(tables.iter().map(|t| t.key.as_str()).collect::<Vec<_>>(), ["time", "memory"]);
         assert_eq!(tables[0].rows[0].values, [Some(12.5), Some(12.5)]);
         assert_eq!((tables[0].rows[1].values[0], tables[0].rows[1].mean()), (None, None));
-        let text = text(&tables, &entries);
-        assert!(text.contains("wall time [s]") && text.contains("curtain, saft-fixed: out of memory"));
+        let report = text(&tables, &entries);
+        assert!(!report.contains("Published"), "{report}");
+        let published = Row { is_published: true, ..tables[0].rows[0].clone() };
+        let beside = Table { rows: vec![published], ..tables[0].clone() };
+        assert!(text(&[beside], &entries).contains("means over whole clips"));
+        assert!(report.contains("wall time [s]") && report.contains("curtain, saft-fixed: out of memory"));
         let csv = csv(&tables);
         assert_eq!(csv.lines().count(), 1 + 3 + 3);
         assert!(csv.contains("time,s,\"SAFT, this program's\",measured,\"a, b\",12.5\n"), "{csv}");
