@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::conserved::comes_and_goes;
 use super::frames::Frames;
 use super::region::{Field, Region};
 use super::still::standing_still;
@@ -16,8 +17,10 @@ const STEP: f32 = 2.5;
 /// Fraction of the outline that may lie at the border of the image.
 const LEAVES: f64 = 0.02;
 
-/// Fraction of the outline that may stand still, and how much more of it leaves no confidence.
-const STILL: (f64, f64) = (0.02, 0.1);
+/// Fractions of the mask that may be wrong by what stands still, and by what comes and goes, and how much more leaves no
+/// confidence. Both are less than what is wrong, so that frames are named below an overlap of about 0.97.
+const STILL: (f64, f64) = (0.004, 0.02);
+const COMES: (f64, f64) = (0.015, 0.025);
 
 /// What is said of one frame's mask.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,10 +39,12 @@ pub(super) fn judge(frames: &Frames, tracked: &Tracked) -> Vec<Judgement> {
         .map(|n| tracked.regions[n].signed_distance(tracked.evidence[n].rect))
         .collect();
     let still = standing_still(frames, tracked, &distances);
-    (0..count).into_par_iter().map(|n| one(frames, tracked, &distances, still[n], n)).collect()
+    let comes = comes_and_goes(tracked, &distances);
+    let one = |n| one(frames, tracked, &distances, [still[n], comes[n]], n);
+    (0..count).into_par_iter().map(one).collect()
 }
 
-fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], still: f64, n: usize) -> Judgement {
+fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], wrong: [f64; 2], n: usize) -> Judgement {
     let region = &tracked.regions[n];
     let clear = clearness(region, &tracked.evidence[n]);
     // What neighbours say where the fabric should be.
@@ -68,7 +73,8 @@ fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], still: f64, n: u
         ((agreement - 0.85) / 0.1).clamp(0.0, 1.0),
         if leaves > LEAVES { 0.5 } else { 1.0 },
         1.0 - ((jump.max(1.0 / jump) - 1.1) / 0.4).clamp(0.0, 1.0),
-        1.0 - ((still - STILL.0) / STILL.1).clamp(0.0, 1.0),
+        1.0 - ((wrong[0] - STILL.0) / STILL.1).clamp(0.0, 1.0),
+        1.0 - ((wrong[1] - COMES.0) / COMES.1).clamp(0.0, 1.0),
     ];
     let confidence = steps.iter().product::<f64>();
     let reasons = [
@@ -77,8 +83,12 @@ fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], still: f64, n: u
         "the fabric leaves the image".to_owned(),
         format!("its area is {jump:.2} times that of the frames around"),
         format!(
-            "{:.0} % of the outline stands still while the fabric moves: it may be that of something behind in the same colours",
-            100.0 * still
+            "part of its outline stands still while the fabric moves, {:.1} % of it or more: something behind in the same colours",
+            100.0 * wrong[0]
+        ),
+        format!(
+            "{:.1} % of it come from outside and go there again: something that moves past behind",
+            100.0 * wrong[1]
         ),
     ];
     let worst = (0..steps.len()).min_by(|a, b| steps[*a].total_cmp(&steps[*b])).unwrap_or(0);

@@ -6,6 +6,8 @@
 //! both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). What looks wrong is named with
 //! the frame (`judge`, `steady`).
 
+mod beyond;
+mod conserved;
 mod cut;
 mod evidence;
 mod files;

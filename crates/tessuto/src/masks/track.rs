@@ -3,6 +3,7 @@
 
 use rayon::prelude::*;
 
+use super::beyond::{FRAMES, behind};
 use super::evidence::{Expected, Known};
 use super::flow::{Flow, flow};
 use super::frames::{Colours, Frames};
@@ -56,6 +57,8 @@ struct Tracker<'a> {
     given: &'a Given,
     /// Square root of the fabric's area `[px]`.
     size: f32,
+    /// Per frame: those given, and in the first frame those of what stays behind.
+    marks: Vec<Vec<Mark>>,
     clicked: [Vec<[f32; 3]>; 2],
 }
 
@@ -66,14 +69,25 @@ pub(super) fn track(
     given: &Given,
     progress: &(dyn Fn(f64) + Sync),
 ) -> Result<Tracked, usize> {
-    let tracker = Tracker {
+    let mut tracker = Tracker {
         frames,
         given,
         size: (given.first.area() as f32).sqrt(),
+        marks: given.marks.clone(),
         clicked: clicked(frames, &given.marks),
     };
     let count = frames.images.len() as f64;
-    let (mut regions, flows) = tracker.forward(&|n| progress(0.3 * n as f64 / count))?;
+    let (mut regions, mut flows) = tracker.forward(&|n| progress(0.2 * n as f64 / count))?;
+    if given.rough {
+        let early = &regions[..regions.len().min(FRAMES + 1)];
+        let distances: Vec<Field> = early.par_iter().map(|r| r.signed_distance(tracker.around(r))).collect();
+        let behind = behind(&given.first, &distances, &flows);
+        if !behind.is_empty() {
+            tracker.marks[0].extend(behind);
+            tracker.clicked = clicked(frames, &tracker.marks);
+            (regions, flows) = tracker.forward(&|n| progress(0.2 + 0.2 * n as f64 / count))?;
+        }
+    }
     let mut evidence = Vec::new();
     let mut plate = Plate::unknown(frames.size);
     for (pass, band) in AGAIN.iter().enumerate() {
@@ -87,7 +101,7 @@ pub(super) fn track(
             .into_par_iter()
             .map(|n| {
                 let found = tracker.again(n, &distances, &flows, &plate, *band);
-                progress(0.3 + 0.3 * (pass as f64 + n as f64 / count));
+                progress(0.4 + 0.3 * (pass as f64 + n as f64 / count));
                 found
             })
             .collect();
@@ -115,7 +129,7 @@ impl Tracker<'_> {
     /// Frame `n` without crumbs and pinholes, but for what was clicked.
     fn tidy(&self, region: Region, n: usize) -> Region {
         let mut tidy = region.tidied(if self.given.largest_piece { 1.0 } else { CRUMBS }, PINHOLES);
-        impose(&mut tidy, &self.given.marks[n]);
+        impose(&mut tidy, &self.marks[n]);
         tidy
     }
 
@@ -126,7 +140,7 @@ impl Tracker<'_> {
         for band in bands {
             let prior = self.opened(region.signed_distance(self.around(&region)), self.band(*band));
             let known = self.known(0, &prior, self.band(*band), plate, &[]);
-            region = self.tidy(segment(&known, &self.given.marks[0]).region, 0);
+            region = self.tidy(segment(&known, &self.marks[0]).region, 0);
         }
         region
     }
@@ -187,7 +201,7 @@ impl Tracker<'_> {
             band.iter_mut().for_each(|b| *b = b.max(0.7 * flow.largest()).min(0.12 * self.size));
             let prior = self.opened(prior, band);
             let known = self.known(n, &prior, band, &plate, &expected);
-            let region = self.tidy(segment(&known, &self.given.marks[n]).region, n);
+            let region = self.tidy(segment(&known, &self.marks[n]).region, n);
             drop(expected);
             regions.push(region);
             flows.push(flow);
@@ -234,7 +248,7 @@ impl Tracker<'_> {
         prior.data.iter_mut().for_each(|p| *p /= count);
         let prior = self.opened(prior, self.band(band));
         let known = self.known(n, &prior, self.band(band), plate, &expected);
-        let found = segment(&known, &self.given.marks[n]);
+        let found = segment(&known, &self.marks[n]);
         (self.tidy(found.region, n), found.evidence)
     }
 }
