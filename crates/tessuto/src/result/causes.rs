@@ -140,7 +140,7 @@ impl CauseFile {
     }
 }
 
-/// Writes forces.npz, `gravity`, `air`, `friction`, `hold` and `residual` [N − 1, V, 3] m/s², and rest_lengths.npy [edges] m.
+/// Writes forces.npz, `gravity`, `air`, `friction`, `hold` and `residual` [N − 1, V, 3] m/s², and `rest_lengths.npy`, one for each edge, m.
 pub(super) fn write_forces(folder: &Path, explained: &Explained) -> Result<()> {
     let parts = &explained.parts;
     let vertices = parts.air.first().map_or(0, Vec::len);

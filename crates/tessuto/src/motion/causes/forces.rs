@@ -15,7 +15,7 @@ pub struct Causes {
     pub ln_stiffness: [f64; 3],
     /// Direction of gravity, a unit vector.
     pub down: DVec3,
-    /// ln of the drag coefficient C_d of the air: [`super::air`].
+    /// ln of the drag coefficient C_d of the air, as across a plate.
     pub ln_drag: f64,
     /// ln of the internal friction c [J·s/rad²] of bending and shearing: a moment c θ̇ at every angle.
     pub ln_friction: f64,

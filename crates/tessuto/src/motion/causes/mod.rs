@@ -1,10 +1,10 @@
 //! From a motion to its causes: stiffnesses, gravity, air and what holds the cloth.
 //!
 //! For every vertex m a = −∂E/∂x − c θ̇ ∂θ/∂x + m g + air + hold + m D. The cloth is flat as cut ([`crate::sim::Cloth::flat`]), its angles θ
-//! have internal friction c ([`crate::sim::Cloth::rub`]), g has a known size, [`air`] acts across the cloth and the wind's velocity w
+//! have internal friction c ([`crate::sim::Cloth::rub`]), g has a known size, air acts across the cloth and the wind's velocity w
 //! changes smoothly in time, few vertices are held; D is what is left.
 //!
-//! The unknowns θ, ln stiffnesses, the direction of g, ln C_d, ln c and the wind at [`Knots`], make a motion x(θ) by a [`Drive`]: a simulation of
+//! The unknowns θ, ln stiffnesses, the direction of g, ln C_d, ln c and the wind at [`Knots`], make a motion x(θ) by a drive: a simulation of
 //! second order in time whose held vertices follow their found paths and whose others are tied to theirs by weak springs, the gain of
 //! a steady filter: they keep errors of the model from growing without end. θ minimises
 //!
