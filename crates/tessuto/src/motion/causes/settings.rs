@@ -16,9 +16,9 @@ settings! {
         tie: f64 = 100.0, number(0.0..=1e6, "1/s²");
         /// Strength of the springs that lead the replay along the found positions: what they pull is what no cause explains.
         tracking: f64 = 4e5, number(1e-6..=1e12, "1/s²");
-        /// Spread of ln of a stiffness about its start; for stretch, about which a video says little, half of it.
+        /// Spread of ln of a stiffness about its start, half of it for stretch; larger is weaker.
         spread: f64 = 2.0, number(1e-3..=100.0, "");
-        /// Spread of the wind's velocity; a tenth of it in the first frame, in which the cloth hangs still as a rule.
+        /// Spread of the wind's velocity, a tenth of it in the first frame, in which cloth hangs still as a rule; larger is weaker.
         wind: f64 = 1.0, number(1e-6..=1e3, "m/s");
         /// Time between two values of the wind.
         wind_interval: f64 = 0.1, number(1e-3..=1e3, "s");
