@@ -5,7 +5,8 @@
 //! MOTION is a result's motion.npy, or gt/vertices.npy of the scene. Prints factors and angles against gt/physics.json, where there is
 //! one, and how far the motion goes on as gt/calm.npy, and as gt/stiffer.npy with ten times the bend stiffness.
 //! `known` takes stiffnesses, gravity, drag and friction from gt/physics.json instead of searching, `held=0,24` the held vertices,
-//! `start=1,10,0.1` multiplies the starts of stretch, bend and shear.
+//! `start=1,10,0.1` multiplies the starts of stretch, bend and shear. `residual=0` leaves out what no cause explains, `friction=1e-8` sets the
+//! internal friction, `length=0.9997` takes the panel's lengths times that, `compression=1` lets edges resist shortening.
 
 use std::path::Path;
 
@@ -131,7 +132,6 @@ fn main() -> tessuto::Result<()> {
         cut.edges[1].rest_length
     );
     let (guided, parts) = causes::follow(&cut, &dynamics, &found, &frames, config.causes.tracking);
-    npy::write_field(Path::new("/tmp/residual.npy"), &parts.residual)?;
     let follows = mean(&errors(&guided.frames, &frames));
     let sizes = causes::Explained::new(&cut, found.clone(), parts, &guided.frames, scene.fps).sizes;
     println!("follows within {follows:.2} mm; {sizes:.1?}");
@@ -140,7 +140,6 @@ fn main() -> tessuto::Result<()> {
     let plain = Otherwise { residual, ..Otherwise::default() };
     let run = causes::changed(&cut, &dynamics, &found, &frames, &plain);
     let by_frame = errors(&run.frames, &frames);
-    npy::write_field(Path::new("/tmp/again_out.npy"), &run.frames)?;
     println!("again {:.1} mm {by_frame:.0?}", mean(&by_frame));
     if let Some(calm) = field(&gt.join("calm.npy")) {
         let otherwise = Otherwise { further: calm.len(), air: 0.0, hold: Hold::Still, ..plain };
@@ -148,7 +147,6 @@ fn main() -> tessuto::Result<()> {
         let by_frame = errors(&run.frames[last + 1..], &calm);
         let still = errors(&vec![frames[last].clone(); calm.len()], &calm);
         println!("calm {:.1} mm (held still {:.1}) {by_frame:.0?}", mean(&by_frame), mean(&still));
-        npy::write_field(Path::new("/tmp/calm_out.npy"), &run.frames[last + 1..])?;
     }
     if let Some(stiffer) = field(&gt.join("stiffer.npy")) {
         let otherwise = Otherwise { scale: [1.0, 10.0, 1.0, 1.0], ..plain };
