@@ -4,15 +4,16 @@
 //! have internal friction c ([`crate::sim::Cloth::rub`]), g has a known size, air acts across the cloth and the wind's velocity w
 //! changes smoothly in time, few vertices are held; D is what is left.
 //!
-//! The unknowns θ, ln stiffnesses, the direction of g, ln C_d, ln c and the wind at [`Knots`], make a motion x(θ) by a drive: a simulation of
+//! The unknowns p, ln stiffnesses, the direction of g, ln C_d, ln c and the wind at [`Knots`], make a motion x(p) by a drive: a simulation of
 //! second order in time whose held vertices follow their found paths and whose others are tied to theirs by weak springs, the gain of
-//! a steady filter: they keep errors of the model from growing without end. θ minimises
+//! a steady filter: they keep errors of the model from growing without end. p minimises
 //!
-//!   1/ν Σ ½ τ² ln(1 + e²/τ²) + priors,   e² = ‖(x(θ) − found)/σ‖²,
+//!   1/ν Σ ½ τ² ln(1 + e²/τ²) + priors,   e² = ‖(x(p) − found)/σ‖²,
 //!
 //! with the deviations σ of the found positions, soft along the view ray and firm across it, and as errors are smooth in space and time,
-//! the number ν of vertices and frames that err together. So stiffnesses never meet the noise of found positions, which regression on
-//! these takes for softness, and the inverse of the Gauss-Newton matrix tells how sure they are.
+//! the number ν of vertices and frames that err together; ν grows where the model is off by more than σ. So stiffnesses never meet the
+//! noise of found positions, which regression on these takes for softness, and the inverse of the Gauss-Newton matrix tells how sure
+//! they are.
 
 mod air;
 mod drive;
