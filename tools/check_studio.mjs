@@ -58,6 +58,16 @@ const measure = () => {
   return { size: [along(1), along(side)], corners, width: camera.width, focal: camera.fx };
 };
 
+/**
+ * Seconds of a person's attention, without waiting, by the keystroke-level model of Card, Moran and Newell (1980): 0.28 s a key, 1.1 s to
+ * point, 0.2 s to press and let go, 0.4 s to bring a hand from the mouse to the keys or back, 1.35 s to think before every click and entry.
+ * Beside it, a look at the masks of every frame, half a second each, and a minute to measure the sheet and its camera's data.
+ */
+const attention = ({ clicks, keys, entries }, frames) =>
+  clicks * (1.35 + 1.1 + 0.2) + entries * (1.35 + 2 * 0.4) + keys * 0.28 + frames * 0.5 + 60;
+/** Frames of a clip of usual length, of which the one here is a fraction. */
+const USUAL_FRAMES = 50;
+
 /** Resident memory of a process [MB]. */
 const memory = pid => Number(/VmHWM:\s+(\d+)/.exec(readFileSync(`/proc/${pid}/status`, "utf8"))?.[1] ?? NaN) / 1024;
 
@@ -107,7 +117,7 @@ try {
   await page.press("ArrowLeft");
   await pause(300);
   await show("part");
-  page.clicks = 0;
+  Object.assign(page, { clicks: 0, keys: 0, entries: 0 });
   const person = performance.now();
 
   await page.click("#trim-next");
@@ -129,7 +139,7 @@ try {
   const kept = await outline(), scale = sheet.width / canvas.width;
   const off = Math.max(...kept.map((p, k) => Math.hypot(p.x - sheet.corners[k][0], p.y - sheet.corners[k][1])));
   check("four corners, in their order, where they were clicked", kept.length === 4 && off <= scale, `off by ${off.toFixed(2)} px of the clip`);
-  const clicks = page.clicks;
+  const { clicks, keys, entries } = page;
 
   // Beside the way: a wrong point, dragged, nudged and undone.
   const [x, y] = inWindow(kept.map(p => [p.x, p.y])[2]);
@@ -144,7 +154,7 @@ try {
   check("… and undone", JSON.stringify(await outline()) === JSON.stringify(kept));
   await page.send("Input.dispatchMouseEvent", { type: "mouseMoved", x: x - 6, y: y - 5 });
   await show("fabric");
-  page.clicks = clicks;
+  Object.assign(page, { clicks, keys, entries });
 
   // The server is killed: nothing is lost, and the page goes on where it was.
   child.kill("SIGKILL");
@@ -162,7 +172,7 @@ try {
   await show("check");
 
   // Beside the way: two places are said to be fabric and none, one more is taken back, and the masks are made anew.
-  const way = page.clicks, overlay = await page.box("#overlay");
+  const way = { clicks: page.clicks, keys: page.keys, entries: page.entries }, overlay = await page.box("#overlay");
   const onOverlay = (u, v) => page.clickAt(overlay.x + u * overlay.width, overlay.y + v * overlay.height);
   const state = () => page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json())`);
   const before = (await state()).work.masks_version;
@@ -183,7 +193,7 @@ try {
   check("clicks inside and outside reach the masks, one taken back does not", placed.join(", ") === "fabric 50 50, none 3 3", placed.join(", "));
   await page.waitFor(`!document.getElementById("check-next").disabled`, "the masks", 60);
   await calm();
-  page.clicks = way;
+  Object.assign(page, way);
 
   // Motion alone, which takes seconds.
   await page.click("#appearance");
@@ -191,6 +201,8 @@ try {
   await at("run");
   const seconds = (performance.now() - person) / 1000;
   check("from an opened clip to a running reconstruction in 8 clicks", page.clicks <= 8, `${page.clicks} clicks; this script, with waiting: ${seconds.toFixed(0)} s`);
+  const attended = attention(page, USUAL_FRAMES);
+  check("a person's part takes at most 3 minutes by the keystroke-level model", attended <= 180, `${attended.toFixed(0)} s: ${page.clicks} clicks, ${page.keys} keys, ${page.entries} entries, every frame looked at`);
   // Stopped at once, before it can end; it goes on to the same end.
   await page.waitFor(`!document.getElementById("stop").hidden`, "the button to stop", 60);
   await page.click("#stop");

@@ -61,6 +61,8 @@ export const launch = async () => {
   const page = {
     send, on, evaluate, waitFor, complaints,
     clicks: 0,
+    keys: 0,
+    entries: 0,
     go: url => send("Page.navigate", { url }),
     /** Clicks a place of the window. */
     async clickAt(x, y) {
@@ -91,8 +93,14 @@ export const launch = async () => {
       for (const t of [0.5, 1]) await mouse("mouseMoved", x0 + t * (x1 - x0), y0 + t * (y1 - y0), { button: "left", buttons: 1 });
       await mouse("mouseReleased", x1, y1, { button: "left", clickCount: 1 });
     },
-    type: string => send("Input.insertText", { text: string }),
+    /** Types a number or a word into what has the focus. */
+    type(string) {
+      page.keys += string.length;
+      page.entries++;
+      return send("Input.insertText", { text: string });
+    },
     async press(key, modifiers = 0) {
+      page.keys++;
       const code = KEYS[key] ?? key.toUpperCase().charCodeAt(0), text = key in KEYS ? (key === "Enter" ? "\r" : undefined) : modifiers ? undefined : key;
       await send("Input.dispatchKeyEvent", { type: "keyDown", key, text, windowsVirtualKeyCode: code, modifiers });
       await send("Input.dispatchKeyEvent", { type: "keyUp", key, windowsVirtualKeyCode: code, modifiers });
