@@ -8,8 +8,10 @@ mod completions;
 mod demo;
 mod evaluate;
 mod export;
+mod fabric;
 mod ffmpeg;
 mod findings;
+mod forecast;
 mod frames;
 mod http;
 mod import;
@@ -82,6 +84,8 @@ enum Command {
     Export(export::Arguments),
     Evaluate(evaluate::Arguments),
     Compare(compare::Arguments),
+    Forecast(forecast::Arguments),
+    Fabric(fabric::Arguments),
     Simulate(simulate::Arguments),
     Verify(verify::Arguments),
     Settings(settings::Arguments),
@@ -119,6 +123,8 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Export(arguments) => export::run(&arguments),
         Command::Evaluate(arguments) => evaluate::run(&arguments),
         Command::Compare(arguments) => compare::run(&arguments),
+        Command::Forecast(arguments) => forecast::run(&arguments),
+        Command::Fabric(arguments) => fabric::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         Command::Verify(arguments) => verify::run(&arguments),
         Command::Settings(arguments) => settings::run(&arguments),

@@ -113,7 +113,7 @@ impl Arguments {
             Held::Release => Hold::Release,
         };
         let gravity = if self.gravity == Gravity::Off { 0.0 } else { 1.0 };
-        Ok(Otherwise { scale, further: self.further, air, hold, gravity, residual: 1.0 })
+        Ok(Otherwise { scale, further: self.further, air, hold, gravity, ..Otherwise::default() })
     }
 }
 

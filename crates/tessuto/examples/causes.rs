@@ -80,7 +80,7 @@ fn main() -> tessuto::Result<()> {
     if let (true, Some(t)) = (known, &truth) {
         found.causes.ln_stiffness = names.map(|n| number(n).expect("a number").ln());
         found.causes.ln_drag = number("drag").expect("a number").ln();
-        found.causes.ln_friction = number("angle_damping").unwrap_or(1e-8).ln();
+        found.causes.ln_friction = number("friction").unwrap_or(1e-8).ln();
         let g: Vec<f64> =
             t["gravity"].as_array().expect("3").iter().map(|v| v.as_f64().expect("g")).collect();
         found.causes.down = DVec3::from_slice(&g).normalize();
@@ -112,7 +112,7 @@ fn main() -> tessuto::Result<()> {
         .map(|t| DVec3::from_array([0, 1, 2].map(|k| t["gravity"][k].as_f64().expect("gravity"))));
     let off = down.map_or(f64::NAN, |g| c.down.angle_between(g).to_degrees());
     println!("down {:.3} off {off:.1}° (sd {:.1}°)", c.down, found.spread.down.to_degrees());
-    println!("held {:?}; {seconds:.1} s", found.held);
+    println!("held {:?}; misfit {:.2}; {seconds:.1} s", found.held, found.misfit);
     let mut cut = causes::cut_cloth(&scene.template, &found.rest_lengths);
     let flat = tessuto::sim::panel(&scene.template).expect("a flat panel");
     let own: f64 = cut.edges.iter().map(|e| e.along(&flat).length() / e.rest_length).sum::<f64>();
@@ -133,7 +133,9 @@ fn main() -> tessuto::Result<()> {
     );
     let (guided, parts) = causes::follow(&cut, &dynamics, &found, &frames, config.causes.tracking);
     let follows = mean(&errors(&guided.frames, &frames));
-    let sizes = causes::Explained::new(&cut, found.clone(), parts, &guided.frames, scene.fps).sizes;
+    let sizes =
+        causes::Explained::new((&cut, &scene.template), found.clone(), parts, &guided.frames, scene.fps)
+            .sizes;
     println!("follows within {follows:.2} mm; {sizes:.1?}");
     let gt = Path::new(&folder).join("gt");
     let last = frames.len() - 1;

@@ -9,6 +9,9 @@ use tessuto::synth::{Mover, Settings};
 /// Strength of the gust where hands carry the cloth [m/s²]: their motion shall be seen.
 const HANDS_WIND: f64 = 2.0;
 
+/// Velocity of the wind, where it is one [m/s].
+const AIR_WIND: f64 = 1.0;
+
 /// Make a synthetic scene with complete ground truth: a textured cloth in a gust of wind, carried by hands, or paper.
 #[derive(Args)]
 #[command(after_help = "\
@@ -17,7 +20,8 @@ Examples:
   tessuto synth scenes/storm --wind 20 --frames 48 --seed 3
   tessuto synth scenes/canvas --grid 25x31 --size 640 --bend 1e-3
   tessuto synth scenes/carried --hands --blur --fps 15
-  tessuto synth scenes/sheet --paper --occluders")]
+  tessuto synth scenes/sheet --paper --occluders
+  tessuto synth scenes/physics --air --hands --frames 40        with all causes of the motion as truth")]
 pub struct Arguments {
     /// Scene folder to write.
     pub out: PathBuf,
@@ -39,7 +43,11 @@ pub struct Arguments {
     /// A flat sheet of paper, bent about turning axes without being stretched; knows no wind and no stiffness.
     #[arg(long, conflicts_with_all = ["hands", "wind", "stretch", "bend", "shear"])]
     paper: bool,
-    /// Strength of the gust [m/s²] [default: 9, with --hands 2].
+    /// The wind is moving air that presses on the sheet, and gravity is tilted against the camera: everything that moves the sheet is written
+    /// to gt/physics.json, what would have come of other causes to gt/calm.npy and gt/stiffer.npy.
+    #[arg(long, conflicts_with = "paper")]
+    air: bool,
+    /// Strength of the gust [m/s²], with --air of the wind [m/s] [default: 9, with --hands 2, with --air 1].
     #[arg(long)]
     wind: Option<f64>,
     /// Stretch stiffness [N/m].
@@ -94,7 +102,12 @@ impl Arguments {
             Kind::Triangles => MeshKind::Triangles,
             Kind::Irregular => MeshKind::Irregular,
         };
-        s.wind = self.wind.unwrap_or(if self.hands { HANDS_WIND } else { s.wind });
+        s.wind = self.wind.unwrap_or(match (self.air, self.hands) {
+            (true, _) => AIR_WIND,
+            (_, true) => HANDS_WIND,
+            _ => s.wind,
+        });
+        s.air = self.air;
         s.stretch = self.stretch;
         s.bend = self.bend;
         s.shear = self.shear;

@@ -10,6 +10,7 @@ mod import;
 mod man_pages;
 mod masks;
 mod output;
+mod physics;
 mod render;
 mod report;
 #[cfg(feature = "rerun")]

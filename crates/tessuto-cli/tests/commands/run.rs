@@ -12,7 +12,7 @@ fn tessuto(arguments: &[&str]) -> Output {
 }
 
 /// Runs a command that must succeed; returns what it printed.
-fn succeed(arguments: &[&str]) -> String {
+pub(super) fn succeed(arguments: &[&str]) -> String {
     let output = tessuto(arguments);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {errors}");
@@ -20,14 +20,14 @@ fn succeed(arguments: &[&str]) -> String {
 }
 
 /// Runs a command that must end with `code`; returns its error message.
-fn fail(code: i32, arguments: &[&str]) -> String {
+pub(super) fn fail(code: i32, arguments: &[&str]) -> String {
     let output = tessuto(arguments);
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(code), "{arguments:?}: {errors}");
     errors
 }
 
-fn text(path: &Path) -> &str {
+pub(super) fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 

@@ -5,6 +5,7 @@
 
 pub mod agreement;
 mod boxes;
+pub mod causes;
 pub mod chamfer;
 pub mod depth;
 mod frame;
@@ -20,6 +21,7 @@ pub mod verdict;
 
 pub(crate) use agreement::print_correlation;
 pub use agreement::{AgreementMeter, FrameAgreement};
+pub use causes::CauseMetrics;
 pub use maps::MapMetrics;
 pub use similarity::{correlation, local_correlation, masked_psnr, psnr, ssim};
 pub use table::table;
@@ -192,6 +194,9 @@ pub struct Evaluation {
     /// Material maps and re-rendered frames, where the result has them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub maps: Option<MapMetrics>,
+    /// Stiffnesses and forces, where the result knows their causes and the scene the true ones.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub causes: Option<CauseMetrics>,
     /// Agreement with the video, which needs no truth; one entry per frame of the result, ascending.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub agreement: Vec<FrameAgreement>,

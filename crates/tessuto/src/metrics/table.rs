@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 
 use super::{Evaluation, Metrics, QUANTITIES, Quantity};
 
-/// Errors as text: one line per frame, the means, what the columns are; then one line per value of the maps.
+/// Errors as text: one line per frame, the means, what the columns are; then one line per value of the maps and of the causes.
 pub fn table(evaluation: &Evaluation) -> String {
     let shown: Vec<usize> = (0..QUANTITIES.len())
         .filter(|k| evaluation.frames.iter().any(|f| f.metrics.values()[*k].is_some()))
@@ -18,6 +18,12 @@ pub fn table(evaluation: &Evaluation) -> String {
         if let Some(scale) = maps.diffuse_scale {
             let scale = scale.map(|s| format!("{s:.4}")).join(" ");
             let _ = writeln!(out, "diffuse_scale        {scale}  the factors, red green blue");
+        }
+    }
+    if let Some(causes) = &evaluation.causes {
+        out.push_str(if out.is_empty() { "" } else { "\n" });
+        for (name, value, meaning) in causes.rows() {
+            let _ = writeln!(out, "{name:<12} {value:>9}  {meaning}");
         }
     }
     out

@@ -9,9 +9,7 @@ use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::{Mesh, Positions};
 use crate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
-
-/// A number is informed if its standard deviation is less than this fraction of what it was without the video.
-const INFORMED: f64 = 0.4;
+use crate::sim::per_width::PerWidth;
 
 /// Gravity.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -42,6 +40,7 @@ struct Model {
     spread: Spread,
     prior: Spread,
     knots: Knots,
+    misfit: f64,
 }
 
 /// `causes` of parameters.json.
@@ -59,13 +58,16 @@ pub(super) struct CauseFile {
     held: Vec<usize>,
     /// Root mean squares.
     sizes: Quantity<Sizes>,
+    /// The stiffnesses whatever the mesh [N·m, N/m], where its texture coordinates are a flat panel.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    per_width: Option<PerWidth>,
     model: Model,
 }
 
 /// Standard deviation of a stiffness, and whether the video tells anything about it.
 pub(super) fn certainty(found: &Found, k: usize) -> (f64, bool) {
     let (sd, prior) = (found.spread.ln_stiffness[k], found.prior.ln_stiffness[k]);
-    (found.causes.stiffness()[k] * sd, sd < INFORMED * prior)
+    (found.causes.stiffness()[k] * sd, found.is_informed(sd, prior))
 }
 
 impl CauseFile {
@@ -77,7 +79,7 @@ impl CauseFile {
             value,
             sd: value * sd,
             unit: unit.to_owned(),
-            informed: sd < INFORMED * before,
+            informed: found.is_informed(sd, before),
         };
         let wind = |n: usize| causes.wind_at(&found.knots, n as f64 / fps).to_array();
         Self {
@@ -85,14 +87,21 @@ impl CauseFile {
                 value: causes.gravity().to_array(),
                 unit: "m/s^2".to_owned(),
                 sd_degrees: spread.down.to_degrees(),
-                informed: spread.down < INFORMED * prior.down,
+                informed: found.is_down_informed(),
             },
             drag: measured(causes.drag(), [spread.ln_drag, prior.ln_drag], "1"),
             friction: measured(causes.friction(), [spread.ln_friction, prior.ln_friction], "J s/rad^2"),
             wind: quantity((0..frames).map(wind).collect(), "m/s"),
             held: found.held.clone(),
             sizes: quantity(explained.sizes, "m/s^2"),
-            model: Model { causes: causes.clone(), spread: *spread, prior: *prior, knots: found.knots },
+            per_width: explained.per_width,
+            model: Model {
+                causes: causes.clone(),
+                spread: *spread,
+                prior: *prior,
+                knots: found.knots,
+                misfit: found.misfit,
+            },
         }
     }
 
@@ -108,7 +117,7 @@ impl CauseFile {
                 rest_lengths.len()
             )));
         }
-        let Model { causes, spread, prior, knots } = self.model.clone();
+        let Model { causes, spread, prior, knots, misfit } = self.model.clone();
         let numbers =
             causes.ln_stiffness.iter().chain([&causes.ln_drag, &causes.ln_friction]).all(|x| x.is_finite());
         let vertices = mesh.positions.len();
@@ -124,7 +133,7 @@ impl CauseFile {
                 super::UNCHANGED,
             ));
         }
-        Ok(Found { causes, spread, prior, knots, held: self.held.clone(), rest_lengths })
+        Ok(Found { causes, spread, prior, knots, held: self.held.clone(), rest_lengths, misfit })
     }
 
     /// Multiplies the stiffnesses of the model by 10 to the power of `log10`.
@@ -132,6 +141,17 @@ impl CauseFile {
         for (k, l) in log10.iter().enumerate() {
             self.model.causes.ln_stiffness[k] = found.causes.ln_stiffness[k] + l * std::f64::consts::LN_10;
         }
+        if let Some(widths) = &mut self.per_width {
+            let [stretch, bend, shear] = log10.map(|l| 10f64.powf(l));
+            widths.membrane.iter_mut().for_each(|e| *e *= stretch);
+            widths.bending.iter_mut().for_each(|d| *d *= bend);
+            widths.shear *= shear;
+        }
+    }
+
+    /// Stiffnesses whatever the mesh.
+    pub fn per_width(&self) -> Option<PerWidth> {
+        self.per_width
     }
 
     /// The sizes.

@@ -18,6 +18,7 @@ use crate::motion::parameters::Parameters;
 use crate::pbr::Material;
 use crate::session::Epoch;
 use crate::sim::Accelerations;
+use crate::sim::per_width::PerWidth;
 
 /// See the module. What a simulation needs is read at once.
 #[derive(Debug)]
@@ -33,6 +34,8 @@ pub struct Folder {
     pub found: Option<Found>,
     /// How large the causes are, there.
     pub sizes: Option<Sizes>,
+    /// The stiffnesses whatever the mesh, there.
+    pub per_width: Option<PerWidth>,
     /// Frames per second.
     pub fps: f64,
     /// Camera of the whole image.
@@ -69,6 +72,7 @@ impl Folder {
             path: path.to_path_buf(),
             found,
             sizes: file.causes.as_ref().map(CauseFile::sizes),
+            per_width: file.causes.as_ref().and_then(CauseFile::per_width),
             run,
             mesh,
             parameters,

@@ -9,7 +9,9 @@ use crate::io::npy;
 use crate::io::scene::{LoadOptions, Loaded, load};
 use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation, Inputs};
-use crate::result;
+use crate::result::{self, Folder};
+
+use super::causes::compare_causes;
 
 /// Compares `result`, a result folder or a .npy file of a motion, shape [N, V, 3] `[m]`, with the truth of the scene in
 /// `scene_folder`, in `frames` of the scene: the result's, or all of a file's, where `None`. `warn` is told what is odd about
@@ -64,6 +66,13 @@ fn compare(loaded: &Loaded, result: &Path, motion: &Motion, seed: u64) -> Result
         Evaluation::default()
     };
     evaluation.maps = maps;
+    // Causes are of the motion as a whole.
+    if let Some(folder) = folder.filter(|r| {
+        r.join("rest_lengths.npy").is_file() && motion.len() == motion_of(r).map_or(0, |m| m.len())
+    }) {
+        evaluation.causes =
+            compare_causes(&scene.folder, scene.truth.vertices.as_ref(), &Folder::open(folder)?)?;
+    }
     if let Some(metrics) = folder.map_or(Ok(None), result::read_metrics)? {
         // What the result itself says of the frames that are compared.
         let first = scene.first_frame;

@@ -5,7 +5,10 @@
 //! material and light of a motion that is known, [`mod@evaluate`] compares with the truth, [`replay`] simulates again.
 
 pub mod appearance;
+mod causes;
 pub mod evaluate;
+pub mod fabric;
+pub mod forecast;
 mod observer;
 pub mod replay;
 

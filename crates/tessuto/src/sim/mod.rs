@@ -36,6 +36,7 @@
 //! # Ok::<(), tessuto::Error>(())
 //! ```
 
+pub mod air;
 pub(crate) mod angle;
 pub mod cloth;
 pub mod continuum;
@@ -46,6 +47,7 @@ pub mod hinge;
 pub mod implicit_euler;
 pub mod linearized_euler;
 pub mod membrane;
+pub mod per_width;
 pub(crate) mod rollout;
 pub mod state;
 pub mod step;

@@ -5,15 +5,17 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
+use super::breeze::{Breeze, DRAG, FRICTION};
 use super::hands::Hands;
 use super::lattice::{MeshKind, lattice};
 use super::settings::{Mover, Settings};
-use super::sheet::{self, GRAVITY, SIZE, SLACK};
+use super::sheet::{self, GRAVITY, SIZE, SLACK, Tilt};
 use super::trajectory::{Clock, STEP, Trajectory};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::math::rng::Rng;
 use crate::mesh::{Mesh, Positions};
+use crate::sim::air::Air;
 use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness, TiedCloth};
 
 /// Stiffness of the springs that hold the pinned vertices [N/m].
@@ -24,44 +26,81 @@ const FINE: usize = 48;
 const SETTLING: usize = 120;
 const SETTLING_FINE: usize = 30;
 
-/// The cloth and its motion: in the gust alone, or also carried by hands.
+/// Longest time step of a simulation whose causes are truth `[s]`: what a step of 5 ms damps shall not be found as friction.
+const SHORT: f64 = 1.25e-3;
+
+/// What shall be different from the clip.
+#[derive(Debug, Clone, Copy)]
+pub struct Otherwise {
+    /// Factor on the bend stiffness.
+    pub bend: f64,
+    /// Frames after the clip, in still air and with hands that stay.
+    pub calm: usize,
+}
+
+impl Otherwise {
+    /// Nothing.
+    pub const NOTHING: Self = Self { bend: 1.0, calm: 0 };
+}
+
+/// The cloth and its motion: in the wind alone, or also carried by hands.
 ///
 /// # Errors
 /// [`crate::Error::Numerical`] from the simulation.
 pub fn simulate(settings: &Settings) -> Result<Trajectory> {
+    swing(settings, Otherwise::NOTHING)
+}
+
+/// [`simulate`], or otherwise.
+///
+/// # Errors
+/// The same.
+pub fn swing(settings: &Settings, otherwise: Otherwise) -> Result<Trajectory> {
     let mesh = lattice(settings.mesh, settings.grid, SIZE, sheet::depth(settings.mover), settings.seed);
     let mut hanging = Hanging::new(&mesh, settings);
     let x = hanging.settled(&mesh, settings)?;
-    let clock = Clock::new(settings.frames, settings.fps, settings.blur);
+    hanging.stiffness.bend.iter_mut().for_each(|k| *k *= otherwise.bend);
+    let longest = if settings.air { SHORT } else { STEP };
+    let clock = Clock::new(settings.frames + otherwise.calm, settings.fps, settings.blur, longest);
+    let end = if otherwise.calm > 0 { (settings.frames - 1) as f64 / settings.fps } else { f64::INFINITY };
     let gust = Gust::new(settings.wind, settings.seed);
+    let breeze = Breeze::new(settings.wind, settings.seed);
     let uvs = mesh.uvs.clone();
     let mut next = State { v: vec![DVec3::ZERO; x.len()], x };
     let shapes = (0..=clock.steps).map(|k| {
         if k > 0 {
             let (h, time) = (clock.step, (k - 1) as f64 * clock.step);
-            let acceleration = |i: usize| GRAVITY + gust.acceleration(uvs[i], time);
-            hanging.carry(time + h);
+            hanging.carry((time + h).min(end));
             let before = std::mem::replace(&mut next, State { x: Vec::new(), v: Vec::new() });
-            next = hanging.step(before, h, 0.98f64.powf(h / STEP), acceleration)?;
+            next = if settings.air {
+                let wind = if time < end { breeze.velocity(time + h) } else { DVec3::ZERO };
+                hanging.blow(before, h, wind)?
+            } else {
+                let acceleration = |i: usize| GRAVITY + gust.acceleration(uvs[i], time);
+                hanging.step(before, h, 0.98f64.powf(h / STEP), acceleration)?
+            };
         }
-        Ok(hanging.seen(&next.x))
+        Ok(next.x.iter().map(|p| hanging.tilt.point(*p)).collect())
     });
     Trajectory::collect(mesh, clock, settings.blur > 0.0, shapes)
 }
 
 /// A cloth with some vertices tied to fixed points.
-struct Hanging {
+pub struct Hanging {
     cloth: Cloth,
     stiffness: Stiffness,
     /// Vertex and the point that holds it.
     pins: Vec<(usize, DVec3)>,
     /// What carries the pins, if they move.
     hands: Option<Hands>,
+    /// From the axes of the ground, in which all this is, to the camera's.
+    pub tilt: Tilt,
     scratch: Scratch,
 }
 
 impl Hanging {
-    fn new(mesh: &Mesh, settings: &Settings) -> Self {
+    /// The sheet `mesh`, not yet settled.
+    pub fn new(mesh: &Mesh, settings: &Settings) -> Self {
         let cloth = Cloth::new(mesh);
         let columns = settings.grid[0];
         let hands = (settings.mover == Mover::Hands).then(|| Hands::new(mesh, settings));
@@ -69,7 +108,13 @@ impl Hanging {
             let p = mesh.positions[i];
             (i, DVec3::new(p.x * (1.0 - SLACK), p.y, p.z))
         });
+        let tilt = match &hands {
+            Some(hands) => hands.tilt,
+            None if settings.air => Tilt::random(settings.mover, &mut Rng::new(settings.seed, 3)),
+            None => Tilt::NONE,
+        };
         Self {
+            tilt,
             stiffness: Stiffness::uniform(&cloth, [settings.stretch, settings.bend, settings.shear]),
             pins: hands.as_ref().map_or(fixed.to_vec(), |hands| hands.pins(0.0)),
             hands,
@@ -85,9 +130,11 @@ impl Hanging {
         }
     }
 
-    /// Positions in the camera's axes.
-    fn seen(&self, x: &[DVec3]) -> Positions {
-        x.iter().map(|p| self.hands.as_ref().map_or(*p, |hands| hands.to_camera(*p))).collect()
+    /// Vertices that are held, in ascending order.
+    pub fn held(&self) -> Vec<usize> {
+        let mut held: Vec<usize> = self.pins.iter().map(|(v, _)| *v).collect();
+        held.sort_unstable();
+        held
     }
 
     /// At rest under gravity, in folds that start from a slight wave; fine cloth from where a coarser one came to rest.
@@ -121,6 +168,22 @@ impl Hanging {
         damping: f64,
         acceleration: impl Fn(usize) -> DVec3,
     ) -> Result<State> {
+        let (tied, targets) = self.tied(&state.x, h, damping);
+        Ok(tied.step(&self.stiffness, state, &targets, acceleration, &mut self.scratch)?.after)
+    }
+
+    /// One step of length `h` `[s]` in air of velocity `wind` [m/s], with internal friction.
+    fn blow(&mut self, state: State, h: f64, wind: DVec3) -> Result<State> {
+        let (mut tied, targets) = self.tied(&state.x, h, 1.0);
+        let total = tied.rub(&self.cloth, &self.stiffness, FRICTION / h, &self.cloth.angles_at(&state.x));
+        let (x, v) = (state.x.clone(), state.v.clone());
+        let air = Air::new(&self.cloth, DRAG, wind, &x, &v, h);
+        let acceleration = |i: usize| GRAVITY + air.acceleration(i);
+        Ok(tied.step(&total, state, &targets, acceleration, &mut self.scratch)?.after)
+    }
+
+    /// The cloth at `x` with its pins, and where these pull.
+    fn tied(&self, x: &[DVec3], h: f64, damping: f64) -> (TiedCloth, Positions) {
         let settings = StepSettings {
             integrator: Integrator::ImplicitEuler,
             step: h,
@@ -128,12 +191,11 @@ impl Hanging {
             tolerance: 1e-7,
             newton_limit: 200,
         };
-        let (mut ties, mut targets) = (vec![0.0; state.x.len()], state.x.clone());
+        let (mut ties, mut targets) = (vec![0.0; x.len()], x.to_vec());
         for &(i, p) in &self.pins {
             (ties[i], targets[i]) = (PIN, p);
         }
-        let tied = TiedCloth::new(&self.cloth, &ties, &settings);
-        Ok(tied.step(&self.stiffness, state, &targets, acceleration, &mut self.scratch)?.after)
+        (TiedCloth::new(&self.cloth, &ties, &settings), targets)
     }
 }
 

@@ -3,14 +3,11 @@
 use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec2, DVec3};
-use serde_json::{Value, json};
 
-use super::lattice::lattice;
 use super::settings::{Mover, Settings};
-use super::sheet;
+use super::sheet::{self, Tilt};
 use crate::math::rng::Rng;
 use crate::mesh::Mesh;
-use crate::sim::cloth::AREA_DENSITY;
 
 /// Fastest that a hand moves [m/s].
 const TOP_SPEED: f64 = 1.0;
@@ -24,8 +21,6 @@ const WAYS: DVec3 = DVec3::new(0.09, 0.05, 0.12);
 const TURNS: [f64; 3] = [0.6, 0.4, 0.35];
 /// Largest amplitude of the shaking `[m]`.
 const SHAKE: f64 = 0.012;
-/// Largest angles by which the camera looks up or down, and is rolled `[rad]`.
-const CAMERA: [f64; 2] = [0.4, 0.1];
 /// The hands come into motion within this time `[s]`.
 const RISE: f64 = 0.4;
 
@@ -60,7 +55,7 @@ struct Grip {
     turn: [Wave; 3],
 }
 
-/// Both hands. They live in axes whose y points down to the ground; [`Hands::to_camera`] leads to the camera's.
+/// Both hands. They live in axes whose y points down to the ground; [`Hands::tilt`] leads to the camera's.
 #[derive(Debug, Clone)]
 pub struct Hands {
     grips: [Grip; 2],
@@ -73,16 +68,15 @@ pub struct Hands {
     shaking: [f64; 2],
     /// Factor on all motion that keeps to the top speed.
     calm: f64,
-    /// Rotation from the axes of the ground to the camera's.
-    camera: DQuat,
+    /// From the axes of the ground to the camera's.
+    pub tilt: Tilt,
 }
 
 impl Hands {
     /// Hands on the flat sheet `mesh`.
     pub fn new(mesh: &Mesh, settings: &Settings) -> Self {
         let mut rng = Rng::new(settings.seed, 3);
-        let camera = DQuat::from_rotation_z(CAMERA[1] * rng.signed())
-            * DQuat::from_rotation_x(CAMERA[0] * rng.signed());
+        let tilt = Tilt::random(Mover::Hands, &mut rng);
         let grips = [-1.0, 1.0].map(|side| Grip::random(mesh, side, settings.grid, &mut rng));
         let ways = [WAYS.x, WAYS.y, WAYS.z].map(|largest| Wave::random(largest, &mut rng));
         let turns = [TURNS[0], TURNS[1]].map(|largest| Wave::random(largest, &mut rng));
@@ -94,7 +88,7 @@ impl Hands {
             shake: rng.vector().normalize_or(DVec3::Z) * (SHAKE * rng.uniform()),
             shaking: [3.0 + 2.0 * rng.uniform(), 0.4 + 0.4 * rng.uniform()],
             calm: 1.0,
-            camera,
+            tilt,
         };
         let speed = |k: usize| {
             let at = |time: f64| [0, 1].map(|g| hands.centre(g, time));
@@ -116,12 +110,6 @@ impl Hands {
             grip.vertices.iter().map(move |(v, offset)| (*v, centre + rotation * *offset))
         });
         pins.collect()
-    }
-
-    /// A point in the axes of the ground in those of the camera `[m]`.
-    pub fn to_camera(&self, p: DVec3) -> DVec3 {
-        let centre = DVec3::Z * sheet::depth(Mover::Hands);
-        centre + self.camera * (p - centre)
     }
 
     fn rise(&self, time: f64) -> f64 {
@@ -175,27 +163,10 @@ impl Grip {
     }
 }
 
-/// What is known of the sheet and of what moves it, for `gt/physics.json`: SI units, camera axes.
-pub fn physics(settings: &Settings) -> Value {
-    let mesh = lattice(settings.mesh, settings.grid, sheet::SIZE, 1.0, settings.seed);
-    let hands = Hands::new(&mesh, settings);
-    let mut held: Vec<usize> = hands.pins(0.0).iter().map(|(v, _)| *v).collect();
-    held.sort_unstable();
-    json!({
-        "gravity": (hands.camera * sheet::GRAVITY).to_array(),
-        "stretch": settings.stretch,
-        "bend": settings.bend,
-        "shear": settings.shear,
-        "area_density": AREA_DENSITY,
-        "held": held,
-        "rest": format!("flat {} m x {} m", sheet::SIZE.x, sheet::SIZE.y),
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::synth::lattice::MeshKind;
+    use crate::synth::lattice::{MeshKind, lattice};
 
     #[test]
     fn hands_start_at_rest_keep_to_their_speed_and_never_pull_apart() {
@@ -225,17 +196,5 @@ mod tests {
             assert!((0.15..=1.01 * TOP_SPEED).contains(&fastest), "seed {seed}: {fastest} m/s");
             assert!((0.05..1.0).contains(&turned), "seed {seed}: {turned} rad");
         }
-    }
-
-    #[test]
-    fn physics_names_what_is_held() {
-        let settings = Settings { seed: 3, mover: Mover::Hands, ..Settings::default() };
-        let physics = physics(&settings);
-        let held: Vec<u64> =
-            physics["held"].as_array().unwrap().iter().map(|v| v.as_u64().unwrap()).collect();
-        assert!(held.len() >= 4 && held.is_sorted() && held.iter().all(|v| *v < 441), "{held:?}");
-        let gravity: Vec<f64> =
-            physics["gravity"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();
-        assert!((gravity.iter().map(|g| g * g).sum::<f64>().sqrt() - 9.81).abs() < 1e-9);
     }
 }

@@ -1,6 +1,8 @@
 //! Synthetic scenes: a textured sheet, moved by wind or by hands or bent like paper, with things in front of it and motion
 //! blur if wanted, rendered and written as a scene folder with complete truth.
 
+pub(crate) mod breeze;
+pub(crate) mod causes;
 pub(crate) mod gust;
 pub(crate) mod hands;
 pub mod lattice;

@@ -17,7 +17,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::lattice::lattice;
 use super::settings::{Mover, Settings};
 use super::sheet::{self, SIZE};
-use super::trajectory::{Clock, Trajectory};
+use super::trajectory::{Clock, STEP, Trajectory};
 use crate::math::rng::Rng;
 use crate::mesh::Positions;
 
@@ -141,7 +141,7 @@ fn largest_curvature() -> f64 {
 pub fn bend(settings: &Settings) -> Trajectory {
     let mesh = lattice(settings.mesh, settings.grid, SIZE, sheet::depth(Mover::Paper), settings.seed);
     let flat: Vec<DVec2> = mesh.positions.iter().map(|p| p.truncate()).collect();
-    let clock = Clock::new(settings.frames, settings.fps, settings.blur);
+    let clock = Clock::new(settings.frames, settings.fps, settings.blur, STEP);
     let length = |[a, b]: [u32; 2]| flat[a as usize].distance(flat[b as usize]);
     let longest = mesh.edges().into_iter().map(length).fold(0.0, f64::max);
     let paper = Paper::new(settings.seed).limited(longest);

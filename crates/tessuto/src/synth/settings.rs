@@ -47,6 +47,10 @@ pub struct Settings {
     /// What moves the sheet; paper knows neither wind nor stiffness.
     #[serde(skip_serializing_if = "is_default")]
     pub mover: Mover,
+    /// The wind is moving air that presses on the sheet, gravity is tilted against the camera, and what moves the sheet is written as
+    /// truth; otherwise the wind is an acceleration.
+    #[serde(skip_serializing_if = "is_default")]
+    pub air: bool,
     /// Opaque things of about a tenth of the sheet's size that move in front of it.
     #[serde(skip_serializing_if = "is_default")]
     pub occluders: usize,
@@ -78,6 +82,7 @@ impl Default for Settings {
             shading: 0.4,
             seed: 0,
             mover: Mover::Wind,
+            air: false,
             occluders: 0,
             amodal: false,
             blur: 0.0,

@@ -18,8 +18,8 @@ pub struct Clock {
 
 impl Clock {
     /// `frames` frames at `fps`, and what follows while the shutter is open for the fraction `exposure` of a frame.
-    pub fn new(frames: usize, fps: f64, exposure: f64) -> Self {
-        let per_frame = (1.0 / (fps * STEP)).ceil().max(1.0) as usize;
+    pub fn new(frames: usize, fps: f64, exposure: f64, longest: f64) -> Self {
+        let per_frame = (1.0 / (fps * longest)).ceil().max(1.0) as usize;
         let after = (0.5 * exposure * per_frame as f64).ceil() as usize;
         let step = 1.0 / (fps * per_frame as f64);
         Self { step, per_frame, steps: (frames - 1) * per_frame + after }
@@ -82,7 +82,7 @@ mod tests {
 
     #[test]
     fn frames_are_steps_and_between_them_it_is_linear() {
-        let clock = Clock::new(3, 40.0, 0.5);
+        let clock = Clock::new(3, 40.0, 0.5, STEP);
         assert_eq!((clock.per_frame, clock.steps), (5, 12));
         let shapes = (0..100).map(|k| Ok::<_, ()>(vec![DVec3::X * (k * k) as f64; 4]));
         let mesh = grid(2, 2, DVec2::ONE, 1.0);

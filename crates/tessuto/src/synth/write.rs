@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::hands;
+use super::causes;
 use super::settings::{Mover, Settings};
 use crate::error::{Error, Result};
 use crate::io;
@@ -30,9 +30,14 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), &frame.rgb)?;
         io::image::write_png(&folder.join(format!("masks/mask_{k:03}.png")), &frame.mask)?;
     }
-    if settings.mover == Mover::Hands {
-        let text = format!("{:#}\n", hands::physics(settings));
+    if settings.mover == Mover::Hands || settings.air {
+        let text = format!("{:#}\n", causes::physics(settings));
         io::atomic_write(&folder.join("gt/physics.json"), text.as_bytes())?;
+    }
+    if settings.air {
+        let futures = causes::futures(settings)?;
+        io::npy::write_field(&folder.join("gt/calm.npy"), &futures.calm)?;
+        io::npy::write_field(&folder.join("gt/stiffer.npy"), &futures.stiffer)?;
     }
     for (k, points) in scene.truth.points.iter().flatten().enumerate() {
         io::npy::write_points(&folder.join(format!("gt/points/points_{k:03}.npy")), points)?;

@@ -10,11 +10,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::air::Air;
 use super::forces::{Causes, FIRST, GRAVITY, Knots};
 use crate::error::Result;
 use crate::math::factor::{Factor, Scratch};
 use crate::mesh::Positions;
+use crate::sim::air::Air;
 use crate::sim::implicit_euler::hessian;
 use crate::sim::step::step;
 use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};

@@ -4,7 +4,8 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Found, Parts};
-use crate::mesh::Positions;
+use crate::mesh::{Mesh, Positions};
+use crate::sim::per_width::{PerWidth, per_width};
 use crate::sim::{Cloth, Stiffness};
 
 /// What was found, the accelerations by each cause, and their sizes.
@@ -16,6 +17,8 @@ pub struct Explained {
     pub parts: Parts,
     /// How large they are.
     pub sizes: Sizes,
+    /// The stiffnesses whatever the mesh, where the texture coordinates are a flat panel.
+    pub per_width: Option<PerWidth>,
 }
 
 /// Root mean squares over vertices and frames [m/s²].
@@ -37,8 +40,14 @@ pub struct Sizes {
 }
 
 impl Explained {
-    /// Of the motion `frames`, shape [N, V], of `cloth`, `fps` frames per second.
-    pub fn new(cloth: &Cloth, found: Found, parts: Parts, frames: &[Positions], fps: f64) -> Self {
+    /// Of the motion `frames`, shape [N, V], of `cloth`, cut as `template`, `fps` frames per second.
+    pub fn new(
+        (cloth, template): (&Cloth, &Mesh),
+        found: Found,
+        parts: Parts,
+        frames: &[Positions],
+        fps: f64,
+    ) -> Self {
         let stiffness = Stiffness::uniform(cloth, found.causes.stiffness());
         let mut is_held = vec![false; cloth.vertex_count()];
         found.held.iter().for_each(|v| is_held[*v] = true);
@@ -69,6 +78,7 @@ impl Explained {
             hold: rms(&parts.hold, Some(true)),
             residual: rms(&parts.residual, Some(false)),
         };
-        Self { found, parts, sizes }
+        let per_width = per_width(cloth, template, found.causes.stiffness(), frames);
+        Self { found, parts, sizes, per_width }
     }
 }

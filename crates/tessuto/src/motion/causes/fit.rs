@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::drive::{Drive, Trajectory};
 use super::forces::{Causes, Knots, Spread};
+use super::grips::{self, Tries};
 use super::held::held_vertices;
 use super::lengths::rest_lengths;
 use super::objective::{Data, Prior, System};
@@ -48,7 +49,7 @@ pub fn find(
     let end = ((window - 1) as f64 / fps).max(1e-6);
     let knots = Knots { count: ((end / settings.wind_interval).round() as usize + 1).max(2), end };
     let rest_lengths = rest_lengths(template, found);
-    let held = held_vertices(template, found, DVec3::Y);
+    let guess = held_vertices(template, found, DVec3::Y);
     let ln = |log10: f64| log10 * std::f64::consts::LN_10;
     let mean = Causes {
         ln_stiffness: dynamics.stiffness.map(|range| ln(range.start)),
@@ -66,29 +67,53 @@ pub fn find(
     };
     let prior =
         Prior { mean: mean.clone(), spread, wind: [0.1 * settings.wind, settings.wind, 0.5 * settings.wind] };
-    let mut out = Found { causes: mean, spread, prior: spread, knots, held, rest_lengths };
+    let mut out = Found {
+        causes: mean,
+        spread,
+        prior: spread,
+        knots,
+        held: guess.held.clone(),
+        rest_lengths,
+        misfit: 0.0,
+    };
     if found.len() < 3 {
         return out;
     }
     let cloth = cut_cloth(template, &out.rest_lengths);
     let substeps = (1.0 / (fps * LONGEST_STEP) - 1e-9).ceil().clamp(1.0, 64.0) as usize;
     let targets = interpolated(&found[..window], substeps);
-    let mut ties = vec![settings.tie; vertex_count];
-    out.held.iter().for_each(|v| ties[*v] = HOLD);
+    let ties = vec![settings.tie; vertex_count];
     let h = 1.0 / (fps * substeps as f64);
-    let drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, knots };
+    let mut drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, knots };
     let mut data = Data::new(&found[..window], deviations, fps);
     let bounds = dynamics.stiffness.map(|range| [ln(range.low), ln(range.high)]);
     // A simulation that fails at the start leaves what was known before.
-    for _ in 0..2 {
+    for pass in 0..2 {
+        if !guess.still {
+            out.held = match pass {
+                0 => grips::about(template, &guess.held),
+                // With causes that are known better.
+                _ => {
+                    drive.ties.fill(settings.tie);
+                    let found = &found[..window];
+                    let tries =
+                        Tries { drive: &drive, hold: HOLD, found, causes: &out.causes, interval: 1.0 / fps };
+                    tries.best(template, &guess.held)
+                }
+            };
+        }
+        out.held.iter().for_each(|v| drive.ties[*v] = HOLD);
         let Ok(search) = Search::new(&drive, &data, &prior, out.causes.clone(), bounds) else { break };
         let (causes, spread, misfit) = search.run(settings.iterations);
         (out.causes, out.spread) = (causes, spread);
+        if pass == 0 {
+            out.misfit = misfit.sqrt();
+        }
         if misfit <= 1.0 {
             break;
         }
-        // The model is off by more than the positions are: its errors are what data are uncertain by.
-        data.together *= misfit;
+        // Where the model is off by more than the positions are, its errors are what data are uncertain by.
+        data.together *= misfit.max(1.0);
     }
     out
 }
@@ -155,12 +180,8 @@ impl<'a> Search<'a> {
             }
             causes.ln_drag = causes.ln_drag.clamp(DRAGS[0].ln(), DRAGS[1].ln());
             causes.ln_friction = causes.ln_friction.clamp(FRICTIONS[0].ln(), FRICTIONS[1].ln());
-            let value = self
-                .drive
-                .run(&causes, false)
-                .map(|t| self.data.value(&t.frames) + self.prior.value(&causes, None));
-            if value.is_ok_and(|value| value < self.value)
-                && let Ok(next) = Self::new(self.drive, self.data, self.prior, causes, self.bounds)
+            if let Ok(next) = Self::new(self.drive, self.data, self.prior, causes, self.bounds)
+                && next.value < self.value
             {
                 *self = next;
                 *lambda = (*lambda * 0.1).max(1e-6);
@@ -243,7 +264,7 @@ mod tests {
         };
         let targets: Vec<Positions> = (0..41).map(shaken).collect();
         let mut ties = vec![0.0; 49];
-        let corners = held_vertices(&mesh, &[mesh.positions.clone()], DVec3::Y);
+        let corners = held_vertices(&mesh, &[mesh.positions.clone()], DVec3::Y).held;
         assert_eq!(corners, [0, 6]);
         corners.iter().for_each(|v| ties[*v] = HOLD);
         let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, knots };

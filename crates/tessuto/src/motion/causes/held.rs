@@ -14,8 +14,16 @@ const STILL: f64 = 0.2;
 /// Movement of the sheet, as a fraction of its distance, below which nothing can be told.
 const LEAST: f64 = 1e-3;
 
-/// The held vertices of `template` in ascending order, given positions `found`, shape [N, V], and where `down` is.
-pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -> Vec<usize> {
+/// A guess at what is held.
+pub(crate) struct Guess {
+    /// Vertices in ascending order.
+    pub held: Vec<usize>,
+    /// Whether they keep still in the image; otherwise they are the upper corners, for want of better.
+    pub still: bool,
+}
+
+/// The held vertices of `template`, given positions `found`, shape [N, V], and where `down` is.
+pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -> Guess {
     let x = &template.positions;
     let border = border(template);
     let centre = x.iter().sum::<DVec3>() / x.len() as f64;
@@ -26,7 +34,10 @@ pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -
     let is_above = |v: usize| (x[v] - centre).dot(down) < 0.0;
     let still: Vec<usize> =
         border.iter().copied().filter(|v| movement[*v] < STILL * median && is_above(*v)).collect();
-    if median > LEAST && !still.is_empty() { still } else { upper_corners(x, &border, centre, down) }
+    match median > LEAST && !still.is_empty() {
+        true => Guess { held: still, still: true },
+        false => Guess { held: upper_corners(x, &border, centre, down), still: false },
+    }
 }
 
 /// Root mean square of the movement of every vertex in the image since the template, in units of its distance.
@@ -39,8 +50,8 @@ fn movements(x: &[DVec3], found: &[Positions]) -> Vec<f64> {
     (0..x.len()).map(of).collect()
 }
 
-/// Vertices at edges of one face only, in ascending order.
-fn border(template: &Mesh) -> Vec<usize> {
+/// Edges of one face only.
+fn border_edges(template: &Mesh) -> Vec<[usize; 2]> {
     let mut faces: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for face in &template.faces {
         let v = &face.vertices;
@@ -49,14 +60,40 @@ fn border(template: &Mesh) -> Vec<usize> {
             *faces.entry([*a.min(&b), *a.max(&b)]).or_default() += 1;
         }
     }
-    let mut out: Vec<usize> = faces
-        .iter()
-        .filter(|(_, count)| **count == 1)
-        .flat_map(|(edge, _)| edge.map(|v| v as usize))
-        .collect();
+    faces.iter().filter(|(_, count)| **count == 1).map(|(edge, _)| edge.map(|v| v as usize)).collect()
+}
+
+/// Vertices at edges of one face only, in ascending order.
+fn border(template: &Mesh) -> Vec<usize> {
+    let mut out: Vec<usize> = border_edges(template).concat();
     out.sort_unstable();
     out.dedup();
     out
+}
+
+/// The border as one walk around the sheet, from its first vertex on; the longest one where there are holes.
+pub(crate) fn border_loop(template: &Mesh) -> Vec<usize> {
+    let mut around: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for [a, b] in border_edges(template) {
+        around.entry(a).or_default().push(b);
+        around.entry(b).or_default().push(a);
+    }
+    let mut longest = Vec::new();
+    while let Some(start) = around.keys().next().copied() {
+        let (mut walk, mut at) = (Vec::new(), start);
+        loop {
+            walk.push(at);
+            let next = around.remove(&at).unwrap_or_default();
+            match next.into_iter().find(|v| around.contains_key(v)) {
+                Some(v) => at = v,
+                None => break,
+            }
+        }
+        if walk.len() > longest.len() {
+            longest = walk;
+        }
+    }
+    longest
 }
 
 /// The vertices of `border` that lie farthest up to either side.
@@ -98,11 +135,11 @@ mod tests {
             mesh.positions.iter().enumerate().map(at).collect()
         };
         let frames: Vec<Positions> = (0..12).map(swing).collect();
-        assert_eq!(held_vertices(&mesh, &frames, DVec3::Y), pins);
+        assert_eq!(held_vertices(&mesh, &frames, DVec3::Y).held, pins);
         let carried: Vec<Positions> = (0..12)
             .map(|n| mesh.positions.iter().map(|p| *p + DVec3::X * 0.01 * f64::from(n)).collect())
             .collect();
-        assert_eq!(held_vertices(&mesh, &carried, DVec3::Y), [0, 6]);
-        assert_eq!(held_vertices(&mesh, &carried, DVec3::X), [0, 35]);
+        assert_eq!(held_vertices(&mesh, &carried, DVec3::Y).held, [0, 6]);
+        assert_eq!(held_vertices(&mesh, &carried, DVec3::X).held, [0, 35]);
     }
 }

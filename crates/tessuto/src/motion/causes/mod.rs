@@ -15,11 +15,11 @@
 //! noise of found positions, which regression on these takes for softness, and the inverse of the Gauss-Newton matrix tells how sure
 //! they are.
 
-mod air;
 mod drive;
 mod explained;
 mod fit;
 mod forces;
+mod grips;
 mod guide;
 mod held;
 mod lengths;
@@ -41,6 +41,11 @@ use crate::sim::Cloth;
 /// Deviation of positions of which nothing better is known `[m]`.
 const UNKNOWN: f64 = 0.01;
 
+/// A number is informed if its standard deviation is less than this fraction of what it was without the video.
+const INFORMED: f64 = 0.4;
+/// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for something else.
+const UNLIKELY: f64 = 2.0;
+
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Found {
@@ -56,6 +61,21 @@ pub struct Found {
     pub held: Vec<usize>,
     /// Lengths of the edges without load `[m]`: a fold smaller than a cell hides some of it in the template.
     pub rest_lengths: Vec<f64>,
+    /// By how many of the positions' deviations the model is off, root mean square.
+    pub misfit: f64,
+}
+
+impl Found {
+    /// Whether the video tells a number that has a standard deviation of `sd`, and had `before` without the video.
+    pub fn is_informed(&self, sd: f64, before: f64) -> bool {
+        sd < INFORMED * before
+    }
+
+    /// Whether the video tells the direction of gravity.
+    pub fn is_down_informed(&self) -> bool {
+        let likely = self.causes.down.angle_between(glam::DVec3::Y) < UNLIKELY * self.prior.down;
+        likely && self.is_informed(self.spread.down, self.prior.down)
+    }
 }
 
 /// The cloth of `template` as it was cut, with edges of `rest_lengths` `[m]` that hardly resist when shorter.
@@ -92,6 +112,6 @@ pub fn explain(
     let (guided, parts) = follow(&cut, dynamics, &found, frames, settings.tracking);
     let parameters =
         Parameters { log_stiffness: found.causes.log_stiffness(), accelerations: guided.accelerations };
-    let explained = Explained::new(&cut, found, parts, &guided.frames, fps);
+    let explained = Explained::new((&cut, template), found, parts, &guided.frames, fps);
     Explanation { parameters, explained, failure: guided.failure }
 }

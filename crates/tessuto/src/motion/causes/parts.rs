@@ -3,11 +3,11 @@
 use glam::DVec3;
 
 use super::Found;
-use super::air::Air;
 use super::guide::{Guide, Guided, guide, guide_from};
 use crate::mesh::Positions;
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
+use crate::sim::air::Air;
 use crate::sim::{Cloth, State};
 
 /// What acts on every vertex beside the cloth's own springs, per mass, mean of each frame interval [m/s²], shape [N − 1, V].
@@ -123,6 +123,8 @@ pub struct Otherwise {
     pub gravity: f64,
     /// Factor on what no cause explains.
     pub residual: f64,
+    /// Whether that goes on after the clip as in its last frame; otherwise it ends with the clip.
+    pub carry: bool,
 }
 
 /// What becomes of held vertices.
@@ -138,7 +140,15 @@ pub enum Hold {
 
 impl Default for Otherwise {
     fn default() -> Self {
-        Self { scale: [1.0; 4], further: 0, air: 1.0, hold: Hold::Found, gravity: 1.0, residual: 1.0 }
+        Self {
+            scale: [1.0; 4],
+            further: 0,
+            air: 1.0,
+            hold: Hold::Found,
+            gravity: 1.0,
+            residual: 1.0,
+            carry: false,
+        }
     }
 }
 
@@ -155,9 +165,15 @@ pub fn changed(
     frames: &[Positions],
     otherwise: &Otherwise,
 ) -> Guided {
-    let residual = residuals(cloth, dynamics, found, frames);
+    let mut residual = residuals(cloth, dynamics, found, frames);
     let (substeps, h) = (dynamics.substeps, dynamics.step.step);
     let clip = (frames.len() - 1) * substeps;
+    if otherwise.carry && clip > 0 {
+        let last = &residual[clip - substeps..];
+        let of = |i: usize| last.iter().map(|step| step[i]).sum::<DVec3>() / substeps as f64;
+        let mean: Positions = (0..cloth.vertex_count()).map(of).collect();
+        residual.resize(clip + otherwise.further * substeps, mean);
+    }
     let from = if otherwise.further > 0 { clip } else { 0 };
     let paths = interpolated(frames, substeps);
     let end = clip + otherwise.further * substeps;

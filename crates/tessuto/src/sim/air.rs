@@ -7,9 +7,8 @@
 
 use glam::DVec3;
 
+use super::cloth::{AREA_DENSITY, Cloth};
 use crate::mesh::Positions;
-use crate::sim::Cloth;
-use crate::sim::cloth::AREA_DENSITY;
 
 /// Density of air [kg/m³].
 const DENSITY: f64 = 1.2;

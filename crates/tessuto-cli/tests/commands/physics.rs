@@ -1,0 +1,72 @@
+//! Causes of a motion against the truth, what they foretell, and what fabric they are of.
+
+use std::path::Path;
+
+use super::run::{fail, succeed, text};
+
+#[test]
+fn causes_are_compared_with_the_truth_and_foretell() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (scene, out) = (at("scene"), at("out"));
+    let size = ["--frames", "8", "--size", "96", "--grid", "7x7", "--air", "--seed", "5"];
+    succeed(&[&["synth", text(&scene)], &size[..]].concat());
+    for name in ["physics.json", "calm.npy", "stiffer.npy"] {
+        assert!(scene.join("gt").join(name).is_file(), "{name}");
+    }
+    // The first five of eight frames; the other three are foretold.
+    let forecast = ["--fit", "0.6", "--set", "texture.size=32", "--set", "causes.iterations=2"];
+    let table = succeed(&[&["forecast", text(&scene), "--out", text(&out)], &forecast[..]].concat());
+    for way in
+        ["found causes", "stiffnesses as assumed", "last residual goes on", "held still", "straight on"]
+    {
+        assert!(table.contains(way), "{way}: {table}");
+    }
+    let written = |name: &str| std::fs::read_to_string(out.join("forecast").join(name)).unwrap();
+    assert_eq!(written("forecast.csv").lines().count(), 1 + 3);
+    assert_eq!(written("forecast.svg").matches("<polyline").count(), 5);
+    assert!(written("forecast.json").contains("\"first\": 5"));
+    assert!(table.starts_with(&written("forecast.txt")));
+    // What is there is taken; of other settings it is not.
+    succeed(&[&["forecast", text(&scene), "--out", text(&out)], &forecast[..]].concat());
+    assert!(fail(3, &["forecast", text(&scene), "--out", text(&out)]).contains("other settings"));
+    assert!(
+        fail(2, &["forecast", text(&scene), "--out", text(&out), "--fit", "1.5"]).contains("between 0 and 1")
+    );
+
+    let (fit, whole) = (out.join("fit"), at("whole"));
+    let quick = [
+        "--preset",
+        "physics",
+        "--no-appearance",
+        "--set",
+        "texture.size=32",
+        "--set",
+        "causes.iterations=2",
+    ];
+    succeed(&[&["reconstruct", text(&scene), "--out", text(&whole)], &quick[..]].concat());
+    let table = succeed(&["evaluate", text(&scene), text(&whole)]);
+    for word in ["bend  ", "shear  ", "drag  ", "gravity  ", "held  ", "unexplained", "calm  ", "stiffer  "] {
+        assert!(table.contains(word), "{word}: {table}");
+    }
+    let json = succeed(&["evaluate", text(&scene), text(&whole), "--json"]);
+    assert!(json.contains("\"causes\"") && json.contains("\"log10\"") && json.contains("\"baseline\""));
+    // A part of the clip has the causes, too, but not what comes after the whole.
+    assert!(!succeed(&["evaluate", text(&scene), text(&fit)]).contains("stiffer  "));
+
+    let csv = at("fabrics.csv");
+    std::fs::write(
+        &csv,
+        "density[kg.m-2],linear warp[SI*1e9],linear weft[SI*1e9]\n0.1,1000,2000\n0.3,8000,4000\n",
+    )
+    .unwrap();
+    let named = succeed(&["fabric", text(&fit), "--table", text(&csv)]);
+    assert!(named.contains("bending length") && named.contains("Of 2 fabrics"), "{named}");
+    std::fs::write(&csv, "a,b\n1,2\n").unwrap();
+    assert!(fail(3, &["fabric", text(&fit), "--table", text(&csv)]).contains("density[kg.m-2]"));
+    let plain = at("plain");
+    let few = ["--no-appearance", "--frames", "0..3", "--set", "texture.size=32"];
+    succeed(&[&["reconstruct", text(&scene), "--out", text(&plain)], &few[..]].concat());
+    assert!(fail(3, &["fabric", text(&plain)]).contains("physics"));
+    assert!(Path::new(&plain).is_dir());
+}
