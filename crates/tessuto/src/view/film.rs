@@ -51,10 +51,12 @@ pub(super) fn shots(
         }
         (View::Original, _) => vec![Viewpoint::original(camera); count],
         (View::About(left, up), Some(Turn::Camera)) => {
+            // As near as what is shown fits.
+            let shown = &motion[frames.clone()];
             let at = |k: usize| {
-                Viewpoint::about(motion, camera, left.to_radians() + TAU * fraction(k), up.to_radians())
+                Viewpoint::about(shown, camera, left.to_radians() + TAU * fraction(k), up.to_radians())
             };
-            Viewpoint::at_one_distance((0..count).map(at).collect::<Result<_>>()?, motion)
+            Viewpoint::at_one_distance((0..count).map(at).collect::<Result<_>>()?, shown)
         }
         (View::About(left, up), _) => {
             vec![Viewpoint::about(motion, camera, left.to_radians(), up.to_radians())?; count]
@@ -98,13 +100,16 @@ mod tests {
         let frames: Vec<usize> = film.iter().map(|s| s.frame).collect();
         assert_eq!(frames, [1, 1, 1, 1, 2, 2, 2, 2]);
         assert_eq!(film.iter().map(|s| s.number).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
-        let middle = DVec3::new(0.0, 0.0, 1.15);
+        let middle = DVec3::new(0.0, 0.0, 1.1);
         let seen: Vec<DVec3> = film.iter().map(|s| s.viewpoint.positions(&vec![middle])[0]).collect();
         assert!(seen.iter().all(|p| (*p - seen[0]).length() < 1e-9), "{seen:?}");
         let back = film[4].viewpoint.rotation * DVec3::Z;
         assert!(back.z < -0.9, "half of the way around it looks from behind: {back}");
         let inside = film.iter().flat_map(|s| {
-            motion.iter().flatten().map(|x| s.viewpoint.camera.project(s.viewpoint.positions(&vec![*x])[0]))
+            motion[1..3]
+                .iter()
+                .flatten()
+                .map(|x| s.viewpoint.camera.project(s.viewpoint.positions(&vec![*x])[0]))
         });
         assert!(inside.into_iter().all(|p| (0.0..640.0).contains(&p.x) && (0.0..480.0).contains(&p.y)));
         assert!(shots(&motion, 0..4, CAMERA, (View::Original, Some(Turn::Camera), None)).is_err());
