@@ -3,11 +3,20 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::{View, Viewpoint};
+use super::Viewpoint;
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::mesh::Positions;
 use crate::pbr::EnvironmentMap;
+
+/// Where it is seen from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum View {
+    /// From the recording camera.
+    Original,
+    /// Degrees to the left and upwards around the centre of the fabric, at the distance where it fills the image.
+    About(f64, f64),
+}
 
 /// What goes once around the fabric in the course of a film.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

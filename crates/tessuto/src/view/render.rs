@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::film::{Shot, shots, turned};
-use super::{Turn, Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
+use super::{Turn, View, Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io;
@@ -50,15 +50,6 @@ impl Look {
             Self::Depth => "depth",
         }
     }
-}
-
-/// Where it is seen from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum View {
-    /// From the recording camera.
-    Original,
-    /// Degrees to the left and upwards around the centre of the fabric, at the distance where it fills the image.
-    About(f64, f64),
 }
 
 /// What to render.
