@@ -10,6 +10,7 @@ use crate::io::scene::{LoadOptions, Loaded, load};
 use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation, Inputs};
 use crate::result;
+use crate::template::irregular::of_scene;
 
 /// Compares `result`, a result folder or a .npy file of a motion, shape [N, V, 3] `[m]`, with the truth of the scene in
 /// `scene_folder`, in `frames` of the scene: the result's, or all of a file's, where `None`. `warn` is told what is odd about
@@ -47,7 +48,8 @@ fn motion_of(result: &Path) -> Result<Motion> {
 }
 
 fn compare(loaded: &Loaded, result: &Path, motion: &Motion, seed: u64) -> Result<Evaluation> {
-    let scene = &loaded.scene;
+    let vertices = result::read_run(result)?.map_or(0, |run| run.settings.irregular_vertices);
+    let scene = &*of_scene(&loaded.scene, vertices)?;
     if motion.len() != scene.frames.len() {
         let problem = format!("has {} frames, the scene has {}", motion.len(), scene.frames.len());
         let hint =
