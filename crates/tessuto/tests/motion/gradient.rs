@@ -96,7 +96,7 @@ fn check_whole_loss(preset: Preset) {
         Model::Springs => vec![2.0, -2.5, -3.0],
         Model::Continuum => vec![2.0, 2.3, -0.9, 1.5, -4.0],
     };
-    start.accelerations.wind = settings.wind.then_some(DVec3::new(0.5, -0.4, 1.5));
+    start.accelerations.wind = settings.wind.then_some(DVec3::new(0.3, -0.2, -0.8));
     let mut rng = Rng::new(8, 0);
     start.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d = rng.vector() * 4.0);
     let loss = |p: &Parameters| fit.loss_and_gradients(p, FRAMES).unwrap().total;
