@@ -266,7 +266,7 @@ impl Config {
                     model: Model::Continuum,
                     ..default.dynamics
                 };
-                let rollout = RolloutSettings { wind: true, ..default.rollout };
+                let rollout = RolloutSettings { wind: true, carry_forces: true, ..default.rollout };
                 Self { method: Method::Rollout, irregular_vertices: 400, dynamics, rollout, ..default }
             }
         }

@@ -243,8 +243,9 @@ fn phi_sft_preset_replays_and_its_cloth_has_properties_of_its_own() {
     assert_ne!(read_field(&at("softer/motion.npy")).unwrap(), motion);
     let refused = fail(2, &["simulate", text(&result), "--set", "stretch=20", "--out", text(&at("no.npy"))]);
     assert!(refused.contains("warp, weft, poisson, shear, bend"), "{refused}");
-    let spacetime = ["--set", "dynamics.model=continuum", "--out", text(&at("no"))];
-    let refused = fail(2, &[&["reconstruct", text(&scene())], &spacetime[..]].concat());
+    let (scene, out) = (scene(), at("no"));
+    let spacetime = ["--set", "dynamics.model=continuum", "--out", text(&out)];
+    let refused = fail(2, &[&["reconstruct", text(&scene)], &spacetime[..]].concat());
     assert!(refused.contains("method=rollout"), "{refused}");
 }
 
