@@ -139,7 +139,8 @@ fn a_template_becomes_an_irregular_mesh() {
     assert!(status == Some(0) && text.contains("an irregular mesh of 60 vertices"), "{text}");
     let mesh = made(&scene);
     assert!(mesh.positions.len() == 60 && mesh.faces.iter().all(|f| f.vertices.len() == 3));
-    assert_eq!(check(&scene), Some(0));
+    let (status, text) = checked(&scene);
+    assert_eq!(status, Some(0), "{text}");
     for (size, expected) in [("6x8", "as one number"), ("5", "16 to 4000 vertices")] {
         let (status, text) = run(&scene, &["--remesh", size, "--irregular", "--force"]);
         assert!(status == Some(2) && text.contains(expected), "{text}");

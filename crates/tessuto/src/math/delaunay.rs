@@ -5,6 +5,12 @@
 
 use glam::DVec2;
 
+use super::rng::Rng;
+
+/// How far points are moved, in sizes of the point set, before they are looked at. Of four points on one circle, as every square has
+/// them, rounding would say one thing of one triangle and another of its neighbour; and no triangle then contradicts the others.
+/// Far smaller than the curvature of the circles through the far corners, so that a straight border stays whole.
+const JITTER: f64 = 1e-9;
 /// How far off the corners of the triangle lie that the others are cut from, in sizes of the point set.
 const FAR: f64 = 1e4;
 
@@ -21,12 +27,15 @@ pub(crate) fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     let high = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
     let (middle, size) = ((low + high) / 2.0, FAR * (high - low).max_element());
     let count = points.len() as u32;
-    let mut all = points.to_vec();
+    let mut rng = Rng::new(0, 0);
+    let jitter = JITTER * (high - low).max_element();
+    let mut all: Vec<DVec2> = points.iter().map(|p| *p + rng.vector().truncate() * jitter).collect();
     all.extend(
         [DVec2::new(-1.7, -1.0), DVec2::new(1.7, -1.0), DVec2::new(0.0, 2.0)].map(|p| middle + p * size),
     );
     let mut triangles: Vec<Triangle> = triangle([count, count + 1, count + 2], &all).into_iter().collect();
-    for (k, p) in points.iter().enumerate() {
+    for k in 0..points.len() {
+        let p = all[k];
         let (hit, mut kept): (Vec<Triangle>, Vec<Triangle>) =
             triangles.into_iter().partition(|t| p.distance_squared(t.centre) < t.sq_radius);
         // The hole is star-shaped about the point; its sides are those that no other of its triangles has.
@@ -92,9 +101,23 @@ mod tests {
             assert!(doubled > 0.0);
             area += doubled / 2.0;
             let t = triangle(*corners, &points).unwrap();
-            let inside = |p: &&DVec2| p.distance_squared(t.centre) < t.sq_radius * (1.0 - 1e-9);
+            let inside = |p: &&DVec2| p.distance_squared(t.centre) < t.sq_radius * (1.0 - 1e-7);
             assert_eq!(points.iter().filter(inside).count(), 0);
         }
         assert!((area - 1.0).abs() < 1e-12, "{area}");
+    }
+
+    #[test]
+    fn points_on_common_circles_are_triangulated_once() {
+        for n in [3, 6, 11] {
+            let at = |k: usize| DVec2::new((k % n) as f64, (k / n) as f64) / (n - 1) as f64;
+            let points: Vec<DVec2> = (0..n * n).map(at).collect();
+            let triangles = delaunay(&points);
+            assert_eq!(triangles.len(), 2 * (n - 1) * (n - 1));
+            let doubled = triangles.iter().map(|t| t.map(|v| points[v as usize]));
+            let doubled: Vec<f64> = doubled.map(|[a, b, c]| (b - a).perp_dot(c - a)).collect();
+            assert!(doubled.iter().all(|d| *d > 1e-3), "{doubled:?}");
+            assert!((doubled.iter().sum::<f64>() - 2.0).abs() < 1e-12);
+        }
     }
 }
