@@ -214,7 +214,7 @@ settings! {
         /// Seed of everything random: the samples of the metrics, the pixels that material and light are found from.
         seed: u64 = 0, number(0.0..=LARGEST_SEED, "");
         /// Vertices of the irregular mesh that is made of the template and takes its place; 0 keeps the template.
-        irregular_vertices: usize = 0, number(0.0..=20000.0, "");
+        irregular_vertices: usize = 0, number(0.0..=4000.0, "");
         /// Time stepping and material.
         dynamics: DynamicsSettings = DynamicsSettings::default(), group::<DynamicsSettings>();
         /// Texture.
@@ -266,8 +266,7 @@ impl Config {
                     model: Model::Continuum,
                     ..default.dynamics
                 };
-                let rollout = RolloutSettings { wind: true, carry_forces: true, ..default.rollout };
-                Self { method: Method::Rollout, irregular_vertices: 400, dynamics, rollout, ..default }
+                Self { method: Method::Rollout, irregular_vertices: 400, dynamics, ..default }
             }
         }
     }

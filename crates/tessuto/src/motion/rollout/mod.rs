@@ -58,8 +58,6 @@ settings! {
         clip_quantile: f64 = 0.75, number(0.0..=1.0, "");
         /// How many gradient norms are recent.
         clip_history: usize = 11, number(1.0..=1e6, "");
-        /// A frame that joins starts with the entry of D of the frame before; otherwise with what it has.
-        carry_forces: bool = false, flag();
         /// One entry of D for every sub-step instead of every frame; see weights.force_smoothness.
         force_per_substep: bool = false, flag();
         /// Failed epochs since the last sound one after which the fit stops with the best state.
@@ -229,11 +227,7 @@ impl RolloutFit<'_> {
             *epochs += 1;
             let active = self.active_frames(epoch);
             if epoch < self.epoch_count() {
-                let accelerations = &mut state.parameters.accelerations;
-                if self.settings.carry_forces && epoch > 0 {
-                    carry(accelerations, self.active_frames(epoch - 1), active);
-                }
-                subtract_mean(&mut accelerations.dynamic);
+                subtract_mean(&mut state.parameters.accelerations.dynamic);
             }
             let evaluated = self.loss_and_gradients(&state.parameters, active).and_then(|gradients| {
                 let verdict = guard.judge(state, &gradients.by_frame);
@@ -447,14 +441,6 @@ fn recorded(parameters: &Parameters) -> Vec<(&'static str, f64)> {
     rows
 }
 
-/// Copies the last entry of D that moves the first `before` frames to those that move further ones of the first `now` frames.
-fn carry(accelerations: &mut Accelerations, before: usize, now: usize) {
-    let parts = accelerations.entries_per_frame;
-    for k in (before - 1) * parts..(now - 1) * parts {
-        accelerations.dynamic[k] = accelerations.dynamic[k - 1].clone();
-    }
-}
-
 /// Takes the mean over all entries and vertices off `dynamic`. What all have in common is for C to find; entries of frames that
 /// are not looked at yet take part, so that these do not start from no force when they join.
 fn subtract_mean(dynamic: &mut [Positions]) {
@@ -491,17 +477,6 @@ mod tests {
         let active: Vec<usize> = (0..260).map(|e| settings.active_frames(50, e)).collect();
         assert_eq!(active[..7], [2, 3, 3, 3, 3, 3, 4]);
         assert_eq!(active.iter().filter(|&&a| a == 50).count(), 24);
-    }
-
-    #[test]
-    fn a_frame_that_joins_takes_the_force_of_the_one_before() {
-        let mut accelerations = Accelerations::zeros(5, 2, 1);
-        for (k, d) in accelerations.dynamic.iter_mut().enumerate() {
-            d[0] = DVec3::X * k as f64;
-        }
-        carry(&mut accelerations, 3, 4);
-        let found: Vec<f64> = accelerations.dynamic.iter().map(|d| d[0].x).collect();
-        assert_eq!(found, [0.0, 1.0, 2.0, 3.0, 3.0, 3.0, 6.0, 7.0]);
     }
 
     #[test]
