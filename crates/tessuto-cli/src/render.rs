@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use tessuto::result::Folder;
-use tessuto::view::{Look, RenderOptions, View, render};
+use tessuto::view::{Look, RenderOptions, Turn, View, render};
 
 use crate::say::say;
 use crate::threads::Threads;
@@ -21,7 +21,9 @@ Examples:
   tessuto render results/curtain                               from 45° to the left
   tessuto render results/curtain --camera 20,35 --size 1280x720
   tessuto render results/curtain --camera original --environment studio.hdr
-  tessuto render results/curtain --look depth --frames 0..10 --out depth")]
+  tessuto render results/curtain --look depth --frames 0..10 --out depth
+  tessuto render results/curtain --camera 0,15 --turn camera --frames 0..1 --pictures 72 --out turntable
+  tessuto render results/curtain --camera original --turn light --environment studio.hdr --out relit")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
@@ -42,6 +44,13 @@ pub struct Arguments {
     /// Frames A to B − 1, counted from the result's first.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<std::ops::Range<usize>>,
+    /// Goes once around the fabric in the course of the pictures.
+    #[arg(long, value_enum)]
+    turn: Option<Around>,
+    /// How many pictures the frames are spread over [default: one for each]. Of one frame and many pictures comes a turntable of
+    /// a fabric that stands still.
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pictures: Option<u32>,
     /// Light samples per pixel, rounded up to a multiple of 8.
     #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u32).range(8..=65536))]
     samples: u32,
@@ -55,6 +64,14 @@ pub struct Arguments {
     threads: Threads,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Around {
+    /// The camera, to the left: a turntable.
+    Camera,
+    /// The light, about the vertical.
+    Light,
+}
+
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
@@ -65,6 +82,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         size: arguments.size,
         environment: arguments.environment.clone(),
         frames: arguments.frames.clone(),
+        turn: arguments.turn.map(|turn| match turn {
+            Around::Camera => Turn::Camera,
+            Around::Light => Turn::Light,
+        }),
+        pictures: arguments.pictures.map(|n| n as usize),
         samples: arguments.samples as usize,
         replace: arguments.force,
     };

@@ -137,6 +137,8 @@ pub fn render(
         environment,
         size: size.map(|(width, height)| [width, height]),
         frames: range(frames),
+        turn: None,
+        pictures: None,
         samples,
         replace,
     };

@@ -175,6 +175,43 @@ fn motions_that_do_not_fit_are_refused_and_the_material_stays() {
     refused(&["appearance", text(&scene), text(&copy)], &["motion.npy"]);
 }
 
+#[test]
+fn camera_or_light_go_once_around() {
+    let (_, result) = made();
+    let folder = tempfile::tempdir().unwrap();
+    let nothing = Path::new("no-such-program");
+    let picture = |out: &Path, n: usize| image::read(&out.join(format!("frame_{n:03}.png"))).unwrap();
+    let film = |name: &str, options: &[&str]| {
+        let out = folder.path().join(name);
+        let common = ["render", text(&result), "--samples", "8", "--size", "32x32", "--out", text(&out)];
+        succeed(&[&common[..], options].concat(), nothing);
+        out
+    };
+    let about = ["--turn", "camera", "--camera", "0", "--frames", "1..2", "--pictures", "4"];
+    let turntable = film("turntable", &about);
+    assert!(turntable.join("frame_003.png").is_file() && !turntable.join("frame_004.png").exists());
+    let still = film("still", &["--camera", "0", "--frames", "1..2", "--pictures", "2"]);
+    // Without a turn all pictures of one frame are the same; the turntable's are not, and start alike.
+    assert_eq!(picture(&still, 0).data, picture(&still, 1).data);
+    assert_ne!(picture(&turntable, 0).data, picture(&turntable, 2).data);
+    let file = folder.path().join("side.exr");
+    light(&file, |x| if (6..10).contains(&x) { [0.0; 3] } else { [0.4, 0.3, 0.2] });
+    let under = ["--environment", text(&file), "--camera", "original", "--turn", "light"];
+    let relit = film("relit", &under);
+    let sum = |n: usize| picture(&relit, n).data.iter().sum::<f32>();
+    // The light from behind the camera is what the cloth shows: the dark quarter of the light comes there in between.
+    assert!(sum(0) > 1.02 * sum(1), "{} {}", sum(0), sum(1));
+    let bad = |options: &[&str], fragment: &str| {
+        let out = folder.path().join("bad");
+        let arguments = [&["render", text(&result), "--out", text(&out)][..], options].concat();
+        let output = tessuto(&arguments, nothing);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && message.contains(fragment) && !out.exists(), "{message}");
+    };
+    bad(&["--turn", "camera", "--camera", "original"], "give degrees");
+    bad(&["--turn", "light", "--look", "depth"], "only the material is lit");
+}
+
 #[cfg(unix)]
 #[test]
 fn ffmpeg_gets_the_frames_and_its_failure_keeps_them() {

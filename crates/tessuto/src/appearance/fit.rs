@@ -9,7 +9,7 @@ use super::observations::observe;
 use super::patch_weights::PatchWeights;
 use super::splat::Splat;
 use super::surfaces::SurfacePrior;
-use super::texels::{MapState, Maps, Texels};
+use super::texels::{MapState, Maps, TexelPrior, Texels};
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
@@ -125,6 +125,9 @@ pub fn fit(
         }
         if step > 0 && step == settings.steps * 2 / 5 {
             maps.regroup();
+        }
+        if step % REDRAW == 0 && step >= settings.steps * 2 / 5 {
+            maps.find_metals();
         }
         let environment = lighting.environment(settings.light_rows, colour);
         let light = match &mut light {
@@ -243,13 +246,17 @@ fn maps(settings: &AppearanceSettings, diffuse: &[f32], seed: u32) -> Result<Box
     let size = settings.map_size;
     match settings.prior {
         MapPrior::Smooth => {
-            let prior = SurfacePrior {
-                metallic: settings.metallic_pull,
-                roughness_weight: settings.roughness_pull,
-                roughness: settings.roughness_start,
+            let prior = TexelPrior {
+                smoothness: settings.diffuse_smoothness,
+                metal_colour: settings.metal_colour_pull,
+                surface: SurfacePrior {
+                    metallic: settings.metallic_pull,
+                    roughness_weight: settings.roughness_pull,
+                    roughness: settings.roughness_start,
+                },
             };
             let start = [settings.roughness_start, settings.metallic_start];
-            Ok(Box::new(Texels::new(size, diffuse, start, settings.diffuse_smoothness, prior)))
+            Ok(Box::new(Texels::new(size, diffuse, start, prior)))
         }
         #[cfg(feature = "decoder")]
         MapPrior::Decoder if !size.is_multiple_of(DecoderConfig::LIGHT_STEP) => Err(Error::usage(

@@ -14,6 +14,7 @@ mod environment_parameters;
 mod fit;
 mod gains;
 mod loss;
+mod metal_colour;
 mod observations;
 mod patch_weights;
 mod print;

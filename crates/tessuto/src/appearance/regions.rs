@@ -19,12 +19,17 @@ pub(super) fn regions(diffuse: &[f32]) -> Vec<u8> {
     let n = diffuse.len() / 3;
     let colours: Vec<[f32; 3]> =
         (0..n).into_par_iter().map(|i| opponent([diffuse[i], diffuse[n + i], diffuse[2 * n + i]])).collect();
-    let mut centres = farthest(&colours);
-    let mut labels = vec![0u8; n];
+    clusters(&colours, APART)
+}
+
+/// Cluster of every colour, below [`MOST`]; colours nearer than `apart` to each other are one from the start.
+pub(super) fn clusters(colours: &[[f32; 3]], apart: f32) -> Vec<u8> {
+    let mut centres = farthest(colours, apart);
+    let mut labels = vec![0u8; colours.len()];
     for _ in 0..ROUNDS {
-        labels.par_iter_mut().zip(&colours).for_each(|(label, colour)| *label = nearest(&centres, colour));
+        labels.par_iter_mut().zip(colours).for_each(|(label, colour)| *label = nearest(&centres, colour));
         let mut sums = vec![[0.0f64; 4]; centres.len()];
-        for (label, colour) in labels.iter().zip(&colours) {
+        for (label, colour) in labels.iter().zip(colours) {
             let sum = &mut sums[usize::from(*label)];
             (0..3).for_each(|c| sum[c] += f64::from(colour[c]));
             sum[3] += 1.0;
@@ -59,8 +64,8 @@ fn nearest(centres: &[[f32; 3]], colour: &[f32; 3]) -> u8 {
     best.1
 }
 
-/// At most [`MOST`] of the colours, none of them close to another; the first is nearest to the mean.
-fn farthest(colours: &[[f32; 3]]) -> Vec<[f32; 3]> {
+/// The mean, and at most [`MOST`] − 1 of the colours, none within `apart` of another.
+fn farthest(colours: &[[f32; 3]], apart: f32) -> Vec<[f32; 3]> {
     let mut mean = [0.0f64; 3];
     colours.iter().for_each(|colour| (0..3).for_each(|c| mean[c] += f64::from(colour[c])));
     let mut centres = vec![mean.map(|m| (m / colours.len().max(1) as f64) as f32)];
@@ -76,7 +81,7 @@ fn farthest(colours: &[[f32; 3]]) -> Vec<[f32; 3]> {
                 if *d > best.1 { (i, *d) } else { best }
             },
         );
-        if far.1 < APART * APART {
+        if far.1 < apart * apart {
             break;
         }
         centres.push(colours[far.0]);

@@ -67,6 +67,9 @@ settings! {
         /// Weight of the mean of the metallic map: a region of similar colour becomes metal only where that lowers its mean
         /// squared error by more than this.
         metallic_pull: f64 = 2e-4, number(0.0..=1e3, "");
+        /// Weight of metal's mean squared difference from the mean colour of metal of similar tint: nearly all that metal shows is
+        /// the light.
+        metal_colour_pull: f64 = 0.1, number(0.0..=1e3, "");
         /// Weight of the mean squared difference from roughness_start: where no highlight tells, roughness stays there.
         roughness_pull: f64 = 1e-3, number(0.0..=1e3, "");
         /// Fraction of the steps from which on patches with large errors count less; 1: all count alike to the end.

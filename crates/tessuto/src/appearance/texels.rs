@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::albedo_scale::HIGHEST;
+use super::metal_colour;
 use super::regions::regions;
 use super::surfaces::{self, SurfacePrior, Surfaces};
 #[cfg(feature = "decoder")]
@@ -45,6 +46,9 @@ pub(super) trait Maps {
 
     /// Finds regions that share a surface anew.
     fn regroup(&mut self);
+
+    /// Finds anew which texels are of one metal.
+    fn find_metals(&mut self) {}
 }
 
 /// Parameters and optimiser of maps.
@@ -61,23 +65,28 @@ pub(super) struct Texels {
     diffuse: Vec<f64>,
     adam: Adam,
     surfaces: Surfaces,
-    /// Weight of the diffuse map's prior.
-    smoothness: f64,
-    prior: SurfacePrior,
+    /// Metal of every texel; empty until it is looked for.
+    metals: Vec<u8>,
+    prior: TexelPrior,
+}
+
+/// What is expected of the maps.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TexelPrior {
+    /// Weight of the mean absolute differences between neighbours of the diffuse map.
+    pub smoothness: f64,
+    /// Weight of the mean squared difference of metal from its mean colour.
+    pub metal_colour: f64,
+    /// Of roughness and metallic.
+    pub surface: SurfacePrior,
 }
 
 impl Texels {
     /// Starts from `diffuse` planes [3, size, size], roughness and metallic that are the same everywhere.
-    pub fn new(
-        size: usize,
-        diffuse: &[f32],
-        [roughness, metallic]: [f64; 2],
-        smoothness: f64,
-        prior: SurfacePrior,
-    ) -> Self {
+    pub fn new(size: usize, diffuse: &[f32], [roughness, metallic]: [f64; 2], prior: TexelPrior) -> Self {
         let surfaces = Surfaces::new(regions(diffuse), roughness, metallic);
         let diffuse: Vec<f64> = diffuse.iter().copied().map(f64::from).collect();
-        Self { size, adam: Adam::new(diffuse.len(), 1.0), diffuse, surfaces, smoothness, prior }
+        Self { size, adam: Adam::new(diffuse.len(), 1.0), diffuse, surfaces, metals: Vec::new(), prior }
     }
 }
 
@@ -114,14 +123,19 @@ impl Maps for Texels {
         let mut total: Vec<f64> = diffuse.iter().copied().map(f64::from).collect();
         let planes = self.diffuse.par_chunks_exact(n).zip(total.par_chunks_exact_mut(n));
         planes.for_each(|(plane, total)| {
-            add_variation_gradient(self.size, plane, self.smoothness / n as f64, total);
+            add_variation_gradient(self.size, plane, self.prior.smoothness / n as f64, total);
         });
+        if !self.metals.is_empty() {
+            let metallic: Vec<f32> = self.surfaces.plane(1).collect();
+            let weight = self.prior.metal_colour;
+            metal_colour::add_gradient(&self.diffuse, &metallic, &self.metals, weight, &mut total);
+        }
         self.adam.set_learning_rate(rate);
         self.adam.step(&mut self.diffuse, &total, 1.0);
         for (plane, [low, high]) in self.diffuse.chunks_exact_mut(n).zip(LIMITS) {
             plane.iter_mut().for_each(|v| *v = v.clamp(low, high));
         }
-        self.surfaces.step(surfaces, &self.prior, rate);
+        self.surfaces.step(surfaces, &self.prior.surface, rate);
     }
 
     fn rescale(&mut self, factors: Factors<'_>) -> Option<[f64; 3]> {
@@ -137,6 +151,11 @@ impl Maps for Texels {
     fn regroup(&mut self) {
         let diffuse: Vec<f32> = self.diffuse.iter().map(|v| *v as f32).collect();
         self.surfaces.regroup(regions(&diffuse));
+    }
+
+    fn find_metals(&mut self) {
+        let metallic: Vec<f32> = self.surfaces.plane(1).collect();
+        self.metals = metal_colour::metals(&self.diffuse, &metallic);
     }
 }
 
@@ -196,8 +215,9 @@ mod tests {
         let (size, n) = (8, 64);
         let ink = |c: usize, i: usize| if (i % size < 4) == (c == 0) { 0.6 } else { 0.1 };
         let diffuse: Vec<f32> = (0..3 * n).map(|k| ink(k / n, k % n)).collect();
-        let prior = SurfacePrior { metallic: 1e-3, roughness_weight: 0.0, roughness: 0.7 };
-        let mut texels = Texels::new(size, &diffuse, [0.7, 0.2], 0.0, prior);
+        let surface = SurfacePrior { metallic: 1e-3, roughness_weight: 0.0, roughness: 0.7 };
+        let prior = TexelPrior { smoothness: 0.0, metal_colour: 0.0, surface };
+        let mut texels = Texels::new(size, &diffuse, [0.7, 0.2], prior);
         let mut gradient = vec![0.0; 5 * n];
         (0..n).filter(|i| i % size < 4 && *i != 9).for_each(|i| gradient[4 * n + i] = -1.0);
         (0..20).for_each(|_| texels.step(&gradient, 0.01));

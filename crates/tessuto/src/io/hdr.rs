@@ -30,7 +30,7 @@ pub const MAX_RADIANCE: f32 = 1e6;
 /// # Errors
 /// [`Error::Input`] naming the file.
 pub fn read_linear(path: &Path) -> Result<Image> {
-    let bytes = read_bounded(path, MAX_BYTES)?;
+    let bytes = with_usual_name(read_bounded(path, MAX_BYTES)?);
     let broken = |problem: String| {
         Error::input(
             path.display().to_string(),
@@ -63,6 +63,17 @@ pub fn read_linear(path: &Path) -> Result<Image> {
     let dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     let data = dynamic.into_rgb32f().into_raw();
     Ok(Image { width: width as usize, height: height as usize, channels: 3, data })
+}
+
+/// `bytes` with the first line of a Radiance .hdr file as most programs write it: others name themselves or the format there.
+fn with_usual_name(mut bytes: Vec<u8>) -> Vec<u8> {
+    const USUAL: &[u8] = b"#?RADIANCE";
+    if bytes.starts_with(b"#?")
+        && let Some(end) = bytes.iter().take(64).position(|b| *b == b'\n')
+    {
+        bytes.splice(..end, USUAL.iter().copied());
+    }
+    bytes
 }
 
 /// The size of a tile in an OpenEXR file that is larger than [`MAX_TILE`]. The decoder takes memory for a whole tile, however
@@ -143,4 +154,26 @@ pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     )
     .map_err(|e| Error::Output { path: path.to_path_buf(), source: std::io::Error::other(e) })?;
     atomic_write(path, exr.get_ref())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn radiance_files_are_read_whatever_their_first_line_names() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("light.hdr");
+        for name in ["RADIANCE", "RGBE", "some program 1.2"] {
+            let mut bytes = format!("#?{name}\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n").into_bytes();
+            // 128/256 · 2^(129 − 128) = 1.
+            bytes.extend([128, 64, 0, 129, 0, 0, 128, 128]);
+            std::fs::write(&path, bytes).unwrap();
+            let image = read_linear(&path).unwrap();
+            assert_eq!((image.width, image.height), (2, 1));
+            assert_eq!(image.data, [1.0, 0.5, 0.0, 0.0, 0.0, 0.5], "{name}");
+        }
+        std::fs::write(&path, "#?RADIANCE").unwrap();
+        assert!(read_linear(&path).is_err());
+    }
 }

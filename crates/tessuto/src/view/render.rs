@@ -3,12 +3,12 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
-use crate::camera::Camera;
+use super::film::{Shot, shots, turned};
+use super::{Turn, View, Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io;
-use crate::mesh::Positions;
+use crate::mesh::{Mesh, Positions};
 use crate::output::{FolderKind, OutputFolder, manifest};
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::{Rasterizer, Texture};
@@ -52,15 +52,6 @@ impl Look {
     }
 }
 
-/// Where it is seen from.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum View {
-    /// From the recording camera.
-    Original,
-    /// Degrees to the left and upwards around the centre of the fabric, at the distance where it fills the image.
-    About(f64, f64),
-}
-
 /// What to render.
 #[derive(Debug, Clone)]
 pub struct RenderOptions {
@@ -74,6 +65,10 @@ pub struct RenderOptions {
     pub size: Option<[usize; 2]>,
     /// Frames, counted from the result's first; all of them if it is not given.
     pub frames: Option<Range<usize>>,
+    /// What goes once around the fabric meanwhile.
+    pub turn: Option<Turn>,
+    /// How many pictures the frames are spread over, in place of one each.
+    pub pictures: Option<usize>,
     /// Light samples per pixel, rounded up to a multiple of 8.
     pub samples: usize,
     /// Replace earlier views, if they are all tessuto's.
@@ -92,11 +87,11 @@ pub struct Rendered {
 }
 
 /// Renders `result` into the folder `out`, RESULT/views/LOOK if it is not given: `frame_000.png` …, named by the number of
-/// the frame. `progress` hears of every frame; `finish`, given the folder and the first frame, may add to it what comes of
-/// all frames, such as a video.
+/// the frame, or of the picture where their number is given. `progress` hears of every picture; `finish`, given the folder and the
+/// first number, may add to it what comes of all of them, such as a video.
 ///
 /// # Errors
-/// [`Error::Usage`] for a range beyond the motion; [`Error::Input`] for files that cannot be used, and if anything but
+/// [`Error::Usage`] for a range beyond the motion, and a turn that cannot be; [`Error::Input`] for files that cannot be used, and if anything but
 /// views of tessuto's is at `out`; [`Error::Output`].
 pub fn render(
     result: &Folder,
@@ -113,18 +108,20 @@ pub fn render(
     }
     let material = result.material()?;
     let look = options.look.unwrap_or(if material.is_some() { Look::Material } else { Look::Texture });
-    let viewpoint = viewpoint(options, motion, result.camera)?;
-    let motion: Vec<Positions> = motion.iter().map(|positions| viewpoint.positions(positions)).collect();
+    let camera = Viewpoint::original(result.camera);
+    let camera = options.size.map_or(camera, |size| camera.sized(size)).camera;
+    let film = shots(motion, range.clone(), camera, (options.view, options.turn, options.pictures))?;
+    if options.turn == Some(Turn::Light) && look != Look::Material {
+        let problem = format!("a light that goes around, and the look {}", look.name());
+        return Err(Error::usage(problem, "only the material is lit: draw that"));
+    }
+    let seen = |shot: &Shot| shot.viewpoint.positions(&motion[shot.frame]);
     let target = out.map_or_else(|| result.path().join("views").join(look.name()), Path::to_path_buf);
     let output = OutputFolder::prepare(&target, FolderKind::Views, options.replace)?;
     let drawing = match (look, material) {
-        (Look::Material, Some(material)) => Drawing::Material {
-            material,
-            light: Box::new(light(result, options, &viewpoint)?),
-            // What lies beyond the last frame is not asked for.
-            geometry: Geometry::new(&result.mesh, &motion[..range.end]),
-            samples_per_pixel: options.samples,
-        },
+        (Look::Material, Some(material)) => {
+            Drawing::Material { material, light: light(result, options)?, samples_per_pixel: options.samples }
+        }
         (Look::Material, None) => {
             return Err(Error::input(
                 result.path().join("material").display().to_string(),
@@ -135,16 +132,17 @@ pub fn render(
         (Look::Texture, _) => {
             Drawing::Texture(Texture::from_image(&io::image::read(&result.path().join("texture.png"))?))
         }
-        (Look::Shaded, _) => Drawing::Shaded(Geometry::new(&result.mesh, &motion[..range.end])),
-        (Look::Depth, _) => Drawing::Depth(depth_range(&motion)),
+        (Look::Shaded, _) => Drawing::Shaded,
+        (Look::Depth, _) => Drawing::Depth(depth_range(&film.iter().map(seen).collect::<Vec<_>>())),
     };
-    let painter = Painter { rasterizer: Rasterizer::new(&result.mesh), camera: viewpoint.camera, drawing };
-    for (done, n) in range.clone().enumerate() {
-        let path = output.partial().join(format!("frame_{n:03}.png"));
-        io::image::write_png(&path, &painter.draw(n, &motion[n]))?;
-        progress(done + 1, range.len());
+    let mut painter =
+        Painter { mesh: &result.mesh, rasterizer: Rasterizer::new(&result.mesh), drawing, lit: None };
+    for (done, shot) in film.iter().enumerate() {
+        let path = output.partial().join(format!("frame_{:03}.png", shot.number));
+        io::image::write_png(&path, &painter.draw(shot, &seen(shot)))?;
+        progress(done + 1, film.len());
     }
-    finish(output.partial(), range.start);
+    finish(output.partial(), film.first().map_or(0, |shot| shot.number));
     let kept = output.publish()?;
     manifest::record(&[&target])?;
     let depth = match painter.drawing {
@@ -154,52 +152,55 @@ pub fn render(
     Ok(Rendered { folder: target, depth, kept })
 }
 
-fn viewpoint(options: &RenderOptions, motion: &[Positions], camera: Camera) -> Result<Viewpoint> {
-    let original = Viewpoint::original(camera);
-    let sized = options.size.map_or(original, |size| original.sized(size));
-    match options.view {
-        View::Original => Ok(sized),
-        View::About(left, up) => Viewpoint::about(motion, sized.camera, left.to_radians(), up.to_radians()),
-    }
-}
-
-fn light(result: &Folder, options: &RenderOptions, viewpoint: &Viewpoint) -> Result<EnvironmentSampler> {
+fn light(result: &Folder, options: &RenderOptions) -> Result<EnvironmentMap> {
     let recovered = result.path().join("material/environment.exr");
     let light = io::hdr::read_environment(options.environment.as_ref().unwrap_or(&recovered))?;
     let texels = light.data.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
-    let map = EnvironmentMap { width: light.width, height: light.height, texels };
-    Ok(EnvironmentSampler::new(&viewpoint.environment(&map), UNIFORM_FRACTION))
+    Ok(EnvironmentMap { width: light.width, height: light.height, texels })
 }
 
-/// Draws frames of one look.
+/// Draws pictures of one look.
 struct Painter<'a> {
+    mesh: &'a Mesh,
     rasterizer: Rasterizer,
-    camera: Camera,
     drawing: Drawing<'a>,
+    /// The light as the last picture had it: turn, viewpoint, and what directions are drawn from.
+    lit: Option<(f64, Viewpoint, EnvironmentSampler)>,
 }
 
 enum Drawing<'a> {
-    Material {
-        material: &'a Material,
-        light: Box<EnvironmentSampler>,
-        geometry: Geometry,
-        samples_per_pixel: usize,
-    },
+    Material { material: &'a Material, light: EnvironmentMap, samples_per_pixel: usize },
     Texture(Texture),
-    Shaded(Geometry),
+    Shaded,
     Depth([f64; 2]),
 }
 
 impl Painter<'_> {
-    fn draw(&self, n: usize, positions: &Positions) -> Image {
-        let Self { rasterizer, camera, drawing } = self;
-        match drawing {
-            Drawing::Material { material, light, geometry, samples_per_pixel } => {
-                let scene = RenderScene { rasterizer, geometry, material, light };
-                render_frame(&scene, camera, (n, positions), *samples_per_pixel)
+    /// The picture of `shot`, whose frame has its vertices at `positions`.
+    fn draw(&mut self, shot: &Shot, positions: &Positions) -> Image {
+        let camera = &shot.viewpoint.camera;
+        let geometry = || Geometry::new(self.mesh, std::slice::from_ref(positions));
+        let rasterizer = &self.rasterizer;
+        match &self.drawing {
+            Drawing::Material { material, light, samples_per_pixel } => {
+                let same =
+                    |(turn, view, _): &(f64, Viewpoint, _)| *turn == shot.light && *view == shot.viewpoint;
+                if !self.lit.as_ref().is_some_and(same) {
+                    let light = shot.viewpoint.environment(&turned(light, shot.light));
+                    let sampler = EnvironmentSampler::new(&light, UNIFORM_FRACTION);
+                    self.lit = Some((shot.light, shot.viewpoint, sampler));
+                }
+                let geometry = &geometry();
+                self.lit.as_ref().map_or_else(
+                    || Image::new(camera.width, camera.height, 3),
+                    |(_, _, light)| {
+                        let scene = RenderScene { rasterizer, geometry, material, light };
+                        render_frame(&scene, camera, (0, positions), *samples_per_pixel)
+                    },
+                )
             }
             Drawing::Texture(texture) => draw_texture(rasterizer, camera, positions, texture),
-            Drawing::Shaded(geometry) => draw_shaded(rasterizer, camera, geometry, (n, positions)),
+            Drawing::Shaded => draw_shaded(rasterizer, camera, &geometry(), (0, positions)),
             Drawing::Depth(range) => draw_depth(rasterizer, camera, positions, *range),
         }
     }

@@ -40,9 +40,7 @@ impl Viewpoint {
             return Err(Error::usage(angles, "up must lie between -90 and 90"));
         }
         let vertices = || motion.iter().flatten().copied();
-        let low = vertices().reduce(DVec3::min).unwrap_or(DVec3::ZERO);
-        let high = vertices().reduce(DVec3::max).unwrap_or(DVec3::ZERO);
-        let middle = (low + high) / 2.0;
+        let middle = middle(motion);
         let right = DVec3::new(left.cos(), 0.0, -left.sin());
         let level = DVec3::new(left.sin(), 0.0, left.cos());
         let forward = level * up.cos() + DVec3::Y * up.sin();
@@ -59,6 +57,18 @@ impl Viewpoint {
             })
             .fold(NEAREST, f64::max);
         Ok(Self { rotation, translation: DVec3::Z * distance - rotation * middle, camera })
+    }
+
+    /// Views about the middle of one `motion`, all as far from it as the farthest.
+    pub(super) fn at_one_distance(views: Vec<Self>, motion: &[Positions]) -> Vec<Self> {
+        let middle = middle(motion);
+        let distance = |view: &Self| (view.rotation * middle + view.translation).z;
+        let farthest = views.iter().map(distance).fold(0.0, f64::max);
+        let moved = |view: Self| {
+            let translation = view.translation + DVec3::Z * (farthest - distance(&view));
+            Self { translation, ..view }
+        };
+        views.into_iter().map(moved).collect()
     }
 
     /// The same view in an image of `size` pixels: as large as it fits.
@@ -103,6 +113,14 @@ impl Viewpoint {
         }
         turned
     }
+}
+
+/// The middle of the box around a motion.
+fn middle(motion: &[Positions]) -> DVec3 {
+    let vertices = || motion.iter().flatten().copied();
+    let low = vertices().reduce(DVec3::min).unwrap_or(DVec3::ZERO);
+    let high = vertices().reduce(DVec3::max).unwrap_or(DVec3::ZERO);
+    (low + high) / 2.0
 }
 
 #[cfg(test)]
