@@ -266,7 +266,8 @@ impl Config {
                     model: Model::Continuum,
                     ..default.dynamics
                 };
-                Self { method: Method::Rollout, irregular_vertices: 400, dynamics, ..default }
+                let rollout = RolloutSettings { wind: true, ..default.rollout };
+                Self { method: Method::Rollout, irregular_vertices: 400, dynamics, rollout, ..default }
             }
         }
     }

@@ -218,7 +218,6 @@ fn phi_sft_preset_replays_and_its_cloth_has_properties_of_its_own() {
         "texture.epochs=20",
         "texture.size=64",
         "irregular_vertices=60",
-        "rollout.wind=true",
     ];
     let arguments: Vec<&str> =
         ["--preset", "phi-sft"].into_iter().chain(settings.into_iter().flat_map(|s| ["--set", s])).collect();
