@@ -85,6 +85,7 @@ fn bench_rollout(c: &mut Criterion) {
         constant: DVec3::Y * 9.81,
         dynamic: (0..frames).map(|k| sines(3.0, 0.9, k as f64)).collect(),
         entries_per_frame: 1,
+        wind: None,
     };
     let settings = StepSettings {
         integrator: Integrator::ImplicitEuler,

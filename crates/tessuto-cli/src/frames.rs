@@ -14,12 +14,7 @@ pub fn parse(text: &str) -> Result<Range<usize>, String> {
 
 /// A preset's name.
 pub fn preset(text: &str) -> Result<Preset, String> {
-    match text {
-        "default" => Ok(Preset::Default),
-        "saft" => Ok(Preset::Saft),
-        "physics" => Ok(Preset::Physics),
-        _ => Err(format!("the presets are: {}", Preset::NAMES.join(", "))),
-    }
+    Preset::named(text).map_err(|_| format!("the presets are: {}", Preset::NAMES.join(", ")))
 }
 
 #[cfg(test)]

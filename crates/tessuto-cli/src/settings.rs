@@ -29,7 +29,7 @@ pub struct Arguments {
     /// Print JSON instead of a table.
     #[arg(long, conflicts_with = "markdown")]
     json: bool,
-    /// Print docs/settings.md, for both presets.
+    /// Print docs/settings.md, for the presets default, saft and phi-sft.
     #[arg(long, conflicts_with_all = ["filter", "preset"])]
     markdown: bool,
 }
@@ -86,17 +86,18 @@ A spread (σ) is how much of something is normal: a term with spread σ contribu
 the weaker the term. Units are in brackets; pure numbers and counts have none.
 ",
     );
-    let saft = Config::preset(Preset::Saft).table();
+    let others = [Preset::Saft, Preset::PhiSft].map(|preset| (preset.name(), Config::preset(preset).table()));
     let mut section = "";
     let default = Config::preset(Preset::Default).table();
-    for ((setting, value), (_, saft)) in default.iter().zip(&saft) {
+    for (row, (setting, value)) in default.iter().enumerate() {
         let group = setting.key.split_once('.').map_or("", |(group, _)| group);
         if group != section || setting.key == "preset" {
             section = group;
             let title = if group.is_empty() { "The run" } else { group };
             let _ = write!(text, "\n## {title}\n\n| key | default | range | meaning |\n|---|---|---|---|\n");
         }
-        let differs = if value == saft { String::new() } else { format!("; saft: {saft}") };
+        let differs = others.iter().filter(|(_, table)| table[row].1 != *value);
+        let differs: String = differs.map(|(name, table)| format!("; {name}: {}", table[row].1)).collect();
         let unit = setting.values.unit();
         let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
         let _ = writeln!(

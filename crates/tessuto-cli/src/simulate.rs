@@ -28,7 +28,8 @@ where the clip ends; without it, in the first frame. --continue, --air, --hold, 
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
-    /// Change a stiffness: stretch [N/m], bend [J/rad²] or shear [J/rad²]. May be repeated.
+    /// Change a property of the cloth: of springs stretch [N/m], bend [J/rad²] or shear [J/rad²]; of the preset phi-sft warp,
+    /// weft, shear [N/m], bend [J] or poisson. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Scale the dynamic forces by this factor.
@@ -97,8 +98,9 @@ impl Arguments {
     fn otherwise(&self) -> Result<Otherwise, Error> {
         let mut scale = [1.0; 4];
         for assignment in &self.scale {
-            let (k, factor) = number("--scale", assignment, &["stretch", "bend", "shear", "drag"])?;
-            scale[k] = factor;
+            let keys = ["stretch", "bend", "shear", "drag"];
+            let (key, factor) = number("--scale", assignment, &keys)?;
+            scale[keys.iter().position(|known| *known == key).expect("one of them")] = factor;
         }
         let air = match self.air.as_str() {
             "found" => 1.0,
@@ -128,7 +130,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let original = Folder::open(&arguments.result)?;
     let otherwise = arguments.otherwise()?;
     let mut changes = Changes { forces: arguments.forces, otherwise, ..Changes::default() };
-    arguments.set.iter().try_for_each(|assignment| set(&mut changes.stiffness, assignment))?;
+    let keys: Vec<&str> = original.parameters.model.properties().iter().map(|p| p.key).collect();
+    for assignment in &arguments.set {
+        changes.stiffness.push(number("--set", assignment, &keys)?);
+    }
     let replayed = replay(&original, &changes)?;
     let motion = &replayed.motion;
     match folder {
@@ -163,20 +168,13 @@ fn check_target(out: &Path, replace: bool) -> Result<(), Error> {
     }
 }
 
-fn set(stiffness: &mut [Option<f64>; 3], assignment: &str) -> Result<(), Error> {
-    let (k, value) = number("--set", assignment, &["stretch", "bend", "shear"])?;
-    stiffness[k] = Some(value);
-    Ok(())
-}
-
 /// Which of `keys` the `assignment` KEY=VALUE of `option` names, and its positive value.
-fn number(option: &str, assignment: &str, keys: &[&str]) -> Result<(usize, f64), Error> {
+fn number(option: &str, assignment: &str, keys: &[&str]) -> Result<(String, f64), Error> {
     let wrong = || {
         let hint = format!("write KEY=VALUE with a positive number and one of {}", keys.join(", "));
         Error::usage(format!("{option} {assignment}"), hint)
     };
-    let (key, value) = assignment.split_once('=').ok_or_else(wrong)?;
-    let index = keys.iter().position(|k| *k == key).ok_or_else(wrong)?;
+    let (key, value) = assignment.split_once('=').filter(|(key, _)| keys.contains(key)).ok_or_else(wrong)?;
     let value: f64 = value.parse().map_err(|_| wrong())?;
-    if value.is_finite() && value > 0.0 { Ok((index, value)) } else { Err(wrong()) }
+    if value.is_finite() && value > 0.0 { Ok((key.to_owned(), value)) } else { Err(wrong()) }
 }

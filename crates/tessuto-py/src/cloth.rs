@@ -212,7 +212,8 @@ pub fn rollout<'py>(
         )));
     }
     let dynamic = arrays::frames(dynamic.as_array())?;
-    let accelerations = Accelerations { constant: constant.into(), dynamic, entries_per_frame: parts };
+    let accelerations =
+        Accelerations { constant: constant.into(), dynamic, entries_per_frame: parts, wind: None };
     let (stiffness, settings) = (stiffness(&cloth, &stiffnesses)?, settings(stepping)?);
     let work = || {
         let inputs =

@@ -93,7 +93,9 @@ pub fn simulate(
         // What can be refused is refused before the work.
         let target = out.map(|out| OutputFolder::prepare(&out, FolderKind::Result, replace)).transpose()?;
         let original = Folder::open(&result)?;
-        let changes = Changes { stiffness: [stretch, bend, shear], forces, ..Changes::default() };
+        let given = [("stretch", stretch), ("bend", bend), ("shear", shear)];
+        let stiffness = given.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect();
+        let changes = Changes { stiffness, forces, ..Changes::default() };
         let replayed = replay(&original, &changes)?;
         if let Some(target) = target {
             replay::write(&original, &replayed, target, &command)?;

@@ -30,15 +30,7 @@ pub fn reconstruct(
     command: String,
     on_step: Option<Py<PyAny>>,
 ) -> PyResult<Option<Py<PyAny>>> {
-    let mut config = Config::preset(match preset {
-        "default" => Preset::Default,
-        "saft" => Preset::Saft,
-        "physics" => Preset::Physics,
-        other => {
-            let presets = format!("the presets are: {}", Preset::NAMES.join(", "));
-            return Err(to_python(py, &tessuto::Error::usage(format!("preset {other}"), presets)));
-        }
-    });
+    let mut config = Config::preset(Preset::named(preset).into_python(py)?);
     config.set_all(settings.iter().map(String::as_str)).into_python(py)?;
     config.seed = seed.unwrap_or(config.seed);
     let checkpoint = match checkpoint.map(Duration::try_from_secs_f64).transpose() {

@@ -16,7 +16,7 @@ use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
 use crate::settings::{Setting, Settings, Values, ordered, settings, text};
-use crate::sim::{Integrator, StepSettings};
+use crate::sim::{Integrator, Model, StepSettings};
 use crate::text::nearest_key;
 
 /// Named set of settings.
@@ -29,11 +29,16 @@ pub enum Preset {
     Default,
     /// The same, then what moved the fabric: stiffness, gravity, air, what holds it. Being worked on.
     Physics,
+    /// After φ-SfT: as saft, of a continuum on an irregular mesh.
+    #[serde(rename = "phi-sft")]
+    PhiSft,
 }
 
 impl Preset {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Default, Self::Saft, Self::Physics, Self::PhiSft];
     /// Their names.
-    pub const NAMES: &[&str] = &["default", "saft", "physics"];
+    pub const NAMES: &[&str] = &["default", "saft", "physics", "phi-sft"];
 
     /// Its name.
     pub fn name(self) -> &'static str {
@@ -41,7 +46,18 @@ impl Preset {
             Self::Default => "default",
             Self::Saft => "saft",
             Self::Physics => "physics",
+            Self::PhiSft => "phi-sft",
         }
+    }
+
+    /// The one called `name`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] with their names.
+    pub fn named(name: &str) -> Result<Self> {
+        let known = || format!("the presets are: {}", Self::NAMES.join(", "));
+        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
+        found.ok_or_else(|| Error::usage(format!("preset {name}: no such preset"), known()))
     }
 }
 
@@ -62,9 +78,14 @@ impl Method {
 
 /// The three numbers of a [`StiffnessRange`]; `unit` is that of log10.
 fn stiffness(name: &str, unit: &'static str, low: f64, high: f64) -> Vec<Setting> {
+    property(&format!("{name} stiffness"), unit, low, high)
+}
+
+/// The same of any property.
+fn property(name: &str, unit: &'static str, low: f64, high: f64) -> Vec<Setting> {
     let row = |key: &str, what: &str| Setting {
         key: key.to_owned(),
-        meaning: format!("log10 of the {name} stiffness: {what}"),
+        meaning: format!("log10 of the {name}: {what}"),
         values: Values::Number { range: low..=high, unit },
     };
     let start = "where the search starts, and its prior; between low and high";
@@ -76,10 +97,28 @@ const fn range(start: f64, low: f64, high: f64) -> StiffnessRange {
 }
 
 settings! {
+    /// Properties of a continuum.
+    pub struct FabricSettings {
+        /// log10 of the tension per strain along the warp `[N/m]`.
+        warp: StiffnessRange = range(200f64.log10(), 1.0, 3.0), property("tension per strain along the warp (growing u)", "log10 N/m", -3.0, 8.0);
+        /// The same along the weft.
+        weft: StiffnessRange = range(200f64.log10(), 1.0, 3.0), property("tension per strain along the weft", "log10 N/m", -3.0, 8.0);
+        /// log10 of the Poisson ratio.
+        poisson: StiffnessRange = range(-0.7, -2.0, -0.3), property("Poisson ratio, geometric mean of both", "log10", -6.0, -0.05);
+        /// log10 of the shear force per angle `[N/m]`.
+        shear: StiffnessRange = range(1.3, 0.0, 2.5), property("shear force per angle", "log10 N/m", -3.0, 8.0);
+        /// log10 of the bend stiffness `[J]`.
+        bend: StiffnessRange = range(-5.0, -7.0, -3.0), property("moment per curvature and width", "log10 J", -12.0, 4.0);
+    }
+}
+
+settings! {
     /// Time stepping and material.
     pub struct DynamicsSettings {
         /// Time integrator.
         integrator: Integrator = Integrator::ImplicitEuler, choice(Integrator::NAMES);
+        /// How the cloth resists: springs along the edges and between them, or a continuum on any mesh (method = rollout).
+        model: Model = Model::Springs, choice(Model::NAMES);
         /// Simulation steps per frame, at least.
         substeps: usize = 4, number(1.0..=64.0, "");
         /// Longest step `[s]`; slow videos take more steps per frame, at most 64. Compressed cloth can go several ways in a
@@ -93,10 +132,33 @@ settings! {
         bend: StiffnessRange = range(-3.0, -4.0, -2.0), stiffness("bend", "log10 J/rad²", -10.0, 4.0);
         /// log10 of the shear stiffness `[J/rad²]`.
         shear: StiffnessRange = range(-4.0, -5.0, -2.0), stiffness("shear", "log10 J/rad²", -10.0, 4.0);
+        /// Properties of model = continuum; stretch, bend and shear are those of model = springs.
+        fabric: FabricSettings = FabricSettings::default(), group::<FabricSettings>();
     }
 }
 
 impl DynamicsSettings {
+    /// The ranges of the model's properties, in their order, by their settings.
+    pub fn ranges(&self) -> Vec<(&'static str, StiffnessRange)> {
+        match self.model {
+            Model::Springs => vec![
+                ("dynamics.stretch", self.stretch),
+                ("dynamics.bend", self.bend),
+                ("dynamics.shear", self.shear),
+            ],
+            Model::Continuum => {
+                let FabricSettings { warp, weft, poisson, shear, bend } = self.fabric;
+                vec![
+                    ("dynamics.fabric.warp", warp),
+                    ("dynamics.fabric.weft", weft),
+                    ("dynamics.fabric.poisson", poisson),
+                    ("dynamics.fabric.shear", shear),
+                    ("dynamics.fabric.bend", bend),
+                ]
+            }
+        }
+    }
+
     /// For a video of `fps` frames per second.
     pub fn at(&self, fps: f64) -> Dynamics {
         // 20 ms are four steps of 5 ms in spite of rounding.
@@ -113,27 +175,24 @@ impl DynamicsSettings {
                 newton_limit: 8,
             },
             substeps,
-            stiffness: [self.stretch, self.bend, self.shear],
+            model: self.model,
+            stiffness: self.ranges().into_iter().map(|(_, range)| range).collect(),
         }
     }
 }
 
 impl DynamicsSettings {
-    /// A warning where stiffnesses, given by log10, lie at their bounds.
-    pub fn doubt(&self, log_stiffness: [f64; 3]) -> Option<Warning> {
-        let rows = [
-            ("stretch", self.stretch, "N/m"),
-            ("bend", self.bend, "J/rad²"),
-            ("shear", self.shear, "J/rad²"),
-        ];
+    /// A warning where the properties of the model, given by log10, lie at their bounds.
+    pub fn doubt(&self, log_stiffness: &[f64]) -> Option<Warning> {
+        let rows = self.model.properties().iter().zip(self.ranges());
         let found: Vec<String> = rows
-            .iter()
             .zip(log_stiffness)
-            .filter_map(|((name, range, unit), log_k)| {
-                let bound = range.bound_at(log_k)?;
+            .filter_map(|((property, (_, range)), log_k)| {
+                let bound = range.bound_at(*log_k)?;
                 // Three digits are enough to tell the bound.
-                let value: f64 = format!("{:.2e}", 10f64.powf(log_k)).parse().expect("a number");
-                Some(format!("{name} at its {bound} bound ({value} {unit})"))
+                let value: f64 = format!("{:.2e}", 10f64.powf(*log_k)).parse().expect("a number");
+                let value = format!("{value} {}", property.unit);
+                Some(format!("{} at its {bound} bound ({})", property.key, value.trim_end()))
             })
             .collect();
         let hint = "these are effective values of the replay, not properties of the fabric";
@@ -154,6 +213,8 @@ settings! {
         method: Method = Method::Spacetime, choice(Method::NAMES);
         /// Seed of everything random: the samples of the metrics, the pixels that material and light are found from.
         seed: u64 = 0, number(0.0..=LARGEST_SEED, "");
+        /// Vertices of the irregular mesh that is made of the template and takes its place; 0 keeps the template.
+        irregular_vertices: usize = 0, number(0.0..=4000.0, "");
         /// Time stepping and material.
         dynamics: DynamicsSettings = DynamicsSettings::default(), group::<DynamicsSettings>();
         /// Texture.
@@ -199,6 +260,15 @@ impl Config {
                 };
                 Self { method: Method::Rollout, dynamics, ..default }
             }
+            Preset::PhiSft => {
+                let dynamics = DynamicsSettings {
+                    integrator: Integrator::LinearizedEuler,
+                    model: Model::Continuum,
+                    ..default.dynamics
+                };
+                let rollout = RolloutSettings { wind: true, ..default.rollout };
+                Self { method: Method::Rollout, irregular_vertices: 400, dynamics, rollout, ..default }
+            }
         }
     }
 
@@ -218,8 +288,7 @@ impl Config {
             return Err(Error::input(place(), "holds no settings", hint));
         }
         let name = given.get("preset").and_then(Value::as_str).unwrap_or("default");
-        let preset = if name == Preset::Saft.name() { Preset::Saft } else { Preset::Default };
-        let mut all = to_json(&Self::preset(preset));
+        let mut all = to_json(&Self::preset(Preset::named(name)?));
         for (key, value) in leaves(given) {
             put(&mut all, &key, value.clone())?;
         }
@@ -300,8 +369,8 @@ impl Config {
 
     fn check_together(&self) -> Result<()> {
         let dynamics = &self.dynamics;
-        for (name, k) in [("stretch", dynamics.stretch), ("bend", dynamics.bend), ("shear", dynamics.shear)] {
-            let key = |part: &str| format!("dynamics.{name}.{part}");
+        for (name, k) in dynamics.ranges() {
+            let key = |part: &str| format!("{name}.{part}");
             ordered(&key("low"), k.low, &key("start"), k.start)?;
             ordered(&key("start"), k.start, &key("high"), k.high)?;
         }
@@ -310,6 +379,12 @@ impl Config {
             return Err(Error::usage(
                 "dynamics.integrator = linearized_euler with method = spacetime",
                 "forces are read off by implicit_euler: set it, or method=rollout",
+            ));
+        }
+        if self.method == Method::Spacetime && dynamics.model != Model::Springs {
+            return Err(Error::usage(
+                "dynamics.model = continuum with method = spacetime",
+                "its forces are read off by springs: set dynamics.model=springs, or method=rollout",
             ));
         }
         Ok(())
@@ -394,7 +469,7 @@ mod tests {
 
     #[test]
     fn presets_survive_a_round_trip_and_are_valid() {
-        for preset in [Preset::Saft, Preset::Default] {
+        for preset in Preset::ALL {
             let config = Config::preset(preset);
             config.validate().unwrap();
             let text = serde_json::to_string(&config).unwrap();
@@ -451,7 +526,7 @@ mod tests {
 
     #[test]
     fn every_value_has_a_row_and_every_row_a_value_in_its_range() {
-        for preset in [Preset::Saft, Preset::Default] {
+        for preset in Preset::ALL {
             let all = to_json(&Config::preset(preset));
             let fields: Vec<String> = leaves(&all).into_iter().map(|(key, _)| key).collect();
             let rows: Vec<String> = Config::settings().into_iter().map(|s| s.key).collect();
@@ -479,8 +554,8 @@ mod tests {
     #[test]
     fn stiffnesses_at_a_bound_are_doubted() {
         let dynamics = DynamicsSettings::default();
-        assert_eq!(dynamics.doubt([2.0, -3.0, -4.0]), None);
-        let doubt = dynamics.doubt([1.00004, -3.0, -2.0]).unwrap();
+        assert_eq!(dynamics.doubt(&[2.0, -3.0, -4.0]), None);
+        let doubt = dynamics.doubt(&[1.00004, -3.0, -2.0]).unwrap();
         assert!(
             doubt.found.contains("stretch at its lower bound (10 N/m), shear at its upper bound"),
             "{doubt}"

@@ -13,7 +13,7 @@ use crate::motion::texture::{Window, fit_texture};
 use crate::raster::{Rasterizer, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
-use crate::sim::{Cloth, RolloutInputs, State, Stiffness, rollout};
+use crate::sim::{Cloth, RolloutInputs, State, rollout};
 
 /// What a video tells about the fabric.
 #[derive(Debug)]
@@ -46,7 +46,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     config.validate()?;
     config.check_build()?;
     scene.check()?;
-    let cloth = Cloth::new(&scene.template);
+    let cloth = config.dynamics.model.cloth(&scene.template);
     let window = Window::around(&scene.template.uvs, config.texture.size);
     // The published program's renderer, whose losses are weighted for it.
     let one_sided = config.method == Method::Rollout && config.rollout.one_sided_silhouettes;
@@ -111,9 +111,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                 if config.material.fit {
                     let steps = interpolated(&frames, fit.dynamics.substeps);
                     parameters.log_stiffness =
-                        fit_material(&cloth, &fit.dynamics, &steps, config.material.spread);
+                        fit_material(&cloth, &fit.dynamics, &steps, config.material.spread).to_vec();
                 }
-                let k = parameters.stiffness();
+                let k = parameters.springs().expect("spacetime is refused with another model");
                 let (accelerations, loose) =
                     accelerations_of_motion(&cloth, &fit.dynamics, k, &frames, &config.inverse);
                 (Parameters { accelerations, ..parameters }, loose)
@@ -155,7 +155,7 @@ pub fn simulate(
 ) -> Result<Motion> {
     let dynamics = config.dynamics.at(fps);
     let initial = State { x: template.clone(), v: vec![glam::DVec3::ZERO; template.len()] };
-    let stiffness = Stiffness::uniform(cloth, parameters.stiffness());
+    let stiffness = parameters.stiffness_of(cloth);
     let inputs =
         RolloutInputs { initial: &initial, accelerations: &parameters.accelerations, stiffness: &stiffness };
     let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.entries_per_frame + 1;

@@ -32,7 +32,8 @@ pub struct Video {
 
 #[derive(Clone)]
 enum Source {
-    Held(Vec<Frame>),
+    /// Scenes that differ in their template alone have them in common.
+    Held(Arc<Vec<Frame>>),
     Streamed(Arc<Reader>),
 }
 
@@ -76,7 +77,7 @@ impl Video {
     /// As [`held`](Self::held), to change them.
     pub fn held_mut(&mut self) -> Option<&mut [Frame]> {
         match &mut self.source {
-            Source::Held(frames) => Some(frames),
+            Source::Held(frames) => Some(Arc::<Vec<Frame>>::make_mut(frames).as_mut_slice()),
             Source::Streamed(_) => None,
         }
     }
@@ -120,7 +121,11 @@ impl Video {
 
 impl From<Vec<Frame>> for Video {
     fn from(frames: Vec<Frame>) -> Self {
-        Self { frame_count: frames.len(), together: frames.len().max(1), source: Source::Held(frames) }
+        Self {
+            frame_count: frames.len(),
+            together: frames.len().max(1),
+            source: Source::Held(Arc::new(frames)),
+        }
     }
 }
 

@@ -17,6 +17,7 @@ Examples:
   tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622 --camera estimate
   tessuto template scenes/flag --depth capture/ --from-mask        (Stray Scanner, Polycam; or a depth map)
   tessuto template scenes/flag --remesh 32 --from flag.glb
+  tessuto template scenes/flag --remesh 400 --irregular --force
   tessuto template scenes/flag --flip yz --scale 0.001 --force
   tessuto template first.png --mask mask.png --fov 63 --flat 70x50cm --from-mask --out towel.obj
 
@@ -50,6 +51,9 @@ pub struct Arguments {
     /// Re-sample a mesh as a regular grid of quads: vertices along the longer side, or columns x rows.
     #[arg(long, value_name = "N|CxR", value_parser = values::resolution)]
     pub remesh: Option<Resolution>,
+    /// Re-sample it as triangles that lie irregularly instead; --remesh says of how many vertices in all, such as 400.
+    #[arg(long, requires = "remesh")]
+    pub irregular: bool,
     /// The mesh to start from: OBJ, PLY or glTF [default: the scene's template.obj].
     #[arg(long, value_name = "FILE")]
     pub from: Option<PathBuf>,

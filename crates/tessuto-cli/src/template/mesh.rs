@@ -6,7 +6,8 @@ use tessuto::glam::DVec2;
 use tessuto::io::scene::{CameraRecord, TemplateKind, TemplateRecord, template_misfit};
 use tessuto::template::fix::Fix;
 use tessuto::template::focal;
-use tessuto::template::make::{Changes, CornersFrom, from_file, from_rectangle};
+use tessuto::template::make::{Changes, CornersFrom, Resample, from_file, from_rectangle};
+use tessuto::template::remesh::Resolution;
 use tessuto::{Error, Image, Result};
 
 use super::{Arguments, Made, View};
@@ -107,7 +108,15 @@ pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Made> {
         None if scene => arguments.target.join("template.obj"),
         None => return Err(Error::usage("the mesh is not given", "add --from FILE")),
     };
-    let changes = Changes { fix: fix(arguments)?, weld: arguments.weld, remesh: arguments.remesh };
+    let remesh = match (arguments.remesh, arguments.irregular) {
+        (Some(Resolution::Longer(count)), true) => Some(Resample::Irregular(count)),
+        (Some(Resolution::Grid(_)), true) => {
+            let hint = "give the vertices of an irregular mesh as one number: --remesh 400 --irregular";
+            return Err(Error::usage("--irregular with columns x rows", hint));
+        }
+        (grid, _) => grid.map(Resample::Grid),
+    };
+    let changes = Changes { fix: fix(arguments)?, weld: arguments.weld, remesh };
     let record = TemplateRecord::new(TemplateKind::Mesh);
     Ok(Made {
         mesh: from_file(&path, &changes, &mut told)?,

@@ -211,6 +211,45 @@ fn saft_preset_repeats_for_any_threads() {
 }
 
 #[test]
+fn phi_sft_preset_replays_and_its_cloth_has_properties_of_its_own() {
+    let settings = [
+        "rollout.last_epochs=2",
+        "rollout.epochs_per_frame=1",
+        "texture.epochs=20",
+        "texture.size=64",
+        "irregular_vertices=60",
+    ];
+    let arguments: Vec<&str> =
+        ["--preset", "phi-sft"].into_iter().chain(settings.into_iter().flat_map(|s| ["--set", s])).collect();
+    let folder = same_bytes_for_any_threads(&arguments);
+    let (result, at) = (folder.path().join("1"), |name: &str| folder.path().join(name));
+    let motion = read_field(&result.join("motion.npy")).unwrap();
+    assert_eq!((motion.len(), motion[0].len()), (6, 60));
+    // True vertices are compared on the irregular mesh, too, the same later as at once.
+    let metrics = succeed(&["evaluate", text(&scene()), text(&result)]);
+    assert!(metrics.contains("vertex"), "{metrics}");
+    succeed(&["simulate", text(&result), "--out", text(&at("same.npy"))]);
+    assert_eq!(read_field(&at("same.npy")).unwrap(), motion);
+    let parameters = std::fs::read_to_string(result.join("parameters.json")).unwrap();
+    for key in ["\"model\": \"continuum\"", "\"warp\"", "\"weft\"", "\"poisson\"", "\"wind\""] {
+        assert!(parameters.contains(key), "{key} is missing in {parameters}");
+    }
+    succeed(&["simulate", text(&result), "--set", "warp=20", "--out", text(&at("softer"))]);
+    let softer = std::fs::read_to_string(at("softer/parameters.json")).unwrap();
+    assert!(
+        softer.contains("\"value\": 20.0") || softer.contains("\"value\": 20.000000000000004"),
+        "{softer}"
+    );
+    assert_ne!(read_field(&at("softer/motion.npy")).unwrap(), motion);
+    let refused = fail(2, &["simulate", text(&result), "--set", "stretch=20", "--out", text(&at("no.npy"))]);
+    assert!(refused.contains("warp, weft, poisson, shear, bend"), "{refused}");
+    let (scene, out) = (scene(), at("no"));
+    let spacetime = ["--set", "dynamics.model=continuum", "--out", text(&out)];
+    let refused = fail(2, &[&["reconstruct", text(&scene)], &spacetime[..]].concat());
+    assert!(refused.contains("method=rollout"), "{refused}");
+}
+
+#[test]
 fn a_made_up_scene_has_no_findings() {
     let table = succeed(&["check", text(&scene())]);
     assert!(table.contains("0 warnings, 0 errors"), "{table}");

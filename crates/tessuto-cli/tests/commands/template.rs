@@ -133,6 +133,22 @@ fn a_grid_from_triangles_without_uv() {
 }
 
 #[test]
+fn a_template_becomes_an_irregular_mesh() {
+    let scene = TinyScene::new();
+    let (status, text) = run(&scene, &["--remesh", "60", "--irregular", "--force"]);
+    assert!(status == Some(0) && text.contains("an irregular mesh of 60 vertices"), "{text}");
+    let mesh = made(&scene);
+    assert!(mesh.positions.len() == 60 && mesh.faces.iter().all(|f| f.vertices.len() == 3));
+    let (status, text) = checked(&scene);
+    assert_eq!(status, Some(0), "{text}");
+    for (size, expected) in [("6x8", "as one number"), ("5", "16 to 4000 vertices")] {
+        let (status, text) = run(&scene, &["--remesh", size, "--irregular", "--force"]);
+        assert!(status == Some(2) && text.contains(expected), "{text}");
+    }
+    assert_eq!(run(&scene, &["--irregular", "--force"]).0, Some(2));
+}
+
+#[test]
 fn what_check_suggests_puts_the_template_right() {
     let scene = TinyScene::new();
     scene.edit("scene.json", "\"cy\": 13.5", "\"cy\": 5.5");

@@ -279,8 +279,9 @@ pub(super) mod tests {
             environment: None,
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
-                log_stiffness: [2.0, -3.0, -4.0],
-                accelerations: Accelerations { constant: DVec3::Y, dynamic: vec![], entries_per_frame: 1 },
+                model: crate::sim::Model::Springs,
+                log_stiffness: vec![2.0, -3.0, -4.0],
+                accelerations: Accelerations { constant: DVec3::Y, ..Accelerations::zeros(1, 1, 0) },
             },
             seen: Vec::new(),
             mesh,

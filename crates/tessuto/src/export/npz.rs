@@ -7,8 +7,8 @@ use crate::sim::cloth::AREA_DENSITY;
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
 ///
 /// `motion` [N, V, 3], `frames` `[N]` (numbers in the video), `states` `[N]` (0 found, 1 doubtful, 2 lost; where they are known), `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` `[F]`, `face_vertices` and
-/// `face_uvs` [Σ face_sizes], `fps`, `first_frame`, `camera` [fx, fy, cx, cy, width, height], `stretch`, `bend`,
-/// `shear`, `area_density`, `constant_force` `[3]`, `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`; where they are known
+/// `face_uvs` [Σ face_sizes], `fps`, `first_frame`, `camera` [fx, fy, cx, cy, width, height], the properties of the elastic
+/// model (`stretch`, `bend`, `shear` of springs), `area_density`, `constant_force` `[3]`, `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`; where there is air `wind` `[3]` (velocity); where they are known
 /// `seen_vertices` `[V]` (frames that show each), `seen_texels` [S, S] (pixels) and `seen_directions` [24, 48] (share of the pixels that face each).
 pub(super) fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
@@ -23,7 +23,6 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
         mesh.faces.iter().flat_map(of).copied().collect()
     };
     let (face_vertices, face_uvs) = (corners(|f| &f.vertices), corners(|f| &f.uvs));
-    let [stretch, bend, shear] = clip.parameters.stiffness();
     let accelerations = &clip.parameters.accelerations;
     let scalar = |v: f64| array(&[], &[v]);
     let mut files = vec![
@@ -36,9 +35,6 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
         ("face_uvs", array(&[face_uvs.len()], &face_uvs)),
         ("fps", scalar(clip.fps)),
         ("first_frame", array(&[], &[clip.first_frame as u32])),
-        ("stretch", scalar(stretch)),
-        ("bend", scalar(bend)),
-        ("shear", scalar(shear)),
         ("area_density", scalar(AREA_DENSITY)),
         ("constant_force", array(&[3], &accelerations.constant.to_array())),
         (
@@ -47,6 +43,8 @@ pub(super) fn encode(clip: &Clip) -> Vec<u8> {
         ),
         ("dynamic_parts", array(&[], &[accelerations.entries_per_frame as u32])),
     ];
+    files.extend(clip.parameters.properties().map(|(property, value)| (property.key, scalar(value))));
+    files.extend(accelerations.wind.map(|wind| ("wind", array(&[3], &wind.to_array()))));
     let numbers: Vec<u32> = clip.frames.iter().map(|n| (clip.first_frame + n) as u32).collect();
     files.push(("frames", array(&[frames], &numbers)));
     let state =

@@ -3,6 +3,7 @@
 pub mod block_matrix;
 pub(crate) mod conjugate_gradients;
 pub(crate) mod damping;
+pub(crate) mod delaunay;
 mod dissection;
 pub mod factor;
 pub mod gradient_check;

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sim::{Accelerations, StepSettings};
+use crate::sim::{Accelerations, Cloth, Model, Property, StepSettings, Stiffness};
 
 /// One uniform stiffness: start and bounds as log10.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -27,29 +27,64 @@ impl StiffnessRange {
     }
 }
 
-/// How the cloth moves: integrator, sub-steps and stiffnesses.
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// How the cloth moves: integrator, sub-steps, elastic model and stiffnesses.
+#[derive(Debug, Clone, PartialEq)]
 pub struct Dynamics {
     /// The integrator and its step.
     pub step: StepSettings,
     /// Sub-steps per frame.
     pub substeps: usize,
-    /// Stretch, bend and shear stiffness.
-    pub stiffness: [StiffnessRange; 3],
+    /// The elastic model.
+    pub model: Model,
+    /// Of its properties.
+    pub stiffness: Vec<StiffnessRange>,
+}
+
+impl Dynamics {
+    /// Of springs: stretch, bend and shear stiffness.
+    ///
+    /// # Panics
+    /// With another model.
+    pub fn springs(&self) -> [StiffnessRange; 3] {
+        assert_eq!(self.model, Model::Springs);
+        [self.stiffness[0], self.stiffness[1], self.stiffness[2]]
+    }
 }
 
 /// What moves the cloth.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
-    /// log10 of stretch [N/m], bend [J/rad²], shear [J/rad²].
-    pub log_stiffness: [f64; 3],
+    /// The elastic model.
+    pub model: Model,
+    /// log10 of the values of its properties.
+    pub log_stiffness: Vec<f64>,
     /// External accelerations.
     pub accelerations: Accelerations,
 }
 
 impl Parameters {
-    /// Stretch [N/m], bend [J/rad²], shear [J/rad²].
-    pub fn stiffness(&self) -> [f64; 3] {
-        self.log_stiffness.map(|k| 10f64.powf(k))
+    /// Those of a cloth of springs, of log10 of stretch [N/m], bend [J/rad²] and shear [J/rad²].
+    pub fn of_springs(log_stiffness: [f64; 3], accelerations: Accelerations) -> Self {
+        Self { model: Model::Springs, log_stiffness: log_stiffness.to_vec(), accelerations }
+    }
+
+    /// The values of the model's properties.
+    pub fn stiffness(&self) -> Vec<f64> {
+        self.log_stiffness.iter().map(|k| 10f64.powf(*k)).collect()
+    }
+
+    /// Stretch [N/m], bend [J/rad²] and shear [J/rad²]; `None` of another model than springs.
+    pub fn springs(&self) -> Option<[f64; 3]> {
+        (self.model == Model::Springs).then(|| self.stiffness().try_into().expect("three of springs"))
+    }
+
+    /// The model's properties with their values.
+    pub fn properties(&self) -> impl Iterator<Item = (&'static Property, f64)> {
+        self.model.properties().iter().zip(self.stiffness())
+    }
+
+    /// Every element's stiffness in `cloth`, which is of the same model.
+    pub fn stiffness_of(&self, cloth: &Cloth) -> Stiffness {
+        self.model.stiffness(cloth, &self.stiffness())
     }
 }

@@ -177,19 +177,26 @@ fn parameters(file: &ParameterFile, mesh: &Mesh, forces: &Path) -> Result<Parame
     if let Some(entry) = dynamic.iter().find(|d| d.len() != mesh.positions.len()) {
         return bad(format!("{} vertices, mesh.obj has {}", entry.len(), mesh.positions.len()));
     }
-    let stiffness = [file.stretch.value, file.bend.value, file.shear.value];
-    if stiffness.iter().any(|k| !k.is_finite() || *k <= 0.0) || file.dynamic_parts == 0 {
+    let known = file.model.properties();
+    let stiffness: Vec<f64> =
+        known.iter().filter_map(|p| file.properties.get(p.key)).map(|found| found.value).collect();
+    if [stiffness.len(), file.log10_stiffness.len()] != [known.len(); 2]
+        || stiffness.iter().any(|k| !k.is_finite() || *k <= 0.0)
+        || file.dynamic_parts == 0
+    {
         return bad(format!("stiffnesses {stiffness:?}, parts {}", file.dynamic_parts));
     }
     let constant = DVec3::from_array(file.constant_force.value);
-    if !constant.is_finite() {
+    let wind = file.wind.as_ref().map(|wind| DVec3::from_array(wind.value));
+    if !constant.is_finite() || wind.is_some_and(|wind| !wind.is_finite()) {
         return bad("a force is not finite".to_owned());
     }
-    let accelerations = Accelerations { constant, dynamic, entries_per_frame: file.dynamic_parts };
-    let mut parameters = Parameters { log_stiffness: file.log10_stiffness, accelerations };
+    let accelerations = Accelerations { constant, dynamic, entries_per_frame: file.dynamic_parts, wind };
+    let mut parameters =
+        Parameters { model: file.model, log_stiffness: file.log10_stiffness.clone(), accelerations };
     // Whoever edits the values means the values.
     if parameters.stiffness() != stiffness {
-        parameters.log_stiffness = stiffness.map(f64::log10);
+        parameters.log_stiffness = stiffness.into_iter().map(f64::log10).collect();
     }
     Ok(parameters)
 }

@@ -40,13 +40,14 @@ pub use page::write_page;
 pub use replay::write_replay;
 pub use summary::Summary;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
 use crate::appearance::{DIRECTION_ROWS, Seen, gather};
 use crate::camera::{Camera, Rect};
-use crate::config::{Config, DynamicsSettings, Preset};
+use crate::config::{Config, DynamicsSettings};
 use crate::error::{Error, Result};
 use crate::io;
 use crate::mesh::Motion;
@@ -55,6 +56,7 @@ use crate::motion::causes::Explained;
 use crate::motion::parameters::{Parameters, StiffnessRange};
 use crate::reconstruct::Reconstruction;
 use crate::scene::Scene;
+use crate::sim::Model;
 
 /// Which run it was.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -80,11 +82,7 @@ impl Run {
 
     /// What was done, with which preset and version.
     fn subtitle(&self) -> String {
-        let preset = match self.settings.preset {
-            Preset::Saft => "saft",
-            Preset::Default => "default",
-            Preset::Physics => "physics",
-        };
+        let preset = self.settings.preset.name();
         let [first, end] = self.frames;
         format!("frames {first} to {}, preset {preset}, tessuto {}", end.saturating_sub(1), self.version)
     }
@@ -144,17 +142,23 @@ const REMARK_OF_CAUSES: &str = "Stiffnesses, gravity and air are found from the 
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct ParameterFile {
     remark: String,
-    stretch: FoundStiffness,
-    bend: FoundStiffness,
-    shear: FoundStiffness,
-    /// log10 of the three, in this order, to the last bit: a replay must not differ by a rounding.
-    log10_stiffness: [f64; 3],
+    /// The elastic model.
+    #[serde(default)]
+    model: Model,
+    /// Its properties, by their keys.
+    #[serde(flatten)]
+    properties: BTreeMap<String, FoundStiffness>,
+    /// log10 of them, in the order of the model's table, to the last bit: a replay must not differ by a rounding.
+    log10_stiffness: Vec<f64>,
     /// Constant part C of force per mass.
     constant_force: Quantity<[f64; 3]>,
     /// Dynamic part D of force per mass: forces.npy.
     dynamic_force: Quantity<String>,
     /// Entries of D per frame interval.
     dynamic_parts: usize,
+    /// Velocity of the air, where there is any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    wind: Option<Quantity<[f64; 3]>>,
     area_density: Quantity<f64>,
     frame_rate: Quantity<f64>,
     /// Camera of the whole image.
@@ -263,13 +267,13 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
         Camera { cx: camera.cx + crop.x0 as f64, cy: camera.cy + crop.y0 as f64, width, height, ..camera };
     let file = ParameterFile {
         remark: REMARK.to_owned(),
-        stretch: FoundStiffness::default(),
-        bend: FoundStiffness::default(),
-        shear: FoundStiffness::default(),
-        log10_stiffness: p.log_stiffness,
+        model: p.model,
+        properties: BTreeMap::new(),
+        log10_stiffness: Vec::new(),
         constant_force: quantity(p.accelerations.constant.to_array(), "m/s^2"),
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
         dynamic_parts: p.accelerations.entries_per_frame,
+        wind: p.accelerations.wind.map(|wind| quantity(wind.to_array(), "m/s")),
         area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
         frame_rate: quantity(scene.fps, "1/s"),
         camera,
@@ -282,9 +286,11 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
 impl ParameterFile {
     /// Adds causes of a motion of `frames` frames.
     fn explain(&mut self, explained: &Explained, frames: usize, fps: f64) {
-        for (k, stiffness) in [&mut self.stretch, &mut self.bend, &mut self.shear].into_iter().enumerate() {
+        for (k, property) in self.model.properties().iter().enumerate() {
             let (sd, informed) = causes::certainty(&explained.found, k);
-            (stiffness.sd, stiffness.informed) = (Some(sd), Some(informed));
+            if let Some(stiffness) = self.properties.get_mut(property.key) {
+                (stiffness.sd, stiffness.informed) = (Some(sd), Some(informed));
+            }
         }
         REMARK_OF_CAUSES.clone_into(&mut self.remark);
         self.causes = Some(causes::CauseFile::new(explained, frames, fps));
@@ -293,16 +299,11 @@ impl ParameterFile {
 
 /// `file` with the stiffnesses of `p`.
 fn parameters_in(file: ParameterFile, p: &Parameters, dynamics: &DynamicsSettings) -> ParameterFile {
-    let stiffness = p.stiffness();
-    let ranges = [dynamics.stretch, dynamics.bend, dynamics.shear];
-    let found = |k: usize, unit| found_stiffness(stiffness[k], p.log_stiffness[k], ranges[k], unit);
-    ParameterFile {
-        stretch: found(0, "N/m"),
-        bend: found(1, "J/rad^2"),
-        shear: found(2, "J/rad^2"),
-        log10_stiffness: p.log_stiffness,
-        ..file
-    }
+    let found = p.properties().zip(&p.log_stiffness).zip(dynamics.ranges());
+    let properties = found.map(|(((property, value), log_k), (_, range))| {
+        (property.key.to_owned(), found_stiffness(value, *log_k, range, &property.plain_unit()))
+    });
+    ParameterFile { properties: properties.collect(), log10_stiffness: p.log_stiffness.clone(), ..file }
 }
 
 /// Which run left `folder`; `None` where there is no config.json, as beside a motion from elsewhere.

@@ -118,11 +118,10 @@ fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Ve
 
 /// What was recovered besides the motion.
 fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
-    let Parameters { log_stiffness, accelerations } = &saved.parameters;
-    let [stretch, bend, shear] = saved.parameters.stiffness();
-    let d = &saved.run.settings.dynamics;
+    let Parameters { log_stiffness, accelerations, .. } = &saved.parameters;
+    let ranges = saved.run.settings.dynamics.ranges();
     let note = |k: usize| {
-        let range = [d.stretch, d.bend, d.shear][k];
+        let range = ranges[k].1;
         let [low, high] = [range.low, range.high].map(|b| format!("{}", (10f64.powf(b) * 1e9).round() / 1e9));
         let certainty = saved.found.as_ref().map(|found| super::causes::certainty(found, k));
         match (range.bound_at(log_stiffness[k]), certainty) {
@@ -142,10 +141,10 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
         note,
     };
     let c = accelerations.constant;
-    let mut rows = vec![
-        parameter("stretch", "stretch stiffness", stretch, "N/m", note(0)),
-        parameter("bend", "bend stiffness", bend, "J/rad²", note(1)),
-        parameter("shear", "shear stiffness", shear, "J/rad²", note(2)),
+    let properties = saved.parameters.properties().enumerate();
+    let mut rows: Vec<Parameter> =
+        properties.map(|(k, (p, value))| parameter(p.key, p.label, value, p.unit, note(k))).collect();
+    rows.extend([
         parameter("constant_x", "constant force per mass, x (right)", c.x, "m/s²", String::new()),
         parameter("constant_y", "constant force per mass, y (down)", c.y, "m/s²", String::new()),
         parameter("constant_z", "constant force per mass, z (away)", c.z, "m/s²", String::new()),
@@ -156,7 +155,13 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
             "kg/m²",
             "assumed, not recovered".to_owned(),
         ),
-    ];
+    ]);
+    if let Some(wind) = accelerations.wind {
+        let axes = [("x", "right", wind.x), ("y", "down", wind.y), ("z", "away", wind.z)];
+        rows.extend(axes.map(|(axis, to, value)| {
+            parameter(&format!("wind_{axis}"), &format!("wind, {axis} ({to})"), value, "m/s", String::new())
+        }));
+    }
     if let (Some(found), Some(sizes)) = (&saved.found, &saved.sizes) {
         let tilt = found.causes.down.angle_between(glam::DVec3::Y).to_degrees();
         let sure = format!("± {:.1}°", found.spread.down.to_degrees());

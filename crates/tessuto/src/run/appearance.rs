@@ -17,6 +17,7 @@ use crate::raster::Rasterizer;
 use crate::result::{self, Run};
 use crate::scene::Scene;
 use crate::session::Session;
+use crate::template::irregular::of_scene;
 
 /// Stages as they are announced.
 pub(super) const FIT: &str = "material and light";
@@ -126,7 +127,7 @@ fn work(
     settings.set_all(options.changes.iter().map(String::as_str))?;
     settings.seed = options.seed.unwrap_or(settings.seed);
     loaded.warnings.iter().for_each(|warning| observer.warning(warning));
-    let scene = &loaded.scene;
+    let scene = &*of_scene(&loaded.scene, settings.irregular_vertices)?;
     let motion = match (options.motion, &saved) {
         (MotionSource::Result, Some(saved)) => saved.motion()?,
         _ => scene.truth.vertices.as_ref().ok_or_else(|| {

@@ -10,6 +10,7 @@ use crate::io::scene::{LoadOptions, Loaded, load};
 use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation, Inputs};
 use crate::result::{self, Folder};
+use crate::template::irregular::of_scene;
 
 use super::causes::compare_causes;
 
@@ -49,7 +50,8 @@ fn motion_of(result: &Path) -> Result<Motion> {
 }
 
 fn compare(loaded: &Loaded, result: &Path, motion: &Motion, seed: u64) -> Result<Evaluation> {
-    let scene = &loaded.scene;
+    let vertices = result::read_run(result)?.map_or(0, |run| run.settings.irregular_vertices);
+    let scene = &*of_scene(&loaded.scene, vertices)?;
     if motion.len() != scene.frames.len() {
         let problem = format!("has {} frames, the scene has {}", motion.len(), scene.frames.len());
         let hint =

@@ -32,6 +32,7 @@ use crate::reconstruct::reconstruct;
 use crate::result::{self, Run, Summary};
 use crate::scene::Scene;
 use crate::session::{Checkpoints, Session, identity};
+use crate::template::irregular::of_scene;
 
 /// What to do.
 #[derive(Debug, Clone)]
@@ -141,7 +142,7 @@ fn work(
     options: &RunOptions,
     observer: &mut dyn Observer,
 ) -> Result<Outcome> {
-    let scene = &loaded.scene;
+    let scene = &*of_scene(&loaded.scene, options.config.irregular_vertices)?;
     // What a check refuses is refused here, too.
     let mut warnings = loaded.warnings.clone();
     warnings.extend(check::gate(loaded)?);
@@ -163,7 +164,7 @@ fn work(
     // Motion, and at once what is known of it.
     let found = reconstruct(scene, &run.settings, session)?;
     observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
-    if let Some(doubt) = run.settings.dynamics.doubt(found.parameters.log_stiffness) {
+    if let Some(doubt) = run.settings.dynamics.doubt(&found.parameters.log_stiffness) {
         observer.borrow_mut().warning(&doubt);
         warnings.push(doubt);
     }

@@ -9,13 +9,12 @@ use crate::motion::parameters::Parameters;
 use crate::output::OutputFolder;
 use crate::reconstruct::simulate;
 use crate::result::{self, Folder, Summary};
-use crate::sim::Cloth;
 
 /// What shall be different.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Changes {
-    /// Other stretch `[N/m]`, bend and shear `[J/rad²]` stiffness.
-    pub stiffness: [Option<f64>; 3],
+    /// Other values of properties of the elastic model, by their keys: of springs stretch `[N/m]`, bend and shear `[J/rad²]`.
+    pub stiffness: Vec<(String, f64)>,
     /// Factor on the dynamic forces, whatever their cause.
     pub forces: f64,
     /// Other causes; only of results of the preset physics.
@@ -24,7 +23,7 @@ pub struct Changes {
 
 impl Default for Changes {
     fn default() -> Self {
-        Self { stiffness: [None; 3], forces: 1.0, otherwise: Otherwise::default() }
+        Self { stiffness: Vec::new(), forces: 1.0, otherwise: Otherwise::default() }
     }
 }
 
@@ -43,12 +42,18 @@ pub struct Replay {
 /// [`Error::Usage`] for a stiffness or factor that cannot be; [`Error::Numerical`] from the simulation.
 pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
     let mut parameters = original.parameters.clone();
-    for (k, value) in changes.stiffness.iter().enumerate() {
-        let Some(value) = *value else { continue };
-        if !(value.is_finite() && value > 0.0) {
-            let problem = format!("{} = {value}", ["stretch", "bend", "shear"][k]);
-            return Err(Error::usage(problem, "give a stiffness above 0"));
+    let known = parameters.model.properties();
+    let mut changed = vec![None; known.len()];
+    for (key, value) in &changes.stiffness {
+        let Some(k) = known.iter().position(|p| p.key == key) else {
+            let keys: Vec<&str> = known.iter().map(|p| p.key).collect();
+            let hint = format!("the properties of this result's cloth are: {}", keys.join(", "));
+            return Err(Error::usage(format!("{key} = {value}: no such property"), hint));
+        };
+        if !(value.is_finite() && *value > 0.0) {
+            return Err(Error::usage(format!("{key} = {value}"), "give a value above 0"));
         }
+        changed[k] = Some(*value);
         parameters.log_stiffness[k] = value.log10();
     }
     if !changes.forces.is_finite() {
@@ -64,12 +69,13 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
             return Err(Error::input(place, "its forces are not known by their causes", hint));
         }
         parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);
-        let motion = simulate(&Cloth::new(mesh), settings, original.fps, &mesh.positions, &parameters)?;
+        let cloth = parameters.model.cloth(mesh);
+        let motion = simulate(&cloth, settings, original.fps, &mesh.positions, &parameters)?;
         return Ok(Replay { motion, parameters });
     };
     let cut = causes::cut_cloth(mesh, &found.rest_lengths);
     let mut otherwise = changes.otherwise;
-    for (k, (value, own)) in changes.stiffness.iter().zip(found.causes.stiffness()).enumerate() {
+    for (k, (value, own)) in changed.iter().zip(found.causes.stiffness()).enumerate() {
         otherwise.scale[k] *= value.map_or(1.0, |value| value / own);
     }
     check(&otherwise)?;
@@ -89,8 +95,8 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
         return Err(failure);
     }
     let [stretch, bend, shear, _] = otherwise.scale.map(f64::log10);
-    let log = original.parameters.log_stiffness;
-    parameters.log_stiffness = [log[0] + stretch, log[1] + bend, log[2] + shear];
+    let log = original.parameters.log_stiffness.iter();
+    parameters.log_stiffness = log.zip([stretch, bend, shear]).map(|(log, change)| log + change).collect();
     parameters.accelerations = guided.accelerations;
     Ok(Replay { motion: Motion::new(guided.frames)?, parameters })
 }

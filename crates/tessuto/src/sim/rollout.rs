@@ -6,6 +6,7 @@ use super::cloth::Cloth;
 use super::state::{State, StepGradients, StepSettings, StepTape};
 use super::step::{step, step_vjp};
 use super::stiffness::Stiffness;
+use super::wind::{add_wind, add_wind_vjp};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;
@@ -13,7 +14,7 @@ use crate::mesh::Positions;
 /// Factors are kept for the adjoint while they fit into this many bytes; beyond, they are made again.
 const FACTOR_MEMORY: usize = 700 << 20;
 
-/// External accelerations [m/s²]: f/m = `constant` + `dynamic`.
+/// What acts from outside: accelerations [m/s²] f/m = `constant` + `dynamic`, and wind.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Accelerations {
     /// C, the same in space and time.
@@ -22,6 +23,9 @@ pub struct Accelerations {
     pub dynamic: Vec<Positions>,
     /// Entries of D for each frame interval, each held for (sub-steps per frame)/parts sub-steps.
     pub entries_per_frame: usize,
+    /// Velocity of the air [m/s], the same in space and time; `None` is no air at all, not even still one.
+    #[serde(default)]
+    pub wind: Option<DVec3>,
 }
 
 /// Everything that determines the motion.
@@ -42,6 +46,8 @@ pub struct RolloutGradients {
     pub constant: DVec3,
     /// By D, same shape.
     pub dynamic: Vec<Positions>,
+    /// By the wind; zero without.
+    pub wind: DVec3,
     /// By every element's stiffness.
     pub stiffness: Stiffness,
     /// By the initial state.
@@ -80,6 +86,9 @@ pub fn rollout(
     for k in 0..step_count {
         let dynamic = &inputs.accelerations.dynamic[k * inputs.accelerations.entries_per_frame / substeps];
         acceleration.iter_mut().zip(dynamic).for_each(|(a, d)| *a = inputs.accelerations.constant + *d);
+        if let Some(wind) = inputs.accelerations.wind {
+            add_wind(cloth, &state, wind, &mut acceleration);
+        }
         let mut tape = step(cloth, settings, inputs.stiffness, state, &acceleration, &mut scratch)
             .map_err(|e| at_frame(e, k / substeps + 1))?;
         if tapes.len() >= kept {
@@ -106,7 +115,7 @@ pub fn rollout_vjp(
     let substeps = rollout.substeps;
     let zeros = vec![DVec3::ZERO; cloth.vertex_count()];
     let mut dynamic = vec![zeros; inputs.accelerations.dynamic.len()];
-    let mut constant = DVec3::ZERO;
+    let (mut constant, mut by_wind) = (DVec3::ZERO, DVec3::ZERO);
     let mut gradients = StepGradients::zeros(cloth);
     let add = |x: &mut Positions, g: &Positions| x.iter_mut().zip(g).for_each(|(x, g)| *x += *g);
     for (k, tape) in rollout.tapes.iter().enumerate().rev() {
@@ -116,11 +125,16 @@ pub fn rollout_vjp(
         step_vjp(cloth, settings, inputs.stiffness, tape, &mut gradients, &mut scratch);
         add(&mut dynamic[k * inputs.accelerations.entries_per_frame / substeps], &gradients.acceleration);
         constant += gradients.acceleration.iter().copied().sum::<DVec3>();
+        if let Some(wind) = inputs.accelerations.wind {
+            let StepGradients { x, v, acceleration, .. } = &mut gradients;
+            by_wind += add_wind_vjp(cloth, &tape.before, wind, acceleration, [x, v]);
+        }
     }
     add(&mut gradients.x, &grad_frames[0]);
     RolloutGradients {
         constant,
         dynamic,
+        wind: by_wind,
         stiffness: gradients.stiffness,
         initial: State { x: gradients.x, v: gradients.v },
         rest_lengths: gradients.rest_lengths,
@@ -132,13 +146,15 @@ impl Accelerations {
     pub fn zeros(frame_count: usize, entries_per_frame: usize, vertex_count: usize) -> Self {
         let dynamic =
             vec![vec![DVec3::ZERO; vertex_count]; frame_count.saturating_sub(1) * entries_per_frame];
-        Self { constant: DVec3::ZERO, dynamic, entries_per_frame }
+        Self { constant: DVec3::ZERO, dynamic, entries_per_frame, wind: None }
     }
 
     /// Whether they are for as many frames, parts and vertices as `other`.
     pub fn matches(&self, other: &Self) -> bool {
         let sizes = |f: &Self| f.dynamic.iter().map(Vec::len).collect::<Vec<_>>();
-        self.entries_per_frame == other.entries_per_frame && sizes(self) == sizes(other)
+        self.entries_per_frame == other.entries_per_frame
+            && self.wind.is_some() == other.wind.is_some()
+            && sizes(self) == sizes(other)
     }
 }
 

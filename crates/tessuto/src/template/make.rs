@@ -7,6 +7,7 @@ use glam::DVec2;
 use super::fix::Fix;
 use super::gate::check_misfit;
 use super::hem::hem;
+use super::irregular::irregular;
 use super::outline::Outline;
 use super::rectangle::{locate, patch};
 use super::remesh::{Over, Resolution, remesh};
@@ -108,8 +109,17 @@ pub struct Changes {
     pub fix: Fix,
     /// Merge vertices that lie at the same place.
     pub weld: bool,
-    /// Re-sample as a regular grid of quads.
-    pub remesh: Option<Resolution>,
+    /// Re-sample it.
+    pub remesh: Option<Resample>,
+}
+
+/// As what a mesh is re-sampled.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Resample {
+    /// A regular grid of quads.
+    Grid(Resolution),
+    /// Triangles that lie irregularly, of so many vertices in all.
+    Irregular(usize),
 }
 
 /// The mesh in `path` (OBJ, PLY or glTF), changed; `tell` hears what was found and done.
@@ -125,20 +135,31 @@ pub fn from_file(path: &Path, changes: &Changes, tell: &mut dyn FnMut(String)) -
         let [gone, _] = weld(&mut model.mesh);
         tell(format!("merged {gone} vertices that lay on others"));
     }
-    let Some(resolution) = changes.remesh else {
+    let Some(resample) = changes.remesh else {
         let hint = Hint::from("unwrap it in a modelling program, or make a grid of it").with(Remedy::Remesh);
         let without_uv =
             || Error::input(place, "has no texture coordinates (uv), which a template needs", hint);
         return model.has_uv.then_some(model.mesh).ok_or_else(without_uv);
     };
-    let made = remesh(&model.mesh, model.has_uv, resolution, &place)?;
-    let over = match made.over {
+    let over = |over: Over| match over {
         Over::Uv => "texture coordinates",
         Over::Border => "border, between its four corners",
     };
-    tell(format!("a grid of {}×{} vertices over the {over}", made.grid[0], made.grid[1]));
-    if made.in_holes > 0 {
-        tell(format!("note: {} vertices lie in holes of the mesh and were put on their rims", made.in_holes));
+    let (mesh, in_holes) = match resample {
+        Resample::Grid(resolution) => {
+            let made = remesh(&model.mesh, model.has_uv, resolution, &place)?;
+            let [columns, rows] = made.grid;
+            tell(format!("a grid of {columns}×{rows} vertices over the {}", over(made.over)));
+            (made.mesh, made.in_holes)
+        }
+        Resample::Irregular(count) => {
+            let made = irregular(&model.mesh, model.has_uv, count, &place)?;
+            tell(format!("an irregular mesh of {count} vertices over the {}", over(made.over)));
+            (made.mesh, made.in_holes)
+        }
+    };
+    if in_holes > 0 {
+        tell(format!("note: {in_holes} vertices lie in holes of the mesh and were put on their rims"));
     }
-    Ok(made.mesh)
+    Ok(mesh)
 }

@@ -76,6 +76,12 @@ pub struct Remeshed {
 /// # Errors
 /// [`Error::Input`] if the mesh is not one sheet with a border; [`Error::Usage`] of the resolution.
 pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) -> Result<Remeshed> {
+    let (over, params) = parametrised(mesh, has_uv, place)?;
+    sample(mesh, has_uv, &params, over, resolution)
+}
+
+/// Where in the unit square, rows down, every vertex of a sheet is, and by what.
+pub(super) fn parametrised(mesh: &Mesh, has_uv: bool, place: &str) -> Result<(Over, Vec<DVec2>)> {
     let border = border(mesh, place)?;
     let vertex_uvs = if has_uv { vertex_uvs(mesh, SEAM) } else { None };
     // A chart that folds back over itself is not a map of the sheet.
@@ -87,7 +93,7 @@ pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) ->
         let (low, high) = bounds(uvs);
         area(uvs) > FULL * (high - low).x * (high - low).y
     });
-    let (over, params) = match full {
+    Ok(match full {
         Some(uvs) => {
             let (low, high) = bounds(uvs);
             // Rows go down, v goes up.
@@ -97,8 +103,16 @@ pub fn remesh(mesh: &Mesh, has_uv: bool, resolution: Resolution, place: &str) ->
             )
         }
         None => (Over::Border, over_border(mesh, &border, chart.as_deref())),
+    })
+}
+
+/// Width and height of a sheet `[m]`, along its middle row and column.
+pub(super) fn size(mesh: &Mesh, triangles: &[[u32; 3]], finder: &Finder) -> DVec2 {
+    let at = |s: f64, t: f64| finder.find(DVec2::new(s, t)).1.position(&mesh.positions, triangles);
+    let length = |f: &dyn Fn(f64) -> DVec3| {
+        (0..32).map(|k| f(f64::from(k) / 32.0).distance(f(f64::from(k + 1) / 32.0))).sum()
     };
-    sample(mesh, has_uv, &params, over, resolution)
+    DVec2::new(length(&|s| at(s, 0.5)), length(&|t| at(0.5, t)))
 }
 
 /// The longest loop of edges with one face, as vertices in order.
@@ -267,12 +281,7 @@ fn sample(
 ) -> Result<Remeshed> {
     let (triangles, triangle_uvs) = (mesh.triangles(), mesh.triangle_uvs());
     let finder = Finder::new(&triangles, params);
-    // The sheet's own measure: along its middle row and column.
-    let at = |s: f64, t: f64| finder.find(DVec2::new(s, t)).1.position(mesh, &triangles);
-    let length = |f: &dyn Fn(f64) -> DVec3| {
-        (0..32).map(|k| f(f64::from(k) / 32.0).distance(f(f64::from(k + 1) / 32.0))).sum()
-    };
-    let [columns, rows] = resolution.grid(DVec2::new(length(&|s| at(s, 0.5)), length(&|t| at(0.5, t))))?;
+    let [columns, rows] = resolution.grid(size(mesh, &triangles, &finder))?;
     let mut out = grid(columns, rows, DVec2::ONE, 1.0);
     let mut in_holes = 0;
     for k in 0..out.positions.len() {
@@ -281,10 +290,9 @@ fn sample(
         let (outside, place) = finder.find(q);
         // A tenth of a cell beyond the border is rounding of its corners.
         in_holes += usize::from(outside > 0.1 / (columns.max(rows) - 1) as f64);
-        out.positions[k] = place.position(mesh, &triangles);
+        out.positions[k] = place.position(&mesh.positions, &triangles);
         if has_uv {
-            let uv = triangle_uvs[place.triangle].map(|t| mesh.uvs[t as usize]);
-            out.uvs[k] = uv[0] * place.weights[0] + uv[1] * place.weights[1] + uv[2] * place.weights[2];
+            out.uvs[k] = place.uv(mesh, &triangle_uvs);
         }
     }
     Ok(Remeshed { mesh: out, grid: [columns, rows], over, in_holes })
@@ -292,27 +300,34 @@ fn sample(
 
 /// A point of a triangle.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+pub(super) struct Place {
     triangle: usize,
     weights: [f64; 3],
 }
 
 impl Place {
-    fn position(&self, mesh: &Mesh, triangles: &[[u32; 3]]) -> DVec3 {
-        let corners = triangles[self.triangle].map(|v| mesh.positions[v as usize]);
+    /// Where it is, of vertices at `positions`.
+    pub(super) fn position(&self, positions: &[DVec3], triangles: &[[u32; 3]]) -> DVec3 {
+        let corners = triangles[self.triangle].map(|v| positions[v as usize]);
         corners[0] * self.weights[0] + corners[1] * self.weights[1] + corners[2] * self.weights[2]
+    }
+
+    /// Its texture coordinates.
+    pub(super) fn uv(&self, mesh: &Mesh, triangle_uvs: &[[u32; 3]]) -> DVec2 {
+        let uv = triangle_uvs[self.triangle].map(|t| mesh.uvs[t as usize]);
+        uv[0] * self.weights[0] + uv[1] * self.weights[1] + uv[2] * self.weights[2]
     }
 }
 
 /// Triangles of the unit square, by cells.
-struct Finder {
+pub(super) struct Finder {
     side: usize,
     cells: Vec<Vec<u32>>,
     corners: Vec<[DVec2; 3]>,
 }
 
 impl Finder {
-    fn new(triangles: &[[u32; 3]], params: &[DVec2]) -> Self {
+    pub(super) fn new(triangles: &[[u32; 3]], params: &[DVec2]) -> Self {
         let side = ((triangles.len() as f64).sqrt() as usize).clamp(1, 512);
         let corners: Vec<[DVec2; 3]> = triangles.iter().map(|t| t.map(|v| params[v as usize])).collect();
         let mut cells = vec![Vec::new(); side * side];
@@ -329,7 +344,7 @@ impl Finder {
     }
 
     /// The place of the triangles nearest to `q`, and its distance: 0 inside.
-    fn find(&self, q: DVec2) -> (f64, Place) {
+    pub(super) fn find(&self, q: DVec2) -> (f64, Place) {
         let cell = |v: f64| ((v * self.side as f64).max(0.0) as usize).min(self.side - 1);
         let (x, y) = (cell(q.x), cell(q.y));
         let mut best = (f64::INFINITY, Place { triangle: 0, weights: [1.0, 0.0, 0.0] });

@@ -46,11 +46,13 @@ pub(super) fn clip(maps: bool) -> Clip {
             roughness_metallic: maps.then(|| [image(1, 0.3), image(1, 0.1)]),
         },
         parameters: Parameters {
-            log_stiffness: [2.0, -3.0, -4.0],
+            model: tessuto::sim::Model::Springs,
+            log_stiffness: vec![2.0, -3.0, -4.0],
             accelerations: Accelerations {
                 constant: DVec3::Y,
                 dynamic: vec![vec![DVec3::X; 15]; FRAMES - 1],
                 entries_per_frame: 1,
+                wind: None,
             },
         },
         seen: vec![("seen_vertices", vec![3], vec![4.0, 0.0, 2.0])],

@@ -251,8 +251,14 @@ fn an_exported_result_is_read_back_as_it_was() {
             roughness_metallic: None,
         },
         parameters: Parameters {
-            log_stiffness: [2.0, -3.0, -4.0],
-            accelerations: Accelerations { constant: DVec3::Y, dynamic: vec![], entries_per_frame: 1 },
+            model: tessuto::sim::Model::Springs,
+            log_stiffness: vec![2.0, -3.0, -4.0],
+            accelerations: Accelerations {
+                constant: DVec3::Y,
+                dynamic: vec![],
+                entries_per_frame: 1,
+                wind: None,
+            },
         },
         seen: Vec::new(),
         mesh,

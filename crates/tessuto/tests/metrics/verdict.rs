@@ -46,11 +46,12 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
         constant: DVec3::ZERO,
         dynamic: vec![vec![DVec3::ZERO; vertices]; FRAMES - 1],
         entries_per_frame: 1,
+        wind: None,
     };
     let reconstruction = Reconstruction {
         motion: Motion::new(motion).unwrap(),
         deviations: None,
-        parameters: Parameters { log_stiffness: [2.0, -3.0, -3.0], accelerations },
+        parameters: Parameters::of_springs([2.0, -3.0, -3.0], accelerations),
         causes: None,
         texture: texture.clone(),
         history: Vec::new(),

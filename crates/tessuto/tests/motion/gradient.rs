@@ -13,7 +13,7 @@ use tessuto::mesh::grid;
 use tessuto::motion::parameters::Parameters;
 use tessuto::motion::rollout::{RolloutFit, RolloutSettings};
 use tessuto::raster::{Rasterizer, Rendering, Texture};
-use tessuto::sim::Cloth;
+use tessuto::sim::Model;
 use tessuto::{Camera, Frame, Image, Scene, Truth};
 
 const SIZE: usize = 96;
@@ -72,14 +72,17 @@ fn report(name: &str, worst: Worst) {
 fn check_whole_loss(preset: Preset) {
     let mut template = grid(6, 6, DVec2::splat(0.22), 1.0);
     template.positions.iter_mut().for_each(|p| p.z += 0.02 * (20.0 * p.x).sin());
-    let (cloth, rasterizer, texture) = (Cloth::new(&template), Rasterizer::new(&template), texture());
+    let settings = Config::preset(preset).dynamics;
+    let cloth = settings.model.cloth(&template);
+    let (rasterizer, texture) = (Rasterizer::new(&template), texture());
     let scene = scene(&rasterizer, &template, &texture);
     // The rays are constants to the gradient; only frozen ones are constants to the differences too.
+    let mut dynamics = settings.at(scene.fps);
     let mut settings = RolloutSettings::default();
     settings.frozen_rays = true;
     settings.weights.force_smoothness = 1e-5;
-    let mut dynamics = Config::preset(preset).dynamics.at(scene.fps);
     dynamics.step.tolerance = 1e-12;
+    settings.wind = preset == Preset::PhiSft;
     let fit = RolloutFit {
         scene: &scene,
         cloth: &cloth,
@@ -89,7 +92,11 @@ fn check_whole_loss(preset: Preset) {
         settings: &settings,
     };
     let mut start = fit.start();
-    start.log_stiffness = [2.0, -2.5, -3.0];
+    start.log_stiffness = match start.model {
+        Model::Springs => vec![2.0, -2.5, -3.0],
+        Model::Continuum => vec![2.0, 2.3, -0.9, 1.5, -4.0],
+    };
+    start.accelerations.wind = settings.wind.then_some(DVec3::new(0.3, -0.2, -0.8));
     let mut rng = Rng::new(8, 0);
     start.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d = rng.vector() * 4.0);
     let loss = |p: &Parameters| fit.loss_and_gradients(p, FRAMES).unwrap().total;
@@ -112,14 +119,23 @@ fn check_whole_loss(preset: Preset) {
     });
     report(&format!("{preset:?}: constant force"), worst);
 
+    if let Some(wind) = start.accelerations.wind {
+        let worst = check(&wind.to_array(), &g.wind.to_array(), 0.03, 6, 4, |w| {
+            let mut moved = start.clone();
+            moved.accelerations.wind = Some(DVec3::from_slice(w));
+            loss(&moved)
+        });
+        report(&format!("{preset:?}: wind"), worst);
+    }
+
     // The energy regulariser holds the stiffnesses constant, so it must not be in the differences.
     let mut energy_free = settings.clone();
     energy_free.weights.energy = 0.0;
     let fit = RolloutFit { settings: &energy_free, ..fit };
     let g = fit.loss_and_gradients(&start, FRAMES).unwrap();
-    let worst = check(&start.log_stiffness, &g.log_stiffness, 0.03, 6, 3, |k| {
+    let worst = check(&start.log_stiffness, &g.log_stiffness, 0.01, 6, 3, |k| {
         let mut moved = start.clone();
-        moved.log_stiffness.copy_from_slice(k);
+        moved.log_stiffness = k.to_vec();
         fit.loss_and_gradients(&moved, FRAMES).unwrap().total
     });
     report(&format!("{preset:?}: log10 stiffness"), worst);
@@ -133,4 +149,9 @@ fn whole_loss_with_the_linearised_integrator() {
 #[test]
 fn whole_loss_with_the_solved_integrator() {
     check_whole_loss(Preset::Default);
+}
+
+#[test]
+fn whole_loss_of_the_continuum() {
+    check_whole_loss(Preset::PhiSft);
 }

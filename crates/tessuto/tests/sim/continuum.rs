@@ -215,6 +215,7 @@ impl Problem {
         let problem = Self { cloth: Cloth::continuum(mesh), settings, weights, x: mesh.positions.clone() };
         let mut accelerations = Accelerations::zeros(FRAMES, 1, zeros.len());
         accelerations.constant = DVec3::new(0.3, 2.0, -1.0);
+        accelerations.wind = Some(DVec3::new(1.0, -0.5, 2.0));
         for (i, d) in accelerations.dynamic.iter_mut().enumerate() {
             *d = moved(&zeros, 5.0, 40 + i as u64);
         }
@@ -274,6 +275,14 @@ fn both_integrators_over_nine_steps() {
                 problem.loss(&moved)
             });
             report(&name("dynamic force"), worst, bound);
+
+            let wind = inputs.accelerations.wind.unwrap();
+            let worst = check(&wind.to_array(), &g.wind.to_array(), 1e-3, 5, 6, |w| {
+                let mut moved = inputs.clone();
+                moved.accelerations.wind = Some(DVec3::from_slice(w));
+                problem.loss(&moved)
+            });
+            report(&name("wind"), worst, bound);
 
             let worst = check(flat(&inputs.initial.x), flat(&g.initial.x), 1e-6, 10, 3, |x| {
                 let mut moved = inputs.clone();

@@ -52,7 +52,7 @@ pub fn find(
     let guess = held_vertices(template, found, DVec3::Y);
     let ln = |log10: f64| log10 * std::f64::consts::LN_10;
     let mean = Causes {
-        ln_stiffness: dynamics.stiffness.map(|range| ln(range.start)),
+        ln_stiffness: dynamics.springs().map(|range| ln(range.start)),
         down: DVec3::Y,
         ln_drag: DRAG.ln(),
         ln_friction: FRICTION.ln(),
@@ -86,7 +86,7 @@ pub fn find(
     let h = 1.0 / (fps * substeps as f64);
     let mut drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, knots };
     let mut data = Data::new(&found[..window], deviations, fps);
-    let bounds = dynamics.stiffness.map(|range| [ln(range.low), ln(range.high)]);
+    let bounds = dynamics.springs().map(|range| [ln(range.low), ln(range.high)]);
     // A simulation that fails at the start leaves what was known before.
     for pass in 0..2 {
         if !guess.still {
@@ -248,7 +248,12 @@ mod tests {
             tolerance: 1e-8,
             newton_limit: 20,
         };
-        let dynamics = Dynamics { step, substeps: 4, stiffness: [range(200.0), range(1e-3), range(1e-4)] };
+        let dynamics = Dynamics {
+            step,
+            substeps: 4,
+            model: crate::sim::Model::Springs,
+            stiffness: vec![range(200.0), range(1e-3), range(1e-4)],
+        };
         let cloth = Cloth::flat(&mesh, 0.05);
         let truth = Causes {
             ln_stiffness: [200f64.ln(), 6e-3f64.ln(), 6e-4f64.ln()],

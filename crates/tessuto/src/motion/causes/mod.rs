@@ -110,8 +110,7 @@ pub fn explain(
     let found = find(template, frames, &sigma, (fps, dynamics), settings);
     let cut = cut_cloth(template, &found.rest_lengths);
     let (guided, parts) = follow(&cut, dynamics, &found, frames, settings.tracking);
-    let parameters =
-        Parameters { log_stiffness: found.causes.log_stiffness(), accelerations: guided.accelerations };
+    let parameters = Parameters::of_springs(found.causes.log_stiffness(), guided.accelerations);
     let explained = Explained::new((&cut, template), found, parts, &guided.frames, fps);
     Explanation { parameters, explained, failure: guided.failure }
 }

@@ -122,7 +122,12 @@ mod tests {
             newton_limit: 100,
         };
         let range = crate::motion::parameters::StiffnessRange { start: 0.0, low: 0.0, high: 0.0 };
-        let dynamics = Dynamics { step: settings, substeps: 4, stiffness: [range; 3] };
+        let dynamics = Dynamics {
+            step: settings,
+            substeps: 4,
+            model: crate::sim::Model::Springs,
+            stiffness: vec![range; 3],
+        };
         let k = [200.0, 1e-3, 1e-4];
         let swing = |n: usize| -> Positions {
             mesh.positions

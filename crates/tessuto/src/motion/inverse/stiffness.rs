@@ -38,7 +38,7 @@ pub fn fit_material(cloth: &Cloth, dynamics: &Dynamics, motion: &[Positions], sp
         let prior: f64 = (0..3).map(|i| ((log_k[i] - dynamics.stiffness[i].start) / spread).powi(2)).sum();
         0.5 * frames * sum.max(f64::MIN_POSITIVE).ln() + 0.5 * prior
     };
-    let mut log_k = dynamics.stiffness.map(|range| range.start);
+    let mut log_k = dynamics.springs().map(|range| range.start);
     for _ in 0..50 {
         for i in 0..3 {
             let range = dynamics.stiffness[i];
@@ -126,7 +126,8 @@ mod tests {
         };
         let range = |start, low, high| StiffnessRange { start, low, high };
         let stiffness = [range(2.3, 1.0, 3.0), range(-3.0, -4.0, -2.0), range(-4.0, -5.0, -2.0)];
-        let dynamics = Dynamics { step, substeps: 1, stiffness };
+        let dynamics =
+            Dynamics { step, substeps: 1, model: crate::sim::Model::Springs, stiffness: stiffness.to_vec() };
         let truth = [60f64, 3e-3, 4e-4];
         // Bent and stretched at the start, then left alone under gravity.
         let x: Positions = mesh

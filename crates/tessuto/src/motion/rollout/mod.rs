@@ -46,6 +46,10 @@ settings! {
         stiffness_rate: f64 = 0.02, number(0.0..=10.0, "");
         /// Learning rate of the constant acceleration C.
         constant_rate: f64 = 0.1, number(0.0..=100.0, "m/s²");
+        /// Simulate air, whose velocity is searched from rest: the wind.
+        wind: bool = false, flag();
+        /// Learning rate of the wind.
+        wind_rate: f64 = 0.05, number(0.0..=100.0, "m/s");
         /// Learning rate of the dynamic accelerations D.
         dynamic_rate: f64 = 0.2, number(0.0..=1e9, "m/s²");
         /// Fixed limit of the norm of every group's gradient.
@@ -99,11 +103,13 @@ pub struct LossAndGradients {
     /// Weighted losses of each frame, without the regulariser of the forces.
     pub by_frame: Vec<f64>,
     /// ∂total/∂log10 stiffness.
-    pub log_stiffness: [f64; 3],
+    pub log_stiffness: Vec<f64>,
     /// ∂total/∂C.
     pub constant: DVec3,
     /// ∂total/∂D.
     pub dynamic: Vec<Positions>,
+    /// ∂total/∂ the wind.
+    pub wind: DVec3,
     /// The motion they belong to, shape [active frames, V].
     pub motion: Vec<Positions>,
 }
@@ -131,8 +137,9 @@ impl Group {
 #[derive(Clone, Serialize, Deserialize)]
 struct FitState {
     parameters: Parameters,
-    stiffness: [Group; 3],
+    stiffness: Vec<Group>,
     constant: Group,
+    wind: Group,
     dynamic: Group,
 }
 
@@ -151,8 +158,9 @@ impl FitState {
         let dynamic_len = 3 * fit.cloth.vertex_count() * parameters.accelerations.dynamic.len();
         Self {
             parameters,
-            stiffness: [(); 3].map(|()| Group::new(s, 1, s.stiffness_rate)),
+            stiffness: fit.dynamics.stiffness.iter().map(|_| Group::new(s, 1, s.stiffness_rate)).collect(),
             constant: Group::new(s, 3, s.constant_rate),
+            wind: Group::new(s, 3, s.wind_rate),
             dynamic: Group::new(s, dynamic_len, s.dynamic_rate),
         }
     }
@@ -162,8 +170,12 @@ impl FitState {
         let accelerations = &self.parameters.accelerations;
         let len = 3 * fit.cloth.vertex_count() * accelerations.dynamic.len();
         accelerations.matches(&fit.start().accelerations)
+            && self.parameters.model == fit.dynamics.model
+            && [self.stiffness.len(), self.parameters.log_stiffness.len()]
+                == [fit.dynamics.stiffness.len(); 2]
             && self.stiffness.iter().all(|group| group.adam.matches(1))
             && self.constant.adam.matches(3)
+            && self.wind.adam.matches(3)
             && self.dynamic.adam.matches(len)
     }
 }
@@ -182,7 +194,9 @@ impl RolloutFit<'_> {
         let mut accelerations =
             Accelerations::zeros(self.scene.frames.len(), parts, self.cloth.vertex_count());
         accelerations.constant = DVec3::Y;
-        Parameters { log_stiffness: self.dynamics.stiffness.map(|k| k.start), accelerations }
+        accelerations.wind = self.settings.wind.then_some(DVec3::ZERO);
+        let log_stiffness = self.dynamics.stiffness.iter().map(|k| k.start).collect();
+        Parameters { model: self.dynamics.model, log_stiffness, accelerations }
     }
 
     /// Number of epochs of the whole fit.
@@ -232,10 +246,9 @@ impl RolloutFit<'_> {
                 }
             };
             if epoch < self.epoch_count() {
-                let before = state.parameters.stiffness();
-                let constant = state.parameters.accelerations.constant;
+                let before = recorded(&state.parameters);
                 self.descend(state, &gradients, guard.rate);
-                let record = self.epoch_record(epoch, active, &gradients, before, constant, guard.rate);
+                let record = self.epoch_record(epoch, active, &gradients, before, guard.rate);
                 session.step(&record, &gradients.motion, Some(&run))?;
             }
         }
@@ -259,6 +272,11 @@ impl RolloutFit<'_> {
         let mut constant = parameters.accelerations.constant.to_array();
         state.constant.step(&mut constant, &mut (gradients.constant * scale).to_array(), rate);
         parameters.accelerations.constant = DVec3::from_array(constant);
+        if let Some(wind) = &mut parameters.accelerations.wind {
+            let mut velocity = wind.to_array();
+            state.wind.step(&mut velocity, &mut (gradients.wind * scale).to_array(), rate);
+            *wind = DVec3::from_array(velocity);
+        }
         let numbers =
             |shapes: &[Positions]| -> Vec<f64> { shapes.iter().flat_map(|s| flat(s)).copied().collect() };
         let mut dynamic = numbers(&parameters.accelerations.dynamic);
@@ -274,11 +292,11 @@ impl RolloutFit<'_> {
         epoch: usize,
         active: usize,
         gradients: &LossAndGradients,
-        k: [f64; 3],
-        c: DVec3,
+        mut parameters: Vec<(&'static str, f64)>,
         rate: f64,
     ) -> Epoch {
         let l = &gradients.losses;
+        parameters.push(("rate", rate));
         Epoch {
             stage: "rollout".into(),
             step: epoch + 1,
@@ -291,15 +309,7 @@ impl RolloutFit<'_> {
                 ("energy", l.energy),
                 ("force", l.force),
             ]),
-            parameters: named([
-                ("stretch", k[0]),
-                ("bend", k[1]),
-                ("shear", k[2]),
-                ("constant_x", c.x),
-                ("constant_y", c.y),
-                ("constant_z", c.z),
-                ("rate", rate),
-            ]),
+            parameters: named(parameters),
         }
     }
 
@@ -309,7 +319,7 @@ impl RolloutFit<'_> {
     /// [`Error::Numerical`] from the simulation.
     pub fn simulate(&self, parameters: &Parameters, frame_count: usize) -> Result<Rollout> {
         let initial = at_rest(&self.scene.template.positions);
-        let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
+        let stiffness = parameters.stiffness_of(self.cloth);
         let inputs = RolloutInputs {
             initial: &initial,
             accelerations: &parameters.accelerations,
@@ -325,7 +335,7 @@ impl RolloutFit<'_> {
     pub fn loss_and_gradients(&self, parameters: &Parameters, active: usize) -> Result<LossAndGradients> {
         let s = self.settings;
         let motion = self.simulate(parameters, active)?;
-        let stiffness = Stiffness::uniform(self.cloth, parameters.stiffness());
+        let stiffness = parameters.stiffness_of(self.cloth);
         let share = 1.0 / active as f64;
         let frames = self.scene.frames.map(0..active, FrameScratch::default, |scratch, n| {
             let frame = self.scene.frames.frame(n)?;
@@ -357,7 +367,7 @@ impl RolloutFit<'_> {
             accelerations: &parameters.accelerations,
             stiffness: &stiffness,
         };
-        let RolloutGradients { mut constant, mut dynamic, stiffness: by_stiffness, .. } =
+        let RolloutGradients { mut constant, mut dynamic, wind, stiffness: by_stiffness, .. } =
             rollout_vjp(self.cloth, &self.dynamics.step, &inputs, &motion, &grad_frames);
 
         let entries = (active - 1) * parameters.accelerations.entries_per_frame;
@@ -372,12 +382,12 @@ impl RolloutFit<'_> {
         losses.force = force_across_rays(f, entries, &of_entry, s.weights.force, &mut constant, &mut dynamic);
         losses.force_smoothness = force_changes(f, entries, s.weights.force_smoothness, &mut dynamic);
         let total = losses.total(&s.weights);
-        let log_stiffness = by_stiffness.grad_log10(parameters.stiffness());
-        if !finite(&log_stiffness) || !constant.is_finite() {
+        let log_stiffness = parameters.model.grad_log10(&by_stiffness, &parameters.stiffness());
+        if !finite(&log_stiffness) || !constant.is_finite() || !wind.is_finite() {
             return Err(Error::numerical("adjoint", "a gradient is not finite", "lower the learning rates"));
         }
         let motion = motion.frames;
-        Ok(LossAndGradients { losses, total, by_frame, log_stiffness, constant, dynamic, motion })
+        Ok(LossAndGradients { losses, total, by_frame, log_stiffness, constant, dynamic, wind, motion })
     }
 
     fn frame_loss(
@@ -420,6 +430,15 @@ struct FrameLoss {
     silhouette: f64,
     energy: f64,
     gradient: Positions,
+}
+
+/// The numbers of `parameters` that every epoch records, by name.
+fn recorded(parameters: &Parameters) -> Vec<(&'static str, f64)> {
+    let Accelerations { constant: c, wind, .. } = &parameters.accelerations;
+    let mut rows: Vec<_> = parameters.properties().map(|(p, value)| (p.key, value)).collect();
+    rows.extend([("constant_x", c.x), ("constant_y", c.y), ("constant_z", c.z)]);
+    rows.extend(wind.iter().flat_map(|w| [("wind_x", w.x), ("wind_y", w.y), ("wind_z", w.z)]));
+    rows
 }
 
 /// Takes the mean over all entries and vertices off `dynamic`. What all have in common is for C to find; entries of frames that
