@@ -105,6 +105,8 @@ fn help_lists_the_commands_in_the_order_of_the_work() {
         "evaluate",
         "compare",
         "simulate",
+        "forecast",
+        "fabric",
         "verify",
         "settings",
         "synth",
