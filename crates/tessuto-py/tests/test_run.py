@@ -149,7 +149,7 @@ def test_what_cannot_be_done_is_refused(scene_folder: Path, result: tessuto.Resu
     assert "replace=True" in caught.value.remedy and str(result.path) in caught.value.place
     with pytest.raises(tessuto.InputError, match="config.json"):
         tessuto.open(tmp_path)
-    with pytest.raises(tessuto.UsageError, match="give a stiffness above 0"):
+    with pytest.raises(tessuto.UsageError, match="give a value above 0"):
         tessuto.simulate(result, bend=-1.0)
     with pytest.raises(tessuto.UsageError, match="the formats are"):
         tessuto.export(result, "fbx", tmp_path / "b")
