@@ -1,8 +1,9 @@
-//! Where exactly the cloth is held, and by how much of its border.
+//! Where hands hold the cloth.
 //!
-//! Held vertices are stretches of the border, the grips. What [`super::held`] guesses is tried beside neighbouring places and sizes: cloth
-//! that is simulated from the wrong grip leaves the found positions within tenths of a second. All grips take their next try at once, and
-//! what is near a grip decides about it.
+//! Held vertices are stretches of the border, the grips, three vertices each. Beside what [`super::held`] guesses, places to either side are
+//! tried: cloth that is simulated from the wrong grip leaves the found positions within tenths of a second. All grips are tried at their
+//! next places at once, what is near a grip decides about it, and it goes from the guess as far as the misfit falls without a rise:
+//! with causes that are not known well yet the lowest place of all may be a wrong one.
 
 use glam::DVec3;
 use rayon::prelude::*;
