@@ -39,7 +39,9 @@ impl Grip {
 /// What hands hold about the vertices of `guess`, in ascending order.
 pub fn about(template: &Mesh, guess: &[usize]) -> Vec<usize> {
     let border = border_loop(template);
-    held_by(&border, &grips_of(&border, guess).into_iter().map(|g| g.about(0)).collect::<Vec<_>>())
+    let grips: Vec<Grip> = grips_of(&border, guess).into_iter().map(|g| g.about(0)).collect();
+    // Nothing of the guess is on the border: a closed mesh, or a hole in one.
+    if grips.is_empty() { guess.to_vec() } else { held_by(&border, &grips) }
 }
 
 /// What a drive needs beside the grips.
@@ -61,6 +63,9 @@ impl Tries<'_> {
     pub fn best(&self, template: &Mesh, guess: &[usize]) -> Vec<usize> {
         let border = border_loop(template);
         let grips = grips_of(&border, guess);
+        if grips.is_empty() {
+            return guess.to_vec();
+        }
         let zones = zones(template, &border, &grips);
         let stride = ((border.len() as f64 * STRIDE).round() as isize).max(1);
         let at = |place: usize| (place as isize - PLACES) * stride;
@@ -158,6 +163,7 @@ mod tests {
         assert_eq!(grips.len(), 2);
         assert_eq!(held_by(&border, &grips), held);
         assert_eq!(about(&mesh, &[0]), [0, 1, 5]);
+        assert_eq!(about(&mesh, &[7]), [7], "within the sheet there is no grip to widen");
         assert_eq!(about(&mesh, &held).len(), 6);
         let zones = zones(&mesh, &border, &grips);
         assert_ne!(zones[0], zones[4]);
