@@ -10,6 +10,7 @@ pub mod gradient_check;
 pub(crate) mod hyper_dual;
 mod multifrontal;
 pub mod rng;
+pub mod root;
 
 use glam::{DMat3, DVec3};
 

@@ -8,6 +8,7 @@ use crate::error::Result;
 use crate::math::damping::Damping;
 use crate::math::factor::Scratch;
 use crate::motion::terms::low_rank::FrameFactor;
+use crate::motion::terms::shear::{FEW, MANY};
 use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Number of kinds of start: with spreads of strain and shear larger by `start_spread`, without and with that of signed bending
@@ -125,6 +126,7 @@ impl Problem<'_> {
     fn follow(&mut self, tracked: &mut Tracked, session: &mut Session) -> Result<()> {
         let count = self.scene.frames.len();
         self.priors.shear.smooth = tracked.smooth;
+        self.priors.shear.rank = if tracked.smooth == self.settings.shear_smooth { FEW } else { MANY };
         let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|start| {
             let mut levels: Vec<_> =
                 self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();

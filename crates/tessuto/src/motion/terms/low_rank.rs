@@ -1,9 +1,10 @@
 //! A correction of low rank to a sparse matrix, and how to solve with it.
 
-use glam::{DMat4, DVec3, DVec4};
+use glam::DVec3;
 
 use crate::math::dot;
 use crate::math::factor::{Factor, Scratch};
+use crate::math::root::Root;
 use crate::mesh::Positions;
 use crate::sim::Cloth;
 
@@ -11,34 +12,43 @@ use super::FrameSystem;
 
 /// The matrix −U C⁻¹ Uᵀ, to be added to a sparse one.
 pub struct LowRank {
-    /// Columns of U, shape [4, V].
-    pub columns: [Positions; 4],
-    /// C⁻¹.
-    pub inverse: DMat4,
+    /// Columns of U, shape [R, V].
+    pub columns: Vec<Positions>,
+    /// C, shape [R, R].
+    pub matrix: Vec<f64>,
+    /// Its root.
+    pub root: Root,
 }
 
-fn products(columns: &[Positions; 4], p: &[DVec3]) -> DVec4 {
-    DVec4::from_array([0, 1, 2, 3].map(|k| dot(&columns[k], p)))
+fn products(columns: &[Positions], p: &[DVec3]) -> Vec<f64> {
+    columns.iter().map(|column| dot(column, p)).collect()
 }
 
-fn add_combination(columns: &[Positions; 4], c: DVec4, out: &mut [DVec3]) {
-    for (i, out) in out.iter_mut().enumerate() {
-        *out += columns[0][i] * c.x + columns[1][i] * c.y + columns[2][i] * c.z + columns[3][i] * c.w;
+fn add_combination(columns: &[Positions], c: &[f64], out: &mut [DVec3]) {
+    for (column, c) in columns.iter().zip(c) {
+        out.iter_mut().zip(column).for_each(|(out, v)| *out += *v * *c);
     }
 }
 
 impl LowRank {
+    /// Of the columns of U and C, shape [R, R].
+    pub fn new(columns: Vec<Positions>, matrix: Vec<f64>) -> Self {
+        let root = Root::of(&matrix, columns.len());
+        Self { columns, matrix, root }
+    }
+
     /// Adds the product with `p` to `out`.
     pub fn add_product(&self, p: &[DVec3], out: &mut [DVec3]) {
-        add_combination(&self.columns, -(self.inverse * products(&self.columns, p)), out);
+        let c = self.root.solve(&products(&self.columns, p));
+        add_combination(&self.columns, &c.iter().map(|c| -c).collect::<Vec<_>>(), out);
     }
 }
 
 /// Factor of a frame's whole matrix A − U C⁻¹ Uᵀ with a multiple of 1 added to A.
 pub struct FrameFactor {
     factor: Factor,
-    /// A⁻¹ U and (C − Uᵀ A⁻¹ U)⁻¹.
-    correction: Option<([Positions; 4], DMat4)>,
+    /// A⁻¹ U and the root of C − Uᵀ A⁻¹ U.
+    correction: Option<(Vec<Positions>, Root)>,
 }
 
 impl FrameFactor {
@@ -48,10 +58,13 @@ impl FrameFactor {
         matrix.add_masses(&cloth.pattern, &vec![1.0; cloth.vertex_count()], diagonal);
         let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
         let correction = system.low_rank.as_ref().map(|low| {
-            let solved =
-                [0, 1, 2, 3].map(|k| cloth.analysis.solve(&cloth.pattern, &factor, &low.columns[k], scratch));
-            let [a, b, c, d] = [0, 1, 2, 3].map(|k| products(&low.columns, &solved[k]));
-            (solved, (low.inverse.inverse() - DMat4::from_cols(a, b, c, d)).inverse())
+            let solve =
+                |column: &Positions| cloth.analysis.solve(&cloth.pattern, &factor, column, &mut *scratch);
+            let solved: Vec<Positions> = low.columns.iter().map(solve).collect();
+            let taken = solved.iter().flat_map(|s| products(&low.columns, s));
+            let left: Vec<f64> = low.matrix.iter().zip(taken).map(|(c, taken)| c - taken).collect();
+            let root = Root::of(&left, solved.len());
+            (solved, root)
         });
         Self { factor, correction }
     }
@@ -59,14 +72,14 @@ impl FrameFactor {
     /// The solution for `rhs`, by the formula of Sherman, Morrison and Woodbury.
     pub fn solve(&self, cloth: &Cloth, rhs: &[DVec3], scratch: &mut Scratch) -> Positions {
         let mut out = cloth.analysis.solve(&cloth.pattern, &self.factor, rhs, scratch);
-        if let Some((solved, inverse)) = &self.correction {
-            add_combination(solved, *inverse * products(solved, rhs), &mut out);
+        if let Some((solved, root)) = &self.correction {
+            add_combination(solved, &root.solve(&products(solved, rhs)), &mut out);
         }
         out
     }
 
     /// A random vector whose covariance is the factor's whole matrix, given independent numbers of mean 0 and variance 1:
-    /// `noise` of every vertex and `modes` of the correction. `None` if the sparse part is not positive definite.
+    /// `noise` of every vertex, and as many as `modes` is called for of the correction. `None` if the sparse part is not positive definite.
     ///
     /// The whole matrix is what remains of the larger one [A, −U; −Uᵀ, C] when the correction's own unknowns are eliminated. So
     /// a vector (b, c) of the larger one's covariance is drawn, b = L ξ and c = −Uᵀ A⁻¹ b + R η with L Lᵀ = A and
@@ -76,12 +89,14 @@ impl FrameFactor {
         cloth: &Cloth,
         low_rank: Option<&LowRank>,
         noise: &[DVec3],
-        modes: DVec4,
+        mut modes: impl FnMut() -> f64,
     ) -> Option<Positions> {
         let mut out = cloth.analysis.multiply_root(&cloth.pattern, &self.factor, noise)?;
-        if let (Some(low), Some((solved, inverse))) = (low_rank, &self.correction) {
-            let c = lower_root(&inverse.inverse()) * modes - products(solved, &out);
-            add_combination(&low.columns, low.inverse * c, &mut out);
+        if let (Some(low), Some((solved, root))) = (low_rank, &self.correction) {
+            let eta: Vec<f64> = solved.iter().map(|_| modes()).collect();
+            let taken = products(solved, &out);
+            let c: Vec<f64> = root.multiply(&eta).iter().zip(taken).map(|(c, taken)| c - taken).collect();
+            add_combination(&low.columns, &low.root.solve(&c), &mut out);
         }
         Some(out)
     }
@@ -90,23 +105,6 @@ impl FrameFactor {
     pub fn recycle(self, scratch: &mut Scratch) {
         scratch.recycle(self.factor);
     }
-}
-
-/// The lower triangular R with R Rᵀ = `matrix`; a column is zero where rounding has left nothing of the matrix.
-fn lower_root(matrix: &DMat4) -> DMat4 {
-    let mut root = DMat4::ZERO;
-    for j in 0..4 {
-        for i in j..4 {
-            let left = matrix.col(j)[i] - (0..j).map(|k| root.col(k)[i] * root.col(k)[j]).sum::<f64>();
-            let pivot = root.col(j)[j];
-            root.col_mut(j)[i] = match i == j {
-                true => left.max(0.0).sqrt(),
-                false if pivot > 0.0 => left / pivot,
-                false => 0.0,
-            };
-        }
-    }
-    root
 }
 
 #[cfg(test)]

@@ -12,16 +12,23 @@
 
 use std::sync::Arc;
 
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::low_rank::LowRank;
 use super::robust::cauchy;
 use super::{FrameSystem, Term};
+use crate::math::root::Root;
 use crate::mesh::{Mesh, Positions, vertex_uvs};
 use crate::sim::angle;
 use crate::sim::cloth::{Cloth, arms};
 
+/// Number of modes of a sheet that hardly shears.
+pub const FEW: usize = 4;
+/// Number of modes along each axis of a sheet that shears as a whole.
+const ALONG: usize = 6;
+/// Number of all of them.
+pub const MANY: usize = ALONG * ALONG;
 /// Steps of the search for m, and the change `[rad]` that ends it.
 const STEPS: usize = 60;
 const SETTLED: f64 = 1e-10;
@@ -32,37 +39,61 @@ const SEAM: f64 = 1e-3;
 #[derive(Clone)]
 pub struct Shear<'a> {
     cloth: &'a Cloth,
-    /// b of every shearing pair; zero where the texture has seams: all shear is resisted then.
-    modes: Arc<Vec<DVec4>>,
+    /// b of every shearing pair, shape [pairs, MANY]; zero where the texture has seams: all shear is resisted then.
+    modes: Arc<Vec<f64>>,
     /// Spread σ of the departure from the modes `[rad]`.
     pub sigma: f64,
     /// Number τ of spreads beyond which a departure is resisted less and less.
     pub tail: f64,
     /// Spread σ_m of the modes `[rad]`.
     pub smooth: f64,
+    /// Number of modes in use.
+    pub rank: usize,
 }
 
 /// Angles less those of the template, and the modes m that explain them with the weights of the rest.
 struct Fit {
     angles: Vec<f64>,
-    m: DVec4,
+    m: Vec<f64>,
     value: f64,
     /// Weight/σ² of every pair.
     weights: Vec<f64>,
-    /// Second derivative by m at these weights.
-    curvature: DMat4,
+    /// Second derivative by m at these weights, its lower half.
+    curvature: Vec<f64>,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 impl<'a> Shear<'a> {
-    /// Of the cloth that is at rest in the shape of `template`; the numbers are σ, τ, σ_m.
+    /// Of the cloth that is at rest in the shape of `template`; the numbers are σ, τ, σ_m. Few modes are in use.
     pub fn new(cloth: &'a Cloth, template: &Mesh, [sigma, tail, smooth]: [f64; 3]) -> Self {
         let modes = match vertex_uvs(template, SEAM) {
             Some(uvs) => {
-                cloth.shears.iter().map(|spring| modes(spring.vertices.map(|v| uvs[v as usize]))).collect()
+                cloth.shears.iter().flat_map(|spring| modes(spring.vertices.map(|v| uvs[v as usize]))).collect()
             }
-            None => vec![DVec4::ZERO; cloth.shears.len()],
+            None => vec![0.0; MANY * cloth.shears.len()],
         };
-        Self { cloth, modes: Arc::new(modes), sigma, tail, smooth }
+        Self { cloth, modes: Arc::new(modes), sigma, tail, smooth, rank: FEW }
+    }
+
+    /// b of every pair.
+    fn responses(&self) -> impl Iterator<Item = &[f64]> {
+        self.modes.chunks_exact(MANY).map(|b| &b[..self.rank])
+    }
+
+    /// The lower half of Σ w b bᵀ + 1/σ_m².
+    fn curvature(&self, weights: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.rank * self.rank];
+        (0..self.rank).for_each(|k| out[k * (self.rank + 1)] = self.smooth.powi(-2));
+        for (b, w) in self.responses().zip(weights) {
+            for (j, row) in out.chunks_exact_mut(self.rank).enumerate() {
+                let scale = w * b[j];
+                row[..=j].iter_mut().zip(b).for_each(|(c, b)| *c += scale * b);
+            }
+        }
+        out
     }
 
     /// The best m, by reweighted least squares from the unweighted ones.
@@ -73,51 +104,59 @@ impl<'a> Shear<'a> {
         };
         let angles: Vec<f64> = self.cloth.shears.iter().map(change).collect();
         let scale = self.sigma.powi(-2);
-        let pull = DMat4::from_diagonal(DVec4::splat(self.smooth.powi(-2)));
-        let mut fit =
-            Fit { weights: vec![scale; angles.len()], m: DVec4::ZERO, value: 0.0, curvature: pull, angles };
+        let (mut weights, mut m, mut value) = (vec![scale; angles.len()], vec![0.0; self.rank], 0.0);
         for _ in 0..STEPS {
-            let (mut curvature, mut rhs) = (pull, DVec4::ZERO);
-            for ((b, d), w) in self.modes.iter().zip(&fit.angles).zip(&fit.weights) {
-                let wb = *b * *w;
-                curvature += DMat4::from_cols(wb * b.x, wb * b.y, wb * b.z, wb * b.w);
-                rhs += wb * *d;
+            let mut rhs = vec![0.0; self.rank];
+            for ((b, d), w) in self.responses().zip(&angles).zip(&weights) {
+                let scale = w * d;
+                rhs.iter_mut().zip(b).for_each(|(r, b)| *r += scale * b);
             }
-            let m = curvature.inverse() * rhs;
-            let moved = (m - fit.m).length();
-            (fit.m, fit.value) = (m, 0.5 * m.length_squared() / (self.smooth * self.smooth));
-            for ((b, d), w) in self.modes.iter().zip(&fit.angles).zip(&mut fit.weights) {
-                let (rho, weight) = cauchy((d - b.dot(m)) / self.sigma, self.tail);
-                fit.value += rho;
+            let next = Root::of(&self.curvature(&weights), self.rank).solve(&rhs);
+            let moved = next.iter().zip(&m).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            m = next;
+            value = 0.5 * dot(&m, &m) / (self.smooth * self.smooth);
+            for ((b, d), w) in self.responses().zip(&angles).zip(&mut weights) {
+                let (rho, weight) = cauchy((d - dot(b, &m)) / self.sigma, self.tail);
+                value += rho;
                 *w = weight * scale;
             }
             if moved < SETTLED {
                 break;
             }
         }
-        for (b, w) in self.modes.iter().zip(&fit.weights) {
-            let wb = *b * *w;
-            fit.curvature += DMat4::from_cols(wb * b.x, wb * b.y, wb * b.z, wb * b.w);
-        }
-        fit
+        let curvature = self.curvature(&weights);
+        Fit { angles, m, value, weights, curvature }
     }
 }
 
-/// b of a pair, given the texture coordinates of a, o, c.
-fn modes([a, o, c]: [glam::DVec2; 3]) -> DVec4 {
+/// b of a pair, given the texture coordinates of a, o, c: the first FEW are those of 1, p, q, p q, the others products of Legendre's
+/// polynomials of p and q.
+fn modes([a, o, c]: [DVec2; 3]) -> Vec<f64> {
     let (p, q) = (a - o, c - o);
     // A shear γ turns a direction at the angle φ by ½ γ cos 2φ.
-    let turn = |v: glam::DVec2| 0.5 * (v.x * v.x - v.y * v.y) / v.length_squared().max(f64::MIN_POSITIVE);
+    let turn = |v: DVec2| 0.5 * (v.x * v.x - v.y * v.y) / v.length_squared().max(f64::MIN_POSITIVE);
     let response = (turn(p) - turn(q)) * p.perp_dot(q).signum();
     let at = o * 2.0 - 1.0;
-    DVec4::new(1.0, at.x, at.y, at.x * at.y) * response
+    let legendre = |x: f64| {
+        let mut out = [1.0, x, 0.0, 0.0, 0.0, 0.0];
+        (1..ALONG - 1).for_each(|n| {
+            let k = n as f64;
+            out[n + 1] = ((2.0 * k + 1.0) * x * out[n] - k * out[n - 1]) / (k + 1.0);
+        });
+        out
+    };
+    let [of_p, of_q] = [at.x, at.y].map(legendre);
+    let mut pairs: Vec<[usize; 2]> = (0..MANY).map(|k| [k / ALONG, k % ALONG]).collect();
+    pairs.sort_by_key(|[i, j]| (i.max(j) > &1, i + j, *j));
+    pairs.iter().map(|[i, j]| of_p[*i] * of_q[*j] * response).collect()
 }
 
 impl Shear<'_> {
-    /// Root mean square of the modes m over `frames` `[rad]`.
+    /// Root mean square of the first FEW modes m over `frames` `[rad]`.
     pub fn smooth_shear(&self, frames: &[Positions]) -> f64 {
-        let squares: Vec<f64> = frames.par_iter().map(|x| self.fit(x).m.length_squared()).collect();
-        (squares.iter().sum::<f64>() / (4 * frames.len().max(1)) as f64).sqrt()
+        let squares: Vec<f64> =
+            frames.par_iter().map(|x| self.fit(x).m[..FEW].iter().map(|m| m * m).sum()).collect();
+        (squares.iter().sum::<f64>() / (FEW * frames.len().max(1)) as f64).sqrt()
     }
 }
 
@@ -133,13 +172,13 @@ impl Term for Shear<'_> {
     /// The matrix is that of Gauss and Newton; what m takes off it is the system's part of low rank.
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
         let fit = self.fit(x);
-        let mut columns = [(); 4].map(|()| vec![DVec3::ZERO; x.len()]);
-        let pairs = self.cloth.shears.iter().zip(self.modes.iter()).zip(fit.angles.iter().zip(&fit.weights));
+        let mut columns = vec![vec![DVec3::ZERO; x.len()]; self.rank];
+        let pairs = self.cloth.shears.iter().zip(self.responses()).zip(fit.angles.iter().zip(&fit.weights));
         for ((spring, b), (d, weight)) in pairs {
             let [u, w] = arms(x, spring.vertices);
             // ∂θ/∂(u, w): the gradient of ½ (θ − θ')² at θ' = θ − 1.
             let slope = angle::gradient(u, w, 1.0, spring.rest_angle + d - 1.0);
-            let force = weight * (d - b.dot(fit.m));
+            let force = weight * (d - dot(b, &fit.m));
             spring.scatter(slope.map(|g| g * force), &mut system.gradient);
             for (k, column) in columns.iter_mut().enumerate() {
                 spring.scatter(slope.map(|g| g * (weight * b[k])), column);
@@ -147,15 +186,13 @@ impl Term for Shear<'_> {
             let h = angle::hessian_gauss_newton(u, w, *weight, spring.rest_angle);
             spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix);
         }
-        system.low_rank = Some(LowRank { columns, inverse: fit.curvature.inverse() });
+        system.low_rank = Some(LowRank::new(columns, fit.curvature));
         fit.value
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec2, Vec4Swizzles};
-
     use super::*;
     use crate::mesh::grid;
 
@@ -175,7 +212,7 @@ mod tests {
         let whole = sheared(|_| 0.1);
         // Angles are those of `sim::angle`, which keeps them off zero and π: a little less than the shear itself.
         let found = term.fit(&whole).m;
-        assert!((found.x.abs() - 0.1).abs() < 2e-3 && found.yzw().length() < 2e-3, "{found}");
+        assert!((found[0].abs() - 0.1).abs() < 2e-3 && dot(&found[1..], &found[1..]).sqrt() < 2e-3, "{found:?}");
         assert!((term.smooth_shear(std::slice::from_ref(&whole)) - 0.05).abs() < 1e-3);
         // A strip that shears alone is none of the modes, and a sheet whose texture has seams has none.
         let strip = sheared(|y| if y > 0.03 { 0.1 } else { 0.0 });
@@ -185,7 +222,7 @@ mod tests {
             term.value(&strip),
             term.value(&whole)
         );
-        let without = Shear { modes: Arc::new(vec![DVec4::ZERO; cloth.shears.len()]), ..term.clone() };
+        let without = Shear { modes: Arc::new(vec![0.0; MANY * cloth.shears.len()]), ..term.clone() };
         assert!(without.value(&whole) > 30.0 * term.value(&whole));
     }
 }

@@ -3,6 +3,7 @@
 use super::super::LevelSearch;
 use crate::mesh::Positions;
 use crate::motion::terms::Term;
+use crate::motion::terms::shear::FEW;
 use crate::motion::terms::colour::PointColours;
 
 /// Distance `[px]` below which outlines cannot be told apart.
@@ -44,7 +45,7 @@ impl LevelSearch<'_, '_> {
         let pixel = depth / (0.5 * (camera.fx + camera.fy));
         // Smooth shear counts by the spread that the settings give, however large it was found to be.
         let mut shear = terms.priors.shear.clone();
-        shear.smooth = self.problem.settings.shear_smooth;
+        (shear.smooth, shear.rank) = (self.problem.settings.shear_smooth, FEW);
         Misfit {
             outline: squared.sqrt().max(OUTLINE_FLOOR) * pixel.abs(),
             texture: self.texture_misfit(frame, &self.observe(frame, x)),

@@ -6,7 +6,7 @@
 //! parts of H, H = blocks of the frames + κ DᵀD: for each frame a root of its matrix times normal noise
 //! ([`FrameFactor::sample`]), and √κ Dᵀ times normal noise.
 
-use glam::{DVec3, DVec4};
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -96,8 +96,8 @@ impl JointSystem<'_> {
                 let draw = |factor: &FrameFactor, k: usize| {
                     let mut rng = stream(k, n + 1);
                     let noise = normals(&mut rng, vertices);
-                    let modes = DVec4::from_array([(); 4].map(|()| rng.normal()));
-                    factor.sample(self.cloth, self.systems[n].low_rank.as_ref(), &noise, modes)
+                    let low_rank = self.systems[n].low_rank.as_ref();
+                    factor.sample(self.cloth, low_rank, &noise, || rng.normal())
                 };
                 let mut diagonal = DIAGONAL;
                 for _ in 0..ATTEMPTS {
