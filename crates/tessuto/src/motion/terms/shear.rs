@@ -21,7 +21,7 @@ use super::{FrameSystem, Term};
 use crate::math::root::Root;
 use crate::mesh::{Mesh, Positions, vertex_uvs};
 use crate::sim::angle;
-use crate::sim::cloth::{Cloth, arms};
+use crate::sim::cloth::{AngleSpring, Cloth, arms};
 
 /// Number of modes of a sheet that hardly shears.
 pub const FEW: usize = 4;
@@ -31,7 +31,7 @@ const ALONG: usize = 6;
 pub const MANY: usize = ALONG * ALONG;
 /// Steps of the search for m, and the change `[rad]` that ends it.
 const STEPS: usize = 60;
-const SETTLED: f64 = 1e-10;
+const SETTLED: f64 = 1e-6;
 /// Texture coordinates of one vertex that differ by more than this belong to a seam.
 const SEAM: f64 = 1e-3;
 
@@ -39,8 +39,10 @@ const SEAM: f64 = 1e-3;
 #[derive(Clone)]
 pub struct Shear<'a> {
     cloth: &'a Cloth,
-    /// b of every shearing pair, shape [pairs, MANY]; zero where the texture has seams: all shear is resisted then.
+    /// Modes at every vertex, shape [V, MANY]; zero where the texture has seams: all shear is resisted then.
     modes: Arc<Vec<f64>>,
+    /// Change of every pair's angle under a shear of 1.
+    responses: Arc<Vec<f64>>,
     /// Spread σ of the departure from the modes `[rad]`.
     pub sigma: f64,
     /// Number τ of spreads beyond which a departure is resisted less and less.
@@ -51,10 +53,11 @@ pub struct Shear<'a> {
     pub rank: usize,
 }
 
-/// Angles less those of the template, and the modes m that explain them with the weights of the rest.
+/// The modes m that explain the angles less those of the template, with the weights of the rest.
 struct Fit {
-    angles: Vec<f64>,
     m: Vec<f64>,
+    /// What they leave of the angles.
+    rest: Vec<f64>,
     value: f64,
     /// Weight/σ² of every pair.
     weights: Vec<f64>,
@@ -69,76 +72,107 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 impl<'a> Shear<'a> {
     /// Of the cloth that is at rest in the shape of `template`; the numbers are σ, τ, σ_m. Few modes are in use.
     pub fn new(cloth: &'a Cloth, template: &Mesh, [sigma, tail, smooth]: [f64; 3]) -> Self {
-        let modes = match vertex_uvs(template, SEAM) {
+        let (modes, responses) = match vertex_uvs(template, SEAM) {
             Some(uvs) => {
-                cloth.shears.iter().flat_map(|spring| modes(spring.vertices.map(|v| uvs[v as usize]))).collect()
+                let arms = |spring: &AngleSpring| response(spring.vertices.map(|v| uvs[v as usize]));
+                (uvs.iter().flat_map(|uv| modes(*uv)).collect(), cloth.shears.iter().map(arms).collect())
             }
-            None => vec![0.0; MANY * cloth.shears.len()],
+            None => (vec![0.0; MANY * template.positions.len()], vec![0.0; cloth.shears.len()]),
         };
-        Self { cloth, modes: Arc::new(modes), sigma, tail, smooth, rank: FEW }
+        let (modes, responses) = (Arc::new(modes), Arc::new(responses));
+        Self { cloth, modes, responses, sigma, tail, smooth, rank: FEW }
     }
 
-    /// b of every pair.
-    fn responses(&self) -> impl Iterator<Item = &[f64]> {
+    /// Every pair's middle vertex, and its response.
+    fn pairs(&self) -> impl Iterator<Item = (usize, f64)> {
+        let middle = |spring: &AngleSpring| spring.vertices[1] as usize;
+        self.cloth.shears.iter().map(middle).zip(self.responses.iter().copied())
+    }
+
+    /// The modes in use at every vertex.
+    fn modes_in_use(&self) -> impl Iterator<Item = &[f64]> {
         self.modes.chunks_exact(MANY).map(|b| &b[..self.rank])
     }
 
-    /// The lower half of Σ w b bᵀ + 1/σ_m².
-    fn curvature(&self, weights: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; self.rank * self.rank];
-        (0..self.rank).for_each(|k| out[k * (self.rank + 1)] = self.smooth.powi(-2));
-        for (b, w) in self.responses().zip(weights) {
-            for (j, row) in out.chunks_exact_mut(self.rank).enumerate() {
-                let scale = w * b[j];
+    /// The lower half of Σ w b bᵀ + 1/σ_m², and Σ w b d.
+    fn normal_equations(&self, weights: &[f64], angles: &[f64]) -> (Vec<f64>, Vec<f64>) {
+        // All pairs around a vertex have the same modes.
+        let mut sums = vec![[0.0; 2]; self.cloth.vertex_count()];
+        for (((v, response), w), d) in self.pairs().zip(weights).zip(angles) {
+            let [square, product] = &mut sums[v];
+            *square += w * response * response;
+            *product += w * response * d;
+        }
+        let (mut matrix, mut rhs) = (vec![0.0; self.rank * self.rank], vec![0.0; self.rank]);
+        (0..self.rank).for_each(|k| matrix[k * (self.rank + 1)] = self.smooth.powi(-2));
+        for (b, [square, product]) in self.modes_in_use().zip(&sums) {
+            for (j, row) in matrix.chunks_exact_mut(self.rank).enumerate() {
+                let scale = square * b[j];
                 row[..=j].iter_mut().zip(b).for_each(|(c, b)| *c += scale * b);
             }
+            rhs.iter_mut().zip(b).for_each(|(r, b)| *r += product * b);
         }
-        out
+        (matrix, rhs)
+    }
+
+    /// What the modes `m` make of every pair's angle.
+    fn explained(&self, m: &[f64]) -> Vec<f64> {
+        let shears: Vec<f64> = self.modes_in_use().map(|b| dot(b, m)).collect();
+        self.pairs().map(|(v, response)| response * shears[v]).collect()
     }
 
     /// The best m, by reweighted least squares from the unweighted ones.
     fn fit(&self, x: &[DVec3]) -> Fit {
-        let change = |spring: &crate::sim::cloth::AngleSpring| {
+        let change = |spring: &AngleSpring| {
             let [u, w] = arms(x, spring.vertices);
             angle::angle(u, w) - spring.rest_angle
         };
         let angles: Vec<f64> = self.cloth.shears.iter().map(change).collect();
         let scale = self.sigma.powi(-2);
-        let (mut weights, mut m, mut value) = (vec![scale; angles.len()], vec![0.0; self.rank], 0.0);
+        let mut fit = Fit {
+            weights: vec![scale; angles.len()],
+            m: vec![0.0; self.rank],
+            rest: angles.clone(),
+            value: 0.0,
+            curvature: Vec::new(),
+        };
         for _ in 0..STEPS {
-            let mut rhs = vec![0.0; self.rank];
-            for ((b, d), w) in self.responses().zip(&angles).zip(&weights) {
-                let scale = w * d;
-                rhs.iter_mut().zip(b).for_each(|(r, b)| *r += scale * b);
+            let (matrix, rhs) = self.normal_equations(&fit.weights, &angles);
+            let m = Root::of(&matrix, self.rank).solve(&rhs);
+            let moved = m.iter().zip(&fit.m).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+            fit.value = 0.5 * dot(&m, &m) / (self.smooth * self.smooth);
+            for ((rest, d), part) in fit.rest.iter_mut().zip(&angles).zip(self.explained(&m)) {
+                *rest = d - part;
             }
-            let next = Root::of(&self.curvature(&weights), self.rank).solve(&rhs);
-            let moved = next.iter().zip(&m).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-            m = next;
-            value = 0.5 * dot(&m, &m) / (self.smooth * self.smooth);
-            for ((b, d), w) in self.responses().zip(&angles).zip(&mut weights) {
-                let (rho, weight) = cauchy((d - dot(b, &m)) / self.sigma, self.tail);
-                value += rho;
+            for (rest, w) in fit.rest.iter().zip(&mut fit.weights) {
+                let (rho, weight) = cauchy(rest / self.sigma, self.tail);
+                fit.value += rho;
                 *w = weight * scale;
             }
+            fit.m = m;
             if moved < SETTLED {
                 break;
             }
         }
-        let curvature = self.curvature(&weights);
-        Fit { angles, m, value, weights, curvature }
+        fit.curvature = self.normal_equations(&fit.weights, &angles).0;
+        fit
     }
 }
 
-/// b of a pair, given the texture coordinates of a, o, c: the first FEW are those of 1, p, q, p q, the others products of Legendre's
-/// polynomials of p and q.
-fn modes([a, o, c]: [DVec2; 3]) -> Vec<f64> {
+/// Change of the angle between a − o and c − o under a shear of 1, given the texture coordinates of a, o, c.
+fn response([a, o, c]: [DVec2; 3]) -> f64 {
     let (p, q) = (a - o, c - o);
     // A shear γ turns a direction at the angle φ by ½ γ cos 2φ.
     let turn = |v: DVec2| 0.5 * (v.x * v.x - v.y * v.y) / v.length_squared().max(f64::MIN_POSITIVE);
-    let response = (turn(p) - turn(q)) * p.perp_dot(q).signum();
-    let at = o * 2.0 - 1.0;
+    (turn(p) - turn(q)) * p.perp_dot(q).signum()
+}
+
+/// Products of Legendre's polynomials of p and q at the texture coordinates `uv`, those of low degree first.
+fn modes(uv: DVec2) -> Vec<f64> {
+    let at = uv * 2.0 - 1.0;
     let legendre = |x: f64| {
-        let mut out = [1.0, x, 0.0, 0.0, 0.0, 0.0];
+        let mut out = [1.0; ALONG];
+        out[1] = x;
         (1..ALONG - 1).for_each(|n| {
             let k = n as f64;
             out[n + 1] = ((2.0 * k + 1.0) * x * out[n] - k * out[n - 1]) / (k + 1.0);
@@ -148,7 +182,7 @@ fn modes([a, o, c]: [DVec2; 3]) -> Vec<f64> {
     let [of_p, of_q] = [at.x, at.y].map(legendre);
     let mut pairs: Vec<[usize; 2]> = (0..MANY).map(|k| [k / ALONG, k % ALONG]).collect();
     pairs.sort_by_key(|[i, j]| (i.max(j) > &1, i + j, *j));
-    pairs.iter().map(|[i, j]| of_p[*i] * of_q[*j] * response).collect()
+    pairs.iter().map(|[i, j]| of_p[*i] * of_q[*j]).collect()
 }
 
 impl Shear<'_> {
@@ -173,15 +207,14 @@ impl Term for Shear<'_> {
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
         let fit = self.fit(x);
         let mut columns = vec![vec![DVec3::ZERO; x.len()]; self.rank];
-        let pairs = self.cloth.shears.iter().zip(self.responses()).zip(fit.angles.iter().zip(&fit.weights));
-        for ((spring, b), (d, weight)) in pairs {
+        let pairs = self.cloth.shears.iter().zip(self.pairs()).zip(fit.rest.iter().zip(&fit.weights));
+        for ((spring, (v, response)), (rest, weight)) in pairs {
             let [u, w] = arms(x, spring.vertices);
             // ∂θ/∂(u, w): the gradient of ½ (θ − θ')² at θ' = θ − 1.
-            let slope = angle::gradient(u, w, 1.0, spring.rest_angle + d - 1.0);
-            let force = weight * (d - dot(b, &fit.m));
-            spring.scatter(slope.map(|g| g * force), &mut system.gradient);
-            for (k, column) in columns.iter_mut().enumerate() {
-                spring.scatter(slope.map(|g| g * (weight * b[k])), column);
+            let slope = angle::gradient(u, w, 1.0, angle::angle(u, w) - 1.0);
+            spring.scatter(slope.map(|g| g * (weight * rest)), &mut system.gradient);
+            for (b, column) in self.modes[v * MANY..].iter().zip(&mut columns) {
+                spring.scatter(slope.map(|g| g * (weight * response * b)), column);
             }
             let h = angle::hessian_gauss_newton(u, w, *weight, spring.rest_angle);
             spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix);
@@ -222,7 +255,7 @@ mod tests {
             term.value(&strip),
             term.value(&whole)
         );
-        let without = Shear { modes: Arc::new(vec![0.0; MANY * cloth.shears.len()]), ..term.clone() };
+        let without = Shear { responses: Arc::new(vec![0.0; cloth.shears.len()]), ..term.clone() };
         assert!(without.value(&whole) > 30.0 * term.value(&whole));
     }
 }
