@@ -28,7 +28,7 @@ const FOUND: f64 = 2e-5;
 const LEAST_GAIN: f64 = 1e-2;
 
 /// A sheet whose smooth shear is larger than this many of the spreads it is given is one that shears as a whole; it is
-/// followed again with that shear as the spread.
+/// followed again with that shear as the spread of as many modes as it takes.
 const SHEARS: f64 = 8.0;
 
 /// What [`Problem::track`] goes on from.

@@ -3,8 +3,8 @@
 use super::super::LevelSearch;
 use crate::mesh::Positions;
 use crate::motion::terms::Term;
-use crate::motion::terms::shear::FEW;
 use crate::motion::terms::colour::PointColours;
+use crate::motion::terms::shear::FEW;
 
 /// Distance `[px]` below which outlines cannot be told apart.
 const OUTLINE_FLOOR: f64 = 0.1;
