@@ -8,10 +8,10 @@
 //!
 //! over the shearing pairs i, with the angle θ of `sim::angle`, θ0 that of the template and b_i the change of the
 //! angle under the shears 1, p, q, p q, where p and q run over [−1, 1] along the texture's axes; a sheet that hands shear has a
-//! field of more modes, of which these four say hardly the half. m is found with the positions: in the second-order system it is
-//! eliminated (a Schur complement, [`LowRank`]).
+//! field of more modes, of which these four say hardly the half. They count at the pair's middle vertex, so that what changes from
+//! one cell to the next is resisted as well. m is found with the positions: in the second-order system it is eliminated (a Schur
+//! complement, [`LowRank`]).
 
-use std::collections::HashMap;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
@@ -27,10 +27,10 @@ use crate::sim::cloth::{AngleSpring, Cloth, arms};
 
 /// Number of modes of a sheet that hardly shears.
 pub const FEW: usize = 4;
-/// Largest degree of the modes of a sheet that shears as a whole.
-const DEGREE: usize = 7;
+/// Number of modes along each axis of a sheet that shears as a whole.
+const ALONG: usize = 6;
 /// Number of all of them.
-pub const MANY: usize = (DEGREE + 1) * (DEGREE + 2) / 2;
+pub const MANY: usize = ALONG * ALONG;
 /// Steps of the search for m, and the change `[rad]` that ends it.
 const STEPS: usize = 60;
 const SETTLED: f64 = 1e-8;
@@ -41,8 +41,10 @@ const SEAM: f64 = 1e-3;
 #[derive(Clone)]
 pub struct Shear<'a> {
     cloth: &'a Cloth,
-    /// Where the pairs are, and the modes there; without any where the texture has seams: all shear is resisted then.
-    modes: Arc<Modes>,
+    /// Modes at every vertex, shape [V, MANY]; zero where the texture has seams: all shear is resisted then.
+    modes: Arc<Vec<f64>>,
+    /// Change of every pair's angle under a shear of 1.
+    responses: Arc<Vec<f64>>,
     /// Spread σ of the departure from the modes `[rad]`.
     pub sigma: f64,
     /// Number τ of spreads beyond which a departure is resisted less and less.
@@ -69,61 +71,37 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The modes at the middle of every cell.
-struct Modes {
-    /// Cell of every pair, and the change of its angle under a shear of 1.
-    pairs: Vec<(usize, f64)>,
-    /// Shape [cells, MANY].
-    values: Vec<f64>,
-}
-
-impl Modes {
-    /// Of pairs whose arms end at the texture coordinates a and c and meet at o. The four pairs of a cell of a grid share its middle.
-    fn new(pairs: impl Iterator<Item = [DVec2; 3]>) -> Self {
-        let mut cells = HashMap::new();
-        let mut out = Self { pairs: Vec::new(), values: Vec::new() };
-        for uvs in pairs {
-            let middle = (uvs[0] + uvs[2]) * 0.5;
-            let place = (middle / SEAM).round().as_i64vec2();
-            let next = cells.len();
-            let cell = *cells.entry(place).or_insert_with(|| {
-                out.values.extend(modes(middle));
-                next
-            });
-            out.pairs.push((cell, response(uvs)));
-        }
-        out
-    }
-
-    /// None: `pairs` pairs that are not explained.
-    fn none(pairs: usize) -> Self {
-        Self { pairs: vec![(0, 0.0); pairs], values: vec![0.0; MANY] }
-    }
-}
-
 impl<'a> Shear<'a> {
     /// Of the cloth that is at rest in the shape of `template`; the numbers are σ, τ, σ_m. Few modes are in use.
     pub fn new(cloth: &'a Cloth, template: &Mesh, [sigma, tail, smooth]: [f64; 3]) -> Self {
-        let modes = match vertex_uvs(template, SEAM) {
+        let (modes, responses) = match vertex_uvs(template, SEAM) {
             Some(uvs) => {
-                Modes::new(cloth.shears.iter().map(|spring| spring.vertices.map(|v| uvs[v as usize])))
+                let arms = |spring: &AngleSpring| response(spring.vertices.map(|v| uvs[v as usize]));
+                (uvs.iter().flat_map(|uv| modes(*uv)).collect(), cloth.shears.iter().map(arms).collect())
             }
-            None => Modes::none(cloth.shears.len()),
+            None => (vec![0.0; MANY * template.positions.len()], vec![0.0; cloth.shears.len()]),
         };
-        Self { cloth, modes: Arc::new(modes), sigma, tail, smooth, rank: FEW }
+        let (modes, responses) = (Arc::new(modes), Arc::new(responses));
+        Self { cloth, modes, responses, sigma, tail, smooth, rank: FEW }
     }
 
-    /// The modes in use in every cell.
+    /// Every pair's middle vertex, and its response.
+    fn pairs(&self) -> impl Iterator<Item = (usize, f64)> {
+        let middle = |spring: &AngleSpring| spring.vertices[1] as usize;
+        self.cloth.shears.iter().map(middle).zip(self.responses.iter().copied())
+    }
+
+    /// The modes in use at every vertex.
     fn modes_in_use(&self) -> impl Iterator<Item = &[f64]> {
-        self.modes.values.chunks_exact(MANY).map(|b| &b[..self.rank])
+        self.modes.chunks_exact(MANY).map(|b| &b[..self.rank])
     }
 
     /// The lower half of Σ w b bᵀ + 1/σ_m², and Σ w b d.
     fn normal_equations(&self, weights: &[f64], angles: &[f64]) -> (Vec<f64>, Vec<f64>) {
-        // All pairs of a cell have the same modes.
-        let mut sums = vec![[0.0; 2]; self.modes.values.len() / MANY];
-        for (((cell, response), w), d) in self.modes.pairs.iter().zip(weights).zip(angles) {
-            let [square, product] = &mut sums[*cell];
+        // All pairs around a vertex have the same modes.
+        let mut sums = vec![[0.0; 2]; self.cloth.vertex_count()];
+        for (((v, response), w), d) in self.pairs().zip(weights).zip(angles) {
+            let [square, product] = &mut sums[v];
             *square += w * response * response;
             *product += w * response * d;
         }
@@ -142,7 +120,7 @@ impl<'a> Shear<'a> {
     /// What the modes `m` make of every pair's angle.
     fn explained(&self, m: &[f64]) -> Vec<f64> {
         let shears: Vec<f64> = self.modes_in_use().map(|b| dot(b, m)).collect();
-        self.modes.pairs.iter().map(|(cell, response)| response * shears[*cell]).collect()
+        self.pairs().map(|(v, response)| response * shears[v]).collect()
     }
 
     /// The best m, by reweighted least squares from the unweighted ones.
@@ -191,22 +169,22 @@ fn response([a, o, c]: [DVec2; 3]) -> f64 {
     (turn(p) - turn(q)) * p.perp_dot(q).signum()
 }
 
-/// Products of Legendre's polynomials of p and q at the texture coordinates `uv`: 1, p, q, p q, then all others by degree.
+/// Products of Legendre's polynomials of p and q at the texture coordinates `uv`, those of low degree first.
 fn modes(uv: DVec2) -> Vec<f64> {
+    let at = uv * 2.0 - 1.0;
     let legendre = |x: f64| {
-        let mut out = [1.0; DEGREE + 1];
+        let mut out = [1.0; ALONG];
         out[1] = x;
-        for n in 1..DEGREE {
+        (1..ALONG - 1).for_each(|n| {
             let k = n as f64;
             out[n + 1] = ((2.0 * k + 1.0) * x * out[n] - k * out[n - 1]) / (k + 1.0);
-        }
+        });
         out
     };
-    let [of_p, of_q] = [2.0 * uv.x - 1.0, 2.0 * uv.y - 1.0].map(legendre);
-    let of_degree = |n: usize| (0..=n).map(move |j| [n - j, j]);
-    let first = [[0, 0], [1, 0], [0, 1], [1, 1]];
-    let others = (2..=DEGREE).flat_map(of_degree).filter(|pair| *pair != [1, 1]);
-    first.into_iter().chain(others).map(|[i, j]| of_p[i] * of_q[j]).collect()
+    let [of_p, of_q] = [at.x, at.y].map(legendre);
+    let mut pairs: Vec<[usize; 2]> = (0..MANY).map(|k| [k / ALONG, k % ALONG]).collect();
+    pairs.sort_by_key(|[i, j]| (i.max(j) > &1, i + j, *j));
+    pairs.iter().map(|[i, j]| of_p[*i] * of_q[*j]).collect()
 }
 
 impl Shear<'_> {
@@ -231,13 +209,13 @@ impl Term for Shear<'_> {
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
         let fit = self.fit(x);
         let mut columns = vec![vec![DVec3::ZERO; x.len()]; self.rank];
-        let pairs = self.cloth.shears.iter().zip(&self.modes.pairs).zip(fit.rest.iter().zip(&fit.weights));
-        for ((spring, (cell, response)), (rest, weight)) in pairs {
+        let pairs = self.cloth.shears.iter().zip(self.pairs()).zip(fit.rest.iter().zip(&fit.weights));
+        for ((spring, (v, response)), (rest, weight)) in pairs {
             let [u, w] = arms(x, spring.vertices);
             // ∂θ/∂(u, w): the gradient of ½ (θ − θ')² at θ' = θ − 1.
             let slope = angle::gradient(u, w, 1.0, angle::angle(u, w) - 1.0);
             spring.scatter(slope.map(|g| g * (weight * rest)), &mut system.gradient);
-            for (b, column) in self.modes.values[cell * MANY..].iter().zip(&mut columns) {
+            for (b, column) in self.modes[v * MANY..].iter().zip(&mut columns) {
                 spring.scatter(slope.map(|g| g * (weight * response * b)), column);
             }
             let h = angle::hessian_gauss_newton(u, w, *weight, spring.rest_angle);
@@ -258,16 +236,16 @@ mod tests {
         grid(8, 7, DVec2::new(0.14, 0.12), 1.0)
     }
 
-    fn sheared(angle: impl Fn(f64) -> f64) -> Positions {
+    fn sheared(mesh: &Mesh, angle: impl Fn(f64) -> f64) -> Positions {
         let shear = |p: &DVec3| DVec3::new(p.x + p.y * angle(p.y).sin(), p.y * angle(p.y).cos(), p.z);
-        sheet().positions.iter().map(shear).collect()
+        mesh.positions.iter().map(shear).collect()
     }
 
     #[test]
     fn the_shear_of_a_whole_sheet_is_its_modes() {
         let (mesh, cloth) = (sheet(), Cloth::new(&sheet()));
         let term = Shear::new(&cloth, &mesh, [0.01, 1.0, 10.0]);
-        let whole = sheared(|_| 0.1);
+        let whole = sheared(&mesh, |_| 0.1);
         // Angles are those of `sim::angle`, which keeps them off zero and π: a little less than the shear itself.
         let found = term.fit(&whole).m;
         assert!(
@@ -276,39 +254,44 @@ mod tests {
         );
         assert!((term.smooth_shear(std::slice::from_ref(&whole)) - 0.05).abs() < 1e-3);
         // A strip that shears alone is none of the modes, and a sheet whose texture has seams has none.
-        let strip = sheared(|y| if y > 0.03 { 0.1 } else { 0.0 });
+        let strip = sheared(&mesh, |y| if y > 0.03 { 0.1 } else { 0.0 });
         assert!(
             term.value(&strip) > 30.0 * term.value(&whole),
             "{} {}",
             term.value(&strip),
             term.value(&whole)
         );
-        let without = Shear { modes: Arc::new(Modes::none(cloth.shears.len())), ..term.clone() };
+        let without = Shear { responses: Arc::new(vec![0.0; cloth.shears.len()]), ..term.clone() };
         assert!(without.value(&whole) > 30.0 * term.value(&whole));
     }
 
-    /// A sheet that is sheared more and less along its height, as between two hands.
-    fn waves() -> Positions {
-        sheared(|y| 0.08 * (40.0 * y).sin())
+    /// A sheet of many cells, and the same sheared more and less along its height, as between two hands.
+    fn waves() -> (Mesh, Positions) {
+        let mesh = grid(16, 21, DVec2::new(0.14, 0.12), 1.0);
+        let x = sheared(&mesh, |y| 0.04 * (25.0 * y).sin());
+        (mesh, x)
     }
 
     #[test]
     fn many_modes_explain_a_field_of_shear_that_few_do_not() {
-        let (mesh, cloth) = (sheet(), Cloth::new(&sheet()));
+        let (mesh, x) = waves();
+        let cloth = Cloth::new(&mesh);
         let few = Shear::new(&cloth, &mesh, [0.01, 1.0, 0.1]);
         let many = Shear { rank: MANY, ..few.clone() };
-        let [few, many] = [few, many].map(|term| term.value(&waves()));
+        let [few, many] = [few, many].map(|term| term.value(&x));
+        println!("{few} {many}");
         assert!(few > 5.0 * many && many > 0.0, "{few} {many}");
     }
 
     #[test]
     fn gradients_are_differences_of_values_with_any_number_of_modes() {
-        let (mesh, cloth) = (sheet(), Cloth::new(&sheet()));
+        let (mesh, x) = waves();
+        let cloth = Cloth::new(&mesh);
         let mut rng = Rng::new(3, 0);
-        let x: Positions = waves().iter().map(|p| *p + rng.vector() * 1e-4).collect();
+        let x: Positions = x.iter().map(|p| *p + rng.vector() * 1e-4).collect();
         let mut worst: f64 = 0.0;
         for rank in [FEW, MANY] {
-            let term = Shear { rank, ..Shear::new(&cloth, &mesh, [0.01, 2.0, 0.05]) };
+            let term = Shear { rank, ..Shear::new(&cloth, &mesh, [0.01, 5.0, 0.05]) };
             let mut system = FrameSystem::zeros(&cloth);
             term.add_system(&x, &mut system);
             for _ in 0..3 {
