@@ -19,7 +19,7 @@ settings! {
         /// Shear beyond this many spreads is resisted less and less; larger is stricter.
         shear_tail: f64 = 1.0, number(1e-3..=1e9, "");
         /// Spread of the modes of the sheet's own smooth shear; larger is weaker. A sheet that is found to shear by much more
-        /// is followed again with a larger one.
+        /// is followed again with a larger one of more modes.
         shear_smooth: f64 = 0.0015, number(1e-6..=1e3, "rad");
         /// Spread σ of where the vertices of an edge are that does not move in the image; larger is weaker.
         still: f64 = 0.0001, number(1e-6..=1e6, "m");
