@@ -167,6 +167,43 @@ if (plot) {
   check("curves tell the values of a frame", /\d/.test(legend.replace(/[^\d]/g, "")), legend.replace(/\s+/g, " ").trim());
 }
 
+// What moved it: arrows and changed replays, where causes were searched.
+const causes = await page.evaluate(() => {
+  const { causes } = tessuto.page.data;
+  return causes && { forces: causes.forces.map(f => f.key), replays: causes.replays.map(r => [r.key, r.motion.frames]) };
+});
+if (causes) {
+  const shown = async () => (await page.$("#cloth")).screenshot({ encoding: "base64" });
+  for (const key of causes.forces) {
+    await pause(300);
+    const before = await shown();
+    await page.click(`[data-force=${key}]`);
+    await pause(300);
+    const bars = await page.$$eval("#arrow-scale div", all => all.map(row => row.textContent));
+    check(`arrows: ${key}`, await shown() !== before && bars.length > 0, bars.join(", "));
+    if (shots) await (await page.$("#cloth-panel")).screenshot({ path: `${shots}/arrows-${key}.png` });
+    await page.click(`[data-force=${key}]`);
+  }
+  for (const [key, frames] of causes.replays) {
+    await page.click(`[data-replay=${key}]`);
+    await pause(300);
+    await page.evaluate(n => { tessuto.page.player.toggle(false); tessuto.page.player.seek(n - 1); }, frames);
+    await pause(300);
+    // Where the fabric is, and where it was found to be, in the last frame of both.
+    const moved = await page.evaluate(() => {
+      const { view } = tessuto.page, place = motion => Float32Array.from(motion.at(motion.frames - 1));
+      const [now, found] = [view.replay, view.motion].map(place);
+      return Math.max(...now.map((v, i) => Math.abs(v - found[i])));
+    });
+    check(`replay: ${key}`, await frame() === frames - 1 && moved > 1e-3, `${frames} frames, ${(1000 * moved).toFixed(0)} mm from the last one found`);
+    if (shots) await (await page.$("#cloth-panel")).screenshot({ path: `${shots}/replay-${key}.png` });
+  }
+  if (causes.replays.length) await page.click("[data-replay=found]");
+  check("what was found plays again", await page.evaluate(() => tessuto.page.view.replay === null && tessuto.page.player.frameCount) === count);
+  const words = await page.$$eval("#causes td", all => all.map(cell => cell.textContent));
+  check("the table tells which causes are informed", words.includes("informed") || words.includes("not informed"));
+}
+
 for (const width of [1280, 800]) {
   for (const scheme of ["light", "dark"]) {
     await page.setViewport({ width, height: 900 });

@@ -45,6 +45,25 @@ fn causes_are_compared_with_the_truth_and_foretell() {
         "causes.iterations=2",
     ];
     succeed(&[&["reconstruct", text(&scene), "--out", text(&whole)], &quick[..]].concat());
+    // What the page lets one play is what a simulation gives.
+    let held = ["--continue", "20", "--air", "still", "--hold", "still"];
+    let page = std::fs::read_to_string(whole.join("report.html")).unwrap();
+    for (key, how) in [("still_air", &held[..]), ("stiffer", &["--scale", "bend=10"])] {
+        let simulated = at(&format!("{key}.npy"));
+        succeed(&[&["simulate", text(&whole), "--out", text(&simulated)], how].concat());
+        let of = |path: &Path| std::fs::read(path).unwrap();
+        assert!(of(&simulated) == of(&whole.join("changed").join(format!("{key}.npy"))), "{key}");
+    }
+    for part in [
+        r#"{"key":"let_go""#,
+        r#"{"key":"residual""#,
+        "What moved it",
+        "Shares of the forces",
+        r#""stacked":true"#,
+    ] {
+        assert!(page.contains(part), "{part} is missing");
+    }
+    succeed(&["verify", text(&whole)]);
     let table = succeed(&["evaluate", text(&scene), text(&whole)]);
     for word in ["bend  ", "shear  ", "drag  ", "gravity  ", "held  ", "unexplained", "calm  ", "stiffer  "] {
         assert!(table.contains(word), "{word}: {table}");

@@ -42,15 +42,17 @@ tessuto.Charts = class {
     const font = "12px system-ui, sans-serif";
     const axis = { stroke: ink, font, labelFont: font, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule, width: 1, size: 5 } };
     const series = chart.series.map((s, k) => ({
-      label: s.name, stroke: colours[k % colours.length], width: 1.75, points: { show: s.values.length < 3 }, spanGaps: false,
+      label: s.name, stroke: colours[k % colours.length], width: chart.stacked ? 1 : 1.75, points: { show: s.values.length < 3 && !chart.stacked }, spanGaps: false,
+      ...(chart.stacked ? { fill: colours[k % colours.length] } : {}),
     }));
     const positive = v => (v !== null && v > 0 ? v : null);
-    const data = [chart.x, ...chart.series.map(s => (chart.log ? s.values.map(positive) : s.values))];
+    const lines = chart.stacked ? this.stacked(chart) : chart.series.map(s => (chart.log ? s.values.map(positive) : s.values));
+    const data = [chart.x, ...lines];
     const powers = (_, splits) => splits.map(v => (Number.isInteger(Math.round(Math.log10(v) * 1e6) / 1e6) ? v.toExponential(0) : null));
     const options = {
       width: 400,
       height: tessuto.chartHeight,
-      scales: { x: { time: false }, y: { distr: chart.log ? 3 : 1 } },
+      scales: { x: { time: false }, y: { distr: chart.log ? 3 : 1, ...(chart.stacked ? { range: (_, low, high) => [0, high] } : {}) } },
       axes: [
         { ...axis, label: chart.x_label, labelSize: 18, size: 34 },
         { ...axis, size: 52, ...(chart.log ? { values: powers } : {}) },
@@ -66,10 +68,11 @@ tessuto.Charts = class {
     key.append(document.createElement("span"), ...chart.series.map((s, k) => {
       const item = document.createElement("button"), dot = document.createElement("i");
       item.type = "button";
-      item.title = "show or hide";
+      item.title = chart.stacked ? "" : "show or hide";
       dot.style.background = colours[k % colours.length];
       item.append(dot, `${s.name} `, document.createElement("b"));
-      item.addEventListener("click", () => {
+      // Parts of a whole stand upon each other.
+      if (!chart.stacked) item.addEventListener("click", () => {
         plot.setSeries(k + 1, { show: !plot.series[k + 1].show });
         item.classList.toggle("off", !plot.series[k + 1].show);
       });
@@ -84,6 +87,11 @@ tessuto.Charts = class {
     }
     plot.over.addEventListener("pointerleave", () => setTimeout(() => this.mark(), 0));
     return plot;
+  }
+
+  /** Each line with all after it below it, so that the first one's area is drawn first and the others over it. */
+  stacked(chart) {
+    return chart.series.map((_, k) => chart.x.map((_, i) => chart.series.slice(k).reduce((sum, s) => sum + (s.values[i] ?? 0), 0)));
   }
 
   /** Moves the mark to the frame that is shown. */

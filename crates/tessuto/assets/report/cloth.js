@@ -54,6 +54,36 @@ tessuto.ClothView = class {
     this.lines.frustumCulled = false;
     this.lines.visible = false;
     this.scene.add(this.mesh, this.lines);
+    // The threads as found, beside a changed replay.
+    const found = new THREE.BufferGeometry();
+    this.foundPositions = new THREE.BufferAttribute(new Float32Array(3 * this.surface.vertexCount), 3);
+    found.setAttribute("position", this.foundPositions);
+    found.setIndex(new THREE.BufferAttribute(edges, 1));
+    this.foundLines = new THREE.LineSegments(found, this.lines.material);
+    this.foundLines.frustumCulled = false;
+    this.foundLines.visible = false;
+    this.scene.add(this.foundLines);
+  }
+
+  /** Takes the forces of `data`, see `CauseData` in causes.rs; none is shown yet. */
+  makeArrows(data) {
+    this.arrows = new tessuto.Arrows(data, this.radius);
+    this.scene.add(...this.arrows.group.map(({ mesh }) => mesh));
+    return this.arrows;
+  }
+
+  /** Pixels on the screen of a length [m] at the middle of the fabric, across the view. */
+  pixels(length) {
+    const distance = this.camera.position.distanceTo(this.centre), lens = 2 * Math.tan(this.camera.fov * Math.PI / 360);
+    const zoom = this.camera.view?.enabled ? this.camera.view.fullHeight / this.camera.view.height : 1;
+    return length * zoom * (this.size?.height ?? 0) / (lens * distance);
+  }
+
+  /** Shows a changed replay, see `EmbeddedMotion` in embed.rs, in place of what was found; null: what was found. */
+  setReplay(raw) {
+    this.replay = raw && new tessuto.Motion(raw, this.surface.vertexCount);
+    if (raw) this.fields = this.valuesOf([], this.replay);
+    else this.setMotion(this.data.motion);
   }
 
   makeMaterials() {
@@ -171,15 +201,20 @@ tessuto.ClothView = class {
   setMotion(raw) {
     const first = !this.motion;
     this.motion = new tessuto.Motion(raw, this.surface.vertexCount);
-    const fields = this.data.fields.map(f => new tessuto.Field(f, this.surface.vertexCount));
-    if (this.motion.frames > 0) fields.push(new tessuto.Strain(this.surface, this.motion));
-    this.fields = Object.fromEntries(fields.map(f => [f.key, f]));
+    this.fields = this.valuesOf(this.data.fields, this.motion);
     const { centre: [x, y, z], radius } = this.motion.extent();
     this.centre = new THREE.Vector3(x, -y, -z);
     this.radius = radius;
     if (first && this.motion.frames > 0) this.orbitView();
     if (!this.motion.frames) this.motion = null;
     if (this.motion) this.show(this.frame);
+  }
+
+  /** What the fabric can be coloured by: `raw` values, and the strain of `motion`. */
+  valuesOf(raw, motion) {
+    const fields = raw.map(f => new tessuto.Field(f, this.surface.vertexCount));
+    if (motion.frames > 0) fields.push(new tessuto.Strain(this.surface, motion));
+    return Object.fromEntries(fields.map(f => [f.key, f]));
   }
 
   /** What the fabric can look like: groups of [key, label]. */
@@ -246,17 +281,27 @@ tessuto.ClothView = class {
   show(frame) {
     this.frame = frame;
     if (!this.motion) return;
-    const p = this.motion.at(frame), shown = this.linePositions.array;
-    for (let i = 0; i < p.length; i += 3) {
-      shown[i] = p[i];
-      shown[i + 1] = -p[i + 1];
-      shown[i + 2] = -p[i + 2];
-    }
-    this.linePositions.needsUpdate = true;
+    const shown = this.place(this.linePositions, (this.replay ?? this.motion).at(frame));
+    this.foundLines.visible = Boolean(this.replay) && frame < this.motion.frames;
+    if (this.foundLines.visible) this.place(this.foundPositions, this.motion.at(frame));
+    for (const { key, mesh } of this.arrows?.group ?? []) mesh.visible = !this.replay && this.arrows.wanted.has(key);
+    if (!this.replay) this.arrows?.show(frame, shown);
     this.spread("position", shown);
     this.spread("normal", this.normals(shown));
     if (this.field) this.paint(frame);
     this.draw();
+  }
+
+  /** Positions into an attribute, y up. */
+  place(attribute, p) {
+    const out = attribute.array;
+    for (let i = 0; i < p.length; i += 3) {
+      out[i] = p[i];
+      out[i + 1] = -p[i + 1];
+      out[i + 2] = -p[i + 2];
+    }
+    attribute.needsUpdate = true;
+    return out;
   }
 
   /** Copies a value per vertex to its corners. */

@@ -94,7 +94,7 @@
   let wipe = null;
   if (hasFilm) {
     byId("film-panel").hidden = false;
-    const mesh = view && (frame => ({ positions: view.motion.at(frame), edges: view.surface.edges }));
+    const mesh = view && (() => ({ positions: (view.replay ?? view.motion).at(player.frame), edges: view.surface.edges }));
     const elements = { canvas: byId("film"), box: byId("film-box"), handle: byId("handle") };
     wipe = new tessuto.Wipe(elements, film, mesh);
     const layer = byId("layer"), slider = byId("wipe");
@@ -115,6 +115,13 @@
     { root: byId("state"), strip: byId("states"), text: byId("state-text"), next: byId("next-doubt"), scrub: byId("scrub") },
     verdicts, player,
   );
+
+  let causes = null;
+  if (view && data.causes) {
+    const elements = { bar: "cause-bar", arrows: "arrows", replays: "replays", note: "replay-note", legend: "arrow-legend", scale: "arrow-scale" };
+    for (const [name, id] of Object.entries(elements)) elements[name] = byId(id);
+    causes = new tessuto.Causes(elements, data.causes, { player, view, states });
+  }
 
   const charts = new tessuto.Charts({
     main: document.querySelector("main"),
@@ -179,5 +186,5 @@
       getSelection().selectAllChildren(byId("command"));
     }
   });
-  Object.assign(tessuto, { page: { player, view, wipe, charts, states, data } });
+  Object.assign(tessuto, { page: { player, view, wipe, charts, states, causes, data } });
 })();

@@ -22,6 +22,13 @@ tessuto.Player = class {
     this.refresh();
   }
 
+  /** Takes another number of frames. */
+  setCount(frameCount) {
+    this.frameCount = frameCount;
+    this.onCount?.();
+    this.seek(this.frame);
+  }
+
   refresh() {
     for (const listener of this.listeners) listener(this.frame);
   }
@@ -53,7 +60,8 @@ tessuto.Player = class {
   /** Joins the slider, the button and the keys. */
   bind({ bar, play, scrub, output, speed }) {
     bar.hidden = this.frameCount < 2;
-    scrub.max = this.frameCount - 1;
+    this.onCount = () => { scrub.max = this.frameCount - 1; };
+    this.onCount();
     const digits = String(this.first + this.frameCount - 1).length;
     this.listen(frame => {
       scrub.value = frame;

@@ -50,11 +50,13 @@ tessuto.States = class {
   }
 
   words(k) {
+    if (k >= this.verdicts.length) return "after the clip";
     const { frame, state, reason } = this.verdicts[k];
     return `frame ${frame}, ${state}${reason && `: ${reason}`}`;
   }
 
   show(k) {
+    if (k >= this.verdicts.length) return;
     const { state, reason } = this.verdicts[k], name = document.createElement("b");
     name.textContent = state;
     name.className = state;

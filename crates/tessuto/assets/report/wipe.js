@@ -40,8 +40,9 @@ tessuto.Wipe = class {
     this.draw();
   }
 
+  /** Shows frame `frame`; the last picture stays for what goes on after the video. */
   show(frame) {
-    this.frame = frame;
+    this.frame = Math.min(frame, Math.max(...this.film.layers.map(l => l.frames.length)) - 1);
     this.draw();
     // The next frames, so that playing does not wait.
     for (const layer of this.film.layers) {

@@ -12,7 +12,7 @@ use crate::io;
 use crate::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
 use crate::metrics::{FrameVerdict, State};
 use crate::motion::parameters::Parameters;
-use crate::result::Folder;
+use crate::result::{Folder, Measured};
 
 /// Largest file of a light that is taken along `[bytes]`.
 const LARGEST_LIGHT: u64 = 256 << 20;
@@ -83,6 +83,8 @@ pub struct Clip {
     pub material: Material,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
+    /// Stiffnesses per width, of results with causes.
+    pub fabric: Option<Measured>,
     /// How often what was seen, where that is known: name, shape, numbers.
     pub seen: Vec<NamedArray>,
 }
@@ -115,6 +117,7 @@ impl Clip {
             camera: folder.camera,
             crop: folder.crop,
             parameters: folder.parameters.clone(),
+            fabric: folder.measured(),
             seen: seen(folder.path())?,
         })
     }
@@ -283,6 +286,7 @@ pub(super) mod tests {
                 log_stiffness: vec![2.0, -3.0, -4.0],
                 accelerations: Accelerations { constant: DVec3::Y, ..Accelerations::zeros(1, 1, 0) },
             },
+            fabric: None,
             seen: Vec::new(),
             mesh,
         }

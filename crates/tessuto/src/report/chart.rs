@@ -28,6 +28,8 @@ pub struct Chart {
     pub by_frame: bool,
     /// Whether the values are drawn on a logarithmic axis.
     pub log: bool,
+    /// Whether the lines are parts of a whole, drawn one upon the other.
+    pub stacked: bool,
     /// Ascending places on the horizontal axis.
     pub x: Vec<f64>,
     /// The lines.
@@ -56,6 +58,7 @@ pub fn of_errors(evaluation: &Evaluation) -> Option<Chart> {
         unit: "mm".to_owned(),
         by_frame: true,
         log: false,
+        stacked: false,
         x: evaluation.frames.iter().map(|f| f.frame as f64).collect(),
         series,
     })
@@ -72,6 +75,7 @@ pub fn of_history(history: &[Epoch], parameters: &[Parameter]) -> Vec<Chart> {
             unit: unit.to_owned(),
             by_frame: false,
             log: false,
+            stacked: false,
             x: x.clone(),
             series,
         };
@@ -111,7 +115,16 @@ fn of_losses(rows: &[Epoch], mut losses: Vec<Series>) -> Chart {
     };
     let log = !adds_a_frame && spans_decades(&losses);
     let unit = String::new();
-    Chart { title, x_label: x_label.to_owned(), unit, by_frame: false, log, x, series: losses }
+    Chart {
+        title,
+        x_label: x_label.to_owned(),
+        unit,
+        by_frame: false,
+        log,
+        stacked: false,
+        x,
+        series: losses,
+    }
 }
 
 /// Divides the values of each level by its first one of series `total`, and puts a gap between levels.

@@ -1,6 +1,7 @@
 //! What a person looks at after a reconstruction: images of every frame, a contact sheet and one
 //! self-contained page with the moving fabric, the video, numbers, curves and the command that repeats it.
 
+pub mod causes;
 pub mod chart;
 pub(crate) mod colour;
 pub mod embed;
@@ -12,6 +13,7 @@ mod legend;
 pub mod page;
 pub(crate) mod sheet;
 
+pub use causes::CauseData;
 pub use chart::Chart;
 pub use embed::{EmbeddedMotion, Field, Surface};
 pub use film::Film;
@@ -46,8 +48,10 @@ pub struct ReportData {
     pub light: Option<LightData>,
     /// Line charts besides those of `evaluation`.
     pub charts: Vec<Chart>,
-    /// What was recovered besides the motion.
+    /// What was recovered besides the motion; not listed where `causes` are.
     pub parameters: Vec<Parameter>,
+    /// What moved the fabric, where that was searched.
+    pub causes: Option<CauseData>,
     /// Comparison with the truth, where there is any.
     pub evaluation: Option<Evaluation>,
     /// Name of each stage and its wall-clock time `[s]`.

@@ -5,7 +5,8 @@ use std::path::Path;
 use askama::Template;
 use serde::Serialize;
 
-use super::{Chart, ClothData, Film, LightData, Parameter, ReportData, chart};
+use super::causes::{CauseRow, CauseSpread, bar};
+use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart};
 use crate::error::Result;
 use crate::io;
 use crate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
@@ -21,16 +22,18 @@ const STYLES: [&str; 2] =
     [include_str!("../../assets/vendor/uPlot.min.css"), include_str!("../../assets/report/page.css")];
 
 /// Scripts, in the order of the page.
-const SCRIPTS: [&str; 11] = [
+const SCRIPTS: [&str; 13] = [
     include_str!("../../assets/vendor/three.min.js"),
     include_str!("../../assets/vendor/uPlot.min.js"),
     include_str!("../../assets/report/data.js"),
     include_str!("../../assets/report/player.js"),
     include_str!("../../assets/report/colours.js"),
     include_str!("../../assets/report/cloth.js"),
+    include_str!("../../assets/report/arrows.js"),
     include_str!("../../assets/report/wipe.js"),
     include_str!("../../assets/report/states.js"),
     include_str!("../../assets/report/charts.js"),
+    include_str!("../../assets/report/causes.js"),
     include_str!("../../assets/report/main.js"),
     include_str!("../../assets/report/live.js"),
 ];
@@ -41,8 +44,9 @@ const SCRIPTS: [&str; 11] = [
 struct Page<'a> {
     data: &'a ReportData,
     styles: [&'static str; 2],
-    scripts: [&'static str; 11],
+    scripts: [&'static str; 13],
     parameters: Vec<Row>,
+    causes: Vec<CauseLine>,
     agreement: Vec<Row>,
     doubts: Vec<Doubt>,
     /// Stretches that are not in `doubts`.
@@ -64,6 +68,7 @@ struct Embedded<'a> {
     cloth: &'a Option<ClothData>,
     film: &'a Film,
     light: &'a Option<LightData>,
+    causes: &'a Option<CauseData>,
     verdicts: &'a [FrameVerdict],
     charts: Vec<Chart>,
 }
@@ -76,6 +81,19 @@ struct Row {
     note: String,
     /// Worst value, with its unit, and its frame.
     worst: Option<(String, usize)>,
+}
+
+/// One line of the table of causes.
+struct CauseLine {
+    name: String,
+    note: String,
+    value: String,
+    unit: &'static str,
+    spread: String,
+    informed: Option<bool>,
+    known: String,
+    /// Percent along a bar: see [`bar`].
+    bar: Option<[String; 4]>,
 }
 
 /// Frames one after another that are doubtful or lost.
@@ -131,6 +149,7 @@ fn page(data: &ReportData) -> Page<'_> {
         cloth: &data.cloth,
         film: &data.film,
         light: &data.light,
+        causes: &data.causes,
         verdicts: &data.verdicts,
         charts,
     };
@@ -149,6 +168,7 @@ fn page(data: &ReportData) -> Page<'_> {
         doubts,
         more_doubts,
         parameters: data.parameters.iter().map(parameter_row).collect(),
+        causes: data.causes.iter().flat_map(|causes| &causes.rows).map(cause_line).collect(),
         has_published: errors.iter().any(|e| e.name.contains("published")),
         has_truth: !errors.is_empty(),
         errors,
@@ -163,13 +183,51 @@ pub fn script_safe(json: &str) -> String {
     json.replace('<', "\\u003c")
 }
 
-fn parameter_row(p: &Parameter) -> Row {
-    let value = if p.value != 0.0 && !(1e-3..1e5).contains(&p.value.abs()) {
-        format!("{:.2e}", p.value)
+/// Three digits, with a power of ten where the number is very small or large.
+fn told(value: f64) -> String {
+    if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
+        format!("{value:.2e}")
+    } else if value.fract() == 0.0 {
+        format!("{value}")
     } else {
-        significant(p.value)
+        significant(value)
+    }
+}
+
+fn parameter_row(p: &Parameter) -> Row {
+    Row {
+        name: p.label.clone(),
+        value: told(p.value),
+        unit: p.unit.clone(),
+        note: p.note.clone(),
+        worst: None,
+    }
+}
+
+fn cause_line(row: &CauseRow) -> CauseLine {
+    let spread = match row.spread {
+        Some(CauseSpread::Factor(factor)) if factor < 10.0 => format!("× or ÷ {factor:.2}"),
+        Some(CauseSpread::Factor(_)) => "more than × or ÷ 10".to_owned(),
+        Some(CauseSpread::Margin(margin)) => format!("± {} {}", significant(margin), row.unit),
+        None => String::new(),
     };
-    Row { name: p.label.clone(), value, unit: p.unit.clone(), note: p.note.clone(), worst: None }
+    let factor = match row.spread {
+        Some(CauseSpread::Factor(factor)) => factor,
+        _ => 1.0,
+    };
+    CauseLine {
+        name: row.label.clone(),
+        note: row.note.clone(),
+        value: told(row.value),
+        unit: row.unit,
+        spread,
+        informed: row.informed,
+        known: row.known.map_or_else(String::new, |[low, high]| match low < 1e-3 {
+            true => format!("{low:e} to {high:e}"),
+            false => format!("{low} to {high}"),
+        }),
+        bar: row.known.map(|known| bar(row.value, factor, known).map(|v| format!("{v:.1}"))),
+    }
 }
 
 /// Stretches of frames that are doubtful or lost.

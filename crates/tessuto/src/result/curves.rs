@@ -31,6 +31,7 @@ pub(super) fn over_frames(
             unit: unit.to_owned(),
             by_frame: true,
             log: false,
+            stacked: false,
             x: (first..first + motion.len()).map(|n| n as f64).collect(),
             series: lines.into_iter().map(line).collect(),
         }

@@ -7,6 +7,7 @@
 //! forces.npy       [(N−1)·parts, V, 3] f32  dynamic part D of force per mass [m/s²]
 //! forces.npz                      the forces by their causes [N−1, V, 3] (preset physics)
 //! rest_lengths.npy [edges] f32    lengths of the edges without load [m] (preset physics)
+//! changed/                        motions as they would have been, for the page [M, V, 3] f32 [m] (preset physics)
 //! parameters.json                 stiffnesses and causes with units and standard deviations, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
@@ -19,8 +20,11 @@
 //! manifest.json                   sizes and hashes of all of these, written last
 //! ```
 
+mod cause_page;
 mod causes;
+mod changed;
 mod curves;
+mod fabric;
 mod folder;
 mod history;
 mod images;
@@ -32,6 +36,8 @@ mod replay;
 mod shutter;
 mod summary;
 
+pub(crate) use changed::changes;
+pub use fabric::Measured;
 pub use folder::{Folder, read_metrics};
 pub(crate) use history::history_csv;
 pub use live::{live_page, live_state};

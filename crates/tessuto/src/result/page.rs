@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::UNCHANGED;
-use super::{Folder, curves, light};
+use super::{Folder, cause_page, curves, light};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io::{self, jpeg};
@@ -17,7 +17,7 @@ use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
 use crate::report::{
-    ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
+    CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
 };
 use crate::sim::cloth::AREA_DENSITY;
 
@@ -43,7 +43,10 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
     let parameters = parameter_rows(saved);
     let steps = saved.history()?;
     let agreement = evaluation.as_ref().map_or(&[][..], |e| &e.agreement);
+    let forces = cause_page::forces(saved)?;
+    let causes = cause_page::data(saved, forces.as_ref())?;
     let mut charts = curves::over_frames(saved, motion, agreement)?;
+    charts.extend(forces.and_then(|forces| cause_page::shares(saved, &forces)));
     charts.extend(chart::of_history(steps, &parameters));
     let window = Window::of(&saved.mesh);
     let cloth = ClothData {
@@ -61,6 +64,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         + cloth.motion.steps.len()
         + cloth.fields.iter().map(|f| f.steps.len()).sum::<usize>()
         + cloth.surface.triangles.len() * 2
+        + causes.as_ref().map_or(0, CauseData::size)
         // Tables, curves and configuration.
         + 100_000 + 100 * steps.len();
     let budget = page::BUDGET.saturating_sub(page::bare_size() + sizes).max(LEAST_FILM);
@@ -83,6 +87,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         light,
         charts,
         parameters,
+        causes,
         evaluation,
         timings: log.timings,
         warnings: log.warnings,
@@ -123,14 +128,11 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
     let note = |k: usize| {
         let range = ranges[k].1;
         let [low, high] = [range.low, range.high].map(|b| format!("{}", (10f64.powf(b) * 1e9).round() / 1e9));
-        let certainty = saved.found.as_ref().map(|found| super::causes::certainty(found, k));
-        match (range.bound_at(log_stiffness[k]), certainty) {
-            (Some(bound), _) => {
+        match range.bound_at(log_stiffness[k]) {
+            Some(bound) => {
                 format!("at its {bound} bound, searched from {low} to {high}: not a measurement")
             }
-            (None, Some((sd, true))) => format!("± {sd:.1e}, informed by the video"),
-            (None, Some((sd, false))) => format!("± {sd:.1e}, hardly informed by the video"),
-            (None, None) => format!("searched from {low} to {high}"),
+            None => format!("searched from {low} to {high}"),
         }
     };
     let parameter = |name: &str, label: &str, value, unit: &str, note| Parameter {
@@ -161,37 +163,6 @@ fn parameter_rows(saved: &Folder) -> Vec<Parameter> {
         rows.extend(axes.map(|(axis, to, value)| {
             parameter(&format!("wind_{axis}"), &format!("wind, {axis} ({to})"), value, "m/s", String::new())
         }));
-    }
-    if let (Some(found), Some(sizes)) = (&saved.found, &saved.sizes) {
-        let tilt = found.causes.down.angle_between(glam::DVec3::Y).to_degrees();
-        let sure = format!("± {:.1}°", found.spread.down.to_degrees());
-        let size = |name: &str, label: &str, value| {
-            let note = "root mean square over vertices and frames".to_owned();
-            parameter(name, label, value, "m/s²", note)
-        };
-        rows.extend([
-            parameter("gravity_tilt", "gravity, angle to the image's down", tilt, "°", sure),
-            parameter(
-                "drag",
-                "drag coefficient of the air",
-                found.causes.drag(),
-                "",
-                format!("± {:.1e}", found.causes.drag() * found.spread.ln_drag),
-            ),
-            parameter(
-                "friction",
-                "internal friction of bending and shearing",
-                found.causes.friction(),
-                "J·s/rad²",
-                format!("factor {:.1} either way", found.spread.ln_friction.exp()),
-            ),
-            parameter("held", "held vertices", found.held.len() as f64, "", String::new()),
-            size("size_motion", "acceleration of the motion", sizes.motion),
-            size("size_elastic", "acceleration by the cloth's springs", sizes.elastic),
-            size("size_air", "acceleration by the air", sizes.air),
-            size("size_hold", "acceleration of held vertices by what holds them", sizes.hold),
-            size("size_residual", "acceleration that none of these explains", sizes.residual),
-        ]);
     }
     rows
 }

@@ -7,9 +7,10 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::io;
-use crate::motion::causes::GRAVITY;
 use crate::result::Folder;
+pub use crate::result::Measured;
 use crate::sim::per_width::PerWidth;
+pub use crate::sim::per_width::bending_length;
 
 /// A measured fabric.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,22 +23,6 @@ pub struct Fabric {
     pub bending: [f64; 2],
 }
 
-/// What a result says of its fabric.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measured {
-    /// Its stiffnesses.
-    pub per_width: PerWidth,
-    /// Standard deviations of the logarithms of membrane, bending and shear stiffness.
-    pub sd_of_ln: [f64; 3],
-    /// Whether the video tells them.
-    pub informed: [bool; 3],
-}
-
-/// Bending length of a stiffness [N·m] at a density [kg/m²] `[m]`.
-pub fn bending_length(bending: f64, density: f64) -> f64 {
-    (bending / (density * GRAVITY)).cbrt()
-}
-
 /// Of a result of the preset physics.
 ///
 /// # Errors
@@ -46,21 +31,19 @@ pub fn measured(result: &Folder) -> Result<Measured> {
     let fail = |problem: &str, hint: &str| {
         Err(Error::input(result.path().display().to_string(), problem.to_owned(), hint.to_owned()))
     };
-    let Some(found) = &result.found else {
+    if result.found.is_none() {
         return fail(
             "its stiffnesses only replay the motion",
             "reconstruct the scene with the preset physics",
         );
-    };
-    let Some(per_width) = result.per_width else {
-        return fail(
+    }
+    match result.measured() {
+        Some(measured) => Ok(measured),
+        None => fail(
             "its texture coordinates are no flat panel to scale",
             "use a template whose texture coordinates are the sheet as it was cut",
-        );
-    };
-    let informed =
-        [0, 1, 2].map(|k| found.is_informed(found.spread.ln_stiffness[k], found.prior.ln_stiffness[k]));
-    Ok(Measured { per_width, sd_of_ln: found.spread.ln_stiffness, informed })
+        ),
+    }
 }
 
 /// Reads a table of fabrics: comma-separated, with a heading that names `density[kg.m-2]` and, in units of 1e-9 N·m, `linear
@@ -102,7 +85,8 @@ pub fn read_table(path: &Path) -> Result<Vec<Fabric>> {
     Ok(out)
 }
 
-/// The `count` fabrics that bend most alike, each with its mean difference of ln(D/ρ), the nearest first. A sheet lies either way round.
+/// The `count` fabrics that bend most alike, each with its mean difference of ln(D/ρ), the nearest first. A sheet lies either way round; of
+/// fabrics with the same numbers the first stands for all.
 pub fn nearest<'a>(table: &'a [Fabric], sheet: &PerWidth, count: usize) -> Vec<(&'a Fabric, f64)> {
     let ln = |bending: f64, density: f64| (bending / density).ln();
     let own = sheet.bending.map(|d| ln(d, sheet.area_density));
@@ -113,8 +97,16 @@ pub fn nearest<'a>(table: &'a [Fabric], sheet: &PerWidth, count: usize) -> Vec<(
     };
     let mut all: Vec<(&Fabric, f64)> = table.iter().map(|f| (f, off(f))).collect();
     all.sort_by(|a, b| a.1.total_cmp(&b.1));
-    all.truncate(count);
-    all
+    let mut out: Vec<(&Fabric, f64)> = Vec::new();
+    for (f, off) in all {
+        if out.len() == count {
+            break;
+        }
+        if !out.iter().any(|(g, _)| g.density == f.density && g.bending == f.bending) {
+            out.push((f, off));
+        }
+    }
+    out
 }
 
 #[cfg(test)]
@@ -142,6 +134,10 @@ mod tests {
         let found = nearest(&table, &sheet, 2);
         assert_eq!(found[0].0.row, 2);
         assert!(found[0].1 < 0.06 && found[1].1 > found[0].1);
+        // The same measurement twice is one fabric.
+        let twice = [table.clone(), table.clone()].concat();
+        let rows: Vec<usize> = nearest(&twice, &sheet, 9).iter().map(|(f, _)| f.row).collect();
+        assert_eq!((rows.len(), rows[0]), (3, 2));
         assert!((bending_length(9.81e-7, 0.1) - 0.01).abs() < 1e-12);
         std::fs::write(&path, text.replace("9000", "-9")).unwrap();
         let message = read_table(&path).unwrap_err().to_string();

@@ -6,6 +6,7 @@
 
 pub mod appearance;
 mod causes;
+mod changed;
 pub mod evaluate;
 pub mod fabric;
 pub mod forecast;
@@ -80,6 +81,9 @@ impl RunOptions {
         }
         if self.appearance {
             stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
+        }
+        if self.config.causes.fit {
+            stages.push(stage("changed replays", 3.0));
         }
         stages.push(stage("report", 3.0));
         stages
@@ -200,11 +204,21 @@ fn work(
         }
     }
 
+    // What the page lets one play.
+    let mut left_out = Vec::new();
+    if run.settings.causes.fit {
+        session.begin("changed replays");
+        left_out = changed::write(&result::Folder::open(folder)?)?;
+        left_out.iter().for_each(|warning| observer.borrow_mut().warning(warning));
+        session.end();
+    }
+
     // For other programs and for people, from the folder alone.
     let timings = session.timings().to_vec();
     session.begin("report");
     let mut log = result::Log::read(folder)?;
     timings.iter().for_each(|(stage, seconds)| log.set_time(stage, *seconds));
+    log.warnings.extend(left_out.iter().map(Warning::to_string));
     log.write(folder)?;
     let opened = result::Folder::open(folder)?;
     export(&Clip::of(&opened)?, &[Format::Glb, Format::Usd], &folder.join("export"), true)?;

@@ -75,6 +75,13 @@ pub fn per_width(
     Some(PerWidth { bending, shear, membrane, bent, area_density: AREA_DENSITY })
 }
 
+/// Bending length c = (D/(ρ g))^⅓ `[m]` of a bending stiffness [N·m] at an area density [kg/m²]: that of a strip that bends under its own weight
+/// by a fixed angle, as in BS 3356.
+pub fn bending_length(bending: f64, density: f64) -> f64 {
+    const GRAVITY: f64 = 9.81;
+    (bending / (density * GRAVITY)).cbrt()
+}
+
 /// Root mean square deflection of the bending pairs, without what straight ones have.
 fn typical_angle(cloth: &Cloth, frames: &[Positions]) -> f64 {
     let (mut sum, mut count) = (0.0, 0usize);

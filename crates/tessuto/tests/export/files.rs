@@ -55,6 +55,7 @@ pub(super) fn clip(maps: bool) -> Clip {
                 wind: None,
             },
         },
+        fabric: None,
         seen: vec![("seen_vertices", vec![3], vec![4.0, 0.0, 2.0])],
         mesh: grid,
     }

@@ -7,11 +7,13 @@ use image::RgbImage;
 use tessuto::io::jpeg;
 use tessuto::mesh::grid;
 use tessuto::metrics::{Evaluation, FrameAgreement, FrameMetrics, FrameVerdict, Metrics, State, judge};
+use tessuto::report::causes::{CauseRow, CauseSpread, ForceArrows, Replay};
+use tessuto::report::chart::Series;
 use tessuto::report::embed::{Window, base64};
 use tessuto::report::film::{Film, Source};
 use tessuto::report::{
-    ClothData, EmbeddedMotion, Field, FrameImages, KeyNumber, Kind, Map, Parameter, Ranges, ReportData,
-    Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
+    CauseData, Chart, ClothData, EmbeddedMotion, Field, FrameImages, KeyNumber, Kind, Map, Parameter, Ranges,
+    ReportData, Scales, Surface, chart, chosen_frames, contact_sheet, measured_depth_image, page,
 };
 use tessuto::session::Epoch;
 use tessuto::{Camera, Frame, Image, Positions};
@@ -119,6 +121,42 @@ fn verdicts(frame_count: usize) -> Vec<FrameVerdict> {
     (0..frame_count).map(verdict).collect()
 }
 
+/// Gravity at three vertices, something that grows at two of them, and a replay of four more frames.
+fn causes(motion: &[Positions]) -> CauseData {
+    let sites = [0u8, 0, 0, 0, 4, 0, 0, 0, 8, 0, 0, 0];
+    let forces = |key, of: &dyn Fn(usize) -> Vec<DVec3>, count: usize| ForceArrows {
+        key,
+        label: key,
+        vectors: EmbeddedMotion::new(&(0..count).map(of).collect::<Vec<_>>()),
+    };
+    let hold = |n: usize| vec![DVec3::X * 100.0 * n as f64, DVec3::ZERO, DVec3::Y * -400.0];
+    let further = [motion, &vec![motion[0].clone(); 4]].concat();
+    let row = |label: &str, value, known| CauseRow {
+        label: label.into(),
+        value,
+        unit: "N·m",
+        spread: Some(CauseSpread::Factor(1.25)),
+        informed: Some(value > 1e-5),
+        known,
+        note: "<i>assumed</i>".into(),
+    };
+    CauseData {
+        rows: vec![row("bending", 2e-5, Some([8e-7, 1.2e-4])), row("membrane", 1e-6, None)],
+        sites: base64(&sites),
+        forces: vec![
+            forces("gravity", &|_| vec![DVec3::Y * 9.81; 3], 1),
+            forces("hold", &hold, motion.len() - 1),
+        ],
+        replays: vec![Replay {
+            key: "let_go",
+            label: "let go",
+            note: "It falls.".into(),
+            from: motion.len() - 1,
+            motion: EmbeddedMotion::new(&further),
+        }],
+    }
+}
+
 /// A cloth of `side`×`side` vertices that swings, in front of a camera of `size`×`size` pixels.
 fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
     let mesh = grid(side, side, DVec2::new(0.5, 0.5), 1.2);
@@ -180,6 +218,19 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         frame,
         metrics: Metrics { depth: Some(5.4e-3 + 1e-4 * frame as f64), ..Metrics::default() },
     };
+    let mut charts = chart::of_history(&history, &parameters);
+    charts.push(Chart {
+        title: "shares".into(),
+        x_label: "frame".into(),
+        unit: "%".into(),
+        by_frame: true,
+        stacked: true,
+        x: (0..frame_count).map(|n| n as f64).collect(),
+        series: [("gravity", 60.0), ("air", 30.0), ("hold", 10.0)]
+            .map(|(name, v)| Series { name: name.into(), values: vec![Some(v); frame_count] })
+            .into(),
+        ..Chart::default()
+    });
     ReportData {
         title: "<script>alert(1)</script>".into(),
         subtitle: "a made-up result".into(),
@@ -206,7 +257,8 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
             image: base64(&jpeg::encode(&image(1), 80)),
         }],
         light: None,
-        charts: chart::of_history(&history, &parameters),
+        charts,
+        causes: Some(causes(&motion)),
         parameters,
         evaluation: Some(Evaluation {
             mean: row(0).metrics,
@@ -255,7 +307,7 @@ fn page_of_a_hundred_frames_is_one_file_of_bounded_size() {
     assert!(page.contains("default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'"));
     assert!(!page.contains("connect-src"));
     assert!(!page.contains("<script>alert") && !page.contains("</script><b>"));
-    for text in ["a &#38; b", ">229<", "N/m", "5.4", "1 h 06 min", "tessuto reconstruct &#39;a b&#39;"] {
+    for text in ["a &#38; b", "2.00e-5", "N·m", "5.4", "1 h 06 min", "tessuto reconstruct &#39;a b&#39;"] {
         assert!(page.contains(text), "{text} is missing");
     }
 }
@@ -281,6 +333,25 @@ fn doubtful_and_lost_frames_are_listed_and_counted() {
     data.verdicts = verdicts(100);
     data.verdicts.iter_mut().step_by(2).for_each(|v| v.state = State::Found);
     assert!(page::render(&data).contains("and 28 more, all in metrics.json"));
+}
+
+#[test]
+fn causes_are_listed_with_their_spread_beside_known_fabrics() {
+    let text = page::render(&data(8, 5, 60));
+    for part in [
+        r#"<td>bending<small class="soft">&#60;i&#62;assumed&#60;/i&#62;</small></td><td class="number">2.00e-5</td><td>N·m</td>"#,
+        r#"<td class="nowrap">× or ÷ 1.25</td><td class="nowrap"><b class="found">informed</b></td>"#,
+        r#"8e-7 to 1.2e-4<div class="range""#,
+        r#"<span class="soft">not informed</span></td><td class="nowrap soft"></td>"#,
+        r#""replays":[{"key":"let_go","label":"let go","note":"It falls.","from":7"#,
+    ] {
+        assert!(text.contains(part), "{part} is missing");
+    }
+    // Parameters that only replay the motion are those of results without causes.
+    assert!(!text.contains("Recovered parameters"));
+    let plain = page::render(&ReportData { causes: None, ..data(8, 5, 60) });
+    assert!(plain.contains("Recovered parameters") && !plain.contains("What moved it"));
+    assert!(plain.contains(r#""causes":null"#));
 }
 
 #[test]
@@ -324,6 +395,21 @@ const look = () => {
   const key = (key, shiftKey) => document.body.dispatchEvent(new KeyboardEvent("keydown", { key, shiftKey, bubbles: true }));
   const doubts = [[], [], [], [true]].map(([back]) => (key("n", back), player.frame));
   const told = [scrub.getAttribute("aria-valuetext"), document.getElementById("state-text").textContent];
+  const press = query => document.querySelector(query).click();
+  press("[data-force=hold]");
+  player.seek(3);
+  const { arrows } = view, hold = arrows.group.find(g => g.key === "hold");
+  const tip = [0, 1].map(s => Math.hypot(...[0, 1, 2].map(k => hold.position.array[33 * s + 30 + k] - view.linePositions.array[3 * arrows.sites[s] + k])));
+  const drawnArrows = [hold.mesh.visible, arrows.group[0].mesh.visible, (tip[0] / arrows.length(300)).toFixed(2), tip[1]];
+  const bars = [...document.querySelectorAll('#arrow-scale div')].map(row => row.textContent);
+  press("[data-replay=let_go]");
+  const went = [player.frameCount, player.frame, player.playing, Number(scrub.max), hold.mesh.visible, document.getElementById("replay-note").textContent];
+  player.toggle(false);
+  player.seek(11);
+  const fell = [view.frame, wipe.frame, view.foundLines.visible, document.getElementById("state").hidden];
+  press("[data-replay=found]");
+  const back = [player.frameCount, player.frame, view.foundLines.visible, hold.mesh.visible, document.getElementById("state").hidden];
+  const shares = charts.plots.find(plot => plot.chart.stacked).data.slice(1).map(line => line[2]);
   scrub.value = 5;
   scrub.dispatchEvent(new Event("input"));
   const bySlider = [player.frame, view.frame, document.getElementById("frame").textContent.includes("frame 5")];
@@ -331,7 +417,7 @@ const look = () => {
   wipeSlider.dispatchEvent(new Event("input"));
   player.toggle();
   const played = player.playing;
-  document.title = `PROBE ${JSON.stringify({ faults, colours, wiped, plots, byKey, bySlider, strip, doubts, told, share: wipe.share, played })}`;
+  document.title = `PROBE ${JSON.stringify({ faults, colours, wiped, plots, byKey, bySlider, strip, doubts, told, share: wipe.share, played, drawnArrows, bars, went, fell, back, shares })}`;
 };
 setTimeout(look, 1500);
 </script></head>"#;
@@ -364,8 +450,12 @@ fn page_runs_in_chromium() {
     let expected = serde_json::json!({
         "strip": ["found", "doubtful", "found", "lost"], "doubts": [2, 6, 2, 6],
         "told": ["frame 6, lost: crumpled", "lost crumpled"],
-        "wiped": true, "plots": 3, "byKey": [1, 1, 1, 1], "bySlider": [5, 5, true], "share": 0.25, "played": true
+        "wiped": true, "plots": 4, "byKey": [1, 1, 1, 1], "bySlider": [5, 5, true], "share": 0.25, "played": true,
+        "drawnArrows": [true, false, "1.00", 0], "shares": [100, 40, 10],
+        "went": [12, 2, true, 11, false, "It falls. Dark threads: as found."],
+        "fell": [11, 7, false, true], "back": [8, 7, false, true, false]
     });
+    assert!(seen["bars"].as_array().is_some_and(|bars| !bars.is_empty()), "{title}");
     for (key, value) in expected.as_object().unwrap() {
         assert_eq!(seen[key], *value, "{key}: {title}");
     }

@@ -1,0 +1,84 @@
+//! changed/: what would have been otherwise, simulated beforehand for the page.
+
+use super::Folder;
+use crate::error::Result;
+use crate::io;
+use crate::motion::causes::{Hold, Otherwise};
+use crate::report::EmbeddedMotion;
+use crate::report::causes::Replay;
+
+/// Frames that a changed replay goes on after the clip, at most.
+const FURTHER: usize = 20;
+/// Time `[s]` for which a cloth that is let go is followed: it falls 0.4 m, and stays in sight.
+const FALL: f64 = 0.3;
+/// Factor on the bend stiffness of a stiffer cloth.
+pub(crate) const STIFFER: f64 = 10.0;
+/// Bytes of the page that all of them may have.
+const BUDGET: usize = 4 << 20;
+
+/// A change that is simulated beforehand.
+#[derive(Debug)]
+pub(crate) struct Change {
+    /// Name of its file.
+    pub key: &'static str,
+    /// Its name for people.
+    pub label: &'static str,
+    /// The change.
+    pub otherwise: Otherwise,
+    note: &'static str,
+}
+
+impl Change {
+    /// Its file in a result folder.
+    pub fn file(&self) -> String {
+        format!("changed/{}.npy", self.key)
+    }
+}
+
+/// The changes of a clip with `fps` frames per second.
+pub(crate) fn changes(fps: f64) -> [Change; 3] {
+    let fall = ((FALL * fps).round() as usize).clamp(5, FURTHER);
+    let plain = Otherwise::default();
+    [
+        Change {
+            key: "still_air",
+            label: "still air",
+            note: "After the clip the air goes still, and what is held stays.",
+            otherwise: Otherwise { further: FURTHER, air: 0.0, hold: Hold::Still, ..plain },
+        },
+        Change {
+            key: "stiffer",
+            label: "stiffer",
+            note: "The clip again with ten times the bend stiffness.",
+            otherwise: Otherwise { scale: [1.0, STIFFER, 1.0, 1.0], ..plain },
+        },
+        Change {
+            key: "let_go",
+            label: "let go",
+            note: "After the clip all that is held is let go.",
+            otherwise: Otherwise { further: fall, hold: Hold::Release, ..plain },
+        },
+    ]
+}
+
+/// Those that are there and fit into the page, of a clip of `frames` frames.
+pub(super) fn read(saved: &Folder, frames: usize) -> Result<Vec<Replay>> {
+    let (mut out, mut size) = (Vec::new(), 0);
+    for change in changes(saved.fps) {
+        let path = saved.path().join(change.file());
+        if !path.is_file() {
+            continue;
+        }
+        let motion = io::npy::read_motion(&path)?;
+        motion.check_vertices(saved.mesh.positions.len(), &path.display().to_string())?;
+        let from = if change.otherwise.further > 0 { frames.saturating_sub(1) } else { 0 };
+        let motion = EmbeddedMotion::new(&motion);
+        size += motion.steps.len();
+        if size > BUDGET {
+            break;
+        }
+        let Change { key, label, note, .. } = change;
+        out.push(Replay { key, label, note: note.to_owned(), from, motion });
+    }
+    Ok(out)
+}

@@ -1,0 +1,41 @@
+//! What would have been otherwise, simulated before anybody asks.
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result, Warning};
+use crate::io;
+use crate::mesh::{Motion, Positions};
+use crate::motion::causes::{changed, cut_cloth};
+use crate::result::{Folder, changes};
+
+/// Writes changed/ into `result`, if it has causes: one motion of each of the changes that the page lets one play, as `replay` makes it. One
+/// that fails is left out and told of.
+///
+/// # Errors
+/// [`Error::Input`] for a damaged result; [`Error::Output`].
+pub(super) fn write(result: &Folder) -> Result<Vec<Warning>> {
+    let Some(found) = &result.found else { return Ok(Vec::new()) };
+    let frames: Vec<Positions> = result.motion()?.iter().cloned().collect();
+    let cut = cut_cloth(&result.mesh, &found.rest_lengths);
+    let dynamics = result.run.settings.dynamics.at(result.fps);
+    let folder = result.path().join("changed");
+    std::fs::create_dir_all(&folder).map_err(|source| Error::Output { path: folder, source })?;
+    let changes = changes(result.fps);
+    let simulated: Vec<_> =
+        changes.par_iter().map(|c| changed(&cut, &dynamics, found, &frames, &c.otherwise)).collect();
+    let mut warnings = Vec::new();
+    for (change, guided) in changes.iter().zip(simulated) {
+        match guided.failure {
+            None => {
+                let motion = Motion::new(guided.frames)?;
+                io::npy::write_field(&result.path().join(change.file()), &motion)?;
+            }
+            Some(failure) => warnings.push(Warning {
+                topic: "replays".into(),
+                found: format!("“{}” is left out: its simulation ends. {failure}", change.label),
+                hint: None,
+            }),
+        }
+    }
+    Ok(warnings)
+}
