@@ -10,6 +10,7 @@
 
 mod blender;
 mod clip;
+mod cloth_preset;
 mod glb;
 mod npz;
 mod pc2;
@@ -17,6 +18,7 @@ mod pc2;
 pub mod rrd;
 mod sequence;
 mod usd;
+mod usd_fabric;
 
 use std::path::{Path, PathBuf};
 
@@ -94,7 +96,7 @@ impl Output {
 
 /// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written. The manifest of
 /// the folder or of the result around it lists the files, so that they can be replaced later. With GLB or USD come a script that
-/// sets up a scene of Blender, and the light, where it was estimated; those that are there as they would be written stay.
+/// sets up a scene of Blender, a preset of its cloth modifier and the light, where they were estimated; those that are there as they would be written stay.
 ///
 /// # Errors
 /// [`Error::Input`] if one of the files already exists, unless `force` is set and a manifest lists it as it is;
@@ -149,12 +151,13 @@ fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {
 /// What several formats share. Whatever formats follow each other, it is the same.
 fn companions(clip: &Clip, folder: &Path) -> Vec<Output> {
     let script = Output::File(blender::name(clip), blender::encode(clip, folder));
+    let preset = cloth_preset::encode(clip).map(|text| Output::File(cloth_preset::name(clip), text));
     let light = clip.environment.as_ref().map(|exr| Output::File(clip.environment_file(), exr.clone()));
     let differs = |output: &Output| match output {
         Output::File(name, bytes) => std::fs::read(folder.join(name)).ok().as_ref() != Some(bytes),
         Output::Folder(..) => true,
     };
-    std::iter::once(script).chain(light).filter(differs).collect()
+    std::iter::once(script).chain(preset).chain(light).filter(differs).collect()
 }
 
 fn write(folder: &Path, output: Output) -> Result<PathBuf> {

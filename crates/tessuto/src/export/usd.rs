@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 use glam::Vec3;
 use rayon::prelude::*;
 
-use super::Clip;
+use super::{Clip, usd_fabric};
 
 /// Width of the camera's film [tenths of a metre, as USD counts it]: that of 35 mm film.
 const FILM_WIDTH: f64 = 0.36;
@@ -24,7 +24,7 @@ pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
     };
     let mut out = format!(
         "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    doc = \"tessuto {}{remark}\"\n    startTimeCode = 0\n    \
-         endTimeCode = {last}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}\n    metersPerUnit = 1\n    \
+         endTimeCode = {last}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n    \
          renderSettingsPrimPath = \"/Render/Video\"\n    upAxis = \"Y\"\n)\n\ndef Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n",
         clip.version
     );
@@ -109,9 +109,11 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
             format!("float inputs:{kind} = {constant}")
         }
     };
+    let mut found = String::new();
+    usd_fabric::attributes(clip, &mut found);
     let _ = write!(
         out,
-        "    def Scope \"Materials\"\n    {{\n        def Material \"Fabric\"\n        {{\n            \
+        "    def Scope \"Materials\"\n    {{\n        def Material \"Fabric\"\n        {{\n{found}            \
          token outputs:surface.connect = <{path}/surface.outputs:surface>\n\n            \
          def Shader \"surface\"\n            {{\n                uniform token info:id = \"UsdPreviewSurface\"\n                \
          color3f inputs:diffuseColor.connect = <{path}/basecolor.outputs:rgb>\n                {}\n                {}\n                \
