@@ -6,7 +6,7 @@
 //! one, and how far the motion goes on as gt/calm.npy, and as gt/stiffer.npy with ten times the bend stiffness.
 //! `known` takes stiffnesses, gravity, drag and friction from gt/physics.json instead of searching, `held=0,24` the held vertices,
 //! `start=1,10,0.1` multiplies the starts of stretch, bend and shear. `residual=0` leaves out what no cause explains, `friction=1e-8` sets the
-//! internal friction, `length=0.9997` takes the panel's lengths times that, `compression=1` lets edges resist shortening.
+//! internal friction, `profile=0.1,1,10` holds the bend stiffness at the found one times each of these while all else is searched again, `length=0.9997` takes the panel's lengths times that, `compression=1` lets edges resist shortening.
 
 use std::path::Path;
 
@@ -42,6 +42,7 @@ fn main() -> tessuto::Result<()> {
     let mut config = Config::preset(Preset::Physics);
     let (mut known, mut held, mut start, mut deviations) = (false, None, [1.0; 3], None);
     let (mut residual, mut friction, mut length, mut compression) = (1.0, None, None, None);
+    let mut profile = Vec::new();
     for argument in arguments {
         let numbers =
             |text: &str| -> Vec<f64> { text.split(',').map(|v| v.parse().expect("numbers")).collect() };
@@ -51,6 +52,7 @@ fn main() -> tessuto::Result<()> {
             Some(("held", v)) => held = Some(numbers(v).iter().map(|v| *v as usize).collect::<Vec<_>>()),
             Some(("residual", v)) => residual = numbers(v)[0],
             Some(("friction", v)) => friction = Some(numbers(v)[0]),
+            Some(("profile", v)) => profile = numbers(v),
             Some(("length", v)) => length = Some(numbers(v)[0]),
             Some(("compression", v)) => compression = Some(numbers(v)[0]),
             Some(("start", v)) => start.copy_from_slice(&numbers(v)),
@@ -113,6 +115,22 @@ fn main() -> tessuto::Result<()> {
     let off = down.map_or(f64::NAN, |g| c.down.angle_between(g).to_degrees());
     println!("down {:.3} off {off:.1}° (sd {:.1}°)", c.down, found.spread.down.to_degrees());
     println!("held {:?}; misfit {:.2}; {seconds:.1} s", found.held, found.misfit);
+    for factor in &profile {
+        let bend = k[1] * factor;
+        let mut dynamics = dynamics.clone();
+        let range = &mut dynamics.stiffness[1];
+        [range.start, range.low, range.high] = [bend.log10(); 3];
+        let again = causes::find(&scene.template, &frames, &sigma, (scene.fps, &dynamics), &config.causes);
+        let [_, _, shear] = again.causes.stiffness();
+        let tilt = again.causes.down.angle_between(down.unwrap_or(found.causes.down)).to_degrees();
+        println!(
+            "profile: bend {bend:.3e} ({factor}): misfit {:.3}, shear {shear:.2e}, gravity {tilt:.1}° off",
+            again.misfit
+        );
+    }
+    if !profile.is_empty() {
+        return Ok(());
+    }
     let mut cut = causes::cut_cloth(&scene.template, &found.rest_lengths);
     let flat = tessuto::sim::panel(&scene.template).expect("a flat panel");
     let own: f64 = cut.edges.iter().map(|e| e.along(&flat).length() / e.rest_length).sum::<f64>();
