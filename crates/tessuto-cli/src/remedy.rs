@@ -61,6 +61,7 @@ fn options(remedy: &Remedy) -> String {
         Remedy::CameraId => "--camera-id".into(),
         Remedy::MakeTemplate(folder) => make_template(&quoted(folder)).join(", or "),
         Remedy::Remesh => "tessuto template SCENE --remesh 32 --from MESH".into(),
+        Remedy::Regrid => "tessuto template SCENE --remesh 32 --force".into(),
         Remedy::Weld => "--weld".into(),
         Remedy::WithoutLost => "tessuto export RESULT --to glb --without-lost --force".into(),
         Remedy::RepairTemplate(repair) => repair_template(repair),

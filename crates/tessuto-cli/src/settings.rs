@@ -29,7 +29,7 @@ pub struct Arguments {
     /// Print JSON instead of a table.
     #[arg(long, conflicts_with = "markdown")]
     json: bool,
-    /// Print docs/settings.md, for the presets default, saft and phi-sft.
+    /// Print docs/settings.md, for the presets default, saft, phi-sft and pg-sft.
     #[arg(long, conflicts_with_all = ["filter", "preset"])]
     markdown: bool,
 }
@@ -86,7 +86,8 @@ A spread (σ) is how much of something is normal: a term with spread σ contribu
 the weaker the term. Units are in brackets; pure numbers and counts have none.
 ",
     );
-    let others = [Preset::Saft, Preset::PhiSft].map(|preset| (preset.name(), Config::preset(preset).table()));
+    let others = [Preset::Saft, Preset::PhiSft, Preset::PgSft]
+        .map(|preset| (preset.name(), Config::preset(preset).table()));
     let mut section = "";
     let default = Config::preset(Preset::Default).table();
     for (row, (setting, value)) in default.iter().enumerate() {

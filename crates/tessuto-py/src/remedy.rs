@@ -35,7 +35,7 @@ fn way(remedy: &Remedy) -> String {
         }
         Remedy::WithoutLost => "without_lost=True".into(),
         Remedy::Outline | Remedy::Plate | Remedy::MakeMasks(_) => "the program's `tessuto masks`".into(),
-        Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::EstimateCamera => {
+        Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::Regrid | Remedy::EstimateCamera => {
             "the program's `tessuto template`".into()
         }
         Remedy::RepairTemplate(repair) => self::repair(repair),

@@ -19,47 +19,9 @@ use crate::settings::{Setting, Settings, Values, ordered, settings, text};
 use crate::sim::{Integrator, Model, StepSettings};
 use crate::text::nearest_key;
 
-/// Named set of settings.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Preset {
-    /// The published method.
-    Saft,
-    /// All frames at once, then the forces; more accurate and faster.
-    Default,
-    /// The same, then what moved the fabric: stiffness, gravity, air, what holds it. Being worked on.
-    Physics,
-    /// After φ-SfT: as saft, of a continuum on an irregular mesh.
-    #[serde(rename = "phi-sft")]
-    PhiSft,
-}
+mod preset;
 
-impl Preset {
-    /// All of them.
-    pub const ALL: [Self; 4] = [Self::Default, Self::Saft, Self::Physics, Self::PhiSft];
-    /// Their names.
-    pub const NAMES: &[&str] = &["default", "saft", "physics", "phi-sft"];
-
-    /// Its name.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Default => "default",
-            Self::Saft => "saft",
-            Self::Physics => "physics",
-            Self::PhiSft => "phi-sft",
-        }
-    }
-
-    /// The one called `name`.
-    ///
-    /// # Errors
-    /// [`Error::Usage`] with their names.
-    pub fn named(name: &str) -> Result<Self> {
-        let known = || format!("the presets are: {}", Self::NAMES.join(", "));
-        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
-        found.ok_or_else(|| Error::usage(format!("preset {name}: no such preset"), known()))
-    }
-}
+pub use preset::Preset;
 
 /// How the motion is found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -269,6 +231,11 @@ impl Config {
                 let rollout = RolloutSettings { wind: true, ..default.rollout };
                 Self { method: Method::Rollout, irregular_vertices: 400, dynamics, rollout, ..default }
             }
+            Preset::PgSft => {
+                let saft = Self::preset(Preset::Saft);
+                let dynamics = DynamicsSettings { integrator: Integrator::Surrogate, ..saft.dynamics };
+                Self { preset, dynamics, ..saft }
+            }
         }
     }
 
@@ -377,7 +344,7 @@ impl Config {
         self.appearance.check_order()?;
         if self.method == Method::Spacetime && dynamics.integrator != Integrator::ImplicitEuler {
             return Err(Error::usage(
-                "dynamics.integrator = linearized_euler with method = spacetime",
+                "dynamics.integrator = linearized_euler or surrogate with method = spacetime",
                 "forces are read off by implicit_euler: set it, or method=rollout",
             ));
         }
@@ -385,6 +352,13 @@ impl Config {
             return Err(Error::usage(
                 "dynamics.model = continuum with method = spacetime",
                 "its forces are read off by springs: set dynamics.model=springs, or method=rollout",
+            ));
+        }
+        let is_springs = dynamics.model == Model::Springs && self.irregular_vertices == 0;
+        if dynamics.integrator == Integrator::Surrogate && !is_springs {
+            return Err(Error::usage(
+                "dynamics.integrator = surrogate with another model than springs, or with irregular_vertices",
+                "it has learned springs on regular grids: set dynamics.model=springs and irregular_vertices=0",
             ));
         }
         Ok(())

@@ -97,6 +97,8 @@ pub mod synth;
 pub mod template;
 #[doc(hidden)]
 pub mod text;
+#[cfg(feature = "decoder")]
+pub mod training;
 mod video;
 pub mod view;
 

@@ -13,7 +13,7 @@ use crate::motion::texture::{Window, fit_texture};
 use crate::raster::{Rasterizer, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
-use crate::sim::{Cloth, RolloutInputs, State, rollout};
+use crate::sim::{Cloth, Integrator, RolloutInputs, State, rollout, surrogate};
 
 /// What a video tells about the fabric.
 #[derive(Debug)]
@@ -47,6 +47,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     config.check_build()?;
     scene.check()?;
     let cloth = config.dynamics.model.cloth(&scene.template);
+    if config.dynamics.integrator == Integrator::Surrogate {
+        surrogate::lattice(&cloth)?;
+    }
     let window = Window::around(&scene.template.uvs, config.texture.size);
     // The published program's renderer, whose losses are weighted for it.
     let one_sided = config.method == Method::Rollout && config.rollout.one_sided_silhouettes;

@@ -250,6 +250,32 @@ fn phi_sft_preset_replays_and_its_cloth_has_properties_of_its_own() {
 }
 
 #[test]
+fn pg_sft_preset_replays_and_refuses_what_is_no_grid() {
+    let settings =
+        ["rollout.last_epochs=2", "rollout.epochs_per_frame=1", "texture.epochs=20", "texture.size=64"];
+    let arguments: Vec<&str> =
+        ["--preset", "pg-sft"].into_iter().chain(settings.into_iter().flat_map(|s| ["--set", s])).collect();
+    let folder = same_bytes_for_any_threads(&arguments);
+    let (result, at) = (folder.path().join("1"), |name: &str| folder.path().join(name));
+    let motion = read_field(&result.join("motion.npy")).unwrap();
+    succeed(&["simulate", text(&result), "--out", text(&at("same.npy"))]);
+    assert_eq!(read_field(&at("same.npy")).unwrap(), motion);
+    succeed(&["simulate", text(&result), "--set", "bend=0.01", "--out", text(&at("stiffer.npy"))]);
+    assert_ne!(read_field(&at("stiffer.npy")).unwrap(), motion);
+    // A mesh that it cannot take, and the command that makes one of it that it can.
+    let scene = folder.path().join("scene");
+    let small = ["--frames", "3", "--size", "64", "--grid", "6x6", "--mesh", "irregular"];
+    succeed(&[&["synth", text(&scene)], &small[..]].concat());
+    let wanted = [&["reconstruct", text(&scene), "--out", text(&at("no"))], &arguments[..]].concat();
+    let refused = fail(3, &wanted);
+    assert!(refused.contains("no regular grid") && refused.contains("--remesh 32 --force"), "{refused}");
+    succeed(&["template", text(&scene), "--remesh", "6", "--force"]);
+    succeed(&[&wanted[..], &["--no-appearance"]].concat());
+    let refused = fail(2, &[&wanted[..], &["--set", "irregular_vertices=60"]].concat());
+    assert!(refused.contains("irregular_vertices=0"), "{refused}");
+}
+
+#[test]
 fn a_made_up_scene_has_no_findings() {
     let table = succeed(&["check", text(&scene())]);
     assert!(table.contains("0 warnings, 0 errors"), "{table}");

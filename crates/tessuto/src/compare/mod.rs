@@ -34,10 +34,11 @@ pub struct Method {
 }
 
 /// The methods, each by the name of its preset.
-pub const METHODS: [Method; 3] = [
+pub const METHODS: [Method; 4] = [
     Method { key: "default", label: "tessuto", preset: Preset::Default, changes: &[] },
     Method { key: "saft", label: "SAFT, this program's", preset: Preset::Saft, changes: &[] },
     Method { key: "phi-sft", label: "after φ-SfT, this program's", preset: Preset::PhiSft, changes: &[] },
+    Method { key: "pg-sft", label: "after PG-SfT, this program's", preset: Preset::PgSft, changes: &[] },
 ];
 
 const FIXED: &str = "rollout.optimise_material=false";

@@ -62,6 +62,8 @@ pub enum Remedy {
     /// Re-sample the mesh with new texture coordinates:
     /// [`Changes::remesh`](crate::template::make::Changes::remesh).
     Remesh,
+    /// Re-sample the template of the scene as a grid: [`Resample::Grid`](crate::template::make::Resample::Grid).
+    Regrid,
     /// Merge vertices that touch: [`Changes::weld`](crate::template::make::Changes::weld).
     Weld,
     /// Export without the frames that are lost: [`Clip::without_lost`](crate::export::Clip::without_lost).
@@ -147,6 +149,7 @@ impl fmt::Display for Remedy {
             Self::CameraId => f.write_str("camera_id"),
             Self::MakeTemplate(_) => f.write_str("template::make"),
             Self::Remesh => f.write_str("remesh"),
+            Self::Regrid => f.write_str("remesh the template as a grid"),
             Self::Weld => f.write_str("weld = true"),
             Self::WithoutLost => f.write_str("without_lost"),
             Self::RepairTemplate(repair) => repair.fmt(f),

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::continuum::Continuum;
 use super::stiffness::{Energy, HessianKind, Stiffness};
-use super::{angle, stretch};
+use super::{angle, lattice::Lattice, stretch};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
 use crate::math::factor::{Analysis, Scratch};
 use crate::mesh::{Mesh, triangle_area};
@@ -75,6 +75,8 @@ pub struct Cloth {
     pub pattern: Arc<BlockPattern>,
     /// Symbolic factorisation of `pattern`.
     pub analysis: Arc<Analysis>,
+    /// Of springs on a regular grid.
+    pub lattice: Option<Arc<Lattice>>,
 }
 
 impl Cloth {
@@ -132,6 +134,7 @@ impl Cloth {
             triangle_pairs,
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),
+            lattice: Lattice::of(template).map(Arc::new),
         }
     }
 

@@ -113,6 +113,7 @@ impl Cloth {
             triangle_pairs,
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),
+            lattice: None,
         }
     }
 }

@@ -81,7 +81,7 @@ pub fn step(
         return Err(diverged(format!("velocity {} m/s of vertex {vertex}", v[vertex])));
     }
     let x = before.x.iter().zip(&d).map(|(x, d)| *x + *d).collect();
-    Ok(StepTape { before, after: State { x, v }, factor: None })
+    Ok(StepTape { before, after: State { x, v }, factor: None, inertial: None })
 }
 
 fn diverged(problem: String) -> Error {

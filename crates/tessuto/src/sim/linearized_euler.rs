@@ -39,7 +39,7 @@ pub fn step(
         ));
     }
     let x: Vec<DVec3> = before.x.iter().zip(&v).map(|(x, v)| *x + *v * h).collect();
-    Ok(StepTape { before, after: State { x, v }, factor: Some(factor) })
+    Ok(StepTape { before, after: State { x, v }, factor: Some(factor), inertial: None })
 }
 
 fn factor(

@@ -1,4 +1,5 @@
-//! Differentiable cloth simulation: two elastic models, springs and a continuum ([`fabric`]), two implicit integrators, their adjoints.
+//! Differentiable cloth simulation: two elastic models, springs and a continuum ([`fabric`]), two implicit integrators, a
+//! network that stands for one ([`surrogate`]), their adjoints.
 //!
 //! [`rollout()`] simulates a clip, [`rollout_vjp`] takes the derivatives of a loss by its positions back to accelerations,
 //! stiffnesses and the initial state:
@@ -45,6 +46,7 @@ mod flat;
 mod friction;
 pub mod hinge;
 pub mod implicit_euler;
+pub mod lattice;
 pub mod linearized_euler;
 pub mod membrane;
 mod model;
@@ -54,6 +56,7 @@ pub mod state;
 pub mod step;
 pub mod stiffness;
 pub(crate) mod stretch;
+pub mod surrogate;
 pub(crate) mod ties;
 mod wind;
 

@@ -16,11 +16,13 @@ pub enum Integrator {
     LinearizedEuler,
     /// The minimum of the incremental potential, [`super::implicit_euler`].
     ImplicitEuler,
+    /// A network's guess of that minimum, of springs on a regular grid, [`super::surrogate`].
+    Surrogate,
 }
 
 impl Integrator {
     /// Their names.
-    pub const NAMES: &[&str] = &["linearized_euler", "implicit_euler"];
+    pub const NAMES: &[&str] = &["linearized_euler", "implicit_euler", "surrogate"];
 }
 
 /// How a sub-step is taken.
@@ -56,6 +58,8 @@ pub struct StepTape {
     pub after: State,
     /// Factor of the step's linear system, if it was worth keeping.
     pub factor: Option<Factor>,
+    /// Where the cloth would be without elastic forces `[m]`, if the adjoint needs it.
+    pub inertial: Option<Positions>,
 }
 
 /// ∂L/∂(inputs of a sub-step or rollout).

@@ -5,14 +5,14 @@ use glam::DVec3;
 use super::cloth::Cloth;
 use super::state::{Integrator, State, StepGradients, StepSettings, StepTape};
 use super::stiffness::Stiffness;
-use super::{implicit_euler, linearized_euler};
+use super::{implicit_euler, linearized_euler, surrogate};
 use crate::error::Result;
 use crate::math::factor::Scratch;
 
 /// Takes one sub-step under external `acceleration` [m/s²], shape `[V]`.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] if the result is not finite.
+/// [`crate::Error::Numerical`] if the result is not finite; [`crate::Error::Input`] if the integrator cannot take the cloth.
 pub fn step(
     cloth: &Cloth,
     settings: &StepSettings,
@@ -28,6 +28,7 @@ pub fn step(
         Integrator::ImplicitEuler => {
             implicit_euler::step(cloth, settings, stiffness, before, acceleration, scratch)
         }
+        Integrator::Surrogate => surrogate::step(cloth, settings, stiffness, before, acceleration),
     }
 }
 
@@ -47,6 +48,9 @@ pub fn step_vjp(
         }
         Integrator::ImplicitEuler => {
             implicit_euler::step_vjp(cloth, settings, stiffness, tape, gradients, scratch);
+        }
+        Integrator::Surrogate => {
+            surrogate::step_vjp(cloth, settings, stiffness, tape, gradients, scratch);
         }
     }
 }

@@ -17,7 +17,7 @@ const LAYERS: [&[&str]; 19] = [
     &["io"],
     &["output", "session"],
     &["sim", "optim", "metrics", "decoder", "template"],
-    &["pbr"],
+    &["pbr", "training"],
     &["motion"],
     &["appearance"],
     &["config"],
