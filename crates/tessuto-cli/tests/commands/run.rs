@@ -266,7 +266,8 @@ fn pg_sft_preset_replays_and_refuses_what_is_no_grid() {
     let scene = folder.path().join("scene");
     let small = ["--frames", "3", "--size", "64", "--grid", "6x6", "--mesh", "irregular"];
     succeed(&[&["synth", text(&scene)], &small[..]].concat());
-    let wanted = [&["reconstruct", text(&scene), "--out", text(&at("no"))], &arguments[..]].concat();
+    let out = at("no");
+    let wanted = [&["reconstruct", text(&scene), "--out", text(&out)], &arguments[..]].concat();
     let refused = fail(3, &wanted);
     assert!(refused.contains("no regular grid") && refused.contains("--remesh 32 --force"), "{refused}");
     succeed(&["template", text(&scene), "--remesh", "6", "--force"]);

@@ -65,7 +65,8 @@ pub struct View<T> {
 #[derive(Debug)]
 pub struct Iteration<T> {
     view: View<T>,
-    tape: Tape<T>,
+    /// `None` where the network's answer would not have lowered Φ, and the step alone was taken.
+    tape: Option<Tape<T>>,
     from: Positions,
 }
 
@@ -84,6 +85,13 @@ impl<T> View<T> {
     /// How far Φ would fall if the smoother were ∂²Φ `[J]`: half of residual times step.
     pub fn promised(&self) -> f64 {
         0.5 * dot(&self.residual, &self.step)
+    }
+}
+
+impl<T> Iteration<T> {
+    /// Whether the network's answer was taken.
+    pub fn is_answered(&self) -> bool {
+        self.tape.is_some()
     }
 }
 
@@ -235,13 +243,16 @@ impl<'a> Descent<'a> {
         out
     }
 
-    /// Moves `z` once.
+    /// Moves `z` once: by what the network answers if that lowers Φ, else by the step alone.
     pub fn iterate<T: Float>(&self, network: &Network<T>, z: &mut Positions) -> Iteration<T> {
         let view = self.view(z);
         let tape = network.forward(&view.inputs);
-        let from = z.clone();
-        z.iter_mut().zip(self.moves(&view, &tape.output)).for_each(|(z, m)| *z += m);
-        Iteration { view, tape, from }
+        let moved = |moves: &[DVec3]| -> Positions { z.iter().zip(moves).map(|(z, m)| *z + *m).collect() };
+        let answered = moved(&self.moves(&view, &tape.output));
+        let lowers = self.potential(&answered) < self.potential(z);
+        let after = if lowers { answered } else { moved(&view.step) };
+        let from = std::mem::replace(z, after);
+        Iteration { view, tape: lowers.then_some(tape), from }
     }
 
     /// Adjoint of [`iterate`](Self::iterate): `grad` is ∂L/∂ the shape after it, then before it.
@@ -256,6 +267,12 @@ impl<'a> Descent<'a> {
         let Iteration { view, tape, from: z } = iteration;
         let (scale, spacing, columns) = (view.scale, self.lattice.spacing, self.lattice.columns);
         let mut by_step = grad.clone();
+        let Some(tape) = tape else {
+            let by_residual = self.smoothers[0].solve(self.lattice, &by_step);
+            let by_laplacian = -along_laplacian(self.cloth, &by_residual, &view.step);
+            self.residual_vjp(z, &by_residual, grad, gradients, scratch);
+            return self.means_vjp([by_laplacian, 0.0], [0.0; 3], gradients);
+        };
         let mut by_moves = grad.clone();
         let by_output = self.moves_vjp(view, &mut by_moves);
         let by_inputs = network.inputs_vjp(tape, &by_output);
@@ -316,6 +333,11 @@ impl<'a> Descent<'a> {
             add_frame_vjp(self.lattice, z, k, &by_frames[k], grad);
         }
         self.residual_vjp(z, &by_residual, grad, gradients, scratch);
+        self.means_vjp(by_laplacians, by_ratio, gradients);
+    }
+
+    /// Leads ∂L/∂ the Laplacians' factors and the ratios to every element's stiffness.
+    fn means_vjp(&self, by_laplacians: [f64; 2], by_ratio: [f64; 3], gradients: &mut DescentGradients) {
         let lists =
             [&mut gradients.stiffness.stretch, &mut gradients.stiffness.bend, &mut gradients.stiffness.shear];
         for (k, list) in lists.into_iter().enumerate() {
