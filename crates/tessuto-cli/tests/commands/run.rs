@@ -258,10 +258,16 @@ fn pg_sft_preset_replays_and_refuses_what_is_no_grid() {
     let folder = same_bytes_for_any_threads(&arguments);
     let (result, at) = (folder.path().join("1"), |name: &str| folder.path().join(name));
     let motion = read_field(&result.join("motion.npy")).unwrap();
+    // The forces of the result are rounded to 32 bits.
+    let apart = |name: &str| {
+        let other = read_field(&at(name)).unwrap();
+        let pairs = other.iter().flatten().zip(motion.iter().flatten());
+        pairs.fold(0.0, |most: f64, (a, b)| most.max(a.distance(*b)))
+    };
     succeed(&["simulate", text(&result), "--out", text(&at("same.npy"))]);
-    assert_eq!(read_field(&at("same.npy")).unwrap(), motion);
+    assert!(apart("same.npy") < 1e-6, "{}", apart("same.npy"));
     succeed(&["simulate", text(&result), "--set", "bend=0.01", "--out", text(&at("stiffer.npy"))]);
-    assert_ne!(read_field(&at("stiffer.npy")).unwrap(), motion);
+    assert!(apart("stiffer.npy") > 1e-5, "{}", apart("stiffer.npy"));
     // A mesh that it cannot take, and the command that makes one of it that it can.
     let scene = folder.path().join("scene");
     let small = ["--frames", "3", "--size", "64", "--grid", "6x6", "--mesh", "irregular"];
