@@ -152,11 +152,6 @@ fn whole_loss_with_the_solved_integrator() {
 }
 
 #[test]
-fn whole_loss_with_the_surrogate() {
-    check_whole_loss(Preset::PgSft);
-}
-
-#[test]
 fn whole_loss_of_the_continuum() {
     check_whole_loss(Preset::PhiSft);
 }

@@ -151,11 +151,11 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::math::gradient_check::{Worst, check};
+    use crate::math::gradient_check::{Worst, check, check_coarse};
     use crate::math::rng::Rng;
     use crate::math::{dot, flat, vectors};
     use crate::mesh::grid;
-    use crate::sim::Integrator;
+    use crate::sim::{Accelerations, Integrator, RolloutInputs, rollout, rollout_vjp};
 
     const SETTINGS: StepSettings = StepSettings {
         integrator: Integrator::Surrogate,
@@ -251,6 +251,38 @@ mod tests {
             |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).fold(0.0, |m: f64, (a, b)| m.max(a.distance(*b)));
         let (off, moved) = (far(&exact.x, &found.x), far(&exact.x, &state.x));
         assert!(off < 1e-5 * moved && moved > 1e-4, "{off} of {moved}");
+    }
+
+    /// As programs use it: in single precision, over several frames.
+    #[test]
+    fn the_adjoint_of_a_rollout_is_differences() {
+        let (cloth, initial, g) = problem();
+        let mut rng = Rng::new(9, 0);
+        let mut accelerations = Accelerations::zeros(4, 1, g.len());
+        accelerations.dynamic.iter_mut().flatten().for_each(|d| *d = rng.vector() * 4.0);
+        let (by_last, k) = (&g, [2.0, -2.5, -3.3]);
+        let of = |accelerations: &Accelerations, log_k: &[f64]| {
+            let k = Stiffness::uniform(&cloth, [0, 1, 2].map(|i| 10f64.powf(log_k[i])));
+            let inputs = RolloutInputs { initial: &initial, accelerations, stiffness: &k };
+            let motion = rollout(&cloth, &SETTINGS, 4, 4, &inputs).unwrap();
+            let value = dot(&motion.frames[3], by_last);
+            let mut by_frames = vec![vec![DVec3::ZERO; g.len()]; 4];
+            by_frames[3].clone_from(by_last);
+            (value, rollout_vjp(&cloth, &SETTINGS, &inputs, &motion, &by_frames))
+        };
+        let gradients = of(&accelerations, &k).1;
+        let numbers = |field: &[Positions]| field.iter().flat_map(|f| flat(f).to_vec()).collect::<Vec<f64>>();
+        let worst =
+            check_coarse(&numbers(&accelerations.dynamic), &numbers(&gradients.dynamic), 0.1, 10, 1, |d| {
+                let dynamic = d.chunks_exact(3 * g.len()).map(vectors).collect();
+                of(&Accelerations { dynamic, ..accelerations.clone() }, &k).0
+            });
+        println!("forces: {worst:?}");
+        assert!(worst.relative_error < 1e-3, "{worst:?}");
+        let by_k = gradients.stiffness.grad_log10(k.map(|k| 10f64.powf(k)));
+        let worst = check(&k, &by_k, 1e-2, 6, 2, |k| of(&accelerations, k).0);
+        println!("log10 stiffness: {worst:?}");
+        assert!(worst.relative_error < 1e-3, "{worst:?}");
     }
 
     #[test]
