@@ -88,6 +88,11 @@ const show = async name => {
   }
 };
 const at = name => page.waitFor(`!document.getElementById("${name}").hidden`, `step ${name}`, 60);
+/** Whether something comes true: the page saves what was entered a little later. */
+const soon = async what => {
+  for (const until = Date.now() + 10000; Date.now() < until; await pause(50)) if (await what()) return true;
+  return false;
+};
 const calm = async () => {
   const text = await page.evaluate(`document.getElementById("alarm").hidden ? "" : document.getElementById("alarm").innerText`);
   if (text) throw new Error(`the page says: ${text}`);
@@ -126,7 +131,8 @@ try {
   const canvas = await page.box("#outline");
   const inWindow = ([x, y]) => [canvas.x + (x + 0.5) * canvas.width / sheet.width, canvas.y + (y + 0.5) * canvas.width / sheet.width];
   for (const k of [2, 0, 1, 3]) await page.clickAt(...inWindow(sheet.corners[k]));
-  const outline = () => page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form.outline)`);
+  const form = () => page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form)`);
+  const outline = async () => (await form()).outline;
   await page.waitFor(`document.activeElement.id === "width"`, "the width to be asked for after the fourth corner");
   await page.type((sheet.size[0] * 100).toFixed(2));
   await page.press("Tab");
@@ -134,8 +140,7 @@ try {
   // Past the unit to the camera, whose entries are found by their first letters.
   for (const key of ["Tab", "Tab", ..."foc", "Tab"]) await page.press(key);
   await page.type(String(sheet.focal));
-  await pause(400);
-  check("the camera is chosen by keys", (await page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form.camera.fx)`)) === sheet.focal);
+  check("the camera is chosen by keys", await soon(async () => (await form()).camera?.fx === sheet.focal));
   const kept = await outline(), scale = sheet.width / canvas.width;
   const off = Math.max(...kept.map((p, k) => Math.hypot(p.x - sheet.corners[k][0], p.y - sheet.corners[k][1])));
   check("four corners, in their order, where they were clicked", kept.length === 4 && off <= scale, `off by ${off.toFixed(2)} px of the clip`);
@@ -145,13 +150,11 @@ try {
   const [x, y] = inWindow(kept.map(p => [p.x, p.y])[2]);
   await page.drag([x, y], [x - 40, y - 30]);
   await page.press("ArrowRight");
-  await pause(400);
-  const dragged = (await outline())[2];
-  check("a point is dragged and nudged", Math.abs(dragged.x - kept[2].x + 40 * scale - 1) < 1.5 * scale && Math.abs(dragged.y - kept[2].y + 30 * scale) < 1.5 * scale);
+  const nudged = ({ x, y }) => Math.abs(x - kept[2].x + 40 * scale - 1) < 1.5 * scale && Math.abs(y - kept[2].y + 30 * scale) < 1.5 * scale;
+  check("a point is dragged and nudged", await soon(async () => nudged((await outline())[2])));
   await page.press("z", 2);
   await page.press("z", 2);
-  await pause(400);
-  check("… and undone", JSON.stringify(await outline()) === JSON.stringify(kept));
+  check("… and undone", await soon(async () => JSON.stringify(await outline()) === JSON.stringify(kept)));
   await page.send("Input.dispatchMouseEvent", { type: "mouseMoved", x: x - 6, y: y - 5 });
   await show("fabric");
   Object.assign(page, { clicks, keys, entries });

@@ -53,14 +53,21 @@ const studio = {
     byId("alarm").firstElementChild.textContent = error.message;
   },
 };
-let saving = 0, unsaved = false, timer = 0, started = null, lost = 0;
+let saving = 0, unsaved = false, sent = Promise.resolve(), timer = 0, started = null, lost = 0;
 const calm = () => { byId("alarm").hidden = true; };
 
-const flush = async () => {
+/** Sends what is not yet saved, after what is on its way: the last to be sent is the last to be kept. */
+const flush = () => {
   clearTimeout(saving);
-  if (!unsaved) return;
-  unsaved = false;
-  await post(`/api/save${query()}`, studio.form);
+  if (unsaved) {
+    unsaved = false;
+    const form = structuredClone(studio.form), name = query();
+    sent = sent.catch(() => {}).then(() => post(`/api/save${name}`, form)).catch(error => {
+      unsaved = true;
+      throw error;
+    });
+  }
+  return sent;
 };
 
 const views = { clip: begin(studio), trim: trim(studio), fabric: fabric(studio), check: check(studio), run: run(studio), result: result(studio) };
