@@ -149,7 +149,7 @@ fn main() -> tessuto::Result<()> {
         cut.edges[0].rest_length,
         cut.edges[1].rest_length
     );
-    let (guided, parts) = causes::follow(&cut, &dynamics, &found, &frames, config.causes.tracking);
+    let (guided, parts) = causes::follow(&cut, &dynamics, &found, &frames, &config.causes);
     let follows = mean(&errors(&guided.frames, &frames));
     let sizes =
         causes::Explained::new((&cut, &scene.template), found.clone(), parts, &guided.frames, scene.fps)
@@ -158,21 +158,26 @@ fn main() -> tessuto::Result<()> {
     let gt = Path::new(&folder).join("gt");
     let last = frames.len() - 1;
     let plain = Otherwise { residual, ..Otherwise::default() };
-    let run = causes::changed(&cut, &dynamics, &found, &frames, &plain);
+    let run = causes::changed(&cut, &dynamics, &found, &guided.frames, &plain);
     let by_frame = errors(&run.frames, &frames);
     println!("again {:.1} mm {by_frame:.0?}", mean(&by_frame));
+    if let Some(truth) = field(&gt.join("vertices.npy")) {
+        let off = |frames: &[Positions]| mean(&errors(frames, &truth));
+        let (given, led, again) = (off(&frames), off(&guided.frames), off(&run.frames));
+        println!("off the truth: {given:.2} mm as given, {led:.2} as led, {again:.2} again");
+    }
     if let Some(calm) = field(&gt.join("calm.npy")) {
         let otherwise = Otherwise { further: calm.len(), air: 0.0, hold: Hold::Still, ..plain };
-        let run = causes::changed(&cut, &dynamics, &found, &frames, &otherwise);
+        let run = causes::changed(&cut, &dynamics, &found, &guided.frames, &otherwise);
         let by_frame = errors(&run.frames[last + 1..], &calm);
-        let still = errors(&vec![frames[last].clone(); calm.len()], &calm);
+        let still = errors(&vec![guided.frames[last].clone(); calm.len()], &calm);
         println!("calm {:.1} mm (held still {:.1}) {by_frame:.0?}", mean(&by_frame), mean(&still));
     }
     if let Some(stiffer) = field(&gt.join("stiffer.npy")) {
         let otherwise = Otherwise { scale: [1.0, 10.0, 1.0, 1.0], ..plain };
-        let run = causes::changed(&cut, &dynamics, &found, &frames, &otherwise);
+        let run = causes::changed(&cut, &dynamics, &found, &guided.frames, &otherwise);
         let by_frame = errors(&run.frames, &stiffer);
-        let same = mean(&errors(&frames, &stiffer));
+        let same = mean(&errors(&guided.frames, &stiffer));
         println!("stiffer {:.1} mm (no change {same:.1}) {by_frame:.0?}", mean(&by_frame));
     }
     Ok(())

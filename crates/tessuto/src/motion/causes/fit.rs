@@ -20,13 +20,14 @@ const LONGEST_STEP: f64 = 0.01;
 const HOLD: f64 = 1e9;
 /// Drag coefficient at the start: that of a plate across the wind.
 const DRAG: f64 = 1.2;
-/// Its bounds, and the spread of its logarithm: a sheet that hardly moves says nothing of it.
+/// Its bounds, and the spread of its logarithm: a sheet that hardly moves says nothing of it, but plates have from half to twice as much.
 const DRAGS: [f64; 2] = [0.05, 20.0];
-const DRAG_SPREAD: f64 = 1.0;
-/// Internal friction at the start [J·s/rad²], its bounds, and the spread of its logarithm.
+const DRAG_SPREAD: f64 = 0.5;
+/// Internal friction at the start [J·s/rad²], its bounds, and the spread of its logarithm: without these it stands for gravity, and for the
+/// hold, of a sheet that hangs from more than was found.
 const FRICTION: f64 = 1e-5;
-const FRICTIONS: [f64; 2] = [1e-8, 1.0];
-const FRICTION_SPREAD: f64 = 2.0;
+const FRICTIONS: [f64; 2] = [1e-8, 3e-4];
+const FRICTION_SPREAD: f64 = 1.0;
 /// Spread of gravity's direction about +y `[rad]`.
 const TILT: f64 = 0.35;
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.

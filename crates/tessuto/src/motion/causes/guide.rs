@@ -33,6 +33,8 @@ pub struct Guide<'a> {
     pub friction: f64,
     /// Whether the accelerations alone must lead along the same motion; otherwise it is that of the tied cloth.
     pub exact: bool,
+    /// Accelerations that are added to the pull of the ties, shape [K, V] [m/s²]; none after the first K steps.
+    pub lead: &'a [Positions],
     /// Further known accelerations in a step from a state, shape `[V]` [m/s²].
     pub outer: &'a dyn Fn(usize, &State) -> Positions,
 }
@@ -42,7 +44,7 @@ pub struct Guide<'a> {
 pub struct Guided {
     /// C, and all else in D, one entry per sub-step, exact in 32-bit numbers.
     pub accelerations: Accelerations,
-    /// The part of D that was known and the pull of the ties, shape [steps, V] [m/s²].
+    /// The part of D that was known, and the pull of the ties with what was added to it, shape [steps, V] [m/s²].
     pub outer: Vec<Positions>,
     /// See above.
     pub pulls: Vec<Positions>,
@@ -88,7 +90,9 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
         let (mut dynamic, mut pulls, mut friction) = (zeros.clone(), zeros.clone(), zeros);
         let outer = (guide.outer)(k, &out.end);
         if out.failure.is_none() {
-            let known = |i: usize| guide.constant + outer[i];
+            let lead = guide.lead.get(k);
+            let lead = |i: usize| lead.map_or(DVec3::ZERO, |lead| lead[i]);
+            let known = |i: usize| guide.constant + outer[i] + lead(i);
             let target = &guide.targets[k + 1];
             let from = cloth.angles_at(&out.end.x);
             let rate = guide.friction / dynamics.step.step;
@@ -99,7 +103,7 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
                 cloth.add_moments(&cloth.angle_gradients_at(x), &turned, -rate, &mut friction);
                 for i in 0..count {
                     friction[i] /= cloth.masses[i];
-                    pulls[i] = (target[i] - x[i]) * guide.ties[i];
+                    pulls[i] = (target[i] - x[i]) * guide.ties[i] + lead(i);
                     dynamic[i] = (outer[i] + pulls[i] + friction[i]).as_vec3().as_dvec3();
                 }
                 if !guide.exact {
@@ -174,6 +178,7 @@ mod tests {
             constant: DVec3::Y,
             friction: 2e-4,
             exact: true,
+            lead: &vec![vec![DVec3::new(0.0, 0.3, -0.2); 25]; 5],
             outer: &drag,
         });
         assert!(guided.failure.is_none());

@@ -18,6 +18,7 @@
 mod drive;
 mod explained;
 mod fit;
+mod follow;
 mod forces;
 mod grips;
 mod guide;
@@ -29,8 +30,9 @@ mod settings;
 
 pub use explained::{Explained, Sizes};
 pub use fit::find;
+pub use follow::follow;
 pub use forces::{Causes, GRAVITY, Knots, Spread};
-pub use parts::{Hold, Otherwise, Parts, changed, follow};
+pub use parts::{Hold, Otherwise, Parts, changed};
 pub use settings::CauseSettings;
 
 use crate::error::Error;
@@ -109,7 +111,7 @@ pub fn explain(
     let sigma = deviations.map_or_else(unknown, <[Vec<f64>]>::to_vec);
     let found = find(template, frames, &sigma, (fps, dynamics), settings);
     let cut = cut_cloth(template, &found.rest_lengths);
-    let (guided, parts) = follow(&cut, dynamics, &found, frames, settings.tracking);
+    let (guided, parts) = follow(&cut, dynamics, &found, frames, settings);
     let parameters = Parameters::of_springs(found.causes.log_stiffness(), guided.accelerations);
     let explained = Explained::new((&cut, template), found, parts, &guided.frames, fps);
     Explanation { parameters, explained, failure: guided.failure }

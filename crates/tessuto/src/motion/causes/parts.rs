@@ -25,60 +25,23 @@ pub struct Parts {
     pub residual: Vec<Positions>,
 }
 
-/// Accelerations that lead `cloth` along `frames`, shape [N, V], with springs of strength `tracking` [1/s²] and the parts they are of.
-pub fn follow(
-    cloth: &Cloth,
-    dynamics: &Dynamics,
-    found: &Found,
-    frames: &[Positions],
-    tracking: f64,
-) -> (Guided, Parts) {
-    let targets = interpolated(frames, dynamics.substeps);
-    let h = dynamics.step.step;
-    let ties = vec![tracking; cloth.vertex_count()];
-    let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
-    let guided = guide(&Guide {
-        cloth,
-        dynamics,
-        stiffness: found.causes.stiffness(),
-        ties: &ties,
-        targets: &targets,
-        constant: found.causes.gravity(),
-        friction: 0.0,
-        exact: true,
-        outer: &outer,
-    });
-    let mut parts = Parts::of(&guided, found, dynamics.substeps);
-    parts.take_friction(cloth, found.causes.friction(), &guided.frames, h * dynamics.substeps as f64);
-    (guided, parts)
-}
-
 /// Accelerations by the air at `time` `[s]` in a step of length `h` `[s]`, with factors on drag and wind.
-fn air(cloth: &Cloth, found: &Found, [drag, wind]: [f64; 2], time: f64, state: &State, h: f64) -> Positions {
+pub(super) fn air(
+    cloth: &Cloth,
+    found: &Found,
+    [drag, wind]: [f64; 2],
+    time: f64,
+    state: &State,
+    h: f64,
+) -> Positions {
     let wind = found.causes.wind_at(&found.knots, time) * wind;
     let air = Air::new(cloth, found.causes.drag() * drag, wind, &state.x, &state.v, h);
     (0..state.x.len()).map(|i| air.acceleration(i)).collect()
 }
 
 impl Parts {
-    /// Internal friction as the motion `frames`, a time `interval` `[s]` apart, has it; what it explains is no residual.
-    fn take_friction(&mut self, cloth: &Cloth, friction: f64, frames: &[Positions], interval: f64) {
-        for (n, pair) in frames.windows(2).enumerate() {
-            let [from, to] = [&pair[0], &pair[1]].map(|x| cloth.angles_at(x));
-            let turned: Vec<f64> = to.iter().zip(&from).map(|(a, b)| a - b).collect();
-            let mut force = vec![DVec3::ZERO; cloth.vertex_count()];
-            cloth.add_moments(&cloth.angle_gradients_at(&pair[1]), &turned, -friction / interval, &mut force);
-            for (i, f) in force.iter().enumerate() {
-                let a = *f / cloth.masses[i];
-                self.friction[n][i] = a;
-                let rest = if self.hold[n][i] == DVec3::ZERO { &mut self.residual } else { &mut self.hold };
-                rest[n][i] -= a;
-            }
-        }
-    }
-
     /// The parts of what `guided` recorded, `substeps` steps per frame.
-    fn of(guided: &Guided, found: &Found, substeps: usize) -> Self {
+    pub(super) fn of(guided: &Guided, found: &Found, substeps: usize) -> Self {
         let mut is_held = vec![false; guided.pulls.first().map_or(0, Vec::len)];
         found.held.iter().for_each(|v| is_held[*v] = true);
         let mean = |field: &[Positions], keep: &dyn Fn(usize) -> bool| -> Vec<Positions> {
@@ -155,7 +118,19 @@ impl Default for Otherwise {
 /// Strength of the ties of held vertices [1/s²].
 const HOLD: f64 = 1e9;
 /// Strength of the ties that tell what a motion's causes leave unexplained [1/s²].
-const SOFT: f64 = 5000.0;
+const SOFT: f64 = 2000.0;
+/// Longest step of a changed motion `[s]`: it need not go the way that was recorded.
+const LONGEST_STEP: f64 = 5e-3;
+
+/// `dynamics` in steps as long as changed motions may take.
+fn coarser(dynamics: &Dynamics) -> Dynamics {
+    let mut out = dynamics.clone();
+    let interval = dynamics.step.step * dynamics.substeps as f64;
+    out.substeps = (interval / LONGEST_STEP - 1e-9).ceil().clamp(1.0, dynamics.substeps as f64) as usize;
+    out.step.step = interval / out.substeps as f64;
+    out.step.damping = dynamics.step.damping.powf(out.step.step / dynamics.step.step);
+    out
+}
 
 /// The motion of `cloth` under what moved it along `frames`, shape [N, V], but `otherwise`.
 pub fn changed(
@@ -165,6 +140,7 @@ pub fn changed(
     frames: &[Positions],
     otherwise: &Otherwise,
 ) -> Guided {
+    let dynamics = &coarser(dynamics);
     let mut residual = residuals(cloth, dynamics, found, frames);
     let (substeps, h) = (dynamics.substeps, dynamics.step.step);
     let clip = (frames.len() - 1) * substeps;
@@ -188,31 +164,34 @@ pub fn changed(
     let outer = |step: usize, state: &State| {
         let factor = if step >= from { otherwise.air } else { 1.0 };
         let time = ((step + 1) as f64 * h).min(last_time);
-        let mut out = air(cloth, found, [drag_scale, factor], time, state, h);
-        if let Some(rest) = residual.get(step) {
-            out.iter_mut().zip(rest).for_each(|(a, rest)| *a += *rest * otherwise.residual);
-        }
-        out
+        air(cloth, found, [drag_scale, factor], time, state, h)
     };
+    residual.iter_mut().flatten().for_each(|rest| *rest *= otherwise.residual);
     let ties = held_ties(cloth, found, 0.0);
     let stiffness = [k[0] * stretch, k[1] * bend, k[2] * shear];
     let constant = found.causes.gravity() * otherwise.gravity;
     let friction = found.causes.friction();
-    let run = |targets: &[Positions],
-               ties: &[f64],
-               outer: &dyn Fn(usize, &State) -> Positions,
-               start: Option<Guided>| {
-        guide_from(
-            &Guide { cloth, dynamics, stiffness, ties, targets, constant, friction, exact: false, outer },
-            start,
-        )
+    let exact = false;
+    let guide = Guide {
+        cloth,
+        dynamics,
+        stiffness,
+        ties: &ties,
+        targets: &targets,
+        constant,
+        friction,
+        exact,
+        lead: &residual,
+        outer: &outer,
     };
     if otherwise.hold != Hold::Release {
-        return run(&targets, &ties, &outer, None);
+        return guide_from(&guide, None);
     }
-    let held = run(&targets[..=from], &ties, &outer, None);
+    let held = guide_from(&Guide { targets: &targets[..=from], ..guide }, None);
     let loose = vec![0.0; cloth.vertex_count()];
-    run(&targets[from..], &loose, &|step, state| outer(step + from, state), Some(held))
+    let later = |step: usize, state: &State| outer(step + from, state);
+    let lead = residual.get(from..).unwrap_or_default();
+    guide_from(&Guide { ties: &loose, targets: &targets[from..], lead, outer: &later, ..guide }, Some(held))
 }
 
 /// What gravity, air and springs do not explain of the motion `frames`, of every step; zero at held vertices, which follow their paths.
@@ -233,6 +212,7 @@ fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, frames: &[Positi
         constant: found.causes.gravity(),
         friction: found.causes.friction(),
         exact: false,
+        lead: &[],
         outer: &outer,
     });
     let mut out = guided.pulls;
