@@ -3,9 +3,11 @@
 //! Where the fabric moves fast, it may be lost for some frames and found again: the next ones are right, those between are
 //! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side.
 
+use super::deviation::GAIN_FITS;
 use super::track::{Follower, Tracked};
 use super::{LevelSearch, Positions, Problem};
 use crate::error::Result;
+use crate::motion::terms::shading::Light;
 use crate::session::{Epoch, Session, foreign_state, named};
 
 impl Problem<'_> {
@@ -14,11 +16,16 @@ impl Problem<'_> {
     ///
     /// # Errors
     /// As of [`Problem::track`].
-    pub(super) fn both_sides(&self, tracked: &mut Tracked, session: &mut Session) -> Result<Vec<Positions>> {
+    pub(super) fn both_sides(
+        &mut self,
+        tracked: &mut Tracked,
+        session: &mut Session,
+    ) -> Result<Vec<Positions>> {
         let found = |f: &Follower| f.lost.is_none().then(|| f.frames.clone());
         let mut sides: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(found).collect();
         let forward = self.best_path(&sides, 1.0);
         let last = forward.len() - 1;
+        self.light = self.light_of(&forward);
         let s = &self.settings;
         let mut levels = [(); 2].map(|()| {
             let mut levels: Vec<LevelSearch> =
@@ -77,6 +84,13 @@ impl Problem<'_> {
         Ok(self.best_settled(&sides))
     }
 
+    /// The light that shows in `frames`.
+    fn light_of(&self, frames: &[Positions]) -> Light {
+        let mut finest = self.at_level(self.observed.range[0]);
+        (0..GAIN_FITS).for_each(|_| finest.update_references(frames));
+        finest.light
+    }
+
     /// Number of frames that are followed late.
     pub(super) fn late_steps(&self) -> usize {
         self.scene.frames.len() - 1
@@ -95,14 +109,14 @@ mod tests {
     fn lost_frames_are_filled_from_the_later_ones() {
         let scene = still();
         let cloth = Cloth::new(&scene.template);
-        let problem = Problem::new(&scene, &cloth, at_video_resolution()).unwrap();
+        let mut problem = Problem::new(&scene, &cloth, at_video_resolution()).unwrap();
         let right = &scene.template.positions;
         let mut forward = vec![right.clone(); 4];
         // Most of a stripe aside, and a third of it nearer.
         for (n, by) in [(1, 12e-3), (2, 15e-3)] {
             forward[n].iter_mut().for_each(|x| *x += DVec3::new(by, 0.0, -0.3 * by));
         }
-        let filled_of = |frames: &[Positions]| {
+        let mut filled_of = |frames: &[Positions]| {
             let mut tracked = problem.start(problem.settings.shear_smooth);
             tracked.followers.iter_mut().for_each(|f| f.frames = frames.to_vec());
             problem.both_sides(&mut tracked, &mut Session::silent()).unwrap()

@@ -9,13 +9,22 @@ const ITERATIONS: usize = 30;
 /// Pull to 1, relative to the smoothness, that keeps the gains of what is never seen defined.
 const PULL: f64 = 1e-3;
 
+/// What a frame shows around a vertex, of the points that the first frame knows.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Around {
+    /// Σ w b T I and Σ w b T² of every channel, b the vertex's barycentric weight at a point, w the point's robust weight.
+    pub products: [[f64; 2]; 3],
+    /// Area of the points [px of the level], each by b.
+    pub area: f64,
+}
+
 /// Moves `gain`, shape [V, 3], towards the minimum of
 ///
 ///   ½ Σ_p w_p (g_p T_p − I_p)² + ½ λ [ Σ_edges (g_a − g_b)² + 1e-3 Σ_v (g_v − 1)² ]
 ///
 /// in each channel, by Jacobi iterations. I is `observed`, T `reference`, g_p linear over p's triangle (its products of
 /// two corners are lumped onto the diagonal), w_p the robust weight of spread `sigma` at the start, and λ is
-/// `smoothness` times the mean diagonal of the data.
+/// `smoothness` times the mean diagonal of the data. Returns what the frame shows around every vertex.
 pub fn fit_gain(
     samples: &SurfaceSamples,
     adjacency: &[Vec<u32>],
@@ -24,11 +33,11 @@ pub fn fit_gain(
     smoothness: f64,
     sigma: f64,
     gain: &mut [[f32; 3]],
-) {
+) -> Vec<Around> {
     let data = normal_equations(samples, reference, observed, sigma, gain);
-    let seen = data.iter().filter(|d| d[1][1] > 0.0).count().max(1);
+    let seen = data.iter().filter(|d| d.products[1][1] > 0.0).count().max(1);
     let lambda = [0, 1, 2].map(|k| {
-        let mean = data.iter().map(|d| d[k][1]).sum::<f64>() / seen as f64;
+        let mean = data.iter().map(|d| d.products[k][1]).sum::<f64>() / seen as f64;
         (smoothness * mean).max(1e-12)
     });
     for _ in 0..ITERATIONS {
@@ -36,13 +45,14 @@ pub fn fit_gain(
         for (v, around) in adjacency.iter().enumerate() {
             for k in 0..3 {
                 let sum: f64 = around.iter().map(|&n| f64::from(old[n as usize][k])).sum();
-                let [num, den] = data[v][k];
+                let [num, den] = data[v].products[k];
                 let pull = PULL * lambda[k];
                 gain[v][k] =
                     ((num + lambda[k] * sum + pull) / (den + lambda[k] * around.len() as f64 + pull)) as f32;
             }
         }
     }
+    data
 }
 
 /// ‖g_p T_p − I_p‖² of a point.
@@ -78,24 +88,25 @@ pub fn explained(
     observed
 }
 
-/// Σ w b_v T I and Σ w b_v T² of every vertex and channel, b_v the vertex's barycentric weight at a point.
 fn normal_equations(
     samples: &SurfaceSamples,
     reference: &PointColours,
     observed: &PointColours,
     sigma: f64,
     gain: &[[f32; 3]],
-) -> Vec<[[f64; 2]; 3]> {
-    let mut data = vec![[[0.0f64; 2]; 3]; gain.len()];
+) -> Vec<Around> {
+    let mut data = vec![Around::default(); gain.len()];
     for ((point, t), i) in samples.points.iter().zip(reference).zip(observed) {
         let (Some(t), Some(i)) = (t, i) else { continue };
         let corners = samples.triangles[point.triangle as usize];
         let ratio = geman_mcclure(sq_residual(point, corners, gain, t, i), sigma).1;
         for (c, &v) in corners.iter().enumerate() {
+            let around = &mut data[v as usize];
+            around.area += point.weights[c] * point.area;
             for k in 0..3 {
                 let w = point.weights[c] * ratio * f64::from(t[k]);
-                data[v as usize][k][0] += w * f64::from(i[k]);
-                data[v as usize][k][1] += w * f64::from(t[k]);
+                around.products[k][0] += w * f64::from(i[k]);
+                around.products[k][1] += w * f64::from(t[k]);
             }
         }
     }
@@ -132,8 +143,11 @@ mod tests {
         let mut rng = Rng::new(2, 0);
         let gain: Vec<[f32; 3]> = (0..20).map(|_| [1.0 + 0.05 * rng.signed() as f32; 3]).collect();
         let data = normal_equations(&samples, &reference, &observed, 1e9, &gain);
-        let gradient: Vec<f64> =
-            data.iter().zip(&gain).map(|(d, g)| d[1][1] * f64::from(g[1]) - d[1][0]).collect();
+        let gradient: Vec<f64> = data
+            .iter()
+            .zip(&gain)
+            .map(|(d, g)| d.products[1][1] * f64::from(g[1]) - d.products[1][0])
+            .collect();
         let squares = |g: &[f64]| -> f64 {
             let colours = reference.iter().zip(&observed).map(|(t, i)| [t.unwrap()[1], i.unwrap()[1]]);
             let of_point =

@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::gain::{explained, fit_gain};
+use super::gain::{Around, explained, fit_gain};
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
+use crate::motion::terms::shading::{HARMONICS, Light, Seen, Shading};
 use crate::motion::terms::still::Still;
 use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 
@@ -16,7 +17,7 @@ const OUTLIER: f64 = 2.5;
 /// State of the search at one level of the pyramid.
 pub(super) struct LevelSearch<'p, 'a> {
     pub problem: &'p Problem<'a>,
-    level: usize,
+    pub level: usize,
     pub samples: SurfaceSamples,
     /// What the first frame shows at the samples.
     pub reference: PointColours,
@@ -27,6 +28,10 @@ pub(super) struct LevelSearch<'p, 'a> {
     pub counts_unseen: bool,
     /// Vertices that stand still.
     pub still: Vec<u32>,
+    /// The light; zero while not known.
+    pub light: Light,
+    /// Brightness of every vertex in every frame, shape [N, V]; empty while the light is not known.
+    pub brightness: Vec<Vec<Option<Seen>>>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
 }
@@ -47,6 +52,8 @@ impl<'a> Problem<'a> {
             priors: self.priors.clone(),
             counts_unseen: false,
             still: Vec::new(),
+            light: self.light,
+            brightness: vec![Vec::new(); frame_count],
             adjacent: vec![PointColours::new(); frame_count],
         }
     }
@@ -113,6 +120,13 @@ impl LevelSearch<'_, '_> {
                 sigma: s.outline * pixel,
                 weight: 1.0 / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
             },
+            shading: Shading {
+                cloth: p.cloth,
+                triangles: &self.samples.triangles,
+                light: &self.light,
+                seen: &self.brightness[frame],
+                tail: s.shading_tail,
+            },
             still: Still {
                 cloth: p.cloth,
                 first: &p.scene.template.positions,
@@ -131,8 +145,11 @@ impl LevelSearch<'_, '_> {
     pub fn update_gain(&mut self, frame: usize, x: &Positions) {
         let observed = self.observe(frame, x);
         let mut gain = std::mem::take(&mut self.gains[frame]);
-        self.fit_gain(&observed, &mut gain);
+        let around = self.fit_gain(&observed, &mut gain);
         self.gains[frame] = gain;
+        if self.light != [0.0; HARMONICS] {
+            self.update_brightness(frame, x, &around);
+        }
     }
 
     /// Compares `frame` with what `adjacent` shows from now on; with nothing if that is empty.
@@ -145,8 +162,12 @@ impl LevelSearch<'_, '_> {
         let observed: Vec<PointColours> =
             frames.par_iter().enumerate().map(|(n, x)| self.observe(n, x)).collect();
         let mut gains = std::mem::take(&mut self.gains);
-        gains.par_iter_mut().zip(&observed).skip(1).for_each(|(gain, seen)| self.fit_gain(seen, gain));
+        let fit = |(gain, seen): (&mut Vec<[f32; 3]>, &PointColours)| self.fit_gain(seen, gain);
+        let around: Vec<Vec<Around>> = gains.par_iter_mut().zip(&observed).skip(1).map(fit).collect();
         self.gains = gains;
+        if self.problem.settings.shading_area > 0.0 {
+            self.update_light(frames, &around);
+        }
         if self.problem.settings.neighbour_weight > 0.0 {
             let seen = |(n, seen): (usize, PointColours)| self.explained(n, seen);
             let observed: Vec<PointColours> = observed.into_par_iter().enumerate().map(seen).collect();
@@ -160,10 +181,10 @@ impl LevelSearch<'_, '_> {
         explained(&self.samples, &self.reference, observed, &self.gains[frame], limit)
     }
 
-    fn fit_gain(&self, observed: &PointColours, gain: &mut [[f32; 3]]) {
+    fn fit_gain(&self, observed: &PointColours, gain: &mut [[f32; 3]]) -> Vec<Around> {
         let s = &self.problem.settings;
         let adjacency = &self.problem.adjacency;
-        fit_gain(&self.samples, adjacency, &self.reference, observed, s.gain_smoothness, s.colour, gain);
+        fit_gain(&self.samples, adjacency, &self.reference, observed, s.gain_smoothness, s.colour, gain)
     }
 }
 

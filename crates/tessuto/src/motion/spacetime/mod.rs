@@ -4,8 +4,8 @@
 //! Unknown are the positions x_n `[m]` of every vertex in every frame n = 1 … N−1; x_0 is the template. Sought is the
 //! minimum of
 //!
-//!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + strain(x_n) + signed_bend(x_n) + bend(x_n) + shear(x_n)
-//!                + still(x_n) ]
+//!   E(x) = Σ_n [ colour_n(x_n) + outline_n(x_n) + shading_n(x_n) + strain(x_n) + signed_bend(x_n)
+//!                + bend(x_n) + shear(x_n) + still(x_n) ]
 //!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a²,  σ_a = `acceleration` · Δt².
 //!
 //! | term | residual r | what it adds | spread σ (setting) |
@@ -13,6 +13,7 @@
 //! | [colour](super::terms::colour), first frame | I_n(π(x_p)) − g_n(p) T(p) of every surface point p, sRGB | (a_p/a) ρ(r)/σ² | `colour` |
 //! | colour, adjacent frames | I_n(π(x_p)) − A_n(p), A_n the mean of what frames n±1 show | ω (a_p/a) ρ(r)/σ² | `colour`, weight ω `neighbour_weight` |
 //! | [outline](super::terms::outline) | distance `[px]` of every boundary point to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
+//! | [shading](super::terms::shading) | logarithm of every vertex's brightness relative to the first frame, less what the light of the scene explains | (a_v/a) c(r/σ) | `shading`, `shading_share` |
 //! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ) | `strain` |
 //! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]` | c(r/σ) | `signed_bend` `[rad]` |
 //! | [bend](super::terms::bend) | change of every bending angle `[rad]` | ½ (r/σ)² | `bend` `[rad]` |
@@ -21,7 +22,7 @@
 //! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
 //! All are negative logarithms of probabilities, without unit: a residual of one σ costs ½. ρ is Geman and McClure's
-//! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`)
+//! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`, `shading_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`, `shading_area`)
 //! is the area and l (`outline_length`) the length whose errors vary together; a larger σ, a or l makes a term weaker. Both,
 //! and the distances of outlines, are in pixels of the finest level of the pyramids, whose resolution follows the sheet's
 //! size in the image (`resolution`): what a camera of more pixels would add is not independent. Told for a sheet of 160 px
@@ -30,7 +31,9 @@
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
-//! held fixed, like A_n, while a step in x is taken.
+//! held fixed, like A_n, while a step in x is taken. What is brighter has turned towards the light: light, which is one for the whole
+//! clip, and brightness follow from the positions too (`light.rs`). While the sheet is first followed, the light is not known; it is taken
+//! from the best path forward, and all that comes after heeds it.
 //!
 //! `track` finds a start frame by frame, twice with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
 //! Levenberg's damping. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
@@ -54,6 +57,7 @@ pub mod deviation;
 pub mod gain;
 mod joint;
 mod level;
+mod light;
 #[cfg(test)]
 mod proof;
 mod refine;
@@ -67,6 +71,7 @@ use super::observed::Observed;
 use super::observed::samples::{EdgePoint, boundary_points};
 use super::terms::PriorTerms;
 use super::terms::bend::Bend;
+use super::terms::shading::{HARMONICS, Light};
 use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
@@ -96,6 +101,8 @@ pub struct Problem<'a> {
     adjacency: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
     observed: Observed,
+    /// The light, once it is known; zero before.
+    light: Light,
     /// Size of the sheet in the first frame at the finest level, of [`NOMINAL_SIZE`].
     scale: f64,
 }
@@ -126,6 +133,7 @@ impl<'a> Problem<'a> {
             boundary: boundary_points(template, x, &scene.camera, spacing),
             scale: size / f64::from(1u32 << observed.range[0]) / NOMINAL_SIZE,
             observed,
+            light: [0.0; HARMONICS],
             settings,
         })
     }

@@ -38,6 +38,16 @@ settings! {
         outline_length: f64 = 0.0015, number(1e-6..=1e6, "px of the finest level");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
+        /// Spread σ of the logarithm of a triangle's brightness about what the light of the scene explains; larger is weaker.
+        shading: f64 = 0.05, number(1e-4..=1e3, "");
+        /// The same in proportion to the logarithm itself; larger is weaker.
+        shading_share: f64 = 0.2, number(0.0..=1e3, "");
+        /// Brightness beyond this many spreads has other causes; larger is stricter.
+        shading_tail: f64 = 2.0, number(1e-3..=1e6, "");
+        /// Spread of the logarithm of what whole frames are brighter by for other causes; larger is weaker.
+        shading_offset: f64 = 0.05, number(1e-6..=1e3, "");
+        /// Area whose brightness varies together, for a sheet of 160 px; larger is weaker, 0 leaves shading out.
+        shading_area: f64 = 6.0, number(0.0..=1e9, "px of the finest level");
         /// Resolution of the finest level of the image pyramids, each of which halves the frames: the coarsest at which the
         /// sheet still measures so many pixels in the first frame (the root of its area), or the video itself.
         resolution: f64 = 120.0, number(1.0..=1e5, "px");

@@ -9,6 +9,7 @@ pub mod colour;
 pub mod low_rank;
 pub mod outline;
 pub mod robust;
+pub mod shading;
 pub mod shear;
 pub mod signed_bend;
 pub mod still;
@@ -23,6 +24,7 @@ use bend::Bend;
 use colour::Colour;
 use low_rank::LowRank;
 use outline::Outline;
+use shading::Shading;
 use shear::Shear;
 use signed_bend::SignedBend;
 use still::Still;
@@ -108,12 +110,14 @@ pub struct FrameTerms<'a> {
     pub colour: Colour<'a>,
     /// Against the outline of the mask.
     pub outline: Outline<'a>,
+    /// Against the light.
+    pub shading: Shading<'a>,
     /// Against where it is fixed.
     pub still: Still<'a>,
 }
 
 /// Number of terms.
-pub const TERMS: usize = 7;
+pub const TERMS: usize = 8;
 
 impl PriorTerms<'_> {
     /// Closer to least squares: spreads of strain and shear times the first of `spreads`, that of signed bending times the second,
@@ -132,7 +136,16 @@ impl FrameTerms<'_> {
     /// The terms, in the order in which they are summed.
     pub fn list(&self) -> [&dyn Term; TERMS] {
         let p = self.priors;
-        [&p.strain, &p.signed_bend, &p.bend, &p.shear, &self.colour, &self.outline, &self.still]
+        [
+            &p.strain,
+            &p.signed_bend,
+            &p.bend,
+            &p.shear,
+            &self.colour,
+            &self.outline,
+            &self.shading,
+            &self.still,
+        ]
     }
 
     /// Sum of the terms.
