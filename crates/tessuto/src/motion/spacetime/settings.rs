@@ -38,7 +38,7 @@ settings! {
         outline_length: f64 = 0.0015, number(1e-6..=1e6, "px of the finest level");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
-        /// Spread σ of the logarithm of a triangle's brightness about what the light of the scene explains; larger is weaker.
+        /// Spread σ of the logarithm of the sheet's brightness around a vertex about what the light of the scene explains; larger is weaker.
         shading: f64 = 0.05, number(1e-4..=1e3, "");
         /// The same in proportion to the logarithm itself; larger is weaker.
         shading_share: f64 = 0.2, number(0.0..=1e3, "");
