@@ -15,8 +15,9 @@ use rayon::prelude::*;
 use super::gain::Around;
 use super::{LevelSearch, Positions};
 use crate::math::root::Root;
+use crate::mesh::vertex_normals;
 use crate::motion::terms::robust::cauchy;
-use crate::motion::terms::shading::{HARMONICS, Light, Seen, harmonics, normal, normals_at_vertices};
+use crate::motion::terms::shading::{HARMONICS, Light, Seen, harmonics};
 
 /// Reweighted least squares, for the light and for what whole frames are brighter by.
 const FITS: usize = 8;
@@ -88,10 +89,7 @@ impl LevelSearch<'_, '_> {
 
     /// Normal of every vertex, of length 1.
     fn normals(&self, x: &Positions) -> Vec<DVec3> {
-        let triangles = &self.samples.triangles;
-        let normals: Vec<DVec3> = triangles.iter().map(|t| normal(t.map(|v| x[v as usize]))).collect();
-        let sums = normals_at_vertices(triangles, &normals, x.len());
-        sums.into_iter().map(|(sum, _)| sum.normalize_or_zero()).collect()
+        vertex_normals(&self.samples.triangles, x)
     }
 
     /// The vertices that are seen in a frame, from the same side as in the first.

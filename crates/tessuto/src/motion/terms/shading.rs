@@ -46,7 +46,7 @@ fn slope(c: &Light, n: DVec3) -> DVec3 {
 }
 
 /// Normal of a triangle, its length twice the area.
-pub fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
+fn normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     (b - a).cross(c - a)
 }
 
@@ -90,7 +90,7 @@ impl Shading<'_> {
     fn normals(&self, x: &[DVec3]) -> (Vec<DVec3>, Vec<(DVec3, f64)>) {
         let of_triangle = |t: &[u32; 3]| normal(t.map(|v| x[v as usize]));
         let normals: Vec<DVec3> = self.triangles.iter().map(of_triangle).collect();
-        let sums = normals_at_vertices(self.triangles, &normals, x.len());
+        let sums = sums_at_vertices(self.triangles, &normals, x.len());
         (normals, sums)
     }
 
@@ -118,7 +118,7 @@ impl Shading<'_> {
 }
 
 /// At every vertex the sum of the normals of its triangles, and of their lengths.
-pub fn normals_at_vertices(triangles: &[[u32; 3]], normals: &[DVec3], count: usize) -> Vec<(DVec3, f64)> {
+fn sums_at_vertices(triangles: &[[u32; 3]], normals: &[DVec3], count: usize) -> Vec<(DVec3, f64)> {
     let mut sums = vec![(DVec3::ZERO, 0.0); count];
     for (corners, n) in triangles.iter().zip(normals) {
         for v in corners {
