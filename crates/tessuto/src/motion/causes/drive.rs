@@ -10,17 +10,18 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::forces::{Causes, FIRST, GRAVITY, Knots};
+use super::forces::{Causes, FIRST, GRAVITY, Knots, LENGTHS};
 use crate::error::Result;
 use crate::math::factor::{Factor, Scratch};
 use crate::mesh::Positions;
 use crate::sim::air::Air;
 use crate::sim::implicit_euler::hessian;
 use crate::sim::step::step;
+use crate::sim::stretch;
 use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
 
 /// Newton's method ends when no coordinate moves by more than this `[m]`, or after so many iterations.
-const TOLERANCE: f64 = 1e-7;
+const TOLERANCE: f64 = 1e-6;
 const NEWTON_LIMIT: usize = 12;
 
 /// A cloth under way.
@@ -35,6 +36,8 @@ pub struct Drive<'a> {
     pub targets: &'a [Positions],
     /// Strength κ of every vertex's tie [1/s²].
     pub ties: Vec<f64>,
+    /// How much of every edge runs along u and along v of the panel, shape [edges].
+    pub ways: &'a [[f64; 2]],
     /// Times of the wind's values.
     pub knots: Knots,
 }
@@ -47,6 +50,8 @@ pub struct Trajectory {
 
 /// What one step is made of, for its derivatives.
 struct Taken<'a> {
+    /// The cloth with its lengths.
+    cloth: &'a Cloth,
     after: &'a State,
     big: f64,
     time: f64,
@@ -104,9 +109,10 @@ impl Drive<'_> {
         });
         let still = |x: Positions| State { v: vec![DVec3::ZERO; x.len()], x };
         let mut scratch = Scratch::default();
-        let mut heavy = self.cloth.clone();
+        let cloth = &self.cut(causes);
+        let mut heavy = cloth.clone();
         let (mut now, mut before) = (still(self.targets[0].clone()), None);
-        let (mut angles, mut angles_before) = (self.cloth.angles_at(&now.x), None::<Vec<f64>>);
+        let (mut angles, mut angles_before) = (cloth.angles_at(&now.x), None::<Vec<f64>>);
         let unknowns = if with_tangents { causes.unknowns() } else { 0 };
         let resting = Tangent { state: still(vec![DVec3::ZERO; count]), angles: vec![0.0; angles.len()] };
         let mut tangents = vec![resting; unknowns];
@@ -117,23 +123,24 @@ impl Drive<'_> {
             let big = if before.is_some() { 2.0 / 3.0 * self.h } else { self.h };
             let bar = combined(&now, before.as_ref());
             let from = combined_angles(&angles, angles_before.as_deref());
-            let total = heavy.rub(self.cloth, &stiffness, causes.friction() / big, &from);
+            let total = heavy.rub(cloth, &stiffness, causes.friction() / big, &from);
             let time = (n + 1) as f64 * self.h;
             let ahead_of = ahead(&now, before.as_ref());
             let wind = causes.wind_at(&self.knots, time);
-            let air = Air::new(self.cloth, causes.drag(), wind, &ahead_of.x, &ahead_of.v, self.h);
+            let air = Air::new(cloth, causes.drag(), wind, &ahead_of.x, &ahead_of.v, self.h);
             let gravity = causes.gravity();
             let outer = |i: usize| gravity + air.acceleration(i);
             let after =
                 self.step(outer, &total, &bar, big, &self.targets[n + 1], &mut heavy, &mut scratch)?;
-            let angles_after = self.cloth.angles_at(&after.x);
+            let angles_after = cloth.angles_at(&after.x);
             if with_tangents {
                 let matrix = hessian(&heavy, &total, &after.x, big, HessianKind::Exact, &mut scratch);
-                let factor = self.cloth.analysis.factorize(&self.cloth.pattern, &matrix, &mut scratch);
+                let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, &mut scratch);
                 scratch.recycle_matrix(matrix);
                 let turned: Vec<f64> = angles_after.iter().zip(&from).map(|(a, b)| a - b).collect();
-                let gradients = self.cloth.angle_gradients_at(&after.x);
+                let gradients = cloth.angle_gradients_at(&after.x);
                 let taken = Taken {
+                    cloth,
                     after: &after,
                     big,
                     time,
@@ -166,6 +173,15 @@ impl Drive<'_> {
             }
         }
         Ok(out)
+    }
+
+    /// The cloth with its lengths.
+    fn cut(&self, causes: &Causes) -> Cloth {
+        let mut cloth = self.cloth.clone();
+        for (edge, [u, v]) in cloth.edges.iter_mut().zip(self.ways) {
+            edge.rest_length *= (u * causes.ln_length[0] + v * causes.ln_length[1]).exp();
+        }
+        cloth
     }
 
     /// One step from `bar` under the accelerations `outer`; `heavy` gets the masses with ties.
@@ -216,7 +232,7 @@ impl Drive<'_> {
         angles: &[f64],
         scratch: &mut Scratch,
     ) -> Tangent {
-        let (cloth, big) = (self.cloth, taken.big);
+        let (cloth, big) = (taken.cloth, taken.big);
         let [a, b] = causes.across();
         let gravity = match p {
             3 => a * GRAVITY,
@@ -242,6 +258,12 @@ impl Drive<'_> {
             .collect();
         if let Some(only) = taken.only.get(p) {
             cloth.add_gradient(only, &taken.after.x, -1.0, &mut rhs);
+        }
+        if let Some(way) = p.checked_sub(LENGTHS).filter(|way| *way < 2) {
+            for ((edge, ways), k) in cloth.edges.iter().zip(self.ways).zip(&taken.only[0].stretch) {
+                let k = edge.stiffness(*k, &taken.after.x) * edge.rest_length * ways[way];
+                edge.scatter(stretch::gradient_by_rest_length(edge.along(&taken.after.x), -k), &mut rhs);
+            }
         }
         let rate = causes.friction() / big;
         cloth.add_moments(taken.gradients, angles, rate, &mut rhs);
@@ -279,12 +301,14 @@ mod tests {
         ties[0] = 1e6;
         ties[5] = 1e6;
         let knots = Knots { count: 3, end: 0.08 };
-        let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, knots };
+        let ways: Vec<[f64; 2]> = cloth.edges.iter().map(|_| [rng.uniform(), rng.uniform()]).collect();
+        let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, ways: &ways, knots };
         let causes = Causes {
             ln_stiffness: [100f64.ln(), 2e-3f64.ln(), 5e-4f64.ln()],
             down: DVec3::new(0.1, 1.0, -0.2).normalize(),
             ln_drag: 0.3,
             ln_friction: 4e-4f64.ln(),
+            ln_length: [1e-3, -2e-3],
             wind: (0..3).map(|_| rng.vector()).collect(),
         };
         let run = drive.run(&causes, true).unwrap();

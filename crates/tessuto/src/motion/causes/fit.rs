@@ -13,6 +13,8 @@ use crate::error::Result;
 use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
+use crate::sim::cloth::Edge;
+use crate::sim::{Cloth, panel};
 
 /// Longest step of the simulation `[s]`; it is of second order.
 const LONGEST_STEP: f64 = 0.01;
@@ -33,8 +35,10 @@ const TILT: f64 = 0.35;
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
 const LARGEST_STEP: f64 = 1.5;
 /// The search ends when an iteration gains less than this, or so much of the objective.
-const LEAST_GAIN: f64 = 1e-3;
-const ATTEMPTS: usize = 4;
+const LEAST_GAIN: f64 = 3e-3;
+const ATTEMPTS: usize = 3;
+/// Damping after a step that failed, at least: with less the next one would be the same.
+const LEAST_DAMPING: f64 = 0.1;
 
 /// What moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
 /// `deviations`, shape [N, V] `[m]`.
@@ -57,6 +61,7 @@ pub fn find(
         down: DVec3::Y,
         ln_drag: DRAG.ln(),
         ln_friction: FRICTION.ln(),
+        ln_length: [0.0; 2],
         wind: vec![DVec3::ZERO; knots.count],
     };
     let s = settings.spread;
@@ -85,7 +90,8 @@ pub fn find(
     let targets = interpolated(&found[..window], substeps);
     let ties = vec![settings.tie; vertex_count];
     let h = 1.0 / (fps * substeps as f64);
-    let mut drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, knots };
+    let ways = ways(template, &cloth);
+    let mut drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, ways: &ways, knots };
     let mut data = Data::new(&found[..window], deviations, fps);
     let bounds = dynamics.springs().map(|range| [ln(range.low), ln(range.high)]);
     // A simulation that fails at the start leaves what was known before.
@@ -105,8 +111,8 @@ pub fn find(
         }
         out.held.iter().for_each(|v| drive.ties[*v] = HOLD);
         let Ok(search) = Search::new(&drive, &data, &prior, out.causes.clone(), bounds) else { break };
-        let (causes, spread, misfit) = search.run(settings.iterations);
-        (out.causes, out.spread) = (causes, spread);
+        let misfit;
+        (out.causes, out.spread, misfit) = search.run(settings.iterations);
         if pass == 0 {
             out.misfit = misfit.sqrt();
         }
@@ -115,6 +121,15 @@ pub fn find(
         }
         // Where the model is off by more than the positions are, its errors are what data are uncertain by.
         data.together *= misfit.max(1.0);
+    }
+    // With other held vertices the sheet has other stiffnesses.
+    if !guess.told {
+        out.spread = spread;
+    }
+    // As they are written: a replay starts from the same bits.
+    let found = std::mem::take(&mut out.causes.ln_length);
+    for (length, [u, v]) in out.rest_lengths.iter_mut().zip(&ways) {
+        *length = f64::from((*length * (u * found[0] + v * found[1]).exp()) as f32);
     }
     out
 }
@@ -188,10 +203,20 @@ impl<'a> Search<'a> {
                 *lambda = (*lambda * 0.1).max(1e-6);
                 return true;
             }
-            *lambda *= 10.0;
+            *lambda = (10.0 * *lambda).max(LEAST_DAMPING);
         }
         false
     }
+}
+
+/// How much of every edge runs along u and along v of the panel.
+fn ways(template: &Mesh, cloth: &Cloth) -> Vec<[f64; 2]> {
+    let Some(flat) = panel(template) else { return vec![[0.5; 2]; cloth.edges.len()] };
+    let way = |edge: &Edge| {
+        let d = edge.along(&flat).normalize_or_zero();
+        [d.x * d.x, d.y * d.y]
+    };
+    cloth.edges.iter().map(way).collect()
 }
 
 /// Roots of the diagonal of the inverse.
@@ -230,7 +255,7 @@ mod tests {
     use super::*;
     use crate::mesh::grid;
     use crate::motion::parameters::StiffnessRange;
-    use crate::sim::{Cloth, Integrator, StepSettings};
+    use crate::sim::{Integrator, StepSettings};
     use glam::DVec2;
 
     #[test]
@@ -261,6 +286,7 @@ mod tests {
             down: DVec3::new(-0.15, 0.95, 0.2).normalize(),
             ln_drag: 1.5f64.ln(),
             ln_friction: 2e-4f64.ln(),
+            ln_length: [0.0; 2],
             wind: vec![DVec3::ZERO, DVec3::Z * 0.5, DVec3::X * 0.5],
         };
         let knots = Knots { count: 3, end: 0.4 };
@@ -273,7 +299,8 @@ mod tests {
         let corners = held_vertices(&mesh, &[mesh.positions.clone()], DVec3::Y).held;
         assert_eq!(corners, [0, 6]);
         corners.iter().for_each(|v| ties[*v] = HOLD);
-        let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, knots };
+        let ways = ways(&mesh, &cloth);
+        let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, ways: &ways, knots };
         let frames = drive.run(&truth, false).unwrap().frames;
         let deviations = vec![vec![2e-3; 49]; frames.len()];
         let settings = CauseSettings { fit: true, iterations: 30, ..CauseSettings::default() };

@@ -5,8 +5,10 @@ use serde::{Deserialize, Serialize};
 
 /// Size of gravity [m/s²].
 pub const GRAVITY: f64 = 9.81;
-/// Unknowns before those of the wind: ln stretch, ln bend, ln shear, gravity's direction (2), ln drag, ln friction.
-pub(super) const FIRST: usize = 7;
+/// Unknowns before those of the wind: ln stretch, ln bend, ln shear, gravity's direction (2), ln drag, ln friction, ln lengths (2).
+pub(super) const FIRST: usize = 9;
+/// The first of the lengths.
+pub(super) const LENGTHS: usize = 7;
 
 /// Stiffnesses, gravity and air.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -19,6 +21,9 @@ pub struct Causes {
     pub ln_drag: f64,
     /// ln of the internal friction c [J·s/rad²] of bending and shearing: a moment c θ̇ at every angle.
     pub ln_friction: f64,
+    /// ln of the factors on the panel's lengths along u and along v, while they are searched; [`super::Found::rest_lengths`] has them in it.
+    #[serde(skip)]
+    pub(super) ln_length: [f64; 2],
     /// Velocity of the wind at the [`Knots`] [m/s].
     pub wind: Vec<DVec3>,
 }
@@ -73,6 +78,7 @@ impl Causes {
         out.down = (self.down + a * step[3] + b * step[4]).normalize();
         out.ln_drag += step[5];
         out.ln_friction += step[6];
+        (0..2).for_each(|k| out.ln_length[k] += step[LENGTHS + k]);
         for (w, s) in out.wind.iter_mut().zip(step[FIRST..].chunks_exact(3)) {
             *w += DVec3::from_slice(s);
         }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::drive::Trajectory;
-use super::forces::{Causes, FIRST, Spread};
+use super::forces::{Causes, FIRST, LENGTHS, Spread};
 use crate::mesh::Positions;
 
 /// Residuals beyond so many standard deviations count little.
@@ -12,6 +12,8 @@ const TAIL: f64 = 3.0;
 const ACROSS: f64 = 0.2;
 /// Least deviations along and across the view ray `[m]`: of the mesh as a model of the cloth.
 const LEAST: [f64; 2] = [1e-3, 5e-4];
+/// Spread of the logarithm of the panel's lengths: what the template's are off by as a whole.
+const LENGTH_SPREAD: f64 = 3e-3;
 /// Time within which found positions err together `[s]`, and independent errors of the whole sheet at one time.
 const MEMORY: f64 = 0.1;
 const INDEPENDENT: f64 = 10.0;
@@ -146,6 +148,7 @@ impl Prior {
         }
         add(&[(5, 1.0)], causes.ln_drag - self.mean.ln_drag, self.spread.ln_drag);
         add(&[(6, 1.0)], causes.ln_friction - self.mean.ln_friction, self.spread.ln_friction);
+        (0..2).for_each(|k| add(&[(LENGTHS + k, 1.0)], causes.ln_length[k], LENGTH_SPREAD));
         let [first, later, change] = self.wind;
         for (n, w) in causes.wind.iter().enumerate() {
             for k in 0..3 {
@@ -173,6 +176,7 @@ mod tests {
             down: DVec3::new(0.1, 0.9, -0.3).normalize(),
             ln_drag: 0.1,
             ln_friction: -8.0,
+            ln_length: [0.0; 2],
             wind: vec![DVec3::ZERO; 3],
         };
         let spread = Spread { ln_stiffness: [0.5, 2.0, 1.5], down: 0.4, ln_drag: 0.7, ln_friction: 1.3 };
