@@ -75,7 +75,13 @@ fn main() -> tessuto::Result<()> {
         config.causes.iterations = 0;
     }
     let clock = std::time::Instant::now();
-    let mut found = causes::find(&scene.template, &frames, &sigma, (scene.fps, &dynamics), &config.causes);
+    let mut found = causes::find(
+        (&scene.template, &scene.known),
+        &frames,
+        &sigma,
+        (scene.fps, &dynamics),
+        &config.causes,
+    );
     let seconds = clock.elapsed().as_secs_f64();
     let number = |name: &str| truth.as_ref().and_then(|t| t[name].as_f64());
     let names = ["stretch", "bend", "shear"];
@@ -120,7 +126,13 @@ fn main() -> tessuto::Result<()> {
         let mut dynamics = dynamics.clone();
         let range = &mut dynamics.stiffness[1];
         [range.start, range.low, range.high] = [bend.log10(); 3];
-        let again = causes::find(&scene.template, &frames, &sigma, (scene.fps, &dynamics), &config.causes);
+        let again = causes::find(
+            (&scene.template, &scene.known),
+            &frames,
+            &sigma,
+            (scene.fps, &dynamics),
+            &config.causes,
+        );
         let [_, _, shear] = again.causes.stiffness();
         let tilt = again.causes.down.angle_between(down.unwrap_or(found.causes.down)).to_degrees();
         println!(

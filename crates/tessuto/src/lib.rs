@@ -110,5 +110,5 @@ pub use error::{Error, Hint, Remedy, Repair, Result, Warning};
 pub use image::Image;
 pub use mesh::{Mesh, Motion, Positions};
 pub use reconstruct::{Reconstruction, reconstruct, simulate};
-pub use scene::{Scene, Tracks, Truth};
+pub use scene::{Known, Scene, Tracks, Truth};
 pub use video::{Frame, Video};

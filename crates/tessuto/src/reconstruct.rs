@@ -105,8 +105,8 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             session.begin("forces and stiffnesses");
             let clock = (scene.fps, &fit.dynamics);
             let (parameters, loose) = if config.causes.fit {
-                let template = &scene.template;
-                let found = causes::explain(template, &frames, deviations.as_deref(), clock, &config.causes);
+                let sheet = (&scene.template, &scene.known);
+                let found = causes::explain(sheet, &frames, deviations.as_deref(), clock, &config.causes);
                 causes = Some(found.explained);
                 (found.parameters, found.failure)
             } else {

@@ -58,8 +58,19 @@ pub struct Scene {
     pub template: Mesh,
     /// The video, N frames.
     pub frames: Video,
+    /// What is known of the causes of its motion.
+    pub known: Known,
     /// Ground truth, where the folder has it, of the same frames.
     pub truth: Truth,
+}
+
+/// What scene.json says of the causes of a motion.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Known {
+    /// Direction of gravity in the camera's frame, a unit vector.
+    pub down: Option<DVec3>,
+    /// Vertices of the template that something holds, in ascending order.
+    pub held: Option<Vec<usize>>,
 }
 
 impl Scene {

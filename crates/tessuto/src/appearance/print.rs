@@ -254,6 +254,7 @@ mod tests {
             first_frame: 0,
             template,
             frames: frames.into(),
+            known: Default::default(),
             truth: crate::scene::Truth::default(),
         };
         (scene, motion, print)

@@ -107,6 +107,7 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         first_frame: 0,
         template,
         frames,
+        known: Default::default(),
         truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?), tracks: None },
     })
 }

@@ -60,6 +60,7 @@ fn scene(rasterizer: &Rasterizer, template: &tessuto::Mesh, texture: &Texture) -
         first_frame: 0,
         template: template.clone(),
         frames: (0..FRAMES).map(frame).collect::<Vec<_>>().into(),
+        known: Default::default(),
         truth: Truth::default(),
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -9,10 +10,13 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io::image::MAX_SIDE;
 use crate::io::{atomic_write, read_bounded};
+use crate::scene::Known;
 use crate::text::edits;
 
-const KNOWN: [&str; 12] =
-    ["name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "notes"];
+const KNOWN: [&str; 14] = [
+    "name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "gravity", "held",
+    "notes",
+];
 const EXAMPLE: &str = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}"#;
 /// Most frames a scene may have.
 const MAX_FRAMES: usize = 100_000;
@@ -35,6 +39,10 @@ pub(crate) struct Manifest {
     pub crop: Option<Rect>,
     #[serde(default)]
     pub units: Units,
+    /// Which way gravity pulls, in the camera's frame; only its direction counts.
+    pub gravity: Option<[f64; 3]>,
+    /// Vertices of the template that something holds, numbered from 0.
+    pub held: Option<Vec<usize>>,
     /// Anything; what tessuto reads of it is [`camera_doubt`](Self::camera_doubt).
     #[serde(default)]
     notes: Value,
@@ -133,7 +141,22 @@ impl Manifest {
     pub fn new(name: String, fps: f64, n_frames: usize, camera: Camera, crop: Option<Rect>) -> Self {
         let Camera { fx, fy, cx, cy, width, height } = camera;
         let units = Units::Metres;
-        Self { name, fps, n_frames, width, height, fx, fy, cx, cy, crop, units, notes: Value::Null }
+        Self {
+            name,
+            fps,
+            n_frames,
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            crop,
+            units,
+            gravity: None,
+            held: None,
+            notes: Value::Null,
+        }
     }
 
     /// Reads scene.json in `folder`.
@@ -161,6 +184,23 @@ impl Manifest {
     /// Camera of the full image.
     pub fn camera(&self) -> Camera {
         Camera { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, width: self.width, height: self.height }
+    }
+
+    /// What it says of causes, for a template of `vertices` vertices; `place` is where it is from.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a vertex that is not there.
+    pub fn known(&self, vertices: usize, place: &str) -> Result<Known> {
+        let mut held = self.held.clone();
+        if let Some(held) = &mut held {
+            held.sort_unstable();
+            held.dedup();
+            if let Some(v) = held.last().filter(|v| **v >= vertices) {
+                let problem = format!("\"held\" names vertex {v} of a template with {vertices}");
+                return Err(Error::input(place, problem, "number vertices from 0, in template.obj's order"));
+            }
+        }
+        Ok(Known { down: self.gravity.map(|g| DVec3::from_array(g).normalize()), held })
     }
 
     /// Standard deviation of the focal length, as a fraction of it, where the notes have it.
@@ -196,6 +236,18 @@ impl Manifest {
         for (key, centre, side) in [("cx", self.cx, self.width), ("cy", self.cy, self.height)] {
             let hint = "give the principal point in pixels, near the middle of the image";
             demand(centre.abs() <= 10.0 * side as f64, key, centre.to_string(), hint)?;
+        }
+        if let Some(gravity) = self.gravity {
+            demand(
+                DVec3::from_array(gravity).try_normalize().is_some(),
+                "gravity",
+                format!("{gravity:?}"),
+                "give its direction in the camera's frame, x to the right, y down, z ahead: [0, 1, 0] for a level camera",
+            )?;
+        }
+        if let Some(held) = &self.held {
+            let hint = "name the vertices of the template that something holds; or leave held out to have them found";
+            demand(!held.is_empty(), "held", "empty".into(), hint)?;
         }
         if let Some(Rect { x0, y0, x1, y1 }) = self.crop {
             demand(
@@ -243,6 +295,24 @@ fn nearest(key: &str) -> &'static str {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn known_causes_are_read_and_refused_where_they_cannot_be() {
+        let with = |key: &str| EXAMPLE.replacen('{', &format!("{{{key}, "), 1);
+        let read = |key: &str| {
+            let manifest = parse(&with(key), "scene.json")?;
+            manifest.check("scene.json")?;
+            manifest.known(9, "scene.json")
+        };
+        let known = read(r#""gravity": [0, 3, 4], "held": [7, 0, 7]"#).unwrap();
+        assert!(known.down.unwrap().distance(DVec3::new(0.0, 0.6, 0.8)) < 1e-12);
+        assert_eq!(known.held.unwrap(), [0, 7]);
+        assert_eq!(parse(EXAMPLE, "").unwrap().known(9, "").unwrap(), Known::default());
+        for wrong in [r#""gravity": [0, 0, 0]"#, r#""held": []"#, r#""held": [9]"#, r#""held": [-1]"#] {
+            let error = read(wrong).unwrap_err().to_string();
+            assert!(error.contains("gravity") || error.contains("held"), "{error}");
+        }
+    }
 
     #[test]
     fn nearest_key_is_the_one_meant() {

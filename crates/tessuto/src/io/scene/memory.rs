@@ -68,6 +68,7 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         first_frame: 0,
         template,
         frames,
+        known: Default::default(),
         truth,
     };
     scene.check()?;

@@ -24,7 +24,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::mesh::Mesh;
-use crate::scene::Scene;
+use crate::scene::{Known, Scene};
 use crate::video::HELD_BYTES;
 pub use colours::{ColourFiles, colour_files};
 pub use first_frame::{FirstFrame, first_frame};
@@ -97,7 +97,13 @@ pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
 
     let template_missing = mesh.is_none();
     let stand_in = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
-    let loaded = Some(mesh.unwrap_or(stand_in)).zip(video).map(|(template, (crop, frames))| {
+    let mesh = mesh.unwrap_or(stand_in);
+    let place = folder.join("scene.json").display().to_string();
+    let known = manifest.known(mesh.positions.len(), &place).unwrap_or_else(|e| {
+        errors.push(e);
+        Known::default()
+    });
+    let loaded = Some(mesh).zip(video).map(|(template, (crop, frames))| {
         let scene = Scene {
             name: manifest.name.clone(),
             folder: folder.to_path_buf(),
@@ -108,6 +114,7 @@ pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
             first_frame: range.start,
             template,
             frames,
+            known,
             truth,
         };
         intrinsics_warnings(&manifest, &mut warnings);

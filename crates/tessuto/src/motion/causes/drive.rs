@@ -302,7 +302,8 @@ mod tests {
         ties[5] = 1e6;
         let knots = Knots { count: 3, end: 0.08 };
         let ways: Vec<[f64; 2]> = cloth.edges.iter().map(|_| [rng.uniform(), rng.uniform()]).collect();
-        let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, ways: &ways, knots };
+        let drive =
+            Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, ways: &ways, knots };
         let causes = Causes {
             ln_stiffness: [100f64.ln(), 2e-3f64.ln(), 5e-4f64.ln()],
             down: DVec3::new(0.1, 1.0, -0.2).normalize(),

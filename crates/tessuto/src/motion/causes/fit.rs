@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::drive::{Drive, Trajectory};
 use super::forces::{Causes, Knots, Spread};
 use super::grips::{self, Tries};
-use super::held::held_vertices;
+use super::held::{Guess, held_vertices};
 use super::lengths::rest_lengths;
 use super::objective::{Data, Prior, System};
 use super::{CauseSettings, Found, cut_cloth};
@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
+use crate::scene::Known;
 use crate::sim::cloth::Edge;
 use crate::sim::{Cloth, panel};
 
@@ -32,6 +33,8 @@ const FRICTIONS: [f64; 2] = [1e-8, 3e-4];
 const FRICTION_SPREAD: f64 = 1.0;
 /// Spread of gravity's direction about +y `[rad]`.
 const TILT: f64 = 0.35;
+/// The same about a direction that is known `[rad]`: of what a level or a phone's sensor tells.
+const KNOWN_TILT: f64 = 0.01;
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
 const LARGEST_STEP: f64 = 1.5;
 /// The search ends when an iteration gains less than this, or so much of the objective.
@@ -41,9 +44,9 @@ const ATTEMPTS: usize = 3;
 const LEAST_DAMPING: f64 = 0.1;
 
 /// What moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
-/// `deviations`, shape [N, V] `[m]`.
+/// `deviations`, shape [N, V] `[m]`; what is `known` beforehand is not searched.
 pub fn find(
-    template: &Mesh,
+    (template, known): (&Mesh, &Known),
     found: &[Positions],
     deviations: &[Vec<f64>],
     (fps, dynamics): (f64, &Dynamics),
@@ -54,11 +57,15 @@ pub fn find(
     let end = ((window - 1) as f64 / fps).max(1e-6);
     let knots = Knots { count: ((end / settings.wind_interval).round() as usize + 1).max(2), end };
     let rest_lengths = rest_lengths(template, found);
-    let guess = held_vertices(template, found, DVec3::Y);
+    let down = known.down.unwrap_or(DVec3::Y);
+    let guess = match &known.held {
+        Some(held) => Guess { held: held.clone(), still: true, told: true },
+        None => held_vertices(template, found, down),
+    };
     let ln = |log10: f64| log10 * std::f64::consts::LN_10;
     let mean = Causes {
         ln_stiffness: dynamics.springs().map(|range| ln(range.start)),
-        down: DVec3::Y,
+        down,
         ln_drag: DRAG.ln(),
         ln_friction: FRICTION.ln(),
         ln_length: [0.0; 2],
@@ -67,7 +74,7 @@ pub fn find(
     let s = settings.spread;
     let spread = Spread {
         ln_stiffness: [0.5 * s, s, s],
-        down: TILT,
+        down: if known.down.is_some() { KNOWN_TILT } else { TILT },
         ln_drag: DRAG_SPREAD,
         ln_friction: FRICTION_SPREAD,
     };
@@ -111,8 +118,10 @@ pub fn find(
         }
         out.held.iter().for_each(|v| drive.ties[*v] = HOLD);
         let Ok(search) = Search::new(&drive, &data, &prior, out.causes.clone(), bounds) else { break };
-        let misfit;
-        (out.causes, out.spread, misfit) = search.run(settings.iterations);
+        let (causes, spread, misfit) = search.run(settings.iterations);
+        let before = std::mem::replace(&mut out.causes, causes);
+        // Where hands hold the cloth is itself a guess: what another guess makes of it tells by how much.
+        out.spread = if pass == 1 && !guess.still { wider(spread, &before, &out.causes) } else { spread };
         if pass == 0 {
             out.misfit = misfit.sqrt();
         }
@@ -219,6 +228,16 @@ fn ways(template: &Mesh, cloth: &Cloth) -> Vec<[f64; 2]> {
     cloth.edges.iter().map(way).collect()
 }
 
+/// `spread`, and what the causes `a` and `b` differ by.
+fn wider(spread: Spread, a: &Causes, b: &Causes) -> Spread {
+    Spread {
+        ln_stiffness: [0, 1, 2].map(|k| spread.ln_stiffness[k].hypot(a.ln_stiffness[k] - b.ln_stiffness[k])),
+        down: spread.down.hypot(a.down.angle_between(b.down)),
+        ln_drag: spread.ln_drag.hypot(a.ln_drag - b.ln_drag),
+        ln_friction: spread.ln_friction.hypot(a.ln_friction - b.ln_friction),
+    }
+}
+
 /// Roots of the diagonal of the inverse.
 fn spread(matrix: &[Vec<f64>]) -> Spread {
     let variance = |p: usize| {
@@ -300,11 +319,12 @@ mod tests {
         assert_eq!(corners, [0, 6]);
         corners.iter().for_each(|v| ties[*v] = HOLD);
         let ways = ways(&mesh, &cloth);
-        let drive = Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, ways: &ways, knots };
+        let drive =
+            Drive { cloth: &cloth, h: 0.01, substeps: 2, targets: &targets, ties, ways: &ways, knots };
         let frames = drive.run(&truth, false).unwrap().frames;
         let deviations = vec![vec![2e-3; 49]; frames.len()];
         let settings = CauseSettings { fit: true, iterations: 30, ..CauseSettings::default() };
-        let found = find(&mesh, &frames, &deviations, (50.0, &dynamics), &settings);
+        let found = find((&mesh, &Known::default()), &frames, &deviations, (50.0, &dynamics), &settings);
         let off = |k: usize| (found.causes.ln_stiffness[k] - truth.ln_stiffness[k]).exp();
         let angle = found.causes.down.angle_between(truth.down).to_degrees();
         println!("bend {:.2}, shear {:.2}, gravity {angle:.1}°, {:?}", off(1), off(2), found.spread);

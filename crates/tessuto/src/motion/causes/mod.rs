@@ -38,6 +38,7 @@ pub use settings::CauseSettings;
 use crate::error::Error;
 use crate::mesh::{Mesh, Positions};
 use crate::motion::parameters::{Dynamics, Parameters};
+use crate::scene::Known;
 use crate::sim::Cloth;
 
 /// Deviation of positions of which nothing better is known `[m]`.
@@ -99,9 +100,9 @@ pub struct Explanation {
 }
 
 /// Finds the causes of the motion `frames`, shape [N, V], of the cloth of `template`, `fps` frames per second, with standard deviations
-/// `deviations`, shape [N, V] `[m]`, and the forces that replay it.
+/// `deviations`, shape [N, V] `[m]`, and the forces that replay it; what is `known` beforehand is not searched.
 pub fn explain(
-    template: &Mesh,
+    (template, known): (&Mesh, &Known),
     frames: &[Positions],
     deviations: Option<&[Vec<f64>]>,
     (fps, dynamics): (f64, &Dynamics),
@@ -109,7 +110,7 @@ pub fn explain(
 ) -> Explanation {
     let unknown = || vec![vec![UNKNOWN; template.positions.len()]; frames.len()];
     let sigma = deviations.map_or_else(unknown, <[Vec<f64>]>::to_vec);
-    let found = find(template, frames, &sigma, (fps, dynamics), settings);
+    let found = find((template, known), frames, &sigma, (fps, dynamics), settings);
     let cut = cut_cloth(template, &found.rest_lengths);
     let (guided, parts) = follow(&cut, dynamics, &found, frames, settings);
     let parameters = Parameters::of_springs(found.causes.log_stiffness(), guided.accelerations);

@@ -51,6 +51,7 @@ pub(super) fn scene() -> Scene {
         first_frame: 0,
         template: Mesh { positions, ..flat },
         frames: Video::from((0..FRAMES).map(frame).collect::<Vec<_>>()),
+        known: Default::default(),
         truth: Truth::default(),
     }
 }

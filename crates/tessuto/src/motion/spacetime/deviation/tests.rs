@@ -173,6 +173,7 @@ pub(in super::super) fn still() -> Scene {
         first_frame: 0,
         template,
         frames: Video::from(vec![Frame { rgb, mask }; 4]),
+        known: Default::default(),
         truth: Truth::default(),
     }
 }
