@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::math::delaunay::delaunay;
 use crate::math::rng::Rng;
 use crate::mesh::{Face, Mesh, Motion};
-use crate::scene::{Scene, Truth};
+use crate::scene::{Known, Scene, Truth};
 
 /// Fewest and most vertices.
 pub const VERTICES: [usize; 2] = [16, 4000];
@@ -90,7 +90,8 @@ pub fn of_scene(scene: &Scene, count: usize) -> Result<Cow<'_, Scene>> {
         Motion::new(motion.iter().map(at).collect()).expect("as many finite positions in every frame")
     });
     let truth = Truth { vertices, ..scene.truth.clone() };
-    Ok(Cow::Owned(Scene { template: made.mesh, truth, ..scene.clone() }))
+    let known = Known { held: None, ..scene.known.clone() };
+    Ok(Cow::Owned(Scene { template: made.mesh, truth, known, ..scene.clone() }))
 }
 
 /// Points of even density in a rectangle from the origin to `size`, those of the border first and at even distances.

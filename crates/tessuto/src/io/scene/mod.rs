@@ -97,13 +97,14 @@ pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
 
     let template_missing = mesh.is_none();
     let stand_in = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
-    let mesh = mesh.unwrap_or(stand_in);
-    let place = folder.join("scene.json").display().to_string();
-    let known = manifest.known(mesh.positions.len(), &place).unwrap_or_else(|e| {
+    let known = mesh.as_ref().map_or(Ok(Known::default()), |mesh| {
+        manifest.known(mesh.positions.len(), &folder.join("scene.json").display().to_string())
+    });
+    let known = known.unwrap_or_else(|e| {
         errors.push(e);
         Known::default()
     });
-    let loaded = Some(mesh).zip(video).map(|(template, (crop, frames))| {
+    let loaded = Some(mesh.unwrap_or(stand_in)).zip(video).map(|(template, (crop, frames))| {
         let scene = Scene {
             name: manifest.name.clone(),
             folder: folder.to_path_buf(),

@@ -36,7 +36,7 @@ pub struct Drive<'a> {
     pub targets: &'a [Positions],
     /// Strength κ of every vertex's tie [1/s²].
     pub ties: Vec<f64>,
-    /// How much of every edge runs along u and along v of the panel, shape [edges].
+    /// How much of it runs along u and along v of the panel, for every edge.
     pub ways: &'a [[f64; 2]],
     /// Times of the wind's values.
     pub knots: Knots,

@@ -4,8 +4,8 @@
 //! have internal friction c ([`crate::sim::Cloth::rub`]), g has a known size, air acts across the cloth and the wind's velocity w
 //! changes smoothly in time, few vertices are held; D is what is left.
 //!
-//! The unknowns p, ln stiffnesses, the direction of g, ln C_d, ln c and the wind at [`Knots`], make a motion x(p) by a drive: a simulation of
-//! second order in time whose held vertices follow their found paths and whose others are tied to theirs by weak springs, the gain of
+//! The unknowns p, ln stiffnesses, the direction of g, ln C_d, ln c, ln of the panel's two lengths and the wind at [`Knots`], make a motion
+//! x(p) by a drive: a simulation of second order in time whose held vertices follow their found paths and whose others are tied to theirs by weak springs, the gain of
 //! a steady filter: they keep errors of the model from growing without end. p minimises
 //!
 //!   1/ν Σ ½ τ² ln(1 + e²/τ²) + priors,   e² = ‖(x(p) − found)/σ‖²,
