@@ -337,5 +337,31 @@ mod tests {
                 .zip(found.prior.ln_stiffness)
                 .all(|(sd, prior)| *sd < 0.4 * prior)
         );
+
+        // What is known is taken: gravity a little off, and held vertices that would not be guessed.
+        let down = (truth.down + DVec3::new(0.02, 0.0, -0.01)).normalize();
+        let known = Known { down: Some(down), held: Some(vec![0, 3, 6]) };
+        let brief = CauseSettings { iterations: 2, ..settings };
+        let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief);
+        assert_eq!(found.held, [0, 3, 6]);
+        assert!(found.prior.down <= KNOWN_TILT && found.causes.down.angle_between(down) < 3.0 * KNOWN_TILT);
+    }
+
+    #[test]
+    fn what_another_hold_makes_of_a_number_adds_to_its_deviation() {
+        let a = Causes {
+            ln_stiffness: [5.0, -7.0, -9.0],
+            down: DVec3::Y,
+            ln_drag: 0.0,
+            ln_friction: -8.0,
+            ln_length: [0.0; 2],
+            wind: Vec::new(),
+        };
+        let b = Causes { ln_stiffness: [5.0, -7.4, -9.0], ln_drag: 1.2, ..a.clone() };
+        let spread = Spread { ln_stiffness: [0.5, 0.3, 0.1], down: 0.04, ln_drag: 0.5, ln_friction: 1.0 };
+        let out = wider(spread, &a, &b);
+        assert!((out.ln_stiffness[1] - 0.5).abs() < 1e-12 && (out.ln_drag - 1.3).abs() < 1e-12);
+        let same = Spread { ln_stiffness: [0.5, out.ln_stiffness[1], 0.1], ln_drag: out.ln_drag, ..spread };
+        assert_eq!(out, same);
     }
 }
