@@ -4,7 +4,7 @@
 //!
 //! MOTION is a result's motion.npy, or gt/vertices.npy of the scene. Prints factors and angles against gt/physics.json, where there is
 //! one, and how far the motion goes on as gt/calm.npy, and as gt/stiffer.npy with ten times the bend stiffness.
-//! `known` takes stiffnesses, gravity, drag and friction from gt/physics.json instead of searching, `held=0,24` the held vertices,
+//! `known` takes stiffnesses, gravity, drag and friction from gt/physics.json instead of searching, `held=0,24` takes these vertices as held,
 //! `start=1,10,0.1` multiplies the starts of stretch, bend and shear. `residual=0` leaves out what no cause explains, `friction=1e-8` sets the
 //! internal friction, `profile=0.1,1,10` holds the bend stiffness at the found one times each of these while all else is searched again, `length=0.9997` takes the panel's lengths times that, `compression=1` lets edges resist shortening.
 
@@ -59,7 +59,10 @@ fn main() -> tessuto::Result<()> {
             Some(_) => config.set(&argument)?,
         }
     }
-    let scene = load(Path::new(&folder), &LoadOptions::default())?.scene;
+    let mut scene = load(Path::new(&folder), &LoadOptions::default())?.scene;
+    if held.is_some() {
+        scene.known.held = held.take();
+    }
     let frames = field(Path::new(&motion)).expect("a motion");
     let sigma: Vec<Vec<f64>> = match deviations {
         Some(d) => d.data.chunks(d.shape[1]).map(<[f64]>::to_vec).collect(),
@@ -100,9 +103,6 @@ fn main() -> tessuto::Result<()> {
                 winds[n].as_array().expect("3").iter().map(|v| v.as_f64().expect("v")).collect();
             *w = DVec3::from_slice(&v);
         }
-    }
-    if let Some(held) = held {
-        found.held = held;
     }
     if let Some(c) = friction {
         found.causes.ln_friction = f64::ln(c);
