@@ -40,11 +40,11 @@ const LARGEST_STEP: f64 = 1.5;
 /// The search ends when an iteration gains less than this, or so much of the objective.
 const LEAST_GAIN: f64 = 3e-3;
 const ATTEMPTS: usize = 3;
+/// Damping after a step that failed, at least: with less the next one would be the same.
+const LEAST_DAMPING: f64 = 0.1;
 /// Where the motion that the causes make is off by more than so many of the positions' deviations, root mean square, something else
 /// holds or moves the cloth, and nothing is told.
 const DOUBTED: f64 = 1.75;
-/// Damping after a step that failed, at least: with less the next one would be the same.
-const LEAST_DAMPING: f64 = 0.1;
 
 /// What moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
 /// `deviations`, shape [N, V] `[m]`; what is `known` beforehand is not searched.
@@ -104,8 +104,8 @@ pub fn find(
     let mut drive = Drive { cloth: &cloth, h, substeps, targets: &targets, ties, ways: &ways, knots };
     let mut data = Data::new(&found[..window], deviations, fps);
     let bounds = dynamics.springs().map(|range| [ln(range.low), ln(range.high)]);
+    let mut last_misfit = 0.0;
     // A simulation that fails at the start leaves what was known before.
-    let mut last = 0.0f64;
     for pass in 0..2 {
         if !guess.still {
             out.held = match pass {
@@ -126,9 +126,9 @@ pub fn find(
         let before = std::mem::replace(&mut out.causes, causes);
         // Where hands hold the cloth is itself a guess: what another guess makes of it tells by how much.
         out.spread = if pass == 1 && !guess.still { wider(spread, &before, &out.causes) } else { spread };
-        last = misfit.sqrt();
+        last_misfit = misfit.sqrt();
         if pass == 0 {
-            out.misfit = last;
+            out.misfit = last_misfit;
         }
         if misfit <= 1.0 {
             break;
@@ -136,8 +136,8 @@ pub fn find(
         // Where the model is off by more than the positions are, its errors are what data are uncertain by.
         data.together *= misfit.max(1.0);
     }
-    // With other held vertices the sheet has other stiffnesses.
-    if !guess.told || last > DOUBTED {
+    // With other held vertices the sheet has other stiffnesses, and would make another motion.
+    if !guess.told || last_misfit > DOUBTED {
         out.spread = spread;
     }
     // As they are written: a replay starts from the same bits.
