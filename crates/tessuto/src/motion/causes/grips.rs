@@ -1,26 +1,21 @@
 //! Where hands hold the cloth.
 //!
-//! Held vertices are stretches of the border, the grips, three vertices each. Beside what [`super::held`] guesses, places to either side are
-//! tried: cloth that is simulated from the wrong grip leaves the found positions within tenths of a second. All grips are tried at their
-//! next places at once, what is near a grip decides about it, and it goes from the guess as far as the misfit falls without a rise:
-//! with causes that are not known well yet the lowest place of all may be a wrong one.
+//! Held vertices are stretches of the border, the grips, three vertices each. From the upper corners they are moved along the border, each
+//! by itself and all that gained together, by ever smaller ways, as long as the objective falls. At every place the causes are fitted anew: with
+//! those of a wrong hold the right one is no better.
 
-use glam::DVec3;
+use std::collections::BTreeSet;
+
 use rayon::prelude::*;
 
-use super::drive::Drive;
-use super::forces::Causes;
 use super::held::border_loop;
-use crate::mesh::{Mesh, Positions};
+use super::search::Attempt;
+use crate::mesh::Mesh;
 
-/// Time that is simulated for a try `[s]`, and least number of frames.
-const TIME: f64 = 0.4;
-const FRAMES: usize = 8;
 /// Vertices that a hand holds beside its middle.
 const BESIDE: isize = 1;
-/// Places are this fraction of the border apart, so many to either side of the guess.
-const STRIDE: f64 = 1.0 / 96.0;
-const PLACES: isize = 8;
+/// Ways of the grips as fractions of the border, one after the other.
+const STRIDES: [f64; 3] = [1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0];
 
 /// A stretch of the border: number of its first vertex along the loop, and of vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,80 +25,126 @@ struct Grip {
 }
 
 impl Grip {
-    /// About the middle of this one, moved by `way` vertices.
-    fn about(self, way: isize) -> Self {
-        Self { first: self.first + self.count / 2 + way - BESIDE, count: 2 * BESIDE + 1 }
+    /// About the middle of this one.
+    fn about(self) -> Self {
+        Self { first: self.first + self.count / 2 - BESIDE, count: 2 * BESIDE + 1 }
     }
 }
 
-/// What hands hold about the vertices of `guess`, in ascending order.
-pub fn about(template: &Mesh, guess: &[usize]) -> Vec<usize> {
+/// What was found at a hold.
+#[derive(Debug, Clone)]
+pub struct Hold {
+    /// Vertices in ascending order.
+    pub held: Vec<usize>,
+    /// What explains the motion with them, roughly.
+    pub attempt: Attempt,
+    /// The objective, and the price of what is held.
+    pub value: f64,
+}
+
+/// A change of a grip: what is added to its first vertex and to its count.
+#[derive(Debug, Clone, Copy)]
+struct Change {
+    grip: usize,
+    first: isize,
+    count: isize,
+}
+
+/// Where hands hold the cloth of `template` whose upper corners are `guess`, and the other places that were tried. A held vertex costs `price`.
+/// `fit` fits causes to a hold, from those of another one if there is one; `None` where the cloth cannot be simulated so.
+pub fn find(
+    template: &Mesh,
+    guess: &[usize],
+    price: f64,
+    fit: impl Fn(&[usize], Option<&Attempt>) -> Option<Attempt> + Sync,
+) -> Option<(Hold, Vec<Hold>)> {
     let border = border_loop(template);
-    let grips: Vec<Grip> = grips_of(&border, guess).into_iter().map(|g| g.about(0)).collect();
+    let grips: Vec<Grip> = grips_of(&border, guess).into_iter().map(Grip::about).collect();
     // Nothing of the guess is on the border: a closed mesh, or a hole in one.
-    if grips.is_empty() { guess.to_vec() } else { held_by(&border, &grips) }
+    let held = if grips.is_empty() { guess.to_vec() } else { held_by(&border, &grips) };
+    let attempt = fit(&held, None)?;
+    let value = attempt.value + price * held.len() as f64;
+    let seen = BTreeSet::from([held.clone()]);
+    let best = Hold { held, attempt, value };
+    let mut descent = Descent { border, grips, price, fit, best, others: Vec::new(), seen };
+    for stride in STRIDES {
+        let stride = ((descent.border.len() as f64 * stride).round() as isize).max(1);
+        descent.run(&[[-stride, 0], [stride, 0]]);
+    }
+    // Shorter, then longer at either end.
+    descent.run(&[[1, -1], [0, -1]]);
+    descent.run(&[[-1, 1], [0, 1]]);
+    Some((descent.best, descent.others))
 }
 
-/// What a drive needs beside the grips.
-pub struct Tries<'a> {
-    /// The drive, with the ties of cloth that nothing holds.
-    pub drive: &'a Drive<'a>,
-    /// Strength of the ties of held vertices [1/s²].
-    pub hold: f64,
-    /// The found positions, shape [N, V] `[m]`.
-    pub found: &'a [Positions],
-    /// What acts on the cloth, as far as it is known.
-    pub causes: &'a Causes,
-    /// Time between frames `[s]`.
-    pub interval: f64,
+/// A search under way.
+struct Descent<F> {
+    border: Vec<usize>,
+    grips: Vec<Grip>,
+    price: f64,
+    fit: F,
+    best: Hold,
+    others: Vec<Hold>,
+    /// Held vertices that were tried.
+    seen: BTreeSet<Vec<usize>>,
 }
 
-impl Tries<'_> {
-    /// Where hands hold the cloth, about the vertices of `guess` or away from these as long as the misfit falls; vertices in ascending order.
-    pub fn best(&self, template: &Mesh, guess: &[usize]) -> Vec<usize> {
-        let border = border_loop(template);
-        let grips = grips_of(&border, guess);
-        if grips.is_empty() {
-            return guess.to_vec();
-        }
-        let zones = zones(template, &border, &grips);
-        let stride = ((border.len() as f64 * STRIDE).round() as isize).max(1);
-        let at = |place: usize| (place as isize - PLACES) * stride;
-        let tried: Vec<Option<Vec<f64>>> = (0..=2 * PLACES as usize)
-            .into_par_iter()
-            .map(|place| {
-                let moved: Vec<Grip> = grips.iter().map(|g| g.about(at(place))).collect();
-                self.misfit(&border, &moved, &zones)
-            })
-            .collect();
-        let descend = |g: usize| {
-            let misfit =
-                |place: usize| tried.get(place).and_then(Option::as_ref).map_or(f64::INFINITY, |m| m[g]);
-            let mut place = PLACES as usize;
-            loop {
-                let lower = if misfit(place - 1) < misfit(place + 1) { place - 1 } else { place + 1 };
-                if misfit(lower) >= misfit(place) || lower == 0 {
-                    return grips[g].about(at(place));
-                }
-                place = lower;
-            }
-        };
-        held_by(&border, &(0..grips.len()).map(descend).collect::<Vec<_>>())
+impl<F: Fn(&[usize], Option<&Attempt>) -> Option<Attempt> + Sync> Descent<F> {
+    /// Changes grips by `ways`, what is added to first vertex and count, as long as the objective falls.
+    fn run(&mut self, ways: &[[isize; 2]]) {
+        let of = |grip| ways.iter().map(move |[first, count]| Change { grip, first: *first, count: *count });
+        let changes: Vec<Change> = (0..self.grips.len()).flat_map(of).collect();
+        while self.step(&changes) {}
     }
 
-    /// Sum of the squared distances of the vertices of each zone when `grips` hold the cloth; `None` if that cannot be simulated.
-    fn misfit(&self, border: &[usize], grips: &[Grip], zones: &[usize]) -> Option<Vec<f64>> {
-        let frames = ((TIME / self.interval).ceil() as usize).max(FRAMES);
-        let steps = (frames * self.drive.substeps).min(self.drive.targets.len() - 1);
-        let mut ties = self.drive.ties.clone();
-        held_by(border, grips).into_iter().for_each(|v| ties[v] = self.hold);
-        let drive = Drive { targets: &self.drive.targets[..=steps], ties, ..*self.drive };
-        let simulated = drive.run(self.causes, false).ok()?.frames;
-        let mut out = vec![0.0; grips.len()];
-        for (x, found) in simulated.iter().zip(self.found) {
-            x.iter().zip(found).zip(zones).for_each(|((a, b), zone)| out[*zone] += a.distance_squared(*b));
+    /// Takes the best of `changes`, or the best one of every grip at once, if the objective falls.
+    fn step(&mut self, changes: &[Change]) -> bool {
+        let alone: Vec<_> = changes.iter().filter_map(|change| self.unseen(vec![*change])).collect();
+        let mut tried: Vec<_> = alone.into_par_iter().filter_map(|new| self.attempt(new)).collect();
+        let value = |(_, hold): &(Vec<Change>, Hold)| hold.value;
+        let gain = |grip: usize| {
+            let own = tried.iter().filter(|t| t.0[0].grip == grip && value(t) < self.best.value);
+            own.min_by(|a, b| value(a).total_cmp(&value(b))).map(|(change, _)| change[0])
+        };
+        let together: Vec<Change> = (0..self.grips.len()).filter_map(gain).collect();
+        if together.len() > 1 {
+            let new = self.unseen(together);
+            tried.extend(new.and_then(|new| self.attempt(new)));
         }
-        out.iter().all(|m| m.is_finite()).then_some(out)
+        tried.sort_by(|a, b| value(a).total_cmp(&value(b)));
+        let gained = tried.first().is_some_and(|t| value(t) < self.best.value);
+        let mut tried = tried.into_iter();
+        if gained && let Some((changes, hold)) = tried.next() {
+            self.grips = self.changed(&changes);
+            self.others.push(std::mem::replace(&mut self.best, hold));
+        }
+        self.others.extend(tried.map(|(_, hold)| hold));
+        gained
+    }
+
+    fn changed(&self, changes: &[Change]) -> Vec<Grip> {
+        let mut out = self.grips.clone();
+        for change in changes {
+            out[change.grip].first += change.first;
+            out[change.grip].count += change.count;
+        }
+        out
+    }
+
+    /// `changes` and what is held after them, unless that was tried or cannot be.
+    fn unseen(&mut self, changes: Vec<Change>) -> Option<(Vec<Change>, Vec<usize>)> {
+        let grips = self.changed(&changes);
+        let held = held_by(&self.border, &grips);
+        // Every hand holds something that no other one holds.
+        let apart = grips.iter().all(|g| g.count > 0)
+            && held.len() as isize == grips.iter().map(|g| g.count).sum::<isize>();
+        (apart && self.seen.insert(held.clone())).then_some((changes, held))
+    }
+
+    fn attempt(&self, (changes, held): (Vec<Change>, Vec<usize>)) -> Option<(Vec<Change>, Hold)> {
+        let attempt = (self.fit)(&held, Some(&self.best.attempt))?;
+        let value = attempt.value + self.price * held.len() as f64;
+        Some((changes, Hold { held, attempt, value }))
     }
 }
 
@@ -132,23 +173,9 @@ fn held_by(border: &[usize], grips: &[Grip]) -> Vec<usize> {
     out
 }
 
-/// The nearest grip of every vertex.
-fn zones(template: &Mesh, border: &[usize], grips: &[Grip]) -> Vec<usize> {
-    let x: &Positions = &template.positions;
-    let n = border.len() as isize;
-    let middle = |g: &Grip| x[border[(g.first + g.count / 2).rem_euclid(n) as usize]];
-    let middles: Vec<DVec3> = grips.iter().map(middle).collect();
-    let nearest = |p: &DVec3| {
-        let by = |a: &usize, b: &usize| {
-            p.distance_squared(middles[*a]).total_cmp(&p.distance_squared(middles[*b]))
-        };
-        (0..middles.len()).min_by(by).unwrap_or(0)
-    };
-    x.iter().map(nearest).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::forces::Causes;
     use super::*;
     use crate::mesh::grid;
     use glam::DVec2;
@@ -162,11 +189,45 @@ mod tests {
         let grips = grips_of(&border, &held);
         assert_eq!(grips.len(), 2);
         assert_eq!(held_by(&border, &grips), held);
-        assert_eq!(about(&mesh, &[0]), [0, 1, 5]);
-        assert_eq!(about(&mesh, &[7]), [7], "within the sheet there is no grip to widen");
-        assert_eq!(about(&mesh, &held).len(), 6);
-        let zones = zones(&mesh, &border, &grips);
-        assert_ne!(zones[0], zones[4]);
-        assert!(grips_of(&border, &[]).is_empty());
+        let about = |held: &[usize]| {
+            let grips: Vec<Grip> = grips_of(&border, held).into_iter().map(Grip::about).collect();
+            held_by(&border, &grips)
+        };
+        assert_eq!(about(&[0]), [0, 1, 5]);
+        assert_eq!(about(&held).len(), 6);
+        assert!(grips_of(&border, &[7]).is_empty(), "within the sheet there is no grip");
+    }
+
+    #[test]
+    fn hands_are_found_where_the_objective_is_least() {
+        let mesh = grid(9, 7, DVec2::splat(0.4), 1.0);
+        let truth = [2, 3, 17, 26, 35];
+        let border = border_loop(&mesh);
+        let place = |v: &usize| border.iter().position(|b| b == v).unwrap() as f64;
+        // By how far each held vertex is from the nearest true one, and by true ones that are not held.
+        let fit = |held: &[usize], _: Option<&Attempt>| {
+            let away = |v: &usize, from: &[usize]| {
+                let n = border.len() as f64;
+                let d = |w: &usize| {
+                    ((place(v) - place(w)).rem_euclid(n)).min((place(w) - place(v)).rem_euclid(n))
+                };
+                from.iter().map(d).fold(f64::INFINITY, f64::min)
+            };
+            let value = held.iter().map(|v| away(v, &truth)).sum::<f64>()
+                + truth.iter().map(|v| away(v, held)).sum::<f64>();
+            let causes = Causes {
+                ln_stiffness: [0.0; 3],
+                down: glam::DVec3::Y,
+                ln_drag: 0.0,
+                ln_friction: 0.0,
+                ln_length: [0.0; 2],
+                wind: Vec::new(),
+            };
+            Some(Attempt { causes, value })
+        };
+        let (best, others) = find(&mesh, &[0, 8], 0.0, fit).unwrap();
+        assert_eq!(best.held, truth);
+        assert!(others.iter().all(|other| other.value > best.value));
+        assert!(find(&mesh, &[0, 8], 0.0, |_, _| None).is_none());
     }
 }

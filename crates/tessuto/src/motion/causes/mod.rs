@@ -26,6 +26,7 @@ mod held;
 mod lengths;
 mod objective;
 mod parts;
+mod search;
 mod settings;
 
 pub use explained::{Explained, Sizes};

@@ -92,6 +92,12 @@ impl<'a> Data<'a> {
         2.0 * self.value(frames) / independent
     }
 
+    /// What the path of a vertex that is held saves in the mean, by half an independent error a period.
+    pub fn price(&self) -> f64 {
+        let independent = (3 * self.found[0].len() * (self.found.len() - 1)) as f64 / self.together;
+        0.5 * independent / INDEPENDENT
+    }
+
     /// Adds gradient and Gauss-Newton matrix.
     pub fn add_system(&self, trajectory: &Trajectory, system: &mut System) {
         let unknowns = system.gradient.len();
