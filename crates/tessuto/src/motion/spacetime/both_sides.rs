@@ -1,4 +1,4 @@
-//! The start of the search from both sides: frames followed backward in time as well, and the best of all followers in each.
+//! The start of the search from both sides: frames followed backward in time as well, mirror images of all, and the best of these in each.
 //!
 //! Where the fabric moves fast, it may be lost for some frames and found again: the next ones are right, those between are
 //! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side.
@@ -12,7 +12,7 @@ use crate::session::{Epoch, Session, foreign_state, named};
 
 impl Problem<'_> {
     /// The best path through the frames of all followers that were not lost: those of `tracked`, one that goes backward from where the
-    /// best of these ends and, on the other core, one with the spreads as they are.
+    /// best of these ends and, on the other core, one with the spreads as they are; then the mirror images of what is best.
     ///
     /// # Errors
     /// As of [`Problem::track`].
@@ -81,6 +81,8 @@ impl Problem<'_> {
         }
         tracked.late = Some([backward, strict]);
         sides.push(behind);
+        let best = self.best_path(&sides, 1.0);
+        sides.extend(self.mirrored(&best));
         Ok(self.best_settled(&sides))
     }
 

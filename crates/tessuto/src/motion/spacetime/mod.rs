@@ -15,8 +15,8 @@
 //! | [outline](super::terms::outline) | distance `[px]` of every boundary point to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
 //! | [shading](super::terms::shading) | logarithm of every vertex's brightness relative to the first frame, less what the light of the scene explains | (a_v/a) c(r/σ) | `shading`, `shading_share` |
 //! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ) | `strain` |
-//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]` | c(r/σ) | `signed_bend` `[rad]` |
-//! | [bend](super::terms::bend) | change of every bending angle `[rad]` | ½ (r/σ)² | `bend` `[rad]` |
+//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]`; σ in proportion to that length | c(r/σ) | `signed_bend` `[rad]` |
+//! | [bend](super::terms::bend) | change of every bending angle `[rad]`; σ likewise | ½ (r/σ)² | `bend` `[rad]` |
 //! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ), ½ (m/σ_m)² | `shear`, `shear_smooth` `[rad]` |
 //! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); `refine` alone | ½ (r/σ)² | `still` `[m]` |
 //! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
@@ -58,6 +58,7 @@ pub mod gain;
 mod joint;
 mod level;
 mod light;
+mod mirrored;
 #[cfg(test)]
 mod proof;
 mod refine;
@@ -117,8 +118,8 @@ impl<'a> Problem<'a> {
         let (s, x) = (&settings, &template.positions);
         let priors = PriorTerms {
             strain: Strain { cloth, sigma: s.strain, tail: s.tail },
-            signed_bend: SignedBend::new(cloth, &template.triangles(), x, s.signed_bend, s.tail),
-            bend: Bend { cloth, sigma: s.bend },
+            signed_bend: SignedBend::new(cloth, template, s.signed_bend, s.tail),
+            bend: Bend::new(cloth, template, s.bend),
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
         let size = size_in_image(template, &scene.camera);

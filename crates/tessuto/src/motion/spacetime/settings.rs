@@ -10,9 +10,11 @@ settings! {
         /// Strain and signed bending beyond this many spreads are treated as a fold and resisted less and less; larger
         /// is stricter.
         tail: f64 = 1.0, number(1e-3..=1e6, "");
-        /// Spread σ of the bending angle at a vertex, whatever its direction; larger is weaker.
+        /// Spread σ of the bending angle at a vertex, whatever its direction, where edges measure a 24th of the sheet; it grows
+        /// with their length. Larger is weaker.
         bend: f64 = 0.15, number(1e-6..=1e3, "rad");
-        /// Spread σ of the bending angle at a vertex against that of the template, with its sign; larger is weaker.
+        /// Spread σ of the bending angle at a vertex against that of the template, with its sign, where edges measure a 24th of
+        /// the sheet; it grows with their length. Larger is weaker.
         signed_bend: f64 = 0.02, number(1e-6..=1e3, "rad");
         /// Spread σ of the shearing angle at a vertex about the sheet's own smooth shear; larger is weaker.
         shear: f64 = 0.01, number(1e-6..=1e3, "rad");

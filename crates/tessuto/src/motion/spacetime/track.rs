@@ -189,7 +189,7 @@ impl Follower {
         for (level, gains) in levels.iter_mut().zip(&mut self.gains) {
             level.gains[n].clone_from(gains);
             level.set_adjacent(n, level.explained(n, level.observe(adjacent, last)));
-            (x, value) = level.fit_frame(n, x, &predicted, &mut scratch);
+            (x, value) = level.fit_frame(n, x, &predicted, 1.0, &mut scratch);
             if !value.is_finite() {
                 self.lost = Some((k, value));
                 self.frames.push(last.clone());
@@ -204,17 +204,18 @@ impl Follower {
 }
 
 impl LevelSearch<'_, '_> {
-    /// Fits one frame with a pull towards its prediction; returns its positions and the objective, with which it ends
-    /// where that is not finite.
-    fn fit_frame(
+    /// Fits one frame with a pull towards its prediction, `strength` times that of the acceleration term; returns its positions and the
+    /// objective, with which it ends where that is not finite.
+    pub(super) fn fit_frame(
         &mut self,
         frame: usize,
         mut x: Positions,
         predicted: &Positions,
+        strength: f64,
         scratch: &mut Scratch,
     ) -> (Positions, f64) {
         let cloth = self.problem.cloth;
-        let kappa = self.problem.acceleration_weight();
+        let kappa = strength * self.problem.acceleration_weight();
         let pull = |x: &Positions| -> f64 {
             0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
         };

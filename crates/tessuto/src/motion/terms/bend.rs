@@ -1,19 +1,48 @@
-//! Prior on bending whatever its direction: Σ ½ ((θ − θ0)/σ)² over the cloth's bending pairs, with the angle θ of
-//! `sim::angle` and θ0 that of the template.
+//! Prior on bending whatever its direction: Σ ½ ((θ − θ0)/(λ σ))² over the cloth's bending pairs, with the angle θ of
+//! `sim::angle`, θ0 that of the template and the pair's arm length λ.
+//!
+//! What has a spread is the curvature, whatever the mesh: over longer arms the same curvature is a larger angle. So spreads are told for
+//! arms of a 24th of the sheet's size and grow in proportion to λ, its length in such arms. With one spread for all a coarse mesh that
+//! bends is found flat, and as it is shorter in the image then, too far away.
 
 use glam::DVec3;
 
 use super::{FrameSystem, Term};
+use crate::mesh::Mesh;
 use crate::sim::angle;
-use crate::sim::cloth::{Cloth, arms};
+use crate::sim::cloth::{AngleSpring, Cloth, arms};
+
+/// Number of arms along a sheet whose spreads are as they are told.
+const NOMINAL_ARMS: f64 = 24.0;
 
 /// See the module.
 #[derive(Clone)]
 pub struct Bend<'a> {
-    /// The cloth.
-    pub cloth: &'a Cloth,
-    /// Spread σ of the angle `[rad]`.
-    pub sigma: f64,
+    cloth: &'a Cloth,
+    /// 1/(λ σ)² of every pair `[1/rad²]`.
+    stiffness: Vec<f64>,
+}
+
+impl<'a> Bend<'a> {
+    /// At rest in the shape of `template`, with the spread σ of nominal arms `[rad]`.
+    pub fn new(cloth: &'a Cloth, template: &Mesh, sigma: f64) -> Self {
+        let of = |length: f64| (length * sigma).powi(-2);
+        Self { cloth, stiffness: arm_lengths(cloth, template).into_iter().map(of).collect() }
+    }
+
+    fn pairs(&self) -> impl Iterator<Item = (&AngleSpring, f64)> {
+        self.cloth.bends.iter().zip(self.stiffness.iter().copied())
+    }
+}
+
+/// Mean length λ of the two arms of every bending pair, in nominal arms.
+pub fn arm_lengths(cloth: &Cloth, template: &Mesh) -> Vec<f64> {
+    let nominal = template.area().sqrt() / NOMINAL_ARMS;
+    let of = |spring: &AngleSpring| {
+        let [a, o, c] = spring.vertices.map(|v| template.positions[v as usize]);
+        0.5 * (a.distance(o) + o.distance(c)) / nominal
+    };
+    cloth.bends.iter().map(of).collect()
 }
 
 impl Term for Bend<'_> {
@@ -22,22 +51,40 @@ impl Term for Bend<'_> {
     }
 
     fn value(&self, x: &[DVec3]) -> f64 {
-        let of = |spring: &crate::sim::cloth::AngleSpring| {
+        let of = |(spring, stiffness): (&AngleSpring, f64)| {
             let [u, w] = arms(x, spring.vertices);
-            angle::value(u, w, self.sigma.powi(-2), spring.rest_angle)
+            angle::value(u, w, stiffness, spring.rest_angle)
         };
-        self.cloth.bends.iter().map(of).sum()
+        self.pairs().map(of).sum()
     }
 
     /// The matrix is that of Gauss and Newton.
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
-        let stiffness = self.sigma.powi(-2);
-        for spring in &self.cloth.bends {
+        for (spring, stiffness) in self.pairs() {
             let [u, w] = arms(x, spring.vertices);
             spring.scatter(angle::gradient(u, w, stiffness, spring.rest_angle), &mut system.gradient);
             let h = angle::hessian_gauss_newton(u, w, stiffness, spring.rest_angle);
             spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix);
         }
         self.value(x)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::grid;
+    use glam::DVec2;
+
+    #[test]
+    fn arms_of_a_24th_of_the_sheet_are_nominal() {
+        for (vertices, expected) in [(25, 1.0), (13, 2.0)] {
+            let mesh = grid(vertices, vertices, DVec2::splat(0.3), 1.0);
+            let cloth = Cloth::new(&mesh);
+            let lengths = arm_lengths(&cloth, &mesh);
+            assert!(lengths.iter().all(|length| (length - expected).abs() < 1e-9));
+            let bend = Bend::new(&cloth, &mesh, 0.15);
+            assert!(bend.stiffness.iter().all(|k| (k * (expected * 0.15).powi(2) - 1.0).abs() < 1e-9));
+        }
     }
 }

@@ -3,16 +3,18 @@
 //! The angle springs of the simulation do not tell a fold from its mirror image, and neither do lengths seen
 //! from the front. The height of a vertex over its two opposite neighbours, along the surface normal, does:
 //!
-//!   E = Σ ½ τ² ln(1 + (r/τ)²),  r = (η − η0)/(l σ),  η = (x_a − 2 x_o + x_c)·n_o,
+//!   E = Σ ½ τ² ln(1 + (r/τ)²),  r = (η − η0)/(l λ σ),  η = (x_a − 2 x_o + x_c)·n_o,
 //!
-//! with the mean arm length l of the template. The tail beyond τ spreads lets sharp folds form. The derivatives hold the
-//! normals n_o fixed: their change multiplies the in-surface part of x_a − 2 x_o + x_c, which is small.
+//! with the mean arm length l of the template, `[m]`, and λ, the same in arms that the spread is told for ([`super::bend`]). The
+//! tail beyond τ spreads lets sharp folds form. The derivatives hold the normals n_o fixed: their change multiplies the in-surface
+//! part of x_a − 2 x_o + x_c, which is small.
 
 use glam::DVec3;
 
+use super::bend::arm_lengths;
 use super::robust::cauchy;
 use super::{FrameSystem, Term, outer};
-use crate::mesh::Positions;
+use crate::mesh::{Mesh, Positions};
 use crate::sim::Cloth;
 use crate::sim::cloth::AngleSpring;
 
@@ -23,23 +25,24 @@ pub struct SignedBend<'a> {
     triangles: Vec<[u32; 3]>,
     /// η0 `[m]` per bending pair.
     rest: Vec<f64>,
-    /// 1/(l σ) per bending pair.
+    /// 1/(l λ σ) per bending pair.
     scale: Vec<f64>,
     /// τ.
     pub tail: f64,
 }
 
 impl<'a> SignedBend<'a> {
-    /// At rest in the positions `x`; `sigma` is the spread σ of the bending angle `[rad]`, `tail` is τ.
-    pub fn new(cloth: &'a Cloth, triangles: &[[u32; 3]], x: &[DVec3], sigma: f64, tail: f64) -> Self {
+    /// At rest in the shape of `template`; `sigma` is the spread σ of the bending angle of nominal arms `[rad]`, `tail` is τ.
+    pub fn new(cloth: &'a Cloth, template: &Mesh, sigma: f64, tail: f64) -> Self {
+        let x = &template.positions;
         let mut prior =
-            Self { cloth, triangles: triangles.to_vec(), rest: Vec::new(), scale: Vec::new(), tail };
+            Self { cloth, triangles: template.triangles(), rest: Vec::new(), scale: Vec::new(), tail };
         let normals = prior.normals(x);
-        for spring in &cloth.bends {
+        for (spring, relative) in cloth.bends.iter().zip(arm_lengths(cloth, template)) {
             let [a, o, c] = spring.vertices.map(|v| x[v as usize]);
             let length = 0.5 * (a.distance(o) + o.distance(c));
             prior.rest.push(height(spring, x, &normals));
-            prior.scale.push(1.0 / (length * sigma));
+            prior.scale.push(1.0 / (length * relative * sigma));
         }
         prior
     }
@@ -132,18 +135,33 @@ mod tests {
         let mut mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
         mesh.positions = bent(1.0);
         let cloth = Cloth::new(&mesh);
-        let prior = SignedBend::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 3.0);
+        let prior = SignedBend::new(&cloth, &mesh, 0.05, 3.0);
         assert!(prior.value(&bent(1.0)) < 1e-20);
         assert!(prior.value(&bent(-1.0)) > 1.0);
         let k = crate::sim::Stiffness::uniform(&cloth, [1.0; 3]);
         assert!(cloth.energy(&k, &bent(-1.0)).total() < 1e-20, "the springs do not see it");
     }
 
+    /// A cylinder costs the same by pair on a coarse mesh and on a fine one.
+    #[test]
+    fn spreads_are_those_of_the_curvature() {
+        let cost = |columns: usize| {
+            let mesh = grid(columns, 3, DVec2::splat(0.4), 1.0);
+            let cloth = Cloth::new(&mesh);
+            let bent: Positions = mesh.positions.iter().map(|p| *p + DVec3::Z * (0.25 * p.x * p.x)).collect();
+            // Three rows of pairs are bent.
+            SignedBend::new(&cloth, &mesh, 0.02, 1e9).value(&bent) / (3 * (columns - 2)) as f64
+        };
+        let [coarse, fine] = [5, 17].map(cost);
+        println!("{coarse} {fine}");
+        assert!(fine > 1e-2 && (coarse / fine - 1.0).abs() < 0.05);
+    }
+
     #[test]
     fn without_tail_the_matrix_is_the_second_derivative_at_fixed_normals() {
         let mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
         let cloth = Cloth::new(&mesh);
-        let prior = SignedBend::new(&cloth, &mesh.triangles(), &mesh.positions, 0.05, 1e9);
+        let prior = SignedBend::new(&cloth, &mesh, 0.05, 1e9);
         let mut rng = Rng::new(2, 0);
         let x: Positions = bent(1.0).iter().map(|p| *p + rng.vector() * 1e-3).collect();
         let mut system = FrameSystem::zeros(&cloth);
