@@ -5,7 +5,7 @@
 //! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
 //! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
-//!   σ_nv² = (g_nv/ḡ_n) a_n² + c²,  a_n = 5.8 ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
+//!   σ_nv² = (g_nv/ḡ_n) a_n² + c²,  a_n = 5.4 ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
 //!
 //! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric mean of all that tells
 //! where the error is large, each by about what it tells.
@@ -40,7 +40,7 @@ const SAMPLES: usize = 16;
 /// Fits of the gains before the system is taken: each goes on from the last.
 pub(super) const GAIN_FITS: usize = 3;
 /// Factor of the geometric mean.
-const FACTOR: f64 = 5.8;
+const FACTOR: f64 = 5.4;
 /// Least misfit to the priors: a sheet that keeps all lengths and angles may have slipped all the same.
 const PRIOR_FLOOR: f64 = 0.1;
 /// Least deviation, and what is added to the distance between tracked and final positions `[m]`.
