@@ -81,19 +81,11 @@ impl Task<'_> {
         }
     }
 
-    /// Causes of the motion where `held` vertices are held, after so many iterations, starting from those of `start`; `None` where the
-    /// cloth cannot be simulated so.
-    fn fit(&self, held: &[usize], start: &Causes, iterations: usize) -> Option<Fit> {
+    /// What `end` makes of the search for causes where `held` vertices are held, starting from `start`; `None` where the cloth cannot be
+    /// simulated so.
+    fn search<T>(&self, held: &[usize], start: &Causes, end: impl FnOnce(Search) -> T) -> Option<T> {
         let drive = self.drive(held);
-        let search = Search::new(&drive, &self.data, &self.prior, start.clone(), self.bounds).ok()?;
-        Some(search.run(iterations))
-    }
-
-    /// The same without standard deviations.
-    fn attempt(&self, held: &[usize], start: &Causes, iterations: usize) -> Option<Attempt> {
-        let drive = self.drive(held);
-        let search = Search::new(&drive, &self.data, &self.prior, start.clone(), self.bounds).ok()?;
-        Some(search.attempt(iterations))
+        Some(end(Search::new(&drive, &self.data, &self.prior, start.clone(), self.bounds).ok()?))
     }
 }
 
@@ -160,7 +152,7 @@ pub fn find(
         prior: spread,
         knots: fine.knots,
         held: guess.held.clone(),
-        rest_lengths: rest_lengths.clone(),
+        rest_lengths,
         misfit: 0.0,
     };
     if found.len() < 3 {
@@ -170,9 +162,12 @@ pub fn find(
     let mut others = Vec::new();
     if !guess.still {
         let coarse = task(COARSE);
-        let fit = |held: &[usize], near: Option<&Attempt>| match near {
-            None => coarse.attempt(held, &coarse.prior.mean, settings.iterations),
-            Some(near) => coarse.attempt(held, &near.causes, settings.iterations.min(TRIED)),
+        let fit = |held: &[usize], near: Option<&Attempt>| {
+            let (start, iterations) = match near {
+                None => (&coarse.prior.mean, settings.iterations),
+                Some(near) => (&near.causes, settings.iterations.min(TRIED)),
+            };
+            coarse.search(held, start, |search| search.attempt(iterations))
         };
         // A simulation that fails at the start leaves what was known before.
         let Some((best, tried)) = grips::find(template, &guess.held, coarse.data.price(), fit) else {
@@ -182,12 +177,13 @@ pub fn find(
             tried.into_iter().map(|hold| ((best.value - hold.value).exp(), hold.attempt.causes)).collect();
         (out.held, start) = (best.held, best.attempt.causes);
     }
-    let Some(mut fit) = fine.fit(&out.held, &start, settings.iterations) else { return out };
+    let run = |search: Search| search.run(settings.iterations);
+    let Some(mut fit) = fine.search(&out.held, &start, run) else { return out };
     // Where the model is off by more than the positions are, its errors are what data are uncertain by.
     let doubt = fit.misfit.max(1.0);
     if fit.misfit > 1.0 {
         fine.data.together *= doubt;
-        fit = fine.fit(&out.held, &fit.causes, settings.iterations).unwrap_or(fit);
+        fit = fine.search(&out.held, &fit.causes, run).unwrap_or(fit);
     }
     out.misfit = fit.misfit.sqrt();
     // With other held vertices the sheet has other stiffnesses, and would make another motion.
