@@ -6,8 +6,11 @@
 //! and the objectives reached. If the start from the truth stays there with the lower objective, the search is at
 //! fault; if it walks away, the objective is.
 //!
+//! `step=K` takes every K-th frame only, `cut=A..B` leaves the frames A to B − 1 out, as if the sheet had jumped.
+//!
 //! After the search as always, it prints how far the positions are said to be off, and how often the true vertices are within that.
 
+use std::ops::Range;
 use std::path::Path;
 
 use tessuto::config::Preset;
@@ -23,17 +26,21 @@ fn main() -> tessuto::Result<()> {
     let mut arguments = std::env::args().skip(1);
     let folder = arguments.next().expect("usage: shape_search SCENE [key=value ...]");
     let mut config = Config::preset(Preset::Default);
-    let (mut from_truth, mut from_start, mut save, mut step) = (true, true, None, 1);
+    let (mut from_truth, mut from_start, mut save, mut step, mut cut) = (true, true, None, 1, 0..0);
     for argument in arguments {
         match argument.as_str() {
             "no-truth" => from_truth = false,
             "only-truth" => from_start = false,
             a if a.starts_with("step=") => step = a[5..].parse().expect("a number"),
+            a if a.starts_with("cut=") => {
+                let (from, to) = a[4..].split_once("..").expect("FROM..TO");
+                cut = from.parse().expect("a number")..to.parse().expect("a number");
+            }
             a if a.starts_with("save=") => save = Some(a[5..].to_string()),
             assignment => config.set(assignment)?,
         }
     }
-    let scene = thinned(load(Path::new(&folder), &LoadOptions::default())?.scene, step)?;
+    let scene = thinned(load(Path::new(&folder), &LoadOptions::default())?.scene, step, &cut)?;
     let cloth = Cloth::new(&scene.template);
     let mut problem = Problem::new(&scene, &cloth, config.spacetime.clone())?;
     let clock = std::time::Instant::now();
@@ -62,9 +69,9 @@ fn main() -> tessuto::Result<()> {
     Ok(())
 }
 
-/// Every `step`-th frame of the scene.
-fn thinned(mut scene: Scene, step: usize) -> tessuto::Result<Scene> {
-    let kept = |n: &usize| n.is_multiple_of(step);
+/// Every `step`-th frame of the scene, without those of `cut`.
+fn thinned(mut scene: Scene, step: usize, cut: &Range<usize>) -> tessuto::Result<Scene> {
+    let kept = |n: &usize| n.is_multiple_of(step) && !cut.contains(n);
     let numbers = || (0..scene.frames.len()).filter(kept);
     let frames: tessuto::Result<Vec<_>> =
         numbers().map(|n| Ok(scene.frames.frame(n)?.into_owned())).collect();

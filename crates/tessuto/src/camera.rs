@@ -128,6 +128,19 @@ impl Camera {
             height: self.height / factor,
         }
     }
+
+    /// The camera of the image that has `factor`×`factor` pixels in place of each.
+    pub fn magnified(&self, factor: usize) -> Self {
+        let s = factor as f64;
+        Self {
+            fx: self.fx * s,
+            fy: self.fy * s,
+            cx: self.cx * s + (s - 1.0) / 2.0,
+            cy: self.cy * s + (s - 1.0) / 2.0,
+            width: self.width * factor,
+            height: self.height * factor,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -155,5 +168,7 @@ mod tests {
         let p = DVec3::new(0.2, -0.1, 1.5);
         let (full, half) = (CAMERA.project(p), CAMERA.downsampled(4).project(p));
         assert!((full - (half * 4.0 + DVec2::splat(1.5))).length() < 1e-12);
+        let back = CAMERA.magnified(4).downsampled(4);
+        assert!((back.project(p) - full).length() < 1e-12 && back.width == CAMERA.width);
     }
 }

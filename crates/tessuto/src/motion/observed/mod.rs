@@ -1,6 +1,8 @@
 //! What the search for the motion keeps of a video: pyramids of its colours and distances to its outlines, at the
 //! resolution that memory has room for.
 
+mod magnify;
+pub mod occlusion;
 pub mod outline_distance;
 pub mod pyramid;
 pub mod samples;
@@ -8,6 +10,7 @@ pub mod samples;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::scene::Scene;
+use magnify::magnified;
 use outline_distance::OutlineDistance;
 use pyramid::{Level, pyramid};
 
@@ -25,6 +28,10 @@ const LEAST_SIDE: usize = 2;
 pub struct Observed {
     /// Finest and coarsest level of the pyramids in use.
     pub range: [usize; 2],
+    /// Pixels of level 0 along one of the video.
+    pub magnification: usize,
+    /// Camera of level 0.
+    pub camera: Camera,
     /// Pyramids; levels finer than the finest in use have no colours. Shape `[N][levels]`.
     pub levels: Vec<Vec<Level>>,
     /// Outlines, shape `[N]`.
@@ -32,24 +39,27 @@ pub struct Observed {
 }
 
 impl Observed {
-    /// Looks at every frame of `scene` at the levels `range` (finest, coarsest), or at as many coarser ones where these
-    /// would not fit into memory; at none that has fewer than two pixels a side.
+    /// Looks at every frame of `scene`, magnified by `magnification`, at the levels `range` (finest, coarsest), or at as many
+    /// coarser ones where these would not fit into memory; at none that has fewer than two pixels a side.
     ///
     /// # Errors
     /// Those of reading the frames.
-    pub fn new(scene: &Scene, range: [usize; 2]) -> Result<Self> {
+    pub fn new(scene: &Scene, range: [usize; 2], magnification: usize) -> Result<Self> {
+        let camera = scene.camera.magnified(magnification);
         let count = scene.frames.len();
-        let finest = fitting(&scene.camera, count * COLOUR_BYTES, COLOUR_MEMORY).max(range[0]);
+        let finest = fitting(&camera, count * COLOUR_BYTES, COLOUR_MEMORY).max(range[0]);
         // Small images have few levels.
-        let last = (scene.camera.width.min(scene.camera.height) / LEAST_SIDE).max(1).ilog2() as usize;
+        let last = (camera.width.min(camera.height) / LEAST_SIDE).max(1).ilog2() as usize;
         let range = [finest, range[1] + finest - range[0]].map(|level| level.min(last));
-        let scale = 1 << fitting(&scene.camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);
+        let scale = 1 << fitting(&camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);
         let look = |(): &mut (), n| {
             let frame = scene.frames.frame(n)?;
-            Ok((pyramid(&frame, &scene.camera, range), OutlineDistance::new(&frame.mask, scale)))
+            let larger = (magnification > 1).then(|| magnified(&frame, magnification));
+            let frame = larger.as_ref().unwrap_or(&*frame);
+            Ok((pyramid(frame, &camera, range), OutlineDistance::new(&frame.mask, scale)))
         };
         let (levels, outlines) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
-        Ok(Self { range, levels, outlines })
+        Ok(Self { range, magnification, camera, levels, outlines })
     }
 
     /// The levels in use, coarse to fine.
@@ -85,7 +95,7 @@ mod tests {
         let settings = Settings { frames: 2, size: 48, grid: [4, 4], ..Settings::default() };
         let scene = crate::synth::make(&settings).unwrap();
         for (asked, found) in [([1, 2], [1, 2]), ([0, 8], [0, 4]), ([7, 8], [4, 4])] {
-            let observed = Observed::new(&scene, asked).unwrap();
+            let observed = Observed::new(&scene, asked, 1).unwrap();
             assert_eq!(observed.range, found);
             assert_eq!(observed.levels[1].len(), found[1] + 1);
         }

@@ -1,5 +1,7 @@
 //! Points fixed on the surface, at which frames are compared.
 
+use std::collections::HashMap;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -81,14 +83,17 @@ impl SurfaceSamples {
         self.start[triangle]..self.start[triangle + 1]
     }
 
-    /// What `level` shows at each point of the mesh at `x`; `None` where it shows no fabric.
-    pub fn observe(&self, level: &Level, x: &[DVec3]) -> Vec<Option<[f32; 3]>> {
-        let of_point = |point: &SurfaceSample| {
+    /// What `level` shows at each point of the mesh at `x`; `None` where it shows no fabric, or the point is `hidden`.
+    pub fn observe(&self, level: &Level, x: &[DVec3], hidden: &[bool]) -> Vec<Option<[f32; 3]>> {
+        let of_point = |(index, point): (usize, &SurfaceSample)| {
+            if hidden.get(index) == Some(&true) {
+                return None;
+            }
             let corners = self.triangles[point.triangle as usize].map(|v| x[v as usize]);
             let p = corners.iter().zip(point.weights).map(|(x, w)| *x * w).sum::<DVec3>();
             (p.z > 0.0).then(|| level.sample(level.camera.project(p))).flatten().map(|c| c.value)
         };
-        self.points.par_iter().with_min_len(512).map(of_point).collect()
+        self.points.par_iter().enumerate().with_min_len(512).map(of_point).collect()
     }
 }
 
@@ -97,21 +102,36 @@ impl SurfaceSamples {
 pub struct EdgePoint {
     /// End points of the edge.
     pub vertices: [u32; 2],
+    /// The third corner of the edge's triangle.
+    pub opposite: u32,
     /// Weights of the end points.
     pub weights: [f64; 2],
     /// Length it stands for in the first frame `[px]`.
     pub length: f64,
 }
 
+fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
+    [a.min(b), a.max(b)]
+}
+
 /// Points about `spacing` pixels apart along the edges that belong to one polygon only.
 pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Vec<EdgePoint> {
     let mut points = Vec::new();
+    let corners = mesh.triangles().into_iter();
+    let opposites: HashMap<[u32; 2], u32> =
+        corners.flat_map(|t| [0, 1, 2].map(|k| (sorted([t[k], t[(k + 1) % 3]]), t[(k + 2) % 3]))).collect();
     for vertices in boundary_edges(mesh) {
+        let opposite = opposites[&sorted(vertices)];
         let [a, b] = vertices.map(|v| camera.project(positions[v as usize]));
         let n = ((b - a).length() / spacing).ceil().max(1.0);
         for k in 0..n as usize {
             let t = (k as f64 + 0.5) / n;
-            points.push(EdgePoint { vertices, weights: [1.0 - t, t], length: (b - a).length() / n });
+            points.push(EdgePoint {
+                vertices,
+                opposite,
+                weights: [1.0 - t, t],
+                length: (b - a).length() / n,
+            });
         }
     }
     points

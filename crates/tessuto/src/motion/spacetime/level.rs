@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::gain::{Around, explained, fit_gain};
 use super::{Positions, Problem, acceleration};
+use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
@@ -32,6 +33,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     pub light: Light,
     /// Brightness of every vertex in every frame, shape [N, V]; empty while the light is not known.
     pub brightness: Vec<Vec<Option<Seen>>>,
+    /// What of every frame does not count since the sheet is in front of itself, shape `[N]`.
+    pub occlusions: Vec<Occlusion>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
 }
@@ -46,7 +49,7 @@ impl<'a> Problem<'a> {
         LevelSearch {
             problem: self,
             level,
-            reference: samples.observe(first, &template.positions),
+            reference: samples.observe(first, &template.positions, &[]),
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             priors: self.priors.clone(),
@@ -54,6 +57,7 @@ impl<'a> Problem<'a> {
             still: Vec::new(),
             light: self.light,
             brightness: vec![Vec::new(); frame_count],
+            occlusions: vec![Occlusion::default(); frame_count],
             adjacent: vec![PointColours::new(); frame_count],
         }
     }
@@ -94,10 +98,7 @@ impl LevelSearch<'_, '_> {
     pub fn terms(&self, frame: usize) -> FrameTerms<'_> {
         let p = self.problem;
         let s = &p.settings;
-        // Pixels of the finest level in one of this level, and of level 0 along one of the finest.
-        let finest = p.observed.range[0];
-        let area = (1usize << (2 * (self.level - finest))) as f64;
-        let pixel = (1usize << finest) as f64;
+        let (area, pixel) = (self.pixel_area(), p.pixel());
         FrameTerms {
             priors: &self.priors,
             colour: Colour {
@@ -110,13 +111,15 @@ impl LevelSearch<'_, '_> {
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
                 weight: area / (s.colour * s.colour * s.colour_area * p.scale),
+                hidden: &self.occlusions[frame].hidden,
                 counts_unseen: self.counts_unseen,
             },
             outline: Outline {
                 cloth: p.cloth,
                 boundary: &p.boundary,
+                inner: &self.occlusions[frame].inner,
                 distance: &p.observed.outlines[frame],
-                camera: &p.scene.camera,
+                camera: &p.observed.camera,
                 sigma: s.outline * pixel,
                 weight: 1.0 / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
             },
@@ -136,14 +139,31 @@ impl LevelSearch<'_, '_> {
         }
     }
 
-    /// What `frame` shows at the samples of the mesh at `x`.
-    pub fn observe(&self, frame: usize, x: &Positions) -> PointColours {
-        self.samples.observe(&self.problem.observed.levels[frame][self.level], x)
+    /// Area of one pixel of this level, see [`Problem::pixel`].
+    pub fn pixel_area(&self) -> f64 {
+        (f64::from(1u32 << self.level) / self.problem.pixel()).powi(2)
     }
 
-    /// Fits the gains of one frame to its positions.
+    /// What `frame` shows at the samples of the mesh at `x`.
+    pub fn observe(&self, frame: usize, x: &Positions) -> PointColours {
+        self.observe_with(frame, x, &self.occlusion(frame, x))
+    }
+
+    fn observe_with(&self, frame: usize, x: &Positions, occlusion: &Occlusion) -> PointColours {
+        self.samples.observe(&self.problem.observed.levels[frame][self.level], x, &occlusion.hidden)
+    }
+
+    /// Where the mesh at `x` is in front of itself.
+    fn occlusion(&self, frame: usize, x: &Positions) -> Occlusion {
+        let p = self.problem;
+        let camera = &p.observed.levels[frame][self.level].camera;
+        Occlusion::new(&p.rasterizer, &self.samples, &p.boundary, camera, x)
+    }
+
+    /// Fits the gains of one frame to its positions, and sees what is hidden there.
     pub fn update_gain(&mut self, frame: usize, x: &Positions) {
-        let observed = self.observe(frame, x);
+        self.occlusions[frame] = self.occlusion(frame, x);
+        let observed = self.observe_with(frame, x, &self.occlusions[frame]);
         let mut gain = std::mem::take(&mut self.gains[frame]);
         let around = self.fit_gain(&observed, &mut gain);
         self.gains[frame] = gain;
@@ -157,10 +177,11 @@ impl LevelSearch<'_, '_> {
         self.adjacent[frame] = adjacent;
     }
 
-    /// Fits the gains of all frames, and what their adjacent frames show, to the present positions.
+    /// Fits the gains of all frames, what is hidden in them and what their adjacent frames show, to the present positions.
     pub fn update_references(&mut self, frames: &[Positions]) {
-        let observed: Vec<PointColours> =
-            frames.par_iter().enumerate().map(|(n, x)| self.observe(n, x)).collect();
+        self.occlusions = frames.par_iter().enumerate().map(|(n, x)| self.occlusion(n, x)).collect();
+        let observe = |(n, x): (usize, &Positions)| self.observe_with(n, x, &self.occlusions[n]);
+        let observed: Vec<PointColours> = frames.par_iter().enumerate().map(observe).collect();
         let mut gains = std::mem::take(&mut self.gains);
         let fit = |(gain, seen): (&mut Vec<[f32; 3]>, &PointColours)| self.fit_gain(seen, gain);
         let around: Vec<Vec<Around>> = gains.par_iter_mut().zip(&observed).skip(1).map(fit).collect();

@@ -96,7 +96,7 @@ impl LevelSearch<'_, '_> {
     fn turned(&self, x: &Positions, around: &[Around], areas: &[f64], first: &[Light]) -> Vec<Turned> {
         let (p, s) = (self.problem, &self.problem.settings);
         let template = &p.scene.template.positions;
-        let pixel = (1usize << (2 * (self.level - p.observed.range[0]))) as f64;
+        let pixel = self.pixel_area();
         let (before, now) = (self.normals(template), self.normals(x));
         let of = |v: usize| -> Option<Turned> {
             let Around { products, area } = around[v];

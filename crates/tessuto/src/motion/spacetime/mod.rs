@@ -79,6 +79,7 @@ use super::terms::strain::Strain;
 use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::mesh::{Mesh, Positions};
+use crate::raster::Rasterizer;
 use crate::scene::Scene;
 use crate::sim::Cloth;
 use level::LevelSearch;
@@ -89,6 +90,9 @@ pub type Fitted = (Vec<Positions>, Option<Error>);
 
 /// Distance between the points of the boundary at which outlines are compared [px of the finest level].
 const BOUNDARY_SPACING: f64 = 2.0;
+/// Small images are magnified by at most this power of two, to no more pixels than this a frame.
+const MOST_DOUBLINGS: f64 = 2.0;
+const MOST_PIXELS: usize = 1 << 21;
 /// Size of a sheet [px of the finest level] that areas and lengths whose errors vary together are told for.
 const NOMINAL_SIZE: f64 = 160.0;
 
@@ -101,6 +105,7 @@ pub struct Problem<'a> {
     /// Neighbours of every vertex along edges.
     adjacency: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
+    rasterizer: Rasterizer,
     observed: Observed,
     /// The light, once it is known; zero before.
     light: Light,
@@ -123,17 +128,24 @@ impl<'a> Problem<'a> {
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
         let size = size_in_image(template, &scene.camera);
-        let finest = (size / settings.resolution).log2().clamp(0.0, 16.0) as usize;
-        let observed = Observed::new(scene, [finest, finest + settings.levels - 1 + settings.track_levels])?;
+        let halvings = (size / settings.resolution).log2().floor();
+        let finest = halvings.clamp(0.0, 16.0) as usize;
+        let doublings = (-halvings).clamp(0.0, MOST_DOUBLINGS) as usize;
+        let pixels = scene.camera.width * scene.camera.height;
+        let magnification =
+            (0..=doublings).rev().map(|k| 1 << k).find(|m| pixels * m * m <= MOST_PIXELS).unwrap_or(1);
+        let coarsest = finest + settings.levels - 1 + settings.track_levels;
+        let observed = Observed::new(scene, [finest, coarsest], magnification)?;
         let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
         Ok(Self {
             scene,
             cloth,
             priors,
             adjacency: template.neighbours(),
-            boundary: boundary_points(template, x, &scene.camera, spacing),
+            boundary: boundary_points(template, x, &observed.camera, spacing),
             scale: size / f64::from(1u32 << observed.range[0]) / NOMINAL_SIZE,
             observed,
+            rasterizer: Rasterizer::new(template),
             light: [0.0; HARMONICS],
             settings,
         })
@@ -142,6 +154,12 @@ impl<'a> Problem<'a> {
     /// 1/σ_a² of the acceleration term [1/m²].
     fn acceleration_weight(&self) -> f64 {
         (self.scene.fps.powi(2) / self.settings.acceleration).powi(2)
+    }
+
+    /// Pixels of level 0 along one of the finest level or of the video, whichever is larger: what settings call a pixel of the finest
+    /// level. Those of a magnified image are not independent.
+    fn pixel(&self) -> f64 {
+        f64::from(1u32 << self.observed.range[0]) * self.observed.magnification as f64
     }
 
     /// The levels at which all frames are refined together, coarse to fine.

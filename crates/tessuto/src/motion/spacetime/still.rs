@@ -20,8 +20,8 @@ impl Problem<'_> {
     /// Only of the border: what stands still in the image while the rest moves may still move along its view ray, as the
     /// middle of a sheet that billows towards the camera does, but nothing makes a whole edge do so.
     pub(super) fn still_vertices(&self, frames: &[Positions]) -> Vec<u32> {
-        let camera = &self.scene.camera;
-        let pixel = f64::from(1u32 << self.observed.range[0]);
+        let camera = &self.observed.camera;
+        let pixel = self.pixel();
         let project =
             |x: &Positions| -> Vec<DVec2> { x.iter().map(|x| camera.project(*x) / pixel).collect() };
         let images: Vec<Vec<DVec2>> = frames.iter().map(project).collect();

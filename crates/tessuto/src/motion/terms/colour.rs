@@ -40,6 +40,8 @@ pub struct Colour<'a> {
     pub adjacent_weight: f64,
     /// σ, sRGB in [0, 1].
     pub sigma: f64,
+    /// Whether a point is hidden by the sheet itself, which shows nothing of it; empty if none is. Held fixed.
+    pub hidden: &'a [bool],
     /// Weight of one pixel of `level`, 1/(σ² a).
     pub weight: f64,
     /// Whether a point that T knows and the frame does not show as fabric counts as the worst of differences, ½σ², in the value. Off
@@ -72,7 +74,7 @@ impl Colour<'_> {
     ) -> Option<Residual> {
         let reference = self.reference[index];
         let adjacent = self.adjacent.get(index).copied().flatten();
-        if reference.is_none() && adjacent.is_none() {
+        if (reference.is_none() && adjacent.is_none()) || self.hidden.get(index) == Some(&true) {
             return None;
         }
         let (w, [a, b, c]) = (point.weights, corners);

@@ -20,6 +20,8 @@ pub struct Outline<'a> {
     pub cloth: &'a Cloth,
     /// Points of the mesh's boundary.
     pub boundary: &'a [EdgePoint],
+    /// Whether a point lies in front of or behind more of the sheet and so is not on the outline; empty if none does. Held fixed.
+    pub inner: &'a [bool],
     /// Outline of the frame's mask, at level 0.
     pub distance: &'a OutlineDistance,
     /// Camera of level 0.
@@ -32,7 +34,10 @@ pub struct Outline<'a> {
 
 impl Outline<'_> {
     /// Distance `[px]` of a boundary point and its derivative by the point; `None` where it does not count.
-    fn residual(&self, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
+    fn residual(&self, index: usize, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
+        if self.inner.get(index) == Some(&true) {
+            return None;
+        }
         let [a, b] = point.vertices.map(|v| x[v as usize]);
         let p = a * point.weights[0] + b * point.weights[1];
         if p.z <= 0.0 {
@@ -50,18 +55,18 @@ impl Term for Outline<'_> {
     }
 
     fn value(&self, x: &[DVec3]) -> f64 {
-        let of_point = |point: &EdgePoint| match self.residual(point, x) {
+        let of_point = |(index, point): (usize, &EdgePoint)| match self.residual(index, point, x) {
             Some((r, _)) => self.weight * point.length * geman_mcclure(r * r, self.sigma).0,
             None => 0.0,
         };
-        self.boundary.iter().map(of_point).sum()
+        self.boundary.iter().enumerate().map(of_point).sum()
     }
 
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
         let pattern = &self.cloth.pattern;
         let mut value = 0.0;
-        for point in self.boundary {
-            let Some((r, slope)) = self.residual(point, x) else { continue };
+        for (index, point) in self.boundary.iter().enumerate() {
+            let Some((r, slope)) = self.residual(index, point, x) else { continue };
             let (rho, ratio) = geman_mcclure(r * r, self.sigma);
             let weight = self.weight * point.length;
             let (s, w, q) = (weight * ratio, point.weights, outer(slope, slope));

@@ -35,13 +35,15 @@ impl LevelSearch<'_, '_> {
         let count = x.len().max(1) as f64;
         // The boundary's mean squared distance, as the robust term counts it.
         let boundary = &terms.outline;
-        let length: f64 = boundary.boundary.iter().map(|point| point.length).sum();
+        let counts = |index: usize| boundary.inner.get(index) != Some(&true);
+        let points = boundary.boundary.iter().enumerate();
+        let length: f64 = points.filter(|(i, _)| counts(*i)).map(|(_, point)| point.length).sum();
         let squared = match length > 0.0 {
             true => 2.0 * boundary.value(x) / (boundary.weight * length),
             false => 0.0,
         };
         let depth = x.iter().map(|p| p.z).sum::<f64>() / count;
-        let camera = &self.problem.scene.camera;
+        let camera = &self.problem.observed.camera;
         let pixel = depth / (0.5 * (camera.fx + camera.fy));
         // Smooth shear counts by the spread that the settings give, however large it was found to be.
         let mut shear = terms.priors.shear.clone();
