@@ -53,7 +53,7 @@ fn every_criterion_is_heard_and_names_its_frames() {
         (|f| (f.correlation, f.silhouette) = (None, Some(0.0)), State::Lost, "silhouette 0.00"),
         (|f| f.correlation = Some(0.55), State::Doubtful, "texture displaced, correlation 0.55"),
         (|f| f.correlation = Some(-0.1), State::Lost, "texture displaced, correlation -0.10"),
-        (|f| f.strain_p99 = 0.31, State::Doubtful, "1 thread in 100 strained by 31 % or more"),
+        (|f| f.strain_p99 = 0.51, State::Doubtful, "1 thread in 100 strained by 51 % or more"),
         (|f| f.strain_p99 = 9.0, State::Doubtful, "1 thread in 100 strained by 900 % or more"),
         (|f| f.strain_mean = 0.11, State::Lost, "threads strained by 11 % on average"),
         (|f| f.strain_mean = f64::NAN, State::Lost, "threads strained by NaN % on average"),

@@ -25,7 +25,8 @@
 //! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`, `shading_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`, `shading_area`)
 //! is the area and l (`outline_length`) the length whose errors vary together; a larger σ, a or l makes a term weaker. Both,
 //! and the distances of outlines, are in pixels of the finest level of the pyramids, whose resolution follows the sheet's
-//! size in the image (`resolution`): what a camera of more pixels would add is not independent. Told for a sheet of 160 px
+//! size in the image (`resolution`): what a camera of more pixels would add is not independent. Images in which the sheet is
+//! smaller than that are magnified, so that interpolation and blur lose less of them; a pixel remains one of the video then. Told for a sheet of 160 px
 //! there, a and l grow in proportion to its size: errors of the camera are alike over a pixel, those of the model (shading,
 //! the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!

@@ -51,7 +51,7 @@ settings! {
         /// Area whose brightness varies together, for a sheet of 160 px; larger is weaker, 0 leaves shading out.
         shading_area: f64 = 6.0, number(0.0..=1e9, "px of the finest level");
         /// Resolution of the finest level of the image pyramids, each of which halves the frames: the coarsest at which the
-        /// sheet still measures so many pixels in the first frame (the root of its area), or the video itself.
+        /// sheet still measures so many pixels in the first frame (the root of its area). Smaller images are magnified, up to four times.
         resolution: f64 = 120.0, number(1.0..=1e5, "px");
         /// Number of levels in use; the search goes from coarse to fine.
         levels: usize = 2, number(1.0..=8.0, "");
