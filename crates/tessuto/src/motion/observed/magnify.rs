@@ -68,8 +68,8 @@ mod tests {
                 let coverage = frame.mask.pixel(x, y)[0];
                 let inside = (8.0..31.0).contains(&p.x) && (8.0..23.0).contains(&p.y);
                 let outside = !(3.0..36.0).contains(&p.x) || !(3.0..28.0).contains(&p.y);
-                assert!(!inside || coverage > 0.99, "{p}: {coverage}");
-                assert!(!outside || coverage < 0.01, "{p}: {coverage}");
+                assert!(!inside || coverage > 0.999, "{p}: {coverage}");
+                assert!(!outside || coverage < 0.001, "{p}: {coverage}");
                 if inside {
                     let pairs = frame.rgb.pixel(x, y).iter().zip(colour(p));
                     worst = pairs.fold(worst, |worst, (a, b)| worst.max((a - b).abs()));

@@ -1,6 +1,6 @@
 //! The sheet in front of itself: points that it hides, and parts of its boundary that are not its outline.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::samples::{EdgePoint, SurfaceSamples};
 use crate::camera::Camera;
@@ -34,15 +34,14 @@ impl Occlusion {
         }
         let mut rendering = Rendering::new();
         rasterizer.render(camera, x, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
-        let depth_at = |p: glam::DVec2| {
+        let depth_at = |p: DVec2| {
             let at = p.round();
             let within =
                 at.x >= 0.0 && at.y >= 0.0 && at.x < camera.width as f64 && at.y < camera.height as f64;
             within.then(|| rendering.depth(at.x as usize, at.y as usize)).flatten()
         };
         let hidden = samples.points.iter().map(|point| {
-            let corners = samples.triangles[point.triangle as usize].map(|v| x[v as usize]);
-            let p: DVec3 = corners.iter().zip(point.weights).map(|(x, w)| *x * w).sum();
+            let p = samples.position(point, x);
             p.z > 0.0 && depth_at(camera.project(p)).is_some_and(|z| z < (1.0 - NEARER) * p.z)
         });
         let inner = boundary.iter().map(|point| {
@@ -72,8 +71,6 @@ fn turned_over(triangles: &[[u32; 3]], camera: &Camera, x: &[DVec3]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec2;
-
     use super::*;
     use crate::mesh::grid;
     use crate::motion::observed::samples::boundary_points;
@@ -92,12 +89,8 @@ mod tests {
         let fold = |p: &DVec3| if p.x > 0.08 { DVec3::new(0.16 - p.x, p.y, p.z - 0.03) } else { *p };
         let x: Vec<DVec3> = mesh.positions.iter().map(fold).collect();
         let folded = of(&x);
-        let place = |point: &crate::motion::observed::samples::SurfaceSample| {
-            let corners = samples.triangles[point.triangle as usize].map(|v| mesh.positions[v as usize]);
-            corners.iter().zip(point.weights).map(|(x, w)| *x * w).sum::<DVec3>()
-        };
         for (point, hidden) in samples.points.iter().zip(&folded.hidden) {
-            let p = place(point);
+            let p = samples.position(point, &mesh.positions);
             // A margin of a cell about the edge of the flap and the fold.
             if (p.x + 0.04).abs() > 0.03 && (p.x - 0.08).abs() > 0.03 && p.y.abs() < 0.08 {
                 assert_eq!(*hidden, p.x > -0.04 && p.x < 0.08, "{p}");

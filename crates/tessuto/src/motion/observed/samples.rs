@@ -83,14 +83,19 @@ impl SurfaceSamples {
         self.start[triangle]..self.start[triangle + 1]
     }
 
+    /// Where `point` is on the mesh at `x`.
+    pub fn position(&self, point: &SurfaceSample, x: &[DVec3]) -> DVec3 {
+        let corners = self.triangles[point.triangle as usize].map(|v| x[v as usize]);
+        corners.iter().zip(point.weights).map(|(x, w)| *x * w).sum()
+    }
+
     /// What `level` shows at each point of the mesh at `x`; `None` where it shows no fabric, or the point is `hidden`.
     pub fn observe(&self, level: &Level, x: &[DVec3], hidden: &[bool]) -> Vec<Option<[f32; 3]>> {
         let of_point = |(index, point): (usize, &SurfaceSample)| {
             if hidden.get(index) == Some(&true) {
                 return None;
             }
-            let corners = self.triangles[point.triangle as usize].map(|v| x[v as usize]);
-            let p = corners.iter().zip(point.weights).map(|(x, w)| *x * w).sum::<DVec3>();
+            let p = self.position(point, x);
             (p.z > 0.0).then(|| level.sample(level.camera.project(p))).flatten().map(|c| c.value)
         };
         self.points.par_iter().enumerate().with_min_len(512).map(of_point).collect()
@@ -110,18 +115,17 @@ pub struct EdgePoint {
     pub length: f64,
 }
 
-fn sorted([a, b]: [u32; 2]) -> [u32; 2] {
-    [a.min(b), a.max(b)]
-}
-
 /// Points about `spacing` pixels apart along the edges that belong to one polygon only.
 pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Vec<EdgePoint> {
     let mut points = Vec::new();
-    let corners = mesh.triangles().into_iter();
-    let opposites: HashMap<[u32; 2], u32> =
-        corners.flat_map(|t| [0, 1, 2].map(|k| (sorted([t[k], t[(k + 1) % 3]]), t[(k + 2) % 3]))).collect();
+    let with_opposite = |[a, b, c]: [u32; 3]| ([a.min(b), a.max(b)], c);
+    let opposites: HashMap<[u32; 2], u32> = mesh
+        .triangles()
+        .into_iter()
+        .flat_map(|[a, b, c]| [[a, b, c], [b, c, a], [c, a, b]].map(with_opposite))
+        .collect();
     for vertices in boundary_edges(mesh) {
-        let opposite = opposites[&sorted(vertices)];
+        let opposite = opposites[&vertices];
         let [a, b] = vertices.map(|v| camera.project(positions[v as usize]));
         let n = ((b - a).length() / spacing).ceil().max(1.0);
         for k in 0..n as usize {

@@ -103,7 +103,7 @@ impl Problem<'_> {
 mod tests {
     use glam::DVec3;
 
-    use super::super::deviation::tests::{at_video_resolution, still};
+    use super::super::deviation::tests::{at_the_finest_level, still};
     use super::*;
     use crate::sim::Cloth;
 
@@ -111,7 +111,7 @@ mod tests {
     fn lost_frames_are_filled_from_the_later_ones() {
         let scene = still();
         let cloth = Cloth::new(&scene.template);
-        let mut problem = Problem::new(&scene, &cloth, at_video_resolution()).unwrap();
+        let mut problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
         let right = &scene.template.positions;
         let mut forward = vec![right.clone(); 4];
         // Most of a stripe aside, and a third of it nearer.

@@ -104,7 +104,7 @@ fn mean_plane(x: &[DVec3]) -> DVec3 {
 
 #[cfg(test)]
 mod tests {
-    use super::super::deviation::tests::{at_video_resolution, still};
+    use super::super::deviation::tests::{at_the_finest_level, still};
     use super::*;
     use crate::sim::Cloth;
 
@@ -141,7 +141,7 @@ mod tests {
         let right = bent(&scene.template.positions);
         scene.template.positions.clone_from(&right);
         let cloth = Cloth::new(&scene.template);
-        let problem = Problem::new(&scene, &cloth, at_video_resolution()).unwrap();
+        let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
         for (k, part) in PARTS.into_iter().enumerate() {
             let mut frames = vec![right.clone(); 4];
             frames[2] = mirror(part, &right);

@@ -30,6 +30,8 @@
 //! there, a and l grow in proportion to its size: errors of the camera are alike over a pixel, those of the model (shading,
 //! the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!
+//! Points that the sheet hides itself and boundary that lies over more of it do not count ([`super::observed::occlusion`]).
+//!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
 //! held fixed, like A_n, while a step in x is taken. What is brighter has turned towards the light: light, which is one for the whole

@@ -10,6 +10,7 @@ use crate::math::gradient_check::{Worst, check, check_coarse};
 use crate::math::rng::Rng;
 use crate::math::{dot, flat, vectors};
 use crate::mesh::{Mesh, Positions, grid};
+use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::terms::{FrameSystem, FrameTerms, Function, Term};
 use crate::scene::{Scene, Truth};
 use crate::sim::Cloth;
@@ -79,6 +80,11 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     let gains = search.gains.iter_mut().flatten().flatten();
     gains.for_each(|g| *g *= 1.0 + 0.1 * rng.signed() as f32);
     search.still = vec![0, 3, 4];
+    // As if the sheet were in front of itself here and there.
+    let every = |k: usize, count: usize| (0..count).map(|i| i % k == 0).collect();
+    let occlusion =
+        Occlusion { hidden: every(7, search.samples.points.len()), inner: every(5, problem.boundary.len()) };
+    search.occlusions.fill(occlusion);
     test(&search, &frames);
 }
 
@@ -104,6 +110,39 @@ fn gradient_error(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> Worst {
     match of_images(term) {
         true => check_coarse(flat(x), flat(&gradient), 1e-4, 20, 1, function),
         false => check(flat(x), flat(&gradient), 1e-7, 20, 1, function),
+    }
+}
+
+#[test]
+fn magnifying_adds_no_weight() {
+    let scene = scene();
+    let cloth = Cloth::new(&scene.template);
+    // The sheet measures about 50 px.
+    let at = |resolution: f64| {
+        let settings = SpacetimeSettings { resolution, ..SpacetimeSettings::default() };
+        let problem = Problem::new(&scene, &cloth, settings).unwrap();
+        let still = scene.camera.project(scene.template.positions[0])
+            - scene.camera.project(scene.template.positions[1]);
+        let [a, b] = [0, 1].map(|v| problem.observed.camera.project(scene.template.positions[v]));
+        let search = problem.at_level(problem.observed.range[0]);
+        let terms = search.terms(1);
+        let area: f64 = search.samples.points.iter().map(|point| point.area).sum();
+        let length: f64 = problem.boundary.iter().map(|point| point.length).sum();
+        let magnification = problem.observed.magnification as f64;
+        let totals = [
+            area * terms.colour.weight,
+            area * search.pixel_area(),
+            length * terms.outline.weight * terms.outline.sigma.powi(2),
+            terms.outline.sigma / magnification,
+            (a - b).length() / problem.pixel() / still.length(),
+        ];
+        (magnification, totals)
+    };
+    let (video, large) = (at(30.0), at(1e5));
+    println!("{video:?} {large:?}");
+    assert_eq!([video.0, large.0], [1.0, 4.0]);
+    for (a, b) in video.1.iter().zip(large.1) {
+        assert!((a / b - 1.0).abs() < 1e-12, "{a} {b}");
     }
 }
 

@@ -33,9 +33,14 @@ pub struct Outline<'a> {
 }
 
 impl Outline<'_> {
+    /// Whether the boundary point of that index may be on the outline.
+    pub fn counts(&self, index: usize) -> bool {
+        self.inner.get(index) != Some(&true)
+    }
+
     /// Distance `[px]` of a boundary point and its derivative by the point; `None` where it does not count.
     fn residual(&self, index: usize, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
-        if self.inner.get(index) == Some(&true) {
+        if !self.counts(index) {
             return None;
         }
         let [a, b] = point.vertices.map(|v| x[v as usize]);

@@ -35,9 +35,8 @@ impl LevelSearch<'_, '_> {
         let count = x.len().max(1) as f64;
         // The boundary's mean squared distance, as the robust term counts it.
         let boundary = &terms.outline;
-        let counts = |index: usize| boundary.inner.get(index) != Some(&true);
-        let points = boundary.boundary.iter().enumerate();
-        let length: f64 = points.filter(|(i, _)| counts(*i)).map(|(_, point)| point.length).sum();
+        let points = boundary.boundary.iter().enumerate().filter(|(index, _)| boundary.counts(*index));
+        let length: f64 = points.map(|(_, point)| point.length).sum();
         let squared = match length > 0.0 {
             true => 2.0 * boundary.value(x) / (boundary.weight * length),
             false => 0.0,

@@ -178,8 +178,8 @@ pub(in super::super) fn still() -> Scene {
     }
 }
 
-/// One level, that of the video itself.
-pub(in super::super) fn at_video_resolution() -> SpacetimeSettings {
+/// One level, that of the video magnified as far as it goes.
+pub(in super::super) fn at_the_finest_level() -> SpacetimeSettings {
     SpacetimeSettings { resolution: 1e5, levels: 1, track_levels: 0, ..SpacetimeSettings::default() }
 }
 
@@ -187,7 +187,7 @@ pub(in super::super) fn at_video_resolution() -> SpacetimeSettings {
 fn misfits_are_nothing_at_the_truth_and_measure_what_is_wrong() {
     let scene = still();
     let cloth = Cloth::new(&scene.template);
-    let problem = Problem::new(&scene, &cloth, at_video_resolution()).unwrap();
+    let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
     let truth = scene.template.positions.clone();
     let misfit = |x: &Positions| {
         let mut search = problem.at_level(0);
@@ -242,7 +242,7 @@ fn the_calibration_is_the_formula() {
 fn deviations_grow_where_the_positions_are_wrong() {
     let scene = still();
     let cloth = Cloth::new(&scene.template);
-    let problem = Problem::new(&scene, &cloth, at_video_resolution()).unwrap();
+    let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
     let frames = vec![scene.template.positions.clone(); 4];
     let deviations = |frames: &[Positions], tracked: &[Positions]| {
         problem.deviations(frames, tracked, 1, &mut Session::silent()).unwrap()
