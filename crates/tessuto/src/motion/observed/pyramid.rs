@@ -29,6 +29,12 @@ pub struct Colour {
 }
 
 impl Level {
+    /// Colour of a pixel; `None` off the fabric.
+    pub fn texel(&self, x: usize, y: usize) -> Option<[f32; 3]> {
+        let [r, g, b, coverage] = self.texels[y * self.camera.width + x];
+        (coverage >= MIN_COVERAGE).then_some([r, g, b])
+    }
+
     /// Bilinear colour at pixel position `p`; `None` off the image or off the fabric.
     pub fn sample(&self, p: DVec2) -> Option<Colour> {
         let (w, h) = (self.camera.width, self.camera.height);

@@ -19,7 +19,16 @@ impl Problem<'_> {
         let mut finest = self.at_level(self.observed.range[0]);
         finest.loosen([1.0; 2], tail);
         finest.counts_unseen = true;
-        let values: Vec<Vec<f64>> = sides.iter().map(|x| finest.frame_values(x)).collect();
+        let mut values: Vec<Vec<f64>> = Vec::with_capacity(sides.len());
+        for (side, frames) in sides.iter().enumerate() {
+            // Sides share many frames.
+            let known = (0..frames.len()).map(|n| {
+                let same = (0..side).find(|&other| sides[other][n] == frames[n])?;
+                Some(values[same][n])
+            });
+            let known: Vec<Option<f64>> = known.collect();
+            values.push(finest.frame_values(frames, &known));
+        }
         let chosen = best_sides(sides, &values, self.acceleration_weight());
         chosen.iter().enumerate().map(|(n, side)| sides[*side][n].clone()).collect()
     }
@@ -57,13 +66,16 @@ impl Problem<'_> {
 }
 
 impl LevelSearch<'_, '_> {
-    /// E of every frame by itself, without comparison to adjacent ones.
-    fn frame_values(&mut self, frames: &[Positions]) -> Vec<f64> {
-        for (n, x) in frames.iter().enumerate().skip(1) {
-            self.update_gain(n, x);
-        }
+    /// E of every frame by itself, without comparison to adjacent ones, where it is not `known`; 0 of the first.
+    fn frame_values(&mut self, frames: &[Positions], known: &[Option<f64>]) -> Vec<f64> {
+        let unknown = frames.iter().enumerate().skip(1).filter(|(n, _)| known[*n].is_none());
+        self.fit_anew(&unknown.collect::<Vec<_>>());
         let search = &*self;
-        let value = |(n, x): (usize, &Positions)| if n == 0 { 0.0 } else { search.terms(n).value(x) };
+        let value = |(n, x): (usize, &Positions)| match known[n] {
+            Some(value) => value,
+            None if n == 0 => 0.0,
+            None => search.terms(n).value(x),
+        };
         frames.par_iter().enumerate().map(value).collect()
     }
 }

@@ -81,7 +81,11 @@ impl Problem<'_> {
         }
         tracked.late = Some([backward, strict]);
         sides.push(behind);
-        let best = self.best_path(&sides, 1.0);
+        let mut best = self.best_path(&sides, 1.0);
+        if let Some(rematched) = self.rematched(&best) {
+            best = self.best_path(&[best, rematched.clone()], 1.0);
+            sides.push(rematched);
+        }
         sides.extend(self.mirrored(&best));
         Ok(self.best_settled(&sides))
     }

@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::deviation::GAIN_FITS;
 use super::gain::{Around, explained, fit_gain};
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::occlusion::Occlusion;
@@ -169,6 +170,24 @@ impl LevelSearch<'_, '_> {
         self.gains[frame] = gain;
         if self.light != [0.0; HARMONICS] {
             self.update_brightness(frame, x, &around);
+        }
+    }
+
+    /// Fits the gains of some frames to their positions, from 1 on, and sees what is hidden there: what they were fitted to before does not count.
+    pub fn fit_anew(&mut self, frames: &[(usize, &Positions)]) {
+        let fit = |&(n, x): &(usize, &Positions)| {
+            let occlusion = self.occlusion(n, x);
+            let observed = self.observe_with(n, x, &occlusion);
+            let mut gain = vec![[1.0; 3]; x.len()];
+            let around = (0..GAIN_FITS).map(|_| self.fit_gain(&observed, &mut gain)).last();
+            (occlusion, gain, around.unwrap_or_default())
+        };
+        let fitted: Vec<_> = frames.par_iter().map(fit).collect();
+        for (&(n, x), (occlusion, gain, around)) in frames.iter().zip(fitted) {
+            (self.occlusions[n], self.gains[n]) = (occlusion, gain);
+            if self.light != [0.0; HARMONICS] {
+                self.update_brightness(n, x, &around);
+            }
         }
     }
 

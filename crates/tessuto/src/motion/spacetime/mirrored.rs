@@ -6,12 +6,10 @@
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::deviation::GAIN_FITS;
-use super::{LevelSearch, Positions, Problem};
+use super::settle::settled;
+use super::{Positions, Problem};
 use crate::math::factor::Scratch;
 
-/// Strength of the pull to the mirrored positions, relative to that of a prediction: they are a start only.
-const PULL: f64 = 1e-2;
 /// Movement between frames, as a fraction of the sheet's size, from which on inertia does not tell a frame from its mirror image.
 const FAST: f64 = 0.03;
 
@@ -31,29 +29,15 @@ impl Problem<'_> {
     /// `frames` with each one that moves fast mirrored and fitted by itself, the others as they are, shape [3, N, V].
     pub(super) fn mirrored(&self, frames: &[Positions]) -> Vec<Vec<Positions>> {
         let fast = fast(frames, self.scene.template.area().sqrt());
-        let levels = || {
-            let mut levels: Vec<LevelSearch> =
-                self.refined_levels().into_iter().map(|level| self.at_level(level)).collect();
-            levels.iter_mut().for_each(|level| level.loosen([1.0; 2], self.settings.start_tail));
-            (levels, Scratch::default())
-        };
         let places: Vec<(Part, usize)> =
             PARTS.iter().flat_map(|part| fast.iter().map(|n| (*part, *n))).collect();
         let fitted: Vec<Positions> = (places.par_iter())
-            .map_init(levels, |(levels, scratch), (part, n)| {
-                let start = mirror(*part, &frames[*n]);
-                let mut x = start.clone();
-                for level in levels {
-                    // What a frame was fitted with before must not count.
-                    level.gains[*n].fill([1.0; 3]);
-                    (0..GAIN_FITS).for_each(|_| level.update_gain(*n, &frames[*n]));
-                    let (next, value) = level.fit_frame(*n, x.clone(), &start, PULL, scratch);
-                    if value.is_finite() {
-                        x = next;
-                    }
-                }
-                x
-            })
+            .map_init(
+                || (self.settling(), Scratch::default()),
+                |(levels, scratch), (part, n)| {
+                    settled(levels, *n, &mirror(*part, &frames[*n]), &frames[*n], scratch)
+                },
+            )
             .collect();
         let mut sides = vec![frames.to_vec(); PARTS.len()];
         for (k, ((_, n), x)) in places.iter().zip(fitted).enumerate() {

@@ -45,7 +45,7 @@
 //! `start_bend` or as it is; tails times `start_tail`), and `refine` lets both shrink to
 //! their own values in equal ratios, after which only true folds are left in the tails. Frames that are lost on the way and found
 //! again later are filled from the later ones: the sheet is followed backward too (`both_sides`), and the best path through all
-//! counts (`best_path`).
+//! counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image ([`matching`]).
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
@@ -61,11 +61,13 @@ pub mod gain;
 mod joint;
 mod level;
 mod light;
+mod matching;
 mod mirrored;
 #[cfg(test)]
 mod proof;
 mod refine;
 mod settings;
+mod settle;
 mod still;
 mod track;
 

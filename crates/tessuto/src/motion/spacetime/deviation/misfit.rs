@@ -16,7 +16,7 @@ const TEXTURE_FLOOR: f64 = 1e-3;
 
 /// Misfits of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Misfit {
+pub(in super::super) struct Misfit {
     /// Root mean square distance of the mesh's boundary to the outline of the mask `[m]`, at the fabric's mean distance.
     pub outline: f64,
     /// Energy of what colours differ from those of the first frame, relative to that of the texture's own contrast around a
@@ -30,7 +30,7 @@ pub(super) struct Misfit {
 
 impl LevelSearch<'_, '_> {
     /// Misfits of one frame at the positions `x`.
-    pub(super) fn misfit(&self, frame: usize, x: &Positions) -> Misfit {
+    pub(in super::super) fn misfit(&self, frame: usize, x: &Positions) -> Misfit {
         let terms = self.terms(frame);
         let count = x.len().max(1) as f64;
         // The boundary's mean squared distance, as the robust term counts it.
