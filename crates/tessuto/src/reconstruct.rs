@@ -98,10 +98,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             session.begin("refine");
             let (frames, stuck) = problem.refine(tracked.clone(), session)?;
             session.begin("deviation");
-            let deviations = match lost.is_none() && stuck.is_none() {
+            let mut deviations = match lost.is_none() && stuck.is_none() {
                 true => Some(problem.deviations(&frames, &tracked, config.seed, session)?),
                 false => None,
             };
+            let frames = problem.sound(frames, deviations.as_mut());
             session.begin("forces and stiffnesses");
             let clock = (scene.fps, &fit.dynamics);
             let (parameters, loose) = if config.causes.fit {

@@ -112,20 +112,27 @@ impl AgreementMeter {
                 a && b
             })
             .collect();
-        let [strain_mean, strain_p99, strain_max] = self.strain(positions);
-        let normals = normals(&self.triangles, positions);
         FrameAgreement {
-            frame,
             silhouette: (union > 0).then(|| both as f64 / union as f64),
             uncovered: (masked > 0).then(|| (masked - both) as f64 / masked as f64),
             psnr: masked_psnr(rgb, &observed.rgb, &common),
             correlation: local_correlation(rgb, &observed.rgb, &common),
+            ..self.shape(frame, positions)
+        }
+    }
+
+    /// What `positions` alone say of frame number `frame`.
+    pub fn shape(&self, frame: usize, positions: &[DVec3]) -> FrameAgreement {
+        let [strain_mean, strain_p99, strain_max] = self.strain(positions);
+        let normals = normals(&self.triangles, positions);
+        FrameAgreement {
+            frame,
             strain_mean,
             strain_p99,
             strain_max,
             creased: self.creased(&normals),
             flipped: self.flipped(&normals),
-            deviation: None,
+            ..Default::default()
         }
     }
 

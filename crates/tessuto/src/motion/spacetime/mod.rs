@@ -51,6 +51,8 @@
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
 //! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]).
 //!
+//! A frame that is lost all the same, of a shape that cloth cannot have, takes one from the frames around it (`sound`).
+//!
 //! How far the result may be off is estimated from the same system and from how badly each frame matches ([`deviation`]).
 
 pub mod acceleration;
@@ -68,6 +70,7 @@ mod proof;
 mod refine;
 mod settings;
 mod settle;
+mod sound;
 mod still;
 mod track;
 
