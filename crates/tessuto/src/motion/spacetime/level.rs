@@ -30,6 +30,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     pub counts_unseen: bool,
     /// Vertices that stand still.
     pub still: Vec<u32>,
+    /// Weights of colours and outlines, relative to what the settings say.
+    pub noise_weights: [f64; 2],
     /// The light; zero while not known.
     pub light: Light,
     /// Brightness of every vertex in every frame, shape [N, V]; empty while the light is not known.
@@ -56,6 +58,7 @@ impl<'a> Problem<'a> {
             priors: self.priors.clone(),
             counts_unseen: false,
             still: Vec::new(),
+            noise_weights: [1.0; 2],
             light: self.light,
             brightness: vec![Vec::new(); frame_count],
             occlusions: vec![Occlusion::default(); frame_count],
@@ -100,6 +103,7 @@ impl LevelSearch<'_, '_> {
         let p = self.problem;
         let s = &p.settings;
         let (area, pixel) = (self.pixel_area(), p.pixel());
+        let [of_colours, of_outlines] = self.noise_weights;
         FrameTerms {
             priors: &self.priors,
             colour: Colour {
@@ -111,7 +115,7 @@ impl LevelSearch<'_, '_> {
                 adjacent: &self.adjacent[frame],
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
-                weight: area / (s.colour * s.colour * s.colour_area * p.scale),
+                weight: of_colours * area / (s.colour * s.colour * s.colour_area * p.scale),
                 hidden: &self.occlusions[frame].hidden,
                 counts_unseen: self.counts_unseen,
             },
@@ -122,7 +126,7 @@ impl LevelSearch<'_, '_> {
                 distance: &p.observed.outlines[frame],
                 camera: &p.observed.camera,
                 sigma: s.outline * pixel,
-                weight: 1.0 / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
+                weight: of_outlines / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
             },
             shading: Shading {
                 cloth: p.cloth,

@@ -24,6 +24,8 @@ struct Refined {
     lambda: f64,
     /// Vertices that stand still in what the search started from.
     still: Vec<u32>,
+    /// Weights of colours and outlines that their noise asks for; the settings' own at the first level.
+    noise_weights: [f64; 2],
     /// Gains at the present level.
     gains: Vec<Vec<[f32; 3]>>,
 }
@@ -39,7 +41,8 @@ impl Problem<'_> {
         let ladder = self.refined_levels();
         let levels = ladder.len();
         let still = self.still_vertices(&frames);
-        let start = || Refined { frames, still, steps: 0, lambda: 0.0, gains: Vec::new() };
+        let start =
+            || Refined { frames, still, noise_weights: [1.0; 2], steps: 0, lambda: 0.0, gains: Vec::new() };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
         let iterations = self.settings.iterations;
         let count = self.scene.frames.len();
@@ -56,9 +59,15 @@ impl Problem<'_> {
             search.still.clone_from(&refined.still);
             let first = refined.steps - k * iterations;
             match first {
-                0 => refined.lambda = DAMPING.lambda,
+                0 => {
+                    refined.lambda = DAMPING.lambda;
+                    if k > 0 {
+                        refined.noise_weights = self.noise_weights(&refined.frames);
+                    }
+                }
                 _ => search.gains = std::mem::take(&mut refined.gains),
             }
+            search.noise_weights = refined.noise_weights;
             for iteration in first..iterations {
                 let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
                 search.anneal(refined.steps as f64 / (ANNEALED * (levels * iterations) as f64));

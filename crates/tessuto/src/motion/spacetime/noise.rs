@@ -1,0 +1,108 @@
+//! How much is to be made of a clip's colours and outlines: their noise, from what is left of both.
+//!
+//! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is left of colours and
+//! outlines there tells. Medians over the frames, so that a few that are lost do not count.
+
+use rayon::prelude::*;
+
+use super::{Positions, Problem};
+use crate::motion::terms::Term;
+
+/// What is left on clips that the spreads are set for: root mean square difference of colours, all channels together, of half of a pair
+/// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels.
+const NOMINAL: [f64; 2] = [0.032, 0.45];
+/// Bounds of the weights. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
+const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
+
+impl Problem<'_> {
+    /// Weights of colours and outlines, relative to what the settings say, that what is left of them at `frames` asks for.
+    pub(super) fn noise_weights(&self, frames: &[Positions]) -> [f64; 2] {
+        let levels = self.noise_levels(frames);
+        std::array::from_fn(|k| {
+            let [least, most] = BOUNDS[k];
+            (NOMINAL[k] / levels[k].max(f64::MIN_POSITIVE)).powi(2).clamp(least, most)
+        })
+    }
+
+    /// What is left of colours `[sRGB]` and outlines [px of the finest level] at `frames`.
+    fn noise_levels(&self, frames: &[Positions]) -> [f64; 2] {
+        let mut search = self.at_level(self.observed.range[0]);
+        search.update_references(frames);
+        let area: f64 = search.samples.points.iter().map(|point| point.area).sum();
+        let length: f64 = self.boundary.iter().map(|point| point.length).sum();
+        let pairs = 1.0 + self.settings.neighbour_weight;
+        let of_frame = |n: usize| {
+            let (terms, x) = (search.terms(n), &frames[n]);
+            let colour = 2.0 * terms.colour.value(x) / (terms.colour.weight * area * pairs);
+            let outline = 2.0 * terms.outline.value(x) / (terms.outline.weight * length);
+            [colour.sqrt(), outline.sqrt() / self.pixel()]
+        };
+        let levels: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
+        std::array::from_fn(|k| {
+            let mut values: Vec<f64> = levels.iter().map(|of_frame| of_frame[k]).collect();
+            values.sort_unstable_by(f64::total_cmp);
+            values.get(values.len() / 2).copied().unwrap_or(NOMINAL[k])
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::SpacetimeSettings;
+    use super::*;
+    use crate::math::rng::Rng;
+    use crate::scene::Scene;
+    use crate::sim::Cloth;
+    use crate::synth::{Settings, make};
+    use crate::video::Frame;
+
+    fn clip() -> Scene {
+        make(&Settings { frames: 5, size: 160, grid: [7, 7], wind: 4.0, seed: 3, ..Settings::default() })
+            .unwrap()
+    }
+
+    /// What is left at the true positions, and the weights that follow.
+    fn left(scene: &Scene) -> ([f64; 2], [f64; 2]) {
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap();
+        let truth: Vec<Positions> = scene.truth.vertices.as_ref().unwrap().iter().cloned().collect();
+        (problem.noise_levels(&truth), problem.noise_weights(&truth))
+    }
+
+    /// The clip with every frame changed by `change`.
+    fn changed(change: impl Fn(usize, &mut Frame)) -> Scene {
+        let mut scene = clip();
+        let mut frames: Vec<Frame> = (0..5).map(|n| scene.frames.frame(n).unwrap().into_owned()).collect();
+        frames.iter_mut().enumerate().for_each(|(n, frame)| change(n, frame));
+        scene.frames = frames.into();
+        scene
+    }
+
+    #[test]
+    fn a_noisy_camera_makes_colours_count_less() {
+        let noisy = changed(|n, frame| {
+            let mut rng = Rng::new(n as u64, 0);
+            frame.rgb.data.iter_mut().for_each(|c| *c = (*c + 0.25 * rng.normal() as f32).clamp(0.0, 1.0));
+        });
+        let (clean, noisy) = (left(&clip()), left(&noisy));
+        println!("{clean:?} {noisy:?}");
+        assert!(noisy.0[0] > 2.0 * clean.0[0] && noisy.1[0] < 0.6 && noisy.1[0] < clean.1[0]);
+        assert!((noisy.0[1] / clean.0[1] - 1.0).abs() < 0.3, "outlines are the same");
+    }
+
+    #[test]
+    fn loose_masks_make_outlines_count_less() {
+        // Masks too narrow by some pixels, in another way in each frame.
+        let loose = changed(|n, frame| {
+            let by = 2 + n % 3;
+            let (w, mask) = (frame.mask.width, frame.mask.data.clone());
+            for (i, m) in frame.mask.data.iter_mut().enumerate() {
+                let x = i % w;
+                *m = m.min(mask[i - x + (x + by).min(w - 1)]).min(mask[i - x + x.saturating_sub(by)]);
+            }
+        });
+        let (clean, loose) = (left(&clip()), left(&loose));
+        println!("{clean:?} {loose:?}");
+        assert!(loose.0[1] > 2.0 * clean.0[1] && loose.1[1] < 0.25 && loose.1[1] < 0.5 * clean.1[1]);
+    }
+}
