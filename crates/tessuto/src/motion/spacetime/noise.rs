@@ -10,7 +10,7 @@ use crate::motion::terms::Term;
 
 /// What is left on clips that the spreads are set for: root mean square difference of colours, all channels together, of half of a pair
 /// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels.
-const NOMINAL: [f64; 2] = [0.032, 0.45];
+const NOMINAL: [f64; 2] = [0.032, 0.6];
 /// Bounds of the weights. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
 const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 
