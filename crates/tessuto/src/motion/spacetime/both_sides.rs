@@ -3,7 +3,7 @@
 //! Where the fabric moves fast, it may be lost for some frames and found again: the next ones are right, those between are
 //! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side.
 
-use super::deviation::GAIN_FITS;
+use super::gain::GAIN_FITS;
 use super::track::{Follower, Tracked};
 use super::{LevelSearch, Positions, Problem};
 use crate::error::Result;

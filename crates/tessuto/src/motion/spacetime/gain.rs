@@ -4,6 +4,8 @@ use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
 use crate::motion::terms::colour::PointColours;
 use crate::motion::terms::robust::geman_mcclure;
 
+/// Fits of the gains before what depends on them is taken: each goes on from the last.
+pub(super) const GAIN_FITS: usize = 3;
 /// Jacobi iterations; each starts from the last, so that the gains of a frame settle over the steps of the search.
 const ITERATIONS: usize = 30;
 /// Pull to 1, relative to the smoothness, that keeps the gains of what is never seen defined.

@@ -2,8 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::deviation::GAIN_FITS;
-use super::gain::{Around, explained, fit_gain};
+use super::gain::{Around, GAIN_FITS, explained, fit_gain};
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::samples::SurfaceSamples;

@@ -29,6 +29,7 @@ use rayon::prelude::*;
 
 use self::misfit::Misfit;
 use super::Problem;
+use super::gain::GAIN_FITS;
 use super::joint::JointSystem;
 use crate::error::Result;
 use crate::mesh::Positions;
@@ -37,8 +38,6 @@ use crate::session::Session;
 
 /// Samples of the posterior.
 const SAMPLES: usize = 16;
-/// Fits of the gains before the system is taken: each goes on from the last.
-pub(super) const GAIN_FITS: usize = 3;
 /// Factor of the geometric mean.
 const FACTOR: f64 = 5.4;
 /// Least misfit to the priors: a sheet that keeps all lengths and angles may have slipped all the same.
