@@ -45,7 +45,7 @@
 //! `start_bend` or as it is; tails times `start_tail`), and `refine` lets both shrink to
 //! their own values in equal ratios, after which only true folds are left in the tails. Frames that are lost on the way and found
 //! again later are filled from the later ones: the sheet is followed backward too (`both_sides`), and the best path through all
-//! counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image ([`matching`]).
+//! counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
 //! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them (`noise`): after the first level of
 //! `refine`, from which on every clip has weights of its own.
