@@ -107,18 +107,19 @@ impl BlockPattern {
         (start, columns.concat())
     }
 
-    /// Copies a field of vectors into the order of the matrix.
-    pub(super) fn gather(&self, field: &[DVec3], out: &mut [f64]) {
+    /// Copies a field of vectors into the order of the matrix, to every `stride`-th place.
+    pub(super) fn gather(&self, field: &[DVec3], out: &mut [f64], stride: usize) {
         for (value, &rank) in field.iter().zip(&self.rank) {
             let start = 3 * rank as usize;
-            out[start..start + 3].copy_from_slice(&value.to_array());
+            value.to_array().iter().enumerate().for_each(|(k, v)| out[(start + k) * stride] = *v);
         }
     }
 
     /// Inverse of [`gather`](Self::gather).
-    pub(super) fn scatter(&self, values: &[f64], field: &mut [DVec3]) {
+    pub(super) fn scatter(&self, values: &[f64], stride: usize, field: &mut [DVec3]) {
         for (value, &rank) in field.iter_mut().zip(&self.rank) {
-            *value = DVec3::from_slice(&values[3 * rank as usize..]);
+            let start = 3 * rank as usize;
+            *value = DVec3::from_array([0, 1, 2].map(|k| values[(start + k) * stride]));
         }
     }
 }
@@ -205,7 +206,7 @@ impl BlockMatrix {
     pub fn multiply(&self, pattern: &BlockPattern, field: &[DVec3]) -> Vec<DVec3> {
         let n = 3 * pattern.vertex_count;
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
-        pattern.gather(field, &mut x);
+        pattern.gather(field, &mut x, 1);
         for column in 0..n {
             let mut sum = 0.0;
             for k in pattern.column_start[column]..pattern.column_start[column + 1] {
@@ -218,7 +219,7 @@ impl BlockMatrix {
             y[column] += sum;
         }
         let mut out = vec![DVec3::ZERO; pattern.vertex_count];
-        pattern.scatter(&y, &mut out);
+        pattern.scatter(&y, 1, &mut out);
         out
     }
 

@@ -91,7 +91,7 @@ impl Front {
     }
 
     /// The front's columns.
-    fn columns<'a>(&self, values: &'a [f64]) -> MatRef<'a, f64> {
+    fn columns<'a, T>(&self, values: &'a [T]) -> MatRef<'a, T> {
         MatRef::from_column_major_slice(&values[self.values[1]..][..self.len()], self.height(), self.width())
     }
 

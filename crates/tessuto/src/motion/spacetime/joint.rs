@@ -97,11 +97,11 @@ impl JointSystem<'_> {
             .collect()
     }
 
-    /// Cholesky factor of every frame's block, its neighbours in time left out.
+    /// Cholesky factor of every frame's block, its neighbours in time left out, to the digits that a preconditioner needs.
     pub fn factors(&self) -> Vec<FrameFactor> {
         let diagonal = self.kappa * (acceleration::DIAGONAL + self.lambda);
         let factor = |scratch: &mut Scratch, system: &FrameSystem| {
-            FrameFactor::new(self.cloth, system, diagonal, scratch)
+            FrameFactor::new(self.cloth, system, diagonal, scratch).rounded()
         };
         self.systems.par_iter().map_init(Scratch::default, factor).collect()
     }

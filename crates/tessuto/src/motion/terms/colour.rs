@@ -11,7 +11,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::robust::geman_mcclure;
-use super::{FrameSystem, Term, outer};
+use super::{FrameSystem, Term};
 use crate::motion::observed::pyramid::Level;
 use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
 use crate::sim::Cloth;
@@ -137,36 +137,34 @@ impl Colour<'_> {
     }
 
     fn triangle_system(&self, triangle: usize, x: &[DVec3]) -> Local {
-        let zero = || Local { value: 0.0, gradient: [DVec3::ZERO; 3], blocks: [DMat3::ZERO; 6] };
-        let mut sums = [zero(), zero()];
+        let (mut value, mut gradient) = (0.0, [DVec3::ZERO; 3]);
+        // Of symmetric blocks only the lower triangles, as columns.
+        let mut blocks = [[0.0; 6]; 6];
         self.visit(triangle, x, |point, residual| {
             let (w, j) = (point.weights, residual.slope);
-            let mut q = DMat3::ZERO;
-            j.iter().for_each(|j| q += outer(*j, *j));
-            for (sum, of) in sums.iter_mut().zip(residual.of) {
-                let Some((r, weight)) = of else { continue };
-                let (mut sq, mut g) = (0.0, DVec3::ZERO);
-                for k in 0..3 {
-                    sq += r[k] * r[k];
-                    g += j[k] * r[k];
-                }
-                let (rho, ratio) = geman_mcclure(sq, self.sigma);
-                let s = weight * ratio;
-                sum.value += weight * rho;
-                for i in 0..3 {
-                    sum.gradient[i] += g * (s * w[i]);
-                }
-                let pairs = [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)];
-                for (block, (i, j)) in sum.blocks.iter_mut().zip(pairs) {
-                    *block += q * (s * w[i] * w[j]);
-                }
+            let (mut s, mut g) = (0.0, DVec3::ZERO);
+            for (r, weight) in residual.of.into_iter().flatten() {
+                let (rho, ratio) = geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma);
+                value += weight * rho;
+                s += weight * ratio;
+                j.iter().zip(r).for_each(|(j, r)| g += *j * (r * weight * ratio));
+            }
+            let mut q = [0.0; 6];
+            for j in j {
+                let terms = [j.x * j.x, j.y * j.x, j.z * j.x, j.y * j.y, j.z * j.y, j.z * j.z];
+                q.iter_mut().zip(terms).for_each(|(q, term)| *q += term);
+            }
+            gradient.iter_mut().zip(w).for_each(|(gradient, w)| *gradient += g * w);
+            let pairs = [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)];
+            for (block, (a, b)) in blocks.iter_mut().zip(pairs) {
+                let weight = s * w[a] * w[b];
+                block.iter_mut().zip(q).for_each(|(block, q)| *block += weight * q);
             }
         });
-        let [mut sum, adjacent] = sums;
-        sum.value += adjacent.value;
-        sum.gradient.iter_mut().zip(&adjacent.gradient).for_each(|(a, b)| *a += *b);
-        sum.blocks.iter_mut().zip(&adjacent.blocks).for_each(|(a, b)| *a += *b);
-        sum
+        let whole = |[xx, yx, zx, yy, zy, zz]: [f64; 6]| {
+            DMat3::from_cols(DVec3::new(xx, yx, zx), DVec3::new(yx, yy, zy), DVec3::new(zx, zy, zz))
+        };
+        Local { value, gradient, blocks: blocks.map(whole) }
     }
 }
 

@@ -58,15 +58,18 @@ impl FrameFactor {
         matrix.add_masses(&cloth.pattern, &vec![1.0; cloth.vertex_count()], diagonal);
         let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
         let correction = system.low_rank.as_ref().map(|low| {
-            let solve =
-                |column: &Positions| cloth.analysis.solve(&cloth.pattern, &factor, column, &mut *scratch);
-            let solved: Vec<Positions> = low.columns.iter().map(solve).collect();
+            let solved = cloth.analysis.solve_many(&cloth.pattern, &factor, &low.columns, scratch);
             let taken = solved.iter().flat_map(|s| products(&low.columns, s));
             let left: Vec<f64> = low.matrix.iter().zip(taken).map(|(c, taken)| c - taken).collect();
             let root = Root::of(&left, solved.len());
             (solved, root)
         });
         Self { factor, correction }
+    }
+
+    /// The factor to seven digits, for preconditioners.
+    pub fn rounded(self) -> Self {
+        Self { factor: self.factor.rounded(), ..self }
     }
 
     /// The solution for `rhs`, by the formula of Sherman, Morrison and Woodbury.
