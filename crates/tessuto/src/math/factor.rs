@@ -37,6 +37,7 @@ pub struct Scratch {
     /// The same for rounded factors.
     single: [Vec<f32>; 2],
     spare: Option<Vec<f64>>,
+    spare_single: Option<Vec<f32>>,
     matrices: Vec<BlockMatrix>,
 }
 
@@ -51,9 +52,21 @@ impl Scratch {
 
     /// Keeps the memory of a factor that is no longer needed for the next one.
     pub fn recycle(&mut self, factor: Factor) {
-        if let Factor::Plain(values) = factor {
-            self.spare = Some(values);
+        match factor {
+            Factor::Plain(values) => self.spare = Some(values),
+            Factor::Rounded(values) => self.spare_single = Some(values),
+            Factor::Pivoted { .. } => {}
         }
+    }
+
+    /// The factor to seven digits, for preconditioners: half of the memory, which is what solves are bound by. One with pivots stays as it is.
+    pub fn round(&mut self, factor: Factor) -> Factor {
+        let Factor::Plain(values) = factor else { return factor };
+        let mut single = self.spare_single.take().unwrap_or_default();
+        single.clear();
+        single.extend(values.iter().map(|v| *v as f32));
+        self.spare = Some(values);
+        Factor::Rounded(single)
     }
 
     /// The zero matrix, in the memory of an earlier one if there is any: fresh memory costs more than its use.
@@ -89,16 +102,6 @@ pub enum Factor {
         /// Pivot order and its inverse.
         order: (Vec<usize>, Vec<usize>),
     },
-}
-
-impl Factor {
-    /// The factor to seven digits, for preconditioners: half of the memory, which is what solves are bound by. One with pivots stays as it is.
-    pub fn rounded(self) -> Self {
-        match self {
-            Self::Plain(values) => Self::Rounded(values.iter().map(|v| *v as f32).collect()),
-            other => other,
-        }
-    }
 }
 
 impl Analysis {
@@ -355,7 +358,7 @@ mod tests {
         let analysis = Analysis::new(&pattern);
         let plain = analysis.factorize(&pattern, &matrix, &mut scratch);
         let pivoted = analysis.pivoted(&pattern, &matrix, &mut scratch);
-        let rounded = plain.clone().rounded();
+        let rounded = scratch.round(plain.clone());
         assert!(matches!(rounded, Factor::Rounded(_)));
         for (factor, limit) in [(&plain, 1e-13), (&pivoted, 1e-13), (&rounded, 1e-5)] {
             let many = analysis.solve_many(&pattern, factor, &fields, &mut scratch);

@@ -146,7 +146,7 @@ impl Potential<'_> {
         let step = step.unwrap_or_else(|| match analysis.definite(pattern, &exact, scratch) {
             Some(factor) => {
                 let step = analysis.solve(pattern, &factor, gradient, scratch);
-                *kept = Some(factor);
+                *kept = Some(scratch.round(factor));
                 step
             }
             None => {
@@ -155,7 +155,7 @@ impl Potential<'_> {
                 let factor = analysis.factorize(pattern, &projected, scratch);
                 scratch.recycle_matrix(projected);
                 let (step, _) = self.iterate(&exact, &factor, gradient, tolerance, scratch);
-                *kept = Some(factor);
+                *kept = Some(scratch.round(factor));
                 step
             }
         });

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::forces::{Causes, FIRST, GRAVITY, Knots, LENGTHS};
 use crate::error::Result;
-use crate::math::factor::{Factor, Scratch};
+use crate::math::factor::Scratch;
 use crate::mesh::Positions;
 use crate::sim::air::Air;
 use crate::sim::implicit_euler::hessian;
@@ -20,6 +20,8 @@ use crate::sim::step::step;
 use crate::sim::stretch;
 use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
 
+/// Unknowns whose derivatives are solved for at a time: a solve is bound by reading the factor.
+const TOGETHER: usize = 8;
 /// Newton's method ends after so many iterations.
 const NEWTON_LIMIT: usize = 12;
 
@@ -56,7 +58,6 @@ struct Taken<'a> {
     after: &'a State,
     big: f64,
     time: f64,
-    factor: &'a Factor,
     /// Springs of one kind alone.
     only: &'a [Stiffness; 3],
     air: &'a Air<'a>,
@@ -70,6 +71,16 @@ struct Taken<'a> {
 struct Tangent {
     state: State,
     angles: Vec<f64>,
+}
+
+impl Tangent {
+    /// Derivative of the start of a step.
+    fn start(now: &Self, before: Option<&Self>) -> Self {
+        Self {
+            state: combined(&now.state, before.map(|t| &t.state)),
+            angles: combined_angles(&now.angles, before.map(|t| &t.angles[..])),
+        }
+    }
 }
 
 /// Start of a step: θ̄, as x̄.
@@ -116,7 +127,7 @@ impl Drive<'_> {
         let (mut angles, mut angles_before) = (cloth.angles_at(&now.x), None::<Vec<f64>>);
         let unknowns = if with_tangents { causes.unknowns() } else { 0 };
         let resting = Tangent { state: still(vec![DVec3::ZERO; count]), angles: vec![0.0; angles.len()] };
-        let mut tangents = vec![resting; unknowns];
+        let mut tangents = vec![resting.clone(); unknowns];
         let mut tangents_before: Option<Vec<Tangent>> = None;
         let shapes = |tangents: &[Tangent]| tangents.iter().map(|t| t.state.x.clone()).collect();
         let mut out = Trajectory { frames: vec![now.x.clone()], tangents: vec![shapes(&tangents)] };
@@ -145,7 +156,6 @@ impl Drive<'_> {
                     after: &after,
                     big,
                     time,
-                    factor: &factor,
                     only: &only,
                     air: &air,
                     turned: &turned,
@@ -153,18 +163,27 @@ impl Drive<'_> {
                 };
                 // The wind of later knots has not changed anything yet.
                 let awake = unknowns.min(FIRST + 3 * (self.knots.around(time).0 + 2));
-                let mut next: Vec<Tangent> = (0..awake)
-                    .into_par_iter()
-                    .map_init(Scratch::default, |scratch, p| {
-                        let old = tangents_before.as_ref().map(|t| &t[p]);
-                        let start = Tangent {
-                            state: combined(&tangents[p].state, old.map(|t| &t.state)),
-                            angles: combined_angles(&tangents[p].angles, old.map(|t| &t.angles[..])),
-                        };
-                        let ahead = ahead(&tangents[p].state, old.map(|t| &t.state));
-                        self.tangent(causes, &taken, p, [&ahead, &start.state], &start.angles, scratch)
-                    })
-                    .collect();
+                let mut next = vec![resting.clone(); awake];
+                next.par_chunks_mut(TOGETHER).enumerate().for_each_init(
+                    Scratch::default,
+                    |scratch, (c, next)| {
+                        let unknowns = TOGETHER * c..TOGETHER * c + next.len();
+                        let old = |p: usize| tangents_before.as_ref().map(|t| &t[p]);
+                        let starts: Vec<Tangent> =
+                            unknowns.clone().map(|p| Tangent::start(&tangents[p], old(p))).collect();
+                        let loads: Vec<Positions> = unknowns
+                            .zip(&starts)
+                            .map(|(p, start)| {
+                                let ahead = ahead(&tangents[p].state, old(p).map(|t| &t.state));
+                                self.load(causes, &taken, p, &ahead, start)
+                            })
+                            .collect();
+                        let solved = cloth.analysis.solve_many(&cloth.pattern, &factor, &loads, scratch);
+                        for ((next, start), x) in next.iter_mut().zip(starts).zip(solved) {
+                            *next = taken.tangent(&start, x);
+                        }
+                    },
+                );
                 next.extend_from_slice(&tangents[awake..]);
                 scratch.recycle(factor);
                 tangents_before = Some(std::mem::replace(&mut tangents, next));
@@ -226,16 +245,8 @@ impl Drive<'_> {
         Ok(step(heavy, &settings, stiffness, bar.clone(), &acceleration, scratch)?.after)
     }
 
-    /// Derivative of a step by unknown `p`, given those of the state ahead and of the start.
-    fn tangent(
-        &self,
-        causes: &Causes,
-        taken: &Taken,
-        p: usize,
-        [ahead, start]: [&State; 2],
-        angles: &[f64],
-        scratch: &mut Scratch,
-    ) -> Tangent {
+    /// What the derivative of a step's positions by unknown `p` is solved from, given those of the state ahead and of the start.
+    fn load(&self, causes: &Causes, taken: &Taken, p: usize, ahead: &State, start: &Tangent) -> Positions {
         let (cloth, big) = (taken.cloth, taken.big);
         let [a, b] = causes.across();
         let gravity = match p {
@@ -256,7 +267,7 @@ impl Drive<'_> {
         let air = taken.air.changes(&ahead.x, &ahead.v, wind, f64::from(u8::from(p == 5)));
         let mut rhs: Positions = (0..cloth.vertex_count())
             .map(|i| {
-                let inertia = (start.x[i] + start.v[i] * big) / (big * big);
+                let inertia = (start.state.x[i] + start.state.v[i] * big) / (big * big);
                 (inertia + gravity + air[i]) * cloth.masses[i]
             })
             .collect();
@@ -270,13 +281,19 @@ impl Drive<'_> {
             }
         }
         let rate = causes.friction() / big;
-        cloth.add_moments(taken.gradients, angles, rate, &mut rhs);
+        cloth.add_moments(taken.gradients, &start.angles, rate, &mut rhs);
         if p == 6 {
             cloth.add_moments(taken.gradients, taken.turned, -rate, &mut rhs);
         }
-        let x = cloth.analysis.solve(&cloth.pattern, taken.factor, &rhs, scratch);
-        let v = x.iter().zip(&start.x).map(|(a, b)| (*a - *b) / big).collect();
-        let angles = cloth.angle_changes(taken.gradients, &x);
+        rhs
+    }
+}
+
+impl Taken<'_> {
+    /// Derivative of the step, given that of its positions and of the start.
+    fn tangent(&self, start: &Tangent, x: Positions) -> Tangent {
+        let v = x.iter().zip(&start.state.x).map(|(a, b)| (*a - *b) / self.big).collect();
+        let angles = self.cloth.angle_changes(self.gradients, &x);
         Tangent { state: State { x, v }, angles }
     }
 }

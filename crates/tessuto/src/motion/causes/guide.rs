@@ -13,7 +13,10 @@ use crate::math::factor::Scratch;
 use crate::mesh::Positions;
 use crate::motion::parameters::Dynamics;
 use crate::sim::step::step;
-use crate::sim::{Accelerations, Cloth, State, Stiffness, TiedCloth};
+use crate::sim::{Accelerations, Cloth, State, StepSettings, Stiffness, TiedCloth};
+
+/// How far a step's solution may be off where the accelerations need not lead along the same motion `[m]`.
+const ROUGH: f64 = 1e-6;
 
 /// What leads a cloth.
 pub struct Guide<'a> {
@@ -67,7 +70,9 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
     let (cloth, dynamics) = (guide.cloth, guide.dynamics);
     let (count, steps) = (cloth.vertex_count(), guide.targets.len() - 1);
     let ties: Vec<f64> = guide.ties.iter().zip(&cloth.masses).map(|(tie, m)| tie * m).collect();
-    let mut tied = TiedCloth::new(cloth, &ties, &dynamics.step);
+    let least = if guide.exact { 0.0 } else { ROUGH };
+    let tied_step = StepSettings { tolerance: dynamics.step.tolerance.max(least), ..dynamics.step };
+    let mut tied = TiedCloth::new(cloth, &ties, &tied_step);
     let stiffness = Stiffness::uniform(cloth, guide.stiffness);
     let mut scratch = Scratch::default();
     let start = State { x: guide.targets[0].clone(), v: vec![DVec3::ZERO; count] };

@@ -101,7 +101,7 @@ impl JointSystem<'_> {
     pub fn factors(&self) -> Vec<FrameFactor> {
         let diagonal = self.kappa * (acceleration::DIAGONAL + self.lambda);
         let factor = |scratch: &mut Scratch, system: &FrameSystem| {
-            FrameFactor::new(self.cloth, system, diagonal, scratch).rounded()
+            FrameFactor::new(self.cloth, system, diagonal, scratch).rounded(scratch)
         };
         self.systems.par_iter().map_init(Scratch::default, factor).collect()
     }

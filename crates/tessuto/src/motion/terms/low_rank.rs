@@ -68,8 +68,8 @@ impl FrameFactor {
     }
 
     /// The factor to seven digits, for preconditioners.
-    pub fn rounded(self) -> Self {
-        Self { factor: self.factor.rounded(), ..self }
+    pub fn rounded(self, scratch: &mut Scratch) -> Self {
+        Self { factor: scratch.round(self.factor), ..self }
     }
 
     /// The solution for `rhs`, by the formula of Sherman, Morrison and Woodbury.
