@@ -11,8 +11,8 @@ same seed makes the same scenes, and the same ones but for their kinds as before
 At the end it also tells which share of the frames that are off by more than 15 mm the results' own verdicts flag, and which of the
 others: goals are 90 % and 5 %.
 
---csv FILE  one row per frame: scene, kinds, frame, mean error of its vertices [mm], and the columns of the result's verdict on
-            the frame, as far as metrics.json has any
+--csv FILE  one row per frame: scene, kinds, frame, mean error of its vertices [mm], the columns of the result's verdict on
+            the frame, as far as metrics.json has any, and the quantities that it judges by
 """
 import argparse, csv, json, random, shutil, subprocess, sys, tempfile, time
 from pathlib import Path
@@ -97,8 +97,10 @@ def try_scene(program, folder, chosen, seed):
 def rows(scene, kinds, metrics):
     """One row per frame: its error, and what the result itself says about the frame."""
     verdicts = {entry["frame"]: entry for entry in metrics.get("verdicts", [])}
+    agreement = {entry["frame"]: entry for entry in metrics.get("agreement", [])}
     return [{"scene": scene, "kinds": "+".join(kinds) or "wind", "frame": f["frame"], "error_mm": round(1000 * f["vertex"], 4),
-             **{f"verdict_{key}": value for key, value in verdicts.get(f["frame"], {}).items() if key != "frame"}}
+             **{f"verdict_{key}": value for key, value in verdicts.get(f["frame"], {}).items() if key != "frame"},
+             **{key: value for key, value in agreement.get(f["frame"], {}).items() if key != "frame"}}
             for f in metrics["frames"]]
 
 

@@ -9,8 +9,9 @@
 //!
 //!   D = Σ B s ℓ²/A,   E = Σ Y l²/A,   G = Σ S/A;   on a regular grid of steps a along and b across D = B s a/b, E = Y a/b, G = 4 S/(a b).
 //!
-//! Bending pairs are soft while they are nearly straight: an angle φ has the moment B (θ − θ₀) dθ/dφ with θ ≈ √(θ₀² + φ²), θ₀ = 8.1°. What counts
-//! is the secant s = 1 − θ₀/√(θ₀² + φ²) at the angles that the cloth has. All is in proportion to the area density, which is assumed.
+//! Bending pairs are soft while they are nearly straight: an angle φ has the moment B (θ − θ₀) dθ/dφ = B s φ with θ ≈ √(θ₀² + φ²), θ₀ = 8.1°, and the
+//! secant s(φ) = 1 − θ₀/√(θ₀² + φ²). What counts is its mean over the angles that the cloth has, weighted by φ²: that of the sheet of constant D whose
+//! moments do the same work. All is in proportion to the area density, which is assumed.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -33,7 +34,7 @@ pub struct PerWidth {
     pub shear: f64,
     /// E of warp and weft [N/m].
     pub membrane: [f64; 2],
-    /// Typical angle φ of the bending pairs `[rad]`, for which D holds.
+    /// Angle φ of the bending pairs `[rad]` at which they have D.
     pub bent: f64,
     /// What all of it is in proportion to [kg/m²].
     pub area_density: f64,
@@ -50,9 +51,7 @@ pub fn per_width(
     let flat = panel(template)?;
     let area = cloth.masses.iter().sum::<f64>() / AREA_DENSITY;
     let [stretch, bend, shear] = stiffness;
-    let bent = typical_angle(cloth, frames);
-    let still = angle(DVec3::X, DVec3::X);
-    let secant = 1.0 - still / still.hypot(bent);
+    let secant = secant(cloth, frames);
     let direction = |d: DVec3| match d.abs() {
         d if d.y < ALONG * d.x => Some(0),
         d if d.x < ALONG * d.y => Some(1),
@@ -72,7 +71,7 @@ pub fn per_width(
         }
     }
     let shear = shear * cloth.shears.len() as f64 / area;
-    Some(PerWidth { bending, shear, membrane, bent, area_density: AREA_DENSITY })
+    Some(PerWidth { bending, shear, membrane, bent: angle_of(secant), area_density: AREA_DENSITY })
 }
 
 /// Bending length c = (D/(ρ g))^⅓ `[m]` of a bending stiffness [N·m] at an area density [kg/m²]: that of a strip that bends under its own weight
@@ -82,17 +81,29 @@ pub fn bending_length(bending: f64, density: f64) -> f64 {
     (bending / (density * GRAVITY)).cbrt()
 }
 
-/// Root mean square deflection of the bending pairs, without what straight ones have.
-fn typical_angle(cloth: &Cloth, frames: &[Positions]) -> f64 {
-    let (mut sum, mut count) = (0.0, 0usize);
+/// θ₀.
+fn angle_of_straight() -> f64 {
+    angle(DVec3::X, DVec3::X)
+}
+
+/// Mean of s over the bending pairs of `frames`, weighted by φ².
+fn secant(cloth: &Cloth, frames: &[Positions]) -> f64 {
+    let still = angle_of_straight();
+    let (mut work, mut squares) = (0.0, f64::MIN_POSITIVE);
     for x in frames {
         for pair in &cloth.bends {
             let [u, w] = arms(x, pair.vertices);
-            sum += u.angle_between(w).powi(2);
-            count += 1;
+            let phi = u.angle_between(w);
+            work += (1.0 - still / still.hypot(phi)) * phi * phi;
+            squares += phi * phi;
         }
     }
-    (sum / count.max(1) as f64).sqrt()
+    work / squares
+}
+
+/// φ of a secant s.
+fn angle_of(secant: f64) -> f64 {
+    angle_of_straight() * ((1.0 - secant).powi(-2) - 1.0).sqrt()
 }
 
 #[cfg(test)]
@@ -128,8 +139,8 @@ mod tests {
             let bent: Positions = mesh.positions.iter().map(round).collect();
             let arc = [0.015, 0.01][axis];
             let widths = per_width(&cloth, &mesh, K, std::slice::from_ref(&bent)).unwrap();
-            // Half of the pairs are straight.
-            assert!((widths.bent * 2f64.sqrt() / (curvature * arc) - 1.0).abs() < 0.05, "{}", widths.bent);
+            // The pairs across are straight and do not count.
+            assert!((widths.bent / (curvature * arc) - 1.0).abs() < 0.05, "{}", widths.bent);
             let at = |angle: f64| {
                 let still = angle_of_straight();
                 1.0 - still / still.hypot(angle)
@@ -153,10 +164,6 @@ mod tests {
         assert!((ratio - 1.0).abs() < 0.05, "shear {ratio}");
     }
 
-    fn angle_of_straight() -> f64 {
-        angle(DVec3::X, DVec3::X)
-    }
-
     /// θ − θ₀ times dθ/dφ, by a difference.
     fn moment_of(phi: f64) -> f64 {
         let at = |phi: f64| {
@@ -166,8 +173,8 @@ mod tests {
         (at(phi + 1e-5) - at(phi - 1e-5)) / 2e-5
     }
 
-    /// `cloth` at rest under gravity `g`, with `held` vertices.
-    fn at_rest(cloth: &Cloth, x: &[DVec3], held: &[usize], g: DVec3) -> Positions {
+    /// `cloth` of stiffnesses `k` at rest under gravity `g`, with `held` vertices.
+    fn at_rest(cloth: &Cloth, k: [f64; 3], x: &[DVec3], held: &[usize], g: DVec3) -> Positions {
         let settings = StepSettings {
             integrator: Integrator::ImplicitEuler,
             step: 0.02,
@@ -178,7 +185,7 @@ mod tests {
         let mut ties = vec![0.0; x.len()];
         held.iter().for_each(|v| ties[*v] = 1e5);
         let tied = TiedCloth::new(cloth, &ties, &settings);
-        let stiffness = Stiffness::uniform(cloth, K);
+        let stiffness = Stiffness::uniform(cloth, k);
         let mut state = State { x: x.to_vec(), v: vec![DVec3::ZERO; x.len()] };
         for _ in 0..400 {
             state = tied.step(&stiffness, state, x, |_| g, &mut Scratch::default()).unwrap().after;
@@ -189,7 +196,7 @@ mod tests {
     #[test]
     fn a_hanging_strip_grows_by_its_weight() {
         let (mesh, cloth) = strip(4, 41, DVec2::new(0.03, 0.4));
-        let x = at_rest(&cloth, &mesh.positions, &[0, 1, 2, 3], DVec3::Y * 9.81);
+        let x = at_rest(&cloth, K, &mesh.positions, &[0, 1, 2, 3], DVec3::Y * 9.81);
         let widths = per_width(&cloth, &mesh, K, &[]).unwrap();
         let grown = x[4 * 40].y - mesh.positions[4 * 40].y;
         // ρ g L²/(2 E)
@@ -204,7 +211,7 @@ mod tests {
         let (mesh, cloth) = strip(13, 5, DVec2::new(0.12, 0.04));
         // The first two columns and a half are clamped: the strip leaves straight.
         let held: Vec<usize> = (0..65).filter(|v| v % 13 < 3).collect();
-        let x = at_rest(&cloth, &mesh.positions, &held, DVec3::Z * 9.81);
+        let x = at_rest(&cloth, K, &mesh.positions, &held, DVec3::Z * 9.81);
         let middle: Vec<DVec3> = (2..13).map(|c| x[2 * 13 + c]).collect();
         // The elastica from its free end: at each vertex D φ/step times the width is the moment of the weight beyond.
         let weight = AREA_DENSITY * 9.81;
@@ -225,7 +232,6 @@ mod tests {
                         DVec3::new(r * s.sin(), mesh.positions[v].y, r * (1.0 - s.cos()))
                     })
                     .collect();
-                // Straight pairs across halve the mean square.
                 let widths = per_width(&cloth, &mesh, K, &[bent]).unwrap();
                 let still = angle_of_straight();
                 let secant = |a: f64| 1.0 - still / still.hypot(a);
@@ -236,5 +242,58 @@ mod tests {
         let tip = middle[10].z - middle[0].z;
         println!("tip {tip:.4} m of {length} m down, moments within {worst:.3}");
         assert!(tip > 0.01 && worst < 0.12, "{tip} {worst}");
+    }
+
+    /// How far the end of a heavy elastic strip hangs below its clamp, over how far it reaches out, at Γ = ρ g L³/D: θ″ = −Γ (1 − s) cos θ, θ(0) = 0,
+    /// θ′(1) = 0, by shooting. To this curve all cantilevers fall (Romero et al., "Physical validation of simulators in computer graphics", 2021).
+    fn master_curve(gamma: f64) -> f64 {
+        const STEPS: usize = 400;
+        let h = 1.0 / STEPS as f64;
+        let bend = |s: f64, theta: f64| -gamma * (1.0 - s) * theta.cos();
+        // (θ′, drop, reach) at the end for a curvature at the clamp.
+        let shoot = |curvature: f64| {
+            let (mut theta, mut rate, mut drop, mut reach) = (0.0f64, curvature, 0.0, 0.0);
+            for k in 0..STEPS {
+                // The midpoint rule.
+                let s = k as f64 * h;
+                let (middle, rate_there) = (theta + 0.5 * h * rate, rate + 0.5 * h * bend(s, theta));
+                rate += h * bend(s + 0.5 * h, middle);
+                theta += h * rate_there;
+                drop += h * middle.sin();
+                reach += h * middle.cos();
+            }
+            (rate, drop / reach)
+        };
+        let (mut low, mut high) = (0.0, gamma);
+        for _ in 0..60 {
+            let middle = 0.5 * (low + high);
+            if shoot(middle).0 > 0.0 { high = middle } else { low = middle }
+        }
+        shoot(low).1
+    }
+
+    #[test]
+    fn cantilevers_fall_to_the_master_curve() {
+        // Of a light one the deflection is an eighth of Γ.
+        assert!((master_curve(1e-3) / 1.25e-4 - 1.0).abs() < 1e-3, "{}", master_curve(1e-3));
+        let length = 0.1f64;
+        let (mesh, cloth) = strip(13, 5, DVec2::new(0.12, 0.04));
+        let held: Vec<usize> = (0..65).filter(|v| v % 13 < 3).collect();
+        for bend in [4e-3, 1e-3, 2e-4] {
+            let k = [800.0, bend, K[2]];
+            let x = at_rest(&cloth, k, &mesh.positions, &held, DVec3::Z * 9.81);
+            let bending = per_width(&cloth, &mesh, k, std::slice::from_ref(&x)).unwrap().bending[0];
+            let gamma = AREA_DENSITY * 9.81 * length.powi(3) / bending;
+            let tip = x[2 * 13 + 12] - x[2 * 13 + 2];
+            let drop = tip.z / tip.x;
+            // The Γ of a strip that hangs as far.
+            let (mut low, mut high) = (0.0, 100.0);
+            for _ in 0..40 {
+                let middle = 0.5 * (low + high);
+                if master_curve(middle) > drop { high = middle } else { low = middle }
+            }
+            println!("drop over reach {drop:.3}: Γ {low:.2} by the curve, {gamma:.2} by D");
+            assert!(drop > 0.2 && (low / gamma).ln().abs() < 1.25f64.ln(), "{low} {gamma}");
+        }
     }
 }

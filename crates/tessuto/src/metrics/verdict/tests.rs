@@ -47,7 +47,7 @@ fn a_good_clip_is_praised_with_its_worst_frames() {
 fn every_criterion_is_heard_and_names_its_frames() {
     type Spoil = fn(&mut FrameAgreement);
     let cases: [(Spoil, State, &str); 16] = [
-        (|f| f.uncovered = Some(0.04), State::Doubtful, "4 % of the mask not covered"),
+        (|f| f.uncovered = Some(0.07), State::Doubtful, "7 % of the mask not covered"),
         (|f| f.uncovered = Some(1.0), State::Lost, "100 % of the mask not covered"),
         (|f| (f.correlation, f.silhouette) = (None, Some(0.89)), State::Doubtful, "silhouette 0.89"),
         (|f| (f.correlation, f.silhouette) = (None, Some(0.0)), State::Lost, "silhouette 0.00"),

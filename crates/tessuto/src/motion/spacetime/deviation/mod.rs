@@ -5,10 +5,11 @@
 //! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
 //! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
-//!   σ_nv² = (g_nv/ḡ_n) a_n² + c²,  a_n = 5.4 ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
+//!   σ_nv² = (g_nv/ḡ_n) ā_n² + c²,  a_n = 5.4 ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
 //!
 //! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric mean of all that tells
-//! where the error is large, each by about what it tells.
+//! where the error is large, each by about what it tells. ā is the mean of a over five frames, weights 1 2 3 2 1: errors last longer than what
+//! shows them.
 //!
 //! - o: distance of the boundary to the mask's outline `[m]`.
 //! - d: mean distance `[m]` between the positions that tracking found and the final ones, two searches that agree where both are
@@ -40,6 +41,8 @@ use crate::session::Session;
 const SAMPLES: usize = 16;
 /// Factor of the geometric mean.
 const FACTOR: f64 = 5.4;
+/// Frames to either side over which the size of the deviations is averaged.
+const REACH: usize = 2;
 /// Least misfit to the priors: a sheet that keeps all lengths and angles may have slipped all the same.
 const PRIOR_FLOOR: f64 = 0.1;
 /// Least deviation, and what is added to the distance between tracked and final positions `[m]`.
@@ -74,27 +77,46 @@ impl Problem<'_> {
         let pooled = pool(&variances, &self.adjacency);
         let misfits = frames.par_iter().enumerate().skip(1).map(|(n, x)| search.misfit(n, x));
         let misfits: Vec<Misfit> = misfits.collect();
+        let of_frame = |(n, (variances, misfit)): (usize, (&Vec<f64>, &Misfit))| {
+            let (found, tracked) = (&frames[n + 1], &tracked[n + 1]);
+            let apart = found.iter().zip(tracked).map(|(a, b)| a.distance(*b)).sum::<f64>();
+            size(mean(variances), misfit, apart / found.len().max(1) as f64)
+        };
+        let sizes: Vec<f64> = pooled.iter().zip(&misfits).enumerate().map(of_frame).collect();
         let mut out = vec![vec![0.0; cloth.vertex_count()]];
-        for (n, (variances, misfit)) in pooled.iter().zip(&misfits).enumerate() {
-            let apart = frames[n + 1].iter().zip(&tracked[n + 1]).map(|(a, b)| a.distance(*b)).sum::<f64>()
-                / frames[n + 1].len().max(1) as f64;
-            out.push(calibrated(variances, misfit, apart));
-        }
+        out.extend(pooled.iter().zip(lasting(&sizes)).map(|(variances, size)| spread(variances, size)));
         Ok(out)
     }
 }
 
-/// σ of every vertex of a frame, see the module; `variances` are g², `apart` is d.
-fn calibrated(variances: &[f64], misfit: &Misfit, apart: f64) -> Vec<f64> {
-    let count = variances.len().max(1) as f64;
-    let mean = variances.iter().sum::<f64>() / count;
-    let posterior = (misfit.prior.max(PRIOR_FLOOR) * mean).sqrt();
+/// a of a frame, see the module; `variance` is ḡ², `apart` is d.
+fn size(variance: f64, misfit: &Misfit, apart: f64) -> f64 {
+    let posterior = (misfit.prior.max(PRIOR_FLOOR) * variance).sqrt();
     let squares = (misfit.outline * (apart + AGREEMENT_FLOOR)).powi(2);
-    let of_frame = (FACTOR * (squares * posterior * misfit.texture).powf(0.2)).powi(2);
+    FACTOR * (squares * posterior * misfit.texture).powf(0.2)
+}
+
+/// ā of every frame, see the module; of fewer frames at the ends.
+fn lasting(sizes: &[f64]) -> Vec<f64> {
+    let over_time = |n: usize| {
+        let window = n.saturating_sub(REACH)..(n + REACH + 1).min(sizes.len());
+        let weights = window.clone().map(|k| (1 + REACH - k.abs_diff(n)) as f64);
+        let sum: f64 = weights.clone().zip(&sizes[window]).map(|(w, size)| w * size).sum();
+        sum / weights.sum::<f64>()
+    };
+    (0..sizes.len()).map(over_time).collect()
+}
+
+/// σ of every vertex of a frame, see the module; `variances` are g², `size` is ā.
+fn spread(variances: &[f64], size: f64) -> Vec<f64> {
     // Without any variance, all vertices are alike.
-    let mean_root = variances.iter().map(|g| g.sqrt()).sum::<f64>() / count;
+    let mean_root = variances.iter().map(|g| g.sqrt()).sum::<f64>() / variances.len().max(1) as f64;
     let pattern = |g: f64| if mean_root > 0.0 { g.sqrt() / mean_root } else { 1.0 };
-    variances.iter().map(|g| (pattern(*g) * of_frame + FLOOR * FLOOR).sqrt()).collect()
+    variances.iter().map(|g| (pattern(*g) * size * size + FLOOR * FLOOR).sqrt()).collect()
+}
+
+fn mean(variances: &[f64]) -> f64 {
+    variances.iter().sum::<f64>() / variances.len().max(1) as f64
 }
 
 /// Every variance averaged with those of its neighbours in the mesh and then with those of the same vertex in the frames before and after,
