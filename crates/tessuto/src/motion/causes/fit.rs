@@ -35,7 +35,7 @@ const KNOWN_TILT: f64 = 0.01;
 const TRIED: usize = 1;
 /// Where the motion that the causes make is off by more than so many of the positions' deviations, root mean square, something else
 /// holds or moves the cloth, and nothing is told.
-const DOUBTED: f64 = 1.75;
+const DOUBTED: f64 = 1.6;
 
 /// How finely the cloth is simulated.
 struct Grain {
