@@ -51,7 +51,7 @@ pub fn per_width(
     let flat = panel(template)?;
     let area = cloth.masses.iter().sum::<f64>() / AREA_DENSITY;
     let [stretch, bend, shear] = stiffness;
-    let secant = secant(cloth, frames);
+    let secant = mean_secant(cloth, frames);
     let direction = |d: DVec3| match d.abs() {
         d if d.y < ALONG * d.x => Some(0),
         d if d.x < ALONG * d.y => Some(1),
@@ -86,15 +86,20 @@ fn angle_of_straight() -> f64 {
     angle(DVec3::X, DVec3::X)
 }
 
-/// Mean of s over the bending pairs of `frames`, weighted by φ².
-fn secant(cloth: &Cloth, frames: &[Positions]) -> f64 {
+/// s of an angle φ.
+fn secant(phi: f64) -> f64 {
     let still = angle_of_straight();
+    1.0 - still / still.hypot(phi)
+}
+
+/// Mean of s over the bending pairs of `frames`, weighted by φ².
+fn mean_secant(cloth: &Cloth, frames: &[Positions]) -> f64 {
     let (mut work, mut squares) = (0.0, f64::MIN_POSITIVE);
     for x in frames {
         for pair in &cloth.bends {
             let [u, w] = arms(x, pair.vertices);
             let phi = u.angle_between(w);
-            work += (1.0 - still / still.hypot(phi)) * phi * phi;
+            work += secant(phi) * phi * phi;
             squares += phi * phi;
         }
     }
@@ -141,12 +146,8 @@ mod tests {
             let widths = per_width(&cloth, &mesh, K, std::slice::from_ref(&bent)).unwrap();
             // The pairs across are straight and do not count.
             assert!((widths.bent / (curvature * arc) - 1.0).abs() < 0.05, "{}", widths.bent);
-            let at = |angle: f64| {
-                let still = angle_of_straight();
-                1.0 - still / still.hypot(angle)
-            };
             // The energy of a spring that is soft at first is half of moment times angle for its own secant only nearly.
-            let own = widths.bending[axis] * at(curvature * arc) / at(widths.bent);
+            let own = widths.bending[axis] * secant(curvature * arc) / secant(widths.bent);
             let moment = moment_of(curvature * arc) * K[1] / arc * [0.015 / 0.01, 0.01 / 0.015][axis] * arc;
             let expected = moment / (curvature * arc);
             assert!((own / expected - 1.0).abs() < 0.06, "axis {axis}: {own} {expected}");
@@ -233,8 +234,6 @@ mod tests {
                     })
                     .collect();
                 let widths = per_width(&cloth, &mesh, K, &[bent]).unwrap();
-                let still = angle_of_straight();
-                let secant = |a: f64| 1.0 - still / still.hypot(a);
                 widths.bending[0] * secant(phi) / secant(widths.bent)
             };
             worst = worst.max((of_angle * phi / step / moment - 1.0).abs());
