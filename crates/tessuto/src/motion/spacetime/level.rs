@@ -31,6 +31,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     pub still: Vec<u32>,
     /// Weights of colours and outlines, relative to what the settings say.
     pub noise_weights: [f64; 2],
+    /// Tail of shear, relative to what the settings say.
+    pub shear_ease: f64,
     /// The light; zero while not known.
     pub light: Light,
     /// Brightness of every vertex in every frame, shape [N, V]; empty while the light is not known.
@@ -58,6 +60,7 @@ impl<'a> Problem<'a> {
             counts_unseen: false,
             still: Vec::new(),
             noise_weights: [1.0; 2],
+            shear_ease: 1.0,
             light: self.light,
             brightness: vec![Vec::new(); frame_count],
             occlusions: vec![Occlusion::default(); frame_count],
@@ -95,6 +98,7 @@ impl LevelSearch<'_, '_> {
     pub fn loosen(&mut self, spreads: [f64; 2], tail: f64) {
         self.priors = self.problem.priors.clone();
         self.priors.loosen(spreads, tail);
+        self.priors.shear.tail *= self.shear_ease;
     }
 
     /// The terms of one frame.

@@ -52,7 +52,9 @@
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
-//! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]).
+//! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]). Where what departs from
+//! the smooth shear is large all over a sheet, it is no matter of a few folds: after the first level of `refine` such a clip's shear has a
+//! shorter tail (`noise`).
 //!
 //! A frame that is lost all the same, of a shape that cloth cannot have, takes one from the frames around it (`sound`).
 //!

@@ -1,7 +1,8 @@
-//! How much is to be made of a clip's colours and outlines: their noise, from what is left of both.
+//! How much is to be made of a clip's colours and outlines, and of the prior on its shear: from what is left of each.
 //!
 //! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is left of colours and
-//! outlines there tells. Medians over the frames, so that a few that are lost do not count.
+//! outlines there tells. Medians over the frames, so that a few that are lost do not count. Of shear it is the mean: a sheet that shears
+//! much in some frames is one that does, and there the prior on shear would turn and crumple it.
 
 use rayon::prelude::*;
 
@@ -14,7 +15,22 @@ const NOMINAL: [f64; 2] = [0.032, 0.6];
 /// Bounds of the weights. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
 const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 
+/// Energy of shear for each shearing pair and frame above which a sheet shears more than the settings' tail is meant for, and what that
+/// tail is then multiplied by.
+const SHEARED: f64 = 0.27;
+const EASE: f64 = 0.3;
+
 impl Problem<'_> {
+    /// Tail of shear, relative to what the settings say, that the shear of `frames` asks for.
+    pub(super) fn shear_ease(&self, frames: &[Positions]) -> f64 {
+        let shear = &self.priors.shear;
+        // Collected before they are added up: the sum is the same for any number of threads.
+        let energies: Vec<f64> = frames[1..].par_iter().map(|x| shear.value(x)).collect();
+        let pairs = (self.cloth.shears.len() * energies.len()).max(1);
+        let of_pair = energies.iter().sum::<f64>() / pairs as f64;
+        if of_pair > SHEARED { EASE } else { 1.0 }
+    }
+
     /// Weights of colours and outlines, relative to what the settings say, that what is left of them at `frames` asks for.
     pub(super) fn noise_weights(&self, frames: &[Positions]) -> [f64; 2] {
         let levels = self.noise_levels(frames);
@@ -104,5 +120,21 @@ mod tests {
         let (clean, loose) = (left(&clip()), left(&loose));
         println!("{clean:?} {loose:?}");
         assert!(loose.0[1] > 2.0 * clean.0[1] && loose.1[1] < 0.25 && loose.1[1] < 0.5 * clean.1[1]);
+    }
+
+    #[test]
+    fn a_sheet_that_shears_much_is_held_less_firmly_against_it() {
+        let scene = clip();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
+        let flat = &scene.template.positions;
+        let of = |shears: [f64; 4]| {
+            let shape = |s: f64| flat.iter().map(|p| *p + glam::DVec3::X * (s * p.y)).collect();
+            let frames: Vec<Positions> = std::iter::once(0.0).chain(shears).map(shape).collect();
+            problem.shear_ease(&frames)
+        };
+        // Hardly any; much in one frame of four; nothing after the first frame.
+        assert_eq!((of([1e-3; 4]), of([0.0, 0.0, 0.0, 0.1])), (1.0, EASE));
+        assert_eq!(problem.shear_ease(std::slice::from_ref(flat)), 1.0);
     }
 }

@@ -26,6 +26,8 @@ struct Refined {
     still: Vec<u32>,
     /// Weights of colours and outlines that their noise asks for; the settings' own at the first level.
     noise_weights: [f64; 2],
+    /// Tail of shear that the sheet asks for, relative to the settings'; theirs at the first level.
+    shear_ease: f64,
     /// Gains at the present level.
     gains: Vec<Vec<[f32; 3]>>,
 }
@@ -41,8 +43,15 @@ impl Problem<'_> {
         let ladder = self.refined_levels();
         let levels = ladder.len();
         let still = self.still_vertices(&frames);
-        let start =
-            || Refined { frames, still, noise_weights: [1.0; 2], steps: 0, lambda: 0.0, gains: Vec::new() };
+        let start = || Refined {
+            frames,
+            still,
+            noise_weights: [1.0; 2],
+            shear_ease: 1.0,
+            steps: 0,
+            lambda: 0.0,
+            gains: Vec::new(),
+        };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
         let iterations = self.settings.iterations;
         let count = self.scene.frames.len();
@@ -63,11 +72,13 @@ impl Problem<'_> {
                     refined.lambda = DAMPING.lambda;
                     if k > 0 {
                         refined.noise_weights = self.noise_weights(&refined.frames);
+                        refined.shear_ease = self.shear_ease(&refined.frames);
                     }
                 }
                 _ => search.gains = std::mem::take(&mut refined.gains),
             }
             search.noise_weights = refined.noise_weights;
+            search.shear_ease = refined.shear_ease;
             for iteration in first..iterations {
                 let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
                 search.anneal(refined.steps as f64 / (ANNEALED * (levels * iterations) as f64));
