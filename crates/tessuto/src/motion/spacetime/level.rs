@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::gain::{Around, GAIN_FITS, explained, fit_gain};
+use super::noise::Asked;
 use super::{Positions, Problem, acceleration};
 use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::samples::SurfaceSamples;
@@ -29,10 +30,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     pub counts_unseen: bool,
     /// Vertices that stand still.
     pub still: Vec<u32>,
-    /// Weights of colours and outlines, relative to what the settings say.
-    pub noise_weights: [f64; 2],
-    /// Tail of shear, relative to what the settings say.
-    pub shear_ease: f64,
+    /// What the clip asks for.
+    pub asked: Asked,
     /// The light; zero while not known.
     pub light: Light,
     /// Brightness of every vertex in every frame, shape [N, V]; empty while the light is not known.
@@ -59,8 +58,7 @@ impl<'a> Problem<'a> {
             priors: self.priors.clone(),
             counts_unseen: false,
             still: Vec::new(),
-            noise_weights: [1.0; 2],
-            shear_ease: 1.0,
+            asked: Asked::default(),
             light: self.light,
             brightness: vec![Vec::new(); frame_count],
             occlusions: vec![Occlusion::default(); frame_count],
@@ -98,7 +96,8 @@ impl LevelSearch<'_, '_> {
     pub fn loosen(&mut self, spreads: [f64; 2], tail: f64) {
         self.priors = self.problem.priors.clone();
         self.priors.loosen(spreads, tail);
-        self.priors.shear.tail *= self.shear_ease;
+        self.priors.strain.sigma *= self.asked.strain;
+        self.priors.shear.tail *= self.asked.shear_tail;
     }
 
     /// The terms of one frame.
@@ -106,7 +105,6 @@ impl LevelSearch<'_, '_> {
         let p = self.problem;
         let s = &p.settings;
         let (area, pixel) = (self.pixel_area(), p.pixel());
-        let [of_colours, of_outlines] = self.noise_weights;
         FrameTerms {
             priors: &self.priors,
             colour: Colour {
@@ -118,7 +116,7 @@ impl LevelSearch<'_, '_> {
                 adjacent: &self.adjacent[frame],
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
-                weight: of_colours * area / (s.colour * s.colour * s.colour_area * p.scale),
+                weight: self.asked.colours * area / (s.colour * s.colour * s.colour_area * p.scale),
                 hidden: &self.occlusions[frame].hidden,
                 counts_unseen: self.counts_unseen,
             },
@@ -129,7 +127,8 @@ impl LevelSearch<'_, '_> {
                 distance: &p.observed.outlines[frame],
                 camera: &p.observed.camera,
                 sigma: s.outline * pixel,
-                weight: of_outlines / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
+                weight: self.asked.outlines
+                    / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
             },
             shading: Shading {
                 cloth: p.cloth,

@@ -47,8 +47,8 @@
 //! again later are filled from the later ones: the sheet is followed backward too (`both_sides`), and the best path through all
 //! counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
-//! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them (`noise`): after the first level of
-//! `refine`, from which on every clip has weights of its own.
+//! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them, and sheets that keep their lengths
+//! better than most are held to them more firmly (`noise`): after the first level of `refine`, from which on every clip has weights of its own.
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the

@@ -1,13 +1,16 @@
-//! How much is to be made of a clip's colours and outlines, and of the prior on its shear: from what is left of each.
+//! How much is to be made of a clip's colours and outlines, and of the priors on its strain and shear: from what is left of each.
 //!
 //! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is left of colours and
-//! outlines there tells. Medians over the frames, so that a few that are lost do not count. Of shear it is the mean: a sheet that shears
-//! much in some frames is one that does, and there the prior on shear would turn and crumple it.
+//! outlines there tells. Medians over the frames, so that a few that are lost do not count. What keeps its lengths better than most, as paper
+//! does, is held to them more firmly. Of shear it is the mean: a sheet that shears much in some frames is one that does, and there the prior
+//! on shear would turn and crumple it.
 
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Positions, Problem};
 use crate::motion::terms::Term;
+use crate::sim::cloth::Edge;
 
 /// What is left on clips that the spreads are set for: root mean square difference of colours, all channels together, of half of a pair
 /// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels.
@@ -15,29 +18,72 @@ const NOMINAL: [f64; 2] = [0.032, 0.6];
 /// Bounds of the weights. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
 const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 
+/// Median size of strain in spreads on clips that its spread is set for, and how much smaller that may get. Never larger: more is left
+/// where a sheet is badly found.
+const STRAINED: f64 = 0.25;
+const LEAST_SPREAD: f64 = 0.4;
+
 /// Energy of shear for each shearing pair and frame above which a sheet shears more than the settings' tail is meant for, and what that
 /// tail is then multiplied by.
 const SHEARED: f64 = 0.27;
 const EASE: f64 = 0.3;
 
+/// What a clip asks for, relative to the settings.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(super) struct Asked {
+    /// Weight of colours.
+    pub colours: f64,
+    /// Weight of outlines.
+    pub outlines: f64,
+    /// Spread of strain.
+    pub strain: f64,
+    /// Tail of shear.
+    pub shear_tail: f64,
+}
+
+/// The settings as they are.
+impl Default for Asked {
+    fn default() -> Self {
+        Self { colours: 1.0, outlines: 1.0, strain: 1.0, shear_tail: 1.0 }
+    }
+}
+
 impl Problem<'_> {
-    /// Tail of shear, relative to what the settings say, that the shear of `frames` asks for.
-    pub(super) fn shear_ease(&self, frames: &[Positions]) -> f64 {
+    /// What the clip asks for, by what is left at `frames`.
+    pub(super) fn asked(&self, frames: &[Positions]) -> Asked {
+        let levels = self.noise_levels(frames);
+        let [colours, outlines] = std::array::from_fn(|k| {
+            let [least, most] = BOUNDS[k];
+            (NOMINAL[k] / levels[k].max(f64::MIN_POSITIVE)).powi(2).clamp(least, most)
+        });
+        Asked {
+            colours,
+            outlines,
+            strain: self.strain_spread(&frames[1..]),
+            shear_tail: self.shear_ease(&frames[1..]),
+        }
+    }
+
+    /// Spread of strain that what is left of it at `frames` asks for.
+    fn strain_spread(&self, frames: &[Positions]) -> f64 {
+        let of_frame = |x: &Positions| {
+            let strain = |e: &Edge| {
+                (x[e.vertices[0] as usize].distance(x[e.vertices[1] as usize]) / e.rest_length - 1.0).abs()
+            };
+            median(self.cloth.edges.iter().map(strain).collect())
+        };
+        let left = median(frames.par_iter().filter_map(of_frame).collect());
+        left.map_or(1.0, |left| (left / (STRAINED * self.settings.strain)).clamp(LEAST_SPREAD, 1.0))
+    }
+
+    /// Tail of shear that the shear of `frames` asks for.
+    fn shear_ease(&self, frames: &[Positions]) -> f64 {
         let shear = &self.priors.shear;
         // Collected before they are added up: the sum is the same for any number of threads.
-        let energies: Vec<f64> = frames[1..].par_iter().map(|x| shear.value(x)).collect();
+        let energies: Vec<f64> = frames.par_iter().map(|x| shear.value(x)).collect();
         let pairs = (self.cloth.shears.len() * energies.len()).max(1);
         let of_pair = energies.iter().sum::<f64>() / pairs as f64;
         if of_pair > SHEARED { EASE } else { 1.0 }
-    }
-
-    /// Weights of colours and outlines, relative to what the settings say, that what is left of them at `frames` asks for.
-    pub(super) fn noise_weights(&self, frames: &[Positions]) -> [f64; 2] {
-        let levels = self.noise_levels(frames);
-        std::array::from_fn(|k| {
-            let [least, most] = BOUNDS[k];
-            (NOMINAL[k] / levels[k].max(f64::MIN_POSITIVE)).powi(2).clamp(least, most)
-        })
     }
 
     /// What is left of colours `[sRGB]` and outlines [px of the finest level] at `frames`.
@@ -55,11 +101,15 @@ impl Problem<'_> {
         };
         let levels: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
         std::array::from_fn(|k| {
-            let mut values: Vec<f64> = levels.iter().map(|of_frame| of_frame[k]).collect();
-            values.sort_unstable_by(f64::total_cmp);
-            values.get(values.len() / 2).copied().unwrap_or(NOMINAL[k])
+            median(levels.iter().map(|of_frame| of_frame[k]).collect()).unwrap_or(NOMINAL[k])
         })
     }
+}
+
+/// The upper median; none of no values.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_unstable_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]
@@ -77,12 +127,13 @@ mod tests {
             .unwrap()
     }
 
-    /// What is left at the true positions, and the weights that follow.
+    /// What is left of colours and outlines at the true positions, and the weights that follow.
     fn left(scene: &Scene) -> ([f64; 2], [f64; 2]) {
         let cloth = Cloth::new(&scene.template);
         let problem = Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap();
         let truth: Vec<Positions> = scene.truth.vertices.as_ref().unwrap().iter().cloned().collect();
-        (problem.noise_levels(&truth), problem.noise_weights(&truth))
+        let asked = problem.asked(&truth);
+        (problem.noise_levels(&truth), [asked.colours, asked.outlines])
     }
 
     /// The clip with every frame changed by `change`.
@@ -130,11 +181,27 @@ mod tests {
         let flat = &scene.template.positions;
         let of = |shears: [f64; 4]| {
             let shape = |s: f64| flat.iter().map(|p| *p + glam::DVec3::X * (s * p.y)).collect();
-            let frames: Vec<Positions> = std::iter::once(0.0).chain(shears).map(shape).collect();
-            problem.shear_ease(&frames)
+            problem.shear_ease(&shears.map(shape))
         };
         // Hardly any; much in one frame of four; nothing after the first frame.
         assert_eq!((of([1e-3; 4]), of([0.0, 0.0, 0.0, 0.1])), (1.0, EASE));
-        assert_eq!(problem.shear_ease(std::slice::from_ref(flat)), 1.0);
+        assert_eq!(problem.shear_ease(&[]), 1.0);
+    }
+
+    #[test]
+    fn a_sheet_that_keeps_its_lengths_is_held_to_them_more_firmly() {
+        let scene = clip();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
+        let spread = problem.settings.strain;
+        let of = |strains: [f64; 3]| {
+            let shape = |s: f64| scene.template.positions.iter().map(|p| *p * (1.0 + s * spread)).collect();
+            problem.strain_spread(&strains.map(shape))
+        };
+        // As it is; longer and shorter by a third of what is usual; one frame of three that is lost; nothing after the first frame.
+        assert_eq!((of([0.0; 3]), of([0.3; 3])), (LEAST_SPREAD, 1.0));
+        let (stiff, lost) = (of([-0.15; 3]), of([0.15, 90.0, 0.15]));
+        assert!((stiff - 0.6).abs() < 1e-6 && (lost - 0.6).abs() < 1e-6, "{stiff} {lost}");
+        assert_eq!(problem.strain_spread(&[]), 1.0);
     }
 }

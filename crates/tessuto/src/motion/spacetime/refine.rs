@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::noise::Asked;
 use super::{Fitted, Positions, Problem, diverged};
 use crate::error::Result;
 use crate::math::damping::Damping;
@@ -24,10 +25,8 @@ struct Refined {
     lambda: f64,
     /// Vertices that stand still in what the search started from.
     still: Vec<u32>,
-    /// Weights of colours and outlines that their noise asks for; the settings' own at the first level.
-    noise_weights: [f64; 2],
-    /// Tail of shear that the sheet asks for, relative to the settings'; theirs at the first level.
-    shear_ease: f64,
+    /// What the clip asks for; the settings' own at the first level.
+    asked: Asked,
     /// Gains at the present level.
     gains: Vec<Vec<[f32; 3]>>,
 }
@@ -43,15 +42,8 @@ impl Problem<'_> {
         let ladder = self.refined_levels();
         let levels = ladder.len();
         let still = self.still_vertices(&frames);
-        let start = || Refined {
-            frames,
-            still,
-            noise_weights: [1.0; 2],
-            shear_ease: 1.0,
-            steps: 0,
-            lambda: 0.0,
-            gains: Vec::new(),
-        };
+        let start =
+            || Refined { frames, still, asked: Asked::default(), steps: 0, lambda: 0.0, gains: Vec::new() };
         let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
         let iterations = self.settings.iterations;
         let count = self.scene.frames.len();
@@ -71,14 +63,12 @@ impl Problem<'_> {
                 0 => {
                     refined.lambda = DAMPING.lambda;
                     if k > 0 {
-                        refined.noise_weights = self.noise_weights(&refined.frames);
-                        refined.shear_ease = self.shear_ease(&refined.frames);
+                        refined.asked = self.asked(&refined.frames);
                     }
                 }
                 _ => search.gains = std::mem::take(&mut refined.gains),
             }
-            search.noise_weights = refined.noise_weights;
-            search.shear_ease = refined.shear_ease;
+            search.asked = refined.asked;
             for iteration in first..iterations {
                 let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
                 search.anneal(refined.steps as f64 / (ANNEALED * (levels * iterations) as f64));
