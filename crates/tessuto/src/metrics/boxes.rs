@@ -19,6 +19,11 @@ impl Bounds {
         points.into_iter().fold(empty, |b, p| Self { low: b.low.min(p), high: b.high.max(p) })
     }
 
+    /// Centre, and half of the size.
+    pub(super) fn centre(&self) -> (DVec3, DVec3) {
+        (0.5 * (self.low + self.high), 0.5 * (self.high - self.low))
+    }
+
     fn union(self, other: Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high) }
     }
@@ -65,6 +70,11 @@ impl BoxTree {
         Self::new(points.iter().map(|p| Bounds::around([*p])).collect())
     }
 
+    /// The items, those that are near each other close together.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
     fn build(&mut self, start: usize, end: usize) -> u32 {
         let order = &mut self.order[start..end];
         let bounds =
@@ -104,8 +114,8 @@ impl BoxTree {
                     }
                 }
                 Node::Inner(_, children) => {
-                    let mut next =
-                        children.map(|c| (c, self.nodes[c as usize].bounds().distance_squared(query)));
+                    let below = |c: u32| (c, self.nodes[c as usize].bounds().distance_squared(query));
+                    let mut next = [below(children[0]), below(children[1])];
                     // The nearer child comes off the stack first.
                     if next[0].1 < next[1].1 {
                         next.swap(0, 1);

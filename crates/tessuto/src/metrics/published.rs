@@ -6,6 +6,8 @@
 
 use glam::DVec3;
 
+use super::boxes::{Bounds, BoxTree};
+
 /// What the published formula adds to the denominator `[m⁴]`.
 const EXTRA: f64 = 1e-5;
 
@@ -14,22 +16,54 @@ const EXTRA: f64 = 1e-5;
 /// - `exact`: the exact ones. They bound the result: whatever is truly inside is also accepted
 ///   here, and where a pair is accepted its plane distance is not above the exact one.
 ///
-/// All pairs are visited, since a plane is accepted far away from its triangle.
+/// A plane is accepted far away from its triangle; left out are groups of points that it passes at a distance that lowers none of
+/// theirs, nor the triangle's.
 pub fn distances_squared(
     points: &[DVec3],
     positions: &[DVec3],
     triangles: &[[u32; 3]],
     exact: &[Vec<f64>; 2],
 ) -> [Vec<f64>; 2] {
-    let mut blocks: Vec<Block> = points.chunks(LANES).zip(exact[0].chunks(LANES)).map(Block::new).collect();
+    let tree = BoxTree::of_points(points);
+    let with_exact: Vec<(DVec3, f64)> =
+        tree.order().iter().map(|k| (points[*k as usize], exact[0][*k as usize])).collect();
+    let mut groups: Vec<Group> = with_exact.chunks(LANES * BLOCKS).map(Group::new).collect();
     let plane = |(t, exact): (&[u32; 3], &f64)| {
         let [a, b, c] = t.map(|i| positions[i as usize]);
-        Plane::new(a, b, c).map_or(*exact, |plane| plane.reduce(&mut blocks).min(*exact))
+        let Some(plane) = Plane::new(a, b, c) else { return *exact };
+        groups.iter_mut().fold(*exact, |smallest, group| plane.reduce(group, smallest))
     };
     let triangle_distances = triangles.iter().zip(&exact[1]).map(plane).collect();
-    let point_distances = blocks.iter().flat_map(|b| b.best).take(points.len()).collect();
+    let mut point_distances = vec![0.0; points.len()];
+    let best = groups.iter().flat_map(|group| &group.blocks).flat_map(|block| block.best);
+    tree.order().iter().zip(best).for_each(|(k, best)| point_distances[*k as usize] = best);
     [point_distances, triangle_distances]
 }
+
+/// Blocks of points that lie close together.
+const BLOCKS: usize = 4;
+
+/// Points close together.
+struct Group {
+    blocks: Vec<Block>,
+    /// Centre and half of the size of the box around them.
+    bounds: (DVec3, DVec3),
+    /// The largest of their smallest squared distances so far.
+    worst: f64,
+}
+
+impl Group {
+    fn new(points: &[(DVec3, f64)]) -> Self {
+        Self {
+            blocks: points.chunks(LANES).map(Block::new).collect(),
+            bounds: Bounds::around(points.iter().map(|(p, _)| *p)).centre(),
+            worst: points.iter().map(|(_, best)| *best).fold(0.0, f64::max),
+        }
+    }
+}
+
+/// More than a height may be off by rounding, for scenes of less than a kilometre `[m]`.
+const ROUNDING: f64 = 1e-9;
 
 /// Points side by side, for the processor's vector registers.
 const LANES: usize = 8;
@@ -44,10 +78,15 @@ struct Block {
 
 impl Block {
     /// Missing points are NaN, which no test accepts.
-    fn new((points, best): (&[DVec3], &[f64])) -> Self {
+    fn new(points: &[(DVec3, f64)]) -> Self {
         let [x, y, z] =
-            [0, 1, 2].map(|axis| std::array::from_fn(|k| points.get(k).map_or(f64::NAN, |p| p[axis])));
-        Self { x, y, z, best: std::array::from_fn(|k| best.get(k).copied().unwrap_or(f64::INFINITY)) }
+            [0, 1, 2].map(|axis| std::array::from_fn(|k| points.get(k).map_or(f64::NAN, |(p, _)| p[axis])));
+        Self {
+            x,
+            y,
+            z,
+            best: std::array::from_fn(|k| points.get(k).map_or(f64::INFINITY, |(_, best)| *best)),
+        }
     }
 }
 
@@ -74,10 +113,15 @@ impl Plane {
     }
 
     /// Lower each point's squared distance to that of this plane where it is accepted; returns the
-    /// smallest accepted one (infinite if none).
-    fn reduce(&self, blocks: &mut [Block]) -> f64 {
-        let mut smallest = [f64::INFINITY; LANES];
-        for block in blocks {
+    /// smallest accepted one, or `smallest` if that is not above it.
+    fn reduce(&self, group: &mut Group, smallest: f64) -> f64 {
+        let (centre, half) = group.bounds;
+        let height = (self.h.0.dot(centre) + self.h.1).abs() - self.h.0.abs().dot(half) - ROUNDING;
+        if height > 0.0 && height * height > group.worst.max(smallest) {
+            return smallest;
+        }
+        let mut smallest = [smallest; LANES];
+        for block in &mut group.blocks {
             for (k, smallest) in smallest.iter_mut().enumerate() {
                 let at = |(g, o): &(DVec3, f64)| g.x * block.x[k] + g.y * block.y[k] + g.z * block.z[k] + o;
                 let (v, w, h) = (at(&self.v), at(&self.w), at(&self.h));
@@ -87,6 +131,9 @@ impl Plane {
                 *smallest = if squared < *smallest { squared } else { *smallest };
             }
         }
+        // Lanes beyond the last point are infinite.
+        let best = group.blocks.iter().flat_map(|block| block.best).filter(|best| best.is_finite());
+        group.worst = best.fold(0.0, f64::max);
         smallest.into_iter().fold(f64::INFINITY, f64::min)
     }
 }

@@ -35,8 +35,24 @@ impl Level {
         (coverage >= MIN_COVERAGE).then_some([r, g, b])
     }
 
-    /// Bilinear colour at pixel position `p`; `None` off the image or off the fabric.
+    /// Bilinear colour at pixel position `p` with its slope; `None` off the image or off the fabric.
     pub fn sample(&self, p: DVec2) -> Option<Colour> {
+        let (cell, [s, t]) = self.cell(p)?;
+        let [top, bottom] = [cell.horizontal(0), cell.horizontal(1)];
+        let dv = cell.vertical(s);
+        let du = std::array::from_fn(|c| top[c] + t * (bottom[c] - top[c]));
+        Some(Colour { value: cell.value(s, t, &dv), du, dv: first_three(dv) })
+    }
+
+    /// The same without the slope.
+    pub fn colour(&self, p: DVec2) -> Option<[f32; 3]> {
+        let (cell, [s, t]) = self.cell(p)?;
+        Some(cell.value(s, t, &cell.vertical(s)))
+    }
+
+    /// The four texels around `p` and where between them it lies; `None` off the image or where one of them is off the fabric.
+    #[inline]
+    fn cell(&self, p: DVec2) -> Option<(Cell<'_>, [f32; 2])> {
         let (w, h) = (self.camera.width, self.camera.height);
         let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < (w - 1) as f64 && p.y < (h - 1) as f64;
         if !inside {
@@ -44,22 +60,44 @@ impl Level {
         }
         let (x, y) = (p.x as usize, p.y as usize);
         let (s, t) = ((p.x - x as f64) as f32, (p.y - y as f64) as f32);
-        let upper = &self.texels[y * w + x..][..2];
-        let lower = &self.texels[(y + 1) * w + x..][..2];
-        if upper[0][3].min(upper[1][3]).min(lower[0][3]).min(lower[1][3]) < MIN_COVERAGE {
-            return None;
-        }
-        let mut out = Colour { value: [0.0; 3], du: [0.0; 3], dv: [0.0; 3] };
-        for c in 0..3 {
-            let top = upper[1][c] - upper[0][c];
-            let bottom = lower[1][c] - lower[0][c];
-            let left = lower[0][c] - upper[0][c];
-            out.du[c] = top + t * (bottom - top);
-            out.dv[c] = left + s * (lower[1][c] - upper[1][c] - left);
-            out.value[c] = upper[0][c] + s * top + t * out.dv[c];
-        }
-        Some(out)
+        let rows = [y, y + 1].map(|y| self.texels[y * w + x..].first_chunk::<2>());
+        let [Some(upper), Some(lower)] = rows else { return None };
+        let covered = upper[0][3].min(upper[1][3]).min(lower[0][3]).min(lower[1][3]) >= MIN_COVERAGE;
+        covered.then_some((Cell([upper, lower]), [s, t]))
     }
+}
+
+/// Four texels, by row. All four of their numbers are computed with, side by side in a register, though the last is no colour.
+struct Cell<'a>([&'a [[f32; 4]; 2]; 2]);
+
+impl Cell<'_> {
+    /// What a row gains from left to right.
+    #[inline]
+    fn horizontal(&self, row: usize) -> [f32; 4] {
+        let [left, right] = self.0[row];
+        std::array::from_fn(|c| right[c] - left[c])
+    }
+
+    /// Slope downwards at `s` between left and right.
+    #[inline]
+    fn vertical(&self, s: f32) -> [f32; 4] {
+        let [upper, lower] = self.0;
+        std::array::from_fn(|c| {
+            let left = lower[0][c] - upper[0][c];
+            left + s * (lower[1][c] - upper[1][c] - left)
+        })
+    }
+
+    /// The colour at `s`, `t`, with the slope downwards at `s`.
+    #[inline]
+    fn value(&self, s: f32, t: f32, dv: &[f32; 4]) -> [f32; 3] {
+        let (first, top) = (self.0[0][0], self.horizontal(0));
+        first_three(std::array::from_fn(|c| first[c] + s * top[c] + t * dv[c]))
+    }
+}
+
+fn first_three([a, b, c, _]: [f32; 4]) -> [f32; 3] {
+    [a, b, c]
 }
 
 /// Levels 0 to `coarsest` of `frame`, each half the size of the one before; level 0 has the frame's size. Those finer
@@ -145,6 +183,7 @@ mod tests {
                 let cell = DVec2::new((k % 7) as f64, (k / 7) as f64);
                 let p = cell + DVec2::new(0.2 + 0.6 * rng.uniform(), 0.2 + 0.6 * rng.uniform());
                 let at = level.sample(p).unwrap();
+                assert_eq!(level.colour(p), Some(at.value));
                 for (axis, slope) in [(DVec2::X, at.du), (DVec2::Y, at.dv)] {
                     let h = 0.1;
                     let [more, less] = [p + axis * h, p - axis * h].map(|p| level.sample(p).unwrap().value);

@@ -96,7 +96,7 @@ impl SurfaceSamples {
                 return None;
             }
             let p = self.position(point, x);
-            (p.z > 0.0).then(|| level.sample(level.camera.project(p))).flatten().map(|c| c.value)
+            (p.z > 0.0).then(|| level.colour(level.camera.project(p))).flatten()
         };
         self.points.par_iter().enumerate().with_min_len(512).map(of_point).collect()
     }

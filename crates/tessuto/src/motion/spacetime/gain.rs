@@ -42,18 +42,32 @@ pub fn fit_gain(
         let mean = data.iter().map(|d| d.products[k][1]).sum::<f64>() / seen as f64;
         (smoothness * mean).max(1e-12)
     });
+    // Four numbers a vertex, side by side in a register; the last stays 1.
+    let lambda = [lambda[0], lambda[1], lambda[2], 0.0];
+    let pull = lambda.map(|lambda| PULL * lambda);
+    let fourth = |[a, b, c]: [f64; 3]| [a, b, c, 1.0];
+    let numerators: Vec<[f64; 4]> = data.iter().map(|d| fourth(d.products.map(|[num, _]| num))).collect();
+    let denominators: Vec<[f64; 4]> = (data.iter().zip(adjacency))
+        .map(|(d, around)| {
+            let den = fourth(d.products.map(|[_, den]| den));
+            std::array::from_fn(|k| den[k] + lambda[k] * around.len() as f64 + pull[k])
+        })
+        .collect();
+    let mut new: Vec<[f32; 4]> = gain.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
+    let mut old = new.clone();
     for _ in 0..ITERATIONS {
-        let old = gain.to_vec();
+        std::mem::swap(&mut old, &mut new);
         for (v, around) in adjacency.iter().enumerate() {
-            for k in 0..3 {
-                let sum: f64 = around.iter().map(|&n| f64::from(old[n as usize][k])).sum();
-                let [num, den] = data[v].products[k];
-                let pull = PULL * lambda[k];
-                gain[v][k] =
-                    ((num + lambda[k] * sum + pull) / (den + lambda[k] * around.len() as f64 + pull)) as f32;
+            let mut sum = [0.0; 4];
+            for &n in around {
+                let g = old[n as usize];
+                (0..4).for_each(|k| sum[k] += f64::from(g[k]));
             }
+            let (num, den) = (numerators[v], denominators[v]);
+            new[v] = std::array::from_fn(|k| ((num[k] + lambda[k] * sum[k] + pull[k]) / den[k]) as f32);
         }
     }
+    gain.iter_mut().zip(&new).for_each(|(gain, [r, g, b, _])| *gain = [*r, *g, *b]);
     data
 }
 

@@ -56,67 +56,87 @@ struct Local {
     blocks: [DMat3; 6],
 }
 
-/// What one point compares at the positions of a triangle's corners.
-struct Residual {
-    /// Derivative of each channel's colour by the point.
-    slope: [DVec3; 3],
-    /// Difference from the first frame and its weight; difference from the adjacent frames and its weight.
-    of: [Option<([f64; 3], f64)>; 2],
-}
+/// What one point compares: its difference from the first frame with its weight, that from the adjacent frames with its weight.
+type Differences = [Option<([f64; 3], f64)>; 2];
+
+/// Derivative of each channel's colour by the point.
+type Slope = [DVec3; 3];
 
 impl Colour<'_> {
-    fn residual(
+    /// Where a point of a triangle with these corners is, if it may count.
+    #[inline]
+    fn place(&self, point: &SurfaceSample, index: usize, [a, b, c]: [DVec3; 3]) -> Option<DVec3> {
+        let known = self.reference[index].is_some() || self.adjacent.get(index).is_some_and(Option::is_some);
+        if !known || self.hidden.get(index) == Some(&true) {
+            return None;
+        }
+        let w = point.weights;
+        let p = a * w[0] + b * w[1] + c * w[2];
+        (p.z > 0.0).then_some(p)
+    }
+
+    /// Its differences where the frame shows `colour`.
+    #[inline]
+    fn differences(
         &self,
         point: &SurfaceSample,
         index: usize,
-        corners: [DVec3; 3],
+        colour: [f32; 3],
         gains: [[f32; 3]; 3],
-    ) -> Option<Residual> {
-        let reference = self.reference[index];
-        let adjacent = self.adjacent.get(index).copied().flatten();
-        if (reference.is_none() && adjacent.is_none()) || self.hidden.get(index) == Some(&true) {
-            return None;
-        }
-        let (w, [a, b, c]) = (point.weights, corners);
-        let p = a * w[0] + b * w[1] + c * w[2];
-        if p.z <= 0.0 {
-            return None;
-        }
-        let colour = self.level.sample(self.level.camera.project(p))?;
-        let [ru, rv] = self.level.camera.projection_rows(p);
-        let slope = [0, 1, 2].map(|k| ru * f64::from(colour.du[k]) + rv * f64::from(colour.dv[k]));
+    ) -> Differences {
+        let w = point.weights;
         let against = |seen: [f32; 3], gain: [f64; 3]| {
-            [0, 1, 2].map(|k| f64::from(colour.value[k]) - gain[k] * f64::from(seen[k]))
+            [0, 1, 2].map(|k| f64::from(colour[k]) - gain[k] * f64::from(seen[k]))
         };
         let gain = || [0, 1, 2].map(|k| (0..3).map(|i| w[i] * f64::from(gains[i][k])).sum());
-        Some(Residual {
-            slope,
-            of: [
-                reference.map(|seen| (against(seen, gain()), self.weight * point.area)),
-                adjacent.map(|seen| {
-                    (against(seen, [w[0] + w[1] + w[2]; 3]), self.weight * self.adjacent_weight * point.area)
-                }),
-            ],
-        })
+        let adjacent = self.adjacent.get(index).copied().flatten();
+        [
+            self.reference[index].map(|seen| (against(seen, gain()), self.weight * point.area)),
+            adjacent.map(|seen| {
+                (against(seen, [w[0] + w[1] + w[2]; 3]), self.weight * self.adjacent_weight * point.area)
+            }),
+        ]
     }
 
     /// Calls `add` for every point of a triangle that counts.
-    fn visit(&self, triangle: usize, x: &[DVec3], mut add: impl FnMut(&SurfaceSample, Residual)) {
+    #[inline]
+    fn visit(&self, triangle: usize, x: &[DVec3], mut add: impl FnMut(&SurfaceSample, Differences)) {
         let corners = self.samples.triangles[triangle];
         let positions = corners.map(|v| x[v as usize]);
         let gains = corners.map(|v| self.gain[v as usize]);
         for index in self.samples.of_triangle(triangle) {
             let point = &self.samples.points[index];
-            if let Some(residual) = self.residual(point, index, positions, gains) {
-                add(point, residual);
-            }
+            let Some(p) = self.place(point, index, positions) else { continue };
+            let Some(colour) = self.level.colour(self.level.camera.project(p)) else { continue };
+            add(point, self.differences(point, index, colour, gains));
+        }
+    }
+
+    /// The same with slopes.
+    #[inline]
+    fn visit_slopes(
+        &self,
+        triangle: usize,
+        x: &[DVec3],
+        mut add: impl FnMut(&SurfaceSample, Differences, Slope),
+    ) {
+        let corners = self.samples.triangles[triangle];
+        let positions = corners.map(|v| x[v as usize]);
+        let gains = corners.map(|v| self.gain[v as usize]);
+        for index in self.samples.of_triangle(triangle) {
+            let point = &self.samples.points[index];
+            let Some(p) = self.place(point, index, positions) else { continue };
+            let Some(colour) = self.level.sample(self.level.camera.project(p)) else { continue };
+            let [ru, rv] = self.level.camera.projection_rows(p);
+            let slope = [0, 1, 2].map(|k| ru * f64::from(colour.du[k]) + rv * f64::from(colour.dv[k]));
+            add(point, self.differences(point, index, colour.value, gains), slope);
         }
     }
 
     fn triangle_value(&self, triangle: usize, x: &[DVec3]) -> f64 {
         let mut sums = [0.0; 2];
-        self.visit(triangle, x, |_, residual| {
-            for (sum, of) in sums.iter_mut().zip(residual.of) {
+        self.visit(triangle, x, |_, differences| {
+            for (sum, of) in sums.iter_mut().zip(differences) {
                 let Some((r, weight)) = of else { continue };
                 *sum += weight * geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma).0;
             }
@@ -130,8 +150,8 @@ impl Colour<'_> {
         let known = self.samples.of_triangle(triangle).filter(|index| self.reference[*index].is_some());
         let known: f64 = known.map(|index| self.samples.points[index].area).sum();
         let mut seen = 0.0;
-        self.visit(triangle, x, |point, residual| {
-            seen += if residual.of[0].is_some() { point.area } else { 0.0 };
+        self.visit(triangle, x, |point, [of_first, _]| {
+            seen += if of_first.is_some() { point.area } else { 0.0 };
         });
         known - seen
     }
@@ -140,10 +160,10 @@ impl Colour<'_> {
         let (mut value, mut gradient) = (0.0, [DVec3::ZERO; 3]);
         // Of symmetric blocks only the lower triangles, as columns.
         let mut blocks = [[0.0; 6]; 6];
-        self.visit(triangle, x, |point, residual| {
-            let (w, j) = (point.weights, residual.slope);
+        self.visit_slopes(triangle, x, |point, differences, j| {
+            let w = point.weights;
             let (mut s, mut g) = (0.0, DVec3::ZERO);
-            for (r, weight) in residual.of.into_iter().flatten() {
+            for (r, weight) in differences.into_iter().flatten() {
                 let (rho, ratio) = geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma);
                 value += weight * rho;
                 s += weight * ratio;

@@ -34,7 +34,7 @@ impl Patch {
         let side = || -RADIUS..=RADIUS;
         let at = |x: i32, y: i32| {
             let offset = warp * DVec2::new(f64::from(x), f64::from(y));
-            level.sample(centre + offset).map(|colour| ([x, y], colour.value))
+            level.colour(centre + offset).map(|colour| ([x, y], colour))
         };
         let texels: Vec<_> = side().flat_map(|y| side().filter_map(move |x| at(x, y))).collect();
         let all = (2 * RADIUS + 1).pow(2) as f32;
