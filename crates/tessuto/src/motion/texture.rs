@@ -161,11 +161,11 @@ fn not_finite(step: usize, loss: f64, frame: &Frame) -> Error {
 fn add_smoothness(texels: &[f64], size: usize, weight: f64, gradient: &mut [f64]) -> f64 {
     let share = weight / texels.len() as f64;
     let mut sum = 0.0;
-    for (stride, skip) in [(3, true), (3 * size, false)] {
-        for i in 0..texels.len() - stride {
-            if skip && (i / 3) % size == size - 1 {
-                continue;
-            }
+    // To the right within every row, then downwards.
+    let row = 3 * size;
+    let rightwards = (0..size).map(|y| (3, y * row..(y + 1) * row - 3));
+    for (stride, from) in rightwards.chain([(row, 0..texels.len() - row)]) {
+        for i in from {
             let difference = texels[i + stride] - texels[i];
             let slope = if difference == 0.0 { 0.0 } else { share * difference.signum() };
             gradient[i + stride] += slope;

@@ -1,5 +1,7 @@
 //! Adam.
 
+use rayon::prelude::*;
+
 use crate::math::finite;
 
 /// State of one group of parameters (Kingma and Ba 2015, "Adam: A Method for Stochastic Optimization", alg. 1).
@@ -14,6 +16,8 @@ pub struct Adam {
 
 /// Keeps the denominator positive.
 const EPSILON: f64 = 1e-8;
+/// Fewest parameters of a parallel task.
+const TASK: usize = 1 << 14;
 
 impl Adam {
     /// A group of `len` parameters, with the customary decay rates 0.9 and 0.999.
@@ -41,15 +45,15 @@ impl Adam {
             return false;
         }
         self.steps += 1;
-        let [b1, b2] = self.betas;
+        let ([b1, b2], learning_rate) = (self.betas, self.learning_rate);
         let (c1, c2) = (1.0 - b1.powi(self.steps), 1.0 - b2.powi(self.steps));
-        for (((p, g), m), v) in
-            parameters.iter_mut().zip(gradient).zip(&mut self.mean).zip(&mut self.mean_square)
-        {
+        let moments = self.mean.par_iter_mut().zip(&mut self.mean_square);
+        let all = parameters.par_iter_mut().zip(gradient).zip(moments).with_min_len(TASK);
+        all.for_each(|((p, g), (m, v))| {
             *m = b1 * *m + (1.0 - b1) * g;
             *v = b2 * *v + (1.0 - b2) * g * g;
-            *p -= rate * self.learning_rate * (*m / c1) / ((*v / c2).sqrt() + EPSILON);
-        }
+            *p -= rate * learning_rate * (*m / c1) / ((*v / c2).sqrt() + EPSILON);
+        });
         true
     }
 }

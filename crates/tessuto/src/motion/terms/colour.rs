@@ -98,27 +98,14 @@ impl Colour<'_> {
         ]
     }
 
-    /// Calls `add` for every point of a triangle that counts.
+    /// Calls `add` for every point of a triangle that counts, with what `look` tells at its place beside the frame's colour.
     #[inline]
-    fn visit(&self, triangle: usize, x: &[DVec3], mut add: impl FnMut(&SurfaceSample, Differences)) {
-        let corners = self.samples.triangles[triangle];
-        let positions = corners.map(|v| x[v as usize]);
-        let gains = corners.map(|v| self.gain[v as usize]);
-        for index in self.samples.of_triangle(triangle) {
-            let point = &self.samples.points[index];
-            let Some(p) = self.place(point, index, positions) else { continue };
-            let Some(colour) = self.level.colour(self.level.camera.project(p)) else { continue };
-            add(point, self.differences(point, index, colour, gains));
-        }
-    }
-
-    /// The same with slopes.
-    #[inline]
-    fn visit_slopes(
+    fn visit<S>(
         &self,
         triangle: usize,
         x: &[DVec3],
-        mut add: impl FnMut(&SurfaceSample, Differences, Slope),
+        look: impl Fn(DVec3) -> Option<([f32; 3], S)>,
+        mut add: impl FnMut(&SurfaceSample, Differences, S),
     ) {
         let corners = self.samples.triangles[triangle];
         let positions = corners.map(|v| x[v as usize]);
@@ -126,21 +113,39 @@ impl Colour<'_> {
         for index in self.samples.of_triangle(triangle) {
             let point = &self.samples.points[index];
             let Some(p) = self.place(point, index, positions) else { continue };
-            let Some(colour) = self.level.sample(self.level.camera.project(p)) else { continue };
-            let [ru, rv] = self.level.camera.projection_rows(p);
-            let slope = [0, 1, 2].map(|k| ru * f64::from(colour.du[k]) + rv * f64::from(colour.dv[k]));
-            add(point, self.differences(point, index, colour.value, gains), slope);
+            let Some((colour, beside)) = look(p) else { continue };
+            add(point, self.differences(point, index, colour, gains), beside);
         }
+    }
+
+    /// The frame's colour at `p`.
+    #[inline]
+    fn colour(&self, p: DVec3) -> Option<([f32; 3], ())> {
+        self.level.colour(self.level.camera.project(p)).map(|colour| (colour, ()))
+    }
+
+    /// The frame's colour at `p` with its slope.
+    #[inline]
+    fn slope(&self, p: DVec3) -> Option<([f32; 3], Slope)> {
+        let colour = self.level.sample(self.level.camera.project(p))?;
+        let [ru, rv] = self.level.camera.projection_rows(p);
+        let slope = [0, 1, 2].map(|k| ru * f64::from(colour.du[k]) + rv * f64::from(colour.dv[k]));
+        Some((colour.value, slope))
     }
 
     fn triangle_value(&self, triangle: usize, x: &[DVec3]) -> f64 {
         let mut sums = [0.0; 2];
-        self.visit(triangle, x, |_, differences| {
-            for (sum, of) in sums.iter_mut().zip(differences) {
-                let Some((r, weight)) = of else { continue };
-                *sum += weight * geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma).0;
-            }
-        });
+        self.visit(
+            triangle,
+            x,
+            |p| self.colour(p),
+            |_, differences, ()| {
+                for (sum, of) in sums.iter_mut().zip(differences) {
+                    let Some((r, weight)) = of else { continue };
+                    *sum += weight * geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma).0;
+                }
+            },
+        );
         let unseen = if self.counts_unseen { self.unseen_area(triangle, x) } else { 0.0 };
         sums[0] + sums[1] + unseen * self.weight * 0.5 * self.sigma * self.sigma
     }
@@ -150,9 +155,14 @@ impl Colour<'_> {
         let known = self.samples.of_triangle(triangle).filter(|index| self.reference[*index].is_some());
         let known: f64 = known.map(|index| self.samples.points[index].area).sum();
         let mut seen = 0.0;
-        self.visit(triangle, x, |point, [of_first, _]| {
-            seen += if of_first.is_some() { point.area } else { 0.0 };
-        });
+        self.visit(
+            triangle,
+            x,
+            |p| self.colour(p),
+            |point, [of_first, _], ()| {
+                seen += if of_first.is_some() { point.area } else { 0.0 };
+            },
+        );
         known - seen
     }
 
@@ -160,27 +170,32 @@ impl Colour<'_> {
         let (mut value, mut gradient) = (0.0, [DVec3::ZERO; 3]);
         // Of symmetric blocks only the lower triangles, as columns.
         let mut blocks = [[0.0; 6]; 6];
-        self.visit_slopes(triangle, x, |point, differences, j| {
-            let w = point.weights;
-            let (mut s, mut g) = (0.0, DVec3::ZERO);
-            for (r, weight) in differences.into_iter().flatten() {
-                let (rho, ratio) = geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma);
-                value += weight * rho;
-                s += weight * ratio;
-                j.iter().zip(r).for_each(|(j, r)| g += *j * (r * weight * ratio));
-            }
-            let mut q = [0.0; 6];
-            for j in j {
-                let terms = [j.x * j.x, j.y * j.x, j.z * j.x, j.y * j.y, j.z * j.y, j.z * j.z];
-                q.iter_mut().zip(terms).for_each(|(q, term)| *q += term);
-            }
-            gradient.iter_mut().zip(w).for_each(|(gradient, w)| *gradient += g * w);
-            let pairs = [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)];
-            for (block, (a, b)) in blocks.iter_mut().zip(pairs) {
-                let weight = s * w[a] * w[b];
-                block.iter_mut().zip(q).for_each(|(block, q)| *block += weight * q);
-            }
-        });
+        self.visit(
+            triangle,
+            x,
+            |p| self.slope(p),
+            |point, differences, j| {
+                let w = point.weights;
+                let (mut s, mut g) = (0.0, DVec3::ZERO);
+                for (r, weight) in differences.into_iter().flatten() {
+                    let (rho, ratio) = geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma);
+                    value += weight * rho;
+                    s += weight * ratio;
+                    j.iter().zip(r).for_each(|(j, r)| g += *j * (r * weight * ratio));
+                }
+                let mut q = [0.0; 6];
+                for j in j {
+                    let terms = [j.x * j.x, j.y * j.x, j.z * j.x, j.y * j.y, j.z * j.y, j.z * j.z];
+                    q.iter_mut().zip(terms).for_each(|(q, term)| *q += term);
+                }
+                gradient.iter_mut().zip(w).for_each(|(gradient, w)| *gradient += g * w);
+                let pairs = [(0, 0), (1, 1), (2, 2), (1, 0), (2, 0), (2, 1)];
+                for (block, (a, b)) in blocks.iter_mut().zip(pairs) {
+                    let weight = s * w[a] * w[b];
+                    block.iter_mut().zip(q).for_each(|(block, q)| *block += weight * q);
+                }
+            },
+        );
         let whole = |[xx, yx, zx, yy, zy, zz]: [f64; 6]| {
             DMat3::from_cols(DVec3::new(xx, yx, zx), DVec3::new(yx, yy, zy), DVec3::new(zx, zy, zz))
         };
