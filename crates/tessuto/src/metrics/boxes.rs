@@ -114,6 +114,7 @@ impl BoxTree {
                     }
                 }
                 Node::Inner(_, children) => {
+                    // One by one: a map over the pair would not be inlined.
                     let below = |c: u32| (c, self.nodes[c as usize].bounds().distance_squared(query));
                     let mut next = [below(children[0]), below(children[1])];
                     // The nearer child comes off the stack first.
