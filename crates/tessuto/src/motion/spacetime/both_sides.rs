@@ -1,18 +1,22 @@
 //! The start of the search from both sides: frames followed backward in time as well, mirror images of all, and the best of these in each.
 //!
 //! Where the fabric moves fast, it may be lost for some frames and found again: the next ones are right, those between are
-//! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side.
+//! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side. It is half of all
+//! tracking, and left out where the followers forward agree and have lost nothing.
 
 use super::gain::GAIN_FITS;
-use super::track::{Follower, Tracked};
-use super::{LevelSearch, Positions, Problem};
+use super::track::{Follower, STARTS, Tracked};
+use super::{LevelSearch, Positions, Problem, apart};
 use crate::error::Result;
 use crate::motion::terms::shading::Light;
 use crate::session::{Epoch, Session, foreign_state, named};
 
+/// Followers agree if their vertices are within this part of the sheet's size of each other, root mean square, in every frame.
+const AGREED: f64 = 0.05;
+
 impl Problem<'_> {
-    /// The best path through the frames of all followers that were not lost: those of `tracked`, one that goes backward from where the
-    /// best of these ends and, on the other core, one with the spreads as they are; then the mirror images of what is best.
+    /// The best path through the frames of all followers that were not lost: those of `tracked` and, unless these agree, the
+    /// late ones; then the mirror images of what is best.
     ///
     /// # Errors
     /// As of [`Problem::track`].
@@ -21,11 +25,38 @@ impl Problem<'_> {
         tracked: &mut Tracked,
         session: &mut Session,
     ) -> Result<Vec<Positions>> {
-        let found = |f: &Follower| f.lost.is_none().then(|| f.frames.clone());
         let mut sides: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(found).collect();
         let forward = self.best_path(&sides, 1.0);
-        let last = forward.len() - 1;
         self.light = self.light_of(&forward);
+        if !self.agreed(&sides, &forward) {
+            sides.extend(self.followed_late(forward, tracked, session)?);
+        }
+        let mut best = self.best_path(&sides, 1.0);
+        if let Some(rematched) = self.rematched(&best) {
+            best = self.best_path(&[best, rematched.clone()], 1.0);
+            sides.push(rematched);
+        }
+        sides.extend(self.mirrored(&best));
+        Ok(self.best_settled(&sides))
+    }
+
+    /// Whether all followers found the same, and its print everywhere: `best` needs no others.
+    fn agreed(&self, followed: &[Vec<Positions>], best: &[Positions]) -> bool {
+        let size = self.scene.template.area().sqrt();
+        let near = |(a, b): (&Positions, &Positions)| apart(a, b) <= AGREED * size;
+        let same = |frames: &Vec<Positions>| frames.iter().zip(&followed[0]).all(near);
+        followed.len() == STARTS && followed[1..].iter().all(same) && !self.print_is_lost(best)
+    }
+
+    /// What two more followers find: one that goes backward from where `forward` ends, with the frames that it does not reach as they are, and, on the other
+    /// core, one with the spreads as they are, if it is not lost.
+    fn followed_late(
+        &self,
+        forward: Vec<Positions>,
+        tracked: &mut Tracked,
+        session: &mut Session,
+    ) -> Result<Vec<Vec<Positions>>> {
+        let last = forward.len() - 1;
         let s = &self.settings;
         let mut levels = [(); 2].map(|()| {
             let mut levels: Vec<LevelSearch> =
@@ -72,22 +103,14 @@ impl Problem<'_> {
             session.step(&epoch, &[], Some(&*tracked))?;
             [backward, strict] = tracked.late.take().expect("put there above");
         }
-        drop(levels);
-        sides.extend(found(&strict));
+        let late = found(&strict);
         let reached = backward.lost.map_or(backward.frames.len(), |(k, _)| k);
         let mut behind = forward;
         for (k, x) in backward.frames[..reached].iter().enumerate() {
             behind[last - k].clone_from(x);
         }
         tracked.late = Some([backward, strict]);
-        sides.push(behind);
-        let mut best = self.best_path(&sides, 1.0);
-        if let Some(rematched) = self.rematched(&best) {
-            best = self.best_path(&[best, rematched.clone()], 1.0);
-            sides.push(rematched);
-        }
-        sides.extend(self.mirrored(&best));
-        Ok(self.best_settled(&sides))
+        Ok(late.into_iter().chain([behind]).collect())
     }
 
     /// The light that shows in `frames`.
@@ -97,10 +120,15 @@ impl Problem<'_> {
         finest.light
     }
 
-    /// Number of frames that are followed late.
+    /// Number of frames that are followed late, if any are.
     pub(super) fn late_steps(&self) -> usize {
         self.scene.frames.len() - 1
     }
+}
+
+/// The frames of a follower that was not lost.
+fn found(follower: &Follower) -> Option<Vec<Positions>> {
+    follower.lost.is_none().then(|| follower.frames.clone())
 }
 
 #[cfg(test)]
@@ -137,5 +165,25 @@ mod tests {
         // Nothing is lost where it was right.
         let all_right = vec![right.clone(); 4];
         assert!(off(&filled_of(&all_right)) <= off(&filled));
+    }
+
+    #[test]
+    fn followers_agree_where_they_found_the_same_and_its_print() {
+        let scene = still();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
+        let (right, size) = (vec![scene.template.positions.clone(); 4], scene.template.area().sqrt());
+        let aside = |frame: usize, by: DVec3| {
+            let mut frames = right.clone();
+            frames[frame].iter_mut().for_each(|x| *x += by * size);
+            frames
+        };
+        let agreed = |a: &[Positions], b: &[Positions]| problem.agreed(&[a.to_vec(), b.to_vec()], a);
+        let [near, far] = [0.8, 1.2].map(|by| aside(3, DVec3::Z * (by * AGREED)));
+        assert!(agreed(&right, &near));
+        assert!(!agreed(&right, &far), "one frame differs");
+        let lost = aside(2, DVec3::X * 0.05);
+        assert!(!agreed(&lost, &lost), "both have lost it in the same way");
+        assert!(!problem.agreed(std::slice::from_ref(&right), &right), "one alone, if the other is lost");
     }
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::settle::settled;
-use super::{Positions, Problem};
+use super::{Positions, Problem, apart};
 use crate::math::factor::Scratch;
 
 /// Movement between frames, as a fraction of the sheet's size, from which on inertia does not tell a frame from its mirror image.
@@ -50,10 +50,7 @@ impl Problem<'_> {
 /// Frames before or after which the vertices move by more than [`FAST`] of the sheet's `size` `[m]`, root mean square; not the first,
 /// which is known.
 fn fast(frames: &[Positions], size: f64) -> Vec<usize> {
-    let moves = |n: usize| {
-        let squares: f64 = frames[n - 1].iter().zip(&frames[n]).map(|(a, b)| a.distance_squared(*b)).sum();
-        (squares / frames[n].len() as f64).sqrt() > FAST * size
-    };
+    let moves = |n: usize| apart(&frames[n - 1], &frames[n]) > FAST * size;
     (1..frames.len()).filter(|n| moves(*n) || (n + 1 < frames.len() && moves(n + 1))).collect()
 }
 

@@ -44,8 +44,8 @@
 //! bending close to least squares (spreads of strain and shear times `start_spread` or as they are, that of signed bending times
 //! `start_bend` or as it is; tails times `start_tail`), and `refine` lets both shrink to
 //! their own values in equal ratios, after which only true folds are left in the tails. Frames that are lost on the way and found
-//! again later are filled from the later ones: the sheet is followed backward too (`both_sides`), and the best path through all
-//! counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
+//! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and the best path
+//! through all counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
 //! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them, and sheets that keep their lengths
 //! better than most are held to them more firmly (`noise`): after the first level of `refine`, from which on every clip has weights of its own.
@@ -198,6 +198,12 @@ fn size_in_image(template: &Mesh, camera: &Camera) -> f64 {
         0.5 * (b - a).perp_dot(c - a).abs()
     };
     template.triangles().into_iter().map(area).sum::<f64>().sqrt().max(1.0)
+}
+
+/// Root mean square distance of corresponding vertices `[m]`.
+fn apart(a: &[DVec3], b: &[DVec3]) -> f64 {
+    let squares: f64 = a.iter().zip(b).map(|(a, b)| a.distance_squared(*b)).sum();
+    (squares / a.len() as f64).sqrt()
 }
 
 fn diverged(place: &str, value: f64) -> Error {

@@ -13,7 +13,7 @@ use crate::session::{Epoch, Session, foreign_state, named};
 
 /// Number of kinds of start: with spreads of strain and shear larger by `start_spread`, without and with that of signed bending
 /// larger by `start_bend`.
-const STARTS: usize = 2;
+pub(super) const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
 /// Damping at the start of each frame and level, relative to the acceleration term.
@@ -63,8 +63,8 @@ impl Problem<'_> {
     /// that of signed bending larger by `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for
     /// that in its prior.
     ///
-    /// At last it is followed backward in time from the last frame and, at the same time, forward with the spreads as they are. Of all
-    /// the best path counts.
+    /// Unless both find the same, it is at last followed backward in time from the last frame and, at the same time, forward with the spreads
+    /// as they are. Of all the best path counts.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.

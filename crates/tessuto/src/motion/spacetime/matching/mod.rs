@@ -65,6 +65,11 @@ impl Problem<'_> {
         (found != frames).then_some(found)
     }
 
+    /// Whether the print of any of `frames` is lost.
+    pub(super) fn print_is_lost(&self, frames: &[Positions]) -> bool {
+        self.texture_misfits(frames).iter().any(|misfit| *misfit > LOST)
+    }
+
     /// What part of the print's contrast is not where the sheet is, by frame; nothing of the first, which is known.
     fn texture_misfits(&self, frames: &[Positions]) -> Vec<f64> {
         let mut finest = self.at_level(self.observed.range[0]);
