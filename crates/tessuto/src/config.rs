@@ -200,6 +200,7 @@ impl Config {
     /// The settings of `preset`.
     pub fn preset(preset: Preset) -> Self {
         let default = Self { preset, ..Self::default() };
+        let published = TextureSettings { epochs: 200, ..default.texture };
         match preset {
             Preset::Default => default,
             Preset::Physics => {
@@ -222,7 +223,7 @@ impl Config {
                     shear: range(-3.0, -4.0, -2.0),
                     ..default.dynamics
                 };
-                Self { method: Method::Rollout, dynamics, ..default }
+                Self { method: Method::Rollout, dynamics, texture: published, ..default }
             }
             Preset::PhiSft => {
                 let dynamics = DynamicsSettings {
@@ -231,7 +232,14 @@ impl Config {
                     ..default.dynamics
                 };
                 let rollout = RolloutSettings { wind: true, ..default.rollout };
-                Self { method: Method::Rollout, irregular_vertices: 400, dynamics, rollout, ..default }
+                Self {
+                    method: Method::Rollout,
+                    irregular_vertices: 400,
+                    dynamics,
+                    rollout,
+                    texture: published,
+                    ..default
+                }
             }
             Preset::PgSft => {
                 let saft = Self::preset(Preset::Saft);

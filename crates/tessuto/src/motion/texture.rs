@@ -19,8 +19,8 @@ settings! {
     pub struct TextureSettings {
         /// Width and height of the texture, across the part of the texture map that the template uses.
         size: usize = 512, number(2.0..=8192.0, "texel");
-        /// Steps of the optimisation.
-        epochs: usize = 200, number(0.0..=1e6, "");
+        /// Steps of the optimisation; the published method takes 200.
+        epochs: usize = 100, number(0.0..=1e6, "");
         /// Adam's learning rate.
         learning_rate: f64 = 0.05, number(0.0..=1.0, "sRGB");
         /// Weight of the mean absolute difference of neighbouring texels.

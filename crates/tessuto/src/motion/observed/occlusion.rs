@@ -80,7 +80,7 @@ mod tests {
         // A sheet whose right half is turned over to lie in front of the left one, 30 mm nearer.
         let mesh = grid(21, 11, DVec2::new(0.4, 0.2), 1.0);
         let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
-        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera);
+        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera, 1.0);
         let boundary = boundary_points(&mesh, &mesh.positions, &camera, 2.0);
         let rasterizer = Rasterizer::new(&mesh);
         let of = |x: &[DVec3]| Occlusion::new(&rasterizer, &samples, &boundary, &camera, x);

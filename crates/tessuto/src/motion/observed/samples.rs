@@ -66,10 +66,10 @@ pub struct SurfaceSamples {
 }
 
 impl SurfaceSamples {
-    /// Points about a pixel apart in the image of the mesh as `camera` sees it at `positions`.
-    pub fn new(mesh: &Mesh, positions: &[DVec3], camera: &Camera) -> Self {
+    /// Points about `spacing` pixels apart in the image of the mesh as `camera` sees it at `positions`.
+    pub fn new(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Self {
         let triangles = mesh.triangles();
-        let points = interior_points(mesh, positions, camera, 1.0);
+        let points = interior_points(mesh, positions, camera, spacing);
         let mut start = vec![0; triangles.len() + 1];
         points.iter().for_each(|p| start[p.triangle as usize + 1] += 1);
         for t in 0..triangles.len() {

@@ -1,16 +1,18 @@
 //! Of several motions the best in each frame, and of two such paths the one that settles lower.
 //!
 //! Positions that were found frame by frame are not at rest: with the priors' own tails a little noise counts as much as a fold,
-//! with long ones a bent sheet as one that cannot be. Which of two paths is right may depend on that. Where they differ,
-//! both are refined a little, and the lower objective counts.
+//! with long ones a bent sheet as one that cannot be. Which of two paths is right may depend on that. Where they differ by more than
+//! the search makes good, both are refined a little, and the lower objective counts.
 
 use rayon::prelude::*;
 
 use super::refine::{ANNEALED, DAMPING};
-use super::{LevelSearch, Positions, Problem, acceleration};
+use super::{LevelSearch, Positions, Problem, acceleration, apart};
 
 /// Iterations over all frames, at the finest level, before two paths are compared.
 const SETTLING: usize = 11;
+/// Paths whose vertices are within this part of the sheet's size of each other, root mean square, in every frame settle alike.
+const ALIKE: f64 = 0.03;
 
 impl Problem<'_> {
     /// The path through the motions `sides`, each of shape [N, V], with the least E of frames and accelerations, tails of the
@@ -33,16 +35,15 @@ impl Problem<'_> {
         chosen.iter().enumerate().map(|(n, side)| sides[*side][n].clone()).collect()
     }
 
-    /// The better of the paths that long tails and the priors' own choose.
+    /// The better of the paths that long tails and the priors' own choose; the latter if they are alike.
     pub(super) fn best_settled(&self, sides: &[Vec<Positions>]) -> Vec<Positions> {
-        let paths = [self.settings.start_tail, 1.0].map(|tail| self.best_path(sides, tail));
-        if paths[0] == paths[1] {
-            let [path, _] = paths;
-            return path;
+        let [long, own] = [self.settings.start_tail, 1.0].map(|tail| self.best_path(sides, tail));
+        let size = self.scene.template.area().sqrt();
+        if long.iter().zip(&own).all(|(a, b)| apart(a, b) <= ALIKE * size) {
+            return own;
         }
-        let [a, b] = paths.each_ref().map(|path| self.settled_value(path.clone()));
-        let [long, own] = paths;
-        if b < a { own } else { long }
+        let [of_long, of_own] = [&long, &own].map(|path| self.settled_value(path.clone()));
+        if of_own < of_long { own } else { long }
     }
 
     /// Every term of E once `frames` have settled a little.

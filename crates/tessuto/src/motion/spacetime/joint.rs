@@ -13,7 +13,7 @@ use crate::sim::Cloth;
 
 /// Conjugate gradients end when the square of the preconditioned residual has fallen to this fraction, or after so many
 /// iterations.
-const CG_TOLERANCE: f64 = 1e-4;
+const CG_TOLERANCE: f64 = 1e-3;
 const CG_LIMIT: usize = 60;
 
 /// What [`LevelSearch::joint_step`] found.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::gain::{Around, GAIN_FITS, explained, fit_gain};
 use super::noise::Asked;
-use super::{Positions, Problem, acceleration};
+use super::{Positions, Problem, acceleration, size_in_image};
 use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
@@ -47,7 +47,9 @@ impl<'a> Problem<'a> {
     pub(super) fn at_level(&self, level: usize) -> LevelSearch<'_, 'a> {
         let template = &self.scene.template;
         let first = &self.observed.levels[0][level];
-        let samples = SurfaceSamples::new(template, &template.positions, &first.camera);
+        // More points than the resolution asks for tell the same again.
+        let spacing = (size_in_image(template, &first.camera) / self.settings.resolution).max(1.0);
+        let samples = SurfaceSamples::new(template, &template.positions, &first.camera, spacing);
         let frame_count = self.scene.frames.len();
         LevelSearch {
             problem: self,

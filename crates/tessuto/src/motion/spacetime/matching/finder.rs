@@ -41,7 +41,7 @@ impl<'p, 'a> Finder<'p, 'a> {
         let level = (observed.range[0] + 1).min(observed.range[1]);
         let (template, camera) = (&problem.scene.template, &observed.levels[0][level].camera);
         let first = &template.positions;
-        let samples = SurfaceSamples::new(template, first, camera);
+        let samples = SurfaceSamples::new(template, first, camera, 1.0);
         let size = size_in_image(template, camera);
         let (mut points, mut places): (Vec<SurfaceSample>, Vec<DVec2>) = Default::default();
         for point in &samples.points {

@@ -86,7 +86,7 @@ mod tests {
         let mesh = grid(6, 5, DVec2::new(0.2, 0.16), 1.0);
         let cloth = Cloth::new(&mesh);
         let camera = Camera { fx: 200.0, fy: 190.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
-        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera);
+        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera, 1.0);
         let mut rng = Rng::new(4, 0);
         let matches: Vec<(SurfaceSample, DVec2)> = (samples.points.iter().step_by(9))
             .map(|p| {
