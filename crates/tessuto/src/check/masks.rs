@@ -10,8 +10,8 @@ use crate::scene::Scene;
 /// The largest piece of a mask holds less than this: error, and warning.
 const LARGEST: [f64; 2] = [0.5, 0.998];
 /// Share of a mask that is grey, neither black nor white: error, and warning. Soft edges of cloth of a hundred pixels are a
-/// few percent.
-const GREY: [f64; 2] = [0.5, 0.25];
+/// few percent, a sheet that is blurred by its own width is half grey, a picture in place of a mask is all of it.
+const GREY: [f64; 2] = [0.8, 0.25];
 /// Share of holes that is doubtful.
 const HOLES: f64 = 0.01;
 

@@ -5,7 +5,7 @@
 //! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
 //! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
-//!   σ_nv² = (g_nv/ḡ_n) ā_n² + c²,  a_n = 5.4 ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
+//!   σ_nv² = (g_nv/ḡ_n) ā_n² + c²,  a_n = 5.4 f ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
 //!
 //! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric mean of all that tells
 //! where the error is large, each by about what it tells. ā is the mean of a over five frames, weights 1 2 3 2 1: errors last longer than what
@@ -18,6 +18,8 @@
 //!   per degree of freedom tells that the residuals are larger or smaller than the spreads say: paper keeps lengths and angles far
 //!   better than the spreads ask, crumpled cloth worse, and depth follows from them. χ² is at least 0.1.
 //! - q: what part of the texture's contrast the colours do not follow.
+//! - f = (V/200)^0.3 of a sheet of V vertices, 1 from 200 on: what a coarse mesh cannot follow between its vertices is in all of these, and
+//!   in no vertex's error.
 //! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in the errors.
 //!
 //! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from, and how far they
@@ -41,6 +43,9 @@ use crate::session::Session;
 const SAMPLES: usize = 16;
 /// Factor of the geometric mean.
 const FACTOR: f64 = 5.4;
+/// Vertices from which on the fabric between them tells nothing of their errors, and how it does before.
+const FINE: usize = 200;
+const COARSE_POWER: f64 = 0.3;
 /// Frames to either side over which the size of the deviations is averaged.
 const REACH: usize = 2;
 /// Least misfit to the priors: a sheet that keeps all lengths and angles may have slipped all the same.
@@ -80,7 +85,7 @@ impl Problem<'_> {
         let of_frame = |(n, (variances, misfit)): (usize, (&Vec<f64>, &Misfit))| {
             let (found, tracked) = (&frames[n + 1], &tracked[n + 1]);
             let apart = found.iter().zip(tracked).map(|(a, b)| a.distance(*b)).sum::<f64>();
-            size(mean(variances), misfit, apart / found.len().max(1) as f64)
+            fineness(found.len()) * size(mean(variances), misfit, apart / found.len().max(1) as f64)
         };
         let sizes: Vec<f64> = pooled.iter().zip(&misfits).enumerate().map(of_frame).collect();
         let mut out = vec![vec![0.0; cloth.vertex_count()]];
@@ -89,7 +94,12 @@ impl Problem<'_> {
     }
 }
 
-/// a of a frame, see the module; `variance` is ḡ², `apart` is d.
+/// f of a sheet of so many `vertices`, see the module.
+fn fineness(vertices: usize) -> f64 {
+    (vertices.min(FINE) as f64 / FINE as f64).powf(COARSE_POWER)
+}
+
+/// a of a frame over f, see the module; `variance` is ḡ², `apart` is d.
 fn size(variance: f64, misfit: &Misfit, apart: f64) -> f64 {
     let posterior = (misfit.prior.max(PRIOR_FLOOR) * variance).sqrt();
     let squares = (misfit.outline * (apart + AGREEMENT_FLOOR)).powi(2);

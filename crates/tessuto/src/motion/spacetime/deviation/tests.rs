@@ -231,6 +231,7 @@ fn the_calibration_is_the_formula() {
         let expected = (factor * a * a + FLOOR * FLOOR).sqrt();
         assert!((sigma / expected - 1.0).abs() < 1e-12, "{sigma} {expected}");
     }
+    assert!((fineness(25) - 0.125f64.powf(0.3)).abs() < 1e-12 && [200, 1024].map(fineness) == [1.0; 2]);
     let none = size(mean(&[0.0; 2]), &misfit, 0.0);
     assert!(spread(&[0.0; 2], none).iter().all(|s| s.is_finite() && *s >= FLOOR));
     // Over time sizes that are equal stay so, and what stands out lasts, at the ends of a clip as well.
@@ -258,11 +259,12 @@ fn deviations_grow_where_the_positions_are_wrong() {
     assert_eq!([right.len(), right[0].len()], [4, 42]);
     assert!(right[0].iter().all(|s| *s == 0.0));
     assert!(right[1..].iter().flatten().all(|s| (FLOOR..2e-3).contains(s)), "{right:?}");
-    let mut wrong = frames.clone();
-    wrong[3].iter_mut().for_each(|p| p.x += 0.012);
+    let (mut wrong, off) = (frames.clone(), 0.012);
+    wrong[3].iter_mut().for_each(|p| p.x += off);
     let found = deviations(&wrong, &frames);
     let mean = |of_frame: &[f64]| of_frame.iter().sum::<f64>() / 42.0;
-    // What one frame shows counts for the two before it as well, by less.
+    // The error is within two deviations. What one frame shows counts for the two before it as well, by less.
     let means = [1, 2, 3].map(|n| mean(&found[n]));
-    assert!(means[2] > 0.01 && means[0] < 0.4 * means[2] && means[1] < 0.8 * means[2], "{means:?}");
+    println!("{off} m off, deviations {means:?}");
+    assert!(2.0 * means[2] > off && means[0] < 0.4 * means[2] && means[1] < 0.8 * means[2], "{means:?}");
 }
