@@ -25,7 +25,7 @@ impl Problem<'_> {
         tracked: &mut Tracked,
         session: &mut Session,
     ) -> Result<Vec<Positions>> {
-        let mut sides: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(found).collect();
+        let mut sides: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(Follower::found).collect();
         let forward = self.best_path(&sides, 1.0);
         self.light = self.light_of(&forward);
         if !self.agreed(&sides, &forward) {
@@ -57,13 +57,7 @@ impl Problem<'_> {
         session: &mut Session,
     ) -> Result<Vec<Vec<Positions>>> {
         let last = forward.len() - 1;
-        let s = &self.settings;
-        let mut levels = [(); 2].map(|()| {
-            let mut levels: Vec<LevelSearch> =
-                self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-            levels.iter_mut().for_each(|level| level.loosen([1.0; 2], s.start_tail));
-            levels
-        });
+        let mut levels = [(); 2].map(|()| self.levels([1.0; 2]));
         let start = |levels: &mut [LevelSearch], n: usize| {
             let gains = levels.iter_mut().map(|level| {
                 level.update_gain(n, &forward[n]);
@@ -103,7 +97,7 @@ impl Problem<'_> {
             session.step(&epoch, &[], Some(&*tracked))?;
             [backward, strict] = tracked.late.take().expect("put there above");
         }
-        let late = found(&strict);
+        let late = strict.found();
         let reached = backward.lost.map_or(backward.frames.len(), |(k, _)| k);
         let mut behind = forward;
         for (k, x) in backward.frames[..reached].iter().enumerate() {
@@ -124,11 +118,6 @@ impl Problem<'_> {
     pub(super) fn late_steps(&self) -> usize {
         self.scene.frames.len() - 1
     }
-}
-
-/// The frames of a follower that was not lost.
-fn found(follower: &Follower) -> Option<Vec<Positions>> {
-    follower.lost.is_none().then(|| follower.frames.clone())
 }
 
 #[cfg(test)]

@@ -104,6 +104,19 @@ impl Problem<'_> {
         Tracked { smooth, followers: std::array::from_fn(|_| follower()), late: None }
     }
 
+    /// Searches of all levels, coarse to fine, with the priors of a kind of start.
+    fn levels_of_start(&self, start: usize) -> Vec<LevelSearch<'_, '_>> {
+        let s = &self.settings;
+        self.levels([s.start_spread, if start == 0 { 1.0 } else { s.start_bend }])
+    }
+
+    /// Searches of all levels, coarse to fine, with the tails of a start and the priors' spreads times `spreads`.
+    pub(super) fn levels(&self, spreads: [f64; 2]) -> Vec<LevelSearch<'_, '_>> {
+        let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
+        levels.iter_mut().for_each(|level| level.loosen(spreads, self.settings.start_tail));
+        levels
+    }
+
     /// Number of frames that are followed forward, if the smooth shear ends with the spread `smooth`.
     pub(super) fn forward_steps(&self, smooth: f64) -> usize {
         let once = self.scene.frames.len() - 1;
@@ -127,14 +140,7 @@ impl Problem<'_> {
         let count = self.scene.frames.len();
         self.priors.shear.smooth = tracked.smooth;
         self.priors.shear.rank = if tracked.smooth == self.settings.shear_smooth { FEW } else { MANY };
-        let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|start| {
-            let mut levels: Vec<_> =
-                self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-            let s = &self.settings;
-            let bend = if start == 0 { 1.0 } else { s.start_bend };
-            levels.iter_mut().for_each(|level| level.loosen([s.start_spread, bend], s.start_tail));
-            levels
-        });
+        let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|k| self.levels_of_start(k));
         let done = tracked.followers[0].frames.len();
         let matches = |f: &Follower| {
             f.frames.len() == done && f.gains.len() == searches[0].len() && self.matches(&f.frames, &f.gains)
@@ -164,6 +170,11 @@ impl Problem<'_> {
 }
 
 impl Follower {
+    /// Its frames, if it was not lost.
+    pub(super) fn found(&self) -> Option<Vec<Positions>> {
+        self.lost.is_none().then(|| self.frames.clone())
+    }
+
     /// Adds the frame at place `k` of the order in which it follows them, told by `frame_at`; returns its objective.
     pub(super) fn follow(
         &mut self,
