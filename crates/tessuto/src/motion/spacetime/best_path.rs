@@ -7,11 +7,11 @@
 use rayon::prelude::*;
 
 use super::refine::{ANNEALED, DAMPING};
-use super::{LevelSearch, Positions, Problem, acceleration, apart};
+use super::{LevelSearch, Positions, Problem, acceleration};
 
 /// Iterations over all frames, at the finest level, before two paths are compared.
 const SETTLING: usize = 11;
-/// Paths whose vertices are within this part of the sheet's size of each other, root mean square, in every frame settle alike.
+/// Paths that are [alike](Problem::alike) by this part of the sheet's size settle to the same.
 const ALIKE: f64 = 0.03;
 
 impl Problem<'_> {
@@ -38,8 +38,7 @@ impl Problem<'_> {
     /// The better of the paths that long tails and the priors' own choose; the latter if they are alike.
     pub(super) fn best_settled(&self, sides: &[Vec<Positions>]) -> Vec<Positions> {
         let [long, own] = [self.settings.start_tail, 1.0].map(|tail| self.best_path(sides, tail));
-        let size = self.scene.template.area().sqrt();
-        if long.iter().zip(&own).all(|(a, b)| apart(a, b) <= ALIKE * size) {
+        if self.alike(&long, &own, ALIKE) {
             return own;
         }
         let [of_long, of_own] = [&long, &own].map(|path| self.settled_value(path.clone()));

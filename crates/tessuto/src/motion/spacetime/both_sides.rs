@@ -6,12 +6,12 @@
 
 use super::gain::GAIN_FITS;
 use super::track::{Follower, STARTS, Tracked};
-use super::{LevelSearch, Positions, Problem, apart};
+use super::{LevelSearch, Positions, Problem};
 use crate::error::Result;
 use crate::motion::terms::shading::Light;
 use crate::session::{Epoch, Session, foreign_state, named};
 
-/// Followers agree if their vertices are within this part of the sheet's size of each other, root mean square, in every frame.
+/// Followers agree if they are [alike](Problem::alike) by this part of the sheet's size.
 const AGREED: f64 = 0.05;
 
 impl Problem<'_> {
@@ -42,9 +42,7 @@ impl Problem<'_> {
 
     /// Whether all followers found the same, and its print everywhere: `best` needs no others.
     fn agreed(&self, followed: &[Vec<Positions>], best: &[Positions]) -> bool {
-        let size = self.scene.template.area().sqrt();
-        let near = |(a, b): (&Positions, &Positions)| apart(a, b) <= AGREED * size;
-        let same = |frames: &Vec<Positions>| frames.iter().zip(&followed[0]).all(near);
+        let same = |frames: &Vec<Positions>| self.alike(frames, &followed[0], AGREED);
         followed.len() == STARTS && followed[1..].iter().all(same) && !self.print_is_lost(best)
     }
 

@@ -182,6 +182,12 @@ impl<'a> Problem<'a> {
         all[all.len() - self.settings.levels.min(all.len())..].to_vec()
     }
 
+    /// Whether the vertices of two motions are within this `part` of the sheet's size of each other, root mean square, in every frame.
+    fn alike(&self, a: &[Positions], b: &[Positions], part: f64) -> bool {
+        let reach = part * self.scene.template.area().sqrt();
+        a.iter().zip(b).all(|(a, b)| apart(a, b) <= reach)
+    }
+
     /// Whether positions and gains have this cloth's vertices.
     fn matches(&self, frames: &[Positions], gains: &[Vec<[f32; 3]>]) -> bool {
         let count = self.cloth.vertex_count();

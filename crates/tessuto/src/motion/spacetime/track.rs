@@ -104,12 +104,6 @@ impl Problem<'_> {
         Tracked { smooth, followers: std::array::from_fn(|_| follower()), late: None }
     }
 
-    /// Searches of all levels, coarse to fine, with the priors of a kind of start.
-    fn levels_of_start(&self, start: usize) -> Vec<LevelSearch<'_, '_>> {
-        let s = &self.settings;
-        self.levels([s.start_spread, if start == 0 { 1.0 } else { s.start_bend }])
-    }
-
     /// Searches of all levels, coarse to fine, with the tails of a start and the priors' spreads times `spreads`.
     pub(super) fn levels(&self, spreads: [f64; 2]) -> Vec<LevelSearch<'_, '_>> {
         let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
@@ -140,7 +134,8 @@ impl Problem<'_> {
         let count = self.scene.frames.len();
         self.priors.shear.smooth = tracked.smooth;
         self.priors.shear.rank = if tracked.smooth == self.settings.shear_smooth { FEW } else { MANY };
-        let mut searches: [Vec<LevelSearch>; STARTS] = std::array::from_fn(|k| self.levels_of_start(k));
+        let s = &self.settings;
+        let mut searches = [1.0, s.start_bend].map(|bend| self.levels([s.start_spread, bend]));
         let done = tracked.followers[0].frames.len();
         let matches = |f: &Follower| {
             f.frames.len() == done && f.gains.len() == searches[0].len() && self.matches(&f.frames, &f.gains)

@@ -266,5 +266,6 @@ fn deviations_grow_where_the_positions_are_wrong() {
     // The error is within two deviations. What one frame shows counts for the two before it as well, by less.
     let means = [1, 2, 3].map(|n| mean(&found[n]));
     println!("{off} m off, deviations {means:?}");
-    assert!(2.0 * means[2] > off && means[0] < 0.4 * means[2] && means[1] < 0.8 * means[2], "{means:?}");
+    assert!(2.0 * means[2] > off && means[2] > 0.01 * fineness(42), "{means:?}");
+    assert!(means[0] < 0.4 * means[2] && means[1] < 0.8 * means[2], "{means:?}");
 }
