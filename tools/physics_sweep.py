@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""How well `tessuto reconstruct --preset physics` finds causes: made scenes of random stiffness, tilt, wind and hands with all causes as
+"""How well `tessuto reconstruct` finds causes: made scenes of random stiffness, tilt, wind and hands with all causes as
 truth (`tessuto synth --air`), compared by `tessuto evaluate`. Prints a line per scene and the table of all.
 
 The parameters asked for are of docs/experiments/physics.md: the factor that bend and shear are off by (median), the part of the scenes whose truth
@@ -52,7 +52,7 @@ def try_scene(program, folder, chosen, seed, extra):
     """What `tessuto evaluate --json` says of the scene."""
     scene, out = folder / "scene", folder / "result"
     run([program, "synth", scene, "--air", "--seed", seed, *words_of(chosen)])
-    run([program, "reconstruct", scene, "--out", out, "--preset", "physics", "--no-appearance", *extra])
+    run([program, "reconstruct", scene, "--out", out, "--no-appearance", *extra])
     return json.loads(run([program, "evaluate", scene, out, "--json"]))
 
 

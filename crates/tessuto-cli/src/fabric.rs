@@ -13,7 +13,7 @@ const NAMED: usize = 5;
 /// Tell a result's stiffnesses per width, and which measured fabrics bend alike.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Needs a result of `reconstruct --preset physics`. A video tells stiffness in proportion to the area density only, so that fabrics are
+Needs a result whose causes were searched (preset default). A video tells stiffness in proportion to the area density only, so that fabrics are
 compared by bending length, the cube root of D/(density × gravity).
 
 The table is comma-separated, with the columns density[kg.m-2], linear warp[SI*1e9] and linear weft[SI*1e9] (bending stiffness in

@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Folder of all that is written.
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
-    /// Change one setting of the preset physics. May be repeated.
+    /// Change one setting of the preset default. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     #[command(flatten)]
@@ -57,7 +57,7 @@ fn fraction(text: &str) -> Result<f64, String> {
 
 /// Runs the command.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
-    let mut config = Config::preset(Preset::Physics);
+    let mut config = Config::preset(Preset::Default);
     config.set_all(arguments.set.iter().map(String::as_str))?;
     arguments.threads.start()?;
     let loaded = load(&arguments.scene, &LoadOptions::default())?;

@@ -86,7 +86,7 @@ A spread (σ) is how much of something is normal: a term with spread σ contribu
 the weaker the term. Units are in brackets; pure numbers and counts have none.
 ",
     );
-    let others = [Preset::Saft, Preset::PhiSft, Preset::PgSft]
+    let others = [Preset::Motion, Preset::Saft, Preset::PhiSft, Preset::PgSft]
         .map(|preset| (preset.name(), Config::preset(preset).table()));
     let mut section = "";
     let default = Config::preset(Preset::Default).table();

@@ -23,8 +23,8 @@ Examples:
   tessuto simulate results/curtain --hold release --out falling.npy
 
 A folder at --out becomes a result that render, export and report take. With --continue, other air and other holds begin
-where the clip ends; without it, in the first frame. --continue, --air, --hold, --gravity and --scale need a result of
-`reconstruct --preset physics`. Of others the forces hold the cloth where the video shows it, without gravity or a pin.")]
+where the clip ends; without it, in the first frame. --continue, --air, --hold, --gravity and --scale need a result
+whose causes were searched (preset default). Of others the forces hold the cloth where the video shows it, without gravity or a pin.")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,

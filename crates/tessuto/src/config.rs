@@ -202,8 +202,8 @@ impl Config {
         let default = Self { preset, ..Self::default() };
         let published = TextureSettings { epochs: 200, ..default.texture };
         match preset {
-            Preset::Default => default,
-            Preset::Physics => {
+            Preset::Motion => default,
+            Preset::Default => {
                 let dynamics = DynamicsSettings {
                     damping_per_5ms: 1.0,
                     // In longer ones forces lead compressed cloth other ways than ties do.
@@ -493,7 +493,7 @@ mod tests {
             ("spacetime.neighbour_weight=-1", "between 0 and 100"),
             ("spacetime.gain_smoothness=inf", "between 0 and 1e6"),
             ("dynamics.bend.start=30", "between -10 and 4 log10 J/rad²"),
-            ("dynamics.bend.start=-5", "dynamics.bend.low = -4 is above dynamics.bend.start = -5"),
+            ("dynamics.bend.start=-8", "dynamics.bend.low = -7 is above dynamics.bend.start = -8"),
             ("spacetime.levels=0", "between 1 and 8"),
             ("method=simulation", "spacetime, rollout"),
             ("material.fit=1", "true, false"),
@@ -563,7 +563,7 @@ mod tests {
         assert_eq!((part.method, part.texture.size), (Method::Rollout, 64));
         assert!(read(r#"{"texture": {"sise": 64}}"#).unwrap_err().to_string().contains("texture.size"));
         assert!(read(r#"{"texture": {"size": -1}}"#).unwrap_err().to_string().contains("between"));
-        assert!(read(r#"{"preset": "fast"}"#).unwrap_err().to_string().contains("default, saft"));
+        assert!(read(r#"{"preset": "fast"}"#).unwrap_err().to_string().contains("default, motion, saft"));
         for damaged in ["", "[]", "{", r#"{"settings": 3}"#] {
             assert_eq!(read(damaged).unwrap_err().exit_code(), 3, "{damaged}");
         }

@@ -84,7 +84,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         dynamics: config.dynamics.at(scene.fps),
         settings: &config.rollout,
     };
-    let mut causes = None;
+    let (mut causes, mut made) = (None, None);
     let (parameters, deviations, failure) = match config.method {
         Method::Rollout => {
             session.begin("rollout");
@@ -107,8 +107,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             let clock = (scene.fps, &fit.dynamics);
             let (parameters, loose) = if config.causes.fit {
                 let sheet = (&scene.template, &scene.known);
-                let found = causes::explain(sheet, &frames, deviations.as_deref(), clock, &config.causes);
+                let advance = &mut |done, of| session.advance(done, of);
+                let found =
+                    causes::explain(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
                 causes = Some(found.explained);
+                made = found.failure.is_none().then_some(found.frames);
                 (found.parameters, found.failure)
             } else {
                 let mut parameters = fit.start();
@@ -129,7 +132,10 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     // The motion is what these parameters make, nothing else.
     session.begin("rollout of the result");
     let cut = causes.as_ref().map(|c| causes::cut_cloth(&scene.template, &c.found.rest_lengths));
-    let motion = simulate(cut.as_ref().unwrap_or(&cloth), config, scene.fps, template, &parameters)?;
+    let motion = match made {
+        Some(frames) => Motion::new(frames)?,
+        None => simulate(cut.as_ref().unwrap_or(&cloth), config, scene.fps, template, &parameters)?,
+    };
     let deviations = deviations.map(|(found, deviations)| of_motion(deviations, &found, &motion));
     session.end();
     let history = session.history_of(&["texture", "track", "refine", "rollout"]);

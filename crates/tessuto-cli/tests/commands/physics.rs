@@ -35,15 +35,7 @@ fn causes_are_compared_with_the_truth_and_foretell() {
     );
 
     let (fit, whole) = (out.join("fit"), at("whole"));
-    let quick = [
-        "--preset",
-        "physics",
-        "--no-appearance",
-        "--set",
-        "texture.size=32",
-        "--set",
-        "causes.iterations=2",
-    ];
+    let quick = ["--no-appearance", "--set", "texture.size=32", "--set", "causes.iterations=2"];
     succeed(&[&["reconstruct", text(&scene), "--out", text(&whole)], &quick[..]].concat());
     // What the page lets one play is what a simulation gives.
     let held = ["--continue", "20", "--air", "still", "--hold", "still"];
@@ -84,8 +76,8 @@ fn causes_are_compared_with_the_truth_and_foretell() {
     std::fs::write(&csv, "a,b\n1,2\n").unwrap();
     assert!(fail(3, &["fabric", text(&fit), "--table", text(&csv)]).contains("density[kg.m-2]"));
     let plain = at("plain");
-    let few = ["--no-appearance", "--frames", "0..3", "--set", "texture.size=32"];
+    let few = ["--preset", "motion", "--no-appearance", "--frames", "0..3", "--set", "texture.size=32"];
     succeed(&[&["reconstruct", text(&scene), "--out", text(&plain)], &few[..]].concat());
-    assert!(fail(3, &["fabric", text(&plain)]).contains("physics"));
+    assert!(fail(3, &["fabric", text(&plain)]).contains("preset default"));
     assert!(Path::new(&plain).is_dir());
 }

@@ -10,10 +10,10 @@ use crate::error::{Error, Result};
 pub enum Preset {
     /// The published method.
     Saft,
-    /// All frames at once, then the forces; more accurate and faster.
+    /// All frames at once, then what moved the fabric: stiffness, gravity, air, what holds it.
     Default,
-    /// The same, then what moved the fabric: stiffness, gravity, air, what holds it. Being worked on.
-    Physics,
+    /// The same shapes alone: forces and stiffnesses replay them, and mean nothing else. Faster.
+    Motion,
     /// After φ-SfT: as saft, of a continuum on an irregular mesh.
     #[serde(rename = "phi-sft")]
     PhiSft,
@@ -24,28 +24,29 @@ pub enum Preset {
 
 impl Preset {
     /// All of them.
-    pub const ALL: [Self; 5] = [Self::Default, Self::Saft, Self::Physics, Self::PhiSft, Self::PgSft];
+    pub const ALL: [Self; 5] = [Self::Default, Self::Motion, Self::Saft, Self::PhiSft, Self::PgSft];
     /// Their names.
-    pub const NAMES: &[&str] = &["default", "saft", "physics", "phi-sft", "pg-sft"];
+    pub const NAMES: &[&str] = &["default", "motion", "saft", "phi-sft", "pg-sft"];
 
     /// Its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
             Self::Saft => "saft",
-            Self::Physics => "physics",
+            Self::Motion => "motion",
             Self::PhiSft => "phi-sft",
             Self::PgSft => "pg-sft",
         }
     }
 
-    /// The one called `name`.
+    /// The one called `name`; `physics` is an earlier name of the default.
     ///
     /// # Errors
     /// [`Error::Usage`] with their names.
     pub fn named(name: &str) -> Result<Self> {
         let known = || format!("the presets are: {}", Self::NAMES.join(", "));
-        let found = Self::ALL.into_iter().find(|preset| preset.name() == name);
+        let own = if name == "physics" { "default" } else { name };
+        let found = Self::ALL.into_iter().find(|preset| preset.name() == own);
         found.ok_or_else(|| Error::usage(format!("preset {name}: no such preset"), known()))
     }
 }

@@ -160,10 +160,9 @@ impl CauseFile {
     }
 }
 
-/// Writes forces.npz, `gravity`, `air`, `friction`, `hold` and `residual` [N − 1, V, 3] m/s², and `rest_lengths.npy`, one for each edge, m.
-pub(super) fn write_forces(folder: &Path, explained: &Explained) -> Result<()> {
+/// Writes forces.npz, `gravity`, `air`, `friction`, `hold` and `residual` [N − 1, V, 3] m/s² of so many `vertices`, and `rest_lengths.npy`, one for each edge, m.
+pub(super) fn write_forces(folder: &Path, explained: &Explained, vertices: usize) -> Result<()> {
     let parts = &explained.parts;
-    let vertices = parts.air.first().map_or(0, Vec::len);
     let shape = [parts.air.len(), vertices, 3];
     let bytes = |field: &[Positions]| {
         let numbers: Vec<f32> = field.iter().flatten().flat_map(|a| a.as_vec3().to_array()).collect();

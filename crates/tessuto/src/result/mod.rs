@@ -5,9 +5,9 @@
 //! mesh.obj                        the template, bit for bit
 //! deviation.npy    [N, V] f32     standard deviation of the positions [m] (default method)
 //! forces.npy       [(N−1)·parts, V, 3] f32  dynamic part D of force per mass [m/s²]
-//! forces.npz                      the forces by their causes [N−1, V, 3] (preset physics)
-//! rest_lengths.npy [edges] f32    lengths of the edges without load [m] (preset physics)
-//! changed/                        motions as they would have been, for the page [M, V, 3] f32 [m] (preset physics)
+//! forces.npz                      the forces by their causes [N−1, V, 3] (preset default)
+//! rest_lengths.npy [edges] f32    lengths of the edges without load [m] (preset default)
+//! changed/                        motions as they would have been, for the page [M, V, 3] f32 [m] (preset default)
 //! parameters.json                 stiffnesses and causes with units and standard deviations, time stepping
 //! config.json                     scene, frames and all settings: what repeats the run
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
@@ -118,7 +118,7 @@ struct FoundStiffness {
     bounds: [f64; 2],
     /// It went as far as it could: the value says less about the fabric than about the bound.
     at_bound: bool,
-    /// Standard deviation, and whether the video tells anything about it (preset physics).
+    /// Standard deviation, and whether the video tells anything about it (preset default).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sd: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -171,7 +171,7 @@ struct ParameterFile {
     camera: Camera,
     /// The part of the whole image that was used.
     crop: Rect,
-    /// What the forces are of (preset physics).
+    /// What the forces are of (preset default).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     causes: Option<causes::CauseFile>,
 }
@@ -220,7 +220,7 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
     let mut parameters = parameter_file(&result.parameters, scene, &context.run.settings.dynamics);
     if let Some(explained) = &result.causes {
         parameters.explain(explained, result.motion.len(), scene.fps);
-        causes::write_forces(folder, explained)?;
+        causes::write_forces(folder, explained, scene.template.positions.len())?;
     }
     write_json(&folder.join("parameters.json"), &parameters)?;
     write_json(&folder.join("config.json"), context.run)?;

@@ -1,11 +1,9 @@
 //! What would have been otherwise, simulated before anybody asks.
 
-use rayon::prelude::*;
-
 use crate::error::{Error, Result, Warning};
 use crate::io;
 use crate::mesh::{Motion, Positions};
-use crate::motion::causes::{changed, cut_cloth};
+use crate::motion::causes::{Changes, Otherwise, cut_cloth};
 use crate::result::{Folder, changes};
 
 /// Writes changed/ into `result`, if it has causes: one motion of each of the changes that the page lets one play, as `replay` makes it. One
@@ -21,8 +19,8 @@ pub(super) fn write(result: &Folder) -> Result<Vec<Warning>> {
     let folder = result.path().join("changed");
     std::fs::create_dir_all(&folder).map_err(|source| Error::Output { path: folder, source })?;
     let changes = changes(result.fps);
-    let simulated: Vec<_> =
-        changes.par_iter().map(|c| changed(&cut, &dynamics, found, &frames, &c.otherwise)).collect();
+    let otherwise: Vec<Otherwise> = changes.iter().map(|change| change.otherwise).collect();
+    let simulated = Changes::new(&cut, &dynamics, found, &frames).simulate_all(&otherwise);
     let mut warnings = Vec::new();
     for (change, guided) in changes.iter().zip(simulated) {
         match guided.failure {

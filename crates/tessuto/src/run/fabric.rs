@@ -23,7 +23,7 @@ pub struct Fabric {
     pub bending: [f64; 2],
 }
 
-/// Of a result of the preset physics.
+/// Of a result with causes.
 ///
 /// # Errors
 /// [`Error::Input`] for other results, and for meshes whose texture coordinates are no flat panel.
@@ -34,7 +34,7 @@ pub fn measured(result: &Folder) -> Result<Measured> {
     if result.found.is_none() {
         return fail(
             "its stiffnesses only replay the motion",
-            "reconstruct the scene with the preset physics",
+            "reconstruct the scene with the preset default",
         );
     }
     match result.measured() {

@@ -58,7 +58,7 @@ pub struct Forecast {
 pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
     let place = || fitted.path().display().to_string();
     let Some(found) = &fitted.found else {
-        let hint = "reconstruct the first frames with the preset physics";
+        let hint = "reconstruct the first frames with the preset default";
         return Err(Error::input(place(), "its forces are not known by their causes", hint));
     };
     let known: Vec<Positions> = fitted.motion()?.iter().cloned().collect();
@@ -78,7 +78,7 @@ pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
     let dynamics = fitted.run.settings.dynamics.at(fitted.fps);
     let cut = causes::cut_cloth(&fitted.mesh, &found.rest_lengths);
     let simulated = |found: &causes::Found, otherwise: Otherwise| -> Result<Vec<Positions>> {
-        let guided = causes::changed(&cut, &dynamics, found, &known, &otherwise);
+        let guided = causes::Changes::new(&cut, &dynamics, found, &known).simulate(&otherwise);
         guided.failure.map_or(Ok(()), Err)?;
         Ok(guided.frames[fit..].to_vec())
     };

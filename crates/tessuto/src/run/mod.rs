@@ -76,14 +76,14 @@ impl RunOptions {
             Method::Rollout => stages.push(stage("rollout", 300.0)),
             Method::Spacetime => {
                 stages.extend([stage("track", 10.0), stage("refine", 20.0), stage("deviation", 2.0)]);
-                stages.push(stage("forces and stiffnesses", 5.0));
+                stages.push(stage("forces and stiffnesses", if self.config.causes.fit { 25.0 } else { 5.0 }));
             }
         }
         if self.appearance {
             stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
         }
         if self.config.causes.fit {
-            stages.push(stage("changed replays", 3.0));
+            stages.push(stage("changed replays", 8.0));
         }
         stages.push(stage("report", 3.0));
         stages
@@ -168,7 +168,9 @@ fn work(
     // Motion, and at once what is known of it.
     let found = reconstruct(scene, &run.settings, session)?;
     observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
-    if let Some(doubt) = run.settings.dynamics.doubt(&found.parameters.log_stiffness) {
+    let of_causes = found.causes.as_ref().and_then(|causes| causes.found.doubt());
+    let of_stiffness = run.settings.dynamics.doubt(&found.parameters.log_stiffness);
+    for doubt in of_causes.into_iter().chain(of_stiffness) {
         observer.borrow_mut().warning(&doubt);
         warnings.push(doubt);
     }

@@ -17,7 +17,7 @@ pub struct Changes {
     pub stiffness: Vec<(String, f64)>,
     /// Factor on the dynamic forces, whatever their cause.
     pub forces: f64,
-    /// Other causes; only of results of the preset physics.
+    /// Other causes; only of results with causes.
     pub otherwise: Otherwise,
 }
 
@@ -65,7 +65,7 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
         if changes.otherwise != Otherwise::default() {
             let place = original.path().display().to_string();
             let hint =
-                "reconstruct the scene with the preset physics, or change stiffnesses and forces as a whole";
+                "reconstruct the scene with the preset default, or change stiffnesses and forces as a whole";
             return Err(Error::input(place, "its forces are not known by their causes", hint));
         }
         parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);
@@ -90,7 +90,7 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
     }
     let dynamics = settings.dynamics.at(original.fps);
     let frames: Vec<_> = original.motion()?.iter().cloned().collect();
-    let guided = causes::changed(&cut, &dynamics, found, &frames, &otherwise);
+    let guided = causes::Changes::new(&cut, &dynamics, found, &frames).simulate(&otherwise);
     if let Some(failure) = guided.failure {
         return Err(failure);
     }

@@ -35,6 +35,19 @@ pub fn step(
     acceleration: &[DVec3],
     scratch: &mut Scratch,
 ) -> Result<StepTape> {
+    step_near(cloth, settings, stiffness, before, acceleration, None, scratch)
+}
+
+/// [`step`] whose search starts from the positions `near`, shape `[V]`, where their potential is less than that of going straight on.
+pub(crate) fn step_near(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    stiffness: &Stiffness,
+    before: State,
+    acceleration: &[DVec3],
+    near: Option<&[DVec3]>,
+    scratch: &mut Scratch,
+) -> Result<StepTape> {
     let h = settings.step;
     check_finite("implicit Euler step", &before, acceleration)?;
     let inertial: Vec<DVec3> = (0..cloth.vertex_count())
@@ -44,6 +57,13 @@ pub fn step(
     let mut d: Vec<DVec3> = before.v.iter().map(|v| *v * (h * settings.damping)).collect();
     let potential = Potential { cloth, stiffness, x: &before.x, inertial: &inertial, h };
     let mut value = potential.value(&d);
+    if let Some(near) = near {
+        let to: Vec<DVec3> = near.iter().zip(&before.x).map(|(near, x)| *near - *x).collect();
+        let at = potential.value(&to);
+        if at < value {
+            (d, value) = (to, at);
+        }
+    }
     let (mut kept, mut first_square) = (None, None);
     for _ in 0..settings.newton_limit {
         let gradient = potential.gradient(&d);
@@ -233,6 +253,40 @@ mod tests {
     use crate::math::rng::Rng;
     use crate::mesh::grid;
     use crate::sim::Integrator;
+
+    #[test]
+    fn a_step_that_is_looked_for_nearby_ends_where_the_plain_one_does() {
+        let mesh = grid(9, 8, glam::DVec2::splat(0.1), 1.0);
+        let cloth = Cloth::new(&mesh);
+        let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-3, 5e-4]);
+        let mut rng = Rng::new(7, 0);
+        let v: Vec<DVec3> = mesh.positions.iter().map(|_| rng.vector()).collect();
+        let before = State { x: mesh.positions.clone(), v };
+        let settings = StepSettings {
+            integrator: Integrator::ImplicitEuler,
+            step: 5e-3,
+            damping: 0.9,
+            tolerance: 1e-10,
+            newton_limit: 100,
+        };
+        let (gravity, scratch) = (vec![DVec3::Y * 9.81; 72], &mut Scratch::default());
+        let plain = step(&cloth, &settings, &stiffness, before.clone(), &gravity, scratch).unwrap().after.x;
+        let moved = |size: f64, rng: &mut Rng| -> Vec<DVec3> {
+            plain.iter().map(|x| *x + rng.vector() * size).collect()
+        };
+        // From nearer than going straight on, which is half a millimetre off, and from farther, where that is taken.
+        for (size, is_taken) in [(1e-5, true), (1e-2, false)] {
+            let near = moved(size, &mut rng);
+            let found =
+                step_near(&cloth, &settings, &stiffness, before.clone(), &gravity, Some(&near), scratch)
+                    .unwrap()
+                    .after
+                    .x;
+            let off = found.iter().zip(&plain).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+            println!("from {size} m: {off} m");
+            assert!(off < 1e-9 && (found != plain) == is_taken, "{size}: {off}");
+        }
+    }
 
     #[test]
     fn a_crumpled_cloth_reaches_a_minimum() {

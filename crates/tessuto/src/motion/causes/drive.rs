@@ -15,8 +15,7 @@ use crate::error::Result;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;
 use crate::sim::air::Air;
-use crate::sim::implicit_euler::hessian;
-use crate::sim::step::step;
+use crate::sim::implicit_euler::{hessian, step_near};
 use crate::sim::stretch;
 use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
 
@@ -49,6 +48,16 @@ pub struct Drive<'a> {
 pub struct Trajectory {
     pub frames: Vec<Positions>,
     pub tangents: Vec<Vec<Positions>>,
+    /// Positions after every step, where a similar run looks for its own first.
+    pub steps: Vec<Positions>,
+}
+
+/// Where a step leads, roughly.
+struct Places<'a> {
+    /// Where the ties pull.
+    target: &'a [DVec3],
+    /// Where the step of a similar run ended.
+    near: Option<&'a [DVec3]>,
 }
 
 /// What one step is made of, for its derivatives.
@@ -106,11 +115,11 @@ fn combined(now: &State, before: Option<&State>) -> State {
 }
 
 impl Drive<'_> {
-    /// Simulates under `causes`, with derivatives if they are asked for.
+    /// Simulates under `causes`, with derivatives if they are asked for; `near` are the positions of a similar run after every step.
     ///
     /// # Errors
     /// [`crate::Error::Numerical`] from a step.
-    pub fn run(&self, causes: &Causes, with_tangents: bool) -> Result<Trajectory> {
+    pub fn run(&self, causes: &Causes, with_tangents: bool, near: &[Positions]) -> Result<Trajectory> {
         let count = self.cloth.vertex_count();
         let k = causes.stiffness();
         let stiffness = Stiffness::uniform(self.cloth, k);
@@ -130,7 +139,8 @@ impl Drive<'_> {
         let mut tangents = vec![resting.clone(); unknowns];
         let mut tangents_before: Option<Vec<Tangent>> = None;
         let shapes = |tangents: &[Tangent]| tangents.iter().map(|t| t.state.x.clone()).collect();
-        let mut out = Trajectory { frames: vec![now.x.clone()], tangents: vec![shapes(&tangents)] };
+        let mut out =
+            Trajectory { frames: vec![now.x.clone()], tangents: vec![shapes(&tangents)], steps: Vec::new() };
         for n in 0..self.targets.len() - 1 {
             let big = if before.is_some() { 2.0 / 3.0 * self.h } else { self.h };
             let bar = combined(&now, before.as_ref());
@@ -142,8 +152,9 @@ impl Drive<'_> {
             let air = Air::new(cloth, causes.drag(), wind, &ahead_of.x, &ahead_of.v, self.h);
             let gravity = causes.gravity();
             let outer = |i: usize| gravity + air.acceleration(i);
-            let after =
-                self.step(outer, &total, &bar, big, &self.targets[n + 1], &mut heavy, &mut scratch)?;
+            let places = Places { target: &self.targets[n + 1], near: near.get(n).map(Vec::as_slice) };
+            let after = self.step(outer, &total, &bar, big, &places, &mut heavy, &mut scratch)?;
+            out.steps.push(after.x.clone());
             let angles_after = cloth.angles_at(&after.x);
             if with_tangents {
                 let matrix = hessian(&heavy, &total, &after.x, big, HessianKind::Exact, &mut scratch);
@@ -215,7 +226,7 @@ impl Drive<'_> {
         stiffness: &Stiffness,
         bar: &State,
         big: f64,
-        target: &[DVec3],
+        places: &Places,
         heavy: &mut Cloth,
         scratch: &mut Scratch,
     ) -> Result<State> {
@@ -231,7 +242,7 @@ impl Drive<'_> {
             .enumerate()
             .map(|(i, factor)| {
                 let drift = bar.v[i] * big;
-                let pull = (target[i] - bar.x[i]) * (sq * self.ties[i]);
+                let pull = (places.target[i] - bar.x[i]) * (sq * self.ties[i]);
                 ((drift + outer(i) * sq + pull) / factor - drift) / sq
             })
             .collect();
@@ -242,7 +253,7 @@ impl Drive<'_> {
             tolerance: self.tolerance,
             newton_limit: NEWTON_LIMIT,
         };
-        Ok(step(heavy, &settings, stiffness, bar.clone(), &acceleration, scratch)?.after)
+        Ok(step_near(heavy, &settings, stiffness, bar.clone(), &acceleration, places.near, scratch)?.after)
     }
 
     /// What the derivative of a step's positions by unknown `p` is solved from, given those of the state ahead and of the start.
@@ -341,11 +352,13 @@ mod tests {
             ln_length: [1e-3, -2e-3],
             wind: (0..3).map(|_| rng.vector()).collect(),
         };
-        let run = drive.run(&causes, true).unwrap();
+        let run = drive.run(&causes, true, &[]).unwrap();
         for _ in 0..3 {
             let direction: Vec<f64> = (0..causes.unknowns()).map(|_| rng.signed()).collect();
             let at = |s: f64| {
-                drive.run(&causes.moved(&direction.iter().map(|d| d * s).collect::<Vec<_>>()), false).unwrap()
+                drive
+                    .run(&causes.moved(&direction.iter().map(|d| d * s).collect::<Vec<_>>()), false, &[])
+                    .unwrap()
             };
             let (plus, minus) = (at(1e-4), at(-1e-4));
             for n in 1..run.frames.len() {

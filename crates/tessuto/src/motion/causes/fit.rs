@@ -9,7 +9,7 @@ use super::held::{Guess, held_vertices};
 use super::lengths::rest_lengths;
 use super::objective::{Data, Prior};
 use super::search::{Attempt, Fit, Search};
-use super::{CauseSettings, Found, cut_cloth};
+use super::{CauseSettings, DOUBTED, Found, cut_cloth};
 use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
@@ -33,9 +33,13 @@ const TILT: f64 = 0.35;
 const KNOWN_TILT: f64 = 0.01;
 /// Iterations at every place that hands are tried at.
 const TRIED: usize = 1;
-/// Where the motion that the causes make is off by more than so many of the positions' deviations, root mean square, something else
-/// holds or moves the cloth, and nothing is told.
-const DOUBTED: f64 = 1.6;
+/// Iterations in fine steps, at most, after those in coarse ones.
+const FINISHING: usize = 3;
+/// Parts of the search, for who waits: for hands, in coarse steps, in fine ones.
+const HANDS: usize = grips::PASSES;
+const ROUGH: usize = 2;
+/// All of them.
+pub const PARTS: usize = HANDS + ROUGH + 2;
 
 /// How finely the cloth is simulated.
 struct Grain {
@@ -45,9 +49,9 @@ struct Grain {
     tolerance: f64,
 }
 
-const FINE: Grain = Grain { step: 0.01, tolerance: 1e-6 };
-/// While hands are looked for.
-const COARSE: Grain = Grain { step: 0.02, tolerance: 1e-5 };
+const FINE: Grain = Grain { step: 0.01, tolerance: 1e-5 };
+/// First, and while hands are looked for: a frame of most videos.
+const COARSE: Grain = Grain { step: 0.034, tolerance: 3e-5 };
 
 /// What is searched, but for who holds the cloth.
 struct Task<'a> {
@@ -81,22 +85,28 @@ impl Task<'_> {
         }
     }
 
-    /// What `end` makes of the search for causes where `held` vertices are held, starting from `start`; `None` where the cloth cannot be
+    /// What `end` makes of the search for causes where `held` vertices are held, starting from `start` near the steps of another; `None` where the cloth cannot be
     /// simulated so.
-    fn search<T>(&self, held: &[usize], start: &Causes, end: impl FnOnce(Search) -> T) -> Option<T> {
+    fn search<T>(
+        &self,
+        held: &[usize],
+        (start, near): (&Causes, &[Positions]),
+        end: impl FnOnce(Search) -> T,
+    ) -> Option<T> {
         let drive = self.drive(held);
-        Some(end(Search::new(&drive, &self.data, &self.prior, start.clone(), self.bounds).ok()?))
+        Some(end(Search::new(&drive, &self.data, &self.prior, start.clone(), near, self.bounds).ok()?))
     }
 }
 
 /// What moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
-/// `deviations`, shape [N, V] `[m]`; what is `known` beforehand is not searched.
+/// `deviations`, shape [N, V] `[m]`; what is `known` beforehand is not searched. `advance` hears how many of [`PARTS`] are done.
 pub fn find(
     (template, known): (&Mesh, &Known),
     found: &[Positions],
     deviations: &[Vec<f64>],
     (fps, dynamics): (f64, &Dynamics),
     settings: &CauseSettings,
+    advance: &mut dyn FnMut(usize),
 ) -> Found {
     let rest_lengths = rest_lengths(template, found);
     let down = known.down.unwrap_or(DVec3::Y);
@@ -155,49 +165,75 @@ pub fn find(
         rest_lengths,
         misfit: 0.0,
     };
-    if found.len() < 3 {
-        return out;
+    let coarse = task(COARSE);
+    if found.len() >= 3 {
+        search((template, &guess), &coarse, &mut fine, &mut out, settings, advance);
     }
-    let mut start = out.causes.clone();
+    // As they are written: a replay starts from the same bits.
+    let lengths = std::mem::take(&mut out.causes.ln_length);
+    for (length, [u, v]) in out.rest_lengths.iter_mut().zip(&ways) {
+        *length = f64::from((*length * (u * lengths[0] + v * lengths[1]).exp()) as f32);
+    }
+    out
+}
+
+/// Searches what moves the cloth, and puts it into `out` if the clip tells it: otherwise, or where the cloth cannot be simulated, what was
+/// known before stays.
+fn search(
+    (template, guess): (&Mesh, &Guess),
+    coarse: &Task,
+    fine: &mut Task,
+    out: &mut Found,
+    settings: &CauseSettings,
+    advance: &mut dyn FnMut(usize),
+) -> Option<()> {
+    let mut start = (out.causes.clone(), Vec::new());
     let mut others = Vec::new();
-    if !guess.still {
-        let coarse = task(COARSE);
+    if !guess.still && guess.told {
         let fit = |held: &[usize], near: Option<&Attempt>| {
             let (start, iterations) = match near {
-                None => (&coarse.prior.mean, settings.iterations),
-                Some(near) => (&near.causes, settings.iterations.min(TRIED)),
+                None => ((&coarse.prior.mean, &[][..]), settings.iterations),
+                Some(near) => ((&near.causes, &near.steps[..]), settings.iterations.min(TRIED)),
             };
             coarse.search(held, start, |search| search.attempt(iterations))
         };
-        // A simulation that fails at the start leaves what was known before.
-        let Some((best, tried)) = grips::find(template, &guess.held, coarse.data.price(), fit) else {
-            return out;
-        };
+        let (best, tried) = grips::find(template, &guess.held, coarse.data.price(), fit, advance)?;
         others =
             tried.into_iter().map(|hold| ((best.value - hold.value).exp(), hold.attempt.causes)).collect();
-        (out.held, start) = (best.held, best.attempt.causes);
+        (out.held, start) = (best.held, (best.attempt.causes, best.attempt.steps));
     }
-    let run = |search: Search| search.run(settings.iterations);
-    let Some(mut fit) = fine.search(&out.held, &start, run) else { return out };
+    advance(HANDS);
+    let iterations = if guess.told { settings.iterations } else { 0 };
+    let rough = coarse.search(&out.held, (&start.0, &start.1), |search| search.attempt(iterations))?;
+    advance(HANDS + ROUGH);
+    out.misfit = rough.misfit.sqrt();
+    if !guess.told || out.misfit > DOUBTED {
+        return None;
+    }
+    let whole = fine.substeps.is_multiple_of(coarse.substeps);
+    let near = match whole {
+        true => between(&fine.targets[0], &rough.steps, fine.substeps / coarse.substeps),
+        false => Vec::new(),
+    };
     // Where the model is off by more than the positions are, its errors are what data are uncertain by.
-    let doubt = fit.misfit.max(1.0);
-    if fit.misfit > 1.0 {
-        fine.data.together *= doubt;
-        fit = fine.search(&out.held, &fit.causes, run).unwrap_or(fit);
-    }
+    let doubt = rough.misfit.max(1.0);
+    fine.data.together *= doubt;
+    let iterations = settings.iterations.min(FINISHING);
+    let fit = fine.search(&out.held, (&rough.causes, &near), |search| search.run(iterations))?;
     out.misfit = fit.misfit.sqrt();
-    // With other held vertices the sheet has other stiffnesses, and would make another motion.
-    if guess.told && out.misfit <= DOUBTED {
+    if out.misfit <= DOUBTED {
+        // With other held vertices the sheet has other stiffnesses, and would make another motion.
         others.iter_mut().for_each(|(weight, _)| *weight = weight.powf(1.0 / doubt));
         out.spread = wider(&fit, &others);
+        out.causes = fit.causes;
     }
-    out.causes = fit.causes;
-    // As they are written: a replay starts from the same bits.
-    let found = std::mem::take(&mut out.causes.ln_length);
-    for (length, [u, v]) in out.rest_lengths.iter_mut().zip(&ways) {
-        *length = f64::from((*length * (u * found[0] + v * found[1]).exp()) as f32);
-    }
-    out
+    Some(())
+}
+
+/// Positions after every step, from those after steps `ratio` times as long that start from `first`.
+fn between(first: &Positions, steps: &[Positions], ratio: usize) -> Vec<Positions> {
+    let all: Vec<Positions> = std::iter::once(first).chain(steps).cloned().collect();
+    interpolated(&all, ratio).split_off(1)
 }
 
 /// How much of every edge runs along u and along v of the panel.
@@ -286,10 +322,11 @@ mod tests {
             ways: &ways,
             knots,
         };
-        let frames = drive.run(&truth, false).unwrap().frames;
+        let frames = drive.run(&truth, false, &[]).unwrap().frames;
         let deviations = vec![vec![2e-3; 49]; frames.len()];
         let settings = CauseSettings { fit: true, iterations: 30, ..CauseSettings::default() };
-        let found = find((&mesh, &Known::default()), &frames, &deviations, (50.0, &dynamics), &settings);
+        let found =
+            find((&mesh, &Known::default()), &frames, &deviations, (50.0, &dynamics), &settings, &mut |_| ());
         let off = |k: usize| (found.causes.ln_stiffness[k] - truth.ln_stiffness[k]).exp();
         let angle = found.causes.down.angle_between(truth.down).to_degrees();
         println!("bend {:.2}, shear {:.2}, gravity {angle:.1}°, {:?}", off(1), off(2), found.spread);
@@ -307,13 +344,13 @@ mod tests {
         let down = (truth.down + DVec3::new(0.02, 0.0, -0.01)).normalize();
         let known = Known { down: Some(down), held: Some(vec![0, 3, 6]) };
         let brief = CauseSettings { iterations: 2, ..settings };
-        let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief);
+        let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief, &mut |_| ());
         assert_eq!(found.held, [0, 3, 6]);
         assert!(found.prior.down <= KNOWN_TILT && found.causes.down.angle_between(down) < 3.0 * KNOWN_TILT);
 
         // Held by its lower corners no causes make it move like that, and nothing is told.
         let known = Known { held: Some(vec![42, 48]), ..Known::default() };
-        let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief);
+        let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief, &mut |_| ());
         println!("held wrongly: misfit {:.2}", found.misfit);
         assert!(found.misfit > DOUBTED && found.spread == found.prior);
     }

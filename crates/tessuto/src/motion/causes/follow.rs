@@ -28,6 +28,7 @@ pub fn follow(
     settings: &CauseSettings,
 ) -> (Guided, Parts) {
     let targets = interpolated(frames, dynamics.substeps);
+    let targets: Vec<&Positions> = targets.iter().collect();
     let h = dynamics.step.step;
     let mut ties = vec![settings.tracking; cloth.vertex_count()];
     found.held.iter().for_each(|v| ties[*v] = ties[*v].max(HELD));

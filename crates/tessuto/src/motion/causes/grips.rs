@@ -17,6 +17,13 @@ const BESIDE: isize = 1;
 /// Ways of the grips as fractions of the border, one after the other.
 const STRIDES: [f64; 3] = [1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0];
 
+/// Where the best of the coarsest ways leaves a root of the misfit above this, hands are not what is missing.
+const HOPELESS: f64 = 3.2;
+/// Most places that are tried: hands are found in fewer, and what no hands explain is not searched for ever.
+const MOST: usize = 32;
+/// Kinds of changes that are tried one after the other.
+pub(super) const PASSES: usize = STRIDES.len() + 2;
+
 /// A stretch of the border: number of its first vertex along the loop, and of vertices.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct Grip {
@@ -51,12 +58,14 @@ struct Change {
 }
 
 /// Where hands hold the cloth of `template` whose upper corners are `guess`, and the other places that were tried. A held vertex costs `price`.
-/// `fit` fits causes to a hold, from those of another one if there is one; `None` where the cloth cannot be simulated so.
+/// `fit` fits causes to a hold, from those of another one if there is one; `None` where the cloth cannot be simulated so. `advance` hears how
+/// many of [`PASSES`] are done.
 pub fn find(
     template: &Mesh,
     guess: &[usize],
     price: f64,
     fit: impl Fn(&[usize], Option<&Attempt>) -> Option<Attempt> + Sync,
+    advance: &mut dyn FnMut(usize),
 ) -> Option<(Hold, Vec<Hold>)> {
     let border = border_loop(template);
     let grips: Vec<Grip> = grips_of(&border, guess).into_iter().map(Grip::about).collect();
@@ -67,13 +76,19 @@ pub fn find(
     let seen = BTreeSet::from([held.clone()]);
     let best = Hold { held, attempt, value };
     let mut descent = Descent { border, grips, price, fit, best, others: Vec::new(), seen };
-    for stride in STRIDES {
+    let along = STRIDES.map(|stride| {
         let stride = ((descent.border.len() as f64 * stride).round() as isize).max(1);
-        descent.run(&[[-stride, 0], [stride, 0]]);
-    }
+        [[-stride, 0], [stride, 0]]
+    });
     // Shorter, then longer at either end.
-    descent.run(&[[1, -1], [0, -1]]);
-    descent.run(&[[-1, 1], [0, 1]]);
+    let lengths = [[[1, -1], [0, -1]], [[-1, 1], [0, 1]]];
+    for (pass, ways) in along.iter().chain(&lengths).enumerate() {
+        advance(pass);
+        if pass > 0 && descent.best.attempt.misfit > HOPELESS * HOPELESS {
+            break;
+        }
+        descent.run(ways);
+    }
     Some((descent.best, descent.others))
 }
 
@@ -138,7 +153,8 @@ impl<F: Fn(&[usize], Option<&Attempt>) -> Option<Attempt> + Sync> Descent<F> {
         // Every hand holds something that no other one holds.
         let apart = grips.iter().all(|g| g.count > 0)
             && held.len() as isize == grips.iter().map(|g| g.count).sum::<isize>();
-        (apart && self.seen.insert(held.clone())).then_some((changes, held))
+        let tried = self.seen.len() > MOST;
+        (apart && !tried && self.seen.insert(held.clone())).then_some((changes, held))
     }
 
     fn attempt(&self, (changes, held): (Vec<Change>, Vec<usize>)) -> Option<(Vec<Change>, Hold)> {
@@ -223,11 +239,11 @@ mod tests {
                 ln_length: [0.0; 2],
                 wind: Vec::new(),
             };
-            Some(Attempt { causes, value })
+            Some(Attempt { causes, value, misfit: 0.0, steps: Vec::new() })
         };
-        let (best, others) = find(&mesh, &[0, 8], 0.0, fit).unwrap();
+        let (best, others) = find(&mesh, &[0, 8], 0.0, fit, &mut |_| ()).unwrap();
         assert_eq!(best.held, truth);
         assert!(others.iter().all(|other| other.value > best.value));
-        assert!(find(&mesh, &[0, 8], 0.0, |_, _| None).is_none());
+        assert!(find(&mesh, &[0, 8], 0.0, |_, _| None, &mut |_| ()).is_none());
     }
 }

@@ -15,7 +15,7 @@ use crate::motion::parameters::Dynamics;
 use crate::sim::step::step;
 use crate::sim::{Accelerations, Cloth, State, StepSettings, Stiffness, TiedCloth};
 
-/// How far a step's solution may be off where the accelerations need not lead along the same motion `[m]`.
+/// How far a tied step's solution may be off `[m]`: the pull is what the ties make of it.
 const ROUGH: f64 = 1e-6;
 
 /// What leads a cloth.
@@ -29,7 +29,7 @@ pub struct Guide<'a> {
     /// Strength κ of every vertex's tie [1/s²].
     pub ties: &'a [f64],
     /// Where the ties pull, shape [steps + 1, V] `[m]`.
-    pub targets: &'a [Positions],
+    pub targets: &'a [&'a Positions],
     /// Acceleration C, the same in space and time [m/s²].
     pub constant: DVec3,
     /// Internal friction c [J·s/rad²].
@@ -60,6 +60,21 @@ pub struct Guided {
     end: State,
 }
 
+impl Guided {
+    /// A copy to go on from, unless the simulation failed.
+    pub(super) fn copy(&self) -> Option<Self> {
+        self.failure.is_none().then(|| Self {
+            accelerations: self.accelerations.clone(),
+            outer: self.outer.clone(),
+            pulls: self.pulls.clone(),
+            friction: self.friction.clone(),
+            frames: self.frames.clone(),
+            failure: None,
+            end: self.end.clone(),
+        })
+    }
+}
+
 /// Leads a cloth from rest at the first target.
 pub fn guide(guide: &Guide) -> Guided {
     guide_from(guide, None)
@@ -70,12 +85,11 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
     let (cloth, dynamics) = (guide.cloth, guide.dynamics);
     let (count, steps) = (cloth.vertex_count(), guide.targets.len() - 1);
     let ties: Vec<f64> = guide.ties.iter().zip(&cloth.masses).map(|(tie, m)| tie * m).collect();
-    let least = if guide.exact { 0.0 } else { ROUGH };
-    let tied_step = StepSettings { tolerance: dynamics.step.tolerance.max(least), ..dynamics.step };
+    let tied_step = StepSettings { tolerance: dynamics.step.tolerance.max(ROUGH), ..dynamics.step };
     let mut tied = TiedCloth::new(cloth, &ties, &tied_step);
     let stiffness = Stiffness::uniform(cloth, guide.stiffness);
     let mut scratch = Scratch::default();
-    let start = State { x: guide.targets[0].clone(), v: vec![DVec3::ZERO; count] };
+    let start = State { x: guide.targets[0].to_vec(), v: vec![DVec3::ZERO; count] };
     let mut out = before.unwrap_or_else(|| Guided {
         accelerations: Accelerations {
             constant: guide.constant,
@@ -98,7 +112,7 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
             let lead = guide.lead.get(k);
             let lead = |i: usize| lead.map_or(DVec3::ZERO, |lead| lead[i]);
             let known = |i: usize| guide.constant + outer[i] + lead(i);
-            let target = &guide.targets[k + 1];
+            let target = guide.targets[k + 1];
             let from = cloth.angles_at(&out.end.x);
             let rate = guide.friction / dynamics.step.step;
             let total = tied.rub(cloth, &stiffness, rate, &from);
@@ -179,7 +193,7 @@ mod tests {
             dynamics: &dynamics,
             stiffness: k,
             ties: &[4e7; 25],
-            targets: &targets,
+            targets: &targets.iter().collect::<Vec<_>>(),
             constant: DVec3::Y,
             friction: 2e-4,
             exact: true,

@@ -30,13 +30,13 @@ mod search;
 mod settings;
 
 pub use explained::{Explained, Sizes};
-pub use fit::find;
+pub use fit::{PARTS, find};
 pub use follow::follow;
 pub use forces::{Causes, GRAVITY, Knots, Spread};
-pub use parts::{Hold, Otherwise, Parts, changed};
+pub use parts::{Changes, Hold, Otherwise, Parts};
 pub use settings::CauseSettings;
 
-use crate::error::Error;
+use crate::error::{Error, Warning};
 use crate::mesh::{Mesh, Positions};
 use crate::motion::parameters::{Dynamics, Parameters};
 use crate::scene::Known;
@@ -49,6 +49,13 @@ const UNKNOWN: f64 = 0.01;
 const INFORMED: f64 = 0.4;
 /// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for something else.
 const UNLIKELY: f64 = 2.0;
+
+/// Parts of the time, as [`PARTS`], that leading the cloth along the motion takes.
+const REPLAY: usize = 2;
+
+/// Where the motion that the causes make is off by more than so many of the positions' deviations, root mean square, something else
+/// holds or moves the cloth, and nothing is told.
+const DOUBTED: f64 = 1.6;
 
 /// What was found.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,6 +82,20 @@ impl Found {
         sd < INFORMED * before
     }
 
+    /// A warning where the video tells nothing, and all is what was known before.
+    pub fn doubt(&self) -> Option<Warning> {
+        let why = match self.misfit > DOUBTED {
+            true => format!(
+                "what they make is {:.1} deviations from the motion: something else holds or moves the fabric",
+                self.misfit
+            ),
+            false => "the fabric moves too little to tell them".into(),
+        };
+        let found = format!("stiffness, gravity and air are assumed, not found; {why}");
+        let hint = "name what holds it as \"held\" in scene.json, or film it moving freely";
+        (self.spread == self.prior).then(|| Warning::new("causes", found, hint))
+    }
+
     /// Whether the video tells the direction of gravity.
     pub fn is_down_informed(&self) -> bool {
         let likely = self.causes.down.angle_between(glam::DVec3::Y) < UNLIKELY * self.prior.down;
@@ -96,25 +117,33 @@ pub struct Explanation {
     pub parameters: Parameters,
     /// What they are of.
     pub explained: Explained,
+    /// The motion that these make, shape [N, V] `[m]`.
+    pub frames: Vec<Positions>,
     /// Where the simulation failed, forces are zero from then on.
     pub failure: Option<Error>,
 }
 
 /// Finds the causes of the motion `frames`, shape [N, V], of the cloth of `template`, `fps` frames per second, with standard deviations
-/// `deviations`, shape [N, V] `[m]`, and the forces that replay it; what is `known` beforehand is not searched.
+/// `deviations`, shape [N, V] `[m]`, and the forces that replay it; what is `known` beforehand is not searched. `advance` hears how
+/// many parts of all are done.
 pub fn explain(
     (template, known): (&Mesh, &Known),
     frames: &[Positions],
     deviations: Option<&[Vec<f64>]>,
     (fps, dynamics): (f64, &Dynamics),
     settings: &CauseSettings,
+    advance: &mut dyn FnMut(usize, usize),
 ) -> Explanation {
     let unknown = || vec![vec![UNKNOWN; template.positions.len()]; frames.len()];
     let sigma = deviations.map_or_else(unknown, <[Vec<f64>]>::to_vec);
-    let found = find((template, known), frames, &sigma, (fps, dynamics), settings);
+    let all = PARTS + REPLAY;
+    let found =
+        find((template, known), frames, &sigma, (fps, dynamics), settings, &mut |done| advance(done, all));
+    advance(PARTS, all);
     let cut = cut_cloth(template, &found.rest_lengths);
     let (guided, parts) = follow(&cut, dynamics, &found, frames, settings);
+    advance(all, all);
     let parameters = Parameters::of_springs(found.causes.log_stiffness(), guided.accelerations);
     let explained = Explained::new((&cut, template), found, parts, &guided.frames, fps);
-    Explanation { parameters, explained, failure: guided.failure }
+    Explanation { parameters, explained, frames: guided.frames, failure: guided.failure }
 }

@@ -212,7 +212,10 @@ mod tests {
             data.value(&moved) + prior.value(&causes.moved(step), None)
         };
         let mut system = System::zeros(unknowns);
-        data.add_system(&Trajectory { frames: frames.clone(), tangents: tangents.clone() }, &mut system);
+        data.add_system(
+            &Trajectory { frames: frames.clone(), tangents: tangents.clone(), steps: Vec::new() },
+            &mut system,
+        );
         prior.value(&causes, Some(&mut system));
         for _ in 0..3 {
             let direction: Vec<f64> = (0..unknowns).map(|_| rng.signed()).collect();

@@ -1,6 +1,7 @@
 //! The accelerations of a motion by their causes.
 
 use glam::DVec3;
+use rayon::prelude::*;
 
 use super::Found;
 use super::guide::{Guide, Guided, guide, guide_from};
@@ -42,7 +43,7 @@ pub(super) fn air(
 impl Parts {
     /// The parts of what `guided` recorded, `substeps` steps per frame.
     pub(super) fn of(guided: &Guided, found: &Found, substeps: usize) -> Self {
-        let mut is_held = vec![false; guided.pulls.first().map_or(0, Vec::len)];
+        let mut is_held = vec![false; guided.frames[0].len()];
         found.held.iter().for_each(|v| is_held[*v] = true);
         let mean = |field: &[Positions], keep: &dyn Fn(usize) -> bool| -> Vec<Positions> {
             let of = |steps: &[Positions]| {
@@ -101,6 +102,16 @@ pub enum Hold {
     Release,
 }
 
+impl Otherwise {
+    /// What is otherwise in the clip.
+    fn of_clip(&self) -> Self {
+        match self.further {
+            0 => *self,
+            _ => Self { further: 0, air: 1.0, hold: Hold::Found, carry: false, ..*self },
+        }
+    }
+}
+
 impl Default for Otherwise {
     fn default() -> Self {
         Self {
@@ -132,74 +143,120 @@ fn coarser(dynamics: &Dynamics) -> Dynamics {
     out
 }
 
-/// The motion of `cloth` under what moved it along `frames`, shape [N, V], but `otherwise`.
-pub fn changed(
-    cloth: &Cloth,
-    dynamics: &Dynamics,
-    found: &Found,
-    frames: &[Positions],
-    otherwise: &Otherwise,
-) -> Guided {
-    let dynamics = &coarser(dynamics);
-    let mut residual = residuals(cloth, dynamics, found, frames);
-    let (substeps, h) = (dynamics.substeps, dynamics.step.step);
-    let clip = (frames.len() - 1) * substeps;
-    if otherwise.carry && clip > 0 {
-        let last = &residual[clip - substeps..];
-        let of = |i: usize| last.iter().map(|step| step[i]).sum::<DVec3>() / substeps as f64;
-        let mean: Positions = (0..cloth.vertex_count()).map(of).collect();
-        residual.resize(clip + otherwise.further * substeps, mean);
-    }
-    let from = if otherwise.further > 0 { clip } else { 0 };
-    let paths = interpolated(frames, substeps);
-    let end = clip + otherwise.further * substeps;
-    let last = match otherwise.hold {
-        Hold::Still => from,
-        _ => clip,
-    };
-    let targets: Vec<Positions> = (0..=end).map(|k| paths[k.min(last)].clone()).collect();
-    let [stretch, bend, shear, drag_scale] = otherwise.scale;
-    let k = found.causes.stiffness();
-    let last_time = clip as f64 * h;
-    let outer = |step: usize, state: &State| {
-        let factor = if step >= from { otherwise.air } else { 1.0 };
-        let time = ((step + 1) as f64 * h).min(last_time);
-        air(cloth, found, [drag_scale, factor], time, state, h)
-    };
-    residual.iter_mut().flatten().for_each(|rest| *rest *= otherwise.residual);
-    let ties = held_ties(cloth, found, 0.0);
-    let stiffness = [k[0] * stretch, k[1] * bend, k[2] * shear];
-    let constant = found.causes.gravity() * otherwise.gravity;
-    let friction = found.causes.friction();
-    let exact = false;
-    let guide = Guide {
-        cloth,
-        dynamics,
-        stiffness,
-        ties: &ties,
-        targets: &targets,
-        constant,
-        friction,
-        exact,
-        lead: &residual,
-        outer: &outer,
-    };
-    if otherwise.hold != Hold::Release {
-        return guide_from(&guide, None);
-    }
-    let held = guide_from(&Guide { targets: &targets[..=from], ..guide }, None);
-    let loose = vec![0.0; cloth.vertex_count()];
-    let later = |step: usize, state: &State| outer(step + from, state);
-    let lead = residual.get(from..).unwrap_or_default();
-    guide_from(&Guide { ties: &loose, targets: &targets[from..], lead, outer: &later, ..guide }, Some(held))
+/// What moved a cloth along the motion of a clip, ready for other motions.
+pub struct Changes<'a> {
+    cloth: &'a Cloth,
+    dynamics: Dynamics,
+    found: &'a Found,
+    /// Where the clip's motion is after every step, from its first frame on.
+    paths: Vec<Positions>,
+    /// What no cause explains in every step.
+    residual: Vec<Positions>,
 }
 
-/// What gravity, air and springs do not explain of the motion `frames`, of every step; zero at held vertices, which follow their paths.
+impl<'a> Changes<'a> {
+    /// From the motion `frames`, shape [N, V], of `cloth`.
+    pub fn new(cloth: &'a Cloth, dynamics: &Dynamics, found: &'a Found, frames: &[Positions]) -> Self {
+        let dynamics = coarser(dynamics);
+        let paths = interpolated(frames, dynamics.substeps);
+        let residual = residuals(cloth, &dynamics, found, &paths);
+        Self { cloth, dynamics, found, paths, residual }
+    }
+
+    /// The motion of the cloth, but `otherwise`.
+    pub fn simulate(&self, otherwise: &Otherwise) -> Guided {
+        self.after(otherwise, self.clip(otherwise))
+    }
+
+    /// [`Self::simulate`] of each of `changes`.
+    pub fn simulate_all(&self, changes: &[Otherwise]) -> Vec<Guided> {
+        // What comes after the clip alike up to there needs the clip once.
+        let alike = |a: &Otherwise, b: &Otherwise| Otherwise::of_clip(a) == Otherwise::of_clip(b);
+        let mut clips: Vec<&Otherwise> = Vec::new();
+        for change in changes {
+            if !clips.iter().any(|clip| alike(clip, change)) {
+                clips.push(change);
+            }
+        }
+        let simulated: Vec<Guided> = clips.par_iter().map(|clip| self.clip(clip)).collect();
+        let clip = |change: &Otherwise| clips.iter().position(|clip| alike(clip, change)).expect("above");
+        let of = |change: &Otherwise| match simulated[clip(change)].copy() {
+            Some(clip) => self.after(change, clip),
+            None => self.simulate(change),
+        };
+        changes.par_iter().map(of).collect()
+    }
+
+    /// The clip alone.
+    fn clip(&self, otherwise: &Otherwise) -> Guided {
+        let otherwise = &otherwise.of_clip();
+        let targets: Vec<&Positions> = match otherwise.hold {
+            Hold::Still => vec![&self.paths[0]; self.paths.len()],
+            _ => self.paths.iter().collect(),
+        };
+        self.led(otherwise, &targets, &self.residual, 0, None)
+    }
+
+    /// What follows the clip.
+    fn after(&self, otherwise: &Otherwise, clip: Guided) -> Guided {
+        if otherwise.further == 0 {
+            return clip;
+        }
+        let (steps, substeps) = (otherwise.further * self.dynamics.substeps, self.dynamics.substeps);
+        let end = self.paths.last().expect("a frame");
+        let mut lead = Vec::new();
+        if otherwise.carry && !self.residual.is_empty() {
+            let last = &self.residual[self.residual.len() - substeps..];
+            let of = |i: usize| last.iter().map(|step| step[i]).sum::<DVec3>() / substeps as f64;
+            lead = vec![(0..end.len()).map(of).collect(); steps];
+        }
+        self.led(otherwise, &vec![end; steps + 1], &lead, self.residual.len(), Some(clip))
+    }
+
+    /// Under what is `otherwise` from the step `from` on, held vertices at `targets`.
+    fn led(
+        &self,
+        otherwise: &Otherwise,
+        targets: &[&Positions],
+        residual: &[Positions],
+        from: usize,
+        before: Option<Guided>,
+    ) -> Guided {
+        let (dynamics, found) = (&self.dynamics, self.found);
+        let h = dynamics.step.step;
+        let [stretch, bend, shear, drag_scale] = otherwise.scale;
+        let k = found.causes.stiffness();
+        // After the clip the last wind holds.
+        let last_time = self.residual.len() as f64 * h;
+        let outer = |step: usize, state: &State| {
+            let time = ((from + step + 1) as f64 * h).min(last_time);
+            air(self.cloth, found, [drag_scale, otherwise.air], time, state, h)
+        };
+        let scaled = |rest: &Positions| rest.iter().map(|r| *r * otherwise.residual).collect();
+        let guide = Guide {
+            cloth: self.cloth,
+            dynamics,
+            stiffness: [k[0] * stretch, k[1] * bend, k[2] * shear],
+            ties: &match otherwise.hold {
+                Hold::Release => vec![0.0; self.cloth.vertex_count()],
+                _ => held_ties(self.cloth, found, 0.0),
+            },
+            targets,
+            constant: found.causes.gravity() * otherwise.gravity,
+            friction: found.causes.friction(),
+            exact: false,
+            lead: &residual.iter().map(scaled).collect::<Vec<_>>(),
+            outer: &outer,
+        };
+        guide_from(&guide, before)
+    }
+}
+
+/// What gravity, air and springs do not explain of the motion `paths`, of every step; zero at held vertices, which follow their paths.
 ///
 /// The pull of soft ties: those of stiff ones hold the found positions' noise too, which says nothing of another motion.
-fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, frames: &[Positions]) -> Vec<Positions> {
+fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, paths: &[Positions]) -> Vec<Positions> {
     let h = dynamics.step.step;
-    let targets = interpolated(frames, dynamics.substeps);
     let ties = held_ties(cloth, found, SOFT);
     let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
     let stiffness = found.causes.stiffness();
@@ -208,7 +265,7 @@ fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, frames: &[Positi
         dynamics,
         stiffness,
         ties: &ties,
-        targets: &targets,
+        targets: &paths.iter().collect::<Vec<_>>(),
         constant: found.causes.gravity(),
         friction: found.causes.friction(),
         exact: false,

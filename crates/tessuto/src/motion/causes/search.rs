@@ -4,14 +4,17 @@ use super::drive::{Drive, Trajectory};
 use super::forces::{Causes, Spread};
 use super::objective::{Data, Prior, System};
 use crate::error::Result;
+use crate::mesh::Positions;
 
 /// Bounds of the drag coefficient, and of the internal friction [J·s/rad²].
 const DRAGS: [f64; 2] = [0.05, 20.0];
 const FRICTIONS: [f64; 2] = [1e-8, 3e-4];
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
 const LARGEST_STEP: f64 = 1.5;
-/// The search ends when an iteration gains less than this, or so much of the objective.
-const LEAST_GAIN: f64 = 3e-3;
+/// The search ends when an iteration gains less than so much of the objective, or less than this: what half a standard deviation of one
+/// unknown changes.
+const LEAST_PART: f64 = 3e-3;
+const LEAST_GAIN: f64 = 0.125;
 const ATTEMPTS: usize = 3;
 /// Damping after a step that failed, at least: with less the next one would be the same.
 const LEAST_DAMPING: f64 = 0.1;
@@ -32,6 +35,10 @@ pub struct Attempt {
     pub causes: Causes,
     /// The objective.
     pub value: f64,
+    /// [`Data::misfit`].
+    pub misfit: f64,
+    /// [`Trajectory::steps`].
+    pub steps: Vec<Positions>,
 }
 
 /// Causes under way.
@@ -47,7 +54,7 @@ pub struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// Begins from `causes`.
+    /// Begins from `causes`; `near` are the positions after every step of a similar run.
     ///
     /// # Errors
     /// [`crate::Error::Numerical`] where the cloth cannot be simulated with these.
@@ -56,15 +63,16 @@ impl<'a> Search<'a> {
         data: &'a Data<'a>,
         prior: &'a Prior,
         causes: Causes,
+        near: &[Positions],
         bounds: [[f64; 2]; 3],
     ) -> Result<Self> {
-        let trajectory = drive.run(&causes, true)?;
+        let trajectory = drive.run(&causes, true, near)?;
         let value = data.value(&trajectory.frames) + prior.value(&causes, None);
         Ok(Self { drive, data, prior, causes, trajectory, value, bounds })
     }
 
     fn at(&self, causes: Causes, with_derivatives: bool) -> Result<Self> {
-        let trajectory = self.drive.run(&causes, with_derivatives)?;
+        let trajectory = self.drive.run(&causes, with_derivatives, &self.trajectory.steps)?;
         let value = self.data.value(&trajectory.frames) + self.prior.value(&causes, None);
         Ok(Self { causes, trajectory, value, ..*self })
     }
@@ -87,7 +95,8 @@ impl<'a> Search<'a> {
     /// The same without standard deviations.
     pub fn attempt(mut self, iterations: usize) -> Attempt {
         self.iterate(iterations, false);
-        Attempt { causes: self.causes, value: self.value }
+        let misfit = self.data.misfit(&self.trajectory.frames);
+        Attempt { causes: self.causes, value: self.value, misfit, steps: self.trajectory.steps }
     }
 
     /// `goes_on`: derivatives are asked for after the last iteration, too.
@@ -96,7 +105,7 @@ impl<'a> Search<'a> {
         for n in 0..iterations {
             let before = self.value;
             let gained = self.step(&mut lambda, goes_on || n + 1 < iterations);
-            if !gained || before - self.value < LEAST_GAIN * before.max(1.0) {
+            if !gained || before - self.value < LEAST_GAIN.max(LEAST_PART * before) {
                 break;
             }
         }

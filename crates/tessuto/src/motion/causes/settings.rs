@@ -18,7 +18,7 @@ settings! {
         /// ones leave more of the positions' noise out.
         tracking: f64 = 2e4, number(1e-6..=1e12, "1/s²");
         /// Times that the replay is led along, each time under what lasted of these pulls before.
-        passes: usize = 3, number(1.0..=20.0, "");
+        passes: usize = 2, number(1.0..=20.0, "");
         /// Spread of ln of a stiffness about its start, half of it for stretch; larger is weaker.
         spread: f64 = 2.0, number(1e-3..=100.0, "");
         /// Spread of the wind's velocity, a tenth of it in the first frame, in which cloth hangs still as a rule; larger is weaker.
