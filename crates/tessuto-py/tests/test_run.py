@@ -175,11 +175,14 @@ def test_evaluate_says_what_the_program_says(
 def test_a_replay_is_the_motion_and_a_changed_one_a_result(result: tessuto.Result, tmp_path: Path) -> None:
     again = tessuto.simulate(result)
     assert again.dtype == np.float64 and np.abs(again - result.motion).max() < 1e-5
-    other = tessuto.simulate(result, bend=0.01, forces=1.5, out=tmp_path / "other")
+    other = tessuto.simulate(result, bend=0.01, out=tmp_path / "other")
     opened = tessuto.open(tmp_path / "other")
     assert np.abs(opened.motion - other).max() < 1e-6 and opened.stiffness[1] == pytest.approx(0.01)
     assert opened.verdict is None and "not compared" in repr(opened)
     assert np.abs(other - again).max() > 1e-5
+    assert np.abs(tessuto.simulate(result, forces=1.5) - again).max() > 1e-5
+    with pytest.raises(tessuto.UsageError, match="by their causes"):
+        tessuto.simulate(result, bend=0.01, forces=1.5)
 
 
 def test_views_and_exports_are_the_programs(result: tessuto.Result, tmp_path: Path) -> None:

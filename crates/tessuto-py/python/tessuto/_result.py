@@ -253,12 +253,13 @@ def simulate(
 ) -> Float64:
     """Replay a motion from its parameters and forces alone, or with changed ones.
 
-    There is no gravity and no pin in the model: the forces hold the cloth where the video shows it.
+    Where causes were searched gravity, air and held vertices act as found. Otherwise (preset "motion") there is no gravity and no pin in
+    the model: the forces hold the cloth where the video shows it.
 
     Args:
         result: A result.
         stretch, bend, shear: Other stiffnesses, N/m, J/rad² and J/rad².
-        forces: Factor on the dynamic forces.
+        forces: Factor on the dynamic forces; where causes were searched not with other stiffnesses.
         out: Result folder to write, which `open`, `render` and `export` take.
         replace: Replace an earlier result at `out` that nobody changed since.
 
