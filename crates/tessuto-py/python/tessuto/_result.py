@@ -84,7 +84,7 @@ class Result:
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
-        """parameters.json: stiffnesses and constant force with units. Effective values of the replay, no measurements."""
+        """parameters.json: stiffnesses and forces with units, and what the video tells of them."""
         return self._json("parameters.json")
 
     @cached_property

@@ -77,8 +77,8 @@ pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
     let further = all - fit;
     let dynamics = fitted.run.settings.dynamics.at(fitted.fps);
     let cut = causes::cut_cloth(&fitted.mesh, &found.rest_lengths);
-    let simulated = |found: &causes::Found, otherwise: Otherwise| -> Result<Vec<Positions>> {
-        let guided = causes::Changes::new(&cut, &dynamics, found, &known).simulate(&otherwise);
+    let simulated = |changes: &causes::Changes, otherwise: Otherwise| -> Result<Vec<Positions>> {
+        let guided = changes.simulate(&otherwise);
         guided.failure.map_or(Ok(()), Err)?;
         Ok(guided.frames[fit..].to_vec())
     };
@@ -86,12 +86,14 @@ pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
     let mut assumed = found.clone();
     let ln = |k: usize| dynamics.stiffness[k].start * std::f64::consts::LN_10;
     assumed.causes.ln_stiffness = [0, 1, 2].map(ln);
+    let [by_found, by_assumed] =
+        [found, &assumed].map(|found| causes::Changes::new(&cut, &dynamics, found, &known));
     let [still, straight]: [Vec<Positions>; 2] =
         carried_on(&known, further).try_into().expect("two ways without causes");
     let ways = [
-        ("found causes", simulated(found, plain)?),
-        ("stiffnesses as assumed", simulated(&assumed, plain)?),
-        ("last residual goes on", simulated(found, Otherwise { carry: true, ..plain })?),
+        ("found causes", simulated(&by_found, plain)?),
+        ("stiffnesses as assumed", simulated(&by_assumed, plain)?),
+        ("last residual goes on", simulated(&by_found, Otherwise { carry: true, ..plain })?),
         ("held still", still),
         ("straight on", straight),
     ];

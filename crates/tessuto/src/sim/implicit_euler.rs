@@ -254,6 +254,14 @@ mod tests {
     use crate::mesh::grid;
     use crate::sim::Integrator;
 
+    const SETTINGS: StepSettings = StepSettings {
+        integrator: Integrator::ImplicitEuler,
+        step: 5e-3,
+        damping: 0.9,
+        tolerance: 1e-10,
+        newton_limit: 100,
+    };
+
     #[test]
     fn a_step_that_is_looked_for_nearby_ends_where_the_plain_one_does() {
         let mesh = grid(9, 8, glam::DVec2::splat(0.1), 1.0);
@@ -262,23 +270,16 @@ mod tests {
         let mut rng = Rng::new(7, 0);
         let v: Vec<DVec3> = mesh.positions.iter().map(|_| rng.vector()).collect();
         let before = State { x: mesh.positions.clone(), v };
-        let settings = StepSettings {
-            integrator: Integrator::ImplicitEuler,
-            step: 5e-3,
-            damping: 0.9,
-            tolerance: 1e-10,
-            newton_limit: 100,
-        };
         let (gravity, scratch) = (vec![DVec3::Y * 9.81; 72], &mut Scratch::default());
-        let plain = step(&cloth, &settings, &stiffness, before.clone(), &gravity, scratch).unwrap().after.x;
+        let plain = step(&cloth, &SETTINGS, &stiffness, before.clone(), &gravity, scratch).unwrap().after.x;
         let moved = |size: f64, rng: &mut Rng| -> Vec<DVec3> {
             plain.iter().map(|x| *x + rng.vector() * size).collect()
         };
-        // From nearer than going straight on, which is half a millimetre off, and from farther, where that is taken.
+        // From nearer than going straight on, and from farther, where that is taken.
         for (size, is_taken) in [(1e-5, true), (1e-2, false)] {
             let near = moved(size, &mut rng);
             let found =
-                step_near(&cloth, &settings, &stiffness, before.clone(), &gravity, Some(&near), scratch)
+                step_near(&cloth, &SETTINGS, &stiffness, before.clone(), &gravity, Some(&near), scratch)
                     .unwrap()
                     .after
                     .x;
@@ -298,14 +299,7 @@ mod tests {
         let x: Positions =
             mesh.positions.iter().map(|p| *p * DVec3::new(0.9, 0.95, 1.0) + rng.vector() * 5e-4).collect();
         let before = State { v: vec![DVec3::ZERO; x.len()], x };
-        let settings = StepSettings {
-            integrator: Integrator::ImplicitEuler,
-            step: 5e-3,
-            damping: 0.9,
-            tolerance: 1e-10,
-            newton_limit: 100,
-        };
-        let (h, scratch) = (settings.step, &mut Scratch::default());
+        let (h, scratch) = (SETTINGS.step, &mut Scratch::default());
         let gravity = vec![DVec3::Y * 9.81; before.x.len()];
         assert!(
             cloth
@@ -317,7 +311,7 @@ mod tests {
                 )
                 .is_none()
         );
-        let after = step(&cloth, &settings, &stiffness, before.clone(), &gravity, scratch).unwrap().after;
+        let after = step(&cloth, &SETTINGS, &stiffness, before.clone(), &gravity, scratch).unwrap().after;
         // There the forces are in balance and the plain factorisation finds no negative direction.
         let inertial: Vec<DVec3> = gravity.iter().map(|g| *g * (h * h)).collect();
         let potential =

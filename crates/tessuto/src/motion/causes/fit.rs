@@ -85,8 +85,8 @@ impl Task<'_> {
         }
     }
 
-    /// What `end` makes of the search for causes where `held` vertices are held, starting from `start` near the steps of another; `None` where the cloth cannot be
-    /// simulated so.
+    /// What `end` makes of the search for causes where `held` vertices are held, starting from `start`
+    /// near the steps of a similar run; `None` where the cloth cannot be simulated so.
     fn search<T>(
         &self,
         held: &[usize],
@@ -329,6 +329,7 @@ mod tests {
             find((&mesh, &Known::default()), &frames, &deviations, (50.0, &dynamics), &settings, &mut |_| ());
         let off = |k: usize| (found.causes.ln_stiffness[k] - truth.ln_stiffness[k]).exp();
         let angle = found.causes.down.angle_between(truth.down).to_degrees();
+        assert_eq!(found.doubt(), None);
         println!("bend {:.2}, shear {:.2}, gravity {angle:.1}°, {:?}", off(1), off(2), found.spread);
         assert!(off(1).ln().abs() < 1.25f64.ln() && off(2).ln().abs() < 1.25f64.ln() && angle < 3.0);
         assert!(
@@ -353,6 +354,9 @@ mod tests {
         let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief, &mut |_| ());
         println!("held wrongly: misfit {:.2}", found.misfit);
         assert!(found.misfit > DOUBTED && found.spread == found.prior);
+        let mut kept = found.causes.ln_stiffness.iter().zip([200f64, 1e-3, 1e-4]);
+        assert!(kept.all(|(ln, start)| (ln - start.ln()).abs() < 1e-12));
+        assert!(found.doubt().unwrap().to_string().contains("deviations from the motion"));
     }
 
     #[test]

@@ -16,7 +16,6 @@ use crate::mesh::Mesh;
 const BESIDE: isize = 1;
 /// Ways of the grips as fractions of the border, one after the other.
 const STRIDES: [f64; 3] = [1.0 / 16.0, 1.0 / 32.0, 1.0 / 64.0];
-
 /// Where the best of the coarsest ways leaves a root of the misfit above this, hands are not what is missing.
 const HOPELESS: f64 = 3.2;
 /// Most places that are tried: hands are found in fewer, and what no hands explain is not searched for ever.
@@ -153,8 +152,8 @@ impl<F: Fn(&[usize], Option<&Attempt>) -> Option<Attempt> + Sync> Descent<F> {
         // Every hand holds something that no other one holds.
         let apart = grips.iter().all(|g| g.count > 0)
             && held.len() as isize == grips.iter().map(|g| g.count).sum::<isize>();
-        let tried = self.seen.len() > MOST;
-        (apart && !tried && self.seen.insert(held.clone())).then_some((changes, held))
+        let enough = self.seen.len() > MOST;
+        (apart && !enough && self.seen.insert(held.clone())).then_some((changes, held))
     }
 
     fn attempt(&self, (changes, held): (Vec<Change>, Vec<usize>)) -> Option<(Vec<Change>, Hold)> {
