@@ -165,7 +165,7 @@ fn main() -> tessuto::Result<()> {
         cut.edges[1].rest_length
     );
     let clock = Instant::now();
-    let (guided, parts) = causes::follow(&cut, &dynamics, &found, &frames, &config.causes);
+    let (guided, parts) = causes::follow(&cut, &dynamics, &found, (&frames, &sigma), &config.causes);
     let follows = mean(&errors(&guided.frames, &frames));
     let sizes =
         causes::Explained::new((&cut, &scene.template), found.clone(), parts, &guided.frames, scene.fps)

@@ -1,4 +1,4 @@
-//! Leads a cloth along given places by ties, under known accelerations.
+//! Leads a cloth along given places, under known accelerations: by ties, and by pulls that leave out what its springs would take up ([`Lead`]).
 //!
 //! Each sub-step minimises Φ(x) + ½ ‖x − x*‖²_{M κ} with the incremental potential Φ of [`crate::sim::implicit_euler`] under the known
 //! accelerations alone; at the minimum the tie acts as the acceleration κ (x* − x). Where the accelerations alone must lead along the
@@ -8,6 +8,7 @@
 
 use glam::DVec3;
 
+use super::lead::Lead;
 use crate::error::Error;
 use crate::math::factor::Scratch;
 use crate::mesh::Positions;
@@ -28,7 +29,9 @@ pub struct Guide<'a> {
     pub stiffness: [f64; 3],
     /// Strength κ of every vertex's tie [1/s²].
     pub ties: &'a [f64],
-    /// Where the ties pull, shape [steps + 1, V] `[m]`.
+    /// Strength of the [`Lead`] of all vertices that no tie holds [1/s²]; 0 for none.
+    pub lead: f64,
+    /// Where ties and lead pull, shape [steps + 1, V] `[m]`.
     pub targets: &'a [&'a Positions],
     /// Acceleration C, the same in space and time [m/s²].
     pub constant: DVec3,
@@ -36,8 +39,8 @@ pub struct Guide<'a> {
     pub friction: f64,
     /// Whether the accelerations alone must lead along the same motion; otherwise it is that of the tied cloth.
     pub exact: bool,
-    /// Accelerations that are added to the pull of the ties, shape [K, V] [m/s²]; none after the first K steps.
-    pub lead: &'a [Positions],
+    /// Accelerations that are added to the pulls, shape [K, V] [m/s²]; none after the first K steps.
+    pub known: &'a [Positions],
     /// Further known accelerations in a step from a state, shape `[V]` [m/s²].
     pub outer: &'a dyn Fn(usize, &State) -> Positions,
 }
@@ -47,7 +50,7 @@ pub struct Guide<'a> {
 pub struct Guided {
     /// C, and all else in D, one entry per sub-step, exact in 32-bit numbers.
     pub accelerations: Accelerations,
-    /// The part of D that was known, and the pull of the ties with what was added to it, shape [steps, V] [m/s²].
+    /// The part of D that was known, and the pulls with what was added to them, shape [steps, V] [m/s²].
     pub outer: Vec<Positions>,
     /// See above.
     pub pulls: Vec<Positions>,
@@ -84,10 +87,12 @@ pub fn guide(guide: &Guide) -> Guided {
 pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
     let (cloth, dynamics) = (guide.cloth, guide.dynamics);
     let (count, steps) = (cloth.vertex_count(), guide.targets.len() - 1);
-    let ties: Vec<f64> = guide.ties.iter().zip(&cloth.masses).map(|(tie, m)| tie * m).collect();
+    let forces: Vec<f64> = guide.ties.iter().zip(&cloth.masses).map(|(tie, m)| tie * m).collect();
     let tied_step = StepSettings { tolerance: dynamics.step.tolerance.max(ROUGH), ..dynamics.step };
-    let mut tied = TiedCloth::new(cloth, &ties, &tied_step);
+    let mut tied = TiedCloth::new(cloth, &forces, &tied_step);
     let stiffness = Stiffness::uniform(cloth, guide.stiffness);
+    let (ties, strength, h) = (guide.ties, guide.lead, dynamics.step.step);
+    let lead = Lead { cloth, stiffness: &stiffness, ties, strength, h };
     let mut scratch = Scratch::default();
     let start = State { x: guide.targets[0].to_vec(), v: vec![DVec3::ZERO; count] };
     let mut out = before.unwrap_or_else(|| Guided {
@@ -109,10 +114,12 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
         let (mut dynamic, mut pulls, mut friction) = (zeros.clone(), zeros.clone(), zeros);
         let outer = (guide.outer)(k, &out.end);
         if out.failure.is_none() {
-            let lead = guide.lead.get(k);
-            let lead = |i: usize| lead.map_or(DVec3::ZERO, |lead| lead[i]);
-            let known = |i: usize| guide.constant + outer[i] + lead(i);
-            let target = guide.targets[k + 1];
+            let [before, target] = [guide.targets[k], guide.targets[k + 1]];
+            let mut pull = lead.pull(&out.end, [before, target], &mut scratch);
+            if let Some(known) = guide.known.get(k) {
+                pull.iter_mut().zip(known).for_each(|(pull, known)| *pull += *known);
+            }
+            let known = |i: usize| guide.constant + outer[i] + pull[i];
             let from = cloth.angles_at(&out.end.x);
             let rate = guide.friction / dynamics.step.step;
             let total = tied.rub(cloth, &stiffness, rate, &from);
@@ -122,7 +129,7 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
                 cloth.add_moments(&cloth.angle_gradients_at(x), &turned, -rate, &mut friction);
                 for i in 0..count {
                     friction[i] /= cloth.masses[i];
-                    pulls[i] = (target[i] - x[i]) * guide.ties[i] + lead(i);
+                    pulls[i] = (target[i] - x[i]) * guide.ties[i] + pull[i];
                     dynamic[i] = (outer[i] + pulls[i] + friction[i]).as_vec3().as_dvec3();
                 }
                 if !guide.exact {
@@ -193,11 +200,12 @@ mod tests {
             dynamics: &dynamics,
             stiffness: k,
             ties: &[4e7; 25],
+            lead: 0.0,
             targets: &targets.iter().collect::<Vec<_>>(),
             constant: DVec3::Y,
             friction: 2e-4,
             exact: true,
-            lead: &vec![vec![DVec3::new(0.0, 0.3, -0.2); 25]; 5],
+            known: &vec![vec![DVec3::new(0.0, 0.3, -0.2); 25]; 5],
             outer: &drag,
         });
         assert!(guided.failure.is_none());

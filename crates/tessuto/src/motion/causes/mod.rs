@@ -23,6 +23,7 @@ mod forces;
 mod grips;
 mod guide;
 mod held;
+mod lead;
 mod lengths;
 mod objective;
 mod parts;
@@ -141,7 +142,7 @@ pub fn explain(
         find((template, known), frames, &sigma, (fps, dynamics), settings, &mut |done| advance(done, all));
     advance(PARTS, all);
     let cut = cut_cloth(template, &found.rest_lengths);
-    let (guided, parts) = follow(&cut, dynamics, &found, frames, settings);
+    let (guided, parts) = follow(&cut, dynamics, &found, (frames, &sigma), settings);
     advance(all, all);
     let parameters = Parameters::of_springs(found.causes.log_stiffness(), guided.accelerations);
     let explained = Explained::new((&cut, template), found, parts, &guided.frames, fps);

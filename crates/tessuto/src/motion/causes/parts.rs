@@ -65,10 +65,10 @@ impl Parts {
     }
 }
 
-/// Strength of every vertex's tie [1/s²]: `loose`, and what holds the held ones.
-fn held_ties(cloth: &Cloth, found: &Found, loose: f64) -> Vec<f64> {
-    let mut ties = vec![loose; cloth.vertex_count()];
-    found.held.iter().for_each(|v| ties[*v] = HOLD);
+/// Strength of every vertex's tie [1/s²]: `hold` of the held ones, none of the others.
+pub(super) fn held_ties(cloth: &Cloth, found: &Found, hold: f64) -> Vec<f64> {
+    let mut ties = vec![0.0; cloth.vertex_count()];
+    found.held.iter().for_each(|v| ties[*v] = hold);
     ties
 }
 
@@ -128,8 +128,8 @@ impl Default for Otherwise {
 
 /// Strength of the ties of held vertices [1/s²].
 const HOLD: f64 = 1e9;
-/// Strength of the ties that tell what a motion's causes leave unexplained [1/s²].
-const SOFT: f64 = 2000.0;
+/// Strength of the lead that tells what a motion's causes leave unexplained [1/s²].
+const SOFT: f64 = 6000.0;
 /// Longest step of a changed motion `[s]`: it need not go the way that was recorded.
 const LONGEST_STEP: f64 = 5e-3;
 
@@ -239,13 +239,14 @@ impl<'a> Changes<'a> {
             stiffness: [k[0] * stretch, k[1] * bend, k[2] * shear],
             ties: &match otherwise.hold {
                 Hold::Release => vec![0.0; self.cloth.vertex_count()],
-                _ => held_ties(self.cloth, found, 0.0),
+                _ => held_ties(self.cloth, found, HOLD),
             },
+            lead: 0.0,
             targets,
             constant: found.causes.gravity() * otherwise.gravity,
             friction: found.causes.friction(),
             exact: false,
-            lead: &residual.iter().map(scaled).collect::<Vec<_>>(),
+            known: &residual.iter().map(scaled).collect::<Vec<_>>(),
             outer: &outer,
         };
         guide_from(&guide, before)
@@ -254,10 +255,10 @@ impl<'a> Changes<'a> {
 
 /// What gravity, air and springs do not explain of the motion `paths`, of every step; zero at held vertices, which follow their paths.
 ///
-/// The pull of soft ties: those of stiff ones hold the found positions' noise too, which says nothing of another motion.
+/// The pull of a soft lead: a strong one holds the found positions' noise too, which says nothing of another motion.
 fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, paths: &[Positions]) -> Vec<Positions> {
     let h = dynamics.step.step;
-    let ties = held_ties(cloth, found, SOFT);
+    let ties = held_ties(cloth, found, HOLD);
     let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
     let stiffness = found.causes.stiffness();
     let guided = guide(&Guide {
@@ -265,11 +266,12 @@ fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, paths: &[Positio
         dynamics,
         stiffness,
         ties: &ties,
+        lead: SOFT,
         targets: &paths.iter().collect::<Vec<_>>(),
         constant: found.causes.gravity(),
         friction: found.causes.friction(),
         exact: false,
-        lead: &[],
+        known: &[],
         outer: &outer,
     });
     let mut out = guided.pulls;

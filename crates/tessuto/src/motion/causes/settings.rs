@@ -14,11 +14,9 @@ settings! {
         iterations: usize = 6, number(0.0..=100.0, "");
         /// Strength of the springs between the simulated and the found positions while causes are searched.
         tie: f64 = 100.0, number(0.0..=1e6, "1/s²");
-        /// Strength of the springs that lead the replay along the found positions: what they pull is what no cause explains. Softer
-        /// ones leave more of the positions' noise out.
-        tracking: f64 = 2e4, number(1e-6..=1e12, "1/s²");
-        /// Times that the replay is led along, each time under what lasted of these pulls before.
-        passes: usize = 2, number(1.0..=20.0, "");
+        /// Strength of the pull that leads the replay along the found positions, less where the fabric is stiff: it is what no cause
+        /// explains. Of positions that are sure to 5 mm; surer ones pull with the square. A softer one leaves more of their noise out.
+        tracking: f64 = 8e4, number(1e-6..=1e12, "1/s²");
         /// Spread of ln of a stiffness about its start, half of it for stretch; larger is weaker.
         spread: f64 = 2.0, number(1e-3..=100.0, "");
         /// Spread of the wind's velocity, a tenth of it in the first frame, in which cloth hangs still as a rule; larger is weaker.
