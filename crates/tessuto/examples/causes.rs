@@ -78,16 +78,11 @@ fn main() -> tessuto::Result<()> {
     if known {
         config.causes.iterations = 0;
     }
-    let clock = Instant::now();
-    let mut found = causes::find(
-        (&scene.template, &scene.known),
-        &frames,
-        &sigma,
-        (scene.fps, &dynamics),
-        &config.causes,
-        &mut |_| (),
-    );
-    let seconds = clock.elapsed().as_secs_f64();
+    let watch = Instant::now();
+    let sheet = (&scene.template, &scene.known);
+    let clock = (scene.fps, &dynamics);
+    let mut found = causes::find(sheet, &frames, Some(&sigma), clock, &config.causes);
+    let seconds = watch.elapsed().as_secs_f64();
     let number = |name: &str| truth.as_ref().and_then(|t| t[name].as_f64());
     let names = ["stretch", "bend", "shear"];
     if let (true, Some(t)) = (known, &truth) {
@@ -128,14 +123,8 @@ fn main() -> tessuto::Result<()> {
         let mut dynamics = dynamics.clone();
         let range = &mut dynamics.stiffness[1];
         [range.start, range.low, range.high] = [bend.log10(); 3];
-        let again = causes::find(
-            (&scene.template, &scene.known),
-            &frames,
-            &sigma,
-            (scene.fps, &dynamics),
-            &config.causes,
-            &mut |_| (),
-        );
+        let clock = (scene.fps, &dynamics);
+        let again = causes::find(sheet, &frames, Some(&sigma), clock, &config.causes);
         let [_, _, shear] = again.causes.stiffness();
         let tilt = again.causes.down.angle_between(down.unwrap_or(found.causes.down)).to_degrees();
         println!(

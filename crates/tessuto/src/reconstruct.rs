@@ -102,14 +102,19 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                 true => Some(problem.deviations(&frames, &tracked, config.seed, session)?),
                 false => None,
             };
-            let frames = problem.sound(frames, deviations.as_mut());
+            let mut frames = problem.sound(frames, deviations.as_mut());
             session.begin("forces and stiffnesses");
             let clock = (scene.fps, &fit.dynamics);
             let (parameters, loose) = if config.causes.fit {
                 let sheet = (&scene.template, &scene.known);
-                let advance = &mut |done, of| session.advance(done, of);
-                let found =
-                    causes::explain(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
+                let advance = &mut |done| session.advance(done, causes::PARTS);
+                // Roughly what moves it; where it is, given that; what moves it, given where it is.
+                let begun =
+                    causes::begin(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
+                if let Some(made) = begun.motion(&frames) {
+                    frames = problem.sound(problem.along(frames, &made), deviations.as_mut());
+                }
+                let found = begun.explain(&frames, advance);
                 causes = Some(found.explained);
                 made = found.failure.is_none().then_some(found.frames);
                 (found.parameters, found.failure)

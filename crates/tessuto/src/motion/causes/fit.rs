@@ -1,249 +1,168 @@
 //! What moves the cloth along found positions.
 
-use glam::DVec3;
-
-use super::drive::Drive;
-use super::forces::{Causes, Knots, Spread};
-use super::grips;
-use super::held::{Guess, held_vertices};
-use super::lengths::rest_lengths;
-use super::objective::{Data, Prior};
-use super::search::{Attempt, Fit, Search};
-use super::{CauseSettings, DOUBTED, Found, cut_cloth};
+use super::forces::{Causes, Spread};
+use super::search::{Attempt, Fit};
+use super::task::{COARSE, FINE, Sheet};
+use super::{CauseSettings, DOUBTED, Explained, Explanation, Found, cut_cloth, follow, grips};
 use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
-use crate::motion::parameters::Dynamics;
+use crate::motion::parameters::{Dynamics, Parameters};
 use crate::scene::Known;
-use crate::sim::cloth::Edge;
-use crate::sim::{Cloth, panel};
 
-/// Strength of the ties of held vertices [1/s²].
-const HOLD: f64 = 1e9;
-/// Drag coefficient at the start: that of a plate across the wind.
-const DRAG: f64 = 1.2;
-/// Spread of its logarithm: a sheet that hardly moves says nothing of it, but plates have from half to twice as much.
-const DRAG_SPREAD: f64 = 0.5;
-/// Internal friction at the start [J·s/rad²] and the spread of its logarithm: without these it stands for gravity, and for the hold, of a
-/// sheet that hangs from more than was found.
-const FRICTION: f64 = 1e-5;
-const FRICTION_SPREAD: f64 = 1.0;
-/// Spread of gravity's direction about +y `[rad]`.
-const TILT: f64 = 0.35;
-/// The same about a direction that is known `[rad]`: of what a level or a phone's sensor tells.
-const KNOWN_TILT: f64 = 0.01;
 /// Iterations at every place that hands are tried at.
 const TRIED: usize = 1;
 /// Iterations in fine steps, at most, after those in coarse ones.
 const FINISHING: usize = 3;
-/// Parts of the search, for who waits: for hands, in coarse steps, in fine ones.
+/// Parts of the search, for who waits: for hands, for causes in coarse steps, for positions given these, for causes in fine steps, and
+/// leading the cloth along the motion.
 const HANDS: usize = grips::PASSES;
 const ROUGH: usize = 2;
+const POSITIONS: usize = 2;
+const FINELY: usize = 2;
+const REPLAY: usize = 2;
 /// All of them.
-pub const PARTS: usize = HANDS + ROUGH + 2;
+pub const PARTS: usize = HANDS + ROUGH + POSITIONS + FINELY + REPLAY;
 
-/// How finely the cloth is simulated.
-struct Grain {
-    /// Longest step `[s]`; the simulation is of second order.
-    step: f64,
-    /// How far a step's solution may be off `[m]`.
-    tolerance: f64,
+/// Causes that are found roughly: positions may be found anew given what these make, and they finely given those.
+pub struct Begun<'a> {
+    sheet: Sheet<'a>,
+    /// What was known before, and who holds the cloth.
+    known: Found,
+    /// What makes the motion; `None` where the clip does not tell it.
+    rough: Option<Attempt>,
+    /// What others would be that hold the cloth, and how likely, over what was found.
+    others: Vec<(f64, Causes)>,
 }
 
-const FINE: Grain = Grain { step: 0.01, tolerance: 1e-5 };
-/// First, and while hands are looked for: a frame of most videos.
-const COARSE: Grain = Grain { step: 0.034, tolerance: 3e-5 };
-
-/// What is searched, but for who holds the cloth.
-struct Task<'a> {
-    cloth: &'a Cloth,
-    ways: &'a [[f64; 2]],
-    data: Data<'a>,
-    prior: Prior,
-    /// Of ln stiffnesses.
-    bounds: [[f64; 2]; 3],
-    tie: f64,
-    targets: Vec<Positions>,
-    h: f64,
-    substeps: usize,
-    tolerance: f64,
-    knots: Knots,
-}
-
-impl Task<'_> {
-    fn drive(&self, held: &[usize]) -> Drive<'_> {
-        let mut ties = vec![self.tie; self.cloth.masses.len()];
-        held.iter().for_each(|v| ties[*v] = HOLD);
-        Drive {
-            cloth: self.cloth,
-            h: self.h,
-            tolerance: self.tolerance,
-            substeps: self.substeps,
-            targets: &self.targets,
-            ties,
-            ways: self.ways,
-            knots: self.knots,
-        }
-    }
-
-    /// What `end` makes of the search for causes where `held` vertices are held, starting from `start`
-    /// near the steps of a similar run; `None` where the cloth cannot be simulated so.
-    fn search<T>(
-        &self,
-        held: &[usize],
-        (start, near): (&Causes, &[Positions]),
-        end: impl FnOnce(Search) -> T,
-    ) -> Option<T> {
-        let drive = self.drive(held);
-        Some(end(Search::new(&drive, &self.data, &self.prior, start.clone(), near, self.bounds).ok()?))
-    }
-}
-
-/// What moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
+/// Begins to find what moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
 /// `deviations`, shape [N, V] `[m]`; what is `known` beforehand is not searched. `advance` hears how many of [`PARTS`] are done.
-pub fn find(
-    (template, known): (&Mesh, &Known),
+pub fn begin<'a>(
+    (template, known): (&'a Mesh, &Known),
     found: &[Positions],
-    deviations: &[Vec<f64>],
-    (fps, dynamics): (f64, &Dynamics),
-    settings: &CauseSettings,
+    deviations: Option<&[Vec<f64>]>,
+    (fps, dynamics): (f64, &'a Dynamics),
+    settings: &'a CauseSettings,
     advance: &mut dyn FnMut(usize),
-) -> Found {
-    let rest_lengths = rest_lengths(template, found);
-    let down = known.down.unwrap_or(DVec3::Y);
-    let guess = match &known.held {
-        Some(held) => Guess { held: held.clone(), still: true, told: true },
-        None => held_vertices(template, found, down),
-    };
-    let ln = |log10: f64| log10 * std::f64::consts::LN_10;
-    let mean = Causes {
-        ln_stiffness: dynamics.springs().map(|range| ln(range.start)),
-        down,
-        ln_drag: DRAG.ln(),
-        ln_friction: FRICTION.ln(),
-        ln_length: [0.0; 2],
-        wind: Vec::new(),
-    };
-    let s = settings.spread;
-    let spread = Spread {
-        ln_stiffness: [0.5 * s, s, s],
-        down: if known.down.is_some() { KNOWN_TILT } else { TILT },
-        ln_drag: DRAG_SPREAD,
-        ln_friction: FRICTION_SPREAD,
-    };
-    let cloth = cut_cloth(template, &rest_lengths);
-    let ways = ways(template, &cloth);
-    let task = |grain: Grain| {
-        let window = (settings.window / cloth.masses.len()).clamp(8, 1 << 20).min(found.len());
-        let end = ((window - 1) as f64 / fps).max(1e-6);
-        let knots = Knots { count: ((end / settings.wind_interval).round() as usize + 1).max(2), end };
-        let substeps = (1.0 / (fps * grain.step) - 1e-9).ceil().clamp(1.0, 64.0) as usize;
-        Task {
-            cloth: &cloth,
-            ways: &ways,
-            data: Data::new(&found[..window], deviations, fps),
-            prior: Prior {
-                mean: Causes { wind: vec![DVec3::ZERO; knots.count], ..mean.clone() },
-                spread,
-                wind: [0.1 * settings.wind, settings.wind, 0.5 * settings.wind],
-            },
-            bounds: dynamics.springs().map(|range| [ln(range.low), ln(range.high)]),
-            tie: settings.tie,
-            targets: interpolated(&found[..window], substeps),
-            h: 1.0 / (fps * substeps as f64),
-            substeps,
-            tolerance: grain.tolerance,
-            knots,
-        }
-    };
-    let mut fine = task(FINE);
-    let mut out = Found {
-        causes: fine.prior.mean.clone(),
-        spread,
-        prior: spread,
-        knots: fine.knots,
-        held: guess.held.clone(),
-        rest_lengths,
+) -> Begun<'a> {
+    let sheet = Sheet::new((template, known), found, deviations, (fps, dynamics), settings);
+    let coarse = sheet.task(found, &COARSE);
+    let known = Found {
+        causes: coarse.prior.mean.clone(),
+        spread: sheet.spread,
+        prior: sheet.spread,
+        knots: coarse.knots,
+        held: sheet.guess.held.clone(),
+        rest_lengths: sheet.rest_lengths.clone(),
         misfit: 0.0,
     };
-    let coarse = task(COARSE);
+    let mut begun = Begun { sheet, known, rough: None, others: Vec::new() };
     if found.len() >= 3 {
-        search((template, &guess), &coarse, &mut fine, &mut out, settings, advance);
+        begun.rough = begun.search(found, advance);
     }
-    // As they are written: a replay starts from the same bits.
-    let lengths = std::mem::take(&mut out.causes.ln_length);
-    for (length, [u, v]) in out.rest_lengths.iter_mut().zip(&ways) {
-        *length = f64::from((*length * (u * lengths[0] + v * lengths[1]).exp()) as f32);
-    }
-    out
+    begun
 }
 
-/// Searches what moves the cloth, and puts it into `out` if the clip tells it: otherwise, or where the cloth cannot be simulated, what was
-/// known before stays.
-fn search(
-    (template, guess): (&Mesh, &Guess),
-    coarse: &Task,
-    fine: &mut Task,
-    out: &mut Found,
-    settings: &CauseSettings,
-    advance: &mut dyn FnMut(usize),
-) -> Option<()> {
-    let mut start = (out.causes.clone(), Vec::new());
-    let mut others = Vec::new();
-    if !guess.still && guess.told {
-        let fit = |held: &[usize], near: Option<&Attempt>| {
-            let (start, iterations) = match near {
-                None => ((&coarse.prior.mean, &[][..]), settings.iterations),
-                Some(near) => ((&near.causes, &near.steps[..]), settings.iterations.min(TRIED)),
+impl Begun<'_> {
+    /// Who holds the cloth and what moves it, in coarse steps; `None` where the clip does not tell it, or the cloth cannot be simulated.
+    fn search(&mut self, found: &[Positions], advance: &mut dyn FnMut(usize)) -> Option<Attempt> {
+        let (coarse, guess) = (self.sheet.task(found, &COARSE), &self.sheet.guess);
+        let settings = self.sheet.settings;
+        let mut start = (self.known.causes.clone(), Vec::new());
+        if !guess.still && guess.told {
+            let fit = |held: &[usize], near: Option<&Attempt>| {
+                let (start, iterations) = match near {
+                    None => ((&coarse.prior.mean, &[][..]), settings.iterations),
+                    Some(near) => ((&near.causes, &near.steps[..]), settings.iterations.min(TRIED)),
+                };
+                coarse.search(held, start, |search| search.attempt(iterations))
             };
-            coarse.search(held, start, |search| search.attempt(iterations))
+            let (best, tried) =
+                grips::find(self.sheet.template, &guess.held, coarse.data.price(), fit, advance)?;
+            let likelihood = |hold: &grips::Hold| (best.value - hold.value).exp();
+            self.others = tried.iter().map(|hold| (likelihood(hold), hold.attempt.causes.clone())).collect();
+            (self.known.held, start) = (best.held, (best.attempt.causes, best.attempt.steps));
+        }
+        advance(HANDS);
+        let iterations = if guess.told { settings.iterations } else { 0 };
+        let rough =
+            coarse.search(&self.known.held, (&start.0, &start.1), |search| search.attempt(iterations))?;
+        advance(HANDS + ROUGH);
+        self.known.misfit = rough.misfit.sqrt();
+        (guess.told && self.known.misfit <= DOUBTED).then_some(rough)
+    }
+
+    /// The motion, shape [N, V], that the causes found so far make along `found`, shape [N, V] `[m]`; `None` where the clip does not tell
+    /// them, or the simulation fails.
+    pub fn motion(&self, found: &[Positions]) -> Option<Vec<Positions>> {
+        let Sheet { template, deviations, dynamics, settings, .. } = &self.sheet;
+        let by = self.sheet.with(&self.known, self.rough.as_ref()?.causes.clone());
+        let cut = cut_cloth(template, &by.rest_lengths);
+        let guided = follow::roughly(&cut, dynamics, &by, (found, deviations), settings);
+        guided.failure.is_none().then_some(guided.frames)
+    }
+
+    /// The causes of the motion `found`, shape [N, V] `[m]`, that differs little from the one at the beginning. Where the clip does not tell
+    /// them, or the cloth cannot be simulated, what was known before stays.
+    pub fn finish(&self, found: &[Positions]) -> Found {
+        let told = self.rough.as_ref().and_then(|rough| self.search_finely(rough, found));
+        let out = told.unwrap_or_else(|| self.known.clone());
+        self.sheet.with(&out, out.causes.clone())
+    }
+
+    fn search_finely(&self, rough: &Attempt, found: &[Positions]) -> Option<Found> {
+        let sheet = &self.sheet;
+        let (mut fine, coarse) = (sheet.task(found, &FINE), sheet.task(found, &COARSE));
+        let whole = fine.substeps.is_multiple_of(coarse.substeps);
+        let near = match whole {
+            true => between(&fine.targets[0], &rough.steps, fine.substeps / coarse.substeps),
+            false => Vec::new(),
         };
-        let (best, tried) = grips::find(template, &guess.held, coarse.data.price(), fit, advance)?;
-        others =
-            tried.into_iter().map(|hold| ((best.value - hold.value).exp(), hold.attempt.causes)).collect();
-        (out.held, start) = (best.held, (best.attempt.causes, best.attempt.steps));
+        // Where the model is off by more than the positions are, its errors are what data are uncertain by.
+        let doubt = rough.misfit.max(1.0);
+        fine.data.together *= doubt;
+        let iterations = sheet.settings.iterations.min(FINISHING);
+        let fit = fine.search(&self.known.held, (&rough.causes, &near), |search| search.run(iterations))?;
+        let mut out = Found { misfit: fit.misfit.sqrt(), ..self.known.clone() };
+        if out.misfit <= DOUBTED {
+            // With other held vertices the sheet has other stiffnesses, and would make another motion.
+            let others: Vec<(f64, Causes)> =
+                self.others.iter().map(|(weight, other)| (weight.powf(1.0 / doubt), other.clone())).collect();
+            out.spread = wider(&fit, &others);
+            out.causes = fit.causes;
+        }
+        Some(out)
     }
-    advance(HANDS);
-    let iterations = if guess.told { settings.iterations } else { 0 };
-    let rough = coarse.search(&out.held, (&start.0, &start.1), |search| search.attempt(iterations))?;
-    advance(HANDS + ROUGH);
-    out.misfit = rough.misfit.sqrt();
-    if !guess.told || out.misfit > DOUBTED {
-        return None;
+
+    /// The causes as [`Self::finish`] finds them, and the forces that replay the motion `found`. `advance` hears how many of [`PARTS`] are done.
+    pub fn explain(&self, found: &[Positions], advance: &mut dyn FnMut(usize)) -> Explanation {
+        let Sheet { template, deviations, dynamics, settings, fps, .. } = &self.sheet;
+        advance(HANDS + ROUGH + POSITIONS);
+        let causes = self.finish(found);
+        advance(PARTS - REPLAY);
+        let cut = cut_cloth(template, &causes.rest_lengths);
+        let (guided, parts) = follow::follow(&cut, dynamics, &causes, (found, deviations), settings);
+        advance(PARTS);
+        let parameters = Parameters::of_springs(causes.causes.log_stiffness(), guided.accelerations);
+        let explained = Explained::new((&cut, template), causes, parts, &guided.frames, *fps);
+        Explanation { parameters, explained, frames: guided.frames, failure: guided.failure }
     }
-    let whole = fine.substeps.is_multiple_of(coarse.substeps);
-    let near = match whole {
-        true => between(&fine.targets[0], &rough.steps, fine.substeps / coarse.substeps),
-        false => Vec::new(),
-    };
-    // Where the model is off by more than the positions are, its errors are what data are uncertain by.
-    let doubt = rough.misfit.max(1.0);
-    fine.data.together *= doubt;
-    let iterations = settings.iterations.min(FINISHING);
-    let fit = fine.search(&out.held, (&rough.causes, &near), |search| search.run(iterations))?;
-    out.misfit = fit.misfit.sqrt();
-    if out.misfit <= DOUBTED {
-        // With other held vertices the sheet has other stiffnesses, and would make another motion.
-        others.iter_mut().for_each(|(weight, _)| *weight = weight.powf(1.0 / doubt));
-        out.spread = wider(&fit, &others);
-        out.causes = fit.causes;
-    }
-    Some(())
+}
+
+/// What moves the cloth of `template` along `found`: [`begin`], and [`Begun::finish`] of the same motion.
+pub fn find(
+    sheet: (&Mesh, &Known),
+    found: &[Positions],
+    deviations: Option<&[Vec<f64>]>,
+    clock: (f64, &Dynamics),
+    settings: &CauseSettings,
+) -> Found {
+    begin(sheet, found, deviations, clock, settings, &mut |_| ()).finish(found)
 }
 
 /// Positions after every step, from those after steps `ratio` times as long that start from `first`.
 fn between(first: &Positions, steps: &[Positions], ratio: usize) -> Vec<Positions> {
     let all: Vec<Positions> = std::iter::once(first).chain(steps).cloned().collect();
     interpolated(&all, ratio).split_off(1)
-}
-
-/// How much of every edge runs along u and along v of the panel.
-fn ways(template: &Mesh, cloth: &Cloth) -> Vec<[f64; 2]> {
-    let Some(flat) = panel(template) else { return vec![[0.5; 2]; cloth.edges.len()] };
-    let way = |edge: &Edge| {
-        let d = edge.along(&flat).normalize_or_zero();
-        [d.x * d.x, d.y * d.y]
-    };
-    cloth.edges.iter().map(way).collect()
 }
 
 /// The deviations of `fit`, and what the causes of `others` differ by, each with its likelihood over that of `fit`.
@@ -264,11 +183,15 @@ fn wider(Fit { causes, spread, .. }: &Fit, others: &[(f64, Causes)]) -> Spread {
 
 #[cfg(test)]
 mod tests {
+    use super::super::drive::Drive;
+    use super::super::forces::Knots;
+    use super::super::held::held_vertices;
+    use super::super::task::{HOLD, KNOWN_TILT, ways};
     use super::*;
     use crate::mesh::grid;
     use crate::motion::parameters::StiffnessRange;
-    use crate::sim::{Integrator, StepSettings};
-    use glam::DVec2;
+    use crate::sim::{Cloth, Integrator, StepSettings};
+    use glam::{DVec2, DVec3};
 
     #[test]
     fn a_hanging_sheet_that_is_shaken_gives_back_its_causes() {
@@ -326,7 +249,7 @@ mod tests {
         let deviations = vec![vec![2e-3; 49]; frames.len()];
         let settings = CauseSettings { fit: true, iterations: 30, ..CauseSettings::default() };
         let found =
-            find((&mesh, &Known::default()), &frames, &deviations, (50.0, &dynamics), &settings, &mut |_| ());
+            find((&mesh, &Known::default()), &frames, Some(&deviations), (50.0, &dynamics), &settings);
         let off = |k: usize| (found.causes.ln_stiffness[k] - truth.ln_stiffness[k]).exp();
         let angle = found.causes.down.angle_between(truth.down).to_degrees();
         assert_eq!(found.doubt(), None);
@@ -345,13 +268,13 @@ mod tests {
         let down = (truth.down + DVec3::new(0.02, 0.0, -0.01)).normalize();
         let known = Known { down: Some(down), held: Some(vec![0, 3, 6]) };
         let brief = CauseSettings { iterations: 2, ..settings };
-        let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief, &mut |_| ());
+        let found = find((&mesh, &known), &frames, Some(&deviations), (50.0, &dynamics), &brief);
         assert_eq!(found.held, [0, 3, 6]);
         assert!(found.prior.down <= KNOWN_TILT && found.causes.down.angle_between(down) < 3.0 * KNOWN_TILT);
 
         // Held by its lower corners no causes make it move like that, and nothing is told.
         let known = Known { held: Some(vec![42, 48]), ..Known::default() };
-        let found = find((&mesh, &known), &frames, &deviations, (50.0, &dynamics), &brief, &mut |_| ());
+        let found = find((&mesh, &known), &frames, Some(&deviations), (50.0, &dynamics), &brief);
         println!("held wrongly: misfit {:.2}", found.misfit);
         assert!(found.misfit > DOUBTED && found.spread == found.prior);
         let mut kept = found.causes.ln_stiffness.iter().zip([200f64, 1e-3, 1e-4]);

@@ -4,7 +4,7 @@
 //! which are no cause of the motion. So held vertices follow their paths, and the others are led by what the springs would not take up.
 
 use super::guide::{Guide, Guided, guide};
-use super::parts::{air, held_ties};
+use super::parts::{air, coarser, held_ties};
 use super::{CauseSettings, Found, Parts};
 use crate::mesh::Positions;
 use crate::motion::inverse::accelerations::interpolated;
@@ -27,27 +27,59 @@ pub fn follow(
     (frames, deviations): (&[Positions], &[Vec<f64>]),
     settings: &CauseSettings,
 ) -> (Guided, Parts) {
-    // The more sure a position is, the more its weight against what no cause explains: the first is the template's.
-    let sum: f64 = deviations[1..].iter().flatten().sum();
-    let sure = USUAL / (sum / ((frames.len() - 1) * cloth.vertex_count()).max(1) as f64).max(LEAST);
-    let targets = interpolated(frames, dynamics.substeps);
+    let lead = strength(deviations, settings);
+    let guided = lead_along(cloth, dynamics, found, &interpolated(frames, dynamics.substeps), lead, true);
+    let parts = Parts::of(&guided, found, dynamics.substeps);
+    (guided, parts)
+}
+
+/// The motion of [`follow`] in longer steps, without the accelerations that make it.
+pub(super) fn roughly(
+    cloth: &Cloth,
+    dynamics: &Dynamics,
+    found: &Found,
+    (frames, deviations): (&[Positions], &[Vec<f64>]),
+    settings: &CauseSettings,
+) -> Guided {
+    let (dynamics, lead) = (coarser(dynamics), strength(deviations, settings));
+    lead_along(cloth, &dynamics, found, &interpolated(frames, dynamics.substeps), lead, false)
+}
+
+/// Strength of the lead along positions known up to `deviations` [1/s²]: the more sure a position is, the more its weight against what no
+/// cause explains.
+fn strength(deviations: &[Vec<f64>], settings: &CauseSettings) -> f64 {
+    // The first frame is the template's.
+    let [sum, count] = deviations[1..]
+        .iter()
+        .fold([0.0; 2], |[sum, count], of| [sum + of.iter().sum::<f64>(), count + of.len() as f64]);
+    let sure = USUAL / (sum / count.max(1.0)).max(LEAST);
+    settings.tracking * sure * sure
+}
+
+/// Leads `cloth`, moved by what was `found`, along `paths`, one shape per step, by a lead of strength `lead` [1/s²]; as [`Guide::exact`] says.
+pub(super) fn lead_along(
+    cloth: &Cloth,
+    dynamics: &Dynamics,
+    found: &Found,
+    paths: &[Positions],
+    lead: f64,
+    exact: bool,
+) -> Guided {
     let h = dynamics.step.step;
     let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
-    let guided = guide(&Guide {
+    guide(&Guide {
         cloth,
         dynamics,
         stiffness: found.causes.stiffness(),
         ties: &held_ties(cloth, found, HELD),
-        lead: settings.tracking * sure * sure,
-        targets: &targets.iter().collect::<Vec<_>>(),
+        lead,
+        targets: &paths.iter().collect::<Vec<_>>(),
         constant: found.causes.gravity(),
         friction: found.causes.friction(),
-        exact: true,
+        exact,
         known: &[],
         outer: &outer,
-    });
-    let parts = Parts::of(&guided, found, dynamics.substeps);
-    (guided, parts)
+    })
 }
 
 #[cfg(test)]

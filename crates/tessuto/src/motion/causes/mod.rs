@@ -14,6 +14,10 @@
 //! the number ν of vertices and frames that err together; ν grows where the model is off by more than σ. So stiffnesses never meet the
 //! noise of found positions, which regression on these takes for softness, and the inverse of the Gauss-Newton matrix tells how sure
 //! they are.
+//!
+//! Positions and causes are found in turn: roughly the causes ([`begin`]), the motion that they make ([`Begun::motion`]), positions whose
+//! accelerations are near those of that motion ([`crate::motion::spacetime::Problem::along`]), and finely the causes of these
+//! ([`Begun::explain`]).
 
 mod drive;
 mod explained;
@@ -29,9 +33,10 @@ mod objective;
 mod parts;
 mod search;
 mod settings;
+mod task;
 
 pub use explained::{Explained, Sizes};
-pub use fit::{PARTS, find};
+pub use fit::{Begun, PARTS, begin, find};
 pub use follow::follow;
 pub use forces::{Causes, GRAVITY, Knots, Spread};
 pub use parts::{Changes, Hold, Otherwise, Parts};
@@ -39,20 +44,13 @@ pub use settings::CauseSettings;
 
 use crate::error::{Error, Warning};
 use crate::mesh::{Mesh, Positions};
-use crate::motion::parameters::{Dynamics, Parameters};
-use crate::scene::Known;
+use crate::motion::parameters::Parameters;
 use crate::sim::Cloth;
-
-/// Deviation of positions of which nothing better is known `[m]`.
-const UNKNOWN: f64 = 0.01;
 
 /// A number is informed if its standard deviation is less than this fraction of what it was without the video.
 const INFORMED: f64 = 0.4;
 /// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for something else.
 const UNLIKELY: f64 = 2.0;
-
-/// Parts of the time, as [`PARTS`], that leading the cloth along the motion takes.
-const REPLAY: usize = 2;
 
 /// Where the motion that the causes make is off by more than so many of the positions' deviations, root mean square, something else
 /// holds or moves the cloth, and nothing is told.
@@ -122,29 +120,4 @@ pub struct Explanation {
     pub frames: Vec<Positions>,
     /// Where the simulation failed, forces are zero from then on.
     pub failure: Option<Error>,
-}
-
-/// Finds the causes of the motion `frames`, shape [N, V], of the cloth of `template`, `fps` frames per second, with standard deviations
-/// `deviations`, shape [N, V] `[m]`, and the forces that replay it; what is `known` beforehand is not searched. `advance` hears how
-/// many parts of all are done.
-pub fn explain(
-    (template, known): (&Mesh, &Known),
-    frames: &[Positions],
-    deviations: Option<&[Vec<f64>]>,
-    (fps, dynamics): (f64, &Dynamics),
-    settings: &CauseSettings,
-    advance: &mut dyn FnMut(usize, usize),
-) -> Explanation {
-    let unknown = || vec![vec![UNKNOWN; template.positions.len()]; frames.len()];
-    let sigma = deviations.map_or_else(unknown, <[Vec<f64>]>::to_vec);
-    let all = PARTS + REPLAY;
-    let found =
-        find((template, known), frames, &sigma, (fps, dynamics), settings, &mut |done| advance(done, all));
-    advance(PARTS, all);
-    let cut = cut_cloth(template, &found.rest_lengths);
-    let (guided, parts) = follow(&cut, dynamics, &found, (frames, &sigma), settings);
-    advance(all, all);
-    let parameters = Parameters::of_springs(found.causes.log_stiffness(), guided.accelerations);
-    let explained = Explained::new((&cut, template), found, parts, &guided.frames, fps);
-    Explanation { parameters, explained, frames: guided.frames, failure: guided.failure }
 }

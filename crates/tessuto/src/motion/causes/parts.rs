@@ -4,7 +4,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Found;
-use super::guide::{Guide, Guided, guide, guide_from};
+use super::follow::lead_along;
+use super::guide::{Guide, Guided, guide_from};
 use crate::mesh::Positions;
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
@@ -87,7 +88,8 @@ pub struct Otherwise {
     pub gravity: f64,
     /// Factor on what no cause explains.
     pub residual: f64,
-    /// Whether that goes on after the clip as in its last frame; otherwise it ends with the clip.
+    /// Whether that goes on after the clip as in its last frame; otherwise it ends with the clip, or goes on as in its mean where the clip
+    /// does not tell the causes and held vertices are not let go.
     pub carry: bool,
 }
 
@@ -134,7 +136,7 @@ const SOFT: f64 = 6000.0;
 const LONGEST_STEP: f64 = 5e-3;
 
 /// `dynamics` in steps as long as changed motions may take.
-fn coarser(dynamics: &Dynamics) -> Dynamics {
+pub(super) fn coarser(dynamics: &Dynamics) -> Dynamics {
     let mut out = dynamics.clone();
     let interval = dynamics.step.step * dynamics.substeps as f64;
     out.substeps = (interval / LONGEST_STEP - 1e-9).ceil().clamp(1.0, dynamics.substeps as f64) as usize;
@@ -204,12 +206,17 @@ impl<'a> Changes<'a> {
         }
         let (steps, substeps) = (otherwise.further * self.dynamics.substeps, self.dynamics.substeps);
         let end = self.paths.last().expect("a frame");
-        let mut lead = Vec::new();
-        if otherwise.carry && !self.residual.is_empty() {
-            let last = &self.residual[self.residual.len() - substeps..];
-            let of = |i: usize| last.iter().map(|step| step[i]).sum::<DVec3>() / substeps as f64;
-            lead = vec![(0..end.len()).map(of).collect(); steps];
-        }
+        // What is assumed for want of better does not hold the sheet as it was held; the mean of what is missing does.
+        let goes_on = match otherwise.carry {
+            true => &self.residual[self.residual.len().saturating_sub(substeps)..],
+            false if self.found.doubt().is_some() && otherwise.hold != Hold::Release => &self.residual[..],
+            false => &[],
+        };
+        let mean = |i: usize| goes_on.iter().map(|step| step[i]).sum::<DVec3>() / goes_on.len() as f64;
+        let lead = match goes_on.is_empty() {
+            true => Vec::new(),
+            false => vec![(0..end.len()).map(mean).collect(); steps],
+        };
         self.led(otherwise, &vec![end; steps + 1], &lead, self.residual.len(), Some(clip))
     }
 
@@ -257,23 +264,7 @@ impl<'a> Changes<'a> {
 ///
 /// The pull of a soft lead: a strong one holds the found positions' noise too, which says nothing of another motion.
 fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, paths: &[Positions]) -> Vec<Positions> {
-    let h = dynamics.step.step;
-    let ties = held_ties(cloth, found, HOLD);
-    let outer = |k: usize, state: &State| air(cloth, found, [1.0; 2], (k + 1) as f64 * h, state, h);
-    let stiffness = found.causes.stiffness();
-    let guided = guide(&Guide {
-        cloth,
-        dynamics,
-        stiffness,
-        ties: &ties,
-        lead: SOFT,
-        targets: &paths.iter().collect::<Vec<_>>(),
-        constant: found.causes.gravity(),
-        friction: found.causes.friction(),
-        exact: false,
-        known: &[],
-        outer: &outer,
-    });
+    let guided = lead_along(cloth, dynamics, found, paths, SOFT, false);
     let mut out = guided.pulls;
     out.iter_mut().for_each(|pulls| found.held.iter().for_each(|v| pulls[*v] = DVec3::ZERO));
     out

@@ -37,17 +37,21 @@ impl LevelSearch<'_, '_> {
     /// One Gauss-Newton step on the frames 1 … N−1, damped by κλ with the weight κ of the acceleration term.
     pub fn joint_step(&self, frames: &[Positions], lambda: f64) -> JointStep {
         let cloth = self.problem.cloth;
-        let kappa = self.problem.acceleration_weight();
+        let kappa = self.acceleration_weight;
         // Linearise every frame.
         let linearised: Vec<_> =
             frames.par_iter().enumerate().skip(1).map(|(n, x)| self.terms(n).linearise(cloth, x)).collect();
         let mut terms = [0.0; TERMS];
         linearised.iter().for_each(|(values, _)| (0..TERMS).for_each(|k| terms[k] += values[k]));
         let systems: Vec<FrameSystem> = linearised.into_iter().map(|(_, system)| system).collect();
-        let mut step = JointStep { terms, acceleration: acceleration::value(frames, kappa), next: None };
+        let mut step = JointStep {
+            terms,
+            acceleration: acceleration::value(&self.departure(frames), kappa),
+            next: None,
+        };
         // Solve for the step.
         let joint = JointSystem { cloth, systems: &systems, kappa, lambda };
-        let gradient = joint.gradient(frames);
+        let gradient = joint.gradient(&self.departure(frames));
         let change = joint.solve(&gradient);
         // Take it if it helps.
         let mut next = frames.to_vec();
@@ -56,7 +60,7 @@ impl LevelSearch<'_, '_> {
         }
         let values: Vec<f64> =
             next.par_iter().enumerate().skip(1).map(|(n, x)| self.terms(n).value(x)).collect();
-        let next_value = values.iter().sum::<f64>() + acceleration::value(&next, kappa);
+        let next_value = values.iter().sum::<f64>() + acceleration::value(&self.departure(&next), kappa);
         step.next = (next_value <= step.value()).then_some(next);
         step
     }

@@ -40,6 +40,10 @@ pub(super) struct LevelSearch<'p, 'a> {
     pub occlusions: Vec<Occlusion>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
+    /// A motion of the accelerations that are expected, shape [N, V]; empty where none are.
+    expected: Vec<Positions>,
+    /// 1/σ_a² of the acceleration term [1/m²].
+    pub acceleration_weight: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -65,6 +69,8 @@ impl<'a> Problem<'a> {
             brightness: vec![Vec::new(); frame_count],
             occlusions: vec![Occlusion::default(); frame_count],
             adjacent: vec![PointColours::new(); frame_count],
+            expected: Vec::new(),
+            acceleration_weight: self.acceleration_weight(),
         }
     }
 }
@@ -100,6 +106,21 @@ impl LevelSearch<'_, '_> {
         self.priors.loosen(spreads, tail);
         self.priors.strain.sigma *= self.asked.strain;
         self.priors.shear.tail *= self.asked.shear_tail;
+    }
+
+    /// Expects the accelerations of the motion `made` from now on.
+    pub fn expect(&mut self, made: &[Positions]) {
+        self.expected = made.to_vec();
+        self.acceleration_weight = self.problem.weight_of(self.problem.settings.acceleration_along);
+    }
+
+    /// `frames` less a motion of the accelerations that are expected: what the acceleration term is of.
+    pub fn departure(&self, frames: &[Positions]) -> Vec<Positions> {
+        if self.expected.is_empty() {
+            return frames.to_vec();
+        }
+        let of = |(x, e): (&Positions, &Positions)| x.iter().zip(e).map(|(x, e)| *x - *e).collect();
+        frames.iter().zip(&self.expected).map(of).collect()
     }
 
     /// The terms of one frame.

@@ -58,9 +58,13 @@
 //!
 //! A frame that is lost all the same, of a shape that cloth cannot have, takes one from the frames around it (`sound`).
 //!
+//! Once the causes of the motion are known, `along` goes on at the finest level: accelerations are then expected to be those that the causes
+//! make, about which they spread less.
+//!
 //! How far the result may be off is estimated from the same system and from how badly each frame matches ([`deviation`]).
 
 pub mod acceleration;
+mod along;
 mod best_path;
 mod both_sides;
 pub mod deviation;
@@ -167,7 +171,12 @@ impl<'a> Problem<'a> {
 
     /// 1/σ_a² of the acceleration term [1/m²].
     fn acceleration_weight(&self) -> f64 {
-        (self.scene.fps.powi(2) / self.settings.acceleration).powi(2)
+        self.weight_of(self.settings.acceleration)
+    }
+
+    /// 1/σ² of an acceleration term of spread `sigma` [m/s²], [1/m²].
+    fn weight_of(&self, sigma: f64) -> f64 {
+        (self.scene.fps.powi(2) / sigma).powi(2)
     }
 
     /// Pixels of level 0 along one of the finest level or of the video, whichever is larger: what settings call a pixel of the finest

@@ -80,6 +80,12 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     let gains = search.gains.iter_mut().flatten().flatten();
     gains.for_each(|g| *g *= 1.0 + 0.1 * rng.signed() as f32);
     search.still = vec![0, 3, 4];
+    // And as if a motion were expected.
+    let swing = |n: usize| {
+        let way = DVec3::new(1e-3, -2e-3, 3e-3) * (n * n) as f64;
+        scene.template.positions.iter().map(|x| *x + way * (1.0 + 5.0 * x.x)).collect()
+    };
+    search.expect(&(0..FRAMES).map(swing).collect::<Vec<_>>());
     // As if the sheet were in front of itself here and there.
     let every = |k: usize, count: usize| (0..count).map(|i| i % k == 0).collect();
     let occlusion =
@@ -181,7 +187,7 @@ fn every_term_has_one_value_and_a_system_without_negative_curvature() {
 #[test]
 fn the_joint_system_is_the_sum_of_its_parts() {
     with_search(|search, frames| {
-        let (cloth, kappa, lambda) = (search.problem.cloth, search.problem.acceleration_weight(), 0.3);
+        let (cloth, kappa, lambda) = (search.problem.cloth, search.acceleration_weight, 0.3);
         let systems: Vec<FrameSystem> =
             (1..FRAMES).map(|n| search.terms(n).linearise(cloth, &frames[n]).1).collect();
         let joint = JointSystem { cloth, systems: &systems, kappa, lambda };
@@ -197,11 +203,11 @@ fn the_joint_system_is_the_sum_of_its_parts() {
             moved.extend(numbers.chunks_exact(3 * frames[0].len()).map(vectors));
             let of_frames: f64 =
                 functions.iter().zip(&moved[1..]).map(|(f, x)| f.iter().map(|f| f(x)).sum::<f64>()).sum();
-            of_frames + acceleration::value(&moved, kappa)
+            of_frames + acceleration::value(&search.departure(&moved), kappa)
         };
         let numbers =
             |frames: &[Positions]| frames.iter().flat_map(|x| flat(x)).copied().collect::<Vec<f64>>();
-        let gradient = joint.gradient(frames);
+        let gradient = joint.gradient(&search.departure(frames));
         let worst = check_coarse(&numbers(&frames[1..]), &numbers(&gradient), 1e-4, 10, 1, objective);
         println!("joint gradient {worst:?}");
         assert!(worst.relative_error < 1e-3, "{worst:?}");

@@ -28,6 +28,8 @@ settings! {
         still: f64 = 0.0001, number(1e-6..=1e6, "m");
         /// Spread σ of the acceleration of a vertex; larger is weaker.
         acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");
+        /// The same about the acceleration that its causes make, once these are known; larger is weaker.
+        acceleration_along: f64 = 2.0, number(1e-4..=1e6, "m/s²");
         /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.
         colour: f64 = 0.1, number(1e-4..=10.0, "sRGB");
         /// Area whose colours vary together, for a sheet of 160 px: the colour term is divided by it. Larger is weaker.
@@ -67,5 +69,7 @@ settings! {
         start_tail: f64 = 100.0, number(1.0..=1e9, "");
         /// Iterations over all frames at each level.
         iterations: usize = 22, number(0.0..=1e6, "");
+        /// Iterations over all frames once their causes are known.
+        iterations_along: usize = 10, number(0.0..=1e6, "");
     }
 }
