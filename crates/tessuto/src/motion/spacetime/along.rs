@@ -1,29 +1,16 @@
 //! Positions again, given the motion that their causes make.
 
-use super::refine::DAMPING;
 use super::{Positions, Problem};
 
 impl Problem<'_> {
     /// Lowers E over all `frames` at the finest level, where accelerations are expected to be those of the motion `made`, shape [N, V] `[m]`,
     /// instead of none.
-    pub fn along(&self, mut frames: Vec<Positions>, made: &[Positions]) -> Vec<Positions> {
+    pub fn along(&self, frames: Vec<Positions>, made: &[Positions]) -> Vec<Positions> {
         let mut search = self.at_level(self.observed.range[0]);
         search.still = self.still_vertices(&frames);
         search.asked = self.asked(&frames);
-        search.anneal(1.0);
         search.expect(made);
-        let mut damping = DAMPING;
-        for _ in 0..self.settings.iterations_along {
-            search.update_references(&frames);
-            match search.joint_step(&frames, damping.lambda).next {
-                Some(next) => {
-                    frames = next;
-                    damping.accept();
-                }
-                None => damping.reject(),
-            }
-        }
-        frames
+        search.joint_steps(frames, self.settings.iterations_along, |_| 1.0)
     }
 }
 

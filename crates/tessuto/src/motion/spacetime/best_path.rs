@@ -6,7 +6,7 @@
 
 use rayon::prelude::*;
 
-use super::refine::{ANNEALED, DAMPING};
+use super::refine::ANNEALED;
 use super::{LevelSearch, Positions, Problem, acceleration};
 
 /// Iterations over all frames, at the finest level, before two paths are compared.
@@ -49,18 +49,7 @@ impl Problem<'_> {
     fn settled_value(&self, mut frames: Vec<Positions>) -> f64 {
         let mut search = self.at_level(self.observed.range[0]);
         search.still = self.still_vertices(&frames);
-        let mut damping = DAMPING;
-        for k in 0..SETTLING {
-            search.anneal(k as f64 / (ANNEALED * SETTLING as f64));
-            search.update_references(&frames);
-            match search.joint_step(&frames, damping.lambda).next {
-                Some(next) => {
-                    frames = next;
-                    damping.accept();
-                }
-                None => damping.reject(),
-            }
-        }
+        frames = search.joint_steps(frames, SETTLING, |k| k as f64 / (ANNEALED * SETTLING as f64));
         self.objective(&frames).iter().map(|(_, value)| value).sum()
     }
 }

@@ -4,6 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::acceleration::{self, second_differences, second_differences_transposed};
+use super::refine::DAMPING;
 use super::{LevelSearch, Positions};
 use crate::math::conjugate_gradients::conjugate_gradients;
 use crate::math::factor::Scratch;
@@ -63,6 +64,28 @@ impl LevelSearch<'_, '_> {
         let next_value = values.iter().sum::<f64>() + acceleration::value(&self.departure(&next), kappa);
         step.next = (next_value <= step.value()).then_some(next);
         step
+    }
+
+    /// `frames` after so many joint steps, the priors as [`Self::anneal`] sets them for `t` of the number of the step.
+    pub fn joint_steps(
+        &mut self,
+        mut frames: Vec<Positions>,
+        count: usize,
+        t: impl Fn(usize) -> f64,
+    ) -> Vec<Positions> {
+        let mut damping = DAMPING;
+        for k in 0..count {
+            self.anneal(t(k));
+            self.update_references(&frames);
+            match self.joint_step(&frames, damping.lambda).next {
+                Some(next) => {
+                    frames = next;
+                    damping.accept();
+                }
+                None => damping.reject(),
+            }
+        }
+        frames
     }
 }
 
