@@ -15,7 +15,7 @@
 //! | mean \|strain\| of the threads | 5 % | 10 % | the whole cloth, where woven cloth gives way by 1 to 3 % |
 //! | creased inner edges | 5 % | 15 % | one sharp fold across n×n vertices is 1 / 3n of them |
 //! | area in flipped triangles | 1 % | 5 % | a sound sheet has none; one spike of a coarse mesh is 1 to 2 % |
-//! | standard deviation of the positions, of the sheet's size | 2.2 % | 6 % | chosen on made-up frames (seeds 163, 167, 173, 179, 181, 191), of which it and the other quantities tell 93 % of those off by 15 mm of 0.5 m and 4.5 % of the others |
+//! | standard deviation of the positions, of the sheet's size, times ⁴√((u + 0.5 %) / 1 %) of the part u of the mask, at most 1 %, that the mesh leaves uncovered | 2.2 % | 6 % | chosen on made-up frames (seeds 223, 227, 229, 233), of which it and the other quantities tell 92 % of those off by 15 mm of 0.5 m and 4.9 % of the others; without u, 88 % and 4.6 % |
 //!
 //! Where a print is to be seen it tells whether the mesh is too large, and what is drawn outside the mask may be hidden by something
 //! in front. Where there is none, only the silhouette can tell. The PSNR of the colours is told but not judged: the recovered
@@ -26,6 +26,11 @@ use crate::metrics::agreement::FrameAgreement;
 
 /// Correlations of the prints below this are doubtful.
 pub(crate) const CORRELATION: f64 = 0.60;
+
+/// What a deviation counts where this part of the mask is uncovered: a sheet that covers all of it is surer. 1 at half a percent.
+fn uncovering(part: Option<f64>) -> f64 {
+    part.map_or(1.0, |u| ((u.min(0.01) + 0.005) / 0.01).powf(0.25))
+}
 
 /// One line of the table above.
 pub(super) struct Criterion {
@@ -75,7 +80,7 @@ pub(super) const CRITERIA: [Criterion; 8] = [
     },
     Criterion {
         limits: [0.022, 0.06],
-        cost: |f, size| f.deviation.map(|d| d / size),
+        cost: |f, size| f.deviation.map(|d| d / size * uncovering(f.uncovered)),
         words: |cost| format!("positions uncertain by {:.0} % of the sheet's size", 100.0 * cost),
     },
 ];

@@ -61,8 +61,8 @@ fn every_criterion_is_heard_and_names_its_frames() {
         (|f| f.creased = 0.2, State::Lost, "20 % of the edges creased"),
         (|f| f.flipped = 0.02, State::Doubtful, "2 % of the area in flipped triangles"),
         (|f| f.flipped = 0.06, State::Lost, "6 % of the area in flipped triangles"),
-        (|f| f.deviation = Some(0.025), State::Doubtful, "positions uncertain by 5 % of the sheet's size"),
-        (|f| f.deviation = Some(0.05001), State::Lost, "positions uncertain by 10 % of the sheet's size"),
+        (|f| f.deviation = Some(0.0225), State::Doubtful, "positions uncertain by 5 % of the sheet's size"),
+        (|f| f.deviation = Some(0.0452), State::Lost, "positions uncertain by 10 % of the sheet's size"),
     ];
     for (spoil, state, words) in cases {
         let (verdict, frames) = clip(|f| {
@@ -133,4 +133,14 @@ fn uncertainty_is_measured_against_the_size_of_the_sheet() {
     let large = crate::mesh::grid(3, 3, glam::DVec2::splat(2.0), 1.0);
     let state = |mesh: &Mesh| judge_frames(&frame, mesh)[0].state;
     assert_eq!((state(&sheet()), state(&large)), (State::Doubtful, State::Found));
+}
+
+#[test]
+fn a_sheet_that_covers_all_of_the_mask_is_surer() {
+    let state = |uncovered: Option<f64>| {
+        let frame = FrameAgreement { uncovered, deviation: Some(0.0111), ..good(0) };
+        judge_frames(&[frame], &sheet())[0].state
+    };
+    let states = [Some(0.0), Some(0.003), Some(0.01), Some(0.05), None].map(state);
+    assert_eq!(states, [State::Found, State::Found, State::Doubtful, State::Doubtful, State::Doubtful]);
 }

@@ -64,6 +64,29 @@ pub struct Guided {
 }
 
 impl Guided {
+    /// Nothing but a motion and the state that it ends in, to go on from.
+    pub(super) fn after(frames: Vec<Positions>, end: State, constant: DVec3, substeps: usize) -> Self {
+        Self {
+            accelerations: Accelerations {
+                constant,
+                dynamic: Vec::new(),
+                entries_per_frame: substeps,
+                wind: None,
+            },
+            outer: Vec::new(),
+            pulls: Vec::new(),
+            friction: Vec::new(),
+            frames,
+            failure: None,
+            end,
+        }
+    }
+
+    /// Velocities at the end, shape `[V]` [m/s].
+    pub(super) fn velocities(&self) -> &Positions {
+        &self.end.v
+    }
+
     /// A copy to go on from, unless the simulation failed.
     pub(super) fn copy(&self) -> Option<Self> {
         self.failure.is_none().then(|| Self {
@@ -95,20 +118,8 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
     let lead = Lead { cloth, stiffness: &stiffness, ties, strength, h };
     let mut scratch = Scratch::default();
     let start = State { x: guide.targets[0].to_vec(), v: vec![DVec3::ZERO; count] };
-    let mut out = before.unwrap_or_else(|| Guided {
-        accelerations: Accelerations {
-            constant: guide.constant,
-            dynamic: Vec::new(),
-            entries_per_frame: dynamics.substeps,
-            wind: None,
-        },
-        outer: Vec::new(),
-        pulls: Vec::new(),
-        friction: Vec::new(),
-        frames: vec![start.x.clone()],
-        failure: None,
-        end: start,
-    });
+    let begin = || Guided::after(vec![start.x.clone()], start, guide.constant, dynamics.substeps);
+    let mut out = before.unwrap_or_else(begin);
     for k in 0..steps {
         let zeros = vec![DVec3::ZERO; count];
         let (mut dynamic, mut pulls, mut friction) = (zeros.clone(), zeros.clone(), zeros);

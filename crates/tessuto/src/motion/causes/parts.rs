@@ -154,6 +154,8 @@ pub struct Changes<'a> {
     paths: Vec<Positions>,
     /// What no cause explains in every step.
     residual: Vec<Positions>,
+    /// Velocities at the end of the clip [m/s].
+    velocities: Positions,
 }
 
 impl<'a> Changes<'a> {
@@ -161,8 +163,13 @@ impl<'a> Changes<'a> {
     pub fn new(cloth: &'a Cloth, dynamics: &Dynamics, found: &'a Found, frames: &[Positions]) -> Self {
         let dynamics = coarser(dynamics);
         let paths = interpolated(frames, dynamics.substeps);
-        let residual = residuals(cloth, &dynamics, found, &paths);
-        Self { cloth, dynamics, found, paths, residual }
+        // The pull of a soft lead: a strong one holds the found positions' noise too, which says nothing of another motion.
+        let softly = lead_along(cloth, &dynamics, found, &paths, SOFT, false);
+        let velocities = softly.velocities().clone();
+        // Held vertices follow their paths.
+        let mut residual = softly.pulls;
+        residual.iter_mut().for_each(|pulls| found.held.iter().for_each(|v| pulls[*v] = DVec3::ZERO));
+        Self { cloth, dynamics, found, paths, residual, velocities }
     }
 
     /// The motion of the cloth, but `otherwise`.
@@ -192,6 +199,12 @@ impl<'a> Changes<'a> {
     /// The clip alone.
     fn clip(&self, otherwise: &Otherwise) -> Guided {
         let otherwise = &otherwise.of_clip();
+        if *otherwise == Otherwise::default() {
+            // Nothing is: found positions are nearer the truth than any simulation, the velocities of a simulation than their differences.
+            let frames = self.paths.iter().step_by(self.dynamics.substeps).cloned().collect();
+            let end = State { x: self.paths[self.paths.len() - 1].clone(), v: self.velocities.clone() };
+            return Guided::after(frames, end, self.found.causes.gravity(), self.dynamics.substeps);
+        }
         let targets: Vec<&Positions> = match otherwise.hold {
             Hold::Still => vec![&self.paths[0]; self.paths.len()],
             _ => self.paths.iter().collect(),
@@ -258,14 +271,4 @@ impl<'a> Changes<'a> {
         };
         guide_from(&guide, before)
     }
-}
-
-/// What gravity, air and springs do not explain of the motion `paths`, of every step; zero at held vertices, which follow their paths.
-///
-/// The pull of a soft lead: a strong one holds the found positions' noise too, which says nothing of another motion.
-fn residuals(cloth: &Cloth, dynamics: &Dynamics, found: &Found, paths: &[Positions]) -> Vec<Positions> {
-    let guided = lead_along(cloth, dynamics, found, paths, SOFT, false);
-    let mut out = guided.pulls;
-    out.iter_mut().for_each(|pulls| found.held.iter().for_each(|v| pulls[*v] = DVec3::ZERO));
-    out
 }
