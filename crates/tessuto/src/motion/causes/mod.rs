@@ -19,6 +19,7 @@
 //! accelerations are near those of that motion ([`crate::motion::spacetime::Problem::along`]), and finely the causes of these
 //! ([`Begun::explain`]).
 
+mod changes;
 mod drive;
 mod explained;
 mod fit;
@@ -35,11 +36,12 @@ mod search;
 mod settings;
 mod task;
 
+pub use changes::{Changes, Hold, Otherwise};
 pub use explained::{Explained, Sizes};
 pub use fit::{Begun, PARTS, begin, find};
 pub use follow::follow;
 pub use forces::{Causes, GRAVITY, Knots, Spread};
-pub use parts::{Changes, Hold, Otherwise, Parts};
+pub use parts::Parts;
 pub use settings::CauseSettings;
 
 use crate::error::{Error, Warning};

@@ -32,6 +32,7 @@ const FRICTION_SPREAD: f64 = 1.0;
 const TILT: f64 = 0.35;
 /// The same about a direction that is known `[rad]`: of what a level or a phone's sensor tells.
 pub(super) const KNOWN_TILT: f64 = 0.01;
+
 /// How finely the cloth is simulated.
 pub(super) struct Grain {
     /// Longest step `[s]`; the simulation is of second order.
