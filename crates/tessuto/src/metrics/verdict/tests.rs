@@ -138,7 +138,7 @@ fn uncertainty_is_measured_against_the_size_of_the_sheet() {
 #[test]
 fn a_sheet_that_covers_all_of_the_mask_is_surer() {
     let state = |uncovered: Option<f64>| {
-        let frame = FrameAgreement { uncovered, deviation: Some(0.0111), ..good(0) };
+        let frame = FrameAgreement { uncovered, deviation: Some(0.012), ..good(0) };
         judge_frames(&[frame], &sheet())[0].state
     };
     let states = [Some(0.0), Some(0.003), Some(0.01), Some(0.05), None].map(state);
