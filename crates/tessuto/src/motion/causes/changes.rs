@@ -71,6 +71,7 @@ impl Default for Otherwise {
 const HOLD: f64 = 1e9;
 /// Strength of the lead that tells what a motion's causes leave unexplained [1/s²].
 const SOFT: f64 = 6000.0;
+
 /// What moved a cloth along the motion of a clip, ready for other motions.
 pub struct Changes<'a> {
     cloth: &'a Cloth,
