@@ -199,3 +199,59 @@ impl<'a> Changes<'a> {
         guide_from(&guide, before)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::grid;
+    use crate::motion::causes::{Causes, Knots, Spread};
+    use crate::motion::parameters::StiffnessRange;
+    use crate::sim::{Integrator, Model, StepSettings};
+    use glam::DVec2;
+
+    #[test]
+    fn what_was_missing_goes_on_after_the_clip_where_no_causes_are_told() {
+        // A sheet that stays where it is, though nothing holds it.
+        let mesh = grid(4, 4, DVec2::splat(0.3), 1.0);
+        let cloth = Cloth::flat(&mesh, 0.05);
+        let frames = vec![mesh.positions.clone(); 9];
+        let step = StepSettings {
+            integrator: Integrator::ImplicitEuler,
+            step: 5e-3,
+            damping: 1.0,
+            tolerance: 1e-7,
+            newton_limit: 50,
+        };
+        let range = StiffnessRange { start: 0.0, low: -9.0, high: 9.0 };
+        let dynamics = Dynamics { step, substeps: 4, model: Model::Springs, stiffness: vec![range; 3] };
+        let prior = Spread { ln_stiffness: [1.0; 3], down: 0.3, ln_drag: 0.5, ln_friction: 1.0 };
+        let knots = Knots { count: 2, end: 0.16 };
+        let untold = Found {
+            causes: Causes {
+                ln_stiffness: [200f64.ln(), 1e-3f64.ln(), 1e-4f64.ln()],
+                down: DVec3::Y,
+                ln_drag: 0.0,
+                ln_friction: 1e-6f64.ln(),
+                ln_length: [0.0; 2],
+                wind: vec![DVec3::ZERO; 2],
+            },
+            spread: prior,
+            prior,
+            knots,
+            held: Vec::new(),
+            rest_lengths: cloth.edges.iter().map(|edge| edge.rest_length).collect(),
+            misfit: 0.0,
+        };
+        let told = Found { spread: Spread { down: 0.01, ..prior }, ..untold.clone() };
+        let falls = |found: &Found, hold: Hold| {
+            let changes = Changes::new(&cloth, &dynamics, found, &frames);
+            let out = changes.simulate(&Otherwise { further: 8, hold, ..Otherwise::default() }).frames;
+            assert_eq!((out.len(), &out[..9]), (17, &frames[..]), "an unchanged clip is the motion itself");
+            (out[16][0] - frames[0][0]).y
+        };
+        let [stays, released] = [Hold::Found, Hold::Release].map(|hold| falls(&untold, hold));
+        let ends = falls(&told, Hold::Found);
+        println!("falls by {stays:.4}, {released:.4}, {ends:.4} m");
+        assert!(ends > 0.05 && (released / ends - 1.0).abs() < 1e-9 && stays.abs() < 0.1 * ends);
+    }
+}
