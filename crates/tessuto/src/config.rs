@@ -132,7 +132,7 @@ impl DynamicsSettings {
                 integrator: self.integrator,
                 step: h,
                 damping: self.damping_per_5ms.powf(h / 5e-3),
-                tolerance: 1e-8,
+                tolerance: 1e-7,
                 // Crumpled cloth of many vertices would take dozens, and follows its forces no better for it.
                 newton_limit: 8,
             },
@@ -206,8 +206,6 @@ impl Config {
             Preset::Default => {
                 let dynamics = DynamicsSettings {
                     damping_per_5ms: 1.0,
-                    // In longer ones forces lead compressed cloth other ways than ties do.
-                    longest_step: 2.5e-3,
                     stretch: range(200f64.log10(), 0.0, 4.0),
                     bend: range(-3.0, -7.0, -1.0),
                     shear: range(-4.0, -7.0, -1.0),

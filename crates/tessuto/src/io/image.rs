@@ -96,7 +96,7 @@ pub fn is_marked_png(path: &Path) -> bool {
 
 /// The bytes of an 8-bit PNG of an image of 1 or 3 channels; values are clamped to [0, 1] and rounded.
 pub(crate) fn encode_png(image: &Image) -> Vec<u8> {
-    let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+    let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
     encode_png_bytes(&bytes, [image.width, image.height], image.channels)
 }
 

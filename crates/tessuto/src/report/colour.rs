@@ -9,7 +9,7 @@ pub const NOTHING: Colour = [0.88, 0.88, 0.88];
 pub const UNKNOWN: Colour = [0.72, 0.72, 0.72];
 
 /// Viridis (van der Walt, Smith; public domain): nine of its colours.
-const VIRIDIS: [[u8; 3]; 9] = [
+const VIRIDIS: [Colour; 9] = encoded([
     [68, 1, 84],
     [71, 45, 123],
     [59, 82, 139],
@@ -19,10 +19,10 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [94, 201, 98],
     [173, 220, 48],
     [253, 231, 37],
-];
+]);
 
 /// Inferno (van der Walt, Smith; public domain): nine of its colours, black at 0.
-const INFERNO: [[u8; 3]; 9] = [
+const INFERNO: [Colour; 9] = encoded([
     [0, 0, 4],
     [33, 12, 74],
     [87, 16, 110],
@@ -32,11 +32,11 @@ const INFERNO: [[u8; 3]; 9] = [
     [249, 142, 9],
     [249, 203, 53],
     [252, 255, 164],
-];
+]);
 
 /// Blue, white, red: even steps of lightness to both sides of the middle.
-const SIGNED: [[u8; 3]; 5] =
-    [[24, 74, 160], [112, 162, 219], [247, 247, 247], [236, 132, 100], [168, 24, 38]];
+const SIGNED: [Colour; 5] =
+    encoded([[24, 74, 160], [112, 162, 219], [247, 247, 247], [236, 132, 100], [168, 24, 38]]);
 
 /// Colour of `fraction` in [0, 1] for amounts: dark blue, green, yellow.
 pub fn sequential(fraction: f32) -> Colour {
@@ -58,11 +58,21 @@ pub fn mix(a: Colour, b: Colour, fraction: f32) -> Colour {
     [0, 1, 2].map(|c| a[c] + (b[c] - a[c]) * fraction)
 }
 
-fn interpolate(stops: &[[u8; 3]], fraction: f32) -> Colour {
+fn interpolate(stops: &[Colour], fraction: f32) -> Colour {
     let at = fraction.clamp(0.0, 1.0) * (stops.len() - 1) as f32;
     let k = (at as usize).min(stops.len() - 2);
-    let [a, b] = [stops[k], stops[k + 1]].map(|s| s.map(|v| f32::from(v) / 255.0));
-    mix(a, b, at - k as f32)
+    mix(stops[k], stops[k + 1], at - k as f32)
+}
+
+/// Of bytes.
+const fn encoded<const N: usize>(bytes: [[u8; 3]; N]) -> [Colour; N] {
+    let mut out = [[0.0; 3]; N];
+    let mut k = 0;
+    while k < 3 * N {
+        out[k / 3][k % 3] = bytes[k / 3][k % 3] as f32 / 255.0;
+        k += 1;
+    }
+    out
 }
 
 #[cfg(test)]

@@ -113,8 +113,10 @@ impl FrameImages<'_> {
     pub fn image(&self, kind: Kind, scales: &Scales) -> Option<Image> {
         let (width, height) = (self.rgb.width, self.rgb.height);
         let paint = |colour: &dyn Fn(usize) -> Colour| {
-            let data = (0..width * height).flat_map(colour).collect();
-            Image { width, height, channels: 3, data }
+            let mut image = Image::new(width, height, 3);
+            let pixels = image.data.chunks_exact_mut(3).enumerate();
+            pixels.for_each(|(i, pixel)| pixel.copy_from_slice(&colour(i)));
+            image
         };
         let depth = &self.depth.data;
         Some(match kind {

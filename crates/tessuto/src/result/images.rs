@@ -51,7 +51,7 @@ impl Painter<'_> {
             width,
             height,
             channels: range.len(),
-            data: rendering.rgba.iter().flat_map(|c| c[range.clone()].to_vec()).collect(),
+            data: rendering.rgba.iter().flat_map(|c| &c[range.clone()]).copied().collect(),
         };
         let measured = scene.truth.points_in(n).map(|points| measured_depth_image(points, &scene.camera));
         Rendered { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured }

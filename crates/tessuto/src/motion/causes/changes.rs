@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Found;
-use super::follow::{coarser, lead_along};
+use super::follow::lead_along;
 use super::guide::{Guide, Guided, guide_from};
 use super::parts::{air, held_ties};
 use crate::mesh::Positions;
@@ -75,7 +75,7 @@ const SOFT: f64 = 6000.0;
 /// What moved a cloth along the motion of a clip, ready for other motions.
 pub struct Changes<'a> {
     cloth: &'a Cloth,
-    dynamics: Dynamics,
+    dynamics: &'a Dynamics,
     found: &'a Found,
     /// Where the clip's motion is after every step, from its first frame on.
     paths: Vec<Positions>,
@@ -87,11 +87,10 @@ pub struct Changes<'a> {
 
 impl<'a> Changes<'a> {
     /// From the motion `frames`, shape [N, V], of `cloth`.
-    pub fn new(cloth: &'a Cloth, dynamics: &Dynamics, found: &'a Found, frames: &[Positions]) -> Self {
-        let dynamics = coarser(dynamics);
+    pub fn new(cloth: &'a Cloth, dynamics: &'a Dynamics, found: &'a Found, frames: &[Positions]) -> Self {
         let paths = interpolated(frames, dynamics.substeps);
         // The pull of a soft lead: a strong one holds the found positions' noise too, which says nothing of another motion.
-        let softly = lead_along(cloth, &dynamics, found, &paths, SOFT, false);
+        let softly = lead_along(cloth, dynamics, found, &paths, SOFT, false);
         let velocities = softly.velocities().clone();
         // Held vertices follow their paths.
         let mut residual = softly.pulls;
@@ -106,21 +105,26 @@ impl<'a> Changes<'a> {
 
     /// [`Self::simulate`] of each of `changes`.
     pub fn simulate_all(&self, changes: &[Otherwise]) -> Vec<Guided> {
-        // What comes after the clip alike up to there needs the clip once.
-        let alike = |a: &Otherwise, b: &Otherwise| Otherwise::of_clip(a) == Otherwise::of_clip(b);
-        let mut clips: Vec<&Otherwise> = Vec::new();
-        for change in changes {
-            if !clips.iter().any(|clip| alike(clip, change)) {
-                clips.push(change);
+        // What goes alike up to the clip's end needs the clip once.
+        let mut groups: Vec<(Otherwise, Vec<usize>)> = Vec::new();
+        for (k, change) in changes.iter().enumerate() {
+            let clip = change.of_clip();
+            match groups.iter_mut().find(|(of, _)| *of == clip) {
+                Some((_, group)) => group.push(k),
+                None => groups.push((clip, vec![k])),
             }
         }
-        let simulated: Vec<Guided> = clips.par_iter().map(|clip| self.clip(clip)).collect();
-        let clip = |change: &Otherwise| clips.iter().position(|clip| alike(clip, change)).expect("above");
-        let of = |change: &Otherwise| match simulated[clip(change)].copy() {
-            Some(clip) => self.after(change, clip),
-            None => self.simulate(change),
+        let group = |(clip, group): &(Otherwise, Vec<usize>)| {
+            let clip = self.clip(clip);
+            let of = |k: &usize| {
+                let own = clip.copy().unwrap_or_else(|| self.clip(&changes[*k]));
+                (*k, self.after(&changes[*k], own))
+            };
+            group.par_iter().map(of).collect::<Vec<_>>()
         };
-        changes.par_iter().map(of).collect()
+        let mut out: Vec<(usize, Guided)> = groups.par_iter().flat_map(group).collect();
+        out.sort_by_key(|(k, _)| *k);
+        out.into_iter().map(|(_, guided)| guided).collect()
     }
 
     /// The clip alone.
@@ -169,7 +173,7 @@ impl<'a> Changes<'a> {
         from: usize,
         before: Option<Guided>,
     ) -> Guided {
-        let (dynamics, found) = (&self.dynamics, self.found);
+        let (dynamics, found) = (self.dynamics, self.found);
         let h = dynamics.step.step;
         let [stretch, bend, shear, drag_scale] = otherwise.scale;
         let k = found.causes.stiffness();

@@ -18,8 +18,6 @@ const HELD: f64 = 1e8;
 const USUAL: f64 = 5e-3;
 /// Least one that counts `[m]`: of the mesh as a model of the cloth.
 const LEAST: f64 = 5e-4;
-/// Longest step where the way that was recorded need not be gone exactly `[s]`.
-const LONGEST_STEP: f64 = 5e-3;
 
 /// Accelerations that lead `cloth` along `frames`, shape [N, V], known up to `deviations`, shape [N, V] `[m]`, and the parts they are of.
 pub fn follow(
@@ -35,7 +33,7 @@ pub fn follow(
     (guided, parts)
 }
 
-/// The motion of [`follow`] in longer steps, without the accelerations that make it.
+/// The motion of [`follow`], without the accelerations that make it.
 pub(super) fn roughly(
     cloth: &Cloth,
     dynamics: &Dynamics,
@@ -43,8 +41,8 @@ pub(super) fn roughly(
     (frames, deviations): (&[Positions], &[Vec<f64>]),
     settings: &CauseSettings,
 ) -> Guided {
-    let (dynamics, lead) = (coarser(dynamics), strength(deviations, settings));
-    lead_along(cloth, &dynamics, found, &interpolated(frames, dynamics.substeps), lead, false)
+    let lead = strength(deviations, settings);
+    lead_along(cloth, dynamics, found, &interpolated(frames, dynamics.substeps), lead, false)
 }
 
 /// Strength of the lead along positions known up to `deviations` [1/s²]: the more sure a position is, the more its weight against what no
@@ -56,16 +54,6 @@ fn strength(deviations: &[Vec<f64>], settings: &CauseSettings) -> f64 {
         .fold([0.0; 2], |[sum, count], of| [sum + of.iter().sum::<f64>(), count + of.len() as f64]);
     let sure = USUAL / (sum / count.max(1.0)).max(LEAST);
     settings.tracking * sure * sure
-}
-
-/// `dynamics` in steps as long as changed motions may take.
-pub(super) fn coarser(dynamics: &Dynamics) -> Dynamics {
-    let mut out = dynamics.clone();
-    let interval = dynamics.step.step * dynamics.substeps as f64;
-    out.substeps = (interval / LONGEST_STEP - 1e-9).ceil().clamp(1.0, dynamics.substeps as f64) as usize;
-    out.step.step = interval / out.substeps as f64;
-    out.step.damping = dynamics.step.damping.powf(out.step.step / dynamics.step.step);
-    out
 }
 
 /// Leads `cloth`, moved by what was `found`, along `paths`, one shape per step, by a lead of strength `lead` [1/s²]; as [`Guide::exact`] says.

@@ -116,7 +116,7 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
     let stiffness = Stiffness::uniform(cloth, guide.stiffness);
     let (ties, strength, h) = (guide.ties, guide.lead, dynamics.step.step);
     let lead = Lead { cloth, stiffness: &stiffness, ties, strength, h };
-    let mut scratch = Scratch::default();
+    let (mut scratch, mut compliance) = (Scratch::default(), None);
     let start = State { x: guide.targets[0].to_vec(), v: vec![DVec3::ZERO; count] };
     let begin = || Guided::after(vec![start.x.clone()], start, guide.constant, dynamics.substeps);
     let mut out = before.unwrap_or_else(begin);
@@ -126,7 +126,12 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
         let outer = (guide.outer)(k, &out.end);
         if out.failure.is_none() {
             let [before, target] = [guide.targets[k], guide.targets[k + 1]];
-            let mut pull = lead.pull(&out.end, [before, target], &mut scratch);
+            // Within a frame the sheet hardly turns, and a factorisation takes as long as ten solves.
+            if k.is_multiple_of(dynamics.substeps) {
+                compliance.take().into_iter().for_each(|factor| scratch.recycle(factor));
+                compliance = lead.compliance(&out.end.x, &mut scratch);
+            }
+            let mut pull = lead.pull(compliance.as_ref(), &out.end, [before, target], &mut scratch);
             if let Some(known) = guide.known.get(k) {
                 pull.iter_mut().zip(known).for_each(|(pull, known)| *pull += *known);
             }

@@ -10,7 +10,7 @@
 
 use glam::DVec3;
 
-use crate::math::factor::Scratch;
+use crate::math::factor::{Factor, Scratch};
 use crate::mesh::Positions;
 use crate::sim::stiffness::HessianKind;
 use crate::sim::{Cloth, State, Stiffness};
@@ -33,12 +33,33 @@ pub struct Lead<'a> {
 }
 
 impl Lead<'_> {
-    /// The pull in a step from `state`, in which the places to reach go from `from` to `to` `[m]`, shape `[V]` [m/s²].
-    pub fn pull(&self, state: &State, [from, to]: [&[DVec3]; 2], scratch: &mut Scratch) -> Positions {
-        let count = state.x.len();
+    /// What the springs take up of a pull, as the sheet is at `x` `[m]`, shape `[V]`; `None` where nothing is led.
+    pub fn compliance(&self, x: &[DVec3], scratch: &mut Scratch) -> Option<Factor> {
+        let cloth = self.cloth;
         if self.strength == 0.0 {
-            return vec![DVec3::ZERO; count];
+            return None;
         }
+        let mut matrix = scratch.zero_matrix(&cloth.pattern);
+        cloth.add_hessian(self.stiffness, x, HessianKind::Projected, 1.0, &mut matrix, scratch);
+        let masses: Vec<f64> =
+            cloth.masses.iter().zip(self.ties).map(|(m, tie)| m * (COMPLIANCE + tie)).collect();
+        matrix.add_masses(&cloth.pattern, &masses, 1.0);
+        let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
+        scratch.recycle_matrix(matrix);
+        Some(factor)
+    }
+
+    /// The pull in a step from `state`, in which the places to reach go from `from` to `to` `[m]`, shape `[V]` [m/s²], with the
+    /// [`Self::compliance`] of a sheet that is nearly there.
+    pub fn pull(
+        &self,
+        compliance: Option<&Factor>,
+        state: &State,
+        [from, to]: [&[DVec3]; 2],
+        scratch: &mut Scratch,
+    ) -> Positions {
+        let count = state.x.len();
+        let Some(compliance) = compliance else { return vec![DVec3::ZERO; count] };
         let (cloth, h) = (self.cloth, self.h);
         // As a spring and a damper pull in an implicit step: stable, however strong.
         let damping = 2.0 * DAMPING * self.strength.sqrt();
@@ -51,16 +72,8 @@ impl Lead<'_> {
         let led = |i: usize| self.ties[i] == 0.0;
         let force = |i: usize| if led(i) { plain(i) * (COMPLIANCE * cloth.masses[i]) } else { DVec3::ZERO };
         let force: Positions = (0..count).map(force).collect();
-        let mut matrix = scratch.zero_matrix(&cloth.pattern);
-        cloth.add_hessian(self.stiffness, &state.x, HessianKind::Projected, 1.0, &mut matrix, scratch);
-        let masses: Vec<f64> =
-            cloth.masses.iter().zip(self.ties).map(|(m, tie)| m * (COMPLIANCE + tie)).collect();
-        matrix.add_masses(&cloth.pattern, &masses, 1.0);
-        let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
-        let mut pull = cloth.analysis.solve(&cloth.pattern, &factor, &force, scratch);
+        let mut pull = cloth.analysis.solve(&cloth.pattern, compliance, &force, scratch);
         (0..count).filter(|i| !led(*i)).for_each(|i| pull[i] = DVec3::ZERO);
-        scratch.recycle_matrix(matrix);
-        scratch.recycle(factor);
         pull
     }
 }
@@ -85,7 +98,9 @@ mod tests {
         let scratch = &mut Scratch::default();
         let mut pulled = |way: &dyn Fn(DVec3) -> DVec3| {
             let to: Positions = state.x.iter().map(|x| *x + way(*x) * off).collect();
-            let pull = lead(2e4).pull(&state, [&to, &to], scratch);
+            let lead = lead(2e4);
+            let compliance = lead.compliance(&state.x, scratch);
+            let pull = lead.pull(compliance.as_ref(), &state, [&to, &to], scratch);
             assert!(pull[..7].iter().all(|p| *p == DVec3::ZERO), "of held vertices");
             let way: Positions = state.x[7..].iter().map(|x| way(*x)).collect();
             dot(&pull[7..], &way) / dot(&way, &way) / (2e4 * off)
@@ -98,7 +113,10 @@ mod tests {
         println!("swung {swung:.3}, sheared {sheared:.3}, stretched {stretched:.4} of a spring's pull");
         assert!(swung > 0.9 && swung <= 1.0 && sheared < 0.5 * swung && stretched < 0.05);
 
-        let nothing = lead(0.0).pull(&state, [&state.x, &state.x], scratch);
+        let nothing = lead(0.0);
+        let compliance = nothing.compliance(&state.x, scratch);
+        assert!(compliance.is_none());
+        let nothing = nothing.pull(None, &state, [&state.x, &state.x], scratch);
         assert!(nothing.iter().all(|p| *p == DVec3::ZERO));
     }
 
@@ -112,8 +130,10 @@ mod tests {
             let h = 5e-3;
             let lead = Lead { cloth: &cloth, stiffness, ties: &[0.0; 9], strength, h };
             let mut state = State { x: mesh.positions.clone(), v: vec![DVec3::ZERO; 9] };
+            let scratch = &mut Scratch::default();
             for _ in 0..60 {
-                let pull = lead.pull(&state, [&to, &to], &mut Scratch::default());
+                let compliance = lead.compliance(&state.x, scratch);
+                let pull = lead.pull(compliance.as_ref(), &state, [&to, &to], scratch);
                 for i in 0..9 {
                     state.v[i] += pull[i] * h;
                     state.x[i] += state.v[i] * h;

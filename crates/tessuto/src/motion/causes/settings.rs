@@ -16,7 +16,7 @@ settings! {
         tie: f64 = 100.0, number(0.0..=1e6, "1/s²");
         /// Strength of the pull that leads the replay along the found positions, less where the fabric is stiff: it is what no cause
         /// explains. Of positions that are sure to 5 mm; surer ones pull with the square. A softer one leaves more of their noise out.
-        tracking: f64 = 8e4, number(1e-6..=1e12, "1/s²");
+        tracking: f64 = 6.4e5, number(1e-6..=1e12, "1/s²");
         /// Spread of ln of a stiffness about its start, half of it for stretch; larger is weaker.
         spread: f64 = 2.0, number(1e-3..=100.0, "");
         /// Spread of the wind's velocity, a tenth of it in the first frame, in which cloth hangs still as a rule; larger is weaker.
