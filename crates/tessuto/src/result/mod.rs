@@ -190,15 +190,11 @@ pub struct Context<'a> {
     pub command: &'a str,
 }
 
-/// Writes everything but summary and page into the existing `folder`; make these once it is complete, by
-/// [`Summary::of`] and [`write_page`].
+/// Writes what [`Folder::open`] reads into the existing `folder`: the motion and what makes it.
 ///
 /// # Errors
-/// [`Error::Output`]; those of reading the frames.
-pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Result<()> {
-    let scene = context.scene;
-    let deviations = result.deviations.as_deref();
-    let print = gather(scene, &result.motion, deviations, context.run.settings.texture.size)?;
+/// [`Error::Output`].
+pub fn write_motion(folder: &Path, scene: &Scene, run: &Run, result: &Reconstruction) -> Result<()> {
     io::npy::write_field(&folder.join("motion.npy"), &result.motion)?;
     if let Some(deviations) = &result.deviations {
         let shape = [deviations.len(), scene.template.positions.len()];
@@ -206,25 +202,36 @@ pub fn write(folder: &Path, context: &Context, result: &Reconstruction) -> Resul
         io::npy::write(&folder.join("deviation.npy"), &shape, &numbers)?;
     }
     io::npy::write_field(&folder.join("forces.npy"), &result.parameters.accelerations.dynamic)?;
-    io::image::write_png(&folder.join("texture.png"), &print.texture.to_image())?;
-    let Seen { size, texels, vertices, directions } = &print.seen;
-    io::npy::write(&folder.join("seen_vertices.npy"), &[vertices.len()], vertices)?;
-    io::npy::write(&folder.join("seen_texels.npy"), &[*size, *size], texels)?;
-    io::npy::write(&folder.join("seen_directions.npy"), &[DIRECTION_ROWS, 2 * DIRECTION_ROWS], directions)?;
     io::atomic_write(
         &folder.join("mesh.mtl"),
         b"newmtl fabric\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd texture.png\n",
     )?;
     let material = io::obj::Material { library: "mesh.mtl", name: "fabric" };
     io::obj::write(&folder.join("mesh.obj"), &scene.template, Some(material))?;
-    let mut parameters = parameter_file(&result.parameters, scene, &context.run.settings.dynamics);
+    let mut parameters = parameter_file(&result.parameters, scene, &run.settings.dynamics);
     if let Some(explained) = &result.causes {
         parameters.explain(explained, result.motion.len(), scene.fps);
         causes::write_forces(folder, explained, scene.template.positions.len())?;
     }
     write_json(&folder.join("parameters.json"), &parameters)?;
-    write_json(&folder.join("config.json"), context.run)?;
-    io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())?;
+    write_json(&folder.join("config.json"), run)?;
+    io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())
+}
+
+/// Writes print, pictures, metrics and log into `folder`, after [`write_motion`]; summary and page are made once it is complete, by
+/// [`Summary::of`] and [`write_page`].
+///
+/// # Errors
+/// [`Error::Output`]; those of reading the frames.
+pub fn write_pictures(folder: &Path, context: &Context, result: &Reconstruction) -> Result<()> {
+    let scene = context.scene;
+    let deviations = result.deviations.as_deref();
+    let print = gather(scene, &result.motion, deviations, context.run.settings.texture.size)?;
+    io::image::write_png(&folder.join("texture.png"), &print.texture.to_image())?;
+    let Seen { size, texels, vertices, directions } = &print.seen;
+    io::npy::write(&folder.join("seen_vertices.npy"), &[vertices.len()], vertices)?;
+    io::npy::write(&folder.join("seen_texels.npy"), &[*size, *size], texels)?;
+    io::npy::write(&folder.join("seen_directions.npy"), &[DIRECTION_ROWS, 2 * DIRECTION_ROWS], directions)?;
     let agreement = images::write(folder, scene, result)?;
     let evaluation = Evaluation { agreement, ..context.evaluation.cloned().unwrap_or_default() };
     write_metrics(folder, scene, &result.motion, Some(&evaluation))?;

@@ -35,6 +35,11 @@ use crate::scene::Scene;
 use crate::session::{Checkpoints, Session, identity};
 use crate::template::irregular::of_scene;
 
+/// Stage that makes the pictures of the frames and measures them.
+const PICTURES: &str = "pictures";
+/// The same, with changed motions meanwhile.
+const REPLAYS: &str = "pictures, changed replays";
+
 /// What to do.
 #[derive(Debug, Clone)]
 pub struct RunOptions {
@@ -79,11 +84,10 @@ impl RunOptions {
                 stages.push(stage("forces and stiffnesses", if self.config.causes.fit { 25.0 } else { 5.0 }));
             }
         }
+        let fit = self.config.causes.fit;
+        stages.push(if fit { stage(REPLAYS, 14.0) } else { stage(PICTURES, 6.0) });
         if self.appearance {
             stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
-        }
-        if self.config.causes.fit {
-            stages.push(stage("changed replays", 8.0));
         }
         stages.push(stage("report", 3.0));
         stages
@@ -177,17 +181,30 @@ fn work(
     // The log and the page keep them as text.
     let mut warnings: Vec<String> = warnings.iter().map(Warning::to_string).collect();
     warnings.extend(found.failure.iter().map(Error::to_string));
-    let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
-    let context = result::Context {
-        scene,
-        run: &run,
-        evaluation: evaluation.as_ref(),
-        warnings: &warnings,
-        command: &options.command,
-    };
     let folder = output.partial().to_path_buf();
     let folder = &folder;
-    result::write(folder, &context, &found)?;
+    result::write_motion(folder, scene, &run, &found)?;
+
+    // Pictures and metrics, and meanwhile what the page lets one play: simulations hardly share their work among threads.
+    let fit = run.settings.causes.fit;
+    session.begin(if fit { REPLAYS } else { PICTURES });
+    let pictures = || {
+        let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
+        let context = result::Context {
+            scene,
+            run: &run,
+            evaluation: evaluation.as_ref(),
+            warnings: &warnings,
+            command: &options.command,
+        };
+        result::write_pictures(folder, &context, &found)?;
+        Ok(evaluation)
+    };
+    let replays = || if fit { changed::write(&result::Folder::open(folder)?) } else { Ok(Vec::new()) };
+    let (evaluation, left_out): (Result<_>, Result<_>) = rayon::join(pictures, replays);
+    let (evaluation, left_out) = (evaluation?, left_out?);
+    left_out.iter().for_each(|warning| observer.borrow_mut().warning(warning));
+    session.end();
 
     // Material and light. The motion is finished work: whatever happens here, it is written.
     let mut failure = found.failure;
@@ -204,15 +221,6 @@ fn work(
             Err(error @ Error::Interrupted(_)) if checkpoints.is_some() => return Err(error),
             Err(error) => failure = Some(error),
         }
-    }
-
-    // What the page lets one play.
-    let mut left_out = Vec::new();
-    if run.settings.causes.fit {
-        session.begin("changed replays");
-        left_out = changed::write(&result::Folder::open(folder)?)?;
-        left_out.iter().for_each(|warning| observer.borrow_mut().warning(warning));
-        session.end();
     }
 
     // For other programs and for people, from the folder alone.

@@ -7,6 +7,7 @@ use super::Found;
 use super::follow::lead_along;
 use super::guide::{Guide, Guided, guide_from};
 use super::parts::{air, held_ties};
+use super::task::HOLD;
 use crate::mesh::Positions;
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
@@ -67,8 +68,6 @@ impl Default for Otherwise {
     }
 }
 
-/// Strength of the ties of held vertices [1/s²].
-const HOLD: f64 = 1e9;
 /// Strength of the lead that tells what a motion's causes leave unexplained [1/s²].
 const SOFT: f64 = 6000.0;
 
