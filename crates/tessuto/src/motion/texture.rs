@@ -1,6 +1,7 @@
 //! The texture that the first frame shows.
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
@@ -34,6 +35,8 @@ settings! {
     }
 }
 
+/// Fewest texels of a parallel task.
+const TASK: usize = 1 << 13;
 /// Largest width and height of the whole map of a [`Window`] `[texel]`.
 const LARGEST_MAP: usize = 4096;
 
@@ -104,6 +107,7 @@ pub fn fit_texture(
     let mut adam = Adam::new(parameters.len(), settings.learning_rate);
     let (mut rendering, mut grad_rgba) = (Rendering::new(), Vec::new());
     let mut gradients = Gradients::new(rasterizer).with_texture(&texture);
+    let mut gradient = vec![0.0; parameters.len()];
     for epoch in 0..settings.epochs {
         rasterizer.render(camera, shape, &texture, &mut rendering);
         let [colour, _] = image_loss(&rendering.rgba, frame, &weights, 1.0, &mut grad_rgba);
@@ -112,25 +116,23 @@ pub fn fit_texture(
         }
         gradients.clear();
         rasterizer.render_vjp(camera, shape, &texture, &rendering, &grad_rgba, None, &mut gradients);
-        let mut gradient: Vec<f64> = gradients
-            .texture
-            .iter()
-            .flatten()
-            .flat_map(|t| [f64::from(t[0]), f64::from(t[1]), f64::from(t[2])])
-            .collect();
+        let by_texel = gradients.texture.as_deref().expect("with the texture");
+        let rows = gradient.par_chunks_mut(3).zip(by_texel).with_min_len(TASK);
+        rows.for_each(|(g, t)| (0..3).for_each(|c| g[c] = f64::from(t[c])));
         let roughness = add_smoothness(&parameters, settings.size, settings.smoothness, &mut gradient);
         debug_assert!(finite(&gradient));
         // Lifts what smoothing asks of texels that no pixel sees above the floor in Adam's denominator.
         let scale = 1.0 / (colour + roughness + LOSS_FLOOR);
-        gradient.iter_mut().for_each(|g| *g *= scale);
+        gradient.par_iter_mut().with_min_len(3 * TASK).for_each(|g| *g *= scale);
         clip.clip(&mut gradient);
         adam.step(&mut parameters, &gradient, 1.0);
-        for (texel, p) in texture.texels.iter_mut().zip(parameters.chunks_exact_mut(3)) {
+        let texels = texture.texels.par_iter_mut().zip(parameters.par_chunks_mut(3)).with_min_len(TASK);
+        texels.for_each(|(texel, p)| {
             for c in 0..3 {
                 p[c] = p[c].clamp(0.0, 1.0);
                 texel[c] = p[c] as f32;
             }
-        }
+        });
         session.tell(&Epoch {
             stage: "texture".into(),
             step: epoch + 1,
@@ -159,21 +161,34 @@ fn not_finite(step: usize, loss: f64, frame: &Frame) -> Error {
 
 /// `weight`·(mean |∂_u T| + mean |∂_v T|), forward differences; adds its gradient.
 fn add_smoothness(texels: &[f64], size: usize, weight: f64, gradient: &mut [f64]) -> f64 {
-    let share = weight / texels.len() as f64;
-    let mut sum = 0.0;
-    // To the right within every row, then downwards.
-    let row = 3 * size;
-    let rightwards = (0..size).map(|y| (3, y * row..(y + 1) * row - 3));
-    for (stride, from) in rightwards.chain([(row, 0..texels.len() - row)]) {
-        for i in from {
-            let difference = texels[i + stride] - texels[i];
-            let slope = if difference == 0.0 { 0.0 } else { share * difference.signum() };
-            gradient[i + stride] += slope;
-            gradient[i] -= slope;
-            sum += share * difference.abs();
+    let (share, row) = (weight / texels.len() as f64, 3 * size);
+    let slope = |from: usize, to: usize| match texels[to] - texels[from] {
+        0.0 => 0.0,
+        difference => share * difference.signum(),
+    };
+    let add = |(y, gradient): (usize, &mut [f64])| {
+        for (k, g) in gradient.iter_mut().enumerate() {
+            let i = y * row + k;
+            if k >= 3 {
+                *g += slope(i - 3, i);
+            }
+            if k + 3 < row {
+                *g -= slope(i, i + 3);
+            }
+            if y > 0 {
+                *g += slope(i - row, i);
+            }
+            if y + 1 < size {
+                *g -= slope(i, i + row);
+            }
         }
-    }
-    sum
+    };
+    // To the right within every row, then downwards.
+    let rightwards = (0..size).map(|y| (3, y * row..(y + 1) * row - 3));
+    let pairs = rightwards.chain([(row, 0..texels.len() - row)]);
+    let differences = pairs.flat_map(|(stride, from)| from.map(move |i| texels[i + stride] - texels[i]));
+    let sum = || differences.map(|difference| share * difference.abs()).sum();
+    rayon::join(|| gradient.par_chunks_mut(row).enumerate().for_each(add), sum).1
 }
 
 #[cfg(test)]
