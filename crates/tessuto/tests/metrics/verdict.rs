@@ -66,7 +66,7 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
     };
     let warnings = ["a remark".to_owned()];
     let context = Context { scene, run: &run, evaluation: None, warnings: &warnings, command: "" };
-    result::write_motion(folder.path(), &scene, &run, &reconstruction).unwrap();
+    result::write_motion(folder.path(), scene, &run, &reconstruction).unwrap();
     result::write_pictures(folder.path(), &context, &reconstruction).unwrap();
     let made = Summary::of(&Folder::open(folder.path()).unwrap()).unwrap();
     made.write(folder.path()).unwrap();
