@@ -50,7 +50,7 @@ pub struct Folder {
 }
 
 impl Folder {
-    /// Opens what [`write`](fn@super::write) wrote.
+    /// Opens what [`write_motion`](super::write_motion) and [`write_pictures`](super::write_pictures) wrote.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file that cannot be used.
