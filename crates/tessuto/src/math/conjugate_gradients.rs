@@ -56,25 +56,25 @@ pub enum End {
 
 /// Solves A x = `rhs` from x = 0, given the products with A and with the inverse of a preconditioner P, until rᵀP⁻¹r of
 /// the residual r is at most `tolerance` of its start, or for `limit` iterations. Where it does not converge, x is still
-/// a direction of descent of ½ xᵀAx − rhsᵀx: its first step is P's own solution.
+/// a direction of descent of ½ xᵀAx − rhsᵀx: its first step is P's own solution. Returns also the number of iterations.
 pub fn conjugate_gradients<V: Vector>(
     rhs: &V,
     mut multiply: impl FnMut(&V) -> V,
     mut precondition: impl FnMut(&V) -> V,
     tolerance: f64,
     limit: usize,
-) -> (V, End) {
+) -> (V, End, usize) {
     let mut residual = rhs.clone();
     let mut p = precondition(&residual);
     let mut rz = residual.dot(&p);
     let target = tolerance * rz;
     let mut x: Option<V> = None;
-    for _ in 0..limit {
+    for n in 0..limit {
         let product = multiply(&p);
         let curvature = p.dot(&product);
         let curved = curvature > 0.0;
         if !curved {
-            return (x.unwrap_or(p), End::Indefinite);
+            return (x.unwrap_or(p), End::Indefinite, n);
         }
         let scale = rz / curvature;
         let x = x.get_or_insert_with(|| zero_like(&p));
@@ -83,13 +83,13 @@ pub fn conjugate_gradients<V: Vector>(
         let z = precondition(&residual);
         let next = residual.dot(&z);
         if next <= target {
-            return (x.clone(), End::Converged);
+            return (x.clone(), End::Converged, n + 1);
         }
         let beta = next / rz;
         rz = next;
         p.scale_and_add(beta, &z);
     }
-    (x.unwrap_or(p), End::Limit)
+    (x.unwrap_or(p), End::Limit, limit)
 }
 
 fn zero_like<V: Vector>(v: &V) -> V {
@@ -121,7 +121,7 @@ mod tests {
             out
         };
         let precondition = |v: &Vec<Vec<DVec3>>| scaled(v, &|n, i| 1.0 / weight(n, i));
-        let (x, end) = conjugate_gradients(&rhs, multiply, precondition, 1e-24, 100);
+        let (x, end, _) = conjugate_gradients(&rhs, multiply, precondition, 1e-24, 100);
         assert_eq!(end, End::Converged);
         let mut left = multiply(&x);
         left.add_scaled(-1.0, &rhs);

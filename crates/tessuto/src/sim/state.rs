@@ -34,7 +34,7 @@ pub struct StepSettings {
     pub step: f64,
     /// Factor δ on the velocity before each sub-step.
     pub damping: f64,
-    /// Newton's method ends when no coordinate moves by more than this `[m]`.
+    /// Newton's method ends when no coordinate moves by more than this `[m]`, or surely would not in its next iteration.
     pub tolerance: f64,
     /// Newton's method ends after this many iterations at the latest.
     pub newton_limit: usize,

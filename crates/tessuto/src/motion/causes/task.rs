@@ -43,7 +43,7 @@ pub(super) struct Grain {
 
 pub(super) const FINE: Grain = Grain { step: 0.01, tolerance: 1e-5 };
 /// First, and while hands are looked for: a frame of most videos.
-pub(super) const COARSE: Grain = Grain { step: 0.034, tolerance: 3e-5 };
+pub(super) const COARSE: Grain = Grain { step: 0.034, tolerance: 1e-4 };
 
 /// A sheet whose causes are searched, and what is known of it and them.
 pub(super) struct Sheet<'a> {
