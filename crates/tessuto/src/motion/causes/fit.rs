@@ -92,13 +92,13 @@ impl Begun<'_> {
     }
 
     /// The motion, shape [N, V], that the causes found so far make along `found`, shape [N, V] `[m]`; `None` where the clip does not tell
-    /// them, or the simulation fails.
+    /// them, or the simulation loses the cloth.
     pub fn motion(&self, found: &[Positions]) -> Option<Vec<Positions>> {
         let Sheet { template, deviations, dynamics, settings, .. } = &self.sheet;
         let by = self.sheet.with(&self.known, self.rough.as_ref()?.causes.clone());
         let cut = cut_cloth(template, &by.rest_lengths);
         let guided = follow::roughly(&cut, dynamics, &by, (found, deviations), settings);
-        guided.failure.is_none().then_some(guided.frames)
+        (!follow::astray(&guided, found)).then_some(guided.frames)
     }
 
     /// The causes of the motion `found`, shape [N, V] `[m]`, that differs little from the one at the beginning. Where the clip does not tell
