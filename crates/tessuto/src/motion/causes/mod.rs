@@ -10,8 +10,8 @@
 //!
 //!   1/ν Σ ½ τ² ln(1 + e²/τ²) + priors,   e² = ‖(x(p) − found)/σ‖²,
 //!
-//! with the deviations σ of the found positions, soft along the view ray and firm across it, and as errors are smooth in space and time,
-//! the number ν of vertices and frames that err together; ν grows where the model is off by more than σ. So stiffnesses never meet the
+//! with σ, the deviations of the found positions times 1.2, soft along the view ray and firm across it, and as errors are smooth in space
+//! and time, the number ν of vertices and frames that err together; ν grows where the model is off by more than σ. So stiffnesses never meet the
 //! noise of found positions, which regression on these takes for softness, and the inverse of the Gauss-Newton matrix tells how sure
 //! they are.
 //!
@@ -54,7 +54,7 @@ const INFORMED: f64 = 0.4;
 /// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for something else.
 const UNLIKELY: f64 = 2.0;
 
-/// Where the motion that the causes make is off by more than so many of the positions' deviations, root mean square, something else
+/// Where the motion that the causes make is off by more than so many σ, root mean square, something else
 /// holds or moves the cloth, and nothing is told.
 const DOUBTED: f64 = 1.6;
 
@@ -73,7 +73,7 @@ pub struct Found {
     pub held: Vec<usize>,
     /// Lengths of the edges without load `[m]`: a fold smaller than a cell hides some of it in the template.
     pub rest_lengths: Vec<f64>,
-    /// By how many of the positions' deviations the model is off, root mean square.
+    /// By how many σ, a little more than the positions' deviations, the model is off, root mean square.
     pub misfit: f64,
 }
 

@@ -18,6 +18,8 @@ use crate::sim::{Cloth, panel};
 
 /// Deviation of positions of which nothing better is known `[m]`.
 const UNKNOWN: f64 = 0.01;
+/// What deviations count here, over what is said of the positions: springs cannot follow all that found positions do.
+const CAUTION: f64 = 1.2;
 /// Strength of the ties of held vertices [1/s²].
 pub(super) const HOLD: f64 = 1e9;
 /// Drag coefficient at the start: that of a plate across the wind.
@@ -71,6 +73,8 @@ impl<'a> Sheet<'a> {
         settings: &'a CauseSettings,
     ) -> Self {
         let unknown = || vec![vec![UNKNOWN; template.positions.len()]; found.len()];
+        let cautious =
+            |of: &[Vec<f64>]| of.iter().map(|of| of.iter().map(|d| CAUTION * d).collect()).collect();
         let rest_lengths = rest_lengths(template, found);
         let down = known.down.unwrap_or(DVec3::Y);
         let guess = match &known.held {
@@ -96,7 +100,7 @@ impl<'a> Sheet<'a> {
         let cloth = cut_cloth(template, &rest_lengths);
         Self {
             template,
-            deviations: deviations.map_or_else(unknown, <[Vec<f64>]>::to_vec),
+            deviations: deviations.map_or_else(unknown, cautious),
             fps,
             dynamics,
             settings,
