@@ -84,8 +84,20 @@ impl Begun<'_> {
         }
         advance(HANDS);
         let iterations = if guess.told { settings.iterations } else { 0 };
-        let rough =
+        let mut rough =
             coarse.search(&self.known.held, (&start.0, &start.1), |search| search.attempt(iterations))?;
+        for held in guess.wider.iter().filter(|_| guess.told) {
+            let price = coarse.data.price() * (held.len() - self.known.held.len()) as f64;
+            if rough.misfit <= DOUBTED * DOUBTED || price >= rough.value {
+                break;
+            }
+            // What a pin that was not held makes of causes is no start.
+            let start = (&coarse.prior.mean, &[][..]);
+            let wider = coarse.search(held, start, |search| search.attempt(iterations));
+            if let Some(wider) = wider.filter(|wider| wider.value + price < rough.value) {
+                (self.known.held, rough) = (held.clone(), wider);
+            }
+        }
         advance(HANDS + ROUGH);
         self.known.misfit = rough.misfit.sqrt();
         (guess.told && self.known.misfit <= DOUBTED).then_some(rough)

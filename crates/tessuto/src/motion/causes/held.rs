@@ -1,6 +1,7 @@
 //! Which vertices are held.
 //!
-//! Pins show in the image: what they hold keeps still while the rest moves. Where nothing does, hands hold the cloth, and the two
+//! Pins show in the image: what they hold keeps still while the rest moves. Which movement is still is a guess, and where causes do not
+//! explain the motion with it, more is held ([`Guess::wider`]). Where nothing keeps still, hands hold the cloth, and the two
 //! upper corners are the best guess. A sheet that hardly moves is taken the same way, but then nothing is sure.
 
 use std::collections::BTreeMap;
@@ -11,14 +12,18 @@ use crate::mesh::{Mesh, Positions};
 
 /// A vertex is still if it moves by less than this fraction of the median movement.
 const STILL: f64 = 0.2;
-/// Movement of the sheet, as a fraction of its distance, below which what keeps still cannot be told: a fifth of it is what images of
-/// found vertices are off by.
-const LEAST: f64 = 5e-4;
+/// The same where what keeps so still does not hold the sheet: what is found of a pin is unsure, too.
+const STILL_ENOUGH: [f64; 2] = [0.3, 0.45];
+/// Movement of the sheet, as a fraction of its distance, below which nothing is told: a tenth of a pixel of most cameras. Where pins are not
+/// found among so small movements, the causes' misfit says so.
+const LEAST: f64 = 1e-4;
 
 /// A guess at what is held.
 pub(crate) struct Guess {
     /// Vertices in ascending order.
     pub held: Vec<usize>,
+    /// More of them, ever less still, where these do not hold it.
+    pub wider: Vec<Vec<usize>>,
     /// Whether they keep still in the image; otherwise they are the upper corners, for want of better.
     pub still: bool,
     /// Whether the sheet moves enough to tell them apart.
@@ -30,28 +35,41 @@ pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -
     let x = &template.positions;
     let border = border(template);
     let centre = x.iter().sum::<DVec3>() / x.len() as f64;
-    let movement = movements(x, found);
+    let movement = movements(found);
     let mut sorted = movement.clone();
     sorted.sort_by(f64::total_cmp);
     let median = sorted[sorted.len() / 2];
     let is_above = |v: usize| (x[v] - centre).dot(down) < 0.0;
-    let still: Vec<usize> =
-        border.iter().copied().filter(|v| movement[*v] < STILL * median && is_above(*v)).collect();
+    let below = |part: f64| -> Vec<usize> {
+        border.iter().copied().filter(|v| movement[*v] < part * median && is_above(*v)).collect()
+    };
+    let still = below(STILL);
     let told = median > LEAST;
-    match still.is_empty() {
-        false => Guess { held: still, still: true, told },
-        true => Guess { held: upper_corners(x, &border, centre, down), still: false, told },
+    if still.is_empty() {
+        let held = upper_corners(x, &border, centre, down);
+        return Guess { held, wider: Vec::new(), still: false, told };
     }
+    let mut wider: Vec<Vec<usize>> = Vec::new();
+    for held in STILL_ENOUGH.map(below) {
+        if held.len() > wider.last().unwrap_or(&still).len() {
+            wider.push(held);
+        }
+    }
+    Guess { held: still, wider, still: true, told }
 }
 
-/// Root mean square of the movement of every vertex in the image since the template, in units of its distance.
-fn movements(x: &[DVec3], found: &[Positions]) -> Vec<f64> {
+/// Root mean square of the movement of every vertex in the image about its mean, in units of its distance. The template is left out: what
+/// is found of a vertex is off in the same way in all frames but the first.
+fn movements(found: &[Positions]) -> Vec<f64> {
     let seen = |p: DVec3| DVec2::new(p.x, p.y) / p.z.max(1e-9);
+    let frames = found.get(1..).unwrap_or_default();
+    let count = frames.len().max(1) as f64;
     let of = |i: usize| {
-        let squares: f64 = found.iter().map(|f| seen(f[i]).distance_squared(seen(x[i]))).sum();
-        (squares / found.len().max(1) as f64).sqrt()
+        let mean = frames.iter().map(|f| seen(f[i])).sum::<DVec2>() / count;
+        let squares: f64 = frames.iter().map(|f| seen(f[i]).distance_squared(mean)).sum();
+        (squares / count).sqrt()
     };
-    (0..x.len()).map(of).collect()
+    (0..found[0].len()).map(of).collect()
 }
 
 /// Edges of one face only.
@@ -142,6 +160,17 @@ mod tests {
         let guess = held_vertices(&mesh, &frames, DVec3::Y);
         assert!(guess.still && guess.told);
         assert_eq!(guess.held, pins);
+        // A pin that was found a quarter as restless as the sheet, and all of it beside where the template has it.
+        let unsure: Vec<Positions> = frames
+            .iter()
+            .map(|x| {
+                let mut x: Positions = x.iter().map(|p| *p + DVec3::X * 0.004).collect();
+                x[3].x += 0.25 * (x[10].x - mesh.positions[10].x - 0.004);
+                x
+            })
+            .collect();
+        let unsure = held_vertices(&mesh, &unsure, DVec3::Y);
+        assert_eq!((&unsure.held[..], &unsure.wider[..]), (&[0, 6][..], &[pins.to_vec()][..]));
         let carried: Vec<Positions> = (0..12)
             .map(|n| mesh.positions.iter().map(|p| *p + DVec3::X * 0.01 * f64::from(n)).collect())
             .collect();

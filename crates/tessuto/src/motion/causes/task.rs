@@ -78,7 +78,7 @@ impl<'a> Sheet<'a> {
         let rest_lengths = rest_lengths(template, found);
         let down = known.down.unwrap_or(DVec3::Y);
         let guess = match &known.held {
-            Some(held) => Guess { held: held.clone(), still: true, told: true },
+            Some(held) => Guess { held: held.clone(), wider: Vec::new(), still: true, told: true },
             None => held_vertices(template, found, down),
         };
         let ln = |log10: f64| log10 * std::f64::consts::LN_10;
