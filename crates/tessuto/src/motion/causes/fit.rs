@@ -9,7 +9,7 @@ use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::{Dynamics, Parameters};
 use crate::scene::Known;
 
-/// Iterations at every place that hands are tried at.
+/// Iterations for everything that may hold the cloth.
 const TRIED: usize = 1;
 /// Iterations in fine steps, at most, after those in coarse ones.
 const FINISHING: usize = 3;
@@ -92,11 +92,12 @@ impl Begun<'_> {
                 break;
             }
             // What a pin that was not held makes of causes is no start.
-            let start = (&coarse.prior.mean, &[][..]);
-            let wider = coarse.search(held, start, |search| search.attempt(iterations));
-            if let Some(wider) = wider.filter(|wider| wider.value + price < rough.value) {
-                (self.known.held, rough) = (held.clone(), wider);
-            }
+            let start = (&coarse.prior.mean, &rough.steps[..]);
+            let wider = coarse.search(held, start, |search| search.attempt(iterations.min(TRIED)));
+            let Some(wider) = wider.filter(|wider| wider.value + price < rough.value) else { continue };
+            self.known.held = held.clone();
+            let start = (&wider.causes, &wider.steps[..]);
+            rough = coarse.search(held, start, |search| search.attempt(iterations))?;
         }
         advance(HANDS + ROUGH);
         self.known.misfit = rough.misfit.sqrt();

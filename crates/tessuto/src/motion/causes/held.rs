@@ -12,8 +12,9 @@ use crate::mesh::{Mesh, Positions};
 
 /// A vertex is still if it moves by less than this fraction of the median movement.
 const STILL: f64 = 0.2;
-/// The same where what keeps so still does not hold the sheet: what is found of a pin is unsure, too.
-const STILL_ENOUGH: [f64; 2] = [0.3, 0.45];
+/// The same of the movement about its mean, where what keeps so still does not hold the sheet: what is found of a pin is unsure, too, and may
+/// be off in the same way in all frames but the template's.
+const STILL_ENOUGH: [f64; 3] = [0.2, 0.3, 0.45];
 /// Movement of the sheet, as a fraction of its distance, below which nothing is told: a tenth of a pixel of most cameras. Where pins are not
 /// found among so small movements, the causes' misfit says so.
 const LEAST: f64 = 1e-4;
@@ -35,22 +36,22 @@ pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -
     let x = &template.positions;
     let border = border(template);
     let centre = x.iter().sum::<DVec3>() / x.len() as f64;
-    let movement = movements(found);
-    let mut sorted = movement.clone();
-    sorted.sort_by(f64::total_cmp);
-    let median = sorted[sorted.len() / 2];
+    let movement = movements(x, found);
+    let median = median(&movement);
     let is_above = |v: usize| (x[v] - centre).dot(down) < 0.0;
-    let below = |part: f64| -> Vec<usize> {
-        border.iter().copied().filter(|v| movement[*v] < part * median && is_above(*v)).collect()
-    };
-    let still = below(STILL);
+    let is_still = |v: usize| movement[v] < STILL * median;
+    let still: Vec<usize> = border.iter().copied().filter(|v| is_still(*v) && is_above(*v)).collect();
     let told = median > LEAST;
     if still.is_empty() {
         let held = upper_corners(x, &border, centre, down);
         return Guess { held, wider: Vec::new(), still: false, told };
     }
+    let about_mean = movements(&mean(&found[1..]), &found[1..]);
+    let limit = self::median(&about_mean);
     let mut wider: Vec<Vec<usize>> = Vec::new();
-    for held in STILL_ENOUGH.map(below) {
+    for part in STILL_ENOUGH {
+        let is_held = |v: usize| is_still(v) || about_mean[v] < part * limit;
+        let held: Vec<usize> = border.iter().copied().filter(|v| is_held(*v) && is_above(*v)).collect();
         if held.len() > wider.last().unwrap_or(&still).len() {
             wider.push(held);
         }
@@ -58,18 +59,25 @@ pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -
     Guess { held: still, wider, still: true, told }
 }
 
-/// Root mean square of the movement of every vertex in the image about its mean, in units of its distance. The template is left out: what
-/// is found of a vertex is off in the same way in all frames but the first.
-fn movements(found: &[Positions]) -> Vec<f64> {
+/// Root mean square of the movement of every vertex in the image from where it is in `x`, in units of its distance.
+fn movements(x: &[DVec3], found: &[Positions]) -> Vec<f64> {
     let seen = |p: DVec3| DVec2::new(p.x, p.y) / p.z.max(1e-9);
-    let frames = found.get(1..).unwrap_or_default();
-    let count = frames.len().max(1) as f64;
     let of = |i: usize| {
-        let mean = frames.iter().map(|f| seen(f[i])).sum::<DVec2>() / count;
-        let squares: f64 = frames.iter().map(|f| seen(f[i]).distance_squared(mean)).sum();
-        (squares / count).sqrt()
+        let squares: f64 = found.iter().map(|f| seen(f[i]).distance_squared(seen(x[i]))).sum();
+        (squares / found.len().max(1) as f64).sqrt()
     };
-    (0..found[0].len()).map(of).collect()
+    (0..x.len()).map(of).collect()
+}
+
+fn mean(frames: &[Positions]) -> Positions {
+    let of = |i: usize| frames.iter().map(|f| f[i]).sum::<DVec3>() / frames.len() as f64;
+    (0..frames.first().map_or(0, Vec::len)).map(of).collect()
+}
+
+fn median(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted[sorted.len() / 2]
 }
 
 /// Edges of one face only.
@@ -160,17 +168,16 @@ mod tests {
         let guess = held_vertices(&mesh, &frames, DVec3::Y);
         assert!(guess.still && guess.told);
         assert_eq!(guess.held, pins);
-        // A pin that was found a quarter as restless as the sheet, and all of it beside where the template has it.
-        let unsure: Vec<Positions> = frames
-            .iter()
-            .map(|x| {
-                let mut x: Positions = x.iter().map(|p| *p + DVec3::X * 0.004).collect();
-                x[3].x += 0.25 * (x[10].x - mesh.positions[10].x - 0.004);
-                x
-            })
-            .collect();
+        assert!(guess.wider.is_empty());
+        // One pin was found beside where the template has it, another one a quarter as restless as the sheet.
+        let mut unsure = frames.clone();
+        for x in &mut unsure[1..] {
+            x[3].x += 0.02;
+            let shaken = 0.25 * (x[10] - mesh.positions[10]);
+            x[6] += shaken;
+        }
         let unsure = held_vertices(&mesh, &unsure, DVec3::Y);
-        assert_eq!((&unsure.held[..], &unsure.wider[..]), (&[0, 6][..], &[pins.to_vec()][..]));
+        assert_eq!((&unsure.held[..], &unsure.wider[..]), (&[0][..], &[vec![0, 3], pins.to_vec()][..]));
         let carried: Vec<Positions> = (0..12)
             .map(|n| mesh.positions.iter().map(|p| *p + DVec3::X * 0.01 * f64::from(n)).collect())
             .collect();
