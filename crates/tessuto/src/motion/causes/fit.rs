@@ -2,7 +2,7 @@
 
 use super::forces::{Causes, Spread};
 use super::search::{Attempt, Fit};
-use super::task::{COARSE, FINE, Sheet};
+use super::task::{COARSE, FINE, Sheet, Task};
 use super::{CauseSettings, DOUBTED, Explained, Explanation, Found, cut_cloth, follow, grips};
 use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
@@ -86,18 +86,9 @@ impl Begun<'_> {
         let iterations = if guess.told { settings.iterations } else { 0 };
         let mut rough =
             coarse.search(&self.known.held, (&start.0, &start.1), |search| search.attempt(iterations))?;
-        for held in guess.wider.iter().filter(|_| guess.told) {
-            let price = coarse.data.price() * (held.len() - self.known.held.len()) as f64;
-            if rough.misfit <= DOUBTED * DOUBTED || price >= rough.value {
-                break;
-            }
-            // What a pin that was not held makes of causes is no start.
-            let start = (&coarse.prior.mean, &rough.steps[..]);
-            let wider = coarse.search(held, start, |search| search.attempt(iterations.min(TRIED)));
-            let Some(wider) = wider.filter(|wider| wider.value + price < rough.value) else { continue };
-            self.known.held = held.clone();
-            let start = (&wider.causes, &wider.steps[..]);
-            rough = coarse.search(held, start, |search| search.attempt(iterations))?;
+        if guess.told {
+            (self.known.held, rough) =
+                pins(&coarse, &guess.wider, (self.known.held.clone(), rough), iterations);
         }
         advance(HANDS + ROUGH);
         self.known.misfit = rough.misfit.sqrt();
@@ -170,6 +161,32 @@ pub fn find(
     settings: &CauseSettings,
 ) -> Found {
     begin(sheet, found, deviations, clock, settings, &mut |_| ()).finish(found)
+}
+
+/// What holds the cloth of `task`, `held` or one of `wider`, and what moves it: more is held where `rough` does not explain the motion and more
+/// gains more than it costs.
+fn pins(
+    task: &Task,
+    wider: &[Vec<usize>],
+    (mut held, mut rough): (Vec<usize>, Attempt),
+    iterations: usize,
+) -> (Vec<usize>, Attempt) {
+    for more in wider {
+        let price = task.data.price() * (more.len() - held.len()) as f64;
+        if rough.misfit <= DOUBTED * DOUBTED || price >= rough.value {
+            break;
+        }
+        let fit = |start: &Causes, near: &[Positions], iterations: usize| {
+            task.search(more, (start, near), |search| search.attempt(iterations))
+        };
+        // What a pin that was not held makes of causes is no start.
+        let tried = fit(&task.prior.mean, &rough.steps, iterations.min(TRIED));
+        let gains = tried.filter(|tried| tried.value + price < rough.value);
+        if let Some(found) = gains.and_then(|tried| fit(&tried.causes, &tried.steps, iterations)) {
+            (held, rough) = (more.clone(), found);
+        }
+    }
+    (held, rough)
 }
 
 /// Positions after every step, from those after steps `ratio` times as long that start from `first`.
