@@ -280,6 +280,17 @@ mod tests {
         let settings = CauseSettings { fit: true, iterations: 30, ..CauseSettings::default() };
         let found =
             find((&mesh, &Known::default()), &frames, Some(&deviations), (50.0, &dynamics), &settings);
+        let known = Known::default();
+        let sheet = Sheet::new((&mesh, &known), &frames, Some(&deviations), (50.0, &dynamics), &settings);
+        let task = sheet.task(&frames, &COARSE);
+        let by_one = task.search(&[0], (&task.prior.mean, &[]), |search| search.attempt(3)).unwrap();
+        let misfit = by_one.misfit.sqrt();
+        let (held, by_both) = pins(&task, std::slice::from_ref(&corners), (vec![0], by_one), 3);
+        println!("held by one corner: misfit {misfit:.2}, by both: {:.2}", by_both.misfit.sqrt());
+        assert!(misfit > DOUBTED && by_both.misfit.sqrt() < DOUBTED);
+        assert_eq!(held, corners);
+        let (held, _) = pins(&task, &[vec![0, 1, 6]], (held, by_both), 3);
+        assert_eq!(held, corners, "what explains the motion stays");
         let off = |k: usize| (found.causes.ln_stiffness[k] - truth.ln_stiffness[k]).exp();
         let angle = found.causes.down.angle_between(truth.down).to_degrees();
         assert_eq!(found.doubt(), None);
