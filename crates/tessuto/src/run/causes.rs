@@ -22,7 +22,8 @@ fn frame_count(folder: &Path) -> Result<usize> {
 }
 
 /// Compares the causes of `result`, the motion of all frames of the scene in `scene`, whose true vertices are `truth`, with its
-/// gt/physics.json, and simulates what gt/calm.npy and gt/stiffer.npy tell. `None` where the result has no causes or nothing is known.
+/// gt/physics.json, and simulates what gt/calm.npy and gt/stiffer.npy tell. How much is left
+/// unexplained needs no truth. `None` where the result has no causes.
 ///
 /// # Errors
 /// [`Error::Input`] for files that cannot be used; [`Error::Numerical`] from a simulation.
@@ -49,7 +50,7 @@ pub fn compare_causes(scene: &Path, truth: Option<&Motion>, result: &Folder) -> 
         let hint = "correct the file, or delete it: nothing is then known of causes";
         serde_json::from_str(&text)
             .map_err(|e| Error::input(path.display().to_string(), e.to_string(), hint))?
-    } else if calm.is_some() || stiffer.is_some() {
+    } else if calm.is_some() || stiffer.is_some() || result.sizes.is_some() {
         KnownCauses::default()
     } else {
         return Ok(None);

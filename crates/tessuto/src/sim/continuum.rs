@@ -95,7 +95,8 @@ impl Continuum {
     ) {
         // Two sums, added in the end: the same bits on one thread and on two.
         let mut second = scratch.zero_matrix(pattern);
-        let half = self.hinges.len() / 2;
+        // A hinge takes as long as two membranes, which are the first sum's.
+        let half = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 4);
         let hinges = |range: std::ops::Range<usize>, matrix: &mut BlockMatrix| {
             for k in range {
                 let (hinge, b) = (&self.hinges[k], stiffness.hinge[k] * scale);

@@ -75,38 +75,43 @@ impl Hinge {
 
     /// ∂²E by the arms.
     pub fn hessian(&self, arms: Arms, stiffness: f64) -> Hessian {
-        self.hessian_with(arms, stiffness, |h, side, factor, a, b| h.add_product(side, factor, a, b))
+        let (mut h, slope, sides) = self.square_of_turn(arms, stiffness);
+        for (k, sign, side) in &sides {
+            h.add_products(*k, -slope * sign / side.area, side);
+        }
+        h
     }
 
     /// A positive semi-definite upper bound of [`hessian`](Self::hessian): of every product's two squares the positive one.
     pub fn hessian_projected(&self, arms: Arms, stiffness: f64) -> Hessian {
-        self.hessian_with(arms, stiffness, Hessian::add_positive_part)
+        let (mut h, slope, sides) = self.square_of_turn(arms, stiffness);
+        for (k, sign, side) in &sides {
+            let factor = -slope * sign / side.area;
+            h.add_positive_part(*k, factor * 2.0 / side.area, side.of_p(side.n), side.of_p(side.t));
+            h.add_positive_part(*k, factor, [side.n, DVec3::ZERO], side.slide());
+        }
+        h
     }
 
     /// The part k ∇θ ∇θᵀ of [`hessian`](Self::hessian).
     pub fn hessian_gauss_newton(&self, arms: Arms, stiffness: f64) -> Hessian {
-        self.hessian_with(arms, stiffness, |_, _, _, _, _| {})
+        self.square_of_turn(arms, stiffness).0
     }
 
-    fn hessian_with(
+    /// k ∇θ ∇θᵀ, the slope k (θ − θ0), and the triangles with the sign that they turn with.
+    fn square_of_turn(
         &self,
-        arms: Arms,
+        arms @ [e, u, w]: Arms,
         stiffness: f64,
-        add: impl Fn(&mut Hessian, usize, f64, [DVec3; 2], [DVec3; 2]),
-    ) -> Hessian {
+    ) -> (Hessian, f64, [(usize, f64, Side); 2]) {
         let k = stiffness * self.weight;
         let slope = k * self.deflection(angle(arms));
+        let sides = [(1, -1.0, Side::new(e, u)), (2, 1.0, Side::new(e, w))];
+        let turn = |(_, sign, s): &(usize, f64, Side)| s.of_p(s.n * (sign / s.area));
+        let [first, second] = [turn(&sides[0]), turn(&sides[1])];
         let mut h = Hessian([DMat3::ZERO; 6]);
-        let sides = [(1, -1.0), (2, 1.0)].map(|(side, sign)| (side, sign, Side::new(arms[0], arms[side])));
-        let turn = |s: &Side, sign: f64| s.n_p.map(|v| v * (sign / s.area));
-        let (first, second) = (turn(&sides[0].2, -1.0), turn(&sides[1].2, 1.0));
         h.add_square(k, [first[0] + second[0], first[1], second[1]]);
-        for (side, sign, s) in &sides {
-            let factor = -slope * sign / s.area;
-            add(&mut h, *side, factor * 2.0 / s.area, s.n_p, s.t_p);
-            add(&mut h, *side, factor, s.n_e, s.slide);
-        }
-        h
+        (h, slope, sides)
     }
 
     /// ∂ by the arms of aᵀ (∂²E) b, with `a` and `b` directions of the arms.
@@ -155,14 +160,17 @@ impl Hessian {
         [0, side, if side == 1 { 3 } else { 5 }]
     }
 
-    /// `factor` (a·d)(b·d) as a quadratic form in d = (δe, δ of the apex of `side`).
-    fn add_product(&mut self, side: usize, factor: f64, a: [DVec3; 2], b: [DVec3; 2]) {
+    /// `factor` { 2/(L h) (n·p)(t·p) + (n·δe) [2/L (ê·p) + h/L (t·δe)] } as a quadratic form in δe and δ of the apex of `side`.
+    fn add_products(&mut self, side: usize, factor: f64, s: &Side) {
         let [ee, es, ss] = Self::of_side(side);
-        let b = b.map(|b| b * (0.5 * factor));
-        let both = |i: usize, j: usize| outer(a[i], b[j]) + outer(b[i], a[j]);
-        self.0[ee] += both(0, 0);
-        self.0[es] += both(0, 1);
-        self.0[ss] += both(1, 1);
+        let n = s.n * (0.5 * factor);
+        let [slide_e, slide_u] = s.slide();
+        let symmetric = |a: DVec3, b: DVec3| outer(a, b) + outer(b, a);
+        // Both forms of p differ from one direction by the same two factors, −c and L.
+        let both = symmetric(n * (2.0 / s.area), s.t);
+        self.0[ee] += both * (s.along * s.along) + symmetric(n, slide_e);
+        self.0[es] += both * (-s.along * s.length) + outer(n, slide_u);
+        self.0[ss] += both * (s.length * s.length);
     }
 
     /// 4 a b = (a + b)² − (a − b)², with a and b made equally long; one of the squares is positive.
@@ -189,18 +197,17 @@ impl Hessian {
     }
 }
 
-/// One of the two triangles: linear forms in (δe, δu), named as in the module.
+/// One of the two triangles, named as in the module.
 struct Side {
     /// L h, twice the area `[m²]`.
     area: f64,
-    /// n·p.
-    n_p: [DVec3; 2],
-    /// t·p.
-    t_p: [DVec3; 2],
-    /// n·δe.
-    n_e: [DVec3; 2],
-    /// 2/L (ê·p) + h/L (t·δe).
-    slide: [DVec3; 2],
+    /// L `[m]`.
+    length: f64,
+    /// c `[m]`.
+    along: f64,
+    n: DVec3,
+    edge: DVec3,
+    t: DVec3,
 }
 
 impl Side {
@@ -208,13 +215,19 @@ impl Side {
         let normal = e.cross(u);
         let area = (normal.length_squared() + SQ_AREA_FLOOR).sqrt();
         let length = (e.length_squared() + SQ_LENGTH_FLOOR).sqrt();
-        let (n, along) = (normal / area, e / length);
-        let t = n.cross(along);
-        let c = u.dot(along);
-        let of_p = |v: DVec3| [v * -c, v * length];
-        let [slide_e, slide_u] = of_p(along * (2.0 / length));
-        let slide = [slide_e + t * (area / (length * length)), slide_u];
-        Self { area, n_p: of_p(n), t_p: of_p(t), n_e: [n, DVec3::ZERO], slide }
+        let (n, edge) = (normal / area, e / length);
+        Self { area, length, along: u.dot(edge), n, edge, t: n.cross(edge) }
+    }
+
+    /// v·p as a linear form in (δe, δu).
+    fn of_p(&self, v: DVec3) -> [DVec3; 2] {
+        [v * -self.along, v * self.length]
+    }
+
+    /// 2/L (ê·p) + h/L (t·δe), likewise.
+    fn slide(&self) -> [DVec3; 2] {
+        let [by_e, by_u] = self.of_p(self.edge * (2.0 / self.length));
+        [by_e + self.t * (self.area / (self.length * self.length)), by_u]
     }
 }
 

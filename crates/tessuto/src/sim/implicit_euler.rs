@@ -23,12 +23,19 @@ use crate::mesh::Positions;
 const SUFFICIENT_DECREASE: f64 = 1e-4;
 /// Conjugate gradients end when the residual's square, measured by the preconditioner, has fallen to at most this fraction.
 const CG_TOLERANCE: f64 = 1e-2;
-/// Most iterations of conjugate gradients: that many take as long as a new factorisation.
-const CG_LIMIT: usize = 7;
+/// Most iterations of conjugate gradients. A new factorisation takes as long as seven, but serves the next steps as well.
+const CG_LIMIT: usize = 5;
 /// Newton's step less than this fraction of the last one: the method converges, and ends where the next one, had it shrunk like this one,
 /// would be less than so much of the tolerance. Springs whose stiffness jumps where they are compressed can make it longer.
 const SHRINKS: f64 = 0.25;
 const SURELY: f64 = 0.03;
+
+/// The factor of an earlier matrix of a step, as a preconditioner.
+struct Kept {
+    factor: Factor,
+    /// Iterations of conjugate gradients that it took for every factor of e by which the residual's square fell; zero: not known.
+    slowness: f64,
+}
 
 /// One step; see the module for the formulas and [`super::step::step`] for the arguments.
 pub fn step(
@@ -69,14 +76,25 @@ pub(crate) fn step_near(
         }
     }
     let (mut kept, mut first_square, mut last) = (None, None, 0.0);
+    // Whether the next step would be less than the tolerance, were it to shrink like the last one. One by the kept factor alone tells.
+    let mut nearly = false;
     for _ in 0..settings.newton_limit {
         let gradient = potential.gradient(&d);
+        if let Some(kept) = kept.as_ref().filter(|_| nearly) {
+            let kept: &Kept = kept;
+            let chord = cloth.analysis.solve(&cloth.pattern, &kept.factor, &gradient, scratch);
+
+            if longest(&chord) < settings.tolerance {
+                d.iter_mut().zip(&chord).for_each(|(d, s)| *d -= *s);
+                break;
+            }
+        }
         let first_square =
             *first_square.get_or_insert_with(|| dot(&gradient, &gradient).max(f64::MIN_POSITIVE));
         // Nearer to the minimum the quadratic model is worth a more exact solution.
         let tolerance = CG_TOLERANCE.min((dot(&gradient, &gradient) / first_square).sqrt());
         let newton = potential.newton_step(&d, &gradient, tolerance, &mut kept, scratch);
-        let length = newton.iter().fold(0.0, |m: f64, s| m.max(s.abs().max_element()));
+        let length = longest(&newton);
         let slope = -dot(&gradient, &newton);
         if !length.is_finite() || !value.is_finite() {
             return Err(diverged(format!("potential {value} J, Newton step of {length} m")));
@@ -98,19 +116,26 @@ pub(crate) fn step_near(
         // A step that was not solved to its end tells nothing of the next one.
         let whole = kept.is_some();
         let shrinks = length / last;
-        let converges = scale == 1.0 && shrinks < SHRINKS && length * shrinks < SURELY * settings.tolerance;
-        if whole && (length < settings.tolerance || converges) {
+        let converges = whole && scale == 1.0 && shrinks < SHRINKS;
+        let next = length * shrinks / settings.tolerance;
+        if (whole && length < settings.tolerance) || (converges && next < SURELY) {
             break;
         }
+        nearly = converges && next < 1.0;
         last = if whole && scale == 1.0 { length } else { 0.0 };
     }
-    kept.into_iter().for_each(|factor| scratch.recycle(factor));
+    kept.into_iter().for_each(|kept: Kept| scratch.recycle(kept.factor));
     let v: Vec<DVec3> = d.iter().map(|d| *d / h).collect();
     if let Some(vertex) = v.iter().position(|v| !v.is_finite()) {
         return Err(diverged(format!("velocity {} m/s of vertex {vertex}", v[vertex])));
     }
     let x = before.x.iter().zip(&d).map(|(x, d)| *x + *d).collect();
     Ok(StepTape { before, after: State { x, v }, factor: None, inertial: None })
+}
+
+/// Largest component `[m]`.
+fn longest(step: &Positions) -> f64 {
+    step.iter().fold(0.0, |m: f64, s| m.max(s.abs().max_element()))
 }
 
 fn diverged(problem: String) -> Error {
@@ -150,35 +175,42 @@ impl Potential<'_> {
     /// Solves ∂²Φ s = `gradient`, as far as ∂²Φ is positive. `kept` is the factor of an earlier matrix of this step, if there
     /// is one; afterwards the one to go on with, or none where that did not lead to the end.
     ///
-    /// A factorisation takes as long as seven iterations of conjugate gradients, which the kept factor preconditions while it is near
-    /// enough; what they reached leads downwards in any case, and the next step has a new factor. Where the exact matrix H is not
+    /// The kept factor preconditions conjugate gradients while it is near enough: as long as it promises, by how fast it was the last
+    /// time, to keep within the limit of iterations. What they reached leads downwards in any case. Where the exact matrix H is not
     /// definite, a projected one P ≥ H is factorised: alone it would take short steps, but conjugate gradients with H lengthen them.
     fn newton_step(
         &self,
         d: &[DVec3],
         gradient: &Positions,
         tolerance: f64,
-        kept: &mut Option<Factor>,
+        kept: &mut Option<Kept>,
         scratch: &mut Scratch,
     ) -> Positions {
         let x = self.moved(d);
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
         let exact = hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Exact, scratch);
         let (mut step, mut definite) = (None, true);
-        if let Some(factor) = kept.as_ref() {
-            let (found, end, iterations) = self.iterate(&exact, factor, gradient, tolerance, scratch);
-            definite = end != End::Indefinite;
-            // Without an iteration it is a step by old curvature alone.
-            step = (iterations > 0).then_some(found);
-            if end != End::Converged {
-                kept.take().into_iter().for_each(|factor| scratch.recycle(factor));
+        let digits = -tolerance.ln();
+        match kept.take() {
+            None => {}
+            Some(old) if old.slowness * digits > CG_LIMIT as f64 => scratch.recycle(old.factor),
+            Some(old) => {
+                let (found, end, iterations) =
+                    self.iterate(&exact, &old.factor, gradient, tolerance, scratch);
+                definite = end != End::Indefinite;
+                // Without an iteration it is a step by old curvature alone.
+                step = (iterations > 0).then_some(found);
+                match end {
+                    End::Converged => *kept = Some(Kept { slowness: iterations as f64 / digits, ..old }),
+                    _ => scratch.recycle(old.factor),
+                }
             }
         }
         let step = step.unwrap_or_else(|| {
             match definite.then(|| analysis.definite(pattern, &exact, scratch)).flatten() {
                 Some(factor) => {
                     let step = analysis.solve(pattern, &factor, gradient, scratch);
-                    *kept = Some(scratch.round(factor));
+                    *kept = Some(Kept { factor: scratch.round(factor), slowness: 0.0 });
                     step
                 }
                 None => {
@@ -189,7 +221,7 @@ impl Potential<'_> {
                     let (step, end, _) = self.iterate(&exact, &factor, gradient, tolerance, scratch);
                     match end {
                         End::Limit => scratch.recycle(factor),
-                        _ => *kept = Some(scratch.round(factor)),
+                        _ => *kept = Some(Kept { factor: scratch.round(factor), slowness: 0.0 }),
                     }
                     step
                 }

@@ -21,7 +21,7 @@ pub fn step(
     acceleration: &[DVec3],
     scratch: &mut Scratch,
 ) -> Result<StepTape> {
-    match settings.integrator {
+    in_pool(|| match settings.integrator {
         Integrator::LinearizedEuler => {
             linearized_euler::step(cloth, settings, stiffness, before, acceleration, scratch)
         }
@@ -29,7 +29,7 @@ pub fn step(
             implicit_euler::step(cloth, settings, stiffness, before, acceleration, scratch)
         }
         Integrator::Surrogate => surrogate::step(cloth, settings, stiffness, before, acceleration),
-    }
+    })
 }
 
 /// Adjoint of [`step`]: on entry `gradients.x` and `.v` are ∂L/∂(state after), on return ∂L/∂(state before);
@@ -42,7 +42,7 @@ pub fn step_vjp(
     gradients: &mut StepGradients,
     scratch: &mut Scratch,
 ) {
-    match settings.integrator {
+    in_pool(|| match settings.integrator {
         Integrator::LinearizedEuler => {
             linearized_euler::step_vjp(cloth, settings, stiffness, tape, gradients, scratch);
         }
@@ -52,5 +52,10 @@ pub fn step_vjp(
         Integrator::Surrogate => {
             surrogate::step_vjp(cloth, settings, stiffness, tape, gradients, scratch);
         }
-    }
+    });
+}
+
+/// Runs on one of the pool's threads, from which its many short parallel parts start at once: from outside each would have to wake one.
+pub(crate) fn in_pool<T: Send>(run: impl FnOnce() -> T + Send) -> T {
+    rayon::scope(|_| run())
 }

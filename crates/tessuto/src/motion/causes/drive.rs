@@ -16,6 +16,7 @@ use crate::math::factor::Scratch;
 use crate::mesh::Positions;
 use crate::sim::air::Air;
 use crate::sim::implicit_euler::{hessian, step_near};
+use crate::sim::step::in_pool;
 use crate::sim::stretch;
 use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
 
@@ -120,6 +121,10 @@ impl Drive<'_> {
     /// # Errors
     /// [`crate::Error::Numerical`] from a step.
     pub fn run(&self, causes: &Causes, with_tangents: bool, near: &[Positions]) -> Result<Trajectory> {
+        in_pool(|| self.run_here(causes, with_tangents, near))
+    }
+
+    fn run_here(&self, causes: &Causes, with_tangents: bool, near: &[Positions]) -> Result<Trajectory> {
         let count = self.cloth.vertex_count();
         let k = causes.stiffness();
         let stiffness = Stiffness::uniform(self.cloth, k);
