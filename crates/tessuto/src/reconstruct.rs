@@ -85,7 +85,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         settings: &config.rollout,
     };
     let (mut causes, mut made) = (None, None);
-    let (parameters, deviations, failure) = match config.method {
+    let (mut parameters, deviations, failure) = match config.method {
         Method::Rollout => {
             session.begin("rollout");
             let (parameters, failure) = fit.run(fit.start(), session)?;
@@ -139,7 +139,10 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let cut = causes.as_ref().map(|c| causes::cut_cloth(&scene.template, &c.found.rest_lengths));
     let motion = match made {
         Some(frames) => Motion::new(frames)?,
-        None => simulate(cut.as_ref().unwrap_or(&cloth), config, scene.fps, template, &parameters)?,
+        None => {
+            parameters.accelerations.round();
+            simulate(cut.as_ref().unwrap_or(&cloth), config, scene.fps, template, &parameters)?
+        }
     };
     let deviations = deviations.map(|(found, deviations)| of_motion(deviations, &found, &motion));
     session.end();
