@@ -75,15 +75,14 @@ pub(crate) fn step_near(
             (d, value) = (to, at);
         }
     }
-    let (mut kept, mut first_square, mut last) = (None, None, 0.0);
+    let mut kept: Option<Kept> = None;
+    let (mut first_square, mut last) = (None, 0.0);
     // Whether the next step would be less than the tolerance, were it to shrink like the last one. One by the kept factor alone tells.
     let mut nearly = false;
     for _ in 0..settings.newton_limit {
         let gradient = potential.gradient(&d);
         if let Some(kept) = kept.as_ref().filter(|_| nearly) {
-            let kept: &Kept = kept;
             let chord = cloth.analysis.solve(&cloth.pattern, &kept.factor, &gradient, scratch);
-
             if longest(&chord) < settings.tolerance {
                 d.iter_mut().zip(&chord).for_each(|(d, s)| *d -= *s);
                 break;
@@ -117,14 +116,14 @@ pub(crate) fn step_near(
         let whole = kept.is_some();
         let shrinks = length / last;
         let converges = whole && scale == 1.0 && shrinks < SHRINKS;
-        let next = length * shrinks / settings.tolerance;
-        if (whole && length < settings.tolerance) || (converges && next < SURELY) {
+        let ahead = length * shrinks / settings.tolerance;
+        if (whole && length < settings.tolerance) || (converges && ahead < SURELY) {
             break;
         }
-        nearly = converges && next < 1.0;
+        nearly = converges && ahead < 1.0;
         last = if whole && scale == 1.0 { length } else { 0.0 };
     }
-    kept.into_iter().for_each(|kept: Kept| scratch.recycle(kept.factor));
+    kept.into_iter().for_each(|kept| scratch.recycle(kept.factor));
     let v: Vec<DVec3> = d.iter().map(|d| *d / h).collect();
     if let Some(vertex) = v.iter().position(|v| !v.is_finite()) {
         return Err(diverged(format!("velocity {} m/s of vertex {vertex}", v[vertex])));
