@@ -95,8 +95,8 @@ impl Continuum {
     ) {
         // Two sums, added in the end: the same bits on one thread and on two.
         let mut second = scratch.zero_matrix(pattern);
-        // A hinge takes as long as two membranes, which are the first sum's.
-        let half = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 4);
+        // As long work for both: a hinge takes as long as two membranes, which are the first sum's.
+        let split = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 4);
         let hinges = |range: std::ops::Range<usize>, matrix: &mut BlockMatrix| {
             for k in range {
                 let (hinge, b) = (&self.hinges[k], stiffness.hinge[k] * scale);
@@ -112,7 +112,7 @@ impl Continuum {
         };
         rayon::join(
             || {
-                hinges(0..half, matrix);
+                hinges(0..split, matrix);
                 for (m, c) in self.membranes.iter().zip(&stiffness.membrane) {
                     let (f, c) = (m.gradients(x), c.map(|c| c * scale));
                     let hessian = match kind {
@@ -125,7 +125,7 @@ impl Continuum {
                     add_blocks(pattern, matrix, &m.vertices, &diagonal, &m.pairs, &off);
                 }
             },
-            || hinges(half..self.hinges.len(), &mut second),
+            || hinges(split..self.hinges.len(), &mut second),
         );
         matrix.add(&second);
         scratch.recycle_matrix(second);
