@@ -7,6 +7,7 @@ use super::environment_parameters::EnvironmentParameters;
 use super::loss::loss;
 use super::observations::observe;
 use super::patch_weights::PatchWeights;
+use super::sharpen::sharpen;
 use super::splat::Splat;
 use super::surfaces::SurfacePrior;
 use super::texels::{MapState, Maps, TexelPrior, Texels};
@@ -194,16 +195,18 @@ pub fn fit(
         });
         session.step(&epoch, &[], saved.as_ref())?;
     }
-    let material = Material::from_planes(size, size, &maps.maps());
+    let mut material = Material::from_planes(size, size, &maps.maps());
     let colour = if settings.steps == 0 { 0.0 } else { 1.0 };
+    let environment = lighting.environment(settings.light_rows, colour);
+    if settings.prior == MapPrior::Smooth && settings.steps > 0 && settings.sharpening_passes > 0 {
+        let light = &EnvironmentSampler::new(&environment, settings.uniform_fraction);
+        let shader = Shader { geometry, material: &material, light };
+        let how = (settings.sharpening_passes, settings.samples_per_pixel, seed);
+        let diffuse = sharpen(&shader, &seen, &patch_weights, how);
+        material.set_planes(&diffuse);
+    }
     let history = session.history_of(&["appearance"]);
-    Ok(Appearance {
-        material,
-        window,
-        environment: lighting.environment(settings.light_rows, colour),
-        scale: albedo,
-        history,
-    })
+    Ok(Appearance { material, window, environment, scale: albedo, history })
 }
 
 /// Leads the brightest part of the diffuse map to what is known of fabrics, the light the other way, and says what that is.

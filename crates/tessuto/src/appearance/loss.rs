@@ -3,7 +3,7 @@
 use crate::image::srgb;
 
 /// Observed values from here on are as bright as the camera can tell.
-const SATURATED: f32 = 0.998;
+pub(super) const SATURATED: f32 = 0.998;
 
 /// Value and derivatives with respect to both linear `estimates`, summed over the channels, of r_a r_b with
 /// r = sRGB(estimate) − observed: with independent estimates its mean is the square of the mean residual, so that

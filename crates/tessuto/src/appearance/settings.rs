@@ -74,6 +74,8 @@ settings! {
         roughness_pull: f64 = 1e-3, number(0.0..=1e3, "");
         /// Fraction of the steps from which on patches with large errors count less; 1: all count alike to the end.
         reweight_from: f64 = 0.6, number(0.0..=1.0, "");
+        /// Passes over all pixels that finish the diffuse map once light and surface are found; 0: it stays as the steps leave it.
+        sharpening_passes: usize = 3, number(0.0..=1000.0, "");
         /// Fraction of the light samples that are drawn uniformly over the sphere.
         uniform_fraction: f64 = 0.25, number(0.0..=1.0, "");
         /// Samples for each pixel of the final images, rounded up to a multiple of 8.

@@ -1,5 +1,7 @@
 //! Colours of points, gathered on a map.
 
+use crate::pbr::Footprint;
+
 /// Weighted colours, spread over the four texels around each point.
 pub(super) struct Splat {
     size: usize,
@@ -15,7 +17,7 @@ impl Splat {
 
     /// Adds a point at `uv`, 0 to 1.
     pub fn add(&mut self, uv: [f32; 2], colour: [f32; 3], weight: f32) {
-        for (texel, share) in self.around(uv) {
+        for (texel, share) in Footprint::new([self.size; 2], uv).shares() {
             let (sum, w) = (&mut self.sums[texel], share * weight);
             (0..3).for_each(|c| sum[c] += w * colour[c]);
             sum[3] += w;
@@ -25,7 +27,7 @@ impl Splat {
     /// Mean colour at `uv`, `None` where no point is near.
     pub fn at(&self, uv: [f32; 2]) -> Option<[f32; 3]> {
         let mut mean = [0.0; 4];
-        for (texel, share) in self.around(uv) {
+        for (texel, share) in Footprint::new([self.size; 2], uv).shares() {
             let sum = &self.sums[texel];
             if sum[3] > 0.0 {
                 (0..3).for_each(|c| mean[c] += share * sum[c] / sum[3]);
@@ -45,22 +47,6 @@ impl Splat {
         fill(self.size, &mut self.sums);
         let plane = |c: usize| self.sums.iter().map(move |s| if s[3] > 0.0 { s[c] / s[3] } else { 0.0 });
         (0..3).flat_map(plane).collect()
-    }
-
-    /// The texels around a point and their shares; clamped at the border.
-    fn around(&self, [u, v]: [f32; 2]) -> [(usize, f32); 4] {
-        let last = self.size - 1;
-        let at = |s: f32| (s * self.size as f32 - 0.5).clamp(0.0, last as f32);
-        let (x, y) = (at(u), at(1.0 - v));
-        let (column, row) = (x as usize, y as usize);
-        let (fx, fy) = (x - column as f32, y - row as f32);
-        let texel = |dx: usize, dy: usize| (row + dy).min(last) * self.size + (column + dx).min(last);
-        [
-            (texel(0, 0), (1.0 - fx) * (1.0 - fy)),
-            (texel(1, 0), fx * (1.0 - fy)),
-            (texel(0, 1), (1.0 - fx) * fy),
-            (texel(1, 1), fx * fy),
-        ]
     }
 }
 

@@ -55,6 +55,22 @@ pub fn radiance(
     points.par_iter().enumerate().map_init(RadianceEstimate::default, colour).collect()
 }
 
+/// [`radiance`], and its derivative by the diffuse map at the point, each channel by its own; shape `[P]`. The colour is
+/// linear in that map.
+pub fn radiance_by_diffuse(
+    shader: &Shader,
+    points: &[SurfacePoint],
+    seed: u32,
+    samples_per_pixel: usize,
+) -> Vec<[[f32; 3]; 2]> {
+    let both = |estimate: &mut RadianceEstimate, (i, point): (usize, &SurfacePoint)| {
+        let context = shader.shading_context(point);
+        shader.estimate_at(&context, point, key(seed, i, 0), samples_per_pixel, estimate);
+        [estimate.colour, estimate.by_diffuse(&context.brdf)]
+    };
+    points.par_iter().enumerate().map_init(RadianceEstimate::default, both).collect()
+}
+
 /// Adjoint of [`radiance`] for the derivatives `grad` of a loss by the colours, shape `[P]`. Directions and their densities
 /// are constants to it.
 pub fn radiance_vjp(

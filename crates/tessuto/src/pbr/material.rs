@@ -21,11 +21,33 @@ pub struct Material {
 
 /// The four texels around a point and their weights.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Footprint {
+pub(crate) struct Footprint {
     /// Indices of the upper left, upper right, lower left and lower right texel.
     pub texels: [u32; 4],
     /// Weights, sum 1.
     pub weights: [f32; 4],
+}
+
+impl Footprint {
+    /// Of the point (u, v) on a map of `w` × `h` texels; clamped at the border.
+    pub fn new([w, h]: [usize; 2], [u, v]: [f32; 2]) -> Self {
+        let x = (u * w as f32 - 0.5).clamp(0.0, (w - 1) as f32);
+        let y = ((1.0 - v) * h as f32 - 0.5).clamp(0.0, (h - 1) as f32);
+        let (column, row) = (x as usize, y as usize);
+        let (fx, fy) = (x - column as f32, y - row as f32);
+        let right = usize::from(column + 1 < w);
+        let below = if row + 1 < h { w } else { 0 };
+        let first = row * w + column;
+        Self {
+            texels: [first, first + right, first + below, first + below + right].map(|t| t as u32),
+            weights: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
+        }
+    }
+
+    /// Texels and their weights.
+    pub fn shares(&self) -> impl Iterator<Item = (usize, f32)> {
+        self.texels.into_iter().map(|t| t as usize).zip(self.weights)
+    }
 }
 
 impl Material {
@@ -40,11 +62,16 @@ impl Material {
     pub fn from_planes(width: usize, height: usize, planes: &[f32]) -> Self {
         let n = width * height;
         assert_eq!(planes.len(), CHANNELS * n, "{CHANNELS} planes of {width}×{height}");
-        let mut texels = vec![[0.0; 8]; n];
-        for (c, plane) in planes.chunks_exact(n).enumerate() {
-            texels.iter_mut().zip(plane).for_each(|(texel, value)| texel[c] = *value);
+        let mut material = Self { width, height, texels: vec![[0.0; 8]; n] };
+        material.set_planes(planes);
+        material
+    }
+
+    /// Replaces the first channels by `planes`, shape [K, height, width].
+    pub fn set_planes(&mut self, planes: &[f32]) {
+        for (c, plane) in planes.chunks_exact(self.texels.len()).enumerate() {
+            self.texels.iter_mut().zip(plane).for_each(|(texel, value)| texel[c] = *value);
         }
-        Self { width, height, texels }
     }
 
     /// One plane per channel, shape [[`CHANNELS`], height, width].
@@ -57,19 +84,8 @@ impl Material {
         DVec2::new(uv.x * self.width as f64 - 0.5, (1.0 - uv.y) * self.height as f64 - 0.5)
     }
 
-    pub(super) fn footprint(&self, [u, v]: [f32; 2]) -> Footprint {
-        let (w, h) = (self.width, self.height);
-        let x = (u * w as f32 - 0.5).clamp(0.0, (w - 1) as f32);
-        let y = ((1.0 - v) * h as f32 - 0.5).clamp(0.0, (h - 1) as f32);
-        let (column, row) = (x as usize, y as usize);
-        let (fx, fy) = (x - column as f32, y - row as f32);
-        let right = usize::from(column + 1 < w);
-        let below = if row + 1 < h { w } else { 0 };
-        let first = row * w + column;
-        Footprint {
-            texels: [first, first + right, first + below, first + below + right].map(|t| t as u32),
-            weights: [(1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy],
-        }
+    pub(super) fn footprint(&self, uv: [f32; 2]) -> Footprint {
+        Footprint::new([self.width, self.height], uv)
     }
 
     pub(super) fn lookup(&self, footprint: &Footprint) -> [f32; 8] {

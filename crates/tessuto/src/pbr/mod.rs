@@ -61,10 +61,11 @@ mod shader;
 mod surface;
 mod visible_points;
 
-pub use accumulate::{Gradients, accumulate, radiance, radiance_vjp};
+pub use accumulate::{Gradients, accumulate, radiance, radiance_by_diffuse, radiance_vjp};
 pub use environment::EnvironmentMap;
 pub use environment_sampler::EnvironmentSampler;
 pub use geometry::Geometry;
+pub(crate) use material::Footprint;
 pub use material::{CHANNELS, Material};
 pub use render::{RenderScene, render_frame};
 pub use shader::{LANES, RadianceEstimate, Shader};

@@ -59,6 +59,13 @@ impl RadianceEstimate {
         let rest = |c: usize| self.colour[c] - brdf.diffuse[c] * e[c] - brdf.f0[c] * self.by_f0[c];
         [e, self.by_f0, [0, 1, 2].map(rest)]
     }
+
+    /// ∂ colour/∂ T_D, each channel by its own.
+    pub(super) fn by_diffuse(&self, brdf: &Brdf) -> [f32; 3] {
+        let m = brdf.metallic;
+        let e = |c: usize| self.irradiance[c] * std::f32::consts::FRAC_1_PI;
+        [0, 1, 2].map(|c| (1.0 - m) * e(c) + m * self.by_f0[c])
+    }
 }
 
 /// The point's own quantities, the same for all directions.
@@ -148,11 +155,11 @@ impl Shader<'_> {
     ) {
         let b = &context.brdf;
         let mut texel = [0.0f32; 8];
+        let by_diffuse = estimate.by_diffuse(b);
         for c in 0..3 {
             let irradiance = estimate.irradiance[c] * std::f32::consts::FRAC_1_PI;
             let f0 = estimate.by_f0[c];
-            let m = b.metallic;
-            texel[c] = adjoint[c] * ((1.0 - m) * irradiance + m * f0);
+            texel[c] = adjoint[c] * by_diffuse[c];
             texel[3] += adjoint[c] * estimate.by_alpha2[c] * b.alpha2_slope();
             texel[4] += adjoint[c] * ((b.base[c] - 0.04) * f0 - b.base[c] * irradiance);
         }

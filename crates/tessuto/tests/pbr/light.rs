@@ -9,7 +9,7 @@ use tessuto::mesh::grid;
 use tessuto::pbr::brdf::Brdf;
 use tessuto::pbr::{
     EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, RadianceEstimate, Shader,
-    SurfacePoint, accumulate, radiance, radiance_vjp, reference, visible_points,
+    SurfacePoint, accumulate, radiance, radiance_by_diffuse, radiance_vjp, reference, visible_points,
 };
 use tessuto::raster::{Rasterizer, Rendering};
 use tessuto::{Camera, Mesh};
@@ -468,4 +468,14 @@ fn colours_alone_and_their_adjoint_are_those_of_the_first_estimate() {
         (along - value).abs() < 1e-3 * dot(&colours.concat(), &vec![1.0; 3 * colours.len()]),
         "{along} {value}"
     );
+
+    // The shares of a point's texels sum up to 1, so its derivative by the map there is the sum of theirs.
+    let by_diffuse = radiance_by_diffuse(&shader, &points, 5, 16);
+    assert!(by_diffuse.iter().zip(&colours).all(|([colour, _], alone)| colour == alone));
+    let slopes: Vec<[f32; 3]> = by_diffuse.iter().map(|[_, slope]| *slope).collect();
+    let by_point = dot(&slopes.concat(), &grad.concat());
+    let by_texel = alone.material[..3 * 64].iter().copied().map(f64::from).sum::<f64>();
+    eprintln!("by the diffuse map {by_point:.5e} and {by_texel:.5e}");
+    assert!((by_point - by_texel).abs() < 1e-4 * dot(&slopes.concat(), &vec![1.0; 3 * slopes.len()]));
+    assert!(by_texel != 0.0);
 }
