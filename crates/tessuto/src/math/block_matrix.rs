@@ -1,8 +1,12 @@
 //! Symmetric sparse matrices of 3×3 blocks, one block row per vertex, with a fixed pattern.
 
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use super::dissection::{Part, dissect};
+
+/// Values that are added at a time.
+const PART: usize = 1 << 14;
 
 /// Where a 3×3 block lives in [`BlockMatrix::values`].
 #[derive(Debug, Clone, Copy)]
@@ -192,7 +196,8 @@ impl BlockMatrix {
 
     /// Adds a matrix of the same pattern.
     pub fn add(&mut self, other: &Self) {
-        self.values.iter_mut().zip(&other.values).for_each(|(a, b)| *a += b);
+        let parts = self.values.par_chunks_mut(PART).zip(other.values.par_chunks(PART));
+        parts.for_each(|(own, other)| own.iter_mut().zip(other).for_each(|(a, b)| *a += b));
     }
 
     /// Adds `scale`·diag(masses), three times each.

@@ -143,6 +143,31 @@ impl Analysis {
         }
     }
 
+    /// Factor of `matrix` to seven digits, as a preconditioner: in half of the time and memory. `None` if it is not positive
+    /// definite or not finite, as far as so many digits tell.
+    pub fn definite_rounded(
+        &self,
+        pattern: &BlockPattern,
+        matrix: &BlockMatrix,
+        scratch: &mut Scratch,
+    ) -> Option<Factor> {
+        let len = self.fronts.len();
+        let mut values =
+            scratch.spare_single.take().filter(|v| v.len() == len).unwrap_or_else(|| vec![0.0; len]);
+        let work = &mut scratch.single[1];
+        if work.len() < self.fronts.work_len() {
+            work.resize(self.fronts.work_len(), 0.0);
+        }
+        let columns = (&pattern.column_start[..], &pattern.row[..]);
+        let done = self.fronts.factorize(columns, &matrix.values, &mut values, work, true);
+        let factor = Factor::Rounded(values);
+        if done.is_none() {
+            scratch.recycle(factor);
+            return None;
+        }
+        Some(factor)
+    }
+
     /// L D Lᵀ without pivoting, or, if that was unsound or the matrix not as `definite` as it has to be, the memory.
     fn plain(
         &self,
@@ -345,6 +370,7 @@ mod tests {
             }
             let definite = analysis.definite(&pattern, &matrix, &mut scratch).is_some();
             assert_eq!(definite, dominance > 20.0 || side == 1, "{side} {dominance}");
+            assert_eq!(analysis.definite_rounded(&pattern, &matrix, &mut scratch).is_some(), definite);
         }
     }
 
@@ -359,8 +385,10 @@ mod tests {
         let plain = analysis.factorize(&pattern, &matrix, &mut scratch);
         let pivoted = analysis.pivoted(&pattern, &matrix, &mut scratch);
         let rounded = scratch.round(plain.clone());
-        assert!(matches!(rounded, Factor::Rounded(_)));
-        for (factor, limit) in [(&plain, 1e-13), (&pivoted, 1e-13), (&rounded, 1e-5)] {
+        let made_rounded = analysis.definite_rounded(&pattern, &matrix, &mut scratch).unwrap();
+        assert!([&rounded, &made_rounded].iter().all(|factor| matches!(factor, Factor::Rounded(_))));
+        let factors = [(&plain, 1e-13), (&pivoted, 1e-13), (&rounded, 1e-5), (&made_rounded, 1e-5)];
+        for (factor, limit) in factors {
             let many = analysis.solve_many(&pattern, factor, &fields, &mut scratch);
             let mut worst = 0.0;
             for (field, x) in fields.iter().zip(&many) {
@@ -423,6 +451,17 @@ mod tests {
             })
         };
         assert_eq!(solve(1), solve(4));
+        let (pattern, matrix, rhs) = system(31, 30.0, 5);
+        let analysis = Analysis::new(&pattern);
+        let solve = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| {
+                let mut scratch = Scratch::default();
+                let factor = analysis.definite_rounded(&pattern, &matrix, &mut scratch).unwrap();
+                analysis.solve(&pattern, &factor, &rhs, &mut scratch)
+            })
+        };
+        assert_eq!(solve(1), solve(4));
     }
 
     #[test]
@@ -437,5 +476,6 @@ mod tests {
         assert!(residual(&pattern, &matrix, &x, &rhs) < 1e-9);
         matrix.values.fill(f64::NAN);
         assert!(analysis.definite(&pattern, &matrix, &mut scratch).is_none());
+        assert!(analysis.definite_rounded(&pattern, &matrix, &mut scratch).is_none());
     }
 }

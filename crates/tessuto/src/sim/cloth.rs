@@ -166,11 +166,14 @@ impl Cloth {
             hinges.iter().zip(k).map(of).sum()
         };
         let of = |(e, &k): (&Edge, &f64)| stretch::value(e.along(x), e.stiffness(k, x), e.rest_length);
-        Energy {
-            stretch: self.edges.iter().zip(&stiffness.stretch).map(of).sum(),
-            bend: hinges(&self.bends, &stiffness.bend),
-            shear: hinges(&self.shears, &stiffness.shear),
-        }
+        let ((stretch, shear), bend) = rayon::join(
+            || {
+                let stretch = self.edges.iter().zip(&stiffness.stretch).map(of).sum();
+                (stretch, hinges(&self.shears, &stiffness.shear))
+            },
+            || hinges(&self.bends, &stiffness.bend),
+        );
+        Energy { stretch, bend, shear }
     }
 
     /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` `[N]`, shape `[V]`.

@@ -4,7 +4,7 @@ use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
 use super::hinge::Hinge;
-use super::membrane::Membrane;
+use super::membrane::{Coefficients, Membrane};
 use super::stiffness::{Energy, HessianKind, Stiffness};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
 use crate::math::factor::Scratch;
@@ -23,14 +23,15 @@ pub struct Continuum {
 
 impl Continuum {
     pub(super) fn energy(&self, stiffness: &Stiffness, x: &[DVec3]) -> Energy {
-        let mut sum = Energy::default();
-        for (m, c) in self.membranes.iter().zip(&stiffness.membrane) {
-            let [stretch, shear] = m.value(m.gradients(x), *c);
-            sum.stretch += stretch;
-            sum.shear += shear;
-        }
-        sum.bend = self.hinges.iter().zip(&stiffness.hinge).map(|(h, b)| h.value(h.arms(x), *b)).sum();
-        sum
+        let of_membranes = || {
+            let of = |(m, c): (&Membrane, &Coefficients)| m.value(m.gradients(x), *c);
+            let values = self.membranes.iter().zip(&stiffness.membrane).map(of);
+            values.fold([0.0; 2], |[stretch, shear], [a, b]| [stretch + a, shear + b])
+        };
+        let of_hinges =
+            || self.hinges.iter().zip(&stiffness.hinge).map(|(h, b)| h.value(h.arms(x), *b)).sum();
+        let ([stretch, shear], bend) = rayon::join(of_membranes, of_hinges);
+        Energy { stretch, bend, shear }
     }
 
     pub(super) fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {

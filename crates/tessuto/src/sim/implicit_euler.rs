@@ -23,18 +23,22 @@ use crate::mesh::Positions;
 const SUFFICIENT_DECREASE: f64 = 1e-4;
 /// Conjugate gradients end when the residual's square, measured by the preconditioner, has fallen to at most this fraction.
 const CG_TOLERANCE: f64 = 1e-2;
-/// Most iterations of conjugate gradients. A new factorisation takes as long as seven, but serves the next steps as well.
+/// Most iterations of conjugate gradients. A new factorisation takes about as long, and serves the next steps as well.
 const CG_LIMIT: usize = 5;
 /// Newton's step less than this fraction of the last one: the method converges, and ends where the next one, had it shrunk like this one,
 /// would be less than so much of the tolerance. Springs whose stiffness jumps where they are compressed can make it longer.
 const SHRINKS: f64 = 0.25;
 const SURELY: f64 = 0.03;
+/// A step by the factor of the matrix of the last step is taken without a new matrix where it is at most this fraction of that.
+const CHORD: f64 = 0.02;
 
 /// The factor of an earlier matrix of a step, as a preconditioner.
 struct Kept {
     factor: Factor,
     /// Iterations of conjugate gradients that it took for every factor of e by which the residual's square fell; zero: not known.
     slowness: f64,
+    /// Of the exact matrix, not of a projected one, whose steps may be short far from the minimum.
+    exact: bool,
 }
 
 /// One step; see the module for the formulas and [`super::step::step`] for the arguments.
@@ -81,18 +85,27 @@ pub(crate) fn step_near(
     let mut nearly = false;
     for _ in 0..settings.newton_limit {
         let gradient = potential.gradient(&d);
-        if let Some(kept) = kept.as_ref().filter(|_| nearly) {
+        let fresh = kept.as_ref().is_some_and(|kept| kept.exact && kept.slowness == 0.0);
+        let chord = kept.as_ref().filter(|_| nearly || fresh).map(|kept| {
             let chord = cloth.analysis.solve(&cloth.pattern, &kept.factor, &gradient, scratch);
-            if longest(&chord) < settings.tolerance {
-                d.iter_mut().zip(&chord).for_each(|(d, s)| *d -= *s);
-                break;
-            }
+            (longest(&chord), chord)
+        });
+        if let Some((_, chord)) = chord.as_ref().filter(|(length, _)| nearly && *length < settings.tolerance)
+        {
+            d.iter_mut().zip(chord).for_each(|(d, s)| *d -= *s);
+            break;
         }
         let first_square =
             *first_square.get_or_insert_with(|| dot(&gradient, &gradient).max(f64::MIN_POSITIVE));
         // Nearer to the minimum the quadratic model is worth a more exact solution.
         let tolerance = CG_TOLERANCE.min((dot(&gradient, &gradient) / first_square).sqrt());
-        let newton = potential.newton_step(&d, &gradient, tolerance, &mut kept, scratch);
+        let newton = match chord {
+            Some((length, chord)) if fresh && length < CHORD * last => chord,
+            chord => {
+                let chord = chord.map(|(_, chord)| chord);
+                potential.newton_step(&d, (&gradient, chord), tolerance, &mut kept, scratch)
+            }
+        };
         let length = longest(&newton);
         let slope = -dot(&gradient, &newton);
         if !length.is_finite() || !value.is_finite() {
@@ -172,15 +185,16 @@ impl Potential<'_> {
     }
 
     /// Solves ∂²Φ s = `gradient`, as far as ∂²Φ is positive. `kept` is the factor of an earlier matrix of this step, if there
-    /// is one; afterwards the one to go on with, or none where that did not lead to the end.
+    /// is one, and `chord` its solution, if that is known; afterwards the one to go on with, or none where that did not lead to the end.
     ///
     /// The kept factor preconditions conjugate gradients while it is near enough: as long as it promises, by how fast it was the last
     /// time, to keep within the limit of iterations. What they reached leads downwards in any case. Where the exact matrix H is not
     /// definite, a projected one P ≥ H is factorised: alone it would take short steps, but conjugate gradients with H lengthen them.
+    /// Factors are rounded, which conjugate gradients make up for at once.
     fn newton_step(
         &self,
         d: &[DVec3],
-        gradient: &Positions,
+        (gradient, chord): (&Positions, Option<Positions>),
         tolerance: f64,
         kept: &mut Option<Kept>,
         scratch: &mut Scratch,
@@ -195,7 +209,7 @@ impl Potential<'_> {
             Some(old) if old.slowness * digits > CG_LIMIT as f64 => scratch.recycle(old.factor),
             Some(old) => {
                 let (found, end, iterations) =
-                    self.iterate(&exact, &old.factor, gradient, tolerance, scratch);
+                    self.iterate(&exact, &old.factor, (gradient, chord), tolerance, scratch);
                 definite = end != End::Indefinite;
                 // Without an iteration it is a step by old curvature alone.
                 step = (iterations > 0).then_some(found);
@@ -206,42 +220,40 @@ impl Potential<'_> {
             }
         }
         let step = step.unwrap_or_else(|| {
-            match definite.then(|| analysis.definite(pattern, &exact, scratch)).flatten() {
-                Some(factor) => {
-                    let step = analysis.solve(pattern, &factor, gradient, scratch);
-                    *kept = Some(Kept { factor: scratch.round(factor), slowness: 0.0 });
-                    step
-                }
-                None => {
-                    let projected =
-                        hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Projected, scratch);
-                    let factor = analysis.factorize(pattern, &projected, scratch);
-                    scratch.recycle_matrix(projected);
-                    let (step, end, _) = self.iterate(&exact, &factor, gradient, tolerance, scratch);
-                    match end {
-                        End::Limit => scratch.recycle(factor),
-                        _ => *kept = Some(Kept { factor: scratch.round(factor), slowness: 0.0 }),
-                    }
-                    step
-                }
+            let of_exact = definite.then(|| analysis.definite_rounded(pattern, &exact, scratch)).flatten();
+            let is_exact = of_exact.is_some();
+            let factor = of_exact.unwrap_or_else(|| {
+                let projected =
+                    hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Projected, scratch);
+                let rounded = analysis.definite_rounded(pattern, &projected, scratch);
+                let factor = rounded.unwrap_or_else(|| analysis.factorize(pattern, &projected, scratch));
+                scratch.recycle_matrix(projected);
+                factor
+            });
+            let (step, end, _) = self.iterate(&exact, &factor, (gradient, None), tolerance, scratch);
+            match end {
+                End::Limit => scratch.recycle(factor),
+                _ => *kept = Some(Kept { factor, slowness: 0.0, exact: is_exact }),
             }
+            step
         });
         scratch.recycle_matrix(exact);
         step
     }
 
-    /// Solves `matrix` s = `gradient`, preconditioned with `factor`.
+    /// Solves `matrix` s = `gradient`, preconditioned with `factor`, whose own solution is the `chord`.
     fn iterate(
         &self,
         matrix: &BlockMatrix,
         factor: &Factor,
-        gradient: &Positions,
+        (gradient, mut chord): (&Positions, Option<Positions>),
         tolerance: f64,
         scratch: &mut Scratch,
     ) -> (Positions, End, usize) {
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
         let multiply = |p: &Positions| matrix.multiply(pattern, p);
-        let precondition = |r: &Positions| analysis.solve(pattern, factor, r, scratch);
+        let precondition =
+            |r: &Positions| chord.take().unwrap_or_else(|| analysis.solve(pattern, factor, r, scratch));
         conjugate_gradients(gradient, multiply, precondition, tolerance, CG_LIMIT)
     }
 }

@@ -9,6 +9,7 @@ use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
 use faer::{Accum, MatMut, Par, Spec};
 use rayon::prelude::*;
 
+use super::solve::Scalar;
 use super::{Child, Columns, Front, Fronts};
 
 /// Halves with fewer flops than this are eliminated one after the other: handing one over would cost more.
@@ -53,32 +54,32 @@ impl Fronts {
     ///
     /// `values` receives the columns of every front: L below the diagonal, D on it. Without pivoting: see
     /// [`Self::growth`] for whether that was sound.
-    pub(in crate::math) fn factorize(
+    pub(in crate::math) fn factorize<T: Scalar>(
         &self,
         columns: Columns,
         matrix: &[f64],
-        values: &mut [f64],
-        work: &mut [f64],
+        values: &mut [T],
+        work: &mut [T],
         definite: bool,
     ) -> Option<()> {
         self.eliminate(self.root(), columns, matrix, values, work, definite)
     }
 
     /// Eliminates a subtree; its update of the boundary is left at the start of `work`.
-    fn eliminate(
+    fn eliminate<T: Scalar>(
         &self,
         index: usize,
         columns: Columns,
         matrix: &[f64],
-        values: &mut [f64],
-        work: &mut [f64],
+        values: &mut [T],
+        work: &mut [T],
         definite: bool,
     ) -> Option<()> {
         let front = &self.fronts[index];
         let (subtrees, own) = values.split_at_mut(front.values[1] - front.values[0]);
-        own.fill(0.0);
+        own.fill(T::zero_impl());
         for p in columns.0[3 * front.first]..columns.0[3 * (front.first + front.own)] {
-            own[self.places[p] as usize] = matrix[p];
+            own[self.places[p] as usize] = T::from_f64_impl(matrix[p]);
         }
         let (update, work) = work.split_at_mut(front.update().pow(2));
         let mut second = 0;
@@ -116,7 +117,7 @@ impl Fronts {
         Some(())
     }
 
-    /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times 10⁻¹⁶.
+    /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times those of a number.
     /// Infinite if a value is not finite.
     pub(in crate::math) fn growth(&self, values: &[f64]) -> f64 {
         let front_growth = |front: &Front| {
@@ -146,7 +147,7 @@ impl Fronts {
 
 impl Child {
     /// Adds the columns of this child's `update` (lower triangle) that are own vertices of the parent.
-    fn add_to_own(&self, update: &[f64], side: usize, own: &mut [f64], height: usize) {
+    fn add_to_own<T: Scalar>(&self, update: &[T], side: usize, own: &mut [T], height: usize) {
         for first in 0..self.own_runs {
             let run = self.runs[first];
             for c in 0..run.len {
@@ -157,7 +158,7 @@ impl Child {
     }
 
     /// Adds the other columns.
-    fn add_to_update(&self, update: &[f64], side: usize, target: &mut [f64], parent: &Front) {
+    fn add_to_update<T: Scalar>(&self, update: &[T], side: usize, target: &mut [T], parent: &Front) {
         let (skip, height) = (parent.width(), parent.update());
         for first in self.own_runs..self.runs.len() {
             let run = self.runs[first];
@@ -169,7 +170,7 @@ impl Child {
     }
 
     /// Adds the rows from the diagonal on of the `c`-th column of run `first`; `target` begins at row `skip`.
-    fn add_column(&self, column: &[f64], first: usize, c: usize, skip: usize, target: &mut [f64]) {
+    fn add_column<T: Scalar>(&self, column: &[T], first: usize, c: usize, skip: usize, target: &mut [T]) {
         let mut add = |from: usize, to: usize, len: usize| {
             let target = target[to - skip..][..len].iter_mut();
             target.zip(&column[from..][..len]).for_each(|(t, v)| *t += v);
@@ -182,29 +183,29 @@ impl Child {
 
 impl Front {
     /// Eliminates the own columns; `update` is set to what they leave (lower triangle).
-    fn factorize(
+    fn factorize<T: Scalar>(
         &self,
-        own: &mut [f64],
-        update: &mut [f64],
-        scaled: &mut [f64],
+        own: &mut [T],
+        update: &mut [T],
+        scaled: &mut [T],
         definite: bool,
     ) -> Option<()> {
         let (k, n) = (self.width(), self.update());
         let l = MatMut::from_column_major_slice_mut(own, self.height(), k);
         let (mut top, mut bottom) = l.split_at_row_mut(k);
         // A few kilobytes, beside dense work of the third power.
-        let mut memory = MemBuffer::new(cholesky_in_place_scratch::<f64>(k, Par::Seq, Spec::default()));
+        let mut memory = MemBuffer::new(cholesky_in_place_scratch::<T>(k, Par::Seq, Spec::default()));
         let stack = MemStack::new(&mut memory);
         let plain = LdltRegularization::default();
         cholesky_in_place(top.as_mut(), plain, Par::Seq, stack, Spec::default()).ok()?;
-        if definite && !(0..k).all(|j| top[(j, j)] > 0.0) {
+        if definite && !(0..k).all(|j| top[(j, j)] > T::zero_impl()) {
             return None;
         }
         solve_unit_lower_triangular_in_place(top.as_ref(), bottom.as_mut().transpose_mut(), Par::Seq);
         let mut scaled = MatMut::from_column_major_slice_mut(scaled, n, k);
         scaled.copy_from(bottom.as_ref());
         for j in 0..k {
-            let inverse = 1.0 / top[(j, j)];
+            let inverse = T::one_impl() / top[(j, j)];
             bottom.as_mut().col_mut(j).iter_mut().for_each(|l| *l *= inverse);
         }
         triangular::matmul(
@@ -215,7 +216,7 @@ impl Front {
             BlockStructure::Rectangular,
             bottom.as_ref().transpose(),
             BlockStructure::Rectangular,
-            -1.0,
+            -T::one_impl(),
             Par::Seq,
         );
         Some(())

@@ -3,6 +3,8 @@
 //! *Loads*: for every front one row per scalar of its boundary. On the way up they are what the subtree's
 //! unknowns add to the boundary's right-hand sides, on the way down the boundary's solution.
 
+use std::ops::{AddAssign, Div, DivAssign, MulAssign};
+
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::{
     solve_unit_lower_triangular_in_place, solve_unit_upper_triangular_in_place,
@@ -15,8 +17,8 @@ use super::{Front, Fronts};
 /// Halves with fewer values than this are solved one after the other.
 const PARALLEL_VALUES: usize = 50_000;
 
-/// Numbers that a factor is solved with.
-pub trait Scalar: RealField + Copy + std::ops::AddAssign + std::ops::DivAssign {}
+/// Numbers that a factor is made of.
+pub trait Scalar: RealField + Copy + AddAssign + MulAssign + DivAssign + Div<Output = Self> {}
 
 impl Scalar for f32 {}
 impl Scalar for f64 {}
