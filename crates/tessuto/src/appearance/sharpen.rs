@@ -139,7 +139,7 @@ mod tests {
     fn checks([light, dark]: [f32; 2], roughness: f32, metallic: f32) -> Material {
         let mut material = Material::uniform(SIZE, SIZE, [0.0; 3], roughness, metallic);
         for (t, texel) in material.texels.iter_mut().enumerate() {
-            let base = if (t % SIZE / 4 + t / SIZE / 4) % 2 == 0 { light } else { dark };
+            let base = if (t % SIZE / 4 + t / SIZE / 4).is_multiple_of(2) { light } else { dark };
             texel[..3].copy_from_slice(&[base, 0.5 * base, base * base]);
         }
         material

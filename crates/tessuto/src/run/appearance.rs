@@ -4,6 +4,8 @@ use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use rayon::prelude::*;
+
 use super::observer::{Observer, Shared, Stage, kept_aside};
 use crate::appearance::{self, AppearanceSettings};
 use crate::config::{Config, Preset};
@@ -27,6 +29,9 @@ pub(super) const RERENDER: &str = "re-rendering";
 const WRITTEN: [&str; 3] = ["material", "rerendered", "metrics.json"];
 const CHANGED: [&str; 6] =
     ["material", "rerendered", "metrics.json", "log.json", "summary.json", "report.html"];
+
+/// Frames that are drawn again at a time.
+const TOGETHER: usize = 4;
 
 /// Whose motion is taken.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -196,18 +201,27 @@ pub(super) fn estimate(
     let maps = found.maps();
     let mut csv = String::from("frame,psnr_db\n");
     let mut sum = 0.0;
-    for (n, positions) in motion.iter().enumerate() {
+    // Frame by frame, so that one is drawn while another is compressed.
+    let draw = |n: usize| {
         let look = (&maps, &found.environment);
         let samples_per_pixel = settings.render_samples_per_pixel;
         let drawn =
-            appearance::rerender(scene, &rasterizer, &geometry, (n, positions), look, samples_per_pixel)?;
+            appearance::rerender(scene, &rasterizer, &geometry, (n, &motion[n]), look, samples_per_pixel)?;
         let frame = scene.first_frame + n;
         let file = |kind: &str| rerendered.partial().join(format!("{kind}_{frame:03}.png"));
         io::image::write_png(&file("rgb"), &drawn.rgb)?;
         io::image::write_png(&file("difference"), &drawn.difference)?;
-        let _ = writeln!(csv, "{frame},{:.3}", drawn.psnr);
-        sum += drawn.psnr;
-        session.advance(n + 1, motion.len());
+        Ok(drawn.psnr)
+    };
+    for start in (0..motion.len()).step_by(TOGETHER) {
+        let frames = start..(start + TOGETHER).min(motion.len());
+        let drawn: Vec<Result<f64>> = frames.clone().into_par_iter().map(draw).collect();
+        for (n, psnr) in frames.zip(drawn) {
+            let psnr = psnr?;
+            let _ = writeln!(csv, "{},{psnr:.3}", scene.first_frame + n);
+            sum += psnr;
+            session.advance(n + 1, motion.len());
+        }
     }
     io::atomic_write(&rerendered.partial().join("psnr.csv"), csv.as_bytes())?;
     session.end();
