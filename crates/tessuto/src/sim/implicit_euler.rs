@@ -99,11 +99,11 @@ pub(crate) fn step_near(
             *first_square.get_or_insert_with(|| dot(&gradient, &gradient).max(f64::MIN_POSITIVE));
         // Nearer to the minimum the quadratic model is worth a more exact solution.
         let tolerance = CG_TOLERANCE.min((dot(&gradient, &gradient) / first_square).sqrt());
-        let newton = match chord {
-            Some((length, chord)) if fresh && length < CHORD * last => chord,
+        let (newton, is_chord) = match chord {
+            Some((length, chord)) if fresh && length < CHORD * last => (chord, true),
             chord => {
                 let chord = chord.map(|(_, chord)| chord);
-                potential.newton_step(&d, (&gradient, chord), tolerance, &mut kept, scratch)
+                (potential.newton_step(&d, (&gradient, chord), tolerance, &mut kept, scratch), false)
             }
         };
         let length = longest(&newton);
@@ -130,7 +130,8 @@ pub(crate) fn step_near(
         let shrinks = length / last;
         let converges = whole && scale == 1.0 && shrinks < SHRINKS;
         let ahead = length * shrinks / settings.tolerance;
-        if (whole && length < settings.tolerance) || (converges && ahead < SURELY) {
+        // Behind a kink a chord is shorter than Newton's step: only a second one ends the search.
+        if !is_chord && ((whole && length < settings.tolerance) || (converges && ahead < SURELY)) {
             break;
         }
         nearly = converges && ahead < 1.0;
