@@ -29,16 +29,12 @@ const CG_LIMIT: usize = 5;
 /// would be less than so much of the tolerance. Springs whose stiffness jumps where they are compressed can make it longer.
 const SHRINKS: f64 = 0.25;
 const SURELY: f64 = 0.03;
-/// A step by the factor of the matrix of the last step is taken without a new matrix where it is at most this fraction of that.
-const CHORD: f64 = 0.02;
 
 /// The factor of an earlier matrix of a step, as a preconditioner.
 struct Kept {
     factor: Factor,
     /// Iterations of conjugate gradients that it took for every factor of e by which the residual's square fell; zero: not known.
     slowness: f64,
-    /// Of the exact matrix, not of a projected one, whose steps may be short far from the minimum.
-    exact: bool,
 }
 
 /// One step; see the module for the formulas and [`super::step::step`] for the arguments.
@@ -85,13 +81,11 @@ pub(crate) fn step_near(
     let mut nearly = false;
     for _ in 0..settings.newton_limit {
         let gradient = potential.gradient(&d);
-        let fresh = kept.as_ref().is_some_and(|kept| kept.exact && kept.slowness == 0.0);
-        let chord = kept.as_ref().filter(|_| nearly || fresh).map(|kept| {
-            let chord = cloth.analysis.solve(&cloth.pattern, &kept.factor, &gradient, scratch);
-            (longest(&chord), chord)
-        });
-        if let Some((_, chord)) = chord.as_ref().filter(|(length, _)| nearly && *length < settings.tolerance)
-        {
+        let chord = kept
+            .as_ref()
+            .filter(|_| nearly)
+            .map(|kept| cloth.analysis.solve(&cloth.pattern, &kept.factor, &gradient, scratch));
+        if let Some(chord) = chord.as_ref().filter(|chord| longest(chord) < settings.tolerance) {
             d.iter_mut().zip(chord).for_each(|(d, s)| *d -= *s);
             break;
         }
@@ -99,13 +93,7 @@ pub(crate) fn step_near(
             *first_square.get_or_insert_with(|| dot(&gradient, &gradient).max(f64::MIN_POSITIVE));
         // Nearer to the minimum the quadratic model is worth a more exact solution.
         let tolerance = CG_TOLERANCE.min((dot(&gradient, &gradient) / first_square).sqrt());
-        let (newton, is_chord) = match chord {
-            Some((length, chord)) if fresh && length < CHORD * last => (chord, true),
-            chord => {
-                let chord = chord.map(|(_, chord)| chord);
-                (potential.newton_step(&d, (&gradient, chord), tolerance, &mut kept, scratch), false)
-            }
-        };
+        let newton = potential.newton_step(&d, (&gradient, chord), tolerance, &mut kept, scratch);
         let length = longest(&newton);
         let slope = -dot(&gradient, &newton);
         if !length.is_finite() || !value.is_finite() {
@@ -130,8 +118,7 @@ pub(crate) fn step_near(
         let shrinks = length / last;
         let converges = whole && scale == 1.0 && shrinks < SHRINKS;
         let ahead = length * shrinks / settings.tolerance;
-        // Behind a kink a chord is shorter than Newton's step: only a second one ends the search.
-        if !is_chord && ((whole && length < settings.tolerance) || (converges && ahead < SURELY)) {
+        if (whole && length < settings.tolerance) || (converges && ahead < SURELY) {
             break;
         }
         nearly = converges && ahead < 1.0;
@@ -222,7 +209,6 @@ impl Potential<'_> {
         }
         let step = step.unwrap_or_else(|| {
             let of_exact = definite.then(|| analysis.definite_rounded(pattern, &exact, scratch)).flatten();
-            let is_exact = of_exact.is_some();
             let factor = of_exact.unwrap_or_else(|| {
                 let projected =
                     hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Projected, scratch);
@@ -234,7 +220,7 @@ impl Potential<'_> {
             let (step, end, _) = self.iterate(&exact, &factor, (gradient, None), tolerance, scratch);
             match end {
                 End::Limit => scratch.recycle(factor),
-                _ => *kept = Some(Kept { factor, slowness: 0.0, exact: is_exact }),
+                _ => *kept = Some(Kept { factor, slowness: 0.0 }),
             }
             step
         });
