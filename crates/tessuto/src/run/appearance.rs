@@ -201,7 +201,7 @@ pub(super) fn estimate(
     let maps = found.maps();
     let mut csv = String::from("frame,psnr_db\n");
     let mut sum = 0.0;
-    // Frame by frame, so that one is drawn while another is compressed.
+    // Frames side by side: one is drawn while another is compressed, which takes one thread.
     let draw = |n: usize| {
         let look = (&maps, &found.environment);
         let samples_per_pixel = settings.render_samples_per_pixel;
