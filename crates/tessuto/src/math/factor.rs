@@ -440,28 +440,22 @@ mod tests {
 
     #[test]
     fn bits_do_not_depend_on_threads() {
-        let (pattern, matrix, rhs) = system(31, 3.0, 5);
-        let analysis = Analysis::new(&pattern);
-        let solve = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| {
-                let mut scratch = Scratch::default();
-                let factor = analysis.factorize(&pattern, &matrix, &mut scratch);
-                analysis.solve(&pattern, &factor, &rhs, &mut scratch)
-            })
-        };
-        assert_eq!(solve(1), solve(4));
-        let (pattern, matrix, rhs) = system(31, 30.0, 5);
-        let analysis = Analysis::new(&pattern);
-        let solve = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| {
-                let mut scratch = Scratch::default();
-                let factor = analysis.definite_rounded(&pattern, &matrix, &mut scratch).unwrap();
-                analysis.solve(&pattern, &factor, &rhs, &mut scratch)
-            })
-        };
-        assert_eq!(solve(1), solve(4));
+        for (dominance, rounded) in [(3.0, false), (30.0, true)] {
+            let (pattern, matrix, rhs) = system(31, dominance, 5);
+            let analysis = Analysis::new(&pattern);
+            let solve = |threads: usize| {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+                pool.install(|| {
+                    let mut scratch = Scratch::default();
+                    let factor = match rounded {
+                        true => analysis.definite_rounded(&pattern, &matrix, &mut scratch).unwrap(),
+                        false => analysis.factorize(&pattern, &matrix, &mut scratch),
+                    };
+                    analysis.solve(&pattern, &factor, &rhs, &mut scratch)
+                })
+            };
+            assert_eq!(solve(1), solve(4));
+        }
     }
 
     #[test]
