@@ -26,6 +26,9 @@ use crate::session::{Epoch, Session, foreign_state, named};
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
 
+/// Rows of the light as the steps look it up, if its finest grid has no more: a table that stays in the caches.
+const TABLE_ROWS: usize = 64;
+
 /// What [`fit`] resumes from.
 #[derive(Serialize, Deserialize)]
 struct State {
@@ -111,6 +114,7 @@ pub fn fit(
     }
     let mut gradients = Gradients::default();
     let mut light = None;
+    let table_rows = settings.light_finest.max(TABLE_ROWS).min(settings.light_rows);
     let mut batch = Vec::with_capacity(settings.batch);
     let mut observed = Vec::with_capacity(settings.batch);
     for step in first..settings.steps {
@@ -130,7 +134,7 @@ pub fn fit(
         if step % REDRAW == 0 && step >= settings.steps * 2 / 5 {
             maps.find_metals();
         }
-        let environment = lighting.environment(settings.light_rows, colour);
+        let environment = lighting.environment(table_rows, colour);
         let light = match &mut light {
             Some(light) if step % REDRAW != 0 => light,
             other => other.insert(EnvironmentSampler::new(&environment, settings.uniform_fraction)),
@@ -144,9 +148,11 @@ pub fn fit(
         let step_seed = mix32(seed.wrapping_add(step as u32));
         batch.clear();
         observed.clear();
-        for k in 0..settings.batch {
-            let number = u64::from(mix32(step_seed.wrapping_add(k as u32)));
-            let i = ((number * seen.points.len() as u64) >> 32) as usize;
+        // One of each of as many equal parts of the pixels: in the order of frames and rows, neighbours share what is looked up.
+        for k in 0..settings.batch as u64 {
+            let within = u64::from(mix32(step_seed.wrapping_add(k as u32)));
+            let number = u128::from((k << 32) + within) * seen.points.len() as u128;
+            let i = ((number / settings.batch as u128) >> 32) as usize;
             batch.push(seen.points[i]);
             observed.push(seen.colours[i]);
         }
@@ -176,7 +182,7 @@ pub fn fit(
         let fall = settings.final_rate.powf((2.0 * at - 1.0).max(0.0));
         maps.step(&gradients.material, settings.map_rate * fall);
         let smoothness = settings.light_smoothness;
-        lighting.step(settings.light_rows, &gradients.light, colour, smoothness, settings.light_rate * fall);
+        lighting.step(table_rows, &gradients.light, colour, smoothness, settings.light_rate * fall);
         let epoch = Epoch {
             stage: "appearance".into(),
             step: step + 1,

@@ -79,7 +79,7 @@ settings! {
         /// Fraction of the light samples that are drawn uniformly over the sphere.
         uniform_fraction: f64 = 0.25, number(0.0..=1.0, "");
         /// Samples for each pixel of the final images, rounded up to a multiple of 8.
-        render_samples_per_pixel: usize = 24, number(8.0..=8e4, "");
+        render_samples_per_pixel: usize = 16, number(8.0..=8e4, "");
     }
 }
 

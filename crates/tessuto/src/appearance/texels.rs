@@ -120,9 +120,10 @@ impl Maps for Texels {
     fn step(&mut self, gradient: &[f32], rate: f64) {
         let n = self.size * self.size;
         let (diffuse, surfaces) = gradient.split_at(3 * n);
-        let mut total: Vec<f64> = diffuse.iter().copied().map(f64::from).collect();
-        let planes = self.diffuse.par_chunks_exact(n).zip(total.par_chunks_exact_mut(n));
-        planes.for_each(|(plane, total)| {
+        let mut total = vec![0.0; 3 * n];
+        let planes = self.diffuse.par_chunks_exact(n).zip(diffuse.par_chunks_exact(n));
+        planes.zip(total.par_chunks_exact_mut(n)).for_each(|((plane, gradient), total)| {
+            total.iter_mut().zip(gradient).for_each(|(t, g)| *t = f64::from(*g));
             add_variation_gradient(self.size, plane, self.prior.smoothness / n as f64, total);
         });
         if !self.metals.is_empty() {
@@ -132,9 +133,9 @@ impl Maps for Texels {
         }
         self.adam.set_learning_rate(rate);
         self.adam.step(&mut self.diffuse, &total, 1.0);
-        for (plane, [low, high]) in self.diffuse.chunks_exact_mut(n).zip(LIMITS) {
+        self.diffuse.par_chunks_exact_mut(n).zip(LIMITS).for_each(|(plane, [low, high])| {
             plane.iter_mut().for_each(|v| *v = v.clamp(low, high));
-        }
+        });
         self.surfaces.step(surfaces, &self.prior.surface, rate);
     }
 

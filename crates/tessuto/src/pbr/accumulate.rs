@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::gradient_sums::GradientSums;
 use super::material::CHANNELS;
+use super::shader::Numbers;
 use super::{RadianceEstimate, Shader, SurfacePoint};
 use crate::math::rng::mix32;
 
@@ -65,7 +66,7 @@ pub fn radiance_by_diffuse(
 ) -> Vec<[[f32; 3]; 2]> {
     let both = |estimate: &mut RadianceEstimate, (i, point): (usize, &SurfacePoint)| {
         let context = shader.shading_context(point);
-        shader.estimate_at(&context, point, key(seed, i, 0), samples_per_pixel, estimate);
+        shader.estimate_at(&context, point, Numbers::of(key(seed, i, 0)), samples_per_pixel, estimate);
         [estimate.colour, estimate.by_diffuse(&context.brdf)]
     };
     points.par_iter().enumerate().map_init(RadianceEstimate::default, both).collect()
@@ -112,7 +113,13 @@ fn accumulate_of<const K: usize>(
             let i = part * length + k;
             let context = shader.shading_context(point);
             for (k, estimate) in estimates.iter_mut().enumerate() {
-                shader.estimate_at(&context, point, key(seed, i, k as u32), samples_per_pixel, estimate);
+                shader.estimate_at(
+                    &context,
+                    point,
+                    Numbers::of(key(seed, i, k as u32)),
+                    samples_per_pixel,
+                    estimate,
+                );
             }
             let (value, adjoints) = loss(i, &std::array::from_fn(|k| estimates[k].colour));
             *own = value;
@@ -125,13 +132,18 @@ fn accumulate_of<const K: usize>(
     *total = parts.iter().map(|p| p.loss).sum();
     material.resize(CHANNELS * texels, 0.0);
     const BLOCK: usize = 1 << 14;
-    for (c, plane) in material.chunks_exact_mut(texels).enumerate() {
-        plane.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
-            for (k, value) in values.iter_mut().enumerate() {
-                *value = parts.iter().map(|p| p.material[block * BLOCK + k][c]).sum();
+    let mut planes: Vec<_> = material.chunks_exact_mut(texels).map(|p| p.chunks_mut(BLOCK)).collect();
+    let block = |_| std::array::from_fn(|c| planes[c].next().expect("every plane has as many blocks"));
+    let blocks: Vec<[&mut [f32]; CHANNELS]> = (0..texels.div_ceil(BLOCK)).map(block).collect();
+    blocks.into_par_iter().enumerate().for_each(|(block, mut planes)| {
+        for k in 0..planes[0].len() {
+            let mut sum = [0.0; 8];
+            for part in parts.iter() {
+                sum.iter_mut().zip(&part.material[block * BLOCK + k]).for_each(|(s, g)| *s += g);
             }
-        });
-    }
+            planes.iter_mut().zip(sum).for_each(|(plane, s)| plane[k] = s);
+        }
+    });
     light.resize(width * height, [0.0; 3]);
     light.par_chunks_mut(BLOCK).enumerate().for_each(|(block, values)| {
         for (k, value) in values.iter_mut().enumerate() {

@@ -1,9 +1,13 @@
 //! Material maps on the surface: bilinear lookup and its adjoint.
 
 use glam::DVec2;
+use rayon::prelude::*;
 
 /// Channels of a material: diffuse red, green, blue, roughness, metallic.
 pub const CHANNELS: usize = 5;
+
+/// Fewest texels of a parallel task.
+const TASK: usize = 1 << 14;
 
 /// Maps in uv space. Row 0 is v = 1: the point (u, v) lies at texel coordinates x = u·width − ½,
 /// y = (1 − v)·height − ½, whole numbers being texel centres. Outside the outermost centres the maps go on
@@ -69,9 +73,13 @@ impl Material {
 
     /// Replaces the first channels by `planes`, shape [K, height, width].
     pub fn set_planes(&mut self, planes: &[f32]) {
-        for (c, plane) in planes.chunks_exact(self.texels.len()).enumerate() {
-            self.texels.iter_mut().zip(plane).for_each(|(texel, value)| texel[c] = *value);
-        }
+        let n = self.texels.len();
+        self.texels.par_iter_mut().enumerate().with_min_len(TASK).for_each(|(t, texel)| {
+            texel
+                .iter_mut()
+                .zip(planes[t..].iter().step_by(n))
+                .for_each(|(channel, value)| *channel = *value);
+        });
     }
 
     /// One plane per channel, shape [[`CHANNELS`], height, width].

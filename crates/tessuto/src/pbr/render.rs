@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::denoise::{Lit, RADIUS, denoise};
+use super::shader::{LANES, Numbers};
 use super::{EnvironmentSampler, Geometry, Material, RadianceEstimate, Shader, visible_points};
 use crate::camera::Camera;
 use crate::image::Image;
@@ -44,13 +45,9 @@ pub fn render_frame(
         .with_min_len(256)
         .map_init(RadianceEstimate::default, |estimate, (pixel, point)| {
             let context = shader.shading_context(point);
-            shader.estimate_at(
-                &context,
-                point,
-                mix32(seed.wrapping_add(*pixel)),
-                samples_per_pixel,
-                estimate,
-            );
+            let place = [*pixel as usize % camera.width, *pixel as usize / camera.width];
+            let numbers = shared_numbers(seed, place, samples_per_pixel);
+            shader.estimate_at(&context, point, numbers, samples_per_pixel, estimate);
             let brdf = &context.brdf;
             let lit = Lit {
                 position: point.position,
@@ -89,4 +86,46 @@ pub fn render_frame(
         }
     }
     image
+}
+
+/// Pixels along the side of a square that shares its random numbers; a power of two.
+const SHARED: usize = 16;
+
+/// Random numbers of the pixel at `[column, row]`: those of a square of pixels follow one another along a Z-curve, so that averages
+/// over neighbours are of directions that are spread evenly.
+fn shared_numbers(seed: u32, [x, y]: [usize; 2], samples_per_pixel: usize) -> Numbers {
+    let square = mix32(seed.wrapping_add((x / SHARED) as u32)).wrapping_add((y / SHARED) as u32);
+    let bits = SHARED.ilog2() as usize;
+    let place: usize = (0..bits).map(|b| (x >> b & 1) << (2 * b) | (y >> b & 1) << (2 * b + 1)).sum();
+    Numbers { key: mix32(square), first: place * samples_per_pixel.div_ceil(LANES) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    #[test]
+    fn every_square_of_pixels_has_a_run_of_numbers_of_its_own() {
+        let (width, samples) = (4 * SHARED, 2 * LANES);
+        let mut keys: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for i in 0..width * width {
+            let numbers = shared_numbers(9, [i % width, i / width], samples);
+            keys.entry(numbers.key).or_default().push(numbers.first);
+        }
+        // Sixteen large squares, each with all of its numbers once.
+        assert_eq!(keys.len(), 16);
+        for firsts in keys.values_mut() {
+            firsts.sort_unstable();
+            assert!(firsts.iter().enumerate().all(|(i, first)| *first == 2 * i));
+        }
+        // So have the small squares within: sixteen pixels, sixteen neighbours of the sequence.
+        for corner in [[0, 0], [4, 8], [12, 12]] {
+            let inside =
+                (0..16).map(|i| shared_numbers(9, [corner[0] + i % 4, corner[1] + i / 4], samples).first);
+            let (low, high) = inside.fold((usize::MAX, 0), |(l, h), f| (l.min(f), h.max(f)));
+            assert_eq!(high - low, 2 * 15, "{corner:?}");
+        }
+    }
 }

@@ -68,6 +68,21 @@ impl RadianceEstimate {
     }
 }
 
+/// Which random numbers a point takes: those of `key`, from bundle number `first` on. Points with the same key whose bundles
+/// follow one another fill the directions evenly together.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Numbers {
+    pub key: u32,
+    pub first: usize,
+}
+
+impl Numbers {
+    /// A key's own.
+    pub fn of(key: u32) -> Self {
+        Self { key, first: 0 }
+    }
+}
+
 /// The point's own quantities, the same for all directions.
 pub(super) struct ShadingContext {
     pub brdf: Brdf,
@@ -103,14 +118,14 @@ impl Shader<'_> {
         samples_per_pixel: usize,
         out: &mut RadianceEstimate,
     ) {
-        self.estimate_at(&self.shading_context(point), point, key, samples_per_pixel, out);
+        self.estimate_at(&self.shading_context(point), point, Numbers::of(key), samples_per_pixel, out);
     }
 
     pub(super) fn estimate_at(
         &self,
         context: &ShadingContext,
         point: &SurfacePoint,
-        key: u32,
+        Numbers { key, first }: Numbers,
         samples_per_pixel: usize,
         out: &mut RadianceEstimate,
     ) {
@@ -121,7 +136,7 @@ impl Shader<'_> {
         let scale = f32x8::splat(1.0 / (bundles * LANES) as f32);
         let offsets: [u32; 6] = std::array::from_fn(|d| mix32(key.wrapping_add((d as u32) << 28)));
         for bundle in 0..bundles {
-            let numbers: [u32x8; 6] = std::array::from_fn(|d| additive(offsets[d], STEPS[d], bundle));
+            let numbers: [u32x8; 6] = std::array::from_fn(|d| additive(offsets[d], STEPS[d], first + bundle));
             let [pick, across, down, lobe, u, v] = numbers;
             let (light_texels, from_light) = self.light.sample(pick, unit(across), unit(down));
             let local_light = rotate(&context.axes, &from_light);
