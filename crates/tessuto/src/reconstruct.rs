@@ -8,6 +8,7 @@ use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolate
 use crate::motion::inverse::stiffness::fit_material;
 use crate::motion::parameters::Parameters;
 use crate::motion::rollout::RolloutFit;
+use crate::motion::rollout::compared::Compared;
 use crate::motion::spacetime;
 use crate::motion::texture::{Window, fit_texture};
 use crate::raster::{Rasterizer, Texture};
@@ -52,7 +53,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     }
     let window = Window::around(&scene.template.uvs, config.texture.size);
     // The published program's renderer, whose losses are weighted for it.
-    let one_sided = config.method == Method::Rollout && config.rollout.one_sided_silhouettes;
+    let by_simulation = config.method == Method::Rollout;
+    let one_sided = by_simulation && config.rollout.one_sided_silhouettes;
+    let outline_margin = if by_simulation { config.rollout.outline_margin } else { 0.0 };
     let mut rasterizer = Rasterizer::new(&scene.template).one_sided(one_sided);
     rasterizer.uvs_mut().iter_mut().for_each(|uv| *uv = window.uv(*uv));
     let template = &scene.template.positions;
@@ -81,6 +84,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         cloth: &cloth,
         rasterizer: &rasterizer,
         texture: &texture,
+        compared: Compared::within(scene, outline_margin)?,
         dynamics: config.dynamics.at(scene.fps),
         settings: &config.rollout,
     };

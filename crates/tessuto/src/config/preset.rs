@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Preset {
-    /// The published method.
+    /// The published method, in steps small enough for long clips and without the rims of the masks.
     Saft,
     /// All frames at once, then what moved the fabric: stiffness, gravity, air, what holds it.
     Default,

@@ -71,7 +71,7 @@ impl OutlineDistance {
 
 /// Exact Euclidean distance of every pixel to the nearest pixel with `inside == target`
 /// (Felzenszwalb and Huttenlocher 2012, "Distance Transforms of Sampled Functions"), cut at 2·REACH.
-fn distance(inside: &[bool], target: bool, width: usize, height: usize) -> Vec<f32> {
+pub fn distance(inside: &[bool], target: bool, width: usize, height: usize) -> Vec<f32> {
     let far = 4.0 * REACH * REACH;
     let mut sq: Vec<f32> = inside.iter().map(|&i| if i == target { 0.0 } else { far }).collect();
     let mut line = vec![0.0; width.max(height)];

@@ -1,5 +1,7 @@
 //! The losses of the rollout fit and their gradients.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::mesh::Positions;
@@ -54,10 +56,11 @@ impl Losses {
 }
 
 /// Colour and mask loss of one frame: means over the crop's pixels (and channels) of the squared
-/// differences. `grad_rgba` is set to `scale`·∂(weighted sum)/∂rgba.
+/// differences, which count as none outside of the runs of pixels `compared`. `grad_rgba` is set to `scale`·∂(weighted sum)/∂rgba.
 pub fn image_loss(
     rgba: &[[f32; 4]],
     frame: &Frame,
+    compared: &[Range<usize>],
     weights: &LossWeights,
     scale: f64,
     grad_rgba: &mut Vec<[f32; 4]>,
@@ -67,13 +70,18 @@ pub fn image_loss(
     let mask_scale = (2.0 * scale * weights.silhouette / pixels) as f32;
     let (mut colour, mut silhouette) = (0.0, 0.0);
     grad_rgba.clear();
-    let observed = frame.rgb.data.chunks_exact(3).zip(&frame.mask.data);
-    grad_rgba.extend(rgba.iter().zip(observed).map(|(rendered, (rgb, &mask))| {
-        let d = [rendered[0] - rgb[0], rendered[1] - rgb[1], rendered[2] - rgb[2], rendered[3] - mask];
-        colour += f64::from(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-        silhouette += f64::from(d[3] * d[3]);
-        [d[0] * colour_scale, d[1] * colour_scale, d[2] * colour_scale, d[3] * mask_scale]
-    }));
+    grad_rgba.resize(rgba.len(), [0.0; 4]);
+    for run in compared {
+        let observed = frame.rgb.data[3 * run.start..3 * run.end].chunks_exact(3);
+        let observed = observed.zip(&frame.mask.data[run.clone()]);
+        let pixels = grad_rgba[run.clone()].iter_mut().zip(&rgba[run.clone()]).zip(observed);
+        for ((gradient, rendered), (rgb, &mask)) in pixels {
+            let d = [rendered[0] - rgb[0], rendered[1] - rgb[1], rendered[2] - rgb[2], rendered[3] - mask];
+            colour += f64::from(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
+            silhouette += f64::from(d[3] * d[3]);
+            *gradient = [d[0] * colour_scale, d[1] * colour_scale, d[2] * colour_scale, d[3] * mask_scale];
+        }
+    }
     [colour / (3.0 * pixels), silhouette / pixels]
 }
 

@@ -6,6 +6,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+pub mod compared;
 mod guard;
 pub(crate) mod losses;
 
@@ -22,6 +23,7 @@ use crate::sim::{
     Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
 };
 use crate::video::Frame;
+use compared::Compared;
 use guard::DivergenceGuard;
 use losses::{LOSS_FLOOR, LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
 
@@ -40,6 +42,9 @@ settings! {
         frozen_rays: bool = true, flag();
         /// Leave the pixels beside the fabric unblended, as the published program does; half of the gradient of the silhouettes.
         one_sided_silhouettes: bool = true, flag();
+        /// Pixels nearer to the outline of the mask than this part of the fabric's size are not compared: hems and folds finer than the mesh
+        /// open there. 0 compares all, as the published program does, and is for fabric without a print.
+        outline_margin: f64 = 0.0, number(0.0..=0.1, "");
         /// Optimise the stiffnesses; otherwise they keep their start.
         optimise_material: bool = true, flag();
         /// Learning rate of the log10 stiffnesses.
@@ -52,6 +57,8 @@ settings! {
         wind_rate: f64 = 0.05, number(0.0..=100.0, "m/s");
         /// Learning rate of the dynamic accelerations D.
         dynamic_rate: f64 = 0.2, number(0.0..=1e9, "m/s²");
+        /// Frames that the rates are for: with more of them all rates fall in proportion, for a force moves all frames after it.
+        rated_frames: usize = 1_000_000, number(1.0..=1e6, "");
         /// Fixed limit of the norm of every group's gradient.
         clip_limit: f64 = 1000.0, number(1e-9..=1e12, "");
         /// Quantile of the recent gradient norms that limits the next one.
@@ -71,6 +78,11 @@ impl RolloutSettings {
         frames.saturating_sub(self.first_frames) * self.epochs_per_frame + self.last_epochs
     }
 
+    /// Factor on the rates of an epoch that looks at `active` frames.
+    fn rate(&self, active: usize) -> f64 {
+        (self.rated_frames as f64 / active as f64).min(1.0)
+    }
+
     /// How many of `frames` frames epoch number `epoch`, counted from 0, looks at.
     fn active_frames(&self, frames: usize, epoch: usize) -> usize {
         (self.first_frames + epoch.div_ceil(self.epochs_per_frame)).min(frames)
@@ -87,6 +99,8 @@ pub struct RolloutFit<'a> {
     pub rasterizer: &'a Rasterizer,
     /// The cloth's texture.
     pub texture: &'a Texture,
+    /// The pixels that are looked at.
+    pub compared: Compared,
     /// The dynamics.
     pub dynamics: Dynamics,
     /// Settings.
@@ -247,8 +261,9 @@ impl RolloutFit<'_> {
             };
             if epoch < self.epoch_count() {
                 let before = recorded(&state.parameters);
-                self.descend(state, &gradients, guard.rate);
-                let record = self.epoch_record(epoch, active, &gradients, before, guard.rate);
+                let rate = guard.rate * self.settings.rate(active);
+                self.descend(state, &gradients, rate);
+                let record = self.epoch_record(epoch, active, &gradients, before, rate);
                 session.step(&record, &gradients.motion, Some(&run))?;
             }
         }
@@ -339,7 +354,7 @@ impl RolloutFit<'_> {
         let share = 1.0 / active as f64;
         let frames = self.scene.frames.map(0..active, FrameScratch::default, |scratch, n| {
             let frame = self.scene.frames.frame(n)?;
-            Ok(self.frame_loss(scratch, &motion.frames[n], &frame, &stiffness, share))
+            Ok(self.frame_loss(scratch, &motion.frames[n], (n, &frame), &stiffness, share))
         })?;
         let mut losses = Losses::default();
         for f in &frames {
@@ -394,15 +409,16 @@ impl RolloutFit<'_> {
         &self,
         scratch: &mut FrameScratch,
         x: &Positions,
-        frame: &Frame,
+        (n, frame): (usize, &Frame),
         stiffness: &Stiffness,
         share: f64,
     ) -> FrameLoss {
         let (camera, weights) = (&self.scene.camera, &self.settings.weights);
         let mut gradients = Gradients::new(self.rasterizer);
         self.rasterizer.render(camera, x, self.texture, &mut scratch.rendering);
+        let compared = self.compared.frame(n);
         let [colour, silhouette] =
-            image_loss(&scratch.rendering.rgba, frame, weights, share, &mut scratch.grad_rgba);
+            image_loss(&scratch.rendering.rgba, frame, compared, weights, share, &mut scratch.grad_rgba);
         self.rasterizer.render_vjp(
             camera,
             x,
@@ -477,6 +493,12 @@ mod tests {
         let active: Vec<usize> = (0..260).map(|e| settings.active_frames(50, e)).collect();
         assert_eq!(active[..7], [2, 3, 3, 3, 3, 3, 4]);
         assert_eq!(active.iter().filter(|&&a| a == 50).count(), 24);
+    }
+
+    #[test]
+    fn a_step_moves_the_last_frame_no_farther_for_more_frames() {
+        let settings = RolloutSettings { rated_frames: 16, ..RolloutSettings::default() };
+        assert_eq!([2, 16, 32, 64].map(|active| settings.rate(active)), [1.0, 1.0, 0.5, 0.25]);
     }
 
     #[test]

@@ -1,0 +1,85 @@
+//! Which pixels the rollout fit compares.
+//!
+//! The outline of a mesh is where it says least: hems and folds narrower than its cells open and turn in, masks are ragged there, and
+//! cloth that hardly stretches has to leave its place for it. Half a cell of the published meshes, 2 % of the fabric's size, is such a
+//! rim.
+
+use std::ops::Range;
+
+use crate::error::Result;
+use crate::image::Image;
+use crate::motion::observed::outline_distance::distance;
+use crate::scene::Scene;
+
+/// The pixels that are compared, as runs of their indices.
+#[derive(Debug, Clone)]
+pub struct Compared {
+    /// Of the frames that have none of their own.
+    everywhere: [Range<usize>; 1],
+    frames: Vec<Vec<Range<usize>>>,
+}
+
+impl Compared {
+    /// All of `pixel_count` pixels.
+    pub fn all(pixel_count: usize) -> Self {
+        Self { everywhere: [0..pixel_count], frames: Vec::new() }
+    }
+
+    /// The pixels farther inside the masks than `margin` times the fabric's size, the root of the area of its first mask; all pixels
+    /// if `margin` is zero.
+    ///
+    /// # Errors
+    /// Those of reading the frames.
+    pub fn within(scene: &Scene, margin: f64) -> Result<Self> {
+        let mut compared = Self::all(scene.camera.width * scene.camera.height);
+        if margin > 0.0 {
+            let area: f32 = scene.frames.frame(0)?.mask.data.iter().sum();
+            let margin = (margin * f64::from(area).sqrt()) as f32;
+            let runs = |_: &mut (), n| Ok(inner(&scene.frames.frame(n)?.mask, margin));
+            compared.frames = scene.frames.map(0..scene.frames.len(), || (), runs)?;
+        }
+        Ok(compared)
+    }
+
+    /// The runs of frame `n`.
+    pub fn frame(&self, n: usize) -> &[Range<usize>] {
+        self.frames.get(n).map_or(&self.everywhere, Vec::as_slice)
+    }
+}
+
+/// Runs of the pixels of `mask` that are fabric and farther than `margin` `[px]` from every pixel that is not.
+fn inner(mask: &Image, margin: f32) -> Vec<Range<usize>> {
+    let fabric: Vec<bool> = mask.data.iter().map(|&m| m >= 0.5).collect();
+    let to_background = distance(&fabric, false, mask.width, mask.height);
+    let mut runs: Vec<Range<usize>> = Vec::new();
+    for k in (0..fabric.len()).filter(|&k| to_background[k] > margin) {
+        match runs.last_mut() {
+            Some(run) if run.end == k => run.end += 1,
+            _ => runs.push(k..k + 1),
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rim_of_the_mask_is_left_out() {
+        let mut mask = Image::new(12, 9, 1);
+        for y in 0..9 {
+            for x in 2..12 {
+                mask.pixel_mut(x, y)[0] = 1.0;
+            }
+        }
+        mask.pixel_mut(8, 4)[0] = 0.0;
+        let runs = inner(&mask, 2.0);
+        for k in 0..12 * 9 {
+            let (x, y) = ((k % 12) as f32, (k / 12) as f32);
+            // Away from the column beside the fabric and from the hole; the image's border is no outline.
+            let expected = x - 1.0 > 2.0 && (x - 8.0).hypot(y - 4.0) > 2.0;
+            assert_eq!(runs.iter().any(|run| run.contains(&k)), expected, "pixel {x}, {y}");
+        }
+    }
+}
