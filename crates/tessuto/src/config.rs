@@ -224,6 +224,7 @@ impl Config {
                 // Where it leaves what was published, so as to reach it: see docs/experiments/methods.md.
                 let rollout = RolloutSettings {
                     outline_margin: 0.02,
+                    epochs_per_frame: 8,
                     rated_frames: 10,
                     stiffness_rate: 0.005,
                     ..default.rollout
