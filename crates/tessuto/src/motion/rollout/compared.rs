@@ -15,14 +15,14 @@ use crate::scene::Scene;
 #[derive(Debug, Clone)]
 pub struct Compared {
     /// Of the frames that have none of their own.
-    everywhere: [Range<usize>; 1],
+    everywhere: Range<usize>,
     frames: Vec<Vec<Range<usize>>>,
 }
 
 impl Compared {
     /// All of `pixel_count` pixels.
     pub fn all(pixel_count: usize) -> Self {
-        Self { everywhere: [0..pixel_count], frames: Vec::new() }
+        Self { everywhere: 0..pixel_count, frames: Vec::new() }
     }
 
     /// The pixels farther inside the masks than `margin` times the fabric's size, the root of the area of its first mask; all pixels
@@ -43,7 +43,7 @@ impl Compared {
 
     /// The runs of frame `n`.
     pub fn frame(&self, n: usize) -> &[Range<usize>] {
-        self.frames.get(n).map_or(&self.everywhere, Vec::as_slice)
+        self.frames.get(n).map_or(std::slice::from_ref(&self.everywhere), Vec::as_slice)
     }
 }
 
