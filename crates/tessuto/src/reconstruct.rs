@@ -52,10 +52,10 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         surrogate::lattice(&cloth)?;
     }
     let window = Window::around(&scene.template.uvs, config.texture.size);
-    // The published program's renderer, whose losses are weighted for it.
     let by_simulation = config.method == Method::Rollout;
-    let one_sided = by_simulation && config.rollout.one_sided_silhouettes;
     let outline_margin = if by_simulation { config.rollout.outline_margin } else { 0.0 };
+    // The published program's renderer, whose losses are weighted for it.
+    let one_sided = by_simulation && config.rollout.one_sided_silhouettes;
     let mut rasterizer = Rasterizer::new(&scene.template).one_sided(one_sided);
     rasterizer.uvs_mut().iter_mut().for_each(|uv| *uv = window.uv(*uv));
     let template = &scene.template.positions;

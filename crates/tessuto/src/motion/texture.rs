@@ -1,5 +1,7 @@
 //! The texture that the first frame shows.
 
+use std::slice::from_ref;
+
 use glam::DVec2;
 use rayon::prelude::*;
 
@@ -13,7 +15,6 @@ use crate::session::{Epoch, Session, named};
 use crate::settings::settings;
 use crate::video::Frame;
 
-use super::rollout::compared::Compared;
 use super::rollout::losses::{LOSS_FLOOR, LossWeights, image_loss};
 
 settings! {
@@ -104,7 +105,7 @@ pub fn fit_texture(
     let weights = LossWeights { colour: 1.0, silhouette: 0.0, ..LossWeights::default() };
     let mut texture = Texture::uniform(settings.size, settings.size, [0.5; 3]);
     let mut parameters = vec![0.5; 3 * settings.size * settings.size];
-    let compared = Compared::all(frame.mask.data.len());
+    let all = 0..frame.mask.data.len();
     let mut clip = GradientClip::new(settings.clip_limit, settings.clip_quantile, settings.clip_history);
     let mut adam = Adam::new(parameters.len(), settings.learning_rate);
     let (mut rendering, mut grad_rgba) = (Rendering::new(), Vec::new());
@@ -112,8 +113,7 @@ pub fn fit_texture(
     let mut gradient = vec![0.0; parameters.len()];
     for epoch in 0..settings.epochs {
         rasterizer.render(camera, shape, &texture, &mut rendering);
-        let [colour, _] =
-            image_loss(&rendering.rgba, frame, compared.frame(0), &weights, 1.0, &mut grad_rgba);
+        let [colour, _] = image_loss(&rendering.rgba, frame, from_ref(&all), &weights, 1.0, &mut grad_rgba);
         if !colour.is_finite() {
             return Err(not_finite(epoch + 1, colour, frame));
         }

@@ -28,8 +28,8 @@ impl OutlineDistance {
         let mask = small.as_ref().unwrap_or(mask);
         let (w, h) = (mask.width, mask.height);
         let inside: Vec<bool> = mask.data.iter().map(|&m| m >= 0.5).collect();
-        let to_background = distance(&inside, false, w, h);
-        let to_fabric = distance(&inside, true, w, h);
+        let to_background = distance(&inside, false, [w, h], 2.0 * REACH);
+        let to_fabric = distance(&inside, true, [w, h], 2.0 * REACH);
         // Pixel centres on both sides of the outline are half a pixel from it.
         let cut = |distance: f32| ((distance - 0.5) * scale as f32).min(REACH);
         let signed = |i: usize| match inside[i] {
@@ -70,9 +70,9 @@ impl OutlineDistance {
 }
 
 /// Exact Euclidean distance of every pixel to the nearest pixel with `inside == target`
-/// (Felzenszwalb and Huttenlocher 2012, "Distance Transforms of Sampled Functions"), cut at 2·REACH.
-pub fn distance(inside: &[bool], target: bool, width: usize, height: usize) -> Vec<f32> {
-    let far = 4.0 * REACH * REACH;
+/// (Felzenszwalb and Huttenlocher 2012, "Distance Transforms of Sampled Functions"), cut at `reach`.
+pub fn distance(inside: &[bool], target: bool, [width, height]: [usize; 2], reach: f32) -> Vec<f32> {
+    let far = reach * reach;
     let mut sq: Vec<f32> = inside.iter().map(|&i| if i == target { 0.0 } else { far }).collect();
     let mut line = vec![0.0; width.max(height)];
     let mut hull = Hull::default();
@@ -136,7 +136,7 @@ mod tests {
         let (w, h) = (23, 17);
         let mut rng = Rng::new(4, 0);
         let inside: Vec<bool> = (0..w * h).map(|_| rng.uniform() < 0.1).collect();
-        let fast = distance(&inside, true, w, h);
+        let fast = distance(&inside, true, [w, h], 2.0 * REACH);
         for i in 0..w * h {
             let sq = |j: usize| (i % w).abs_diff(j % w).pow(2) + (i / w).abs_diff(j / w).pow(2);
             let nearest = (0..w * h).filter(|&j| inside[j]).map(sq).min().unwrap();

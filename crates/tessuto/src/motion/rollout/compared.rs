@@ -20,25 +20,20 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// All of `pixel_count` pixels.
-    pub fn all(pixel_count: usize) -> Self {
-        Self { everywhere: 0..pixel_count, frames: Vec::new() }
-    }
-
     /// The pixels farther inside the masks than `margin` times the fabric's size, the root of the area of its first mask; all pixels
     /// if `margin` is zero.
     ///
     /// # Errors
     /// Those of reading the frames.
     pub fn within(scene: &Scene, margin: f64) -> Result<Self> {
-        let mut compared = Self::all(scene.camera.width * scene.camera.height);
-        if margin > 0.0 {
-            let area: f32 = scene.frames.frame(0)?.mask.data.iter().sum();
-            let margin = (margin * f64::from(area).sqrt()) as f32;
-            let runs = |_: &mut (), n| Ok(inner(&scene.frames.frame(n)?.mask, margin));
-            compared.frames = scene.frames.map(0..scene.frames.len(), || (), runs)?;
+        let everywhere = 0..scene.camera.width * scene.camera.height;
+        if margin == 0.0 {
+            return Ok(Self { everywhere, frames: Vec::new() });
         }
-        Ok(compared)
+        let area: f32 = scene.frames.frame(0)?.mask.data.iter().sum();
+        let margin = (margin * f64::from(area).sqrt()) as f32;
+        let runs = |_: &mut (), n| Ok(inner(&scene.frames.frame(n)?.mask, margin));
+        Ok(Self { everywhere, frames: scene.frames.map(0..scene.frames.len(), || (), runs)? })
     }
 
     /// The runs of frame `n`.
@@ -50,7 +45,7 @@ impl Compared {
 /// Runs of the pixels of `mask` that are fabric and farther than `margin` `[px]` from every pixel that is not.
 fn inner(mask: &Image, margin: f32) -> Vec<Range<usize>> {
     let fabric: Vec<bool> = mask.data.iter().map(|&m| m >= 0.5).collect();
-    let to_background = distance(&fabric, false, mask.width, mask.height);
+    let to_background = distance(&fabric, false, [mask.width, mask.height], margin + 1.0);
     let mut runs: Vec<Range<usize>> = Vec::new();
     for k in (0..fabric.len()).filter(|&k| to_background[k] > margin) {
         match runs.last_mut() {
@@ -68,12 +63,9 @@ mod tests {
     #[test]
     fn a_rim_of_the_mask_is_left_out() {
         let mut mask = Image::new(12, 9, 1);
-        for y in 0..9 {
-            for x in 2..12 {
-                mask.pixel_mut(x, y)[0] = 1.0;
-            }
-        }
-        mask.pixel_mut(8, 4)[0] = 0.0;
+        let hole = 4 * 12 + 8;
+        let pixels = mask.data.iter_mut().enumerate();
+        pixels.for_each(|(k, fabric)| *fabric = f32::from(u8::from(k % 12 >= 2 && k != hole)));
         let runs = inner(&mask, 2.0);
         for k in 0..12 * 9 {
             let (x, y) = ((k % 12) as f32, (k / 12) as f32);
@@ -81,5 +73,12 @@ mod tests {
             let expected = x - 1.0 > 2.0 && (x - 8.0).hypot(y - 4.0) > 2.0;
             assert_eq!(runs.iter().any(|run| run.contains(&k)), expected, "pixel {x}, {y}");
         }
+    }
+
+    #[test]
+    fn a_margin_may_be_wide() {
+        let mut mask = Image::new(400, 1, 1);
+        mask.data[1..].fill(1.0);
+        assert_eq!(inner(&mask, 150.0)[0], 151..400);
     }
 }

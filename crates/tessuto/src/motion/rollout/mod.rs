@@ -496,7 +496,7 @@ mod tests {
     }
 
     #[test]
-    fn a_step_moves_the_last_frame_no_farther_for_more_frames() {
+    fn rates_fall_as_frames_join() {
         let settings = RolloutSettings { rated_frames: 16, ..RolloutSettings::default() };
         assert_eq!([2, 16, 32, 64].map(|active| settings.rate(active)), [1.0, 1.0, 0.5, 0.25]);
     }
