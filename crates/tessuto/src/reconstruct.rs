@@ -84,7 +84,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         cloth: &cloth,
         rasterizer: &rasterizer,
         texture: &texture,
-        compared: Compared::within(scene, outline_margin)?,
+        compared: Compared::away_from_outlines(scene, outline_margin)?,
         dynamics: config.dynamics.at(scene.fps),
         settings: &config.rollout,
     };

@@ -92,7 +92,7 @@ fn check_whole_loss(preset: Preset) {
         cloth: &cloth,
         rasterizer: &rasterizer,
         texture: &texture,
-        compared: Compared::within(&scene, margin).unwrap(),
+        compared: Compared::away_from_outlines(&scene, margin).unwrap(),
         dynamics,
         settings: &settings,
     };

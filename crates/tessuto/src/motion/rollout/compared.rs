@@ -20,19 +20,19 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// The pixels farther inside the masks than `margin` times the fabric's size, the root of the area of its first mask; all pixels
-    /// if `margin` is zero.
+    /// The pixels farther from the outlines of the masks, inside and outside, than `margin` times the fabric's size, the root of the area
+    /// of its first mask; all pixels if `margin` is zero.
     ///
     /// # Errors
     /// Those of reading the frames.
-    pub fn within(scene: &Scene, margin: f64) -> Result<Self> {
+    pub fn away_from_outlines(scene: &Scene, margin: f64) -> Result<Self> {
         let everywhere = 0..scene.camera.width * scene.camera.height;
         if margin == 0.0 {
             return Ok(Self { everywhere, frames: Vec::new() });
         }
         let area: f32 = scene.frames.frame(0)?.mask.data.iter().sum();
         let margin = (margin * f64::from(area).sqrt()) as f32;
-        let runs = |_: &mut (), n| Ok(inner(&scene.frames.frame(n)?.mask, margin));
+        let runs = |_: &mut (), n| Ok(away_from_outline(&scene.frames.frame(n)?.mask, margin));
         Ok(Self { everywhere, frames: scene.frames.map(0..scene.frames.len(), || (), runs)? })
     }
 
@@ -42,12 +42,13 @@ impl Compared {
     }
 }
 
-/// Runs of the pixels of `mask` that are fabric and farther than `margin` `[px]` from every pixel that is not.
-fn inner(mask: &Image, margin: f32) -> Vec<Range<usize>> {
+/// Runs of the pixels of `mask` that are farther than `margin` `[px]` from every pixel of the other kind, fabric or background.
+fn away_from_outline(mask: &Image, margin: f32) -> Vec<Range<usize>> {
     let fabric: Vec<bool> = mask.data.iter().map(|&m| m >= 0.5).collect();
-    let to_background = distance(&fabric, false, [mask.width, mask.height], margin + 1.0);
+    let to = |inside| distance(&fabric, inside, [mask.width, mask.height], margin + 1.0);
+    let (to_background, to_fabric) = (to(false), to(true));
     let mut runs: Vec<Range<usize>> = Vec::new();
-    for k in (0..fabric.len()).filter(|&k| to_background[k] > margin) {
+    for k in (0..fabric.len()).filter(|&k| to_background[k].max(to_fabric[k]) > margin) {
         match runs.last_mut() {
             Some(run) if run.end == k => run.end += 1,
             _ => runs.push(k..k + 1),
@@ -62,15 +63,15 @@ mod tests {
 
     #[test]
     fn a_rim_of_the_mask_is_left_out() {
-        let mut mask = Image::new(12, 9, 1);
-        let hole = 4 * 12 + 8;
+        let mut mask = Image::new(16, 9, 1);
+        let hole = 4 * 16 + 12;
         let pixels = mask.data.iter_mut().enumerate();
-        pixels.for_each(|(k, fabric)| *fabric = f32::from(u8::from(k % 12 >= 2 && k != hole)));
-        let runs = inner(&mask, 2.0);
-        for k in 0..12 * 9 {
-            let (x, y) = ((k % 12) as f32, (k / 12) as f32);
-            // Away from the column beside the fabric and from the hole; the image's border is no outline.
-            let expected = x - 1.0 > 2.0 && (x - 8.0).hypot(y - 4.0) > 2.0;
+        pixels.for_each(|(k, fabric)| *fabric = f32::from(u8::from(k % 16 >= 6 && k != hole)));
+        let runs = away_from_outline(&mask, 2.0);
+        for k in 0..16 * 9 {
+            let (x, y) = ((k % 16) as f32, (k / 16) as f32);
+            // Away from the columns beside the outline and from the hole; the image's border is no outline.
+            let expected = (x < 4.0 || x >= 8.0) && (x - 12.0).hypot(y - 4.0) > 2.0;
             assert_eq!(runs.iter().any(|run| run.contains(&k)), expected, "pixel {x}, {y}");
         }
     }
@@ -79,6 +80,6 @@ mod tests {
     fn a_margin_may_be_wide() {
         let mut mask = Image::new(400, 1, 1);
         mask.data[1..].fill(1.0);
-        assert_eq!(inner(&mask, 150.0)[0], 151..400);
+        assert_eq!(away_from_outline(&mask, 150.0), [151..400]);
     }
 }
