@@ -85,7 +85,7 @@ fn check_whole_loss(preset: Preset) {
     settings.weights.force_smoothness = 1e-5;
     dynamics.step.tolerance = 1e-12;
     settings.wind = preset == Preset::PhiSft;
-    // All pixels, or those inside.
+    // All pixels, or those away from the outlines.
     let margin = if preset == Preset::Saft { 0.05 } else { 0.0 };
     let fit = RolloutFit {
         scene: &scene,
