@@ -59,8 +59,8 @@ fn bench(c: &mut Criterion) {
                         let mut tape =
                             step(cloth, &settings, &stiffness, s, &acceleration, &mut scratch).unwrap();
                         step_vjp(cloth, &settings, &stiffness, &tape, &mut gradients, &mut scratch);
-                        // As a rollout does whose factors do not fit into memory.
-                        tape.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
+                        // The next step's factor takes its memory, as in a rollout whose factors do not all fit.
+                        tape.forget_factor(&mut scratch);
                         (tape, gradients)
                     },
                     BatchSize::LargeInput,

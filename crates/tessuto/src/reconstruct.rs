@@ -14,7 +14,7 @@ use crate::motion::texture::{Window, fit_texture};
 use crate::raster::{Rasterizer, Texture};
 use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
-use crate::sim::{Cloth, Integrator, RolloutInputs, State, rollout, surrogate};
+use crate::sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 
 /// What a video tells about the fabric.
 #[derive(Debug)]
@@ -181,5 +181,5 @@ pub fn simulate(
     let inputs =
         RolloutInputs { initial: &initial, accelerations: &parameters.accelerations, stiffness: &stiffness };
     let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.entries_per_frame + 1;
-    Motion::new(rollout(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?.frames)
+    Motion::new(play(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?)
 }

@@ -1,19 +1,14 @@
 //! Symmetric sparse matrices of 3×3 blocks, one block row per vertex, with a fixed pattern.
 
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
 
 use super::dissection::{Part, dissect};
 
-/// Values that are added at a time.
-const PART: usize = 1 << 14;
-
-/// Where a 3×3 block lives in [`BlockMatrix::values`].
+/// Where a 3×3 block off the diagonal lives in [`BlockMatrix::values`].
 #[derive(Debug, Clone, Copy)]
 struct Slot {
-    /// Index of the value at (row 0, column c) of the block; for diagonal blocks at (row c, column c).
+    /// Index of the value at (row 0, column c) of the block.
     column: [u32; 3],
-    diagonal: bool,
     /// The pair was named as (i, j) but is stored as (j, i).
     transposed: bool,
 }
@@ -31,8 +26,8 @@ pub struct BlockPattern {
     pub(super) column_start: Vec<usize>,
     /// Row of each value.
     pub(super) row: Vec<usize>,
-    /// Slots of the diagonal blocks, by vertex.
-    diagonal: Vec<Slot>,
+    /// Of every vertex's diagonal block the indices of the values at (row c, column c).
+    diagonal: Vec<[u32; 3]>,
     /// Off-diagonal slots, in the order of the pairs given to [`BlockPattern::new`].
     pairs: Vec<Slot>,
 }
@@ -66,14 +61,8 @@ impl BlockPattern {
                 column_start.push(row.len());
             }
         }
-        let diagonal = rank
-            .iter()
-            .map(|&j| Slot {
-                column: [0, 1, 2].map(|c| column_start[3 * j as usize + c] as u32),
-                diagonal: true,
-                transposed: false,
-            })
-            .collect();
+        let diagonal =
+            rank.iter().map(|&j| [0, 1, 2].map(|c| column_start[3 * j as usize + c] as u32)).collect();
         let slots = pairs
             .iter()
             .map(|pair| {
@@ -81,7 +70,6 @@ impl BlockPattern {
                 let k = below[j as usize].binary_search(&i).expect("the pair was inserted above");
                 Slot {
                     column: [0, 1, 2].map(|c| (column_start[3 * j as usize + c] + (3 - c) + 3 * k) as u32),
-                    diagonal: false,
                     transposed: rank[pair[0] as usize] < rank[pair[1] as usize],
                 }
             })
@@ -150,6 +138,57 @@ fn number(part: &Part, rank: &mut [u32], next: &mut u32) {
     }
 }
 
+/// Some of a matrix's columns. What is added elsewhere is left out.
+#[derive(Debug)]
+pub struct Columns<'a> {
+    /// Index of the first value.
+    start: usize,
+    values: &'a mut [f64],
+}
+
+impl Columns<'_> {
+    /// Whether anything that couples just these vertices can be in these columns.
+    pub fn hold_any(&self, pattern: &BlockPattern, vertices: &[u32]) -> bool {
+        vertices.iter().any(|&v| self.place(pattern.diagonal[v as usize][0]).is_some())
+    }
+
+    /// [`BlockMatrix::add_diagonal`].
+    pub fn add_diagonal(&mut self, pattern: &BlockPattern, vertex: usize, block: &DMat3) {
+        let places = pattern.diagonal[vertex];
+        let [first, second, third] = block.to_cols_array_2d();
+        if self.place(places[0]).is_some() {
+            self.add(places[0], first);
+            self.add(places[1], [second[1], second[2]]);
+            self.add(places[2], [third[2]]);
+        }
+    }
+
+    /// [`BlockMatrix::add_pair`].
+    pub fn add_pair(&mut self, pattern: &BlockPattern, pair: usize, block: &DMat3) {
+        let slot = &pattern.pairs[pair];
+        if self.place(slot.column[0]).is_some() {
+            let block = if slot.transposed { block.transpose() } else { *block };
+            for (place, column) in slot.column.into_iter().zip(block.to_cols_array_2d()) {
+                self.add(place, column);
+            }
+        }
+    }
+
+    fn place(&self, index: u32) -> Option<usize> {
+        (index as usize).checked_sub(self.start).filter(|place| *place < self.values.len())
+    }
+
+    fn add<const N: usize>(&mut self, index: u32, terms: [f64; N]) {
+        let values = &mut self.values[index as usize - self.start..][..N];
+        values.iter_mut().zip(terms).for_each(|(value, term)| *value += term);
+    }
+}
+
+/// A column's values in threes, one for each block.
+fn blocks<T>(values: &[T]) -> &[[T; 3]] {
+    values.as_chunks().0
+}
+
 /// Values of a symmetric matrix with a [`BlockPattern`].
 #[derive(Debug, Clone)]
 pub struct BlockMatrix {
@@ -173,38 +212,45 @@ impl BlockMatrix {
         self.values.fill(0.0);
     }
 
+    /// All of its columns.
+    pub fn whole(&mut self) -> Columns<'_> {
+        Columns { start: 0, values: &mut self.values }
+    }
+
+    /// The columns of the first half of the elimination order, about, and the others: sums into both may run at a time.
+    pub fn halves(&mut self, pattern: &BlockPattern) -> [Columns<'_>; 2] {
+        let first = pattern.dissection.halves.first().map_or(0, Part::vertex_count);
+        let start = pattern.column_start[3 * first];
+        let (first, second) = self.values.split_at_mut(start);
+        [Columns { start: 0, values: first }, Columns { start, values: second }]
+    }
+
     /// Adds the symmetric `block` to the diagonal block of `vertex`.
     pub fn add_diagonal(&mut self, pattern: &BlockPattern, vertex: usize, block: &DMat3) {
-        self.add_block(&pattern.diagonal[vertex], block);
+        self.whole().add_diagonal(pattern, vertex, block);
     }
 
     /// Adds `block` at (i, j), and its transpose at (j, i), where (i, j) is the pattern's pair `pair`.
     pub fn add_pair(&mut self, pattern: &BlockPattern, pair: usize, block: &DMat3) {
-        self.add_block(&pattern.pairs[pair], block);
-    }
-
-    fn add_block(&mut self, slot: &Slot, block: &DMat3) {
-        let block = if slot.transposed { block.transpose() } else { *block };
-        for (c, column) in block.to_cols_array_2d().iter().enumerate() {
-            let first = if slot.diagonal { c } else { 0 };
-            let start = slot.column[c] as usize;
-            for (value, entry) in self.values[start..start + 3 - first].iter_mut().zip(&column[first..]) {
-                *value += entry;
-            }
-        }
-    }
-
-    /// Adds a matrix of the same pattern.
-    pub fn add(&mut self, other: &Self) {
-        let parts = self.values.par_chunks_mut(PART).zip(other.values.par_chunks(PART));
-        parts.for_each(|(own, other)| own.iter_mut().zip(other).for_each(|(a, b)| *a += b));
+        self.whole().add_pair(pattern, pair, block);
     }
 
     /// Adds `scale`·diag(masses), three times each.
     pub fn add_masses(&mut self, pattern: &BlockPattern, masses: &[f64], scale: f64) {
-        for (slot, m) in pattern.diagonal.iter().zip(masses) {
-            slot.column.iter().for_each(|&c| self.values[c as usize] += m * scale);
+        for (block, m) in pattern.diagonal.iter().zip(masses) {
+            block.iter().for_each(|&c| self.values[c as usize] += m * scale);
         }
+    }
+
+    /// Whether every diagonal block is positive definite: cheaply told, and where it is not, neither is the matrix.
+    pub(super) fn has_definite_blocks(&self, pattern: &BlockPattern) -> bool {
+        pattern.diagonal.iter().all(|starts| {
+            let [a, b, c] = starts.map(|start| &self.values[start as usize..]);
+            let minor = a[0] * b[0] - a[1] * a[1];
+            let determinant =
+                minor * c[0] - a[0] * b[1] * b[1] - a[2] * a[2] * b[0] + 2.0 * a[1] * a[2] * b[1];
+            a[0] > 0.0 && minor > 0.0 && determinant > 0.0
+        })
     }
 
     /// Product with a field of vectors.
@@ -212,16 +258,27 @@ impl BlockMatrix {
         let n = 3 * pattern.vertex_count;
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
         pattern.gather(field, &mut x, 1);
-        for column in 0..n {
-            let mut sum = 0.0;
-            for k in pattern.column_start[column]..pattern.column_start[column + 1] {
-                let (row, value) = (pattern.row[k], self.values[k]);
-                y[row] += value * x[column];
-                if row != column {
-                    sum += value * x[row];
+        for (vertex, &[a, b, c]) in x.as_chunks::<3>().0.iter().enumerate() {
+            let start = |k: usize| pattern.column_start[3 * vertex + k];
+            // The diagonal block's lower triangle, then the blocks below it, in three columns.
+            let [own_a, own_b, own_c] = [0, 1, 2].map(|k| &self.values[start(k)..start(k + 1)]);
+            let (rows, [below_a, below_b, below_c]) =
+                (&pattern.row[start(0) + 3..start(1)], [&own_a[3..], &own_b[2..], &own_c[1..]].map(blocks));
+            let mut sum = [
+                own_a[0] * a + own_a[1] * b + own_a[2] * c,
+                own_a[1] * a + own_b[0] * b + own_b[1] * c,
+                own_a[2] * a + own_b[1] * b + own_c[0] * c,
+            ];
+            for (((rows, va), vb), vc) in blocks(rows).iter().zip(below_a).zip(below_b).zip(below_c) {
+                let (from, to) = (&x[rows[0]..][..3], &mut y[rows[0]..][..3]);
+                for k in 0..3 {
+                    to[k] += va[k] * a + vb[k] * b + vc[k] * c;
+                    sum[0] += va[k] * from[k];
+                    sum[1] += vb[k] * from[k];
+                    sum[2] += vc[k] * from[k];
                 }
             }
-            y[column] += sum;
+            y[3 * vertex..][..3].iter_mut().zip(sum).for_each(|(y, sum)| *y += sum);
         }
         let mut out = vec![DVec3::ZERO; pattern.vertex_count];
         pattern.scatter(&y, 1, &mut out);
@@ -243,26 +300,43 @@ mod tests {
     use crate::math::rng::Rng;
 
     #[test]
-    fn multiply_agrees_with_a_dense_sum_over_blocks() {
+    fn multiply_agrees_with_a_dense_sum_over_blocks_that_halves_share() {
         let mut rng = Rng::new(1, 0);
-        let pairs = [[0, 1], [3, 1], [2, 4], [1, 3], [4, 0]];
-        let field: Vec<DVec3> = (0..5).map(|_| rng.vector()).collect();
-        let pattern = BlockPattern::new(&field, &pairs);
+        let count = 40;
+        let pairs: Vec<[u32; 2]> =
+            (0..count).flat_map(|i| [[i, (i + 1) % count], [(i + 3) % count, i]]).collect();
+        let field: Vec<DVec3> = (0..count).map(|_| rng.vector()).collect();
+        // On a ring.
+        let at = |i: u32| f64::from(i) * std::f64::consts::TAU / f64::from(count);
+        let positions: Vec<DVec3> = (0..count).map(|i| DVec3::new(at(i).cos(), at(i).sin(), 0.0)).collect();
+        let pattern = BlockPattern::new(&positions, &pairs);
         let mut matrix = BlockMatrix::zeros(&pattern);
-        let mut expected = vec![DVec3::ZERO; 5];
-        for (k, &[i, j]) in pairs.iter().enumerate() {
+        let mut in_halves = BlockMatrix::zeros(&pattern);
+        let mut expected = vec![DVec3::ZERO; count as usize];
+        let mut shares = [0; 2];
+        for (k, [i, j]) in pairs.iter().map(|pair| pair.map(|v| v as usize)).enumerate() {
             let block = DMat3::from_cols(rng.vector(), rng.vector(), rng.vector());
             matrix.add_pair(&pattern, k, &block);
-            expected[i as usize] += block * field[j as usize];
-            expected[j as usize] += block.transpose() * field[i as usize];
+            for (columns, share) in in_halves.halves(&pattern).iter_mut().zip(&mut shares) {
+                *share += usize::from(columns.hold_any(&pattern, &pairs[k]));
+                columns.add_pair(&pattern, k, &block);
+            }
+            expected[i] += block * field[j];
+            expected[j] += block.transpose() * field[i];
         }
-        for v in 0..5 {
+        for v in 0..count as usize {
             let b = DMat3::from_cols(rng.vector(), rng.vector(), rng.vector());
             matrix.add_diagonal(&pattern, v, &(b + b.transpose()));
+            for columns in &mut in_halves.halves(&pattern) {
+                columns.add_diagonal(&pattern, v, &(b + b.transpose()));
+            }
             expected[v] += (b + b.transpose()) * field[v];
         }
         for (a, b) in matrix.multiply(&pattern, &field).iter().zip(&expected) {
             assert!((*a - *b).length() < 1e-14, "{a} {b}");
         }
+        assert_eq!(matrix.values, in_halves.values);
+        // Few are in both.
+        assert!(shares.iter().all(|&share| share > 20) && shares[0] + shares[1] < 120, "{shares:?}");
     }
 }

@@ -43,6 +43,15 @@ impl<V: Vector> Vector for Vec<V> {
     }
 }
 
+/// What of the residual r has to become small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Measure {
+    /// rᵀr, which is known before the last residual would be preconditioned.
+    Plain,
+    /// rᵀP⁻¹r of the preconditioner P.
+    Preconditioned,
+}
+
 /// How conjugate gradients ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum End {
@@ -54,20 +63,21 @@ pub enum End {
     Limit,
 }
 
-/// Solves A x = `rhs` from x = 0, given the products with A and with the inverse of a preconditioner P, until rᵀP⁻¹r of
-/// the residual r is at most `tolerance` of its start, or for `limit` iterations. Where it does not converge, x is still
+/// Solves A x = `rhs` from x = 0, given the products with A and with the inverse of a preconditioner P, until the residual's square
+/// by `measure` is at most `tolerance` of its start, or for `limit` iterations. Where it does not converge, x is still
 /// a direction of descent of ½ xᵀAx − rhsᵀx: its first step is P's own solution. Returns also the number of iterations.
 pub fn conjugate_gradients<V: Vector>(
     rhs: &V,
     mut multiply: impl FnMut(&V) -> V,
     mut precondition: impl FnMut(&V) -> V,
-    tolerance: f64,
+    (measure, tolerance): (Measure, f64),
     limit: usize,
 ) -> (V, End, usize) {
     let mut residual = rhs.clone();
     let mut p = precondition(&residual);
     let mut rz = residual.dot(&p);
-    let target = tolerance * rz;
+    let start = if measure == Measure::Plain { rhs.dot(rhs) } else { rz };
+    let is_small = |square: f64| square <= tolerance * start;
     let mut x: Option<V> = None;
     for n in 0..limit {
         let product = multiply(&p);
@@ -80,9 +90,15 @@ pub fn conjugate_gradients<V: Vector>(
         let x = x.get_or_insert_with(|| zero_like(&p));
         x.add_scaled(scale, &p);
         residual.add_scaled(-scale, &product);
+        if measure == Measure::Plain && is_small(residual.dot(&residual)) {
+            return (x.clone(), End::Converged, n + 1);
+        }
+        if measure == Measure::Plain && n + 1 == limit {
+            break;
+        }
         let z = precondition(&residual);
         let next = residual.dot(&z);
-        if next <= target {
+        if measure == Measure::Preconditioned && is_small(next) {
             return (x.clone(), End::Converged, n + 1);
         }
         let beta = next / rz;
@@ -121,13 +137,18 @@ mod tests {
             out
         };
         let precondition = |v: &Vec<Vec<DVec3>>| scaled(v, &|n, i| 1.0 / weight(n, i));
-        let (x, end, _) = conjugate_gradients(&rhs, multiply, precondition, 1e-24, 100);
-        assert_eq!(end, End::Converged);
-        let mut left = multiply(&x);
-        left.add_scaled(-1.0, &rhs);
-        assert!(left.dot(&left) < 1e-20 * rhs.dot(&rhs));
-        let negative = |v: &Vec<Vec<DVec3>>| scaled(v, &|_, i| if i == 3 { -1.0 } else { 1.0 });
-        assert_eq!(conjugate_gradients(&rhs, negative, Clone::clone, 1e-24, 100).1, End::Indefinite);
-        assert_eq!(conjugate_gradients(&rhs, multiply, precondition, 0.0, 2).1, End::Limit);
+        for measure in [Measure::Plain, Measure::Preconditioned] {
+            let (x, end, _) = conjugate_gradients(&rhs, multiply, precondition, (measure, 1e-24), 100);
+            assert_eq!(end, End::Converged);
+            let mut left = multiply(&x);
+            left.add_scaled(-1.0, &rhs);
+            assert!(left.dot(&left) < 1e-20 * rhs.dot(&rhs));
+            let negative = |v: &Vec<Vec<DVec3>>| scaled(v, &|_, i| if i == 3 { -1.0 } else { 1.0 });
+            assert_eq!(
+                conjugate_gradients(&rhs, negative, Clone::clone, (measure, 1e-24), 100).1,
+                End::Indefinite
+            );
+            assert_eq!(conjugate_gradients(&rhs, multiply, precondition, (measure, 0.0), 2).1, End::Limit);
+        }
     }
 }

@@ -17,6 +17,13 @@ pub(super) struct Part {
     pub halves: Vec<Part>,
 }
 
+impl Part {
+    /// Number of vertices of the part and its halves.
+    pub(super) fn vertex_count(&self) -> usize {
+        self.vertices.len() + self.halves.iter().map(Self::vertex_count).sum::<usize>()
+    }
+}
+
 /// Cuts the graph with the symmetric `neighbours` `[V]` at the medians of `positions` `[V]`.
 ///
 /// The positions steer the quality of the order only; any are allowed.

@@ -134,6 +134,9 @@ impl Analysis {
         matrix: &BlockMatrix,
         scratch: &mut Scratch,
     ) -> Option<Factor> {
+        if !matrix.has_definite_blocks(pattern) {
+            return None;
+        }
         match self.plain(pattern, matrix, scratch, true) {
             Ok(factor) => Some(factor),
             Err(values) => {
@@ -151,6 +154,9 @@ impl Analysis {
         matrix: &BlockMatrix,
         scratch: &mut Scratch,
     ) -> Option<Factor> {
+        if !matrix.has_definite_blocks(pattern) {
+            return None;
+        }
         let len = self.fronts.len();
         let mut values =
             scratch.spare_single.take().filter(|v| v.len() == len).unwrap_or_else(|| vec![0.0; len]);

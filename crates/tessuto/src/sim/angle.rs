@@ -32,10 +32,22 @@ pub fn value(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> f64 {
 
 /// (∂E/∂u, ∂E/∂w) of [`value`]: a gets −∂u, o gets ∂u − ∂w, c gets ∂w.
 pub fn gradient(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> [DVec3; 2] {
-    gradient_of(u.to_array(), w.to_array(), stiffness, rest_angle).map(DVec3::from_array)
+    value_and_gradient(u, w, stiffness, rest_angle).1
 }
 
-fn gradient_of<T: Scalar>(u: Vector<T>, w: Vector<T>, stiffness: f64, rest_angle: f64) -> [Vector<T>; 2] {
+/// [`value`] and [`gradient`].
+pub fn value_and_gradient(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> (f64, [DVec3; 2]) {
+    let (deflection, gradient) = gradient_of(u.to_array(), w.to_array(), stiffness, rest_angle);
+    (0.5 * stiffness * deflection * deflection, gradient.map(DVec3::from_array))
+}
+
+/// θ − θ0 and the gradient.
+fn gradient_of<T: Scalar>(
+    u: Vector<T>,
+    w: Vector<T>,
+    stiffness: f64,
+    rest_angle: f64,
+) -> (T, [Vector<T>; 2]) {
     let q = T::constant(1.0 - EPSILON);
     let inverse_u = (dot(u, u) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
     let inverse_w = (dot(w, w) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
@@ -44,10 +56,11 @@ fn gradient_of<T: Scalar>(u: Vector<T>, w: Vector<T>, stiffness: f64, rest_angle
     let s = q * c;
     // dE/dc = −k (θ − θ0) q / √(1 − s²)
     let sine = (T::constant(1.0) - s * s).sqrt();
-    let slope = (s.acos() - T::constant(rest_angle)) * T::constant(-stiffness) * q * sine.recip();
+    let deflection = s.acos() - T::constant(rest_angle);
+    let slope = deflection * T::constant(-stiffness) * q * sine.recip();
     let grad_u = scale(subtract(e2, scale(e1, c)), slope * inverse_u);
     let grad_w = scale(subtract(e1, scale(e2, c)), slope * inverse_w);
-    [grad_u, grad_w]
+    (deflection, [grad_u, grad_w])
 }
 
 /// Second derivatives of an angle spring in (u, w).
@@ -130,6 +143,7 @@ pub fn third(
     [bu, bw]: [DVec3; 2],
 ) -> [DVec3; 2] {
     gradient_of(hyper_dual::lift(u, au, bu), hyper_dual::lift(w, aw, bw), stiffness, rest_angle)
+        .1
         .map(hyper_dual::mixed)
 }
 

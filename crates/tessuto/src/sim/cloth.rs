@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::continuum::Continuum;
 use super::stiffness::{Energy, HessianKind, Stiffness};
 use super::{angle, lattice::Lattice, stretch};
-use crate::math::block_matrix::{BlockMatrix, BlockPattern};
-use crate::math::factor::{Analysis, Scratch};
+use crate::math::block_matrix::{BlockMatrix, BlockPattern, Columns};
+use crate::math::factor::Analysis;
 use crate::mesh::{Mesh, triangle_area};
 
 /// Area density ρ [kg/m²]. Only force per mass can be seen in a video, so its value sets a scale only.
@@ -176,8 +176,8 @@ impl Cloth {
         Energy { stretch, bend, shear }
     }
 
-    /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` `[N]`, shape `[V]`.
-    pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
+    /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` `[N]`, shape `[V]`, and returns E, which takes little more.
+    pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) -> f64 {
         if let Some(continuum) = &self.continuum {
             return continuum.add_gradient(stiffness, x, scale, out);
         }
@@ -185,18 +185,25 @@ impl Cloth {
         let [first_half, second_half] = self.angle_halves(stiffness);
         let of_spring = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
             let [u, w] = arms(x, h.vertices);
-            h.scatter(angle::gradient(u, w, k, h.rest_angle).map(|g| g * scale), out);
+            let (value, gradient) = angle::value_and_gradient(u, w, k, h.rest_angle);
+            h.scatter(gradient.map(|g| g * scale), out);
+            value
         };
-        rayon::join(
+        let of_edge = |(e, &k): (&Edge, &f64), out: &mut [DVec3]| {
+            let (along, k) = (e.along(x), e.stiffness(k, x));
+            e.scatter(stretch::gradient(along, k, e.rest_length) * scale, out);
+            stretch::value(along, k, e.rest_length)
+        };
+        let (first_sum, second_sum) = rayon::join(
             || {
-                for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                    e.scatter(stretch::gradient(e.along(x), e.stiffness(k, x), e.rest_length) * scale, out);
-                }
-                first_half.for_each(|h| of_spring(h, out));
+                let edges: f64 =
+                    self.edges.iter().zip(&stiffness.stretch).map(|edge| of_edge(edge, out)).sum();
+                edges + first_half.map(|h| of_spring(h, out)).sum::<f64>()
             },
-            || second_half.for_each(|h| of_spring(h, &mut second)),
+            || second_half.map(|h| of_spring(h, &mut second)).sum::<f64>(),
         );
         out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
+        first_sum + second_sum
     }
 
     /// Adds `scale`·∂²E/∂x² of [`energy`](Self::energy) to `matrix` [N/m].
@@ -207,51 +214,38 @@ impl Cloth {
         kind: HessianKind,
         scale: f64,
         matrix: &mut BlockMatrix,
-        scratch: &mut Scratch,
     ) {
         if let Some(continuum) = &self.continuum {
-            return continuum.add_hessian(stiffness, x, kind, scale, (&self.pattern, matrix), scratch);
+            return continuum.add_hessian(stiffness, x, kind, scale, (&self.pattern, matrix));
         }
-        // Two sums, added in the end: the same bits on one thread and on two.
-        let mut second = scratch.zero_matrix(&self.pattern);
-        let [first_half, second_half] = self.angle_halves(stiffness);
-        rayon::join(
-            || {
-                let of_edge = match kind {
-                    HessianKind::Exact => stretch::hessian,
-                    HessianKind::Projected | HessianKind::GaussNewton => stretch::hessian_projected,
-                };
-                for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                    let h = of_edge(e.along(x), e.stiffness(k, x) * scale, e.rest_length);
-                    e.vertices.iter().for_each(|&v| matrix.add_diagonal(&self.pattern, v as usize, &h));
-                    matrix.add_pair(&self.pattern, e.pair, &-h);
-                }
-                self.add_angle_hessians(first_half, x, kind, scale, matrix);
-            },
-            || self.add_angle_hessians(second_half, x, kind, scale, &mut second),
-        );
-        matrix.add(&second);
-        scratch.recycle_matrix(second);
-    }
-
-    fn add_angle_hessians<'a>(
-        &self,
-        hinges: impl Iterator<Item = (&'a AngleSpring, f64)>,
-        x: &[DVec3],
-        kind: HessianKind,
-        scale: f64,
-        matrix: &mut BlockMatrix,
-    ) {
-        let of_spring = match kind {
+        let of_edge = match kind {
+            HessianKind::Exact => stretch::hessian,
+            HessianKind::Projected | HessianKind::GaussNewton => stretch::hessian_projected,
+        };
+        let of_angle = match kind {
             HessianKind::Exact => angle::hessian,
             HessianKind::Projected => angle::hessian_projected,
             HessianKind::GaussNewton => angle::hessian_gauss_newton,
         };
-        for (spring, k) in hinges {
-            let [u, w] = arms(x, spring.vertices);
-            let h = of_spring(u, w, k * scale, spring.rest_angle);
-            spring.scatter_hessian(&h, &self.pattern, matrix);
-        }
+        // Springs on the border are computed for both halves: the same bits on one thread and on two.
+        let add = |mut columns: Columns| {
+            for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
+                if columns.hold_any(&self.pattern, &e.vertices) {
+                    let h = of_edge(e.along(x), e.stiffness(k, x) * scale, e.rest_length);
+                    e.vertices.iter().for_each(|&v| columns.add_diagonal(&self.pattern, v as usize, &h));
+                    columns.add_pair(&self.pattern, e.pair, &-h);
+                }
+            }
+            for (spring, k) in self.angles(stiffness) {
+                if columns.hold_any(&self.pattern, &spring.vertices) {
+                    let [u, w] = arms(x, spring.vertices);
+                    let h = of_angle(u, w, k * scale, spring.rest_angle);
+                    spring.scatter_hessian(&h, &self.pattern, &mut columns);
+                }
+            }
+        };
+        let [first, second] = matrix.halves(&self.pattern);
+        rayon::join(|| add(first), || add(second));
     }
 
     /// Adds `scale`·∂/∂x [ aᵀ (∂²E/∂x²) b ] to `out`.
@@ -394,21 +388,16 @@ impl AngleSpring {
     }
 
     /// Adds the second derivatives by (u, w) to those by the positions.
-    pub(crate) fn scatter_hessian(
-        &self,
-        h: &angle::Hessian,
-        pattern: &BlockPattern,
-        matrix: &mut BlockMatrix,
-    ) {
+    pub(crate) fn scatter_hessian(&self, h: &angle::Hessian, pattern: &BlockPattern, columns: &mut Columns) {
         let [a, o, c] = self.vertices.map(|v| v as usize);
         let [ao, ac, oc] = self.pairs;
         // u = o − a, w = c − o.
-        matrix.add_diagonal(pattern, a, &h.uu);
-        matrix.add_diagonal(pattern, o, &(h.uu + h.ww - h.uw - h.uw.transpose()));
-        matrix.add_diagonal(pattern, c, &h.ww);
-        matrix.add_pair(pattern, ao, &(h.uw - h.uu));
-        matrix.add_pair(pattern, ac, &-h.uw);
-        matrix.add_pair(pattern, oc, &(h.uw - h.ww));
+        columns.add_diagonal(pattern, a, &h.uu);
+        columns.add_diagonal(pattern, o, &(h.uu + h.ww - h.uw - h.uw.transpose()));
+        columns.add_diagonal(pattern, c, &h.ww);
+        columns.add_pair(pattern, ao, &(h.uw - h.uu));
+        columns.add_pair(pattern, ac, &-h.uw);
+        columns.add_pair(pattern, oc, &(h.uw - h.ww));
     }
 }
 

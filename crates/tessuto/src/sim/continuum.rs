@@ -6,8 +6,7 @@ use rayon::prelude::*;
 use super::hinge::Hinge;
 use super::membrane::{Coefficients, Membrane};
 use super::stiffness::{Energy, HessianKind, Stiffness};
-use crate::math::block_matrix::{BlockMatrix, BlockPattern};
-use crate::math::factor::Scratch;
+use crate::math::block_matrix::{BlockMatrix, BlockPattern, Columns};
 
 /// Elements of one parallel task; fewer cost more to hand over than to do.
 const TASK: usize = 500;
@@ -34,18 +33,26 @@ impl Continuum {
         Energy { stretch, bend, shear }
     }
 
-    pub(super) fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) {
+    pub(super) fn add_gradient(
+        &self,
+        stiffness: &Stiffness,
+        x: &[DVec3],
+        scale: f64,
+        out: &mut [DVec3],
+    ) -> f64 {
         self.add_of_elements(
             out,
             |k| {
-                let m = &self.membranes[k];
-                m.gradient(m.gradients(x), stiffness.membrane[k]).map(|g| g * scale)
+                let (m, c) = (&self.membranes[k], stiffness.membrane[k]);
+                let f = m.gradients(x);
+                (m.value(f, c).iter().sum(), m.gradient(f, c).map(|g| g * scale))
             },
             |k| {
                 let h = &self.hinges[k];
-                h.gradient(h.arms(x), stiffness.hinge[k] * scale)
+                let (value, gradient) = h.value_and_gradient(h.arms(x), stiffness.hinge[k]);
+                (value, gradient.map(|g| g * scale))
             },
-        );
+        )
     }
 
     pub(super) fn add_third(
@@ -61,28 +68,36 @@ impl Continuum {
             |k| {
                 let m = &self.membranes[k];
                 let c = stiffness.membrane[k].map(|c| c * scale);
-                m.third(m.gradients(x), c, m.gradients(a), m.gradients(b))
+                (0.0, m.third(m.gradients(x), c, m.gradients(a), m.gradients(b)))
             },
             |k| {
                 let h = &self.hinges[k];
-                h.third(h.arms(x), stiffness.hinge[k] * scale, h.arms(a), h.arms(b))
+                (0.0, h.third(h.arms(x), stiffness.hinge[k] * scale, h.arms(a), h.arms(b)))
             },
         );
     }
 
-    /// Computes all elements in parallel, then adds them in their order: the same bits for any number of threads.
+    /// Computes a number and a gradient of all elements in parallel, then adds them in their order: the same bits for any number of threads.
     fn add_of_elements(
         &self,
         out: &mut [DVec3],
-        of_membrane: impl Fn(usize) -> [DVec3; 2] + Send + Sync,
-        of_hinge: impl Fn(usize) -> [DVec3; 3] + Send + Sync,
-    ) {
+        of_membrane: impl Fn(usize) -> (f64, [DVec3; 2]) + Send + Sync,
+        of_hinge: impl Fn(usize) -> (f64, [DVec3; 3]) + Send + Sync,
+    ) -> f64 {
         let (mut membranes, mut hinges) = (Vec::new(), Vec::new());
         let range = |n: usize| (0..n).into_par_iter().with_min_len(TASK);
         range(self.membranes.len()).map(of_membrane).collect_into_vec(&mut membranes);
         range(self.hinges.len()).map(of_hinge).collect_into_vec(&mut hinges);
-        self.membranes.iter().zip(membranes).for_each(|(m, g)| m.scatter(g, out));
-        self.hinges.iter().zip(hinges).for_each(|(h, g)| h.scatter(g, out));
+        let mut sum = 0.0;
+        for (m, (value, gradient)) in self.membranes.iter().zip(membranes) {
+            sum += value;
+            m.scatter(gradient, out);
+        }
+        for (h, (value, gradient)) in self.hinges.iter().zip(hinges) {
+            sum += value;
+            h.scatter(gradient, out);
+        }
+        sum
     }
 
     pub(super) fn add_hessian(
@@ -92,44 +107,39 @@ impl Continuum {
         kind: HessianKind,
         scale: f64,
         (pattern, matrix): (&BlockPattern, &mut BlockMatrix),
-        scratch: &mut Scratch,
     ) {
-        // Two sums, added in the end: the same bits on one thread and on two.
-        let mut second = scratch.zero_matrix(pattern);
-        // As long work for both: a hinge takes as long as two membranes, which are the first sum's.
-        let split = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 4);
-        let hinges = |range: std::ops::Range<usize>, matrix: &mut BlockMatrix| {
-            for k in range {
-                let (hinge, b) = (&self.hinges[k], stiffness.hinge[k] * scale);
-                let arms = hinge.arms(x);
+        // Elements on the border are computed for both halves: the same bits on one thread and on two.
+        let add = |mut columns: Columns| {
+            for (m, c) in self.membranes.iter().zip(&stiffness.membrane) {
+                if !columns.hold_any(pattern, &m.vertices) {
+                    continue;
+                }
+                let (f, c) = (m.gradients(x), c.map(|c| c * scale));
+                let hessian = match kind {
+                    HessianKind::Exact => m.hessian(f, c),
+                    HessianKind::Projected => m.hessian_projected(f, c),
+                    HessianKind::GaussNewton => m.hessian_gauss_newton(f, c),
+                };
+                let diagonal = [0, 1, 2].map(|i| m.block(&hessian, i, i));
+                let off = [[1, 0], [2, 0], [2, 1]].map(|[i, j]| m.block(&hessian, i, j));
+                add_blocks(pattern, &mut columns, &m.vertices, &diagonal, &m.pairs, &off);
+            }
+            for (hinge, b) in self.hinges.iter().zip(&stiffness.hinge) {
+                if !columns.hold_any(pattern, &hinge.vertices) {
+                    continue;
+                }
+                let (arms, b) = (hinge.arms(x), b * scale);
                 let hessian = match kind {
                     HessianKind::Exact => hinge.hessian(arms, b),
                     HessianKind::Projected => hinge.hessian_projected(arms, b),
                     HessianKind::GaussNewton => hinge.hessian_gauss_newton(arms, b),
                 };
                 let (diagonal, off) = hinge.blocks(&hessian);
-                add_blocks(pattern, matrix, &hinge.vertices, &diagonal, &hinge.pairs, &off);
+                add_blocks(pattern, &mut columns, &hinge.vertices, &diagonal, &hinge.pairs, &off);
             }
         };
-        rayon::join(
-            || {
-                hinges(0..split, matrix);
-                for (m, c) in self.membranes.iter().zip(&stiffness.membrane) {
-                    let (f, c) = (m.gradients(x), c.map(|c| c * scale));
-                    let hessian = match kind {
-                        HessianKind::Exact => m.hessian(f, c),
-                        HessianKind::Projected => m.hessian_projected(f, c),
-                        HessianKind::GaussNewton => m.hessian_gauss_newton(f, c),
-                    };
-                    let diagonal = [0, 1, 2].map(|i| m.block(&hessian, i, i));
-                    let off = [[1, 0], [2, 0], [2, 1]].map(|[i, j]| m.block(&hessian, i, j));
-                    add_blocks(pattern, matrix, &m.vertices, &diagonal, &m.pairs, &off);
-                }
-            },
-            || hinges(split..self.hinges.len(), &mut second),
-        );
-        matrix.add(&second);
-        scratch.recycle_matrix(second);
+        let [first, second] = matrix.halves(pattern);
+        rayon::join(|| add(first), || add(second));
     }
 
     pub(super) fn add_gradient_by_stiffness(
@@ -168,12 +178,12 @@ impl Continuum {
 
 fn add_blocks(
     pattern: &BlockPattern,
-    matrix: &mut BlockMatrix,
+    columns: &mut Columns,
     vertices: &[u32],
     diagonal: &[DMat3],
     pairs: &[usize],
     off: &[DMat3],
 ) {
-    vertices.iter().zip(diagonal).for_each(|(&v, block)| matrix.add_diagonal(pattern, v as usize, block));
-    pairs.iter().zip(off).for_each(|(&pair, block)| matrix.add_pair(pattern, pair, block));
+    vertices.iter().zip(diagonal).for_each(|(&v, block)| columns.add_diagonal(pattern, v as usize, block));
+    pairs.iter().zip(off).for_each(|(&pair, block)| columns.add_pair(pattern, pair, block));
 }

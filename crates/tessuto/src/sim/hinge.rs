@@ -69,8 +69,14 @@ impl Hinge {
 
     /// ∂E by the arms.
     pub fn gradient(&self, arms: Arms, stiffness: f64) -> Arms {
-        let gradient = gradient_of(arms.map(|a| a.to_array()), self.rest_angle, stiffness * self.weight);
-        gradient.map(DVec3::from_array)
+        self.value_and_gradient(arms, stiffness).1
+    }
+
+    /// [`value`](Self::value) and [`gradient`](Self::gradient).
+    pub fn value_and_gradient(&self, arms: Arms, stiffness: f64) -> (f64, Arms) {
+        let k = stiffness * self.weight;
+        let (deflection, gradient) = gradient_of(arms.map(|a| a.to_array()), self.rest_angle, k);
+        (0.5 * k * deflection * deflection, gradient.map(DVec3::from_array))
     }
 
     /// ∂²E by the arms.
@@ -117,7 +123,7 @@ impl Hinge {
     /// ∂ by the arms of aᵀ (∂²E) b, with `a` and `b` directions of the arms.
     pub fn third(&self, arms: Arms, stiffness: f64, a: Arms, b: Arms) -> Arms {
         let lifted = [0, 1, 2].map(|k| hyper_dual::lift(arms[k], a[k], b[k]));
-        gradient_of(lifted, self.rest_angle, stiffness * self.weight).map(hyper_dual::mixed)
+        gradient_of(lifted, self.rest_angle, stiffness * self.weight).1.map(hyper_dual::mixed)
     }
 
     fn deflection(&self, angle: f64) -> f64 {
@@ -242,12 +248,14 @@ fn wrapped(angle: f64) -> f64 {
     angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
 }
 
-fn gradient_of<T: Scalar>([e, u, w]: [Vector<T>; 3], rest_angle: f64, k: f64) -> [Vector<T>; 3] {
+/// θ − θ0 and the gradient.
+fn gradient_of<T: Scalar>([e, u, w]: [Vector<T>; 3], rest_angle: f64, k: f64) -> (T, [Vector<T>; 3]) {
     let (first, second) = (cross(e, u), cross(w, e));
     let length = (dot(e, e) + T::constant(SQ_LENGTH_FLOOR)).sqrt();
     let angle = (T::constant(0.0) - length * dot(first, w)).atan2(dot(first, second));
     let turns = angle.value() - rest_angle - wrapped(angle.value() - rest_angle);
-    let slope = (angle - T::constant(rest_angle + turns)) * T::constant(k);
+    let deflection = angle - T::constant(rest_angle + turns);
+    let slope = deflection * T::constant(k);
     let inverse_length = length.recip();
     // n/(L h) of either triangle; both normals turn the same way where the sheet is flat.
     let turn = |n: Vector<T>| scale(n, slope * (dot(n, n) + T::constant(SQ_AREA_FLOOR)).recip());
@@ -255,7 +263,7 @@ fn gradient_of<T: Scalar>([e, u, w]: [Vector<T>; 3], rest_angle: f64, k: f64) ->
     let (cu, cw) = (dot(u, e) * inverse_length, dot(w, e) * inverse_length);
     let zero = [T::constant(0.0); 3];
     let sum = subtract(scale(a, cu), subtract(zero, scale(b, cw)));
-    [sum, subtract(zero, scale(a, length)), subtract(zero, scale(b, length))]
+    (deflection, [sum, subtract(zero, scale(a, length)), subtract(zero, scale(b, length))])
 }
 
 fn cross<T: Scalar>(a: Vector<T>, b: Vector<T>) -> Vector<T> {

@@ -51,7 +51,7 @@ fn factor(
 ) -> Factor {
     let h = settings.step;
     let mut matrix = scratch.zero_matrix(&cloth.pattern);
-    cloth.add_hessian(stiffness, &before.x, HessianKind::Exact, h * h, &mut matrix, scratch);
+    cloth.add_hessian(stiffness, &before.x, HessianKind::Exact, h * h, &mut matrix);
     matrix.add_masses(&cloth.pattern, &cloth.masses, 1.0);
     let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
     scratch.recycle_matrix(matrix);

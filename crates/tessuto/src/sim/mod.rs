@@ -64,7 +64,7 @@ pub use cloth::Cloth;
 pub use fabric::Fabric;
 pub use flat::panel;
 pub use model::{Model, Property};
-pub use rollout::{Accelerations, Rollout, RolloutGradients, RolloutInputs, rollout, rollout_vjp};
+pub use rollout::{Accelerations, Rollout, RolloutGradients, RolloutInputs, play, rollout, rollout_vjp};
 pub use state::{Integrator, State, StepSettings};
 pub use stiffness::{Energy, HessianKind, Stiffness};
 pub use ties::TiedCloth;

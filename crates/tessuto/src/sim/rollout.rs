@@ -76,31 +76,63 @@ pub fn rollout(
     frame_count: usize,
     inputs: &RolloutInputs,
 ) -> Result<Rollout> {
-    let mut scratch = Scratch::default();
-    let step_count = (frame_count - 1) * substeps;
     let kept = FACTOR_MEMORY / (8 * cloth.analysis.factor_len().max(1));
+    let mut tapes = Vec::with_capacity((frame_count - 1) * substeps);
+    let frames = play_with(cloth, settings, substeps, frame_count, inputs, |mut tape, scratch| {
+        if tapes.len() >= kept {
+            tape.forget_factor(scratch);
+        }
+        let after = tape.after.clone();
+        tapes.push(tape);
+        after
+    })?;
+    Ok(Rollout { frames, tapes, substeps })
+}
+
+/// The frames of [`rollout`], shape [N, V], without the memory that its adjoint takes.
+///
+/// # Errors
+/// As [`rollout`].
+pub fn play(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    substeps: usize,
+    frame_count: usize,
+    inputs: &RolloutInputs,
+) -> Result<Vec<Positions>> {
+    play_with(cloth, settings, substeps, frame_count, inputs, |mut tape, scratch| {
+        tape.forget_factor(scratch);
+        tape.after
+    })
+}
+
+/// `record` takes every step and gives the state after it back.
+fn play_with(
+    cloth: &Cloth,
+    settings: &StepSettings,
+    substeps: usize,
+    frame_count: usize,
+    inputs: &RolloutInputs,
+    mut record: impl FnMut(StepTape, &mut Scratch) -> State,
+) -> Result<Vec<Positions>> {
+    let mut scratch = Scratch::default();
     let mut frames = vec![inputs.initial.x.clone()];
-    let mut tapes = Vec::with_capacity(step_count);
     let mut state = inputs.initial.clone();
     let mut acceleration = vec![DVec3::ZERO; cloth.vertex_count()];
-    for k in 0..step_count {
+    for k in 0..(frame_count - 1) * substeps {
         let dynamic = &inputs.accelerations.dynamic[k * inputs.accelerations.entries_per_frame / substeps];
         acceleration.iter_mut().zip(dynamic).for_each(|(a, d)| *a = inputs.accelerations.constant + *d);
         if let Some(wind) = inputs.accelerations.wind {
             add_wind(cloth, &state, wind, &mut acceleration);
         }
-        let mut tape = step(cloth, settings, inputs.stiffness, state, &acceleration, &mut scratch)
+        let tape = step(cloth, settings, inputs.stiffness, state, &acceleration, &mut scratch)
             .map_err(|e| at_frame(e, k / substeps + 1))?;
-        if tapes.len() >= kept {
-            tape.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
-        }
-        state = tape.after.clone();
+        state = record(tape, &mut scratch);
         if (k + 1) % substeps == 0 {
             frames.push(state.x.clone());
         }
-        tapes.push(tape);
     }
-    Ok(Rollout { frames, tapes, substeps })
+    Ok(frames)
 }
 
 /// Adjoint of [`rollout`] for ∂L/∂(shape at every frame), shape [N, V].

@@ -5,7 +5,7 @@ use glam::DVec3;
 use super::cloth::Cloth;
 use super::stiffness::Stiffness;
 use crate::error::{Error, Result};
-use crate::math::factor::Factor;
+use crate::math::factor::{Factor, Scratch};
 use crate::mesh::Positions;
 
 /// Time integrator.
@@ -56,10 +56,17 @@ pub struct StepTape {
     pub before: State,
     /// State after the step.
     pub after: State,
-    /// Factor of the step's linear system, if it was worth keeping.
+    /// Factor of the step's linear system or, where that was solved for several times, of one near the last; if it was worth keeping.
     pub factor: Option<Factor>,
     /// Where the cloth would be without elastic forces `[m]`, if the adjoint needs it.
     pub inertial: Option<Positions>,
+}
+
+impl StepTape {
+    /// Gives the factor's memory to the next one: for steps that are not gone back through, or many.
+    pub fn forget_factor(&mut self, scratch: &mut Scratch) {
+        self.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
+    }
 }
 
 /// ∂L/∂(inputs of a sub-step or rollout).

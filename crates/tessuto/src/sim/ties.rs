@@ -60,7 +60,9 @@ impl TiedCloth {
             (own * (1.0 - self.held[i]) + (targets[i] - before.x[i]) * self.held[i] - drift) / (h * h)
         };
         let accelerations: Positions = (0..targets.len()).map(tied).collect();
-        step(&self.cloth, &self.settings, stiffness, before, &accelerations, scratch)
+        let mut tape = step(&self.cloth, &self.settings, stiffness, before, &accelerations, scratch)?;
+        tape.forget_factor(scratch);
+        Ok(tape)
     }
 }
 

@@ -20,7 +20,7 @@ fn gradient(cloth: &Cloth, stiffness: &Stiffness, x: &[DVec3]) -> Vec<DVec3> {
 
 fn hessian(cloth: &Cloth, stiffness: &Stiffness, x: &[DVec3], curvature: HessianKind) -> BlockMatrix {
     let mut matrix = BlockMatrix::zeros(&cloth.pattern);
-    cloth.add_hessian(stiffness, x, curvature, 1.0, &mut matrix, &mut Scratch::default());
+    cloth.add_hessian(stiffness, x, curvature, 1.0, &mut matrix);
     matrix
 }
 

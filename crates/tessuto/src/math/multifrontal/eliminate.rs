@@ -9,8 +9,7 @@ use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
 use faer::{Accum, MatMut, Par, Spec};
 use rayon::prelude::*;
 
-use super::solve::Scalar;
-use super::{Child, Columns, Front, Fronts};
+use super::{Child, Columns, Front, Fronts, Scalar};
 
 /// Halves with fewer flops than this are eliminated one after the other: handing one over would cost more.
 const PARALLEL_FLOPS: f64 = 1e6;

@@ -8,11 +8,32 @@
 
 mod eliminate;
 mod root;
+mod single;
 mod solve;
 
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, SubAssign};
+
 use faer::MatRef;
+use faer::traits::RealField;
 
 use super::dissection::Part;
+
+/// Numbers that a factor is made of.
+pub trait Scalar:
+    RealField
+    + Copy
+    + Add<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+    + Mul<Output = Self>
+    + Div<Output = Self>
+{
+}
+
+impl Scalar for f32 {}
+impl Scalar for f64 {}
 
 /// Positions of one front. Vertices are counted in elimination order; sizes in scalars are three times those in vertices.
 ///
@@ -92,7 +113,12 @@ impl Front {
 
     /// The front's columns.
     fn columns<'a, T>(&self, values: &'a [T]) -> MatRef<'a, T> {
-        MatRef::from_column_major_slice(&values[self.values[1]..][..self.len()], self.height(), self.width())
+        MatRef::from_column_major_slice(self.own_values(values), self.height(), self.width())
+    }
+
+    /// The values of the front's columns.
+    fn own_values<'a, T>(&self, values: &'a [T]) -> &'a [T] {
+        &values[self.values[1]..][..self.len()]
     }
 
     fn child(&self, front: usize, boundary: &[u32]) -> Child {

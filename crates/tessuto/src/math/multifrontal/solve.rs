@@ -3,25 +3,16 @@
 //! *Loads*: for every front one row per scalar of its boundary. On the way up they are what the subtree's
 //! unknowns add to the boundary's right-hand sides, on the way down the boundary's solution.
 
-use std::ops::{AddAssign, Div, DivAssign, MulAssign};
-
 use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::{
     solve_unit_lower_triangular_in_place, solve_unit_upper_triangular_in_place,
 };
-use faer::traits::RealField;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Front, Fronts};
+use super::{Front, Fronts, Scalar, single};
 
 /// Halves with fewer values than this are solved one after the other.
 const PARALLEL_VALUES: usize = 50_000;
-
-/// Numbers that a factor is made of.
-pub trait Scalar: RealField + Copy + AddAssign + MulAssign + DivAssign + Div<Output = Self> {}
-
-impl Scalar for f32 {}
-impl Scalar for f64 {}
 
 impl Fronts {
     /// Rows of working memory of [`Self::solve`].
@@ -63,11 +54,15 @@ impl Fronts {
                 target.iter_mut().zip(source).for_each(|(t, l)| *t += *l);
             }
         }
-        let (top, bottom) = front.columns(values).split_at_row(front.width());
-        let mut x = MatMut::from_row_major_slice_mut(&mut *x_own, front.width(), columns);
-        solve_unit_lower_triangular_in_place(top, x.as_mut(), Par::Seq);
-        let load = MatMut::from_row_major_slice_mut(load, front.update(), columns);
-        matmul(load, Accum::Add, bottom, x.as_ref(), -T::one_impl(), Par::Seq);
+        if columns == 1 {
+            single::up(front.own_values(values), front.height(), x_own, load);
+        } else {
+            let (top, bottom) = front.columns(values).split_at_row(front.width());
+            let mut x = MatMut::from_row_major_slice_mut(&mut *x_own, front.width(), columns);
+            solve_unit_lower_triangular_in_place(top, x.as_mut(), Par::Seq);
+            let load = MatMut::from_row_major_slice_mut(load, front.update(), columns);
+            matmul(load, Accum::Add, bottom, x.as_ref(), -T::one_impl(), Par::Seq);
+        }
         let pivots = values[front.values[1]..].iter().step_by(front.height() + 1);
         for (x, d) in x_own.chunks_exact_mut(columns).zip(pivots) {
             x.iter_mut().for_each(|x| *x /= *d);
@@ -79,11 +74,15 @@ impl Fronts {
         let front = &self.fronts[index];
         let [x_below, x_own] = split(x, (front.subtree() - front.width()) * columns);
         let [loads_below, load] = split(loads, (front.loads[1] - front.loads[0]) * columns);
-        let (top, bottom) = front.columns(values).split_at_row(front.width());
-        let mut x = MatMut::from_row_major_slice_mut(&mut *x_own, front.width(), columns);
-        let later = MatRef::from_row_major_slice(load, front.update(), columns);
-        matmul(x.as_mut(), Accum::Add, bottom.transpose(), later, -T::one_impl(), Par::Seq);
-        solve_unit_upper_triangular_in_place(top.transpose(), x, Par::Seq);
+        if columns == 1 {
+            single::down(front.own_values(values), front.height(), x_own, load);
+        } else {
+            let (top, bottom) = front.columns(values).split_at_row(front.width());
+            let mut x = MatMut::from_row_major_slice_mut(&mut *x_own, front.width(), columns);
+            let later = MatRef::from_row_major_slice(load, front.update(), columns);
+            matmul(x.as_mut(), Accum::Add, bottom.transpose(), later, -T::one_impl(), Par::Seq);
+            solve_unit_upper_triangular_in_place(top.transpose(), x, Par::Seq);
+        }
         for child in &front.children {
             let child_load = self.load(child.front, front, columns, loads_below);
             for (k, run) in child.runs.iter().enumerate() {

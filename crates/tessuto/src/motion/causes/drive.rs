@@ -258,7 +258,10 @@ impl Drive<'_> {
             tolerance: self.tolerance,
             newton_limit: NEWTON_LIMIT,
         };
-        Ok(step_near(heavy, &settings, stiffness, bar.clone(), &acceleration, places.near, scratch)?.after)
+        let mut tape =
+            step_near(heavy, &settings, stiffness, bar.clone(), &acceleration, places.near, scratch)?;
+        tape.forget_factor(scratch);
+        Ok(tape.after)
     }
 
     /// What the derivative of a step's positions by unknown `p` is solved from, given those of the state ahead and of the start.

@@ -155,7 +155,10 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
                 step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)
             });
             match taken {
-                Ok(tape) => out.end = tape.after,
+                Ok(mut tape) => {
+                    tape.forget_factor(&mut scratch);
+                    out.end = tape.after;
+                }
                 Err(failure) => {
                     out.failure = Some(failure);
                     dynamic.fill(DVec3::ZERO);

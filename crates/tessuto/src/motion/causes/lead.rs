@@ -40,7 +40,7 @@ impl Lead<'_> {
             return None;
         }
         let mut matrix = scratch.zero_matrix(&cloth.pattern);
-        cloth.add_hessian(self.stiffness, x, HessianKind::Projected, 1.0, &mut matrix, scratch);
+        cloth.add_hessian(self.stiffness, x, HessianKind::Projected, 1.0, &mut matrix);
         let masses: Vec<f64> =
             cloth.masses.iter().zip(self.ties).map(|(m, tie)| m * (COMPLIANCE + tie)).collect();
         matrix.add_masses(&cloth.pattern, &masses, 1.0);

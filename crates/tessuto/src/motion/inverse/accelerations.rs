@@ -79,7 +79,10 @@ pub fn accelerations_of_motion(
         }
         let total: Positions = dynamic.iter().map(|d| constant + *d).collect();
         state = match step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch) {
-            Ok(tape) => tape.after,
+            Ok(mut tape) => {
+                tape.forget_factor(&mut scratch);
+                tape.after
+            }
             Err(failure) => {
                 dynamic.fill(DVec3::ZERO);
                 return (accelerations, Some(failure));

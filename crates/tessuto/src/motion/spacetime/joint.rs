@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::acceleration::{self, second_differences, second_differences_transposed};
 use super::refine::DAMPING;
 use super::{LevelSearch, Positions};
-use crate::math::conjugate_gradients::conjugate_gradients;
+use crate::math::conjugate_gradients::{Measure, conjugate_gradients};
 use crate::math::factor::Scratch;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::{FrameSystem, TERMS};
@@ -152,7 +152,8 @@ impl JointSystem<'_> {
             };
             r.par_iter().zip(factors).map_init(Scratch::default, solve).collect()
         };
-        conjugate_gradients(rhs, |p| self.multiply(p), precondition, tolerance, limit).0
+        let end = (Measure::Preconditioned, tolerance);
+        conjugate_gradients(rhs, |p| self.multiply(p), precondition, end, limit).0
     }
 }
 

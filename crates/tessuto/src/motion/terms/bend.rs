@@ -64,7 +64,7 @@ impl Term for Bend<'_> {
             let [u, w] = arms(x, spring.vertices);
             spring.scatter(angle::gradient(u, w, stiffness, spring.rest_angle), &mut system.gradient);
             let h = angle::hessian_gauss_newton(u, w, stiffness, spring.rest_angle);
-            spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix);
+            spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix.whole());
         }
         self.value(x)
     }

@@ -219,7 +219,7 @@ impl Term for Shear<'_> {
                 spring.scatter(slope.map(|g| g * (weight * response * b)), column);
             }
             let h = angle::hessian_gauss_newton(u, w, *weight, spring.rest_angle);
-            spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix);
+            spring.scatter_hessian(&h, &self.cloth.pattern, &mut system.matrix.whole());
         }
         system.low_rank = Some(LowRank::new(columns, fit.curvature));
         fit.value
