@@ -77,27 +77,38 @@ impl Continuum {
         );
     }
 
-    /// Computes a number and a gradient of all elements in parallel, then adds them in their order: the same bits for any number of threads.
+    /// Adds the gradients of all elements and returns the sum of their numbers: in two sums, the same bits on one thread and on two.
     fn add_of_elements(
         &self,
         out: &mut [DVec3],
         of_membrane: impl Fn(usize) -> (f64, [DVec3; 2]) + Send + Sync,
         of_hinge: impl Fn(usize) -> (f64, [DVec3; 3]) + Send + Sync,
     ) -> f64 {
-        let (mut membranes, mut hinges) = (Vec::new(), Vec::new());
-        let range = |n: usize| (0..n).into_par_iter().with_min_len(TASK);
-        range(self.membranes.len()).map(of_membrane).collect_into_vec(&mut membranes);
-        range(self.hinges.len()).map(of_hinge).collect_into_vec(&mut hinges);
-        let mut sum = 0.0;
-        for (m, (value, gradient)) in self.membranes.iter().zip(membranes) {
-            sum += value;
-            m.scatter(gradient, out);
-        }
-        for (h, (value, gradient)) in self.hinges.iter().zip(hinges) {
-            sum += value;
-            h.scatter(gradient, out);
-        }
-        sum
+        let mut second = vec![DVec3::ZERO; out.len()];
+        // As long work for both: a hinge takes as long as four membranes, which are the first sum's.
+        let split = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 8);
+        let hinges = |range: std::ops::Range<usize>, out: &mut [DVec3]| {
+            let add = |k: usize| {
+                let (value, gradient) = of_hinge(k);
+                self.hinges[k].scatter(gradient, out);
+                value
+            };
+            range.map(add).sum::<f64>()
+        };
+        let (first_sum, second_sum) = rayon::join(
+            || {
+                let add = |(k, m): (usize, &Membrane)| {
+                    let (value, gradient) = of_membrane(k);
+                    m.scatter(gradient, out);
+                    value
+                };
+                let membranes: f64 = self.membranes.iter().enumerate().map(add).sum();
+                membranes + hinges(0..split, out)
+            },
+            || hinges(split..self.hinges.len(), &mut second),
+        );
+        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
+        first_sum + second_sum
     }
 
     pub(super) fn add_hessian(
@@ -120,8 +131,7 @@ impl Continuum {
                     HessianKind::Projected => m.hessian_projected(f, c),
                     HessianKind::GaussNewton => m.hessian_gauss_newton(f, c),
                 };
-                let diagonal = [0, 1, 2].map(|i| m.block(&hessian, i, i));
-                let off = [[1, 0], [2, 0], [2, 1]].map(|[i, j]| m.block(&hessian, i, j));
+                let (diagonal, off) = m.blocks(&hessian);
                 add_blocks(pattern, &mut columns, &m.vertices, &diagonal, &m.pairs, &off);
             }
             for (hinge, b) in self.hinges.iter().zip(&stiffness.hinge) {

@@ -141,10 +141,16 @@ impl Membrane {
         }
     }
 
-    /// The block of corners i and j of a Hessian by (f₁, f₂).
-    pub fn block(&self, Hessian([h11, h12, h22]): &Hessian, i: usize, j: usize) -> DMat3 {
-        let (a, b) = (self.weights[i], self.weights[j]);
-        *h11 * (a.x * b.x) + *h12 * (a.x * b.y) + h12.transpose() * (a.y * b.x) + *h22 * (a.y * b.y)
+    /// The blocks of a Hessian by the positions: diagonal ones of the corners, and those of [`pairs`](Self::pairs).
+    pub fn blocks(&self, Hessian([h11, h12, h22]): &Hessian) -> ([DMat3; 3], [DMat3; 3]) {
+        let block = |i: usize, j: usize| {
+            let (a, b) = (self.weights[i], self.weights[j]);
+            *h11 * (a.x * b.x) + *h12 * (a.x * b.y) + h12.transpose() * (a.y * b.x) + *h22 * (a.y * b.y)
+        };
+        let (of_1, of_21, of_2) = (block(1, 1), block(2, 1), block(2, 2));
+        // The rows of the first corner are minus the sums of those of the others.
+        let (of_10, of_20) = (-(of_1 + of_21.transpose()), -(of_21 + of_2));
+        ([-(of_10 + of_20), of_1, of_2], [of_10, of_20, of_21])
     }
 }
 
