@@ -246,10 +246,11 @@ impl BlockMatrix {
     pub(super) fn has_definite_blocks(&self, pattern: &BlockPattern) -> bool {
         pattern.diagonal.iter().all(|starts| {
             let [a, b, c] = starts.map(|start| &self.values[start as usize..]);
-            let minor = a[0] * b[0] - a[1] * a[1];
-            let determinant =
-                minor * c[0] - a[0] * b[1] * b[1] - a[2] * a[2] * b[0] + 2.0 * a[1] * a[2] * b[1];
-            a[0] > 0.0 && minor > 0.0 && determinant > 0.0
+            // Pivots, as an elimination has them: a determinant would lose the digits of blocks that are stiff one way only.
+            let (first, second) = (a[0], b[0] - a[1] * a[1] / a[0]);
+            let below = b[1] - a[1] * a[2] / a[0];
+            let third = c[0] - a[2] * a[2] / a[0] - below * below / second;
+            first > 0.0 && second > 0.0 && third > 0.0
         })
     }
 

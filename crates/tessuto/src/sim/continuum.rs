@@ -85,7 +85,7 @@ impl Continuum {
         of_hinge: impl Fn(usize) -> (f64, [DVec3; 3]) + Send + Sync,
     ) -> f64 {
         let mut second = vec![DVec3::ZERO; out.len()];
-        // As long work for both: a hinge takes as long as four membranes, which are the first sum's.
+        // About as long work for both: membranes, quicker than hinges, are all in the first sum.
         let split = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 8);
         let hinges = |range: std::ops::Range<usize>, out: &mut [DVec3]| {
             let add = |k: usize| {

@@ -23,7 +23,7 @@ use crate::mesh::Positions;
 const SUFFICIENT_DECREASE: f64 = 1e-4;
 /// Conjugate gradients end when the residual's square has fallen to at most this fraction.
 const CG_TOLERANCE: f64 = 1e-2;
-/// Most iterations of conjugate gradients. A new factorisation takes about as long, and serves the next steps as well.
+/// Most iterations of conjugate gradients. A new factorisation takes little longer, and serves the next steps as well.
 const CG_LIMIT: usize = 5;
 /// The same for the adjoint: ten digits.
 const ADJOINT_TOLERANCE: f64 = 1e-20;

@@ -100,10 +100,7 @@ pub fn play(
     frame_count: usize,
     inputs: &RolloutInputs,
 ) -> Result<Vec<Positions>> {
-    play_with(cloth, settings, substeps, frame_count, inputs, |mut tape, scratch| {
-        tape.forget_factor(scratch);
-        tape.after
-    })
+    play_with(cloth, settings, substeps, frame_count, inputs, StepTape::into_after)
 }
 
 /// `record` takes every step and gives the state after it back.

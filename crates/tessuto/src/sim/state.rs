@@ -67,6 +67,12 @@ impl StepTape {
     pub fn forget_factor(&mut self, scratch: &mut Scratch) {
         self.factor.take().into_iter().for_each(|factor| scratch.recycle(factor));
     }
+
+    /// The state after the step, alone.
+    pub fn into_after(mut self, scratch: &mut Scratch) -> State {
+        self.forget_factor(scratch);
+        self.after
+    }
 }
 
 /// ∂L/∂(inputs of a sub-step or rollout).

@@ -258,10 +258,8 @@ impl Drive<'_> {
             tolerance: self.tolerance,
             newton_limit: NEWTON_LIMIT,
         };
-        let mut tape =
-            step_near(heavy, &settings, stiffness, bar.clone(), &acceleration, places.near, scratch)?;
-        tape.forget_factor(scratch);
-        Ok(tape.after)
+        let tape = step_near(heavy, &settings, stiffness, bar.clone(), &acceleration, places.near, scratch)?;
+        Ok(tape.into_after(scratch))
     }
 
     /// What the derivative of a step's positions by unknown `p` is solved from, given those of the state ahead and of the start.

@@ -155,10 +155,7 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
                 step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch)
             });
             match taken {
-                Ok(mut tape) => {
-                    tape.forget_factor(&mut scratch);
-                    out.end = tape.after;
-                }
+                Ok(tape) => out.end = tape.into_after(&mut scratch),
                 Err(failure) => {
                     out.failure = Some(failure);
                     dynamic.fill(DVec3::ZERO);

@@ -79,10 +79,7 @@ pub fn accelerations_of_motion(
         }
         let total: Positions = dynamic.iter().map(|d| constant + *d).collect();
         state = match step(cloth, &dynamics.step, &stiffness, tape.before, &total, &mut scratch) {
-            Ok(mut tape) => {
-                tape.forget_factor(&mut scratch);
-                tape.after
-            }
+            Ok(tape) => tape.into_after(&mut scratch),
             Err(failure) => {
                 dynamic.fill(DVec3::ZERO);
                 return (accelerations, Some(failure));
