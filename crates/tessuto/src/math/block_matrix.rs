@@ -138,6 +138,29 @@ fn number(part: &Part, rank: &mut [u32], next: &mut u32) {
     }
 }
 
+/// Where a block lies.
+#[derive(Debug, Clone, Copy)]
+pub enum Place {
+    /// At a vertex, on the diagonal.
+    Vertex(u32),
+    /// At a pair of the pattern.
+    Pair(usize),
+}
+
+/// Which of a matrix's columns, by the indices of their values.
+#[derive(Debug, Clone, Copy)]
+pub struct Span {
+    start: usize,
+    end: usize,
+}
+
+impl Span {
+    /// Whether anything that couples just these vertices can be in these columns.
+    pub fn holds_any(&self, pattern: &BlockPattern, vertices: &[u32]) -> bool {
+        vertices.iter().any(|&v| (self.start..self.end).contains(&(pattern.diagonal[v as usize][0] as usize)))
+    }
+}
+
 /// Some of a matrix's columns. What is added elsewhere is left out.
 #[derive(Debug)]
 pub struct Columns<'a> {
@@ -147,9 +170,9 @@ pub struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// Whether anything that couples just these vertices can be in these columns.
-    pub fn hold_any(&self, pattern: &BlockPattern, vertices: &[u32]) -> bool {
-        vertices.iter().any(|&v| self.place(pattern.diagonal[v as usize][0]).is_some())
+    /// Which they are.
+    pub fn span(&self) -> Span {
+        Span { start: self.start, end: self.start + self.values.len() }
     }
 
     /// [`BlockMatrix::add_diagonal`].
@@ -171,6 +194,14 @@ impl Columns<'_> {
             for (place, column) in slot.column.into_iter().zip(block.to_cols_array_2d()) {
                 self.add(place, column);
             }
+        }
+    }
+
+    /// Adds `block` at `place`.
+    pub fn add_block(&mut self, pattern: &BlockPattern, place: Place, block: &DMat3) {
+        match place {
+            Place::Vertex(vertex) => self.add_diagonal(pattern, vertex as usize, block),
+            Place::Pair(pair) => self.add_pair(pattern, pair, block),
         }
     }
 
@@ -319,7 +350,7 @@ mod tests {
             let block = DMat3::from_cols(rng.vector(), rng.vector(), rng.vector());
             matrix.add_pair(&pattern, k, &block);
             for (columns, share) in in_halves.halves(&pattern).iter_mut().zip(&mut shares) {
-                *share += usize::from(columns.hold_any(&pattern, &pairs[k]));
+                *share += usize::from(columns.span().holds_any(&pattern, &pairs[k]));
                 columns.add_pair(&pattern, k, &block);
             }
             expected[i] += block * field[j];

@@ -4,49 +4,9 @@
 //! the energy contracted with a and b (Fike and Alonso 2011, "The Development of Hyper-Dual
 //! Numbers for Exact Second-Derivative Calculations").
 
-use std::ops::{Add, Mul, Sub};
+use std::ops::{Add, Mul, Neg, Sub};
 
-/// What the energies' gradients need of a number.
-pub trait Scalar: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
-    /// A constant.
-    fn constant(value: f64) -> Self;
-    /// Square root.
-    fn sqrt(self) -> Self;
-    /// 1/self.
-    fn recip(self) -> Self;
-    /// Inverse cosine.
-    fn acos(self) -> Self;
-    /// Angle of the point (`x`, self) from the first axis.
-    fn atan2(self, x: Self) -> Self;
-    /// Its real part.
-    fn value(self) -> f64;
-}
-
-impl Scalar for f64 {
-    fn constant(value: f64) -> Self {
-        value
-    }
-
-    fn sqrt(self) -> Self {
-        f64::sqrt(self)
-    }
-
-    fn recip(self) -> Self {
-        1.0 / self
-    }
-
-    fn acos(self) -> Self {
-        f64::acos(self)
-    }
-
-    fn atan2(self, x: Self) -> Self {
-        f64::atan2(self, x)
-    }
-
-    fn value(self) -> f64 {
-        self
-    }
-}
+use super::scalar::{Scalar, Vector};
 
 /// value + a·ε₁ + b·ε₂ + ab·ε₁ε₂ with ε₁² = ε₂² = 0.
 #[derive(Debug, Clone, Copy)]
@@ -81,6 +41,14 @@ impl Sub for HyperDual {
 
     fn sub(self, o: Self) -> Self {
         Self { value: self.value - o.value, a: self.a - o.a, b: self.b - o.b, ab: self.ab - o.ab }
+    }
+}
+
+impl Neg for HyperDual {
+    type Output = Self;
+
+    fn neg(self) -> Self {
+        Self { value: -self.value, a: -self.a, b: -self.b, ab: -self.ab }
     }
 }
 
@@ -129,13 +97,10 @@ impl Scalar for HyperDual {
         Self { value: y.value.atan2(x.value), a, b, ab: turned(x.ab, y.ab) - bent }
     }
 
-    fn value(self) -> f64 {
-        self.value
+    fn round(self) -> Self {
+        Self::constant(self.value.round_ties_even())
     }
 }
-
-/// Three numbers of a vector, for the generic gradients.
-pub type Vector<T> = [T; 3];
 
 /// x + ε₁ a + ε₂ b.
 pub fn lift(x: glam::DVec3, a: glam::DVec3, b: glam::DVec3) -> Vector<HyperDual> {
@@ -145,19 +110,4 @@ pub fn lift(x: glam::DVec3, a: glam::DVec3, b: glam::DVec3) -> Vector<HyperDual>
 /// The ε₁ε₂ part.
 pub fn mixed(x: Vector<HyperDual>) -> glam::DVec3 {
     glam::DVec3::new(x[0].ab, x[1].ab, x[2].ab)
-}
-
-/// Dot product.
-pub fn dot<T: Scalar>(a: Vector<T>, b: Vector<T>) -> T {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-/// s·a.
-pub fn scale<T: Scalar>(a: Vector<T>, s: T) -> Vector<T> {
-    a.map(|x| x * s)
-}
-
-/// a − b.
-pub fn subtract<T: Scalar>(a: Vector<T>, b: Vector<T>) -> Vector<T> {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }

@@ -8,9 +8,11 @@ mod dissection;
 pub mod factor;
 pub mod gradient_check;
 pub(crate) mod hyper_dual;
+pub(crate) mod lanes;
 mod multifrontal;
 pub mod rng;
 pub mod root;
+pub(crate) mod scalar;
 
 use glam::{DMat3, DVec3};
 

@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::math::hyper_dual::{self, Scalar, Vector, dot, scale, subtract};
-use crate::math::outer;
+use crate::math::scalar::{Scalar, Vector, dot, scale, subtract};
+use crate::math::{hyper_dual, outer};
 
 /// Keeps the derivative of arccos finite: angles run from arccos(1 − ε) = 8.1° to 171.9°.
 const EPSILON: f64 = 0.01;

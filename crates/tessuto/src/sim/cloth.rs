@@ -229,15 +229,16 @@ impl Cloth {
         };
         // Springs on the border are computed for both halves: the same bits on one thread and on two.
         let add = |mut columns: Columns| {
+            let span = columns.span();
             for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                if columns.hold_any(&self.pattern, &e.vertices) {
+                if span.holds_any(&self.pattern, &e.vertices) {
                     let h = of_edge(e.along(x), e.stiffness(k, x) * scale, e.rest_length);
                     e.vertices.iter().for_each(|&v| columns.add_diagonal(&self.pattern, v as usize, &h));
                     columns.add_pair(&self.pattern, e.pair, &-h);
                 }
             }
             for (spring, k) in self.angles(stiffness) {
-                if columns.hold_any(&self.pattern, &spring.vertices) {
+                if span.holds_any(&self.pattern, &spring.vertices) {
                     let [u, w] = arms(x, spring.vertices);
                     let h = of_angle(u, w, k * scale, spring.rest_angle);
                     spring.scatter_hessian(&h, &self.pattern, &mut columns);

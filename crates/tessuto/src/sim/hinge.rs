@@ -15,15 +15,24 @@
 //! negative for the first and positive for the second. Both Hessians here are made of these products.
 //! Source: Grinspun, Hirani, Desbrun, Schröder 2003, "Discrete Shells", §3, with a weight of our own; so are the derivatives.
 
-use glam::{DMat3, DVec3};
+use std::f64::consts::TAU;
 
-use crate::math::hyper_dual::{self, Scalar, Vector, dot, scale, subtract};
-use crate::math::outer;
+use glam::DVec3;
+
+use crate::math::block_matrix::Place;
+use crate::math::hyper_dual;
+use crate::math::lanes::{LANES, Lanes, gather, vectors};
+use crate::math::scalar::{
+    Matrix, Real, Scalar, Vector, add, cross, dot, form, negated, negative, outer, scale, scaled, subtract,
+    sum, transposed,
+};
 
 /// Square of a length `[m]` that is added to squared lengths, so that directions stay finite.
 const SQ_LENGTH_FLOOR: f64 = 1e-18;
 /// Square of a doubled area `[m²]`, likewise.
 const SQ_AREA_FLOOR: f64 = 1e-30;
+/// Added to what is divided by and can be nothing: far below any other number here.
+const TINY: f64 = 1e-300;
 
 /// An inner edge of the cloth.
 #[derive(Debug, Clone, Copy)]
@@ -41,9 +50,20 @@ pub struct Hinge {
 /// The edge, and both apexes from its first end `[m]`.
 pub type Arms = [DVec3; 3];
 
+/// A hinge as it is now, or four of them.
+#[derive(Debug, Clone, Copy)]
+pub struct Bent<T> {
+    /// [`Arms`].
+    arms: [Vector<T>; 3],
+    /// θ0 `[rad]`.
+    rest_angle: T,
+    /// k `[J]`.
+    k: T,
+}
+
 /// Second derivatives by [`Arms`]: ee, eu, ew, uu, uw, ww.
 #[derive(Debug, Clone, Copy)]
-pub struct Hessian([DMat3; 6]);
+pub struct Hessian<T>([Matrix<T>; 6]);
 
 impl Hinge {
     /// The hinge at rest with its vertices at `x` `[m]`.
@@ -52,7 +72,7 @@ impl Hinge {
         let arms @ [e, u, w] = hinge.arms(x);
         let area = 0.5 * (e.cross(u).length() + e.cross(w).length());
         hinge.weight = e.length_squared() / area;
-        hinge.rest_angle = angle(arms);
+        hinge.rest_angle = hinge.bent(arms, 0.0).deflection();
         hinge
     }
 
@@ -62,72 +82,41 @@ impl Hinge {
         [b - a, c - a, d - a]
     }
 
-    /// Energy `[J]`, for the `stiffness` B `[J]`.
-    pub fn value(&self, arms: Arms, stiffness: f64) -> f64 {
-        0.5 * self.weight * stiffness * self.deflection(angle(arms)).powi(2)
+    /// The hinge with these arms, for the `stiffness` B `[J]`.
+    pub fn bent(&self, arms: Arms, stiffness: f64) -> Bent<f64> {
+        Bent { arms: arms.map(|a| a.to_array()), rest_angle: self.rest_angle, k: stiffness * self.weight }
     }
 
-    /// ∂E by the arms.
-    pub fn gradient(&self, arms: Arms, stiffness: f64) -> Arms {
-        self.value_and_gradient(arms, stiffness).1
-    }
-
-    /// [`value`](Self::value) and [`gradient`](Self::gradient).
-    pub fn value_and_gradient(&self, arms: Arms, stiffness: f64) -> (f64, Arms) {
-        let k = stiffness * self.weight;
-        let (deflection, gradient) = gradient_of(arms.map(|a| a.to_array()), self.rest_angle, k);
-        (0.5 * k * deflection * deflection, gradient.map(DVec3::from_array))
-    }
-
-    /// ∂²E by the arms.
-    pub fn hessian(&self, arms: Arms, stiffness: f64) -> Hessian {
-        let (mut h, slope, sides) = self.square_of_turn(arms, stiffness);
-        for (k, sign, side) in &sides {
-            h.add_products(*k, -slope * sign / side.area, side);
+    /// Four hinges with their vertices at `x` `[m]`, for their stiffnesses B `[J]`.
+    #[inline(always)]
+    pub fn bent_lanes(hinges: [&Self; LANES], x: &[DVec3], stiffness: Lanes) -> Bent<Lanes> {
+        let corners = |c: usize| vectors(x, hinges.map(|h| h.vertices[c]));
+        let (a, b, c, d) = (corners(0), corners(1), corners(2), corners(3));
+        Bent {
+            arms: [subtract(b, a), subtract(c, a), subtract(d, a)],
+            rest_angle: gather(|k| hinges[k].rest_angle),
+            k: stiffness * gather(|k| hinges[k].weight),
         }
-        h
     }
 
-    /// A positive semi-definite upper bound of [`hessian`](Self::hessian): of every product's two squares the positive one.
-    pub fn hessian_projected(&self, arms: Arms, stiffness: f64) -> Hessian {
-        let (mut h, slope, sides) = self.square_of_turn(arms, stiffness);
-        for (k, sign, side) in &sides {
-            let factor = -slope * sign / side.area;
-            h.add_positive_part(*k, factor * 2.0 / side.area, side.of_p(side.n), side.of_p(side.t));
-            h.add_positive_part(*k, factor, [side.n, DVec3::ZERO], side.slide());
+    /// Where the `k`-th of its blocks lies.
+    #[inline(always)]
+    pub fn place(&self, k: usize) -> Place {
+        match self.vertices.get(k) {
+            Some(&vertex) => Place::Vertex(vertex),
+            None => Place::Pair(self.pairs[k - self.vertices.len()]),
         }
-        h
-    }
-
-    /// The part k ∇θ ∇θᵀ of [`hessian`](Self::hessian).
-    pub fn hessian_gauss_newton(&self, arms: Arms, stiffness: f64) -> Hessian {
-        self.square_of_turn(arms, stiffness).0
-    }
-
-    /// k ∇θ ∇θᵀ, the slope k (θ − θ0), and the triangles with the sign that they turn with.
-    fn square_of_turn(
-        &self,
-        arms @ [e, u, w]: Arms,
-        stiffness: f64,
-    ) -> (Hessian, f64, [(usize, f64, Side); 2]) {
-        let k = stiffness * self.weight;
-        let slope = k * self.deflection(angle(arms));
-        let sides = [(1, -1.0, Side::new(e, u)), (2, 1.0, Side::new(e, w))];
-        let turn = |(_, sign, s): &(usize, f64, Side)| s.of_p(s.n * (sign / s.area));
-        let [first, second] = [turn(&sides[0]), turn(&sides[1])];
-        let mut h = Hessian([DMat3::ZERO; 6]);
-        h.add_square(k, [first[0] + second[0], first[1], second[1]]);
-        (h, slope, sides)
     }
 
     /// ∂ by the arms of aᵀ (∂²E) b, with `a` and `b` directions of the arms.
     pub fn third(&self, arms: Arms, stiffness: f64, a: Arms, b: Arms) -> Arms {
-        let lifted = [0, 1, 2].map(|k| hyper_dual::lift(arms[k], a[k], b[k]));
-        gradient_of(lifted, self.rest_angle, stiffness * self.weight).1.map(hyper_dual::mixed)
-    }
-
-    fn deflection(&self, angle: f64) -> f64 {
-        wrapped(angle - self.rest_angle)
+        let bent = self.bent(arms, stiffness);
+        let lifted = Bent {
+            arms: [0, 1, 2].map(|k| hyper_dual::lift(arms[k], a[k], b[k])),
+            rest_angle: Scalar::constant(bent.rest_angle),
+            k: Scalar::constant(bent.k),
+        };
+        lifted.value_and_gradient().1.map(hyper_dual::mixed)
     }
 
     /// Adds a derivative by the arms, as one by the positions.
@@ -138,134 +127,218 @@ impl Hinge {
         out[c] += gu;
         out[d] += gw;
     }
+}
 
-    /// The blocks of a Hessian by the positions: diagonal ones of the vertices, and those of [`pairs`](Self::pairs).
-    pub fn blocks(&self, Hessian([ee, eu, ew, uu, uw, ww]): &Hessian) -> ([DMat3; 4], [DMat3; 6]) {
-        let by_e = *ee + eu.transpose() + ew.transpose();
-        let by_u = *eu + *uu + uw.transpose();
-        let by_w = *ew + *uw + *ww;
-        // Row of the first end: minus the sum of the rows of the others; column j of that sum is by_j.
-        let diagonal = [by_e + by_u + by_w, *ee, *uu, *ww];
-        let with_first = [by_e, by_u, by_w].map(|b| -b.transpose());
-        let [e0, u0, w0] = with_first;
-        (diagonal, [e0, u0, w0, eu.transpose(), ew.transpose(), uw.transpose()])
+impl<T: Scalar> Bent<T> {
+    /// Energy `[J]`.
+    pub fn value(&self) -> T {
+        let deflection = self.deflection();
+        T::constant(0.5) * self.k * deflection * deflection
+    }
+
+    /// [`value`](Self::value) and ∂E by the arms.
+    #[inline(always)]
+    pub fn value_and_gradient(&self) -> (T, [Vector<T>; 3]) {
+        let [e, u, w] = self.arms;
+        let (first, second, length) = (cross(e, u), cross(w, e), length(e));
+        let deflection = self.deflection_with(length, first, second);
+        let slope = deflection * self.k;
+        let inverse_length = length.recip();
+        // n/(L h) of either triangle; both normals turn the same way where the sheet is flat.
+        let turn = |n: Vector<T>| scale(n, slope * (dot(n, n) + T::constant(SQ_AREA_FLOOR)).recip());
+        let (a, b) = (turn(first), turn(second));
+        let (cu, cw) = (dot(u, e) * inverse_length, dot(w, e) * inverse_length);
+        let by_e = add(scale(a, cu), scale(b, cw));
+        let value = T::constant(0.5) * slope * deflection;
+        (value, [by_e, negative(scale(a, length)), negative(scale(b, length))])
+    }
+
+    /// θ − θ0 `[rad]`, within half a turn; θ is 0 for a flat sheet.
+    pub fn deflection(&self) -> T {
+        let [e, u, w] = self.arms;
+        self.deflection_with(length(e), cross(e, u), cross(w, e))
+    }
+
+    /// The same, given the edge's length and both triangles' normals times their doubled areas.
+    #[inline(always)]
+    fn deflection_with(&self, length: T, first: Vector<T>, second: Vector<T>) -> T {
+        let sine = -length * dot(first, self.arms[2]);
+        let angle = sine.atan2(dot(first, second)) - self.rest_angle;
+        angle - (angle * T::constant(1.0 / TAU)).round() * T::constant(TAU)
     }
 }
 
-impl Hessian {
-    /// aᵀ H b.
-    pub fn form(&self, a: Arms, b: Arms) -> f64 {
+impl<T: Real> Bent<T> {
+    /// ∂²E by the arms.
+    #[inline(always)]
+    pub fn hessian(&self) -> Hessian<T> {
+        let (mut h, slope, [first, second]) = self.square_of_turn();
+        h.add_products(1, slope * first.area.recip(), &first);
+        h.add_products(2, -slope * second.area.recip(), &second);
+        h
+    }
+
+    /// A positive semi-definite upper bound of [`hessian`](Self::hessian): of every product's two squares the positive one.
+    #[inline(always)]
+    pub fn hessian_projected(&self) -> Hessian<T> {
+        let (mut h, slope, [first, second]) = self.square_of_turn();
+        h.add_positive_parts(1, slope, &first);
+        h.add_positive_parts(2, -slope, &second);
+        h
+    }
+
+    /// The part k ∇θ ∇θᵀ of [`hessian`](Self::hessian).
+    #[inline(always)]
+    pub fn hessian_gauss_newton(&self) -> Hessian<T> {
+        self.square_of_turn().0
+    }
+
+    /// k ∇θ ∇θᵀ, the slope k (θ − θ0), and both triangles. The second turns the other way than the first.
+    #[inline(always)]
+    fn square_of_turn(&self) -> (Hessian<T>, T, [Side<T>; 2]) {
+        let [e, u, w] = self.arms;
+        let (normal_u, normal_w, length) = (cross(e, u), cross(e, w), length(e));
+        let slope = self.k * self.deflection_with(length, normal_u, negative(normal_w));
+        let edge = scale(e, length.recip());
+        let [first, second] = [Side::new(length, edge, u, normal_u), Side::new(length, edge, w, normal_w)];
+        let by_u = first.of_p(scale(first.n, first.area.recip()));
+        let by_w = second.of_p(scale(second.n, second.area.recip()));
+        let (e, u, w) = (subtract(by_w[0], by_u[0]), negative(by_u[1]), by_w[1]);
+        let (ge, gu, gw) = (scale(e, self.k), scale(u, self.k), scale(w, self.k));
+        let squares = [outer(e, ge), outer(e, gu), outer(e, gw), outer(u, gu), outer(u, gw), outer(w, gw)];
+        (Hessian(squares), slope, [first, second])
+    }
+}
+
+impl<T: Scalar> Hessian<T> {
+    /// Gives the blocks by the positions to `put`: the diagonal ones of the hinge's vertices, then those of its pairs.
+    #[inline(always)]
+    pub fn blocks(&self, mut put: impl FnMut(usize, &Matrix<T>)) {
         let Self([ee, eu, ew, uu, uw, ww]) = self;
-        a[0].dot(*ee * b[0] + *eu * b[1] + *ew * b[2])
-            + a[1].dot(eu.transpose() * b[0] + *uu * b[1] + *uw * b[2])
-            + a[2].dot(ew.transpose() * b[0] + uw.transpose() * b[1] + *ww * b[2])
+        let (ue, we, wu) = (transposed(*eu), transposed(*ew), transposed(*uw));
+        // The rows of the first end are minus the sums of the rows of the others; column j of such a sum is by_j.
+        let by_e = sum(sum(*ee, ue), we);
+        let by_u = sum(sum(*eu, *uu), wu);
+        let by_w = sum(sum(*ew, *uw), *ww);
+        put(0, &sum(sum(by_e, by_u), by_w));
+        put(1, ee);
+        put(2, uu);
+        put(3, ww);
+        put(4, &negated(transposed(by_e)));
+        put(5, &negated(transposed(by_u)));
+        put(6, &negated(transposed(by_w)));
+        put(7, &ue);
+        put(8, &we);
+        put(9, &wu);
     }
 
     /// Blocks (ee, e·side, side·side).
-    fn of_side(side: usize) -> [usize; 3] {
+    const fn of_side(side: usize) -> [usize; 3] {
         [0, side, if side == 1 { 3 } else { 5 }]
     }
 
     /// `factor` { 2/(L h) (n·p)(t·p) + (n·δe) [2/L (ê·p) + h/L (t·δe)] } as a quadratic form in δe and δ of the apex of `side`.
-    fn add_products(&mut self, side: usize, factor: f64, s: &Side) {
+    #[inline(always)]
+    fn add_products(&mut self, side: usize, factor: T, s: &Side<T>) {
         let [ee, es, ss] = Self::of_side(side);
-        let n = s.n * (0.5 * factor);
+        let n = scale(s.n, T::constant(0.5) * factor);
         let [slide_e, slide_u] = s.slide();
-        let symmetric = |a: DVec3, b: DVec3| outer(a, b) + outer(b, a);
+        let symmetric = |a: Vector<T>, b: Vector<T>| sum(outer(a, b), outer(b, a));
         // Both forms of p differ from one direction by the same two factors, −c and L.
-        let both = symmetric(n * (2.0 / s.area), s.t);
-        self.0[ee] += both * (s.along * s.along) + symmetric(n, slide_e);
-        self.0[es] += both * (-s.along * s.length) + outer(n, slide_u);
-        self.0[ss] += both * (s.length * s.length);
+        let both = symmetric(scale(n, T::constant(2.0) * s.area.recip()), s.t);
+        let of_e = sum(scaled(both, s.along * s.along), symmetric(n, slide_e));
+        let mixed = subtract_scaled(outer(n, slide_u), both, s.along * s.length);
+        self.0[ee] = sum(self.0[ee], of_e);
+        self.0[es] = sum(self.0[es], mixed);
+        self.0[ss] = sum(self.0[ss], scaled(both, s.length * s.length));
+    }
+}
+
+impl<T: Real> Hessian<T> {
+    /// Of [`Self::add_products`] of a triangle that turns with `slope`.
+    #[inline(always)]
+    fn add_positive_parts(&mut self, side: usize, slope: T, s: &Side<T>) {
+        let inverse = s.area.recip();
+        let factor = slope * inverse;
+        let turns = factor * inverse * T::constant(2.0);
+        self.add_positive_part(side, turns, s.of_p(s.n), s.of_p(s.t));
+        self.add_positive_part(side, factor, [s.n, [T::constant(0.0); 3]], s.slide());
     }
 
     /// 4 a b = (a + b)² − (a − b)², with a and b made equally long; one of the squares is positive.
-    fn add_positive_part(&mut self, side: usize, factor: f64, a: [DVec3; 2], b: [DVec3; 2]) {
-        let length = |v: [DVec3; 2]| (v[0].length_squared() + v[1].length_squared()).sqrt();
-        let [la, lb] = [length(a), length(b)];
-        if la == 0.0 || lb == 0.0 {
-            return;
-        }
-        let ratio = (lb / la).sqrt();
-        let sum = [0, 1].map(|k| a[k] * ratio + b[k] * (factor.signum() / ratio));
+    #[inline(always)]
+    fn add_positive_part(&mut self, side: usize, factor: T, a: [Vector<T>; 2], b: [Vector<T>; 2]) {
+        let tiny = T::constant(TINY);
+        let square = |v: [Vector<T>; 2]| dot(v[0], v[0]) + dot(v[1], v[1]) + tiny;
+        let ratio = (square(b) * square(a).recip()).sqrt().sqrt();
+        let other = factor * (factor.abs() + tiny).recip() * ratio.recip();
+        let by_e = add(scale(a[0], ratio), scale(b[0], other));
+        let by_apex = add(scale(a[1], ratio), scale(b[1], other));
+        let weight = T::constant(0.25) * factor.abs();
+        let (weighted_e, weighted_apex) = (scale(by_e, weight), scale(by_apex, weight));
         let [ee, es, ss] = Self::of_side(side);
-        let scaled = sum.map(|s| s * (0.25 * factor.abs()));
-        self.0[ee] += outer(sum[0], scaled[0]);
-        self.0[es] += outer(sum[0], scaled[1]);
-        self.0[ss] += outer(sum[1], scaled[1]);
+        self.0[ee] = sum(self.0[ee], outer(by_e, weighted_e));
+        self.0[es] = sum(self.0[es], outer(by_e, weighted_apex));
+        self.0[ss] = sum(self.0[ss], outer(by_apex, weighted_apex));
     }
+}
 
-    fn add_square(&mut self, factor: f64, v: Arms) {
-        let scaled = v.map(|v| v * factor);
-        for (block, [i, j]) in self.0.iter_mut().zip([[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]]) {
-            *block += outer(v[i], scaled[j]);
-        }
+impl Hessian<f64> {
+    /// aᵀ H b.
+    pub fn form(&self, a: Arms, b: Arms) -> f64 {
+        let Self([ee, eu, ew, uu, uw, ww]) = *self;
+        let rows = [[ee, eu, ew], [transposed(eu), uu, uw], [transposed(ew), transposed(uw), ww]];
+        let (a, b) = (a.map(|a| a.to_array()), b.map(|b| b.to_array()));
+        let of_row = |k: usize| (0..3).map(|j| form(a[k], rows[k][j], b[j])).sum::<f64>();
+        of_row(0) + of_row(1) + of_row(2)
     }
 }
 
 /// One of the two triangles, named as in the module.
-struct Side {
+struct Side<T> {
     /// L h, twice the area `[m²]`.
-    area: f64,
+    area: T,
     /// L `[m]`.
-    length: f64,
+    length: T,
     /// c `[m]`.
-    along: f64,
-    n: DVec3,
-    edge: DVec3,
-    t: DVec3,
+    along: T,
+    n: Vector<T>,
+    edge: Vector<T>,
+    t: Vector<T>,
 }
 
-impl Side {
-    fn new(e: DVec3, u: DVec3) -> Self {
-        let normal = e.cross(u);
-        let area = (normal.length_squared() + SQ_AREA_FLOOR).sqrt();
-        let length = (e.length_squared() + SQ_LENGTH_FLOOR).sqrt();
-        let (n, edge) = (normal / area, e / length);
-        Self { area, length, along: u.dot(edge), n, edge, t: n.cross(edge) }
+impl<T: Scalar> Side<T> {
+    /// The triangle of an `edge` of length one, the edge's `length`, the apex `u` and the `normal` e × u.
+    #[inline(always)]
+    fn new(length: T, edge: Vector<T>, u: Vector<T>, normal: Vector<T>) -> Self {
+        let area = (dot(normal, normal) + T::constant(SQ_AREA_FLOOR)).sqrt();
+        let n = scale(normal, area.recip());
+        Self { area, length, along: dot(u, edge), n, edge, t: cross(n, edge) }
     }
 
     /// v·p as a linear form in (δe, δu).
-    fn of_p(&self, v: DVec3) -> [DVec3; 2] {
-        [v * -self.along, v * self.length]
+    #[inline(always)]
+    fn of_p(&self, v: Vector<T>) -> [Vector<T>; 2] {
+        [scale(v, -self.along), scale(v, self.length)]
     }
 
     /// 2/L (ê·p) + h/L (t·δe), likewise.
-    fn slide(&self) -> [DVec3; 2] {
-        let [by_e, by_u] = self.of_p(self.edge * (2.0 / self.length));
-        [by_e + self.t * (self.area / (self.length * self.length)), by_u]
+    #[inline(always)]
+    fn slide(&self) -> [Vector<T>; 2] {
+        let inverse = self.length.recip();
+        let [by_e, by_u] = self.of_p(scale(self.edge, T::constant(2.0) * inverse));
+        [add(by_e, scale(self.t, self.area * inverse * inverse)), by_u]
     }
 }
 
-/// θ `[rad]` in (−π, π]; 0 for a flat sheet.
-pub fn angle([e, u, w]: Arms) -> f64 {
-    let (first, second) = (e.cross(u), w.cross(e));
-    (-e.length() * first.dot(w)).atan2(first.dot(second))
+/// L `[m]`.
+#[inline(always)]
+fn length<T: Scalar>(edge: Vector<T>) -> T {
+    (dot(edge, edge) + T::constant(SQ_LENGTH_FLOOR)).sqrt()
 }
 
-/// An angle's difference within half a turn.
-fn wrapped(angle: f64) -> f64 {
-    angle - std::f64::consts::TAU * (angle / std::f64::consts::TAU).round()
-}
-
-/// θ − θ0 and the gradient.
-fn gradient_of<T: Scalar>([e, u, w]: [Vector<T>; 3], rest_angle: f64, k: f64) -> (T, [Vector<T>; 3]) {
-    let (first, second) = (cross(e, u), cross(w, e));
-    let length = (dot(e, e) + T::constant(SQ_LENGTH_FLOOR)).sqrt();
-    let angle = (T::constant(0.0) - length * dot(first, w)).atan2(dot(first, second));
-    let turns = angle.value() - rest_angle - wrapped(angle.value() - rest_angle);
-    let deflection = angle - T::constant(rest_angle + turns);
-    let slope = deflection * T::constant(k);
-    let inverse_length = length.recip();
-    // n/(L h) of either triangle; both normals turn the same way where the sheet is flat.
-    let turn = |n: Vector<T>| scale(n, slope * (dot(n, n) + T::constant(SQ_AREA_FLOOR)).recip());
-    let (a, b) = (turn(first), turn(second));
-    let (cu, cw) = (dot(u, e) * inverse_length, dot(w, e) * inverse_length);
-    let zero = [T::constant(0.0); 3];
-    let sum = subtract(scale(a, cu), subtract(zero, scale(b, cw)));
-    (deflection, [sum, subtract(zero, scale(a, length)), subtract(zero, scale(b, length))])
-}
-
-fn cross<T: Scalar>(a: Vector<T>, b: Vector<T>) -> Vector<T> {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+/// A − s·B.
+#[inline(always)]
+fn subtract_scaled<T: Scalar>(a: Matrix<T>, b: Matrix<T>, s: T) -> Matrix<T> {
+    sum(a, scaled(b, -s))
 }

@@ -10,10 +10,18 @@
 //! [`super::fabric::Fabric`].
 //! Source: Wang, O'Brien, Ramamoorthi 2011, "Data-Driven Elastic Models for Cloth", §4, with constant coefficients.
 
-use glam::{DMat2, DMat3, DVec2, DVec3};
+use glam::{DMat2, DVec2, DVec3};
 
-use crate::math::hyper_dual::{self, Scalar, Vector, dot, scale};
-use crate::math::outer;
+use crate::math::block_matrix::Place;
+use crate::math::hyper_dual;
+use crate::math::lanes::{LANES, Lanes, gather, vectors};
+use crate::math::scalar::{
+    Matrix, Real, Scalar, Vector, add, diagonal, dot, negated, negative, outer, scale, scaled, subtract, sum,
+    transposed,
+};
+
+/// Added to what is divided by and can be nothing: far below any other number here.
+const TINY: f64 = 1e-300;
 
 /// c₁₁, c₂₂, c₁₂ and g [N/m].
 pub type Coefficients = [f64; 4];
@@ -31,9 +39,21 @@ pub struct Membrane {
     pub pairs: [usize; 3],
 }
 
-/// ∂²E by (f₁, f₂).
+/// A membrane as it is now, or four of them.
 #[derive(Debug, Clone, Copy)]
-pub struct Hessian([DMat3; 3]);
+pub struct Strained<T> {
+    /// (f₁, f₂).
+    f: [Vector<T>; 2],
+    /// [`Coefficients`] times the area `[J]`.
+    c: [T; 4],
+}
+
+/// ∂²E by (f₁, f₂): 11, 12, 22.
+#[derive(Debug, Clone, Copy)]
+pub struct Hessian<T>([Matrix<T>; 3]);
+
+/// [`Membrane::weights`] of the second and the third corner, or of four membranes' corners.
+pub type Weights<T> = [[T; 2]; 2];
 
 impl Membrane {
     /// The triangle with corners at `x` `[m]` and `uvs` as they are without load. The warp runs along growing u, or along the
@@ -63,65 +83,64 @@ impl Membrane {
         [p * r.x + q * s.x, p * r.y + q * s.y]
     }
 
-    /// Energy `[J]` given (f₁, f₂).
-    pub fn value(&self, f: [DVec3; 2], [c11, c22, c12, g]: Coefficients) -> [f64; 2] {
-        let [e11, e22, e12] = strain(f);
-        let stretch = 0.5 * c11 * e11 * e11 + 0.5 * c22 * e22 * e22 + c12 * e11 * e22;
-        [self.area * stretch, self.area * 2.0 * g * e12 * e12]
+    /// The membrane with these (f₁, f₂) and coefficients.
+    pub fn strained(&self, f: [DVec3; 2], c: Coefficients) -> Strained<f64> {
+        Strained { f: f.map(|f| f.to_array()), c: c.map(|c| c * self.area) }
     }
 
-    /// ∂E by (f₁, f₂).
-    pub fn gradient(&self, f: [DVec3; 2], c: Coefficients) -> [DVec3; 2] {
-        gradient_of(f.map(|f| f.to_array()), c.map(|c| c * self.area)).map(DVec3::from_array)
+    /// Four membranes with their vertices at `x` `[m]` and `coefficients`, and their weights.
+    #[inline(always)]
+    pub fn strained_lanes(
+        membranes: [&Self; LANES],
+        x: &[DVec3],
+        coefficients: [Lanes; 4],
+    ) -> (Strained<Lanes>, Weights<Lanes>) {
+        let corners = |c: usize| vectors(x, membranes.map(|m| m.vertices[c]));
+        let a = corners(0);
+        let (p, q) = (subtract(corners(1), a), subtract(corners(2), a));
+        let weights = |corner: usize| {
+            [gather(|k| membranes[k].weights[corner].x), gather(|k| membranes[k].weights[corner].y)]
+        };
+        let (r, s) = (weights(1), weights(2));
+        let f = |axis: usize| add(scale(p, r[axis]), scale(q, s[axis]));
+        let area = gather(|k| membranes[k].area);
+        let [c11, c22, c12, g] = coefficients;
+        (Strained { f: [f(0), f(1)], c: [c11 * area, c22 * area, c12 * area, g * area] }, [r, s])
     }
 
-    /// ∂²E by (f₁, f₂).
-    pub fn hessian(&self, f: [DVec3; 2], c: Coefficients) -> Hessian {
-        self.hessian_with(f, c, |stress| stress)
+    /// Where the `k`-th of its blocks lies.
+    #[inline(always)]
+    pub fn place(&self, k: usize) -> Place {
+        match self.vertices.get(k) {
+            Some(&vertex) => Place::Vertex(vertex),
+            None => Place::Pair(self.pairs[k - self.vertices.len()]),
+        }
     }
 
-    /// A positive semi-definite upper bound of [`hessian`](Self::hessian): pressure is left out.
-    pub fn hessian_projected(&self, f: [DVec3; 2], c: Coefficients) -> Hessian {
-        self.hessian_with(f, c, tension)
+    /// ∂ by the corners of aᵀ (∂²E) b, with `a` and `b` directions in (f₁, f₂).
+    pub fn third(&self, f: [DVec3; 2], c: Coefficients, a: [DVec3; 2], b: [DVec3; 2]) -> [DVec3; 3] {
+        let lifted = Strained {
+            f: [0, 1].map(|k| hyper_dual::lift(f[k], a[k], b[k])),
+            c: c.map(|c| Scalar::constant(c * self.area)),
+        };
+        let third = lifted.gradient().map(|g| hyper_dual::mixed(g).to_array());
+        by_corners(third, self.own_weights()).map(DVec3::from_array)
     }
 
-    /// The part of [`hessian`](Self::hessian) that is there without stress.
-    pub fn hessian_gauss_newton(&self, f: [DVec3; 2], c: Coefficients) -> Hessian {
-        self.hessian_with(f, c, |_| [0.0; 3])
-    }
-
-    fn hessian_with(
-        &self,
-        f: [DVec3; 2],
-        [c11, c22, c12, g]: Coefficients,
-        stress: impl Fn([f64; 3]) -> [f64; 3],
-    ) -> Hessian {
-        let [e11, e22, e12] = strain(f);
-        let [s11, s22, s12] = stress([c11 * e11 + c12 * e22, c22 * e22 + c12 * e11, 2.0 * g * e12]);
-        let (identity, [f1, f2]) = (DMat3::IDENTITY, f);
-        let (by_11, by_22) = (outer(f1, f1), outer(f2, f2));
-        Hessian([
-            (identity * s11 + by_11 * c11 + by_22 * g) * self.area,
-            (identity * s12 + outer(f1, f2) * c12 + outer(f2, f1) * g) * self.area,
-            (identity * s22 + by_22 * c22 + by_11 * g) * self.area,
-        ])
-    }
-
-    /// ∂ by (f₁, f₂) of aᵀ (∂²E) b, with `a` and `b` directions in (f₁, f₂).
-    pub fn third(&self, f: [DVec3; 2], c: Coefficients, a: [DVec3; 2], b: [DVec3; 2]) -> [DVec3; 2] {
-        let lifted = [0, 1].map(|k| hyper_dual::lift(f[k], a[k], b[k]));
-        gradient_of(lifted, c.map(|c| c * self.area)).map(hyper_dual::mixed)
+    /// Of the second and the third corner.
+    pub fn own_weights(&self) -> Weights<f64> {
+        [self.weights[1], self.weights[2]].map(|w| w.to_array())
     }
 
     /// λᵀ ∂(∂E)/∂c for each coefficient c.
     pub fn gradient_by_coefficients(&self, f: [DVec3; 2], lambda: [DVec3; 2]) -> Coefficients {
-        let ([e11, e22, e12], [d11, d22, d12]) = (strain(f), change(f, lambda));
+        let ([e11, e22, e12], [d11, d22, d12]) = (strain(f.map(|f| f.to_array())), change(f, lambda));
         [e11 * d11, e22 * d22, e11 * d22 + e22 * d11, 4.0 * e12 * d12].map(|d| d * self.area)
     }
 
     /// aᵀ ∂(∂²E)/∂c b for each coefficient c.
     pub fn hessian_by_coefficients(&self, f: [DVec3; 2], a: [DVec3; 2], b: [DVec3; 2]) -> Coefficients {
-        let [e11, e22, e12] = strain(f);
+        let [e11, e22, e12] = strain(f.map(|f| f.to_array()));
         let ([a11, a22, a12], [b11, b22, b12]) = (change(f, a), change(f, b));
         let (m11, m22) = (a[0].dot(b[0]), a[1].dot(b[1]));
         let m12 = 0.5 * (a[0].dot(b[1]) + a[1].dot(b[0]));
@@ -134,29 +153,111 @@ impl Membrane {
         .map(|d| d * self.area)
     }
 
-    /// Adds a derivative by (f₁, f₂), as one by the positions.
-    pub fn scatter(&self, [g1, g2]: [DVec3; 2], out: &mut [DVec3]) {
-        for (v, w) in self.vertices.iter().zip(self.weights) {
-            out[*v as usize] += g1 * w.x + g2 * w.y;
-        }
+    /// Adds a derivative by the corners.
+    pub fn scatter(&self, gradient: [DVec3; 3], out: &mut [DVec3]) {
+        self.vertices.iter().zip(gradient).for_each(|(v, g)| out[*v as usize] += g);
+    }
+}
+
+/// A derivative by the corners, given that by (f₁, f₂).
+#[inline(always)]
+pub fn by_corners<T: Scalar>([g1, g2]: [Vector<T>; 2], weights: Weights<T>) -> [Vector<T>; 3] {
+    let of = |w: [T; 2]| add(scale(g1, w[0]), scale(g2, w[1]));
+    let (b, c) = (of(weights[0]), of(weights[1]));
+    [negative(add(b, c)), b, c]
+}
+
+impl<T: Scalar> Strained<T> {
+    /// Energy `[J]`: of stretching and of shearing.
+    #[inline(always)]
+    pub fn value(&self) -> [T; 2] {
+        let ([e11, e22, e12], [c11, c22, c12, g]) = (self.strain(), self.c);
+        let stretch = T::constant(0.5) * (c11 * e11 * e11 + c22 * e22 * e22) + c12 * e11 * e22;
+        [stretch, T::constant(2.0) * g * e12 * e12]
     }
 
-    /// The blocks of a Hessian by the positions: diagonal ones of the corners, and those of [`pairs`](Self::pairs).
-    pub fn blocks(&self, Hessian([h11, h12, h22]): &Hessian) -> ([DMat3; 3], [DMat3; 3]) {
-        let block = |i: usize, j: usize| {
-            let (a, b) = (self.weights[i], self.weights[j]);
-            *h11 * (a.x * b.x) + *h12 * (a.x * b.y) + h12.transpose() * (a.y * b.x) + *h22 * (a.y * b.y)
+    /// ∂E by (f₁, f₂).
+    #[inline(always)]
+    pub fn gradient(&self) -> [Vector<T>; 2] {
+        let ([f1, f2], [s11, s22, s12]) = (self.f, self.stress());
+        [add(scale(f1, s11), scale(f2, s12)), add(scale(f1, s12), scale(f2, s22))]
+    }
+
+    /// ∂²E by (f₁, f₂).
+    #[inline(always)]
+    pub fn hessian(&self) -> Hessian<T> {
+        self.hessian_with(self.stress())
+    }
+
+    /// The part of [`hessian`](Self::hessian) that is there without stress.
+    #[inline(always)]
+    pub fn hessian_gauss_newton(&self) -> Hessian<T> {
+        self.hessian_with([T::constant(0.0); 3])
+    }
+
+    #[inline(always)]
+    fn hessian_with(&self, [s11, s22, s12]: [T; 3]) -> Hessian<T> {
+        let ([f1, f2], [c11, c22, c12, g]) = (self.f, self.c);
+        let (by_11, by_22, by_12) = (outer(f1, f1), outer(f2, f2), outer(f1, f2));
+        let with = |stress: T, [a, p]: [T; 2], by_a: Matrix<T>, by_p: Matrix<T>| {
+            sum(diagonal(stress), sum(scaled(by_a, a), scaled(by_p, p)))
         };
-        let (of_1, of_21, of_2) = (block(1, 1), block(2, 1), block(2, 2));
+        Hessian([
+            with(s11, [c11, g], by_11, by_22),
+            with(s12, [c12, g], by_12, transposed(by_12)),
+            with(s22, [c22, g], by_22, by_11),
+        ])
+    }
+
+    /// A s, with the stress s.
+    #[inline(always)]
+    fn stress(&self) -> [T; 3] {
+        let ([e11, e22, e12], [c11, c22, c12, g]) = (self.strain(), self.c);
+        [c11 * e11 + c12 * e22, c22 * e22 + c12 * e11, T::constant(2.0) * g * e12]
+    }
+
+    #[inline(always)]
+    fn strain(&self) -> [T; 3] {
+        strain(self.f)
+    }
+}
+
+impl<T: Real> Strained<T> {
+    /// A positive semi-definite upper bound of [`hessian`](Self::hessian): pressure is left out.
+    #[inline(always)]
+    pub fn hessian_projected(&self) -> Hessian<T> {
+        self.hessian_with(tension(self.stress()))
+    }
+}
+
+impl<T: Scalar> Hessian<T> {
+    /// Gives the blocks by the positions to `put`: the diagonal ones of the corners, then those of the membrane's pairs.
+    #[inline(always)]
+    pub fn blocks(&self, [r, s]: Weights<T>, mut put: impl FnMut(usize, &Matrix<T>)) {
+        let Self([h11, h12, h22]) = *self;
+        let h21 = transposed(h12);
+        let block = |a: [T; 2], b: [T; 2]| {
+            let squares = sum(scaled(h11, a[0] * b[0]), scaled(h22, a[1] * b[1]));
+            sum(squares, sum(scaled(h12, a[0] * b[1]), scaled(h21, a[1] * b[0])))
+        };
+        let (of_1, of_21, of_2) = (block(r, r), block(s, r), block(s, s));
         // The rows of the first corner are minus the sums of those of the others.
-        let (of_10, of_20) = (-(of_1 + of_21.transpose()), -(of_21 + of_2));
-        ([-(of_10 + of_20), of_1, of_2], [of_10, of_20, of_21])
+        let (of_10, of_20) = (negated(sum(of_1, transposed(of_21))), negated(sum(of_21, of_2)));
+        put(0, &negated(sum(of_10, of_20)));
+        put(1, &of_1);
+        put(2, &of_2);
+        put(3, &of_10);
+        put(4, &of_20);
+        put(5, &of_21);
     }
 }
 
 /// E₁₁, E₂₂, E₁₂.
-fn strain([f1, f2]: [DVec3; 2]) -> [f64; 3] {
-    [0.5 * (f1.length_squared() - 1.0), 0.5 * (f2.length_squared() - 1.0), 0.5 * f1.dot(f2)]
+#[inline(always)]
+fn strain<T: Scalar>([f1, f2]: [Vector<T>; 2]) -> [T; 3] {
+    let half = T::constant(0.5);
+    let along = |f: Vector<T>| half * (dot(f, f) - T::constant(1.0));
+    [along(f1), along(f2), half * dot(f1, f2)]
 }
 
 /// First-order change of [`strain`] along `d`.
@@ -164,27 +265,16 @@ fn change([f1, f2]: [DVec3; 2], [d1, d2]: [DVec3; 2]) -> [f64; 3] {
     [f1.dot(d1), f2.dot(d2), 0.5 * (f1.dot(d2) + f2.dot(d1))]
 }
 
-fn gradient_of<T: Scalar>([f1, f2]: [Vector<T>; 2], [c11, c22, c12, g]: Coefficients) -> [Vector<T>; 2] {
-    let k = T::constant;
-    let e11 = k(0.5) * (dot(f1, f1) - k(1.0));
-    let e22 = k(0.5) * (dot(f2, f2) - k(1.0));
-    let s11 = k(c11) * e11 + k(c12) * e22;
-    let s22 = k(c22) * e22 + k(c12) * e11;
-    let s12 = k(g) * dot(f1, f2);
-    let sum = |a: Vector<T>, b: Vector<T>| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
-    [sum(scale(f1, s11), scale(f2, s12)), sum(scale(f1, s12), scale(f2, s22))]
-}
-
 /// The symmetric matrix (s₁₁, s₂₂, s₁₂) without its negative eigenvalues.
-fn tension([s11, s22, s12]: [f64; 3]) -> [f64; 3] {
-    let (mean, half) = (0.5 * (s11 + s22), 0.5 * (s11 - s22));
-    let radius = half.hypot(s12);
-    let (high, low) = ((mean + radius).max(0.0), (mean - radius).max(0.0));
-    if radius == 0.0 {
-        return [high, high, 0.0];
-    }
-    let (middle, slope) = (0.5 * (high + low), 0.5 * (high - low) / radius);
-    [middle + slope * half, middle - slope * half, slope * s12]
+#[inline(always)]
+fn tension<T: Real>([s11, s22, s12]: [T; 3]) -> [T; 3] {
+    let half = T::constant(0.5);
+    let (mean, off) = (half * (s11 + s22), half * (s11 - s22));
+    let radius = (off * off + s12 * s12).sqrt();
+    let (high, low) = ((mean + radius).positive(), (mean - radius).positive());
+    let middle = half * (high + low);
+    let slope = half * (high - low) * (radius + T::constant(TINY)).recip();
+    [middle + slope * off, middle - slope * off, slope * s12]
 }
 
 #[cfg(test)]

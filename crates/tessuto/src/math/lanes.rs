@@ -1,0 +1,142 @@
+//! Four elements at a time: the formulas of one with a vector register for every number, the same bits as one by one.
+
+use glam::{DMat3, DVec3};
+
+use super::scalar::{Matrix, Real, Scalar, Vector};
+
+/// A number of four elements.
+pub type Lanes = wide::f64x4;
+
+/// Elements at a time.
+pub const LANES: usize = 4;
+
+impl Scalar for Lanes {
+    #[inline(always)]
+    fn constant(value: f64) -> Self {
+        Self::splat(value)
+    }
+
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self::sqrt(self)
+    }
+
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::ONE / self
+    }
+
+    fn acos(self) -> Self {
+        Self::new(self.to_array().map(f64::acos))
+    }
+
+    fn atan2(self, x: Self) -> Self {
+        let (y, x) = (self.to_array(), x.to_array());
+        Self::new(std::array::from_fn(|k| y[k].atan2(x[k])))
+    }
+
+    #[inline(always)]
+    fn round(self) -> Self {
+        self.round_ties_even()
+    }
+}
+
+impl Real for Lanes {
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self::abs(self)
+    }
+
+    #[inline(always)]
+    fn positive(self) -> Self {
+        self.max(Self::ZERO)
+    }
+}
+
+/// One number of each of four elements.
+#[inline(always)]
+pub fn gather(of: impl Fn(usize) -> f64) -> Lanes {
+    Lanes::new([of(0), of(1), of(2), of(3)])
+}
+
+/// Values of a field at four vertices.
+#[inline(always)]
+pub fn vectors(field: &[DVec3], vertices: [u32; LANES]) -> Vector<Lanes> {
+    let row = |k: usize| {
+        let v = field[vertices[k] as usize];
+        Lanes::new([v.x, v.y, v.z, 0.0])
+    };
+    let [x, y, z, _] = Lanes::transpose([row(0), row(1), row(2), row(3)]);
+    [x, y, z]
+}
+
+/// The vectors of the four elements.
+#[inline(always)]
+pub fn each_vector([x, y, z]: Vector<Lanes>) -> [DVec3; LANES] {
+    let [a, b, c, d] = Lanes::transpose([x, y, z, Lanes::ZERO]);
+    let vector = |row: Lanes| {
+        let [x, y, z, _] = row.to_array();
+        DVec3::new(x, y, z)
+    };
+    [vector(a), vector(b), vector(c), vector(d)]
+}
+
+/// The matrices of the four elements.
+#[inline(always)]
+pub fn each_matrix([a, b, c]: &Matrix<Lanes>) -> [DMat3; LANES] {
+    let first = Lanes::transpose([a[0], a[1], a[2], b[0]]);
+    let second = Lanes::transpose([b[1], b[2], c[0], c[1]]);
+    let last = c[2].to_array();
+    let matrix = |k: usize| {
+        let ([a, b, c, d], [e, f, g, h]) = (first[k].to_array(), second[k].to_array());
+        DMat3::from_cols_array(&[a, b, c, d, e, f, g, h, last[k]])
+    };
+    [matrix(0), matrix(1), matrix(2), matrix(3)]
+}
+
+/// Calls `f` with four `items` at a time and how many of them are new: the last ones may be fewer, filled up with the last of all.
+#[inline(always)]
+pub fn in_lanes(mut items: impl Iterator<Item = usize>, mut f: impl FnMut([usize; LANES], usize)) {
+    while let Some(first) = items.next() {
+        let (mut group, mut count) = ([first; LANES], 1);
+        while count < LANES
+            && let Some(next) = items.next()
+        {
+            group[count..].fill(next);
+            count += 1;
+        }
+        f(group, count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_item_is_taken_once_and_what_fills_up_is_told() {
+        for n in 0..10 {
+            let mut taken = Vec::new();
+            in_lanes(0..n, |group, count| {
+                assert!(group[count..].iter().all(|&k| k == group[count - 1]));
+                taken.extend_from_slice(&group[..count]);
+            });
+            assert!(taken.into_iter().eq(0..n));
+        }
+    }
+
+    #[test]
+    fn what_is_gathered_comes_out_again() {
+        let field: Vec<DVec3> = (0..6).map(|k| DVec3::new(0.1, 1.0, -3.0) * f64::from(k)).collect();
+        let vertices = [5, 0, 3, 3];
+        let gathered = vectors(&field, vertices);
+        assert_eq!(each_vector(gathered), vertices.map(|v| field[v as usize]));
+        let number = |column: usize, row: usize| gather(|k| (100 * k + 10 * column + row) as f64);
+        let matrix = [0, 1, 2].map(|column| [0, 1, 2].map(|row| number(column, row)));
+        for (k, matrix) in each_matrix(&matrix).iter().enumerate() {
+            let expected = DMat3::from_cols_array(&[0., 1., 2., 10., 11., 12., 20., 21., 22.]);
+            let all = DMat3::from_cols_array(&[100.0 * k as f64; 9]);
+            assert_eq!(*matrix, expected + all);
+        }
+    }
+}
