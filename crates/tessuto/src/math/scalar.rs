@@ -3,6 +3,9 @@
 
 use std::ops::{Add, Mul, Neg, Sub};
 
+/// Added to what is divided by and can be nothing: far below any other number.
+pub const TINY: f64 = 1e-300;
+
 /// A number of the energies' gradients.
 pub trait Scalar:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>

@@ -3,12 +3,12 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::hinge::{Bent, Hinge};
+use super::hinge::{self, Bent, Hinge};
 use super::membrane::{self, Coefficients, Membrane, Strained, by_corners};
 use super::stiffness::{Energy, HessianKind, Stiffness};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern, Columns, Place};
 use crate::math::lanes::{LANES, Lanes, each_matrix, each_vector, gather, in_lanes};
-use crate::math::scalar::{Matrix, Vector, scale as scaled};
+use crate::math::scalar::{Matrix, Real, Vector, scale as scaled};
 
 /// Elements of one parallel task; fewer cost more to hand over than to do.
 const TASK: usize = 500;
@@ -161,12 +161,7 @@ impl Continuum {
                 (0..self.membranes.len()).filter(|&k| span.holds_any(pattern, &self.membranes[k].vertices));
             in_lanes(membranes, |ks, count| {
                 let (strained, weights) = self.strained(ks, stiffness, x, scale);
-                let hessian = match kind {
-                    HessianKind::Exact => strained.hessian(),
-                    HessianKind::Projected => strained.hessian_projected(),
-                    HessianKind::GaussNewton => strained.hessian_gauss_newton(),
-                };
-                hessian.blocks(weights, |place, block| {
+                hessian_of_membrane(&strained, kind).blocks(weights, |place, block| {
                     let places = ks.map(|k| self.membranes[k].place(place));
                     add_blocks(pattern, &mut columns, &places[..count], block);
                 });
@@ -175,12 +170,7 @@ impl Continuum {
                 (0..self.hinges.len()).filter(|&k| span.holds_any(pattern, &self.hinges[k].vertices));
             in_lanes(hinges, |ks, count| {
                 let bent = self.bent(ks, stiffness, x, scale);
-                let hessian = match kind {
-                    HessianKind::Exact => bent.hessian(),
-                    HessianKind::Projected => bent.hessian_projected(),
-                    HessianKind::GaussNewton => bent.hessian_gauss_newton(),
-                };
-                hessian.blocks(|place, block| {
+                hessian_of_hinge(&bent, kind).blocks(|place, block| {
                     let places = ks.map(|k| self.hinges[k].place(place));
                     add_blocks(pattern, &mut columns, &places[..count], block);
                 });
@@ -225,6 +215,26 @@ impl Continuum {
     }
 }
 
+/// Of one membrane, or of four.
+#[inline(always)]
+fn hessian_of_membrane<T: Real>(strained: &Strained<T>, kind: HessianKind) -> membrane::Hessian<T> {
+    match kind {
+        HessianKind::Exact => strained.hessian(),
+        HessianKind::Projected => strained.hessian_projected(),
+        HessianKind::GaussNewton => strained.hessian_gauss_newton(),
+    }
+}
+
+/// Of one hinge, or of four.
+#[inline(always)]
+fn hessian_of_hinge<T: Real>(bent: &Bent<T>, kind: HessianKind) -> hinge::Hessian<T> {
+    match kind {
+        HessianKind::Exact => bent.hessian(),
+        HessianKind::Projected => bent.hessian_projected(),
+        HessianKind::GaussNewton => bent.hessian_gauss_newton(),
+    }
+}
+
 /// Adds one block of each of some elements.
 fn add_blocks(pattern: &BlockPattern, columns: &mut Columns, places: &[Place], block: &Matrix<Lanes>) {
     for (place, block) in places.iter().zip(&each_matrix(block)) {
@@ -258,21 +268,12 @@ mod tests {
             };
             for (m, c) in continuum.membranes.iter().zip(&stiffness.membrane) {
                 let strained = m.strained(m.gradients(&x), *c);
-                let hessian = match kind {
-                    HessianKind::Exact => strained.hessian(),
-                    HessianKind::Projected => strained.hessian_projected(),
-                    HessianKind::GaussNewton => strained.hessian_gauss_newton(),
-                };
-                hessian.blocks(m.own_weights(), |k, block| add(m.place(k), block));
+                hessian_of_membrane(&strained, kind)
+                    .blocks(m.own_weights(), |k, block| add(m.place(k), block));
             }
             for (h, b) in continuum.hinges.iter().zip(&stiffness.hinge) {
                 let bent = h.bent(h.arms(&x), *b);
-                let hessian = match kind {
-                    HessianKind::Exact => bent.hessian(),
-                    HessianKind::Projected => bent.hessian_projected(),
-                    HessianKind::GaussNewton => bent.hessian_gauss_newton(),
-                };
-                hessian.blocks(|k, block| add(h.place(k), block));
+                hessian_of_hinge(&bent, kind).blocks(|k, block| add(h.place(k), block));
             }
             let (difference, largest) = fast.difference(&plain);
             // Summed in another order.

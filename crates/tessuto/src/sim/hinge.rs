@@ -23,16 +23,14 @@ use crate::math::block_matrix::Place;
 use crate::math::hyper_dual;
 use crate::math::lanes::{LANES, Lanes, gather, vectors};
 use crate::math::scalar::{
-    Matrix, Real, Scalar, Vector, add, cross, dot, form, negated, negative, outer, scale, scaled, subtract,
-    sum, transposed,
+    Matrix, Real, Scalar, TINY, Vector, add, cross, dot, form, negated, negative, outer, scale, scaled,
+    subtract, sum, transposed,
 };
 
 /// Square of a length `[m]` that is added to squared lengths, so that directions stay finite.
 const SQ_LENGTH_FLOOR: f64 = 1e-18;
 /// Square of a doubled area `[m²]`, likewise.
 const SQ_AREA_FLOOR: f64 = 1e-30;
-/// Added to what is divided by and can be nothing: far below any other number here.
-const TINY: f64 = 1e-300;
 
 /// An inner edge of the cloth.
 #[derive(Debug, Clone, Copy)]

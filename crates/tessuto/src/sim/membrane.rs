@@ -16,12 +16,9 @@ use crate::math::block_matrix::Place;
 use crate::math::hyper_dual;
 use crate::math::lanes::{LANES, Lanes, gather, vectors};
 use crate::math::scalar::{
-    Matrix, Real, Scalar, Vector, add, diagonal, dot, negated, negative, outer, scale, scaled, subtract, sum,
-    transposed,
+    Matrix, Real, Scalar, TINY, Vector, add, diagonal, dot, negated, negative, outer, scale, scaled,
+    subtract, sum, transposed,
 };
-
-/// Added to what is divided by and can be nothing: far below any other number here.
-const TINY: f64 = 1e-300;
 
 /// c₁₁, c₂₂, c₁₂ and g [N/m].
 pub type Coefficients = [f64; 4];
