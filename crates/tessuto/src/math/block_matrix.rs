@@ -7,14 +7,19 @@ use super::dissection::{Part, dissect};
 /// Where a 3×3 block off the diagonal lives in [`BlockMatrix::values`].
 #[derive(Debug, Clone, Copy)]
 struct Slot {
-    /// Index of the value at (row 0, column c) of the block.
-    column: [u32; 3],
+    /// Index of the first of its nine values.
+    start: u32,
     /// The pair was named as (i, j) but is stored as (j, i).
     transposed: bool,
 }
 
-/// Pattern of a symmetric matrix of 3×3 blocks: its lower triangle in compressed columns, with the
+/// Values of a diagonal block: those at (0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2).
+const DIAGONAL: [[usize; 2]; 6] = [[0, 0], [1, 0], [2, 0], [1, 1], [2, 1], [2, 2]];
+
+/// Pattern of a symmetric matrix of 3×3 blocks: its lower triangle in compressed columns of blocks, with the
 /// vertices renumbered to keep the Cholesky factor sparse.
+///
+/// The values of a vertex's columns: six of its diagonal block ([`DIAGONAL`]), then nine of every block below, column by column.
 #[derive(Debug, Clone)]
 pub struct BlockPattern {
     vertex_count: usize,
@@ -22,12 +27,12 @@ pub struct BlockPattern {
     pub(super) dissection: Part,
     /// New number of each vertex.
     rank: Vec<u32>,
-    /// Scalar compressed columns of the lower triangle, in the new numbering.
-    pub(super) column_start: Vec<usize>,
-    /// Row of each value.
-    pub(super) row: Vec<usize>,
-    /// Of every vertex's diagonal block the indices of the values at (row c, column c).
-    diagonal: Vec<[u32; 3]>,
+    /// For every vertex, in the new numbering, where its columns' blocks begin in `below`; then the end.
+    starts: Vec<usize>,
+    /// Block rows of the blocks below the diagonal, column by column, ascending.
+    below: Vec<u32>,
+    /// Index of the first value of every vertex's diagonal block.
+    diagonal: Vec<u32>,
     /// Off-diagonal slots, in the order of the pairs given to [`BlockPattern::new`].
     pairs: Vec<Slot>,
 }
@@ -51,30 +56,26 @@ impl BlockPattern {
             let [row, column] = renumbered(pair);
             below[column as usize].push(row);
         }
-        let (mut column_start, mut row) = (vec![0], Vec::new());
-        for (j, rows) in below.iter_mut().enumerate() {
+        let mut starts = vec![0];
+        for rows in &mut below {
             rows.sort_unstable();
             rows.dedup();
-            for c in 0..3 {
-                row.extend((c..3).map(|r| 3 * j + r));
-                row.extend(rows.iter().flat_map(|&i| (0..3).map(move |r| 3 * i as usize + r)));
-                column_start.push(row.len());
-            }
+            starts.push(starts[starts.len() - 1] + rows.len());
         }
-        let diagonal =
-            rank.iter().map(|&j| [0, 1, 2].map(|c| column_start[3 * j as usize + c] as u32)).collect();
+        let first_value = |j: usize| 6 * j + 9 * starts[j];
+        let diagonal = rank.iter().map(|&j| first_value(j as usize) as u32).collect();
         let slots = pairs
             .iter()
             .map(|pair| {
                 let [i, j] = renumbered(pair);
                 let k = below[j as usize].binary_search(&i).expect("the pair was inserted above");
                 Slot {
-                    column: [0, 1, 2].map(|c| (column_start[3 * j as usize + c] + (3 - c) + 3 * k) as u32),
+                    start: (first_value(j as usize) + 6 + 9 * k) as u32,
                     transposed: rank[pair[0] as usize] < rank[pair[1] as usize],
                 }
             })
             .collect();
-        Self { vertex_count, dissection, rank, column_start, row, diagonal, pairs: slots }
+        Self { vertex_count, dissection, rank, starts, below: below.concat(), diagonal, pairs: slots }
     }
 
     /// Number of block rows.
@@ -82,21 +83,42 @@ impl BlockPattern {
         self.vertex_count
     }
 
-    /// Compressed columns (starts and rows) of the upper triangle.
-    pub(super) fn upper_triangle(&self) -> (Vec<usize>, Vec<usize>) {
-        let n = 3 * self.vertex_count;
-        let mut columns = vec![Vec::new(); n];
-        for column in 0..n {
-            for &row in &self.row[self.column_start[column]..self.column_start[column + 1]] {
-                columns[row].push(column);
-            }
-        }
-        let mut start = vec![0];
-        start.extend(columns.iter().scan(0, |sum, column| {
-            *sum += column.len();
-            Some(*sum)
-        }));
-        (start, columns.concat())
+    /// Number of values of a matrix.
+    pub(super) fn len(&self) -> usize {
+        self.first_value(self.vertex_count)
+    }
+
+    /// Index of the first value of a vertex's columns, the vertex in the new numbering.
+    pub(super) fn first_value(&self, vertex: usize) -> usize {
+        6 * vertex + 9 * self.starts[vertex]
+    }
+
+    /// Block rows below the diagonal in a vertex's columns, both in the new numbering.
+    pub(super) fn rows_below(&self, vertex: usize) -> &[u32] {
+        &self.below[self.starts[vertex]..self.starts[vertex + 1]]
+    }
+
+    /// Scalar row and column of every value of a vertex's columns, in the new numbering.
+    pub(super) fn entries(&self, vertex: usize) -> impl Iterator<Item = [usize; 2]> {
+        let own = DIAGONAL.into_iter().map(move |[r, c]| [3 * vertex + r, 3 * vertex + c]);
+        own.chain(
+            self.rows_below(vertex)
+                .iter()
+                .flat_map(move |&row| (0..9).map(move |k| [3 * row as usize + k % 3, 3 * vertex + k / 3])),
+        )
+    }
+
+    /// The lower triangle, or the `upper` one, in scalar compressed columns.
+    pub(super) fn scalar_columns(&self, upper: bool) -> ScalarColumns {
+        let entries = (0..self.vertex_count).flat_map(|vertex| self.entries(vertex)).enumerate();
+        let mut sorted: Vec<([usize; 2], usize)> = entries
+            .map(|(value, [row, column])| (if upper { [row, column] } else { [column, row] }, value))
+            .collect();
+        sorted.sort_unstable();
+        let starts =
+            (0..=3 * self.vertex_count).map(|c| sorted.partition_point(|(at, _)| at[0] < c)).collect();
+        let rows = sorted.iter().map(|(at, _)| at[1]).collect();
+        ScalarColumns { starts, rows, values: sorted.iter().map(|(_, value)| *value).collect() }
     }
 
     /// Copies a field of vectors into the order of the matrix, to every `stride`-th place.
@@ -114,6 +136,14 @@ impl BlockPattern {
             *value = DVec3::from_array([0, 1, 2].map(|k| values[(start + k) * stride]));
         }
     }
+}
+
+/// A pattern's scalar columns: where each begins, then the end; rows; and which of a [`BlockMatrix`]'s values they are.
+#[derive(Debug)]
+pub(super) struct ScalarColumns {
+    pub starts: Vec<usize>,
+    pub rows: Vec<usize>,
+    pub values: Vec<usize>,
 }
 
 /// Symmetric adjacency lists without repetitions.
@@ -157,7 +187,7 @@ pub struct Span {
 impl Span {
     /// Whether anything that couples just these vertices can be in these columns.
     pub fn holds_any(&self, pattern: &BlockPattern, vertices: &[u32]) -> bool {
-        vertices.iter().any(|&v| (self.start..self.end).contains(&(pattern.diagonal[v as usize][0] as usize)))
+        vertices.iter().any(|&v| (self.start..self.end).contains(&(pattern.diagonal[v as usize] as usize)))
     }
 }
 
@@ -177,24 +207,15 @@ impl Columns<'_> {
 
     /// [`BlockMatrix::add_diagonal`].
     pub fn add_diagonal(&mut self, pattern: &BlockPattern, vertex: usize, block: &DMat3) {
-        let places = pattern.diagonal[vertex];
-        let [first, second, third] = block.to_cols_array_2d();
-        if self.place(places[0]).is_some() {
-            self.add(places[0], first);
-            self.add(places[1], [second[1], second[2]]);
-            self.add(places[2], [third[2]]);
-        }
+        let [a, b, c] = block.to_cols_array_2d();
+        self.add(pattern.diagonal[vertex], [a[0], a[1], a[2], b[1], b[2], c[2]]);
     }
 
     /// [`BlockMatrix::add_pair`].
     pub fn add_pair(&mut self, pattern: &BlockPattern, pair: usize, block: &DMat3) {
         let slot = &pattern.pairs[pair];
-        if self.place(slot.column[0]).is_some() {
-            let block = if slot.transposed { block.transpose() } else { *block };
-            for (place, column) in slot.column.into_iter().zip(block.to_cols_array_2d()) {
-                self.add(place, column);
-            }
-        }
+        let block = if slot.transposed { &block.transpose() } else { block };
+        self.add(slot.start, block.to_cols_array());
     }
 
     /// Adds `block` at `place`.
@@ -205,37 +226,31 @@ impl Columns<'_> {
         }
     }
 
-    fn place(&self, index: u32) -> Option<usize> {
-        (index as usize).checked_sub(self.start).filter(|place| *place < self.values.len())
-    }
-
+    /// Adds to the values from `index` on, where these are among the columns.
     fn add<const N: usize>(&mut self, index: u32, terms: [f64; N]) {
-        let values = &mut self.values[index as usize - self.start..][..N];
-        values.iter_mut().zip(terms).for_each(|(value, term)| *value += term);
+        let values = (index as usize).checked_sub(self.start).and_then(|at| self.values.get_mut(at..at + N));
+        if let Some(values) = values {
+            values.iter_mut().zip(terms).for_each(|(value, term)| *value += term);
+        }
     }
-}
-
-/// A column's values in threes, one for each block.
-fn blocks<T>(values: &[T]) -> &[[T; 3]] {
-    values.as_chunks().0
 }
 
 /// Values of a symmetric matrix with a [`BlockPattern`].
 #[derive(Debug, Clone)]
 pub struct BlockMatrix {
-    /// Lower triangle, scalar compressed columns.
+    /// See [`BlockPattern`].
     pub(super) values: Vec<f64>,
 }
 
 impl BlockMatrix {
     /// The zero matrix.
     pub fn zeros(pattern: &BlockPattern) -> Self {
-        Self { values: vec![0.0; pattern.row.len()] }
+        Self { values: vec![0.0; pattern.len()] }
     }
 
     /// Whether it is of this pattern's size.
     pub(super) fn matches(&self, pattern: &BlockPattern) -> bool {
-        self.values.len() == pattern.row.len()
+        self.values.len() == pattern.len()
     }
 
     /// Sets every value to zero.
@@ -251,7 +266,7 @@ impl BlockMatrix {
     /// The columns of the first half of the elimination order, about, and the others: sums into both may run at a time.
     pub fn halves(&mut self, pattern: &BlockPattern) -> [Columns<'_>; 2] {
         let first = pattern.dissection.halves.first().map_or(0, Part::vertex_count);
-        let start = pattern.column_start[3 * first];
+        let start = pattern.first_value(first);
         let (first, second) = self.values.split_at_mut(start);
         [Columns { start: 0, values: first }, Columns { start, values: second }]
     }
@@ -269,18 +284,17 @@ impl BlockMatrix {
     /// Adds `scale`·diag(masses), three times each.
     pub fn add_masses(&mut self, pattern: &BlockPattern, masses: &[f64], scale: f64) {
         for (block, m) in pattern.diagonal.iter().zip(masses) {
-            block.iter().for_each(|&c| self.values[c as usize] += m * scale);
+            [0, 3, 5].iter().for_each(|k| self.values[*block as usize + k] += m * scale);
         }
     }
 
     /// Whether every diagonal block is positive definite: cheaply told, and where it is not, neither is the matrix.
     pub(super) fn has_definite_blocks(&self, pattern: &BlockPattern) -> bool {
-        pattern.diagonal.iter().all(|starts| {
-            let [a, b, c] = starts.map(|start| &self.values[start as usize..]);
+        pattern.diagonal.iter().all(|start| {
+            let [a, b, c, d, e, f] = self.values[*start as usize..][..6] else { unreachable!() };
             // Pivots, as an elimination has them: a determinant would lose the digits of blocks that are stiff one way only.
-            let (first, second) = (a[0], b[0] - a[1] * a[1] / a[0]);
-            let below = b[1] - a[1] * a[2] / a[0];
-            let third = c[0] - a[2] * a[2] / a[0] - below * below / second;
+            let (first, second, below) = (a, d - b * b / a, e - b * c / a);
+            let third = f - c * c / a - below * below / second;
             first > 0.0 && second > 0.0 && third > 0.0
         })
     }
@@ -291,23 +305,22 @@ impl BlockMatrix {
         let (mut x, mut y) = (vec![0.0; n], vec![0.0; n]);
         pattern.gather(field, &mut x, 1);
         for (vertex, &[a, b, c]) in x.as_chunks::<3>().0.iter().enumerate() {
-            let start = |k: usize| pattern.column_start[3 * vertex + k];
-            // The diagonal block's lower triangle, then the blocks below it, in three columns.
-            let [own_a, own_b, own_c] = [0, 1, 2].map(|k| &self.values[start(k)..start(k + 1)]);
-            let (rows, [below_a, below_b, below_c]) =
-                (&pattern.row[start(0) + 3..start(1)], [&own_a[3..], &own_b[2..], &own_c[1..]].map(blocks));
+            let values = &self.values[pattern.first_value(vertex)..pattern.first_value(vertex + 1)];
+            let (own, below) = values.split_at(6);
             let mut sum = [
-                own_a[0] * a + own_a[1] * b + own_a[2] * c,
-                own_a[1] * a + own_b[0] * b + own_b[1] * c,
-                own_a[2] * a + own_b[1] * b + own_c[0] * c,
+                own[0] * a + own[1] * b + own[2] * c,
+                own[1] * a + own[3] * b + own[4] * c,
+                own[2] * a + own[4] * b + own[5] * c,
             ];
-            for (((rows, va), vb), vc) in blocks(rows).iter().zip(below_a).zip(below_b).zip(below_c) {
-                let (from, to) = (&x[rows[0]..][..3], &mut y[rows[0]..][..3]);
+            let blocks = below.as_chunks::<9>().0;
+            for (row, v) in pattern.rows_below(vertex).iter().zip(blocks) {
+                let row = 3 * *row as usize;
+                let (from, to) = (&x[row..][..3], &mut y[row..][..3]);
                 for k in 0..3 {
-                    to[k] += va[k] * a + vb[k] * b + vc[k] * c;
-                    sum[0] += va[k] * from[k];
-                    sum[1] += vb[k] * from[k];
-                    sum[2] += vc[k] * from[k];
+                    to[k] += v[k] * a + v[3 + k] * b + v[6 + k] * c;
+                    sum[0] += v[k] * from[k];
+                    sum[1] += v[3 + k] * from[k];
+                    sum[2] += v[6 + k] * from[k];
                 }
             }
             y[3 * vertex..][..3].iter_mut().zip(sum).for_each(|(y, sum)| *y += sum);

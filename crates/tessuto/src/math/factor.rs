@@ -13,7 +13,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side, Spec};
 use glam::DVec3;
 
-use super::block_matrix::{BlockMatrix, BlockPattern};
+use super::block_matrix::{BlockMatrix, BlockPattern, ScalarColumns};
 use super::multifrontal::Fronts;
 
 /// Largest growth of the values, compared with the matrix, that elimination without pivoting may show: it costs as
@@ -25,7 +25,14 @@ const GROWTH_LIMIT: f64 = 1e6;
 pub struct Analysis {
     fronts: Fronts,
     /// For the rare matrices that need pivoting.
-    pivoting: OnceLock<SymbolicCholesky<usize>>,
+    pivoting: OnceLock<Pivoting>,
+}
+
+#[derive(Debug)]
+struct Pivoting {
+    symbolic: SymbolicCholesky<usize>,
+    /// The lower triangle.
+    columns: ScalarColumns,
 }
 
 /// Kept memory of factorisations and solves.
@@ -107,8 +114,7 @@ pub enum Factor {
 impl Analysis {
     /// Analyses `pattern`.
     pub fn new(pattern: &BlockPattern) -> Self {
-        let fronts = Fronts::new(&pattern.dissection, (&pattern.column_start, &pattern.row));
-        Self { fronts, pivoting: OnceLock::new() }
+        Self { fronts: Fronts::new(pattern), pivoting: OnceLock::new() }
     }
 
     /// Number of values of a factor.
@@ -118,7 +124,7 @@ impl Analysis {
 
     /// Factor of a symmetric `matrix`, definite or not.
     pub fn factorize(&self, pattern: &BlockPattern, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
-        match self.plain(pattern, matrix, scratch, false) {
+        match self.plain(matrix, scratch, false) {
             Ok(factor) => factor,
             Err(values) => {
                 scratch.spare = Some(values);
@@ -137,7 +143,7 @@ impl Analysis {
         if !matrix.has_definite_blocks(pattern) {
             return None;
         }
-        match self.plain(pattern, matrix, scratch, true) {
+        match self.plain(matrix, scratch, true) {
             Ok(factor) => Some(factor),
             Err(values) => {
                 scratch.spare = Some(values);
@@ -164,8 +170,7 @@ impl Analysis {
         if work.len() < self.fronts.work_len() {
             work.resize(self.fronts.work_len(), 0.0);
         }
-        let columns = (&pattern.column_start[..], &pattern.row[..]);
-        let done = self.fronts.factorize(columns, &matrix.values, &mut values, work, true);
+        let done = self.fronts.factorize(&matrix.values, &mut values, work, true);
         let factor = Factor::Rounded(values);
         if done.is_none() {
             scratch.recycle(factor);
@@ -175,20 +180,13 @@ impl Analysis {
     }
 
     /// L D Lᵀ without pivoting, or, if that was unsound or the matrix not as `definite` as it has to be, the memory.
-    fn plain(
-        &self,
-        pattern: &BlockPattern,
-        matrix: &BlockMatrix,
-        scratch: &mut Scratch,
-        definite: bool,
-    ) -> Result<Factor, Vec<f64>> {
+    fn plain(&self, matrix: &BlockMatrix, scratch: &mut Scratch, definite: bool) -> Result<Factor, Vec<f64>> {
         let len = self.fronts.len();
         let mut values = scratch.spare.take().filter(|v| v.len() == len).unwrap_or_else(|| vec![0.0; len]);
         if scratch.work.len() < self.fronts.work_len() {
             scratch.work.resize(self.fronts.work_len(), 0.0);
         }
-        let columns = (&pattern.column_start[..], &pattern.row[..]);
-        let done = self.fronts.factorize(columns, &matrix.values, &mut values, &mut scratch.work, definite);
+        let done = self.fronts.factorize(&matrix.values, &mut values, &mut scratch.work, definite);
         if done.is_none() {
             return Err(values);
         }
@@ -202,8 +200,10 @@ impl Analysis {
 
     /// L B Lᵀ with pivoting: the plain twin of [`Self::factorize`], slower and safe for any matrix.
     pub fn pivoted(&self, pattern: &BlockPattern, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
-        let symbolic = self.pivoting.get_or_init(|| analyse_for_pivoting(pattern));
+        let Pivoting { symbolic, columns } = self.pivoting.get_or_init(|| Pivoting::new(pattern));
         let n = 3 * pattern.vertex_count();
+        let of_matrix: Vec<f64> = columns.values.iter().map(|&k| matrix.values[k]).collect();
+        let of_pattern = SymbolicSparseColMatRef::new_checked(n, n, &columns.starts, None, &columns.rows);
         let mut values = vec![0.0; symbolic.len_val()];
         let mut subdiagonal = vec![0.0; n];
         let mut order = (vec![0; n], vec![0; n]);
@@ -213,7 +213,7 @@ impl Analysis {
             &mut subdiagonal,
             &mut order.0,
             &mut order.1,
-            SparseColMatRef::new(symbolic_matrix(pattern), &matrix.values),
+            SparseColMatRef::new(of_pattern, &of_matrix),
             Side::Lower,
             Par::Seq,
             scratch.stack(request),
@@ -268,7 +268,7 @@ impl Analysis {
                 rhs.iter_mut().zip(x).for_each(|(v, x)| *v = f64::from(*x) * size);
             }
             Factor::Pivoted { values, subdiagonal, order } => {
-                let symbolic = self.pivoting.get_or_init(|| analyse_for_pivoting(pattern));
+                let Pivoting { symbolic, .. } = self.pivoting.get_or_init(|| Pivoting::new(pattern));
                 let x = MatMut::from_row_major_slice_mut(&mut rhs, n, columns);
                 let stack = scratch.stack(symbolic.solve_in_place_scratch::<f64>(columns, Par::Seq));
                 let order = faer::perm::PermRef::new_checked(&order.0, &order.1, n);
@@ -308,25 +308,23 @@ impl Analysis {
     }
 }
 
-fn analyse_for_pivoting(pattern: &BlockPattern) -> SymbolicCholesky<usize> {
-    // Without a reordering the analysis reads the upper triangle. Supernodes throughout, since only they pivot.
-    let (column_start, row) = pattern.upper_triangle();
-    let n = 3 * pattern.vertex_count();
-    factorize_symbolic_cholesky(
-        SymbolicSparseColMatRef::new_checked(n, n, &column_start, None, &row),
-        Side::Upper,
-        SymmetricOrdering::Identity,
-        CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            ..Default::default()
-        },
-    )
-    .expect("the factor's pattern fits in memory")
-}
-
-fn symbolic_matrix(pattern: &BlockPattern) -> SymbolicSparseColMatRef<'_, usize> {
-    let n = 3 * pattern.vertex_count();
-    SymbolicSparseColMatRef::new_checked(n, n, &pattern.column_start, None, &pattern.row)
+impl Pivoting {
+    fn new(pattern: &BlockPattern) -> Self {
+        // Without a reordering the analysis reads the upper triangle. Supernodes throughout, since only they pivot.
+        let upper = pattern.scalar_columns(true);
+        let n = 3 * pattern.vertex_count();
+        let symbolic = factorize_symbolic_cholesky(
+            SymbolicSparseColMatRef::new_checked(n, n, &upper.starts, None, &upper.rows),
+            Side::Upper,
+            SymmetricOrdering::Identity,
+            CholeskySymbolicParams {
+                supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+                ..Default::default()
+            },
+        )
+        .expect("the factor's pattern fits in memory");
+        Self { symbolic, columns: pattern.scalar_columns(false) }
+    }
 }
 
 #[cfg(test)]

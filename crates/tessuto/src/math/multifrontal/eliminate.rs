@@ -9,7 +9,7 @@ use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
 use faer::{Accum, MatMut, Par, Spec};
 use rayon::prelude::*;
 
-use super::{Child, Columns, Front, Fronts, Scalar};
+use super::{Child, Front, Fronts, Scalar};
 
 /// Halves with fewer flops than this are eliminated one after the other: handing one over would cost more.
 const PARALLEL_FLOPS: f64 = 1e6;
@@ -55,20 +55,18 @@ impl Fronts {
     /// [`Self::growth`] for whether that was sound.
     pub(in crate::math) fn factorize<T: Scalar>(
         &self,
-        columns: Columns,
         matrix: &[f64],
         values: &mut [T],
         work: &mut [T],
         definite: bool,
     ) -> Option<()> {
-        self.eliminate(self.root(), columns, matrix, values, work, definite)
+        self.eliminate(self.root(), matrix, values, work, definite)
     }
 
     /// Eliminates a subtree; its update of the boundary is left at the start of `work`.
     fn eliminate<T: Scalar>(
         &self,
         index: usize,
-        columns: Columns,
         matrix: &[f64],
         values: &mut [T],
         work: &mut [T],
@@ -77,14 +75,15 @@ impl Fronts {
         let front = &self.fronts[index];
         let (subtrees, own) = values.split_at_mut(front.values[1] - front.values[0]);
         own.fill(T::zero_impl());
-        for p in columns.0[3 * front.first]..columns.0[3 * (front.first + front.own)] {
-            own[self.places[p] as usize] = T::from_f64_impl(matrix[p]);
+        let columns = front.matrix[0]..front.matrix[1];
+        for (place, value) in self.places[columns.clone()].iter().zip(&matrix[columns]) {
+            own[*place as usize] = T::from_f64_impl(*value);
         }
         let (update, work) = work.split_at_mut(front.update().pow(2));
         let mut second = 0;
         match &front.children[..] {
             [] => {}
-            [a] => self.eliminate(a.front, columns, matrix, subtrees, work, definite)?,
+            [a] => self.eliminate(a.front, matrix, subtrees, work, definite)?,
             children => {
                 let [a, b] = [children[0].front, children[1].front];
                 let (fa, fb) = (&self.fronts[a], &self.fronts[b]);
@@ -93,13 +92,13 @@ impl Fronts {
                 if in_parallel(fa, fb) {
                     let (work_a, work_b) = work.split_at_mut(second);
                     let (done_a, done_b) = rayon::join(
-                        || self.eliminate(a, columns, matrix, values_a, work_a, definite),
-                        || self.eliminate(b, columns, matrix, values_b, work_b, definite),
+                        || self.eliminate(a, matrix, values_a, work_a, definite),
+                        || self.eliminate(b, matrix, values_b, work_b, definite),
                     );
                     done_a.and(done_b)?;
                 } else {
-                    self.eliminate(a, columns, matrix, values_a, work, definite)?;
-                    self.eliminate(b, columns, matrix, values_b, &mut work[second..], definite)?;
+                    self.eliminate(a, matrix, values_a, work, definite)?;
+                    self.eliminate(b, matrix, values_b, &mut work[second..], definite)?;
                 }
             }
         }

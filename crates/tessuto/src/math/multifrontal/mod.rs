@@ -16,6 +16,7 @@ use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, SubAssign};
 use faer::MatRef;
 use faer::traits::RealField;
 
+use super::block_matrix::BlockPattern;
 use super::dissection::Part;
 
 /// Numbers that a factor is made of.
@@ -49,6 +50,8 @@ struct Front {
     children: Vec<Child>,
     /// First vertex of the subtree.
     first_of_subtree: usize,
+    /// Start and end of the own columns' values in the matrix.
+    matrix: [usize; 2],
     /// Start of the subtree's values and of the own ones.
     values: [usize; 2],
     /// Start of the subtree's loads (see [`solve`]) and of the own ones.
@@ -144,21 +147,18 @@ pub(super) struct Fronts {
     places: Vec<u32>,
 }
 
-/// Lower triangle in compressed columns: starts and rows.
-pub(super) type Columns<'a> = (&'a [usize], &'a [usize]);
-
 impl Fronts {
-    /// Fronts of the matrix whose vertices are numbered in the elimination order of `part`.
-    pub(super) fn new(part: &Part, columns: Columns) -> Self {
+    /// Fronts of the matrices of a pattern.
+    pub(super) fn new(pattern: &BlockPattern) -> Self {
         let mut fronts = Vec::new();
-        add_front(part, columns, &mut fronts);
-        let mut places = vec![0; columns.1.len()];
+        add_front(&pattern.dissection, pattern, &mut fronts);
+        let mut places = Vec::with_capacity(pattern.len());
+        // Fronts in elimination order own the columns in theirs.
         for f in &fronts {
-            for column in 3 * f.first..3 * (f.first + f.own) {
-                for p in columns.0[column]..columns.0[column + 1] {
-                    let local = f.local(columns.1[p] / 3) * 3 + columns.1[p] % 3;
-                    places[p] = ((column - 3 * f.first) * f.height() + local) as u32;
-                }
+            for entry in (f.first..f.first + f.own).flat_map(|vertex| pattern.entries(vertex)) {
+                let [row, column] = entry;
+                let local = f.local(row / 3) * 3 + row % 3;
+                places.push(((column - 3 * f.first) * f.height() + local) as u32);
             }
         }
         Self { fronts, places }
@@ -175,19 +175,18 @@ impl Fronts {
 }
 
 /// Adds the fronts of `part`, halves first; returns its index.
-fn add_front(part: &Part, columns: Columns, fronts: &mut Vec<Front>) -> usize {
+fn add_front(part: &Part, pattern: &BlockPattern, fronts: &mut Vec<Front>) -> usize {
     let end = |fronts: &[Front]| {
         let last = fronts.last();
         let vertex = last.map_or(0, |f| f.first + f.own);
         (vertex, last.map_or(0, |f| f.values[1] + f.len()), last.map_or(0, |f| f.loads[1] + f.update()))
     };
     let subtree = end(fronts);
-    let halves: Vec<usize> = part.halves.iter().map(|half| add_front(half, columns, fronts)).collect();
+    let halves: Vec<usize> = part.halves.iter().map(|half| add_front(half, pattern, fronts)).collect();
     let start = end(fronts);
     let (first, own) = (start.0, part.vertices.len());
-    let mut boundary: Vec<u32> = (3 * first..3 * (first + own))
-        .step_by(3)
-        .flat_map(|c| columns.1[columns.0[c]..columns.0[c + 1]].iter().map(|row| (row / 3) as u32))
+    let mut boundary: Vec<u32> = (first..first + own)
+        .flat_map(|vertex| pattern.rows_below(vertex).iter().copied())
         .chain(halves.iter().flat_map(|&h| fronts[h].boundary.iter().copied()))
         .filter(|&v| v as usize >= first + own)
         .collect();
@@ -200,6 +199,7 @@ fn add_front(part: &Part, columns: Columns, fronts: &mut Vec<Front>) -> usize {
         boundary,
         children: Vec::new(),
         first_of_subtree: subtree.0,
+        matrix: [pattern.first_value(first), pattern.first_value(first + own)],
         values: [subtree.1, start.1],
         loads: [subtree.2, start.2],
         work: 0,
