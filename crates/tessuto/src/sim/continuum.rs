@@ -268,8 +268,7 @@ mod tests {
             };
             for (m, c) in continuum.membranes.iter().zip(&stiffness.membrane) {
                 let strained = m.strained(m.gradients(&x), *c);
-                hessian_of_membrane(&strained, kind)
-                    .blocks(m.own_weights(), |k, block| add(m.place(k), block));
+                hessian_of_membrane(&strained, kind).blocks(m.weights, |k, block| add(m.place(k), block));
             }
             for (h, b) in continuum.hinges.iter().zip(&stiffness.hinge) {
                 let bent = h.bent(h.arms(&x), *b);
@@ -283,7 +282,7 @@ mod tests {
         let energy = continuum.add_gradient(&stiffness, &x, 1.0, &mut fast);
         for (m, c) in continuum.membranes.iter().zip(&stiffness.membrane) {
             let gradient = m.strained(m.gradients(&x), *c).gradient();
-            m.scatter(by_corners(gradient, m.own_weights()).map(DVec3::from_array), &mut plain);
+            m.scatter(by_corners(gradient, m.weights).map(DVec3::from_array), &mut plain);
         }
         for (h, b) in continuum.hinges.iter().zip(&stiffness.hinge) {
             h.scatter(h.bent(h.arms(&x), *b).value_and_gradient().1.map(DVec3::from_array), &mut plain);

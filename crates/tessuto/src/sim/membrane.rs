@@ -30,8 +30,8 @@ pub struct Membrane {
     pub vertices: [u32; 3],
     /// Area without load `[m²]`.
     pub area: f64,
-    /// f_k = Σ over the corners of `weights[corner][k]` x [1/m].
-    pub weights: [DVec2; 3],
+    /// f_k = Σ over both sides from the first corner of `weights[side][k]` times the side [1/m].
+    pub weights: Weights<f64>,
     /// Pattern's pairs (corner 1, 0), (2, 0), (2, 1).
     pub pairs: [usize; 3],
 }
@@ -49,7 +49,7 @@ pub struct Strained<T> {
 #[derive(Debug, Clone, Copy)]
 pub struct Hessian<T>([Matrix<T>; 3]);
 
-/// [`Membrane::weights`] of the second and the third corner, or of four membranes' corners.
+/// [`Membrane::weights`], of one membrane or of four.
 pub type Weights<T> = [[T; 2]; 2];
 
 impl Membrane {
@@ -68,16 +68,16 @@ impl Membrane {
         let flat = |side: DVec3| DVec2::new(side.dot(warp), side.dot(weft));
         // Columns of the inverse's transpose are its rows.
         let rows = DMat2::from_cols(flat(p), flat(q)).inverse().transpose();
-        let weights = [-rows.x_axis - rows.y_axis, rows.x_axis, rows.y_axis];
-        weights.iter().all(|w| w.is_finite()).then_some(Self { vertices, area, weights, pairs })
+        let weights = [rows.x_axis, rows.y_axis].map(|w| w.to_array());
+        rows.is_finite().then_some(Self { vertices, area, weights, pairs })
     }
 
     /// (f₁, f₂) of a field `[V]`.
     pub fn gradients(&self, field: &[DVec3]) -> [DVec3; 2] {
         // From differences, which keep the digits that sums of large positions would lose.
         let [a, b, c] = self.vertices.map(|v| field[v as usize]);
-        let (p, q, [_, r, s]) = (b - a, c - a, self.weights);
-        [p * r.x + q * s.x, p * r.y + q * s.y]
+        let (p, q, [r, s]) = (b - a, c - a, self.weights);
+        [p * r[0] + q * s[0], p * r[1] + q * s[1]]
     }
 
     /// The membrane with these (f₁, f₂) and coefficients.
@@ -95,10 +95,10 @@ impl Membrane {
         let corners = |c: usize| vectors(x, membranes.map(|m| m.vertices[c]));
         let a = corners(0);
         let (p, q) = (subtract(corners(1), a), subtract(corners(2), a));
-        let weights = |corner: usize| {
-            [gather(|k| membranes[k].weights[corner].x), gather(|k| membranes[k].weights[corner].y)]
+        let weights = |side: usize| {
+            [gather(|k| membranes[k].weights[side][0]), gather(|k| membranes[k].weights[side][1])]
         };
-        let (r, s) = (weights(1), weights(2));
+        let (r, s) = (weights(0), weights(1));
         let f = |axis: usize| add(scale(p, r[axis]), scale(q, s[axis]));
         let area = gather(|k| membranes[k].area);
         let [c11, c22, c12, g] = coefficients;
@@ -121,12 +121,7 @@ impl Membrane {
             c: c.map(|c| Scalar::constant(c * self.area)),
         };
         let third = lifted.gradient().map(|g| hyper_dual::mixed(g).to_array());
-        by_corners(third, self.own_weights()).map(DVec3::from_array)
-    }
-
-    /// Of the second and the third corner.
-    pub fn own_weights(&self) -> Weights<f64> {
-        [self.weights[1], self.weights[2]].map(|w| w.to_array())
+        by_corners(third, self.weights).map(DVec3::from_array)
     }
 
     /// λᵀ ∂(∂E)/∂c for each coefficient c.
