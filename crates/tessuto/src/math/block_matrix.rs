@@ -13,13 +13,13 @@ struct Slot {
     transposed: bool,
 }
 
-/// Values of a diagonal block: those at (0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2).
+/// Row and column of a diagonal block's values.
 const DIAGONAL: [[usize; 2]; 6] = [[0, 0], [1, 0], [2, 0], [1, 1], [2, 1], [2, 2]];
 
 /// Pattern of a symmetric matrix of 3×3 blocks: its lower triangle in compressed columns of blocks, with the
 /// vertices renumbered to keep the Cholesky factor sparse.
 ///
-/// The values of a vertex's columns: six of its diagonal block ([`DIAGONAL`]), then nine of every block below, column by column.
+/// The values of a vertex's columns: six of its diagonal block's lower triangle, then nine of every block below, each column by column.
 #[derive(Debug, Clone)]
 pub struct BlockPattern {
     vertex_count: usize,
