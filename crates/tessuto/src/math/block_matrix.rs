@@ -177,6 +177,17 @@ pub enum Place {
     Pair(usize),
 }
 
+impl Place {
+    /// The `k`-th of an element's places: at its vertices, then at its pairs.
+    #[inline(always)]
+    pub fn of_element(vertices: &[u32], pairs: &[usize], k: usize) -> Self {
+        match vertices.get(k) {
+            Some(&vertex) => Self::Vertex(vertex),
+            None => Self::Pair(pairs[k - vertices.len()]),
+        }
+    }
+}
+
 /// Which of a matrix's columns, by the indices of their values.
 #[derive(Debug, Clone, Copy)]
 pub struct Span {

@@ -26,7 +26,7 @@ pub trait Scalar:
 
 /// A number without derivatives: what upper bounds need besides.
 pub trait Real: Scalar {
-    /// ‖self‖.
+    /// |self|.
     fn abs(self) -> Self;
     /// self or 0, the larger one.
     fn positive(self) -> Self;

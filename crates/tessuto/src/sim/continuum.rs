@@ -162,7 +162,9 @@ impl Continuum {
             in_lanes(membranes, |ks, count| {
                 let (strained, weights) = self.strained(ks, stiffness, x, scale);
                 hessian_of_membrane(&strained, kind).blocks(weights, |place, block| {
-                    let places = ks.map(|k| self.membranes[k].place(place));
+                    let places = ks
+                        .map(|k| &self.membranes[k])
+                        .map(|m| Place::of_element(&m.vertices, &m.pairs, place));
                     add_blocks(pattern, &mut columns, &places[..count], block);
                 });
             });
@@ -171,7 +173,8 @@ impl Continuum {
             in_lanes(hinges, |ks, count| {
                 let bent = self.bent(ks, stiffness, x, scale);
                 hessian_of_hinge(&bent, kind).blocks(|place, block| {
-                    let places = ks.map(|k| self.hinges[k].place(place));
+                    let places =
+                        ks.map(|k| &self.hinges[k]).map(|h| Place::of_element(&h.vertices, &h.pairs, place));
                     add_blocks(pattern, &mut columns, &places[..count], block);
                 });
             });
@@ -268,11 +271,13 @@ mod tests {
             };
             for (m, c) in continuum.membranes.iter().zip(&stiffness.membrane) {
                 let strained = m.strained(m.gradients(&x), *c);
-                hessian_of_membrane(&strained, kind).blocks(m.weights, |k, block| add(m.place(k), block));
+                hessian_of_membrane(&strained, kind)
+                    .blocks(m.weights, |k, block| add(Place::of_element(&m.vertices, &m.pairs, k), block));
             }
             for (h, b) in continuum.hinges.iter().zip(&stiffness.hinge) {
                 let bent = h.bent(h.arms(&x), *b);
-                hessian_of_hinge(&bent, kind).blocks(|k, block| add(h.place(k), block));
+                hessian_of_hinge(&bent, kind)
+                    .blocks(|k, block| add(Place::of_element(&h.vertices, &h.pairs, k), block));
             }
             let (difference, largest) = fast.difference(&plain);
             // Summed in another order.

@@ -19,7 +19,6 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::math::block_matrix::Place;
 use crate::math::hyper_dual;
 use crate::math::lanes::{LANES, Lanes, gather, vectors};
 use crate::math::scalar::{
@@ -94,15 +93,6 @@ impl Hinge {
             arms: [subtract(b, a), subtract(c, a), subtract(d, a)],
             rest_angle: gather(|k| hinges[k].rest_angle),
             k: stiffness * gather(|k| hinges[k].weight),
-        }
-    }
-
-    /// Where the `k`-th of its blocks lies.
-    #[inline(always)]
-    pub fn place(&self, k: usize) -> Place {
-        match self.vertices.get(k) {
-            Some(&vertex) => Place::Vertex(vertex),
-            None => Place::Pair(self.pairs[k - self.vertices.len()]),
         }
     }
 
@@ -245,7 +235,7 @@ impl<T: Scalar> Hessian<T> {
         // Both forms of p differ from one direction by the same two factors, −c and L.
         let both = symmetric(scale(n, T::constant(2.0) * s.area.recip()), s.t);
         let of_e = sum(scaled(both, s.along * s.along), symmetric(n, slide_e));
-        let mixed = subtract_scaled(outer(n, slide_u), both, s.along * s.length);
+        let mixed = sum(outer(n, slide_u), scaled(both, -(s.along * s.length)));
         self.0[ee] = sum(self.0[ee], of_e);
         self.0[es] = sum(self.0[es], mixed);
         self.0[ss] = sum(self.0[ss], scaled(both, s.length * s.length));
@@ -333,10 +323,4 @@ impl<T: Scalar> Side<T> {
 #[inline(always)]
 fn length<T: Scalar>(edge: Vector<T>) -> T {
     (dot(edge, edge) + T::constant(SQ_LENGTH_FLOOR)).sqrt()
-}
-
-/// A − s·B.
-#[inline(always)]
-fn subtract_scaled<T: Scalar>(a: Matrix<T>, b: Matrix<T>, s: T) -> Matrix<T> {
-    sum(a, scaled(b, -s))
 }

@@ -12,7 +12,6 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-use crate::math::block_matrix::Place;
 use crate::math::hyper_dual;
 use crate::math::lanes::{LANES, Lanes, gather, vectors};
 use crate::math::scalar::{
@@ -105,15 +104,6 @@ impl Membrane {
         (Strained { f: [f(0), f(1)], c: [c11 * area, c22 * area, c12 * area, g * area] }, [r, s])
     }
 
-    /// Where the `k`-th of its blocks lies.
-    #[inline(always)]
-    pub fn place(&self, k: usize) -> Place {
-        match self.vertices.get(k) {
-            Some(&vertex) => Place::Vertex(vertex),
-            None => Place::Pair(self.pairs[k - self.vertices.len()]),
-        }
-    }
-
     /// ∂ by the corners of aᵀ (∂²E) b, with `a` and `b` directions in (f₁, f₂).
     pub fn third(&self, f: [DVec3; 2], c: Coefficients, a: [DVec3; 2], b: [DVec3; 2]) -> [DVec3; 3] {
         let lifted = Strained {
@@ -163,7 +153,7 @@ impl<T: Scalar> Strained<T> {
     /// Energy `[J]`: of stretching and of shearing.
     #[inline(always)]
     pub fn value(&self) -> [T; 2] {
-        let ([e11, e22, e12], [c11, c22, c12, g]) = (self.strain(), self.c);
+        let ([e11, e22, e12], [c11, c22, c12, g]) = (strain(self.f), self.c);
         let stretch = T::constant(0.5) * (c11 * e11 * e11 + c22 * e22 * e22) + c12 * e11 * e22;
         [stretch, T::constant(2.0) * g * e12 * e12]
     }
@@ -204,13 +194,8 @@ impl<T: Scalar> Strained<T> {
     /// A s, with the stress s.
     #[inline(always)]
     fn stress(&self) -> [T; 3] {
-        let ([e11, e22, e12], [c11, c22, c12, g]) = (self.strain(), self.c);
+        let ([e11, e22, e12], [c11, c22, c12, g]) = (strain(self.f), self.c);
         [c11 * e11 + c12 * e22, c22 * e22 + c12 * e11, T::constant(2.0) * g * e12]
-    }
-
-    #[inline(always)]
-    fn strain(&self) -> [T; 3] {
-        strain(self.f)
     }
 }
 
