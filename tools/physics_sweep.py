@@ -2,7 +2,7 @@
 """How well `tessuto reconstruct` finds causes: made scenes of random stiffness, tilt, wind and hands with all causes as
 truth (`tessuto synth --air`), compared by `tessuto evaluate`. Prints a line per scene and the table of all.
 
-The parameters asked for are of docs/experiments/physics.md: the factor that bend and shear are off by (median), the part of the scenes whose truth
+The parameters asked for are of docs/experiments/log/physics.md: the factor that bend and shear are off by (median), the part of the scenes whose truth
 lies within two standard deviations, gravity's angle, and the error of the futures in still air and with ten times the bend stiffness over
 that of the best guess without causes.
 

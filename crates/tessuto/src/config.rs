@@ -201,7 +201,7 @@ impl Config {
     pub fn preset(preset: Preset) -> Self {
         let default = Self { preset, ..Self::default() };
         let published = TextureSettings { epochs: 200, ..default.texture };
-        // Where the search by simulation leaves what was published, so as to reach it: see docs/experiments/methods.md.
+        // Where the search by simulation leaves what was published, so as to reach it: see docs/experiments/log/methods.md.
         let steady = RolloutSettings {
             outline_margin: 0.02,
             epochs_per_frame: 8,

@@ -52,7 +52,7 @@ impl DecoderConfig {
     pub const LIGHT_STEP: usize = 16;
 
     /// One tile of `edge`² px, a multiple of [`LIGHT_STEP`](Self::LIGHT_STEP), and fewer channels: at 256 px a fifth of
-    /// the time per step and far fewer steps (docs/experiments/appearance-decoder.md).
+    /// the time per step and far fewer steps (docs/experiments/log/appearance-decoder.md).
     pub fn light(edge: usize) -> Self {
         assert!(edge > 0 && edge.is_multiple_of(Self::LIGHT_STEP), "edge {edge}");
         Self {

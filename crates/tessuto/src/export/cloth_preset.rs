@@ -6,7 +6,7 @@
 //!
 //!   E = tension/ℓ,   G = shear/ℓ,   D = bending · ℓ²/20,
 //!
-//! tried with a hanging sheet and a cantilever: docs/experiments/export.md.
+//! tried with a hanging sheet and a cantilever: docs/experiments/log/export.md.
 
 use std::fmt::Write as _;
 

@@ -10,7 +10,7 @@
 //! also what is taken where the answer would not lower Φ: else stiff, limp cloth can explode.
 //!
 //! Source of the idea: \[PG-SfT\]; there the network sees the state alone and answers with accelerations. Such a network was
-//! tried first (docs/experiments/methods.md): the errors of its long waves add up.
+//! tried first (docs/experiments/log/methods.md): the errors of its long waves add up.
 
 mod descent;
 mod frames;

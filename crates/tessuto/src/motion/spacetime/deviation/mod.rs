@@ -23,7 +23,7 @@
 //! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in the errors.
 //!
 //! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from, and how far they
-//! hold: `docs/experiments/deviation.md`. No truth is used here.
+//! hold: `docs/experiments/log/deviation.md`. No truth is used here.
 
 mod misfit;
 mod sampling;
