@@ -142,7 +142,7 @@ impl Crate {
 }
 
 /// `text` without comments, strings and the test module at its end.
-fn code(text: &str) -> String {
+pub fn code(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
     while let Some(first) = rest.chars().next() {

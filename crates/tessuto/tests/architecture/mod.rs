@@ -1,5 +1,6 @@
-//! The documents name only what exists, the modules keep to their layers, and siblings stand in no circle.
+//! The documents name only what exists, with the values that it has, the modules keep to their layers, and siblings stand in no circle.
 
+mod constants;
 mod imports;
 mod words;
 
