@@ -154,12 +154,13 @@ fn main() -> tessuto::Result<()> {
         cut.edges[1].rest_length
     );
     let clock = Instant::now();
-    let (guided, parts) = causes::follow(&cut, &dynamics, &found, (&frames, &sigma), &config.causes);
-    let follows = mean(&errors(&guided.frames, &frames));
+    let (guided, parts, led) = causes::follow(&cut, &dynamics, &found, (&frames, &sigma), &config.causes);
+    let [follows, beside] = [&guided.frames, &led].map(|of| mean(&errors(of, &frames)));
+    let motions = (&guided.frames[..], led.clone());
     let sizes =
-        causes::Explained::new((&cut, &scene.template), found.clone(), parts, &guided.frames, scene.fps)
-            .sizes;
-    println!("follows within {follows:.2} mm in {:.1} s; {sizes:.1?}", clock.elapsed().as_secs_f64());
+        causes::Explained::new((&cut, &scene.template), found.clone(), parts, motions, scene.fps).sizes;
+    let seconds = clock.elapsed().as_secs_f64();
+    println!("follows within {follows:.3} mm, without correction {beside:.2} in {seconds:.1} s; {sizes:.1?}");
     let gt = Path::new(&folder).join("gt");
     let last = frames.len() - 1;
     let plain = Otherwise { residual, ..Otherwise::default() };
@@ -173,7 +174,7 @@ fn main() -> tessuto::Result<()> {
     println!("again {:.1} mm {by_frame:.0?}", mean(&by_frame));
     if let Some(truth) = field(&gt.join("vertices.npy")) {
         let off = |frames: &[Positions]| mean(&errors(frames, &truth));
-        let (given, led, again) = (off(&frames), off(&guided.frames), off(&run.frames));
+        let (given, led, again) = (off(&frames), off(&led), off(&run.frames));
         println!("off the truth: {given:.2} mm as given, {led:.2} as led, {again:.2} again");
     }
     if let Some(calm) = field(&gt.join("calm.npy")) {

@@ -19,7 +19,7 @@ use crate::sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 /// What a video tells about the fabric.
 #[derive(Debug)]
 pub struct Reconstruction {
-    /// Positions at every frame, shape [N, V]: the rollout of `parameters`.
+    /// Positions at every frame, shape [N, V]: what was found, and the rollout of `parameters`.
     pub motion: Motion,
     /// Standard deviation of every vertex in every frame `[m]`, shape [N, V]: the root of the trace of its covariance, see
     /// [`crate::motion::spacetime`]. `None` from the other method and from a search that failed.
@@ -120,7 +120,8 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                 }
                 let found = begun.explain(&frames, advance);
                 causes = Some(found.explained);
-                made = found.failure.is_none().then_some(found.frames);
+                // Where no forces lead there, what was found is still the motion.
+                made = Some(if found.failure.is_none() { found.frames } else { frames.clone() });
                 (found.parameters, found.failure)
             } else {
                 let mut parameters = fit.start();

@@ -176,6 +176,8 @@ fn rows(saved: &Folder, found: &Found) -> Vec<CauseRow> {
             plain("by the air", sizes.air, "m/s²"),
             plain("of held vertices by what holds them", sizes.hold, "m/s²"),
             plain("that none of these explains", sizes.residual, "m/s²"),
+            plain("that leads exactly to what was found, besides", sizes.correction, "m/s²"),
+            plain("distance of the motion without that", 1e3 * sizes.beside, "mm"),
         ]);
     }
     rows

@@ -64,6 +64,9 @@ pub(super) struct CauseFile {
     model: Model,
 }
 
+/// File of the motion without the correction.
+pub(super) const LED: &str = "changed/by_causes.npy";
+
 /// Standard deviation of a stiffness, and whether the video tells anything about it.
 pub(super) fn certainty(found: &Found, k: usize) -> (f64, bool) {
     let (sd, prior) = (found.spread.ln_stiffness[k], found.prior.ln_stiffness[k]);
@@ -160,7 +163,8 @@ impl CauseFile {
     }
 }
 
-/// Writes forces.npz, `gravity`, `air`, `friction`, `hold` and `residual` [N − 1, V, 3] m/s² of so many `vertices`, and `rest_lengths.npy`, one for each edge, m.
+/// Writes forces.npz, `gravity`, `air`, `friction`, `hold`, `residual` and `correction` [N − 1, V, 3] m/s² of so many `vertices`,
+/// `rest_lengths.npy`, one for each edge, m, and the motion without the correction.
 pub(super) fn write_forces(folder: &Path, explained: &Explained, vertices: usize) -> Result<()> {
     let parts = &explained.parts;
     let shape = [parts.air.len(), vertices, 3];
@@ -175,8 +179,13 @@ pub(super) fn write_forces(folder: &Path, explained: &Explained, vertices: usize
         ("friction", bytes(&parts.friction)),
         ("hold", bytes(&parts.hold)),
         ("residual", bytes(&parts.residual)),
+        ("correction", bytes(&parts.correction)),
     ];
     io::atomic_write(&folder.join("forces.npz"), &io::npy::archive(&arrays))?;
+    let led = folder.join(LED);
+    let place = led.parent().expect("in a folder");
+    std::fs::create_dir_all(place).map_err(|source| Error::Output { path: place.to_path_buf(), source })?;
+    io::npy::write_field(&led, &explained.led)?;
     let lengths: Vec<f32> = explained.found.rest_lengths.iter().map(|l| *l as f32).collect();
     io::npy::write(&folder.join("rest_lengths.npy"), &[lengths.len()], &lengths)
 }

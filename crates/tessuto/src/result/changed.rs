@@ -1,6 +1,7 @@
 //! changed/: what would have been otherwise, simulated beforehand for the page.
 
 use super::Folder;
+use super::causes::LED;
 use crate::error::Result;
 use crate::io;
 use crate::motion::causes::{Hold, Otherwise};
@@ -64,21 +65,29 @@ pub(crate) fn changes(fps: f64) -> [Change; 3] {
 /// Those that are there and fit into the page, of a clip of `frames` frames.
 pub(super) fn read(saved: &Folder, frames: usize) -> Result<Vec<Replay>> {
     let (mut out, mut size) = (Vec::new(), 0);
-    for change in changes(saved.fps) {
-        let path = saved.path().join(change.file());
+    let beside = saved.sizes.map_or(0.0, |sizes| 1e3 * sizes.beside);
+    let by_causes = format!(
+        "What the causes and the unexplained force make of the clip: {beside:.1} mm beside what was found."
+    );
+    let replays = std::iter::once(("by_causes", "by its causes", by_causes, 0, LED.to_owned())).chain(
+        changes(saved.fps).map(|change| {
+            let from = if change.otherwise.further > 0 { frames.saturating_sub(1) } else { 0 };
+            (change.key, change.label, change.note.to_owned(), from, change.file())
+        }),
+    );
+    for (key, label, note, from, file) in replays {
+        let path = saved.path().join(file);
         if !path.is_file() {
             continue;
         }
         let motion = io::npy::read_motion(&path)?;
         motion.check_vertices(saved.mesh.positions.len(), &path.display().to_string())?;
-        let from = if change.otherwise.further > 0 { frames.saturating_sub(1) } else { 0 };
         let motion = EmbeddedMotion::new(&motion);
         size += motion.steps.len();
         if size > BUDGET {
             break;
         }
-        let Change { key, label, note, .. } = change;
-        out.push(Replay { key, label, note: note.to_owned(), from, motion });
+        out.push(Replay { key, label, note, from, motion });
     }
     Ok(out)
 }

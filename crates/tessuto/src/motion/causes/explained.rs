@@ -17,11 +17,13 @@ pub struct Explained {
     pub parts: Parts,
     /// How large they are.
     pub sizes: Sizes,
+    /// The motion without the correction ([`Parts::correction`]), shape [N, V] `[m]`.
+    pub led: Vec<Positions>,
     /// The stiffnesses whatever the mesh, where the texture coordinates are a flat panel.
     pub per_width: Option<PerWidth>,
 }
 
-/// Root mean squares over vertices and frames [m/s²].
+/// Root mean squares over vertices and frames [m/s²], and one distance.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sizes {
@@ -37,15 +39,21 @@ pub struct Sizes {
     pub hold: f64,
     /// What is left, of the other vertices.
     pub residual: f64,
+    /// What leads them exactly to where they were found, besides; 0 in results of earlier versions.
+    #[serde(default)]
+    pub correction: f64,
+    /// Distance of the motion without the correction from the one with it, of all vertices `[m]`; likewise.
+    #[serde(default)]
+    pub beside: f64,
 }
 
 impl Explained {
-    /// Of the motion `frames`, shape [N, V], of `cloth`, cut as `template`, `fps` frames per second.
+    /// Of the motion `frames`, shape [N, V], of `cloth`, cut as `template`, `fps` frames per second; without the correction it is `led`.
     pub fn new(
         (cloth, template): (&Cloth, &Mesh),
         found: Found,
         parts: Parts,
-        frames: &[Positions],
+        (frames, led): (&[Positions], Vec<Positions>),
         fps: f64,
     ) -> Self {
         let stiffness = Stiffness::uniform(cloth, found.causes.stiffness());
@@ -70,6 +78,8 @@ impl Explained {
         let second = |x: &[Positions]| -> Positions {
             (0..x[0].len()).map(|i| (x[2][i] - x[1][i] * 2.0 + x[0][i]) * (fps * fps)).collect()
         };
+        let less = |(a, b): (&Positions, &Positions)| a.iter().zip(b).map(|(a, b)| *a - *b).collect();
+        let apart: Vec<Positions> = led.iter().zip(frames).map(less).collect();
         let sizes = Sizes {
             motion: rms(&frames.windows(3).map(second).collect::<Vec<_>>(), Some(false)),
             elastic: rms(&frames.iter().map(elastic).collect::<Vec<_>>(), Some(false)),
@@ -77,8 +87,10 @@ impl Explained {
             air: rms(&parts.air, None),
             hold: rms(&parts.hold, Some(true)),
             residual: rms(&parts.residual, Some(false)),
+            correction: rms(&parts.correction, Some(false)),
+            beside: rms(&apart, None),
         };
         let per_width = per_width(cloth, template, found.causes.stiffness(), frames);
-        Self { found, parts, sizes, per_width }
+        Self { found, parts, sizes, led, per_width }
     }
 }

@@ -144,10 +144,10 @@ impl Begun<'_> {
         let causes = self.finish(found);
         advance(PARTS - REPLAY);
         let cut = cut_cloth(template, &causes.rest_lengths);
-        let (guided, parts) = follow::follow(&cut, dynamics, &causes, (found, deviations), settings);
+        let (guided, parts, led) = follow::follow(&cut, dynamics, &causes, (found, deviations), settings);
         advance(PARTS);
         let parameters = Parameters::of_springs(causes.causes.log_stiffness(), guided.accelerations);
-        let explained = Explained::new((&cut, template), causes, parts, &guided.frames, *fps);
+        let explained = Explained::new((&cut, template), causes, parts, (&guided.frames, led), *fps);
         Explanation { parameters, explained, frames: guided.frames, failure: guided.failure }
     }
 }

@@ -1,7 +1,10 @@
 //! Accelerations that lead a cloth along found positions.
 //!
 //! Found positions are off by a millimetre in directions in which springs hardly give, and to hold a cloth there takes hundreds of m/s²,
-//! which are no cause of the motion. So held vertices follow their paths, and the others are led by what the springs would not take up.
+//! which are no cause of the motion. So what no cause explains has two parts. The residual leads a cloth whose held vertices follow their
+//! paths by what its springs would not take up: where the sheet gives way. The motion that it makes is not the one that was found, but beside it wherever the sheet is
+//! stiff. The correction is all else that ties to the found positions take: with it the forces lead where the motion was found, and without it to what the
+//! causes and the residual make.
 
 use glam::DVec3;
 
@@ -16,7 +19,8 @@ use crate::sim::{Cloth, State};
 /// Strength of the ties of held vertices [1/s²]: the whole weight that hangs from two corners takes them 0.1 mm from their paths.
 const HELD: f64 = 1e8;
 
-/// Strength of the ties of all vertices where the lead loses the cloth [1/s²]: that of a spring of 1000 N/m on a vertex of 0.03 g.
+/// Strength of the ties of all vertices [1/s²]: that of a spring of 1000 N/m on a vertex of 0.03 g. A thousand m/s² take them 0.03 mm from
+/// their places.
 const FIRM: f64 = 4e7;
 /// A cloth is lost that is this fraction of its size, the diagonal of the box around it, from where it should be, root mean square.
 const ASTRAY: f64 = 0.02;
@@ -26,25 +30,30 @@ const USUAL: f64 = 5e-3;
 /// Least one that counts `[m]`: of the mesh as a model of the cloth.
 const LEAST: f64 = 5e-4;
 
-/// Accelerations that lead `cloth` along `frames`, shape [N, V], known up to `deviations`, shape [N, V] `[m]`, and the parts they are of.
-/// A cloth that so gentle a lead loses, or whose simulation fails, is tied to its places: what holds it there says little of causes, but its shape is sound.
+/// Accelerations that lead `cloth` along `frames`, shape [N, V], known up to `deviations`, shape [N, V] `[m]`, the parts they are of, and the motion
+/// without the correction, shape [N, V]. A cloth that so gentle a lead loses, or whose simulation fails, leaves all to the residual: what holds it there says little of
+/// causes, but its shape is sound; its motion without the correction is then the one with it.
 pub fn follow(
     cloth: &Cloth,
     dynamics: &Dynamics,
     found: &Found,
     (frames, deviations): (&[Positions], &[Vec<f64>]),
     settings: &CauseSettings,
-) -> (Guided, Parts) {
-    let lead = strength(deviations, settings);
+) -> (Guided, Parts, Vec<Positions>) {
     let paths = interpolated(frames, dynamics.substeps);
-    let mut guided = lead_along(cloth, dynamics, found, &paths, lead, true);
-    if astray(&guided, frames) {
-        let mut ties = held_ties(cloth, found, HELD);
-        ties.iter_mut().for_each(|tie| *tie = tie.max(FIRM));
-        guided = tied_along(cloth, dynamics, found, &paths, (&ties, 0.0), true);
+    let mut ties = held_ties(cloth, found, HELD);
+    ties.iter_mut().for_each(|tie| *tie = tie.max(FIRM));
+    let (tied, led) = rayon::join(
+        || tied_along(cloth, dynamics, found, &paths, (&ties, 0.0), true),
+        || lead_along(cloth, dynamics, found, &paths, strength(deviations, settings), false),
+    );
+    let mut parts = Parts::of(&tied, found, dynamics.substeps);
+    if astray(&led, frames) {
+        let same = tied.frames.clone();
+        return (tied, parts, same);
     }
-    let parts = Parts::of(&guided, found, dynamics.substeps);
-    (guided, parts)
+    parts.leave(Parts::of(&led, found, dynamics.substeps).residual);
+    (tied, parts, led.frames)
 }
 
 /// The motion of [`follow`], without the accelerations that make it.
@@ -194,15 +203,20 @@ mod tests {
         let deviations = vec![vec![4e-3; 49]; 21];
         let settings = CauseSettings::default();
         let lead = |frames: &[Positions]| {
-            let (guided, parts) = follow(&cloth, &dynamics, &found, (frames, &deviations), &settings);
+            let (guided, parts, led) = follow(&cloth, &dynamics, &found, (frames, &deviations), &settings);
             assert!(guided.failure.is_none());
-            let pairs = || guided.frames.iter().zip(frames);
-            let off = |v: usize| pairs().map(|(a, b)| a[v].distance(b[v])).fold(0.0, f64::max);
-            (size(&parts.residual), (0..49).map(off).fold(0.0, f64::max), off(0).max(off(6)))
+            let off =
+                |frame: &dyn Fn(usize) -> Vec<f64>| (0..frames.len()).flat_map(frame).fold(0.0, f64::max);
+            let apart = |a: &Positions, b: &Positions| a.iter().zip(b).map(|(a, b)| a.distance(*b)).collect();
+            let told = off(&|n| apart(&guided.frames[n], &frames[n]));
+            let beside = off(&|n| apart(&led[n], &frames[n]));
+            assert!(told < 1e-4, "the forces lead where the motion was found: {told} m");
+            let held = off(&|n| [0, 6].map(|v: usize| led[n][v].distance(frames[n][v])).to_vec());
+            (size(&parts.residual), size(&parts.correction), beside, held)
         };
-        let (left, off, held) = lead(&truth.frames);
+        let (left, corrected, off, held) = lead(&truth.frames);
         println!(
-            "motion {motion:.2} m/s²; left {left:.4} m/s², off {:.3}, held {:.4} mm",
+            "motion {motion:.2} m/s²; left {left:.4}, corrected {corrected:.4} m/s², off {:.3}, held {:.4} mm",
             1e3 * off,
             1e3 * held
         );
@@ -215,9 +229,12 @@ mod tests {
         for x in &mut long[1..] {
             x.iter_mut().for_each(|x| x.y = top + (x.y - top) * 1.005);
         }
-        let (stretched, ..) = lead(&long);
-        println!("left {stretched:.4} m/s² of positions that are stretched");
-        assert!(stretched < motion);
+        let (stretched, corrected, off, _) = lead(&long);
+        println!(
+            "left {stretched:.4}, corrected {corrected:.1} m/s² of positions that are stretched; off {off:.4} m"
+        );
+        assert!(stretched < motion && corrected > 10.0 * stretched, "what is stiff is corrected");
+        assert!(off > 1e-4, "without the correction springs shorten the sheet again");
     }
 
     #[test]
@@ -235,8 +252,9 @@ mod tests {
             let off = guided.frames[10].iter().zip(&frames[10]).map(|(a, b)| a.distance(*b));
             off.fold(0.0, f64::max)
         };
-        let (guided, parts) = follow(&cloth, &dynamics, &found, (&frames, &deviations), &weak);
+        let (guided, parts, same) = follow(&cloth, &dynamics, &found, (&frames, &deviations), &weak);
         println!("led: off by {:.3} m, tied: by {:.6} m", off(&fallen), off(&guided));
+        assert!(same == guided.frames && parts.correction.iter().flatten().all(|a| *a == DVec3::ZERO));
         assert!(off(&fallen) > 0.1 && astray(&fallen, &frames));
         assert!(guided.failure.is_none() && off(&guided) < 1e-4 && !astray(&guided, &frames));
         let pull = parts.residual[5].iter().map(|r| r.y).sum::<f64>() / 49.0;

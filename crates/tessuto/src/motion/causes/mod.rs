@@ -118,7 +118,7 @@ pub struct Explanation {
     pub parameters: Parameters,
     /// What they are of.
     pub explained: Explained,
-    /// The motion that these make, shape [N, V] `[m]`.
+    /// The motion that these make, shape [N, V] `[m]`: the one that was found, to a few hundredths of a millimetre.
     pub frames: Vec<Positions>,
     /// Where the simulation failed, forces are zero from then on.
     pub failure: Option<Error>,

@@ -19,8 +19,10 @@ pub struct Parts {
     pub friction: Vec<Positions>,
     /// On held vertices, by what holds them.
     pub hold: Vec<Positions>,
-    /// What none of these explains.
+    /// What none of these explains, where the sheet gives way.
     pub residual: Vec<Positions>,
+    /// What else leads the sheet exactly to where it was found: mostly across what it resists, and of the found positions' errors. No cause of anything.
+    pub correction: Vec<Positions>,
 }
 
 /// Accelerations by the air at `time` `[s]` in a step of length `h` `[s]`, with factors on drag and wind.
@@ -58,7 +60,16 @@ impl Parts {
             friction: mean(&guided.friction, &|_| true),
             hold: mean(&guided.pulls, &|i| is_held[i]),
             residual: mean(&guided.pulls, &|i| !is_held[i]),
+            correction: vec![vec![DVec3::ZERO; is_held.len()]; guided.pulls.len() / substeps],
         }
+    }
+
+    /// Calls all but `residual`, shape [N − 1, V] [m/s²], of what is left a correction.
+    pub(super) fn leave(&mut self, residual: Vec<Positions>) {
+        let all = std::mem::replace(&mut self.residual, residual);
+        let less =
+            |(all, left): (&Positions, &Positions)| all.iter().zip(left).map(|(a, l)| *a - *l).collect();
+        self.correction = all.iter().zip(&self.residual).map(less).collect();
     }
 }
 
