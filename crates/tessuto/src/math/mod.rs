@@ -9,6 +9,7 @@ pub mod factor;
 pub mod gradient_check;
 pub(crate) mod hyper_dual;
 pub(crate) mod lanes;
+pub mod median;
 mod multifrontal;
 pub mod rng;
 pub mod root;

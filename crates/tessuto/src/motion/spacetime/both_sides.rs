@@ -43,7 +43,7 @@ impl Problem<'_> {
     /// Whether all followers found the same, and its print everywhere: `best` needs no others.
     fn agreed(&self, followed: &[Vec<Positions>], best: &[Positions]) -> bool {
         let same = |frames: &Vec<Positions>| self.alike(frames, &followed[0], AGREED);
-        followed.len() == STARTS && followed[1..].iter().all(same) && !self.print_is_lost(best)
+        followed.len() == STARTS && followed[1..].iter().all(same) && !self.prints_lost(best).contains(&true)
     }
 
     /// What two more followers find: one that goes backward from where `forward` ends, with the frames that it does not reach as they are, and, on the other

@@ -106,6 +106,7 @@ impl LevelSearch<'_, '_> {
         self.priors.loosen(spreads, tail);
         self.priors.strain.sigma *= self.asked.strain;
         self.priors.shear.tail *= self.asked.shear_tail;
+        self.asked.bent.apply(&mut self.priors.signed_bend);
     }
 
     /// Expects the accelerations of the motion `made` from now on.

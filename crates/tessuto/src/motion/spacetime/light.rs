@@ -12,10 +12,11 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::gain::Around;
-use super::{LevelSearch, Positions};
+use super::gain::{Around, GAIN_FITS};
+use super::{LevelSearch, Positions, Problem};
 use crate::math::root::Root;
 use crate::mesh::vertex_normals;
+use crate::motion::terms::Term;
 use crate::motion::terms::robust::cauchy;
 use crate::motion::terms::shading::{HARMONICS, Light, Seen, harmonics};
 
@@ -112,11 +113,32 @@ impl LevelSearch<'_, '_> {
                 vertex: v,
                 change: std::array::from_fn(|k| y[k] - first[v][k]),
                 brighter,
-                weight: area * pixel / (s.shading_area * p.scale),
+                weight: self.asked.shading * area * pixel / (s.shading_area * p.scale),
                 sigma: s.shading.hypot(s.shading_share * brighter),
             })
         };
         (0..x.len()).filter_map(of).collect()
+    }
+
+    /// What part of the change of brightness the light explains with the sheet at `frames`, by its robust kernel; 1 where nothing changes.
+    fn light_explains(&self, frames: &[Positions]) -> f64 {
+        let of_frame = |n: usize| [self.terms(n).shading.value(&frames[n]), self.unlit(n)];
+        let sums: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
+        let [lit, unlit] = [0, 1].map(|k| sums.iter().map(|of_frame| of_frame[k]).sum::<f64>());
+        if unlit > 0.0 { (1.0 - lit / unlit).clamp(0.0, 1.0) } else { 1.0 }
+    }
+
+    /// Σ w ρ(h/σ) over a frame: what there would be of shading if no light explained anything.
+    fn unlit(&self, frame: usize) -> f64 {
+        let tail = self.problem.settings.shading_tail;
+        let first = self.harmonics_of_first();
+        let of = |(seen, first): (&Option<Seen>, &Light)| {
+            seen.map_or(0.0, |seen| {
+                let at_first: f64 = first.iter().zip(&self.light).map(|(y, c)| y * c).sum();
+                seen.weight * cauchy((seen.target - at_first) / seen.sigma, tail).0
+            })
+        };
+        self.brightness[frame].iter().zip(&first).map(of).sum()
     }
 
     /// Area of the points around every vertex, seen or not.
@@ -187,6 +209,18 @@ impl LevelSearch<'_, '_> {
     }
 }
 
+impl Problem<'_> {
+    /// What part of the change of brightness over `frames` the light explains, by its robust kernel; 1 where shading is left out.
+    pub(super) fn light_explains(&self, frames: &[Positions]) -> f64 {
+        if self.settings.shading_area <= 0.0 {
+            return 1.0;
+        }
+        let mut search = self.at_level(self.observed.range[0]);
+        (0..GAIN_FITS).for_each(|_| search.update_references(frames));
+        search.light_explains(frames)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use glam::{DQuat, DVec2};
@@ -229,6 +263,7 @@ mod tests {
             around.push((0..x.len()).map(shown).collect::<Vec<_>>());
         }
         search.update_light(&frames, &around);
+        let shown = around[1].clone();
         let (mut error, mut signal) = (0.0, 0.0);
         for x in &frames[1..] {
             for (now, before) in search.normals(x).into_iter().zip(&before) {
@@ -240,9 +275,19 @@ mod tests {
         let ratio = (error / signal).sqrt();
         println!("error of the logarithms, of what they are: {ratio}");
         assert!(ratio < 0.1, "{ratio}");
+        let by_light = search.light_explains(&frames);
+        // What has nothing to do with how the sheet has turned.
+        let mut blind = problem.at_level(0);
+        for around in &mut around {
+            around.iter_mut().for_each(|of| of.products = [[(0.3 * rng.signed()).exp(), 1.0]; 3]);
+        }
+        blind.update_light(&frames, &around);
+        let by_chance = blind.light_explains(&frames);
+        println!("the light explains {by_light:.3} of its own, {by_chance:.3} of chance");
+        assert!(by_light > 0.8 && by_chance < 0.4 && by_chance >= 0.0);
         // A frame by itself is compared with the same.
         let all = search.brightness[2].clone();
-        search.update_brightness(2, &frames[2], &around[1]);
+        search.update_brightness(2, &frames[2], &shown);
         for (a, b) in all.iter().zip(&search.brightness[2]) {
             assert_eq!(a.is_some(), b.is_some());
             let Some((a, b)) = a.as_ref().zip(b.as_ref()) else { continue };

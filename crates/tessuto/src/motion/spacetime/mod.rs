@@ -15,7 +15,7 @@
 //! | [outline](super::terms::outline) | distance `[px]` of every boundary point to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
 //! | [shading](super::terms::shading) | logarithm of every vertex's brightness relative to the first frame, less what the light of the scene explains | (a_v/a) c(r/σ) | `shading`, `shading_share` |
 //! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ) | `strain` |
-//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours, by arm length `[rad]`; σ in proportion to that length | c(r/σ) | `signed_bend` `[rad]` |
+//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours since rest, by arm length `[rad]`; σ in proportion to that length | c(r/σ) | `signed_bend` `[rad]` |
 //! | [bend](super::terms::bend) | change of every bending angle `[rad]`; σ likewise | ½ (r/σ)² | `bend` `[rad]` |
 //! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ), ½ (m/σ_m)² | `shear`, `shear_smooth` `[rad]` |
 //! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); `refine` alone | ½ (r/σ)² | `still` `[m]` |
@@ -47,8 +47,11 @@
 //! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and the best path
 //! through all counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
-//! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them, and sheets that keep their lengths
+//! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them, shading the less the less of the brightness
+//! the light explains, and sheets that keep their lengths
 //! better than most are held to them more firmly (`noise`): after the first level of `refine`, from which on every clip has weights of its own.
+//! `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of bending about it are the clip's own from
+//! the start (`bent`).
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
@@ -65,6 +68,7 @@
 
 pub mod acceleration;
 mod along;
+mod bent;
 mod best_path;
 mod both_sides;
 pub mod deviation;

@@ -1,14 +1,16 @@
-//! How much is to be made of a clip's colours and outlines, and of the priors on its strain and shear: from what is left of each.
+//! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain, bending and shear: from what is left of each.
 //!
 //! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is left of colours and
 //! outlines there tells. Medians over the frames, so that a few that are lost do not count. What keeps its lengths better than most, as paper
 //! does, is held to them more firmly. Of shear it is the mean: a sheet that shears much in some frames is one that does, and there the prior
-//! on shear would turn and crumple it.
+//! on shear would turn and crumple it. How it bends is told in `bent`, what its light explains in `light`.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::bent::Bent;
 use super::{Positions, Problem};
+use crate::math::median::median;
 use crate::motion::terms::Term;
 use crate::sim::cloth::Edge;
 
@@ -28,8 +30,12 @@ const LEAST_SPREAD: f64 = 0.4;
 const SHEARED: f64 = 0.27;
 const EASE: f64 = 0.3;
 
+/// Power of the part of the brightness that the light explains by which shading counts: what it leaves unexplained, shadows and light
+/// from the sheet and the table, varies together over large areas, so that the more of it there is the fewer witnesses there are.
+const LIT: i32 = 3;
+
 /// What a clip asks for, relative to the settings.
-#[derive(Clone, Copy, Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Asked {
     /// Weight of colours.
     pub colours: f64,
@@ -39,12 +45,23 @@ pub(super) struct Asked {
     pub strain: f64,
     /// Tail of shear.
     pub shear_tail: f64,
+    /// Weight of shading.
+    pub shading: f64,
+    /// How the sheet bends.
+    pub bent: Bent,
 }
 
 /// The settings as they are.
 impl Default for Asked {
     fn default() -> Self {
-        Self { colours: 1.0, outlines: 1.0, strain: 1.0, shear_tail: 1.0 }
+        Self {
+            colours: 1.0,
+            outlines: 1.0,
+            strain: 1.0,
+            shear_tail: 1.0,
+            shading: 1.0,
+            bent: Bent::default(),
+        }
     }
 }
 
@@ -61,6 +78,8 @@ impl Problem<'_> {
             outlines,
             strain: self.strain_spread(&frames[1..]),
             shear_tail: self.shear_ease(&frames[1..]),
+            shading: self.light_explains(frames).powi(LIT),
+            bent: self.bent(frames),
         }
     }
 
@@ -104,12 +123,6 @@ impl Problem<'_> {
             median(levels.iter().map(|of_frame| of_frame[k]).collect()).unwrap_or(NOMINAL[k])
         })
     }
-}
-
-/// The upper median; none of no values.
-fn median(mut values: Vec<f64>) -> Option<f64> {
-    values.sort_unstable_by(f64::total_cmp);
-    values.get(values.len() / 2).copied()
 }
 
 #[cfg(test)]

@@ -62,13 +62,15 @@ impl Problem<'_> {
             match first {
                 0 => {
                     refined.lambda = DAMPING.lambda;
-                    if k > 0 {
-                        refined.asked = self.asked(&refined.frames);
-                    }
+                    // Of the start only how it bends tells much.
+                    refined.asked = match k {
+                        0 => Asked { bent: self.bent(&refined.frames), ..Asked::default() },
+                        _ => self.asked(&refined.frames),
+                    };
                 }
                 _ => search.gains = std::mem::take(&mut refined.gains),
             }
-            search.asked = refined.asked;
+            search.asked = refined.asked.clone();
             for iteration in first..iterations {
                 let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
                 search.anneal(refined.steps as f64 / (ANNEALED * (levels * iterations) as f64));

@@ -14,7 +14,7 @@ settings! {
         /// with their length. Larger is weaker.
         bend: f64 = 0.15, number(1e-6..=1e3, "rad");
         /// Spread σ of the bending angle at a vertex against that of the template, with its sign, where edges measure a 24th of
-        /// the sheet; it grows with their length. Larger is weaker.
+        /// the sheet; it grows with their length. While all frames are refined together, rest and spread are the clip's own. Larger is weaker.
         signed_bend: f64 = 0.02, number(1e-6..=1e3, "rad");
         /// Spread σ of the shearing angle at a vertex about the sheet's own smooth shear; larger is weaker.
         shear: f64 = 0.01, number(1e-6..=1e3, "rad");
@@ -51,7 +51,8 @@ settings! {
         shading_tail: f64 = 2.0, number(1e-3..=1e6, "");
         /// Spread of the logarithm of what whole frames are brighter by for other causes; larger is weaker.
         shading_offset: f64 = 0.05, number(1e-6..=1e3, "");
-        /// Area whose brightness varies together, for a sheet of 160 px; larger is weaker, 0 leaves shading out.
+        /// Area whose brightness varies together, for a sheet of 160 px; larger is weaker, 0 leaves shading out. Where the light explains
+        /// little of the brightness, shading counts less at the end.
         shading_area: f64 = 6.0, number(0.0..=1e9, "px of the finest level");
         /// Resolution of the finest level of the image pyramids, each of which halves the frames: the coarsest at which the
         /// sheet still measures so many pixels in the first frame (the root of its area). Smaller images are magnified, up to four times.

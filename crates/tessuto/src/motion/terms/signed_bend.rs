@@ -1,4 +1,4 @@
-//! Signed bending prior: keeps the curvature of the template, with its sign.
+//! Signed bending prior: keeps a curvature, with its sign: the template's, or that which the sheet has in the mean of a clip.
 //!
 //! The angle springs of the simulation do not tell a fold from its mirror image, and neither do lengths seen
 //! from the front. The height of a vertex over its two opposite neighbours, along the surface normal, does:
@@ -25,6 +25,8 @@ pub struct SignedBend<'a> {
     triangles: Vec<[u32; 3]>,
     /// η0 `[m]` per bending pair.
     rest: Vec<f64>,
+    /// l λ `[m]` per bending pair: a height over that is an angle of nominal arms.
+    arms: Vec<f64>,
     /// 1/(l λ σ) per bending pair.
     scale: Vec<f64>,
     /// τ.
@@ -35,13 +37,14 @@ impl<'a> SignedBend<'a> {
     /// At rest in the shape of `template`; `sigma` is the spread σ of the bending angle of nominal arms `[rad]`, `tail` is τ.
     pub fn new(cloth: &'a Cloth, template: &Mesh, sigma: f64, tail: f64) -> Self {
         let x = &template.positions;
-        let mut prior =
-            Self { cloth, triangles: template.triangles(), rest: Vec::new(), scale: Vec::new(), tail };
+        let (rest, arms, scale) = (Vec::new(), Vec::new(), Vec::new());
+        let mut prior = Self { cloth, triangles: template.triangles(), rest, arms, scale, tail };
         let normals = prior.normals(x);
         for (spring, relative) in cloth.bends.iter().zip(arm_lengths(cloth, template)) {
             let [a, o, c] = spring.vertices.map(|v| x[v as usize]);
             let length = 0.5 * (a.distance(o) + o.distance(c));
             prior.rest.push(height(spring, x, &normals));
+            prior.arms.push(length * relative);
             prior.scale.push(1.0 / (length * relative * sigma));
         }
         prior
@@ -50,6 +53,20 @@ impl<'a> SignedBend<'a> {
     /// Makes the spread σ larger by `factor`.
     pub fn loosen(&mut self, factor: f64) {
         self.scale.iter_mut().for_each(|scale| *scale /= factor);
+    }
+
+    /// Bending angle of every pair at `x` less that at rest, of nominal arms `[rad]`.
+    pub fn angles(&self, x: &[DVec3]) -> Vec<f64> {
+        let normals = self.normals(x);
+        let springs = self.cloth.bends.iter().zip(&self.rest).zip(&self.arms);
+        springs.map(|((spring, rest), arms)| (height(spring, x, &normals) - rest) / arms).collect()
+    }
+
+    /// Bends the shape at rest by `angles`, of nominal arms `[rad]`, one for each pair.
+    pub fn bend_rest(&mut self, angles: &[f64]) {
+        for ((rest, arms), angle) in self.rest.iter_mut().zip(&self.arms).zip(angles) {
+            *rest += arms * angle;
+        }
     }
 
     /// Unit normals, weighted by area.
@@ -140,6 +157,19 @@ mod tests {
         assert!(prior.value(&bent(-1.0)) > 1.0);
         let k = crate::sim::Stiffness::uniform(&cloth, [1.0; 3]);
         assert!(cloth.energy(&k, &bent(-1.0)).total() < 1e-20, "the springs do not see it");
+    }
+
+    #[test]
+    fn what_bends_at_rest_costs_nothing() {
+        let mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);
+        let cloth = Cloth::new(&mesh);
+        let mut prior = SignedBend::new(&cloth, &mesh, 0.05, 3.0);
+        let (up, down) = (bent(1.0), bent(-1.0));
+        let angles = prior.angles(&up);
+        assert!(angles.iter().any(|angle| angle.abs() > 0.01));
+        prior.bend_rest(&angles);
+        assert!(prior.value(&up) < 1e-20 && prior.angles(&up).iter().all(|angle| angle.abs() < 1e-12));
+        assert!(prior.value(&down) > 1.0);
     }
 
     /// A cylinder costs the same by pair on a coarse mesh and on a fine one.

@@ -5,7 +5,7 @@
 //! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
 //! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
-//!   σ_nv² = (g_nv/ḡ_n) ā_n² + c²,  a_n = 4.5 f ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
+//!   σ_nv² = (g_nv/ḡ_n) ā_n² + c²,  a_n = 5.4 f ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
 //!
 //! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric mean of all that tells
 //! where the error is large, each by about what it tells. ā is the mean of a over five frames, weights 1 2 3 2 1: errors last longer than what
@@ -42,7 +42,7 @@ use crate::session::Session;
 /// Samples of the posterior.
 const SAMPLES: usize = 16;
 /// Factor of the geometric mean.
-const FACTOR: f64 = 4.5;
+const FACTOR: f64 = 5.4;
 /// A mesh of so many vertices is fine, and the power of their share of it by which coarser ones count.
 const FINE: usize = 200;
 const COARSE_POWER: f64 = 0.3;
@@ -74,6 +74,8 @@ impl Problem<'_> {
         assert!(tracked.len() == frames.len(), "one shape for each frame");
         let mut search = self.at_level(self.observed.range[0]);
         search.still = self.still_vertices(tracked);
+        search.asked = self.asked(frames);
+        search.loosen([1.0; 2], 1.0);
         (0..GAIN_FITS).for_each(|_| search.update_references(frames));
         let linearise = |(n, x): (usize, &Positions)| search.terms(n).linearise(cloth, x).1;
         let systems: Vec<FrameSystem> = frames.par_iter().enumerate().skip(1).map(linearise).collect();

@@ -65,9 +65,9 @@ impl Problem<'_> {
         (found != frames).then_some(found)
     }
 
-    /// Whether the print of any of `frames` is lost.
-    pub(super) fn print_is_lost(&self, frames: &[Positions]) -> bool {
-        self.texture_misfits(frames).iter().any(|misfit| *misfit > LOST)
+    /// Whether the print of each of `frames` is lost; that of the first is known.
+    pub(super) fn prints_lost(&self, frames: &[Positions]) -> Vec<bool> {
+        self.texture_misfits(frames).iter().map(|misfit| *misfit > LOST).collect()
     }
 
     /// What part of the print's contrast is not where the sheet is, by frame; nothing of the first, which is known.
