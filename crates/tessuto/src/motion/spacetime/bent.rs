@@ -77,7 +77,7 @@ mod tests {
         let mut scene = scene();
         let wave = |k: usize| -> Positions {
             let phase = std::f64::consts::TAU * k as f64 / 8.0;
-            let of = |p: &DVec3| DVec3::new(p.x, p.y, 1.0 + 2e-3 * (60.0 * (p.x + p.y) + phase).sin());
+            let of = |p: &DVec3| DVec3::new(p.x, p.y, 1.0 + 3e-3 * (60.0 * (p.x + p.y) + phase).sin());
             scene.template.positions.iter().map(of).collect()
         };
         let frames: Vec<Positions> = (0..8).map(wave).collect();

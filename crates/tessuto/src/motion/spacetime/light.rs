@@ -284,7 +284,7 @@ mod tests {
         blind.update_light(&frames, &around);
         let by_chance = blind.light_explains(&frames);
         println!("the light explains {by_light:.3} of its own, {by_chance:.3} of chance");
-        assert!(by_light > 0.8 && by_chance < 0.4 && by_chance >= 0.0);
+        assert!(by_light > 0.8 && (0.0..0.4).contains(&by_chance));
         // A frame by itself is compared with the same.
         let all = search.brightness[2].clone();
         search.update_brightness(2, &frames[2], &shown);
