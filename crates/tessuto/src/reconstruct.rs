@@ -139,7 +139,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         }
     };
 
-    // The motion is what these parameters make, nothing else.
+    // The motion is what these parameters make; where their simulation fails, what was found.
     session.begin("rollout of the result");
     let cut = causes.as_ref().map(|c| causes::cut_cloth(&scene.template, &c.found.rest_lengths));
     let motion = match made {
