@@ -116,7 +116,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
                 let begun =
                     causes::begin(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
                 if let Some(made) = begun.motion(&frames) {
-                    frames = problem.sound(problem.along(frames, &made), deviations.as_mut());
+                    // What was found before stays where it explains the pictures better.
+                    let along = problem.along(frames.clone(), &made);
+                    frames = problem.sound(problem.by_pictures(frames, along), deviations.as_mut());
                 }
                 let found = begun.explain(&frames, advance);
                 causes = Some(found.explained);

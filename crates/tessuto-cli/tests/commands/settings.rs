@@ -28,7 +28,7 @@ fn the_document_is_what_the_program_prints() {
 #[test]
 fn settings_are_listed_filtered_and_refused() {
     let table = said(&["settings", "signed_bend"]);
-    assert!(table.starts_with("spacetime.signed_bend = 0.02 rad    [1e-6 to 1000]\n    Spread"), "{table}");
+    assert!(table.starts_with("spacetime.signed_bend = 0.06 rad    [1e-6 to 1000]\n    Spread"), "{table}");
     let rows: serde_json::Value =
         serde_json::from_str(&said(&["settings", "--json", "--preset", "saft"])).unwrap();
     let row = |key: &str| rows.as_array().unwrap().iter().find(|r| r["key"] == key).unwrap();

@@ -6,6 +6,7 @@ pub mod occlusion;
 pub mod outline_distance;
 pub mod pyramid;
 pub mod samples;
+pub mod silhouette;
 
 use crate::camera::Camera;
 use crate::error::Result;

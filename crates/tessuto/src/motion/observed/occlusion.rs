@@ -1,58 +1,126 @@
-//! The sheet in front of itself: points that it hides, and parts of its boundary that are not its outline.
+//! The sheet in front of itself: points that it hides, parts of its boundary that are not its outline, folds that are, and how much of the image
+//! every triangle fills.
 
 use glam::{DVec2, DVec3};
 
+use super::outline_distance::OutlineDistance;
+use super::pyramid::Level;
 use super::samples::{EdgePoint, SurfaceSamples};
+use super::silhouette::{FoldPoint, InnerEdge, explained_by, folds, inner};
 use crate::camera::Camera;
 use crate::raster::{Rasterizer, Rendering, Texture};
 
-/// What is nearer to the camera by more than this part of a point's depth hides it.
-const NEARER: f64 = 0.01;
-/// Beyond a boundary point by so many pixels nothing of the sheet is seen where the boundary is the outline.
-const BEYOND: f64 = 1.5;
+/// The mesh, as far as it stays the same.
+pub struct Sheet<'a> {
+    /// Draws it.
+    pub rasterizer: &'a Rasterizer,
+    /// Points of its boundary.
+    pub boundary: &'a [EdgePoint],
+    /// Its other edges.
+    pub edges: &'a [InnerEdge],
+    /// Positions in the first frame `[m]`, shape `[V]`.
+    pub first: &'a [DVec3],
+}
 
-/// What of a frame's mesh does not count, at one resolution; held fixed while a step is taken.
+/// What a frame shows.
+pub struct Shown<'a> {
+    /// The frame at the resolution at which the mesh is drawn.
+    pub level: &'a Level,
+    /// Outline of its mask.
+    pub outline: &'a OutlineDistance,
+    /// Camera in whose pixels that is.
+    pub camera: &'a Camera,
+}
+
+/// What of a frame's mesh does not count, or counts less; held fixed while a step is taken.
 #[derive(Debug, Clone, Default)]
 pub struct Occlusion {
     /// Whether a surface point is hidden; empty if none is.
     pub hidden: Vec<bool>,
-    /// Whether a boundary point lies in front of or behind more of the sheet; empty if none does.
+    /// Whether a boundary point is no outline; empty if all are.
     pub inner: Vec<bool>,
+    /// Where the sheet turns away from the camera with nothing of it behind: outlines as well.
+    pub folds: Vec<FoldPoint>,
+    /// Area of every triangle in the image over that in the first frame, at most 1, shape `[T]`; empty: 1.
+    pub shares: Vec<f64>,
+    /// Number of pixels that mask or mesh cover alone, where that was asked for.
+    pub uncovered: f64,
 }
 
 impl Occlusion {
-    /// Of the mesh at `x` as `camera` sees it.
-    pub fn new(
-        rasterizer: &Rasterizer,
-        samples: &SurfaceSamples,
-        boundary: &[EdgePoint],
-        camera: &Camera,
-        x: &[DVec3],
-    ) -> Self {
-        if !turned_over(rasterizer.triangles(), camera, x) {
-            return Self::default();
+    /// Of the mesh at `x`; `samples` are points of it. What mask or mesh cover alone is counted where it is to be `compared`.
+    pub fn new(sheet: &Sheet, shown: &Shown, samples: &SurfaceSamples, x: &[DVec3], compared: bool) -> Self {
+        let camera = &shown.level.camera;
+        let triangles = sheet.rasterizer.triangles();
+        let shares = triangles.iter().map(|t| {
+            let [now, before] = [x, sheet.first].map(|x| area(camera, t.map(|v| x[v as usize])));
+            if now < before { now / before } else { 1.0 }
+        });
+        let mut out = Self { shares: shares.collect(), ..Self::default() };
+        let folded = turned_over(triangles, camera, x);
+        if !folded && !compared {
+            return out;
         }
         let mut rendering = Rendering::new();
-        rasterizer.render(camera, x, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
-        let depth_at = |p: DVec2| {
-            let at = p.round();
-            let within =
-                at.x >= 0.0 && at.y >= 0.0 && at.x < camera.width as f64 && at.y < camera.height as f64;
-            within.then(|| rendering.depth(at.x as usize, at.y as usize)).flatten()
-        };
-        let hidden = samples.points.iter().map(|point| {
-            let p = samples.position(point, x);
-            p.z > 0.0 && depth_at(camera.project(p)).is_some_and(|z| z < (1.0 - NEARER) * p.z)
-        });
-        let inner = boundary.iter().map(|point| {
-            let [a, b] = point.vertices.map(|v| camera.project(x[v as usize]));
-            let opposite = camera.project(x[point.opposite as usize]);
-            let out = (b - a).perp().normalize_or_zero();
-            let out = if out.dot(opposite - a) > 0.0 { -out } else { out };
-            depth_at(a * point.weights[0] + b * point.weights[1] + out * BEYOND).is_some()
-        });
-        Self { hidden: hidden.collect(), inner: inner.collect() }
+        sheet.rasterizer.render(camera, x, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
+        if compared {
+            out.uncovered = uncovered(&rendering, shown.level) as f64;
+        }
+        if folded {
+            let front = |p: DVec2| front(&rendering, p);
+            let hidden = samples.points.iter().map(|point| {
+                let p = samples.position(point, x);
+                let other = |t: &u32| {
+                    let corners = triangles[*t as usize];
+                    !corners.iter().any(|v| triangles[point.triangle as usize].contains(v))
+                };
+                p.z > 0.0
+                    && front(camera.project(p))
+                        .filter(other)
+                        .is_some_and(|t| is_before(triangles[t as usize].map(|v| x[v as usize]), p))
+            });
+            out.hidden = hidden.collect();
+            let seen = |p: DVec2| front(p).is_some();
+            out.inner = inner(sheet.boundary, camera, x, seen);
+            out.folds = folds(sheet.edges, camera, x, seen);
+            explained_by(&out.folds, sheet.boundary, shown.outline, shown.camera, x, &mut out.inner);
+        }
+        out
     }
+}
+
+/// The triangle in front at the pixel around `p`.
+fn front(rendering: &Rendering, p: DVec2) -> Option<u32> {
+    let at = p.round();
+    let within =
+        at.x >= 0.0 && at.y >= 0.0 && at.x < rendering.width as f64 && at.y < rendering.height as f64;
+    let triangle = |()| rendering.triangle[at.y as usize * rendering.width + at.x as usize];
+    within.then_some(()).map(triangle).filter(|t| *t != Rendering::NO_TRIANGLE)
+}
+
+/// Whether the plane of a triangle crosses the ray to `p` before it; one that is seen edge-on does.
+fn is_before([a, b, c]: [DVec3; 3], p: DVec3) -> bool {
+    let normal = (b - a).cross(c - a);
+    let part = normal.dot(a) / normal.dot(p);
+    part < 1.0 || part.is_nan()
+}
+
+/// Number of pixels that only one of mask and mesh covers.
+fn uncovered(rendering: &Rendering, level: &Level) -> usize {
+    let (w, h) = (rendering.width, rendering.height);
+    let alone = |k: &usize| {
+        (rendering.triangle[*k] != Rendering::NO_TRIANGLE) != level.texel(*k % w, *k / w).is_some()
+    };
+    (0..w * h).filter(alone).count()
+}
+
+/// Area of a triangle in the image [px]; 0 of one that comes up to the camera.
+fn area(camera: &Camera, corners: [DVec3; 3]) -> f64 {
+    if corners.iter().any(|p| p.z <= 0.0) {
+        return 0.0;
+    }
+    let [a, b, c] = corners.map(|p| camera.project(p));
+    0.5 * (b - a).perp_dot(c - a).abs()
 }
 
 /// Whether some triangles show the camera their other side: where none do, the sheet can hardly be in front of itself.
@@ -72,36 +140,96 @@ fn turned_over(triangles: &[[u32; 3]], camera: &Camera, x: &[DVec3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::Image;
     use crate::mesh::grid;
+    use crate::motion::observed::pyramid::pyramid;
     use crate::motion::observed::samples::boundary_points;
+    use crate::motion::observed::silhouette::inner_edges;
+    use crate::sim::Cloth;
+    use crate::video::Frame;
 
-    #[test]
-    fn a_flap_hides_what_is_behind_it_and_its_edge_is_no_outline() {
-        // A sheet whose right half is turned over to lie in front of the left one, 30 mm nearer.
+    /// Occlusion of a flat sheet of 400 × 200 mm whose part right of 80 mm is turned over, to lie in front of the rest by `nearer` `[m]`, or
+    /// behind it, beside the mask of the left part; with its samples and boundary, and the flat positions.
+    fn folded(nearer: f64) -> (Occlusion, Vec<DVec3>, Vec<DVec3>, Vec<[DVec3; 2]>) {
         let mesh = grid(21, 11, DVec2::new(0.4, 0.2), 1.0);
         let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
         let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera, 1.0);
         let boundary = boundary_points(&mesh, &mesh.positions, &camera, 2.0);
         let rasterizer = Rasterizer::new(&mesh);
-        let of = |x: &[DVec3]| Occlusion::new(&rasterizer, &samples, &boundary, &camera, x);
-        let flat = of(&mesh.positions);
-        assert!(flat.hidden.is_empty() && flat.inner.is_empty());
-        let fold = |p: &DVec3| if p.x > 0.08 { DVec3::new(0.16 - p.x, p.y, p.z - 0.03) } else { *p };
-        let x: Vec<DVec3> = mesh.positions.iter().map(fold).collect();
-        let folded = of(&x);
-        for (point, hidden) in samples.points.iter().zip(&folded.hidden) {
-            let p = samples.position(point, &mesh.positions);
-            // A margin of a cell about the edge of the flap and the fold.
-            if (p.x + 0.04).abs() > 0.03 && (p.x - 0.08).abs() > 0.03 && p.y.abs() < 0.08 {
-                assert_eq!(*hidden, p.x > -0.04 && p.x < 0.08, "{p}");
+        let edges = inner_edges(&mesh, &Cloth::new(&mesh));
+        let first = &mesh.positions;
+        let sheet = Sheet { rasterizer: &rasterizer, boundary: &boundary, edges: &edges, first };
+        let mut mask = Image::new(160, 160, 1);
+        for (k, m) in mask.data.iter_mut().enumerate() {
+            let [x, y] = [(k % 160) as f64, (k / 160) as f64].map(|p| (p - 79.5) / 300.0);
+            *m = f32::from(x.abs() < 0.2 && x < 0.08 && y.abs() < 0.1);
+        }
+        let outline = OutlineDistance::new(&mask, 1);
+        let level = pyramid(&Frame { rgb: Image::new(160, 160, 3), mask }, &camera, [0, 0]).remove(0);
+        let shown = Shown { level: &level, outline: &outline, camera: &camera };
+        let of = |x: &[DVec3]| Occlusion::new(&sheet, &shown, &samples, x, true);
+        let flat = of(first);
+        assert!(flat.hidden.is_empty() && flat.inner.is_empty() && flat.folds.is_empty());
+        assert!(flat.shares.iter().all(|share| (share - 1.0).abs() < 1e-12));
+        // The right part: 36 × 60 px.
+        assert!((flat.uncovered - 2160.0).abs() < 100.0, "{}", flat.uncovered);
+        let fold = |p: &DVec3| if p.x > 0.08 { DVec3::new(0.16 - p.x, p.y, p.z - nearer) } else { *p };
+        let x: Vec<DVec3> = first.iter().map(fold).collect();
+        let places = samples.points.iter().map(|point| samples.position(point, first)).collect();
+        let ends = boundary.iter().map(|point| point.vertices.map(|v| first[v as usize])).collect();
+        (of(&x), first.clone(), places, ends)
+    }
+
+    #[test]
+    fn a_flap_hides_what_is_behind_it_and_its_edge_is_no_outline() {
+        for nearer in [0.03, 1e-4] {
+            let (folded, _, places, ends) = folded(nearer);
+            for (p, hidden) in places.iter().zip(&folded.hidden) {
+                // A margin of a cell about the edge of the flap and the fold.
+                if (p.x + 0.04).abs() > 0.03 && (p.x - 0.08).abs() > 0.03 && p.y.abs() < 0.08 {
+                    assert_eq!(*hidden, p.x > -0.04 && p.x < 0.08, "{p}, {nearer} m nearer");
+                }
+            }
+            for ([a, b], inner) in ends.iter().zip(&folded.inner) {
+                if a.x == b.x && a.y.abs() < 0.08 && b.y.abs() < 0.08 {
+                    assert_eq!(*inner, a.x > 0.0, "{a} {b}");
+                }
+            }
+            assert!(folded.inner.contains(&true) && folded.inner.contains(&false));
+        }
+    }
+
+    #[test]
+    fn a_flap_behind_is_hidden_and_its_fold_is_the_outline() {
+        let (folded, first, places, ends) = folded(-1e-4);
+        for (p, hidden) in places.iter().zip(&folded.hidden) {
+            if (p.x - 0.08).abs() > 0.03 && (p.x - 0.2).abs() > 1e-3 && p.y.abs() < 0.08 {
+                assert_eq!(*hidden, p.x > 0.08, "{p}");
             }
         }
-        for (point, inner) in boundary.iter().zip(&folded.inner) {
-            let [a, b] = point.vertices.map(|v| mesh.positions[v as usize]);
-            if a.x == b.x && a.y.abs() < 0.08 && b.y.abs() < 0.08 {
-                assert_eq!(*inner, a.x > 0.0, "{a} {b}");
-            }
-        }
-        assert!(folded.inner.contains(&true) && folded.inner.contains(&false));
+        let right = ends.iter().zip(&folded.inner).filter(|([a, b], _)| a.x == b.x && a.x > 0.0);
+        assert!(right.clone().count() > 10 && right.clone().all(|(_, inner)| *inner));
+        // All along the fold, which is 60 px long; nothing else is one.
+        let length: f64 = folded.folds.iter().map(|fold| fold.point.length).sum();
+        assert!((length - 60.0).abs() < 3.0, "{length}");
+        let x: Vec<f64> = folded.folds.iter().map(|fold| fold.point.position(&first).x).collect();
+        assert!(x.iter().all(|x| (x - 0.08).abs() < 0.021), "{x:?}");
+        assert!(folded.uncovered < 100.0, "{}", folded.uncovered);
+    }
+
+    #[test]
+    fn what_turns_away_fills_less_of_the_image() {
+        let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
+        let flat = [DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.1, 0.0, 1.0), DVec3::new(0.0, 0.1, 1.0)];
+        assert!((area(&camera, flat) - 450.0).abs() < 1e-9);
+        let edge_on = flat.map(|p| if p.x > 0.0 { DVec3::new(0.0, 0.0, 1.1) } else { p });
+        assert!(area(&camera, edge_on) < 1e-9);
+        assert_eq!(area(&camera, flat.map(|p| p - DVec3::Z)), 0.0);
+    }
+
+    #[test]
+    fn a_plane_is_before_what_lies_behind_it() {
+        let near = [DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.1, 0.0, 1.0), DVec3::new(0.0, 0.1, 1.0)];
+        assert!(is_before(near, DVec3::new(0.3, 0.2, 1.01)) && !is_before(near, DVec3::new(0.3, 0.2, 0.99)));
     }
 }

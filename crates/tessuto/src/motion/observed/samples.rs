@@ -102,17 +102,25 @@ impl SurfaceSamples {
     }
 }
 
-/// A point of a boundary edge: (1 − t)·first + t·second.
-#[derive(Debug, Clone, Copy)]
+/// A point of an edge: (1 − t)·first + t·second.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct EdgePoint {
     /// End points of the edge.
     pub vertices: [u32; 2],
-    /// The third corner of the edge's triangle.
+    /// The third corner of the edge's triangle, or of one of them.
     pub opposite: u32,
     /// Weights of the end points.
     pub weights: [f64; 2],
-    /// Length it stands for in the first frame `[px]`.
+    /// Length it stands for `[px]`; of the boundary that in the first frame.
     pub length: f64,
+}
+
+impl EdgePoint {
+    /// Where it is on the mesh at `x`.
+    pub fn position(&self, x: &[DVec3]) -> DVec3 {
+        let [a, b] = self.vertices.map(|v| x[v as usize]);
+        a * self.weights[0] + b * self.weights[1]
+    }
 }
 
 /// Points about `spacing` pixels apart along the edges that belong to one polygon only.

@@ -5,7 +5,8 @@
 //! rest. The spread about it is the clip's own too. Cauchy's kernel of tail 1 has the shape of Cauchy's distribution, half the negative logarithm of it, and
 //! the median of its sizes is its scale. Of true motions the scale is 0 for paper and 0.02 to 0.1 rad for cloth, whatever the simulator.
 //!
-//! How a sheet was found to bend is no evidence where its print was not found, as that of plain cloth never is: only frames whose print is not lost count.
+//! How a sheet was found to bend is no evidence where its print was not found, as that of plain cloth never is: only frames whose print is not lost
+//! count (`noise`).
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -41,16 +42,8 @@ impl Bent {
 }
 
 impl Problem<'_> {
-    /// How the sheet bends in `frames`, shape [N, V].
-    pub(super) fn bent(&self, frames: &[Positions]) -> Bent {
-        let lost = self.prints_lost(frames);
-        let found: Vec<&Positions> =
-            frames.iter().zip(lost).filter(|(_, lost)| !lost).map(|(x, _)| x).collect();
-        self.bent_in(&found)
-    }
-
     /// How the sheet bends in frames whose print is found, the template the first of them; as the settings say if there are no others.
-    fn bent_in(&self, frames: &[&Positions]) -> Bent {
+    pub(super) fn bent(&self, frames: &[&Positions]) -> Bent {
         let prior = &self.priors.signed_bend;
         let angles: Vec<Vec<f64>> = frames.par_iter().map(|x| prior.angles(x)).collect();
         // About the template: the mean of few frames is near each of them.
@@ -77,14 +70,14 @@ mod tests {
         let mut scene = scene();
         let wave = |k: usize| -> Positions {
             let phase = std::f64::consts::TAU * k as f64 / 8.0;
-            let of = |p: &DVec3| DVec3::new(p.x, p.y, 1.0 + 3e-3 * (60.0 * (p.x + p.y) + phase).sin());
+            let of = |p: &DVec3| DVec3::new(p.x, p.y, 1.0 + 8e-3 * (60.0 * (p.x + p.y) + phase).sin());
             scene.template.positions.iter().map(of).collect()
         };
         let frames: Vec<Positions> = (0..8).map(wave).collect();
         scene.template.positions.clone_from(&frames[0]);
         let cloth = Cloth::new(&scene.template);
         let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
-        let bent = problem.bent_in(&frames.iter().collect::<Vec<_>>());
+        let bent = problem.bent(&frames.iter().collect::<Vec<_>>());
         let mut prior = problem.priors.signed_bend.clone();
         bent.apply(&mut prior);
         let flat: Positions = frames[0].iter().map(|p| DVec3::new(p.x, p.y, 1.0)).collect();
@@ -106,9 +99,9 @@ mod tests {
         let cloth = Cloth::new(&scene.template);
         let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
         let template = &scene.template.positions;
-        let bent = problem.bent_in(&[template; 3]);
+        let bent = problem.bent(&[template; 3]);
         assert!(bent.rest.iter().all(|angle| angle.abs() < 1e-12) && bent.spread == BOUNDS[0]);
-        let one = problem.bent_in(&[template]);
+        let one = problem.bent(&[template]);
         assert!(one.rest.is_empty() && one.spread == 1.0, "the template alone tells nothing");
     }
 }

@@ -20,7 +20,7 @@ impl Problem<'_> {
     pub(super) fn best_path(&self, sides: &[Vec<Positions>], tail: f64) -> Vec<Positions> {
         let mut finest = self.at_level(self.observed.range[0]);
         finest.loosen([1.0; 2], tail);
-        finest.counts_unseen = true;
+        finest.compares = true;
         let mut values: Vec<Vec<f64>> = Vec::with_capacity(sides.len());
         for (side, frames) in sides.iter().enumerate() {
             // Sides share many frames.
@@ -32,6 +32,18 @@ impl Problem<'_> {
             values.push(finest.frame_values(frames, &known));
         }
         let chosen = best_sides(sides, &values, self.acceleration_weight());
+        chosen.iter().enumerate().map(|(n, side)| sides[*side][n].clone()).collect()
+    }
+
+    /// The path through two motions of the same search, each of shape [N, V], that explains the pictures best, accelerations heeded: what priors made of either
+    /// does not count.
+    pub fn by_pictures(&self, before: Vec<Positions>, after: Vec<Positions>) -> Vec<Positions> {
+        let mut finest = self.at_level(self.observed.range[0]);
+        finest.compares = true;
+        let sides = [before, after];
+        let value = |search: &LevelSearch, n: usize, x: &Positions| search.terms(n).of_pictures(x);
+        let values = sides.each_ref().map(|frames| finest.values(frames, &vec![None; frames.len()], value));
+        let chosen = best_sides(&sides, &values, self.acceleration_weight());
         chosen.iter().enumerate().map(|(n, side)| sides[*side][n].clone()).collect()
     }
 
@@ -57,13 +69,23 @@ impl Problem<'_> {
 impl LevelSearch<'_, '_> {
     /// E of every frame by itself, without comparison to adjacent ones, where it is not `known`; 0 of the first.
     fn frame_values(&mut self, frames: &[Positions], known: &[Option<f64>]) -> Vec<f64> {
+        self.values(frames, known, |search, n, x| search.terms(n).value(x))
+    }
+
+    /// `of` every frame by itself, where it is not `known`; 0 of the first.
+    fn values(
+        &mut self,
+        frames: &[Positions],
+        known: &[Option<f64>],
+        of: impl Fn(&Self, usize, &Positions) -> f64 + Sync,
+    ) -> Vec<f64> {
         let unknown = frames.iter().enumerate().skip(1).filter(|(n, _)| known[*n].is_none());
         self.fit_anew(&unknown.collect::<Vec<_>>());
         let search = &*self;
         let value = |(n, x): (usize, &Positions)| match known[n] {
             Some(value) => value,
             None if n == 0 => 0.0,
-            None => search.terms(n).value(x),
+            None => of(search, n, x),
         };
         frames.par_iter().enumerate().map(value).collect()
     }
@@ -156,5 +178,17 @@ mod tests {
         println!("colour {} near, {} gone", colour(&near), colour(&gone));
         assert!(colour(&gone) > colour(&near));
         assert_eq!(problem.best_path(&[gone, near.clone()], 1.0)[1..], near[1..]);
+    }
+
+    #[test]
+    fn what_was_found_before_stays_where_it_explains_the_pictures_better() {
+        let scene = scene();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, Default::default()).unwrap();
+        let right = vec![scene.template.positions.clone(); scene.frames.len()];
+        let mut off = right.clone();
+        off[2].iter_mut().for_each(|x| *x += DVec3::X * 0.02);
+        assert_eq!(problem.by_pictures(right.clone(), off.clone()), right);
+        assert_eq!(problem.by_pictures(off, right.clone()), right, "whichever comes first");
     }
 }

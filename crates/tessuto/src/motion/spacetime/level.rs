@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::gain::{Around, GAIN_FITS, explained, fit_gain};
 use super::noise::Asked;
 use super::{Positions, Problem, acceleration, size_in_image};
-use crate::motion::observed::occlusion::Occlusion;
+use crate::motion::observed::occlusion::{Occlusion, Sheet, Shown};
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
@@ -26,8 +26,8 @@ pub(super) struct LevelSearch<'p, 'a> {
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Vec<[f32; 3]>>,
     priors: PriorTerms<'a>,
-    /// Whether points that the frame does not show as fabric count (see [`Colour::counts_unseen`]).
-    pub counts_unseen: bool,
+    /// Whether motions are compared: pixels that mask or mesh cover alone count (see [`Colour::uncovered`]).
+    pub compares: bool,
     /// Vertices that stand still.
     pub still: Vec<u32>,
     /// What the clip asks for.
@@ -62,7 +62,7 @@ impl<'a> Problem<'a> {
             samples,
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             priors: self.priors.clone(),
-            counts_unseen: false,
+            compares: false,
             still: Vec::new(),
             asked: Asked::default(),
             light: self.light,
@@ -76,11 +76,11 @@ impl<'a> Problem<'a> {
 }
 
 impl Problem<'_> {
-    /// Every term of E at `frames`, summed over them, at the finest resolution; what is not seen counts.
+    /// Every term of E at `frames`, summed over them, at the finest resolution; what mask or mesh cover alone counts.
     pub fn objective(&self, frames: &[Positions]) -> Vec<(&'static str, f64)> {
         let mut search = self.at_level(self.observed.range[0]);
+        search.compares = true;
         search.update_references(frames);
-        search.counts_unseen = true;
         let terms_of = |(n, x): (usize, &Positions)| search.terms(n).list().map(|term| term.value(x));
         let values: Vec<_> = frames.par_iter().enumerate().skip(1).map(terms_of).collect();
         let names = search.terms(0).list().map(|term| term.name());
@@ -140,14 +140,16 @@ impl LevelSearch<'_, '_> {
                 adjacent: &self.adjacent[frame],
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
-                weight: self.asked.colours * area / (s.colour * s.colour * s.colour_area * p.scale),
+                weight: p.print * self.asked.colours * area / (s.colour * s.colour * s.colour_area * p.scale),
                 hidden: &self.occlusions[frame].hidden,
-                counts_unseen: self.counts_unseen,
+                shares: &self.occlusions[frame].shares,
+                uncovered: self.occlusions[frame].uncovered,
             },
             outline: Outline {
                 cloth: p.cloth,
                 boundary: &p.boundary,
                 inner: &self.occlusions[frame].inner,
+                folds: &self.occlusions[frame].folds,
                 distance: &p.observed.outlines[frame],
                 camera: &p.observed.camera,
                 sigma: s.outline * pixel,
@@ -184,11 +186,23 @@ impl LevelSearch<'_, '_> {
         self.samples.observe(&self.problem.observed.levels[frame][self.level], x, &occlusion.hidden)
     }
 
-    /// Where the mesh at `x` is in front of itself.
+    /// Where the mesh at `x` is in front of itself; drawn at the finest resolution whatever the level is, for there a flap is behind the sheet
+    /// long before its border is pixels of a coarse level away from the outline.
     fn occlusion(&self, frame: usize, x: &Positions) -> Occlusion {
         let p = self.problem;
-        let camera = &p.observed.levels[frame][self.level].camera;
-        Occlusion::new(&p.rasterizer, &self.samples, &p.boundary, camera, x)
+        let observed = &p.observed;
+        let sheet = Sheet {
+            rasterizer: &p.rasterizer,
+            boundary: &p.boundary,
+            edges: &p.inner_edges,
+            first: &p.scene.template.positions,
+        };
+        let shown = Shown {
+            level: &observed.levels[frame][observed.range[0]],
+            outline: &observed.outlines[frame],
+            camera: &observed.camera,
+        };
+        Occlusion::new(&sheet, &shown, &self.samples, x, self.compares)
     }
 
     /// Fits the gains of one frame to its positions, and sees what is hidden there.

@@ -12,7 +12,7 @@
 //! |---|---|---|---|
 //! | [colour](super::terms::colour), first frame | I_n(π(x_p)) − g_n(p) T(p) of every surface point p, sRGB | (a_p/a) ρ(r)/σ² | `colour` |
 //! | colour, adjacent frames | I_n(π(x_p)) − A_n(p), A_n the mean of what frames n±1 show | ω (a_p/a) ρ(r)/σ² | `colour`, weight ω `neighbour_weight` |
-//! | [outline](super::terms::outline) | distance `[px]` of every boundary point to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
+//! | [outline](super::terms::outline) | distance `[px]` of every point of the boundary, and of folds with nothing behind, to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
 //! | [shading](super::terms::shading) | logarithm of every vertex's brightness relative to the first frame, less what the light of the scene explains | (a_v/a) c(r/σ) | `shading`, `shading_share` |
 //! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ) | `strain` |
 //! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours since rest, by arm length `[rad]`; σ in proportion to that length | c(r/σ) | `signed_bend` `[rad]` |
@@ -30,7 +30,10 @@
 //! there, a and l grow in proportion to its size: errors of the camera are alike over a pixel, those of the model (shading,
 //! the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
 //!
-//! Points that the sheet hides itself and boundary that lies over more of it do not count ([`super::observed::occlusion`]).
+//! Points that the sheet hides itself and boundary that lies over more of it, or beside a fold that explains the outline better, do not count
+//! ([`super::observed::occlusion`]); what turns away fills less of the image, and a_p shrinks with it. Where motions are compared, every pixel of the mask
+//! that shows none of the sheet, and every one of the sheet beside the mask, costs as much as the worst of differences: what a motion hides
+//! is neither good nor bad.
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
@@ -47,6 +50,7 @@
 //! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and the best path
 //! through all counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
+//! Colours count by the part of the contrast that is print (`print`): on a plain sheet light and folds alone differ, and do not move with the cloth.
 //! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them, shading the less the less of the brightness
 //! the light explains, and sheets that keep their lengths
 //! better than most are held to them more firmly (`noise`): after the first level of `refine`, from which on every clip has weights of its own.
@@ -79,6 +83,7 @@ mod light;
 mod matching;
 mod mirrored;
 mod noise;
+mod print;
 #[cfg(test)]
 mod proof;
 mod refine;
@@ -92,6 +97,7 @@ use glam::{DVec2, DVec3};
 
 use super::observed::Observed;
 use super::observed::samples::{EdgePoint, boundary_points};
+use super::observed::silhouette::{InnerEdge, inner_edges};
 use super::terms::PriorTerms;
 use super::terms::bend::Bend;
 use super::terms::shading::{HARMONICS, Light};
@@ -127,12 +133,16 @@ pub struct Problem<'a> {
     /// Neighbours of every vertex along edges.
     adjacency: Vec<Vec<u32>>,
     boundary: Vec<EdgePoint>,
+    /// All other edges.
+    inner_edges: Vec<InnerEdge>,
     rasterizer: Rasterizer,
     observed: Observed,
     /// The light, once it is known; zero before.
     light: Light,
     /// Size of the sheet in the first frame at the finest level, of [`NOMINAL_SIZE`].
     scale: f64,
+    /// What part of the first frame's contrast is print: colours count by it.
+    print: f64,
 }
 
 impl<'a> Problem<'a> {
@@ -159,18 +169,22 @@ impl<'a> Problem<'a> {
         let coarsest = finest + settings.levels - 1 + settings.track_levels;
         let observed = Observed::new(scene, [finest, coarsest], magnification)?;
         let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
-        Ok(Self {
+        let mut problem = Self {
             scene,
             cloth,
             priors,
             adjacency: template.neighbours(),
             boundary: boundary_points(template, x, &observed.camera, spacing),
+            inner_edges: inner_edges(template, cloth),
             scale: size / f64::from(1u32 << observed.range[0]) / NOMINAL_SIZE,
             observed,
             rasterizer: Rasterizer::new(template),
             light: [0.0; HARMONICS],
             settings,
-        })
+            print: 1.0,
+        };
+        problem.print = problem.part_printed();
+        Ok(problem)
     }
 
     /// 1/σ_a² of the acceleration term [1/m²].

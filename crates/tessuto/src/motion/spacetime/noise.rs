@@ -1,4 +1,4 @@
-//! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain, bending and shear: from what is left of each.
+//! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain, shear and bending: from what is left of each.
 //!
 //! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is left of colours and
 //! outlines there tells. Medians over the frames, so that a few that are lost do not count. What keeps its lengths better than most, as paper
@@ -16,7 +16,7 @@ use crate::sim::cloth::Edge;
 
 /// What is left on clips that the spreads are set for: root mean square difference of colours, all channels together, of half of a pair
 /// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels.
-const NOMINAL: [f64; 2] = [0.032, 0.6];
+pub(super) const NOMINAL: [f64; 2] = [0.032, 0.6];
 /// Bounds of the weights. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
 const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 
@@ -68,6 +68,7 @@ impl Default for Asked {
 impl Problem<'_> {
     /// What the clip asks for, by what is left at `frames`.
     pub(super) fn asked(&self, frames: &[Positions]) -> Asked {
+        let of_start = self.asked_at_start(frames);
         let levels = self.noise_levels(frames);
         let [colours, outlines] = std::array::from_fn(|k| {
             let [least, most] = BOUNDS[k];
@@ -79,8 +80,16 @@ impl Problem<'_> {
             strain: self.strain_spread(&frames[1..]),
             shear_tail: self.shear_ease(&frames[1..]),
             shading: self.light_explains(frames).powi(LIT),
-            bent: self.bent(frames),
+            ..of_start
         }
+    }
+
+    /// What the clip asks for, by positions that are those of a start: how it bends.
+    pub(super) fn asked_at_start(&self, frames: &[Positions]) -> Asked {
+        let lost = self.prints_lost(frames);
+        let found: Vec<&Positions> =
+            frames.iter().zip(lost).filter(|(_, lost)| !lost).map(|(x, _)| x).collect();
+        Asked { bent: self.bent(&found), ..Asked::default() }
     }
 
     /// Spread of strain that what is left of it at `frames` asks for.
@@ -109,13 +118,12 @@ impl Problem<'_> {
     fn noise_levels(&self, frames: &[Positions]) -> [f64; 2] {
         let mut search = self.at_level(self.observed.range[0]);
         search.update_references(frames);
-        let area: f64 = search.samples.points.iter().map(|point| point.area).sum();
-        let length: f64 = self.boundary.iter().map(|point| point.length).sum();
         let pairs = 1.0 + self.settings.neighbour_weight;
         let of_frame = |n: usize| {
             let (terms, x) = (search.terms(n), &frames[n]);
-            let colour = 2.0 * terms.colour.value(x) / (terms.colour.weight * area * pairs);
-            let outline = 2.0 * terms.outline.value(x) / (terms.outline.weight * length);
+            let (area, length) = (terms.colour.area(x), terms.outline.length());
+            let colour = 2.0 * terms.colour.value(x) / (terms.colour.weight * area.max(1.0) * pairs);
+            let outline = 2.0 * terms.outline.value(x) / (terms.outline.weight * length.max(1.0));
             [colour.sqrt(), outline.sqrt() / self.pixel()]
         };
         let levels: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();

@@ -11,6 +11,8 @@ use crate::math::rng::Rng;
 use crate::math::{dot, flat, vectors};
 use crate::mesh::{Mesh, Positions, grid};
 use crate::motion::observed::occlusion::Occlusion;
+use crate::motion::observed::samples::EdgePoint;
+use crate::motion::observed::silhouette::{FoldPoint, InnerEdge};
 use crate::motion::terms::{FrameSystem, FrameTerms, Function, Term};
 use crate::scene::{Scene, Truth};
 use crate::sim::Cloth;
@@ -88,8 +90,22 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     search.expect(&(0..FRAMES).map(swing).collect::<Vec<_>>());
     // As if the sheet were in front of itself here and there.
     let every = |k: usize, count: usize| (0..count).map(|i| i % k == 0).collect();
-    let occlusion =
-        Occlusion { hidden: every(7, search.samples.points.len()), inner: every(5, problem.boundary.len()) };
+    let fold = |edge: &InnerEdge| FoldPoint {
+        point: EdgePoint {
+            vertices: edge.vertices,
+            opposite: edge.opposite[0],
+            weights: [0.3, 0.7],
+            length: 2.0,
+        },
+        pair: edge.pair,
+    };
+    let occlusion = Occlusion {
+        hidden: every(7, search.samples.points.len()),
+        inner: every(5, problem.boundary.len()),
+        folds: problem.inner_edges.iter().step_by(9).map(fold).collect(),
+        shares: (0..search.samples.triangles.len()).map(|t| 1.0 - 0.1 * (t % 5) as f64).collect(),
+        uncovered: 0.0,
+    };
     search.occlusions.fill(occlusion);
     test(&search, &frames);
 }
@@ -136,7 +152,8 @@ fn magnifying_adds_no_weight() {
         let length: f64 = problem.boundary.iter().map(|point| point.length).sum();
         let magnification = problem.observed.magnification as f64;
         let totals = [
-            area * terms.colour.weight,
+            // The print itself is seen a little better.
+            area * terms.colour.weight / problem.print,
             area * search.pixel_area(),
             length * terms.outline.weight * terms.outline.sigma.powi(2),
             terms.outline.sigma / magnification,
@@ -227,14 +244,15 @@ fn the_joint_system_is_the_sum_of_its_parts() {
         let expected = frames_own + kappa * product(&bent_a, &bent_b) + kappa * lambda * product(&a, &b);
         let found = product(&a, &joint.multiply(&b));
         assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
-        // Its solution leaves nothing over that a hundredth of the gradient could tell.
+        // Its solution, more exact than steps need, leaves nothing over that a hundredth of the gradient could tell.
+        let solution = joint.solve_with(&joint.factors(), &gradient, 1e-4, 200);
         let left: Vec<Positions> = joint
-            .multiply(&joint.solve(&gradient))
+            .multiply(&solution)
             .iter()
             .zip(&gradient)
             .map(|(a, g)| a.iter().zip(g).map(|(a, g)| *a - *g).collect())
             .collect();
         let ratio = (product(&left, &left) / product(&gradient, &gradient)).sqrt();
-        assert!(ratio < 0.02, "{ratio}");
+        assert!(ratio < 0.01, "{ratio}");
     });
 }

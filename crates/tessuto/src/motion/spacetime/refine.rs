@@ -64,7 +64,7 @@ impl Problem<'_> {
                     refined.lambda = DAMPING.lambda;
                     // Of the start only how it bends tells much.
                     refined.asked = match k {
-                        0 => Asked { bent: self.bent(&refined.frames), ..Asked::default() },
+                        0 => self.asked_at_start(&refined.frames),
                         _ => self.asked(&refined.frames),
                     };
                 }

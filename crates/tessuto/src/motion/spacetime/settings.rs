@@ -15,7 +15,7 @@ settings! {
         bend: f64 = 0.15, number(1e-6..=1e3, "rad");
         /// Spread σ of the bending angle at a vertex against that of the template, with its sign, where edges measure a 24th of
         /// the sheet; it grows with their length. While all frames are refined together, rest and spread are the clip's own. Larger is weaker.
-        signed_bend: f64 = 0.02, number(1e-6..=1e3, "rad");
+        signed_bend: f64 = 0.06, number(1e-6..=1e3, "rad");
         /// Spread σ of the shearing angle at a vertex about the sheet's own smooth shear; larger is weaker.
         shear: f64 = 0.01, number(1e-6..=1e3, "rad");
         /// Shear beyond this many spreads is resisted less and less; larger is stricter. A clip whose sheet is found to shear much

@@ -20,12 +20,12 @@ const INERTIA: f64 = 0.9;
 const DAMPING: Damping =
     Damping { lambda: 1e-3, accepted: 0.3, rejected: 10.0, least: 0.0, least_rejected: 1e-2 };
 /// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
-const STEPS: usize = 8;
+const STEPS: usize = 16;
 const ATTEMPTS: usize = 6;
 /// A frame is found when no vertex moves by more than this `[m]`, or a step lowers its E by less than this part: only the basin
 /// counts, `refine` goes on from there.
 const FOUND: f64 = 2e-5;
-const LEAST_GAIN: f64 = 1e-2;
+const LEAST_GAIN: f64 = 1e-3;
 
 /// A sheet whose smooth shear is larger than this many of the spreads it is given is one that shears as a whole; it is
 /// followed again with that shear as the spread of as many modes as it takes.

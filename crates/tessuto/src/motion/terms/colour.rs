@@ -44,9 +44,11 @@ pub struct Colour<'a> {
     pub hidden: &'a [bool],
     /// Weight of one pixel of `level`, 1/(σ² a).
     pub weight: f64,
-    /// Whether a point that T knows and the frame does not show as fabric counts as the worst of differences, ½σ², in the value. Off
-    /// while steps are taken, as it has no slope; on where motions are compared, or leaving the picture would pay.
-    pub counts_unseen: bool,
+    /// Part of its area in the first frame that every triangle fills in this one, shape `[T]`; empty: all. Held fixed.
+    pub shares: &'a [f64],
+    /// Pixels of `level` that count as the worst of differences, ½σ², in the value: those that mask or mesh cover alone. None while steps are taken,
+    /// as they have no slope; where motions are compared, or leaving the picture would pay.
+    pub uncovered: f64,
 }
 
 /// Value and derivatives over one triangle: blocks (0,0) (1,1) (2,2) (1,0) (2,0) (2,1).
@@ -83,6 +85,7 @@ impl Colour<'_> {
         index: usize,
         colour: [f32; 3],
         gains: [[f32; 3]; 3],
+        share: f64,
     ) -> Differences {
         let w = point.weights;
         let against = |seen: [f32; 3], gain: [f64; 3]| {
@@ -90,10 +93,11 @@ impl Colour<'_> {
         };
         let gain = || [0, 1, 2].map(|k| (0..3).map(|i| w[i] * f64::from(gains[i][k])).sum());
         let adjacent = self.adjacent.get(index).copied().flatten();
+        let area = share * point.area;
         [
-            self.reference[index].map(|seen| (against(seen, gain()), self.weight * point.area)),
+            self.reference[index].map(|seen| (against(seen, gain()), area * self.weight)),
             adjacent.map(|seen| {
-                (against(seen, [w[0] + w[1] + w[2]; 3]), self.weight * self.adjacent_weight * point.area)
+                (against(seen, [w[0] + w[1] + w[2]; 3]), area * self.weight * self.adjacent_weight)
             }),
         ]
     }
@@ -110,11 +114,12 @@ impl Colour<'_> {
         let corners = self.samples.triangles[triangle];
         let positions = corners.map(|v| x[v as usize]);
         let gains = corners.map(|v| self.gain[v as usize]);
+        let share = self.share(triangle);
         for index in self.samples.of_triangle(triangle) {
             let point = &self.samples.points[index];
             let Some(p) = self.place(point, index, positions) else { continue };
             let Some((colour, beside)) = look(p) else { continue };
-            add(point, self.differences(point, index, colour, gains), beside);
+            add(point, self.differences(point, index, colour, gains, share), beside);
         }
     }
 
@@ -146,24 +151,22 @@ impl Colour<'_> {
                 }
             },
         );
-        let unseen = if self.counts_unseen { self.unseen_area(triangle, x) } else { 0.0 };
-        sums[0] + sums[1] + unseen * self.weight * 0.5 * self.sigma * self.sigma
+        sums[0] + sums[1]
     }
 
-    /// Area of the points of a triangle that T knows and the frame does not show as fabric [px of level 0].
-    fn unseen_area(&self, triangle: usize, x: &[DVec3]) -> f64 {
-        let known = self.samples.of_triangle(triangle).filter(|index| self.reference[*index].is_some());
-        let known: f64 = known.map(|index| self.samples.points[index].area).sum();
-        let mut seen = 0.0;
-        self.visit(
-            triangle,
-            x,
-            |p| self.colour(p),
-            |point, [of_first, _], ()| {
-                seen += if of_first.is_some() { point.area } else { 0.0 };
-            },
-        );
-        known - seen
+    /// Area of the points that the frame shows, as far as it shows them [px of `level`].
+    pub fn area(&self, x: &[DVec3]) -> f64 {
+        let of_triangle = |triangle: usize| {
+            let mut seen = 0.0;
+            let add = |point: &SurfaceSample, _: Differences, ()| seen += point.area;
+            self.visit(triangle, x, |p| self.colour(p), add);
+            seen * self.share(triangle)
+        };
+        (0..self.samples.triangles.len()).map(of_triangle).sum()
+    }
+
+    fn share(&self, triangle: usize) -> f64 {
+        self.shares.get(triangle).copied().unwrap_or(1.0)
     }
 
     fn triangle_system(&self, triangle: usize, x: &[DVec3]) -> Local {
@@ -211,7 +214,8 @@ impl Term for Colour<'_> {
     fn value(&self, x: &[DVec3]) -> f64 {
         let triangles = (0..self.samples.triangles.len()).into_par_iter().with_min_len(TASK);
         // Summed in order: the same bits for any number of threads.
-        triangles.map(|t| self.triangle_value(t, x)).collect::<Vec<_>>().iter().sum()
+        let values: Vec<f64> = triangles.map(|t| self.triangle_value(t, x)).collect();
+        values.iter().sum::<f64>() + self.uncovered * self.weight * 0.5 * self.sigma * self.sigma
     }
 
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {

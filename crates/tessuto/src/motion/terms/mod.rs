@@ -153,6 +153,11 @@ impl FrameTerms<'_> {
         self.list().iter().map(|term| term.value(x)).sum()
     }
 
+    /// Sum of the terms that compare with the pictures.
+    pub fn of_pictures(&self, x: &[DVec3]) -> f64 {
+        self.colour.value(x) + self.outline.value(x) + self.shading.value(x)
+    }
+
     /// The value of every term at `x`, and the system of their sum.
     pub fn linearise(&self, cloth: &Cloth, x: &[DVec3]) -> ([f64; TERMS], FrameSystem) {
         let mut system = FrameSystem::zeros(cloth);

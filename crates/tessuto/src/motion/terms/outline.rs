@@ -1,9 +1,9 @@
-//! The mesh's boundary against the outline of the mask:
+//! The mesh's outlines, its boundary and its folds, against the outline of the mask:
 //!
 //!   E = Σ_q w_q ρ(d(π(x_q))),  w_q = L_q/(σ² l),
 //!
-//! over points q of the boundary, with the signed distance d `[px]` to the outline, the projection π, the length L_q
-//! of boundary that q stands for `[px]`, the length l whose errors vary together, and Geman and McClure's ρ of spread σ.
+//! over points q of boundary and folds, with the signed distance d `[px]` to the outline, the projection π, the length L_q
+//! that q stands for `[px]`, the length l whose errors vary together, and Geman and McClure's ρ of spread σ.
 
 use glam::DVec3;
 
@@ -12,6 +12,7 @@ use super::{FrameSystem, Term, outer};
 use crate::camera::Camera;
 use crate::motion::observed::outline_distance::OutlineDistance;
 use crate::motion::observed::samples::EdgePoint;
+use crate::motion::observed::silhouette::FoldPoint;
 use crate::sim::Cloth;
 
 /// See the module.
@@ -20,31 +21,37 @@ pub struct Outline<'a> {
     pub cloth: &'a Cloth,
     /// Points of the mesh's boundary.
     pub boundary: &'a [EdgePoint],
-    /// Whether a point lies in front of or behind more of the sheet and so is not on the outline; empty if none does. Held fixed.
+    /// Whether a point of the boundary is not on the outline; empty if all are. Held fixed.
     pub inner: &'a [bool],
+    /// Points of folds that are on the outline. Held fixed.
+    pub folds: &'a [FoldPoint],
     /// Outline of the frame's mask, at level 0.
     pub distance: &'a OutlineDistance,
     /// Camera of level 0.
     pub camera: &'a Camera,
     /// Distances beyond this count less and less `[px]`.
     pub sigma: f64,
-    /// Weight of one pixel of boundary, 1/(σ² l).
+    /// Weight of one pixel of outline, 1/(σ² l).
     pub weight: f64,
 }
 
 impl Outline<'_> {
-    /// Whether the boundary point of that index may be on the outline.
-    pub fn counts(&self, index: usize) -> bool {
-        self.inner.get(index) != Some(&true)
+    /// The points that may be on the outline, each with the pair of its end points in the pattern of the systems.
+    fn points(&self) -> impl Iterator<Item = (&EdgePoint, usize)> {
+        let counts = |(index, _): &(usize, &EdgePoint)| self.inner.get(*index) != Some(&true);
+        let boundary = self.boundary.iter().enumerate().filter(counts);
+        let boundary = boundary.map(|(_, point)| (point, self.cloth.edge_pair(point.vertices)));
+        boundary.chain(self.folds.iter().map(|fold| (&fold.point, fold.pair)))
     }
 
-    /// Distance `[px]` of a boundary point and its derivative by the point; `None` where it does not count.
-    fn residual(&self, index: usize, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
-        if !self.counts(index) {
-            return None;
-        }
-        let [a, b] = point.vertices.map(|v| x[v as usize]);
-        let p = a * point.weights[0] + b * point.weights[1];
+    /// Length of what may be on the outline `[px]`.
+    pub fn length(&self) -> f64 {
+        self.points().map(|(point, _)| point.length).sum()
+    }
+
+    /// Distance `[px]` of a point to the outline and its derivative by the point; `None` where it does not count.
+    fn residual(&self, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
+        let p = point.position(x);
         if p.z <= 0.0 {
             return None;
         }
@@ -60,18 +67,18 @@ impl Term for Outline<'_> {
     }
 
     fn value(&self, x: &[DVec3]) -> f64 {
-        let of_point = |(index, point): (usize, &EdgePoint)| match self.residual(index, point, x) {
+        let of_point = |(point, _): (&EdgePoint, usize)| match self.residual(point, x) {
             Some((r, _)) => self.weight * point.length * geman_mcclure(r * r, self.sigma).0,
             None => 0.0,
         };
-        self.boundary.iter().enumerate().map(of_point).sum()
+        self.points().map(of_point).sum()
     }
 
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
         let pattern = &self.cloth.pattern;
         let mut value = 0.0;
-        for (index, point) in self.boundary.iter().enumerate() {
-            let Some((r, slope)) = self.residual(index, point, x) else { continue };
+        for (point, pair) in self.points() {
+            let Some((r, slope)) = self.residual(point, x) else { continue };
             let (rho, ratio) = geman_mcclure(r * r, self.sigma);
             let weight = self.weight * point.length;
             let (s, w, q) = (weight * ratio, point.weights, outer(slope, slope));
@@ -81,7 +88,6 @@ impl Term for Outline<'_> {
                 system.gradient[vertex] += slope * (s * r * w[k]);
                 system.matrix.add_diagonal(pattern, vertex, &(q * (s * w[k] * w[k])));
             }
-            let pair = self.cloth.edge_pair(point.vertices);
             system.matrix.add_pair(pattern, pair, &(q * (s * w[0] * w[1])));
         }
         value

@@ -17,7 +17,7 @@ const TEXTURE_FLOOR: f64 = 1e-3;
 /// Misfits of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in super::super) struct Misfit {
-    /// Root mean square distance of the mesh's boundary to the outline of the mask `[m]`, at the fabric's mean distance.
+    /// Root mean square distance of the mesh's outlines to the outline of the mask `[m]`, at the fabric's mean distance.
     pub outline: f64,
     /// Energy of what colours differ from those of the first frame, relative to that of the texture's own contrast around a
     /// vertex; median over the vertices in sight, at most 1.
@@ -33,12 +33,10 @@ impl LevelSearch<'_, '_> {
     pub(in super::super) fn misfit(&self, frame: usize, x: &Positions) -> Misfit {
         let terms = self.terms(frame);
         let count = x.len().max(1) as f64;
-        // The boundary's mean squared distance, as the robust term counts it.
-        let boundary = &terms.outline;
-        let points = boundary.boundary.iter().enumerate().filter(|(index, _)| boundary.counts(*index));
-        let length: f64 = points.map(|(_, point)| point.length).sum();
+        // The outlines' mean squared distance, as the robust term counts it.
+        let length = terms.outline.length();
         let squared = match length > 0.0 {
-            true => 2.0 * boundary.value(x) / (boundary.weight * length),
+            true => 2.0 * terms.outline.value(x) / (terms.outline.weight * length),
             false => 0.0,
         };
         let depth = x.iter().map(|p| p.z).sum::<f64>() / count;

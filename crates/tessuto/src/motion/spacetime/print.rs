@@ -1,0 +1,55 @@
+//! How much of a print the sheet has: what its colours can tell of where it is.
+
+use super::Problem;
+use super::noise::NOMINAL;
+
+impl Problem<'_> {
+    /// What part of the variance of colours around its vertices is print, and not what clips have left of colours where they are found: noise, and
+    /// light that no gain follows. Mean over the sheet as the first frame shows it: above 0.9 of printed ones, 0.1 to 0.2 of plain ones.
+    pub(super) fn part_printed(&self) -> f64 {
+        let search = self.at_level(self.observed.range[0]);
+        // Around every vertex area, squares and the sums of the channels.
+        let mut sums = vec![[0.0; 5]; self.cloth.vertex_count()];
+        for (point, seen) in search.samples.points.iter().zip(&search.reference) {
+            let Some([r, g, b]) = seen.map(|colour| colour.map(f64::from)) else { continue };
+            for v in search.samples.triangles[point.triangle as usize] {
+                let added = [1.0, r * r + g * g + b * b, r, g, b];
+                let sum = sums[v as usize].iter_mut().zip(added);
+                sum.for_each(|(sum, number)| *sum += number * point.area);
+            }
+        }
+        let part = |[area, squares, channels @ ..]: &[f64; 5]| {
+            let of_mean: f64 = channels.iter().map(|sum| (sum / area).powi(2)).sum();
+            let variance = (squares / area - of_mean).max(0.0);
+            (*area > 0.0).then_some(variance / (variance + NOMINAL[0].powi(2)))
+        };
+        let parts: Vec<f64> = sums.iter().filter_map(part).collect();
+        parts.iter().sum::<f64>() / parts.len().max(1) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::SpacetimeSettings;
+    use super::*;
+    use crate::sim::Cloth;
+    use crate::synth::{Settings, make};
+
+    #[test]
+    fn a_plain_sheet_has_no_print() {
+        let settings = Settings { frames: 2, size: 160, grid: [9, 9], ..Settings::default() };
+        let mut scene = make(&settings).unwrap();
+        let part = |scene: &crate::Scene| {
+            let cloth = Cloth::new(&scene.template);
+            Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap().print
+        };
+        let printed = part(&scene);
+        // A tenth of its contrast.
+        let mut frames: Vec<_> = (0..2).map(|n| scene.frames.frame(n).unwrap().into_owned()).collect();
+        frames.iter_mut().flat_map(|f| f.rgb.data.iter_mut()).for_each(|c| *c = 0.5 + 0.1 * (*c - 0.5));
+        scene.frames = frames.into();
+        let plain = part(&scene);
+        println!("printed {printed:.3}, plain {plain:.3}");
+        assert!(printed > 0.8 && plain < 0.5 * printed);
+    }
+}
