@@ -114,7 +114,7 @@ fn uncovered(rendering: &Rendering, level: &Level) -> usize {
     (0..w * h).filter(alone).count()
 }
 
-/// Area of a triangle in the image [px]; 0 of one that comes up to the camera.
+/// Area of a triangle in the image `[px]`; 0 of one that comes up to the camera.
 fn area(camera: &Camera, corners: [DVec3; 3]) -> f64 {
     if corners.iter().any(|p| p.z <= 0.0) {
         return 0.0;

@@ -15,7 +15,7 @@ use crate::sim::Cloth;
 
 /// Beyond a point of an outline by so many pixels nothing of the sheet is seen.
 const BEYOND: f64 = 1.5;
-/// Distance between the points of folds [px].
+/// Distance between the points of folds `[px]`.
 const SPACING: f64 = 2.0;
 
 /// An edge of two triangles.
