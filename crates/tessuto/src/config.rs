@@ -213,6 +213,8 @@ impl Config {
             Preset::Motion => default,
             Preset::Default => {
                 let dynamics = DynamicsSettings {
+                    // A fold of the template, flat as cut, goes another way in 5 ms.
+                    longest_step: 2.5e-3,
                     damping_per_5ms: 1.0,
                     stretch: range(200f64.log10(), 0.0, 4.0),
                     bend: range(-3.0, -7.0, -1.0),

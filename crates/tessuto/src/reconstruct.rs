@@ -53,7 +53,6 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     }
     let window = Window::around(&scene.template.uvs, config.texture.size);
     let by_simulation = config.method == Method::Rollout;
-    let outline_margin = if by_simulation { config.rollout.outline_margin } else { 0.0 };
     // The published program's renderer, whose losses are weighted for it.
     let one_sided = by_simulation && config.rollout.one_sided_silhouettes;
     let mut rasterizer = Rasterizer::new(&scene.template).one_sided(one_sided);
@@ -79,67 +78,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     session.finish("texture", &texture);
 
     // How it moves, and what moves it.
-    let fit = RolloutFit {
-        scene,
-        cloth: &cloth,
-        rasterizer: &rasterizer,
-        texture: &texture,
-        compared: Compared::away_from_outlines(scene, outline_margin)?,
-        dynamics: config.dynamics.at(scene.fps),
-        settings: &config.rollout,
+    let found = match config.method {
+        Method::Rollout => by_rollout(scene, &cloth, &rasterizer, &texture, config, session)?,
+        Method::Spacetime => by_search(scene, &cloth, config, session)?,
     };
-    let (mut causes, mut made) = (None, None);
-    let (mut parameters, deviations, failure) = match config.method {
-        Method::Rollout => {
-            session.begin("rollout");
-            let (parameters, failure) = fit.run(fit.start(), session)?;
-            (parameters, None, failure)
-        }
-        Method::Spacetime => {
-            let mut problem = spacetime::Problem::new(scene, &cloth, config.spacetime.clone())?;
-            session.begin("track");
-            let (tracked, lost) = problem.track(session)?;
-            session.begin("refine");
-            let (frames, stuck) = problem.refine(tracked.clone(), session)?;
-            session.begin("deviation");
-            let mut deviations = match lost.is_none() && stuck.is_none() {
-                true => Some(problem.deviations(&frames, &tracked, config.seed, session)?),
-                false => None,
-            };
-            let mut frames = problem.sound(frames, deviations.as_mut());
-            session.begin("forces and stiffnesses");
-            let clock = (scene.fps, &fit.dynamics);
-            let (parameters, loose) = if config.causes.fit {
-                let sheet = (&scene.template, &scene.known);
-                let advance = &mut |done| session.advance(done, causes::PARTS);
-                // Roughly what moves it; where it is, given that; what moves it, given where it is.
-                let begun =
-                    causes::begin(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
-                if let Some(made) = begun.motion(&frames) {
-                    // What was found before stays where it explains the pictures better.
-                    let along = problem.along(frames.clone(), &made);
-                    frames = problem.sound(problem.by_pictures(frames, along), deviations.as_mut());
-                }
-                let found = begun.explain(&frames, advance);
-                causes = Some(found.explained);
-                // Where no forces lead there, what was found is still the motion.
-                made = Some(if found.failure.is_none() { found.frames } else { frames.clone() });
-                (found.parameters, found.failure)
-            } else {
-                let mut parameters = fit.start();
-                if config.material.fit {
-                    let steps = interpolated(&frames, fit.dynamics.substeps);
-                    parameters.log_stiffness =
-                        fit_material(&cloth, &fit.dynamics, &steps, config.material.spread).to_vec();
-                }
-                let k = parameters.springs().expect("spacetime is refused with another model");
-                let (accelerations, loose) =
-                    accelerations_of_motion(&cloth, &fit.dynamics, k, &frames, &config.inverse);
-                (Parameters { accelerations, ..parameters }, loose)
-            };
-            (parameters, deviations.map(|of_found| (frames, of_found)), lost.or(stuck).or(loose))
-        }
-    };
+    let Found { mut parameters, deviations, causes, made, failure } = found;
 
     // The motion is what these parameters make; where their simulation fails, what was found.
     session.begin("rollout of the result");
@@ -157,6 +100,89 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let timings = session.timings().to_vec();
     let texture = window.whole(&texture);
     Ok(Reconstruction { motion, deviations, parameters, causes, texture, history, timings, failure })
+}
+
+/// What either method found.
+struct Found {
+    parameters: Parameters,
+    /// The positions that were found and their deviations, shape [N, V].
+    deviations: Option<(Vec<Positions>, Vec<Vec<f64>>)>,
+    causes: Option<Explained>,
+    /// The motion to tell, shape [N, V]; that of the parameters if there is none.
+    made: Option<Vec<Positions>>,
+    failure: Option<Error>,
+}
+
+/// The published method: parameters whose simulation looks like the video.
+fn by_rollout(
+    scene: &Scene,
+    cloth: &Cloth,
+    rasterizer: &Rasterizer,
+    texture: &Texture,
+    config: &Config,
+    session: &mut Session,
+) -> Result<Found> {
+    session.begin("rollout");
+    let fit = RolloutFit {
+        scene,
+        cloth,
+        rasterizer,
+        texture,
+        compared: Compared::away_from_outlines(scene, config.rollout.outline_margin)?,
+        dynamics: config.dynamics.at(scene.fps),
+        settings: &config.rollout,
+    };
+    let (parameters, failure) = fit.run(fit.start(), session)?;
+    Ok(Found { parameters, deviations: None, causes: None, made: None, failure })
+}
+
+/// The default method: the positions of all frames, then what moves the fabric, and the positions again in the light of that.
+fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Session) -> Result<Found> {
+    let mut problem = spacetime::Problem::new(scene, cloth, config.spacetime.clone())?;
+    session.begin("track");
+    let (tracked, lost) = problem.track(session)?;
+    session.begin("refine");
+    let (frames, stuck) = problem.refine(tracked.clone(), session)?;
+    session.begin("deviation");
+    let mut deviations = match lost.is_none() && stuck.is_none() {
+        true => Some(problem.deviations(&frames, &tracked, config.seed, session)?),
+        false => None,
+    };
+    let mut frames = problem.sound(frames, deviations.as_mut());
+    session.begin("forces and stiffnesses");
+    let dynamics = config.dynamics.at(scene.fps);
+    let (mut causes, mut made) = (None, None);
+    let (parameters, loose) = if config.causes.fit {
+        let sheet = (&scene.template, &scene.known);
+        let advance = &mut |done| session.advance(done, causes::PARTS);
+        // Roughly what moves it; where it is, given that; what moves it, given where it is.
+        let clock = (scene.fps, &dynamics);
+        let begun = causes::begin(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
+        if let Some(made) = begun.motion(&frames) {
+            // What was found before stays where it explains the pictures better.
+            let along = problem.along(frames.clone(), &made);
+            frames = problem.sound(problem.by_pictures(frames, along), deviations.as_mut());
+        }
+        let found = begun.explain(&frames, advance);
+        causes = Some(found.explained);
+        // Where no forces lead there, what was found is still the motion.
+        made = Some(if found.failure.is_none() { found.frames } else { frames.clone() });
+        (found.parameters, found.failure)
+    } else {
+        let log_stiffness = match config.material.fit {
+            true => {
+                let steps = interpolated(&frames, dynamics.substeps);
+                fit_material(cloth, &dynamics, &steps, config.material.spread)
+            }
+            false => dynamics.springs().map(|range| range.start),
+        };
+        let stiffness = log_stiffness.map(|k| 10f64.powf(k));
+        let (accelerations, loose) =
+            accelerations_of_motion(cloth, &dynamics, stiffness, &frames, &config.inverse);
+        (Parameters::of_springs(log_stiffness, accelerations), loose)
+    };
+    let deviations = deviations.map(|of_found| (frames, of_found));
+    Ok(Found { parameters, deviations, causes, made, failure: lost.or(stuck).or(loose) })
 }
 
 /// `deviations` of the `found` positions, with what the simulated `motion` is off from these added.

@@ -374,7 +374,7 @@ fn tampered_results_are_refused() {
         ("config.json", "\"substeps\": ", "\"substeps\": 9", &["config.json", "dynamics.substeps"][..]),
         ("config.json", "\"preset\"", "\"present\"", &["config.json", "present"]),
         ("config.json", "{", "", &["config.json"]),
-        ("parameters.json", "\"dynamic_parts\": 4", "\"dynamic_parts\": 0", &["parts 0"]),
+        ("parameters.json", "\"dynamic_parts\": 8", "\"dynamic_parts\": 0", &["parts 0"]),
         ("parameters.json", "\"width\": ", "\"width\": 9999999", &["parameters.json", "camera"]),
         ("mesh.obj", "v ", "v nan ", &["mesh.obj:", "nan"]),
         ("forces.npy", "(", "(9", &["forces.npy"]),

@@ -1,4 +1,4 @@
-//! The start of the search from both sides: frames followed backward in time as well, mirror images of all, and the best of these in each.
+//! The start of the search from both sides: frames followed backward in time as well, and the best of all in each.
 //!
 //! Where the fabric moves fast, it may be lost for some frames and found again: the next ones are right, those between are
 //! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side. It is half of all
@@ -16,7 +16,7 @@ const AGREED: f64 = 0.05;
 
 impl Problem<'_> {
     /// The best path through the frames of all followers that were not lost: those of `tracked` and, unless these agree, the
-    /// late ones; then the mirror images of what is best.
+    /// late ones, and what patches find of frames that all have lost.
     ///
     /// # Errors
     /// As of [`Problem::track`].
@@ -31,12 +31,8 @@ impl Problem<'_> {
         if !self.agreed(&sides, &forward) {
             sides.extend(self.followed_late(forward, tracked, session)?);
         }
-        let mut best = self.best_path(&sides, 1.0);
-        if let Some(rematched) = self.rematched(&best) {
-            best = self.best_path(&[best, rematched.clone()], 1.0);
-            sides.push(rematched);
-        }
-        sides.extend(self.mirrored(&best));
+        let best = self.best_path(&sides, 1.0);
+        sides.extend(self.rematched(&best));
         Ok(self.best_settled(&sides))
     }
 
@@ -47,7 +43,7 @@ impl Problem<'_> {
     }
 
     /// What two more followers find: one that goes backward from where `forward` ends, with the frames that it does not reach as they are, and, on the other
-    /// core, one with the spreads as they are, if it is not lost.
+    /// core, one with spreads as they are and the tails of a start, if it is not lost.
     fn followed_late(
         &self,
         forward: Vec<Positions>,
@@ -55,7 +51,7 @@ impl Problem<'_> {
         session: &mut Session,
     ) -> Result<Vec<Vec<Positions>>> {
         let last = forward.len() - 1;
-        let mut levels = [(); 2].map(|()| self.levels([1.0; 2]));
+        let mut levels = [(); 2].map(|()| self.levels(|_| ([1.0; 2], self.settings.start_tail)));
         let start = |levels: &mut [LevelSearch], n: usize| {
             let gains = levels.iter_mut().map(|level| {
                 level.update_gain(n, &forward[n]);

@@ -43,10 +43,10 @@
 //!
 //! `track` finds a start frame by frame, twice with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
 //! Levenberg's damping. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
-//! many minima: a sheet that is allowed to crumple does so wherever the start is off. So `track` keeps lengths, shear and
-//! bending close to least squares (spreads of strain and shear times `start_spread` or as they are, that of signed bending times
-//! `start_bend` or as it is; tails times `start_tail`), and `refine` lets both shrink to
-//! their own values in equal ratios, after which only true folds are left in the tails. Frames that are lost on the way and found
+//! many minima: a sheet that is allowed to crumple does so wherever the start is off. So both keep lengths, shear and
+//! bending close to least squares at first (spreads of strain and shear times `start_spread`, that of signed bending times
+//! `start_bend` or as it is; tails times `start_tail`), and let these shrink to
+//! their own values in equal ratios, `track` from level to level in each frame, after which only true folds are left in the tails. Frames that are lost on the way and found
 //! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and the best path
 //! through all counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
@@ -81,7 +81,6 @@ mod joint;
 mod level;
 mod light;
 mod matching;
-mod mirrored;
 mod noise;
 mod print;
 #[cfg(test)]

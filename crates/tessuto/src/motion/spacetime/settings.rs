@@ -61,12 +61,13 @@ settings! {
         levels: usize = 2, number(1.0..=8.0, "");
         /// Number of coarser levels that are used besides to find each frame from the ones before.
         track_levels: usize = 2, number(0.0..=8.0, "");
-        /// The search starts with spreads of strain and shear that are larger by this factor; frames are first found both with it
-        /// and without.
+        /// The search starts with spreads of strain and shear that are larger by this factor; frames are found both with and without
+        /// it at the finest level.
         start_spread: f64 = 2.0, number(1.0..=1e6, "");
-        /// Frames are first found with a spread of signed bending larger by this factor, too.
+        /// Frames are found with a spread of signed bending larger by this factor, too.
         start_bend: f64 = 3.0, number(1.0..=1e6, "");
-        /// The search starts with tails that are longer by this factor, close to least squares.
+        /// The search starts with tails that are longer by this factor, close to least squares; they shorten to their own from
+        /// coarse to fine.
         start_tail: f64 = 100.0, number(1.0..=1e9, "");
         /// Iterations over all frames at each level.
         iterations: usize = 22, number(0.0..=1e6, "");

@@ -11,8 +11,8 @@ use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::shear::{FEW, MANY};
 use crate::session::{Epoch, Session, foreign_state, named};
 
-/// Number of kinds of start: with spreads of strain and shear larger by `start_spread`, without and with that of signed bending
-/// larger by `start_bend`.
+/// Number of kinds of start: one that ends as strict as the priors are, and one with spreads of strain and shear larger by `start_spread`, of signed
+/// bending by `start_bend`.
 pub(super) const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
@@ -38,7 +38,7 @@ pub(super) struct Tracked {
     pub(super) smooth: f64,
     /// One of each kind of start.
     pub(super) followers: [Follower; STARTS],
-    /// The best of them backward, and one with the spreads' own strictness forward.
+    /// The best of them backward, and the stiffest forward.
     pub(super) late: Option<[Follower; 2]>,
 }
 
@@ -59,12 +59,13 @@ impl Problem<'_> {
     /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
     ///
     /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may turn or bend. So the
-    /// fabric is followed twice at the same time, with spreads of strain and shear larger by `start_spread`, without and with
-    /// that of signed bending larger by `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for
-    /// that in its prior.
+    /// fabric is followed twice at the same time. In both tails shorten from level to level, from those of a start to the priors' own: what a coarse
+    /// image tells of a fold is too little to allow one, and without the folds that a frame has, the next ones go astray. Spreads of one are
+    /// larger by `start_spread` at the coarsest level and their own at the finest; those of the other stay larger, that of signed bending by
+    /// `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for that in its prior.
     ///
-    /// Unless both find the same, it is at last followed backward in time from the last frame and, at the same time, forward with the spreads
-    /// as they are. Of all the best path counts.
+    /// Unless both find the same, it is at last followed backward in time from the last frame and, at the same time, forward with spreads
+    /// as they are and the tails of a start, as stiff as can be. Of all the best path counts.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.
@@ -104,10 +105,15 @@ impl Problem<'_> {
         Tracked { smooth, followers: std::array::from_fn(|_| follower()), late: None }
     }
 
-    /// Searches of all levels, coarse to fine, with the tails of a start and the priors' spreads times `spreads`.
-    pub(super) fn levels(&self, spreads: [f64; 2]) -> Vec<LevelSearch<'_, '_>> {
+    /// Searches of all levels, coarse to fine, the priors loosened by the spreads and the tail of what part of the way is `left`: 1 at the coarsest
+    /// level, 0 at the finest.
+    pub(super) fn levels(&self, loosened: impl Fn(f64) -> ([f64; 2], f64)) -> Vec<LevelSearch<'_, '_>> {
         let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
-        levels.iter_mut().for_each(|level| level.loosen(spreads, self.settings.start_tail));
+        let last = (levels.len() - 1).max(1) as f64;
+        for (k, level) in levels.iter_mut().enumerate() {
+            let (spreads, tail) = loosened(1.0 - k as f64 / last);
+            level.loosen(spreads, tail);
+        }
         levels
     }
 
@@ -135,7 +141,11 @@ impl Problem<'_> {
         self.priors.shear.smooth = tracked.smooth;
         self.priors.shear.rank = if tracked.smooth == self.settings.shear_smooth { FEW } else { MANY };
         let s = &self.settings;
-        let mut searches = [1.0, s.start_bend].map(|bend| self.levels([s.start_spread, bend]));
+        let tail = |left: f64| s.start_tail.powf(left);
+        let mut searches = [
+            self.levels(|left| ([s.start_spread.powf(left), 1.0], tail(left))),
+            self.levels(|left| ([s.start_spread, s.start_bend], tail(left))),
+        ];
         let done = tracked.followers[0].frames.len();
         let matches = |f: &Follower| {
             f.frames.len() == done && f.gains.len() == searches[0].len() && self.matches(&f.frames, &f.gains)
@@ -266,6 +276,25 @@ mod tests {
     use super::super::proof::scene;
     use super::*;
     use crate::sim::Cloth;
+
+    #[test]
+    fn a_fold_costs_less_from_level_to_level() {
+        let scene = scene();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
+        let mut folded = scene.template.positions.clone();
+        folded[0] = folded[0].lerp(folded[1], 0.3);
+        let cost = |level: &LevelSearch| {
+            let terms = level.terms(1);
+            let strain = terms.list().into_iter().find(|term| term.name() == "strain").unwrap();
+            strain.value(&folded)
+        };
+        let levels = problem.levels(|left| ([1.0; 2], 100f64.powf(left)));
+        let costs: Vec<f64> = levels.iter().map(cost).collect();
+        println!("strain {costs:?}");
+        assert!(costs.len() > 1 && costs.windows(2).all(|of| of[1] < 0.5 * of[0]));
+        assert_eq!(costs[costs.len() - 1], cost(&problem.at_level(problem.observed.range[0])));
+    }
 
     #[test]
     fn the_lower_objective_counts_but_a_lost_follower_does_not() {
