@@ -46,7 +46,8 @@
 //! many minima: a sheet that is allowed to crumple does so wherever the start is off. So both keep lengths, shear and
 //! bending close to least squares at first (spreads of strain and shear times `start_spread`, that of signed bending times
 //! `start_bend` or as it is; tails times `start_tail`), and let these shrink to
-//! their own values in equal ratios, `track` from level to level in each frame, after which only true folds are left in the tails. Frames that are lost on the way and found
+//! their own values in equal ratios, after which only true folds are left in the tails: `refine` over its iterations, `track` from level to level
+//! in each frame, where one of its two followers keeps the wider spreads. Frames that are lost on the way and found
 //! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and the best path
 //! through all counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
