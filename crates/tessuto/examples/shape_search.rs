@@ -18,6 +18,7 @@ use tessuto::io::scene::{LoadOptions, load};
 use tessuto::mesh::Positions;
 use tessuto::metrics::{Inputs, QUANTITIES, evaluate};
 use tessuto::motion::spacetime::Problem;
+use tessuto::motion::spacetime::best_path::Pool;
 use tessuto::session::Session;
 use tessuto::sim::Cloth;
 use tessuto::{Config, Motion, Scene};
@@ -46,12 +47,12 @@ fn main() -> tessuto::Result<()> {
     let clock = std::time::Instant::now();
     if from_start {
         let session = &mut Session::silent();
-        let (tracked, _) = problem.track(session)?;
-        report(&scene, &problem, "tracked", &tracked, clock.elapsed().as_secs_f64());
-        let (refined, _) = problem.refine(tracked.clone(), session)?;
+        let (mut pool, _) = problem.track(session)?;
+        report(&scene, &problem, "tracked", &pool.best, clock.elapsed().as_secs_f64());
+        let (refined, _) = problem.refine(&mut pool, session)?;
         report(&scene, &problem, "refined", &refined, clock.elapsed().as_secs_f64());
         let clock = std::time::Instant::now();
-        let deviations = problem.deviations(&refined, &tracked, config.seed, session)?;
+        let deviations = problem.deviations(&refined, &pool, config.seed, session)?;
         report_deviations(&scene, &deviations, &refined, clock.elapsed().as_secs_f64());
         if let Some(path) = &save {
             tessuto::io::npy::write_field(Path::new(&path), &refined)?;
@@ -60,7 +61,7 @@ fn main() -> tessuto::Result<()> {
     if let (true, Some(truth)) = (from_truth, &scene.truth.vertices) {
         let truth: Vec<Positions> = truth.iter().cloned().collect();
         report(&scene, &problem, "truth", &truth, 0.0);
-        let (refined, _) = problem.refine(truth, &mut Session::silent())?;
+        let (refined, _) = problem.refine(&mut Pool::of(truth), &mut Session::silent())?;
         report(&scene, &problem, "from truth", &refined, clock.elapsed().as_secs_f64());
         if let Some(path) = &save {
             tessuto::io::npy::write_field(Path::new(&path), &refined)?;

@@ -140,12 +140,12 @@ fn by_rollout(
 fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Session) -> Result<Found> {
     let mut problem = spacetime::Problem::new(scene, cloth, config.spacetime.clone())?;
     session.begin("track");
-    let (tracked, lost) = problem.track(session)?;
+    let (mut pool, lost) = problem.track(session)?;
     session.begin("refine");
-    let (frames, stuck) = problem.refine(tracked.clone(), session)?;
+    let (frames, stuck) = problem.refine(&mut pool, session)?;
     session.begin("deviation");
     let mut deviations = match lost.is_none() && stuck.is_none() {
-        true => Some(problem.deviations(&frames, &tracked, config.seed, session)?),
+        true => Some(problem.deviations(&frames, &pool, config.seed, session)?),
         false => None,
     };
     let mut frames = problem.sound(frames, deviations.as_mut());

@@ -1,25 +1,29 @@
-//! Of several motions the best in each frame, and of two such paths the one that settles lower.
-//!
-//! Positions that were found frame by frame are not at rest: with the priors' own tails a little noise counts as much as a fold,
-//! with long ones a bent sheet as one that cannot be. Which of two paths is right may depend on that. Where they differ by more than
-//! the search makes good, both are refined a little, and the lower objective counts.
+//! Several motions that the search may start from, and of all of them the best in each frame.
 
 use rayon::prelude::*;
 
-use super::refine::ANNEALED;
 use super::{LevelSearch, Positions, Problem, acceleration};
 
-/// Iterations over all frames, at the finest level, before two paths are compared.
-const SETTLING: usize = 11;
-/// Paths that are [alike](Problem::alike) by this part of the sheet's size settle to the same.
-const ALIKE: f64 = 0.03;
+/// What tracking found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Pool {
+    /// Motions that may lead to the right one, each of shape [N, V]; one alone where all followers agree.
+    pub motions: Vec<Vec<Positions>>,
+    /// The best path through them, shape [N, V].
+    pub best: Vec<Positions>,
+}
+
+impl Pool {
+    /// Of one motion.
+    pub fn of(motion: Vec<Positions>) -> Self {
+        Self { motions: vec![motion.clone()], best: motion }
+    }
+}
 
 impl Problem<'_> {
-    /// The path through the motions `sides`, each of shape [N, V], with the least E of frames and accelerations, tails of the
-    /// priors times `tail`.
-    pub(super) fn best_path(&self, sides: &[Vec<Positions>], tail: f64) -> Vec<Positions> {
+    /// The path through the motions `sides`, each of shape [N, V], with the least E of frames and accelerations.
+    pub(super) fn best_path(&self, sides: &[Vec<Positions>]) -> Vec<Positions> {
         let mut finest = self.at_level(self.observed.range[0]);
-        finest.loosen([1.0; 2], tail);
         finest.compares = true;
         let mut values: Vec<Vec<f64>> = Vec::with_capacity(sides.len());
         for (side, frames) in sides.iter().enumerate() {
@@ -45,24 +49,6 @@ impl Problem<'_> {
         let values = sides.each_ref().map(|frames| finest.values(frames, &vec![None; frames.len()], value));
         let chosen = best_sides(&sides, &values, self.acceleration_weight());
         chosen.iter().enumerate().map(|(n, side)| sides[*side][n].clone()).collect()
-    }
-
-    /// The better of the paths that long tails and the priors' own choose; the latter if they are alike.
-    pub(super) fn best_settled(&self, sides: &[Vec<Positions>]) -> Vec<Positions> {
-        let [long, own] = [self.settings.start_tail, 1.0].map(|tail| self.best_path(sides, tail));
-        if self.alike(&long, &own, ALIKE) {
-            return own;
-        }
-        let [of_long, of_own] = [&long, &own].map(|path| self.settled_value(path.clone()));
-        if of_own < of_long { own } else { long }
-    }
-
-    /// Every term of E once `frames` have settled a little.
-    fn settled_value(&self, mut frames: Vec<Positions>) -> f64 {
-        let mut search = self.at_level(self.observed.range[0]);
-        search.still = self.still_vertices(&frames);
-        frames = search.joint_steps(frames, SETTLING, |k| k as f64 / (ANNEALED * SETTLING as f64));
-        self.objective(&frames).iter().map(|(_, value)| value).sum()
     }
 }
 
@@ -177,7 +163,7 @@ mod tests {
         };
         println!("colour {} near, {} gone", colour(&near), colour(&gone));
         assert!(colour(&gone) > colour(&near));
-        assert_eq!(problem.best_path(&[gone, near.clone()], 1.0)[1..], near[1..]);
+        assert_eq!(problem.best_path(&[gone, near.clone()])[1..], near[1..]);
     }
 
     #[test]

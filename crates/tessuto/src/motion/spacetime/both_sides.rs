@@ -4,9 +4,10 @@
 //! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side. It is half of all
 //! tracking, and left out where the followers forward agree and have lost nothing.
 
+use super::best_path::Pool;
 use super::gain::GAIN_FITS;
 use super::track::{Follower, STARTS, Tracked};
-use super::{LevelSearch, Positions, Problem};
+use super::{LevelSearch, Positions, Problem, acceleration};
 use crate::error::Result;
 use crate::motion::terms::shading::Light;
 use crate::session::{Epoch, Session, foreign_state, named};
@@ -14,26 +15,30 @@ use crate::session::{Epoch, Session, foreign_state, named};
 /// Followers agree if they are [alike](Problem::alike) by this part of the sheet's size.
 const AGREED: f64 = 0.05;
 
+/// Spread of accelerations over the root mean square of those that followers found: a few are much larger than most, and those of a motion
+/// that went astray too small.
+const OF_ACCELERATIONS: f64 = 3.0;
+/// Least spread, of that of the settings.
+const LEAST_ACCELERATION: f64 = 0.1;
+
 impl Problem<'_> {
-    /// The best path through the frames of all followers that were not lost: those of `tracked` and, unless these agree, the
-    /// late ones, and what patches find of frames that all have lost.
+    /// What all followers that were not lost found: those of `tracked` and, unless these agree, the late ones, and what patches find of frames
+    /// that all have lost. The best path alone if they agree.
     ///
     /// # Errors
     /// As of [`Problem::track`].
-    pub(super) fn both_sides(
-        &mut self,
-        tracked: &mut Tracked,
-        session: &mut Session,
-    ) -> Result<Vec<Positions>> {
+    pub(super) fn both_sides(&mut self, tracked: &mut Tracked, session: &mut Session) -> Result<Pool> {
         let mut sides: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(Follower::found).collect();
-        let forward = self.best_path(&sides, 1.0);
+        let forward = self.best_path(&sides);
         self.light = self.light_of(&forward);
-        if !self.agreed(&sides, &forward) {
-            sides.extend(self.followed_late(forward, tracked, session)?);
+        self.acceleration = self.acceleration_spread(&forward);
+        if self.agreed(&sides, &forward) {
+            return Ok(Pool::of(forward));
         }
-        let best = self.best_path(&sides, 1.0);
+        sides.extend(self.followed_late(forward, tracked, session)?);
+        let best = self.best_path(&sides);
         sides.extend(self.rematched(&best));
-        Ok(self.best_settled(&sides))
+        Ok(Pool { best: self.best_path(&sides), motions: sides })
     }
 
     /// Whether all followers found the same, and its print everywhere: `best` needs no others.
@@ -101,6 +106,14 @@ impl Problem<'_> {
         Ok(late.into_iter().chain([behind]).collect())
     }
 
+    /// Spread of the accelerations that a motion like `frames` asks for `[m/s²]`.
+    fn acceleration_spread(&self, frames: &[Positions]) -> f64 {
+        let components = 3 * self.cloth.vertex_count() * frames.len().saturating_sub(2);
+        let squares = 2.0 * acceleration::value(frames, self.scene.fps.powi(4));
+        let root_mean_square = (squares / components.max(1) as f64).sqrt();
+        (OF_ACCELERATIONS * root_mean_square).max(LEAST_ACCELERATION * self.settings.acceleration)
+    }
+
     /// The light that shows in `frames`.
     fn light_of(&self, frames: &[Positions]) -> Light {
         let mut finest = self.at_level(self.observed.range[0]);
@@ -136,7 +149,7 @@ mod tests {
         let mut filled_of = |frames: &[Positions]| {
             let mut tracked = problem.start(problem.settings.shear_smooth);
             tracked.followers.iter_mut().for_each(|f| f.frames = frames.to_vec());
-            problem.both_sides(&mut tracked, &mut Session::silent()).unwrap()
+            problem.both_sides(&mut tracked, &mut Session::silent()).unwrap().best
         };
         let filled = filled_of(&forward);
         let off = |x: &[Positions]| {
@@ -168,5 +181,24 @@ mod tests {
         let lost = aside(2, DVec3::X * 0.05);
         assert!(!agreed(&lost, &lost), "both have lost it in the same way");
         assert!(!problem.agreed(std::slice::from_ref(&right), &right), "one alone, if the other is lost");
+    }
+
+    #[test]
+    fn the_spread_of_accelerations_is_the_clips_own() {
+        let scene = still();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
+        let right = &scene.template.positions;
+        // 20 m/s² along the view in every frame: the root mean square of three components is 20/√3.
+        let thrown = |n: usize| -> Positions {
+            let t = n as f64 / scene.fps;
+            right.iter().map(|x| *x + DVec3::Z * (10.0 * t * t)).collect()
+        };
+        let thrown: Vec<Positions> = (0..4).map(thrown).collect();
+        let expected = OF_ACCELERATIONS * 20.0 / 3f64.sqrt();
+        assert!((problem.acceleration_spread(&thrown) / expected - 1.0).abs() < 1e-6);
+        let least = LEAST_ACCELERATION * problem.settings.acceleration;
+        assert_eq!(problem.acceleration_spread(&vec![right.clone(); 4]), least);
+        assert_eq!(problem.acceleration_spread(std::slice::from_ref(right)), least, "of one frame");
     }
 }

@@ -140,7 +140,8 @@ impl LevelSearch<'_, '_> {
                 adjacent: &self.adjacent[frame],
                 adjacent_weight: s.neighbour_weight,
                 sigma: s.colour,
-                weight: p.print * self.asked.colours * area / (s.colour * s.colour * s.colour_area * p.scale),
+                weight: p.print[self.level] * self.asked.colours * area
+                    / (s.colour * s.colour * s.colour_area * p.scale),
                 hidden: &self.occlusions[frame].hidden,
                 shares: &self.occlusions[frame].shares,
                 uncovered: self.occlusions[frame].uncovered,

@@ -38,20 +38,21 @@
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
 //! held fixed, like A_n, while a step in x is taken. What is brighter has turned towards the light: light, which is one for the whole
-//! clip, and brightness follow from the positions too (`light.rs`). While the sheet is first followed, the light is not known; it is taken
-//! from the best path forward, and all that comes after heeds it.
+//! clip, and brightness follow from the positions too (`light.rs`). While the sheet is first followed, neither the light is known nor how fast
+//! the sheet changes its velocity, a flag by a hundred times what a sheet does that hands carry; the light and σ_a are taken
+//! from the best path forward, and all that comes after heeds them.
 //!
-//! `track` finds a start frame by frame, twice with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
-//! Levenberg's damping. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
+//! `track` finds a pool of starts frame by frame, with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
+//! Levenberg's damping, from each of them and then from the best path through what they became. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
 //! many minima: a sheet that is allowed to crumple does so wherever the start is off. So both keep lengths, shear and
 //! bending close to least squares at first (spreads of strain and shear times `start_spread`, that of signed bending times
 //! `start_bend` or as it is; tails times `start_tail`), and let these shrink to
 //! their own values in equal ratios, after which only true folds are left in the tails: `refine` over its iterations, `track` from level to level
 //! in each frame, where one of its two followers keeps the wider spreads. Frames that are lost on the way and found
-//! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and the best path
-//! through all counts (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
+//! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and all of them are
+//! the pool; otherwise the best path through them is (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
-//! Colours count by the part of the contrast that is print (`print`): on a plain sheet light and folds alone differ, and do not move with the cloth.
+//! Colours count by the part of the contrast that is print at the level in use (`print`): on a plain sheet light and folds alone differ, and do not move with the cloth.
 //! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them, shading the less the less of the brightness
 //! the light explains, and sheets that keep their lengths
 //! better than most are held to them more firmly (`noise`): after the first level of `refine`, from which on every clip has weights of its own.
@@ -74,7 +75,7 @@
 pub mod acceleration;
 mod along;
 mod bent;
-mod best_path;
+pub mod best_path;
 mod both_sides;
 pub mod deviation;
 pub mod gain;
@@ -139,10 +140,12 @@ pub struct Problem<'a> {
     observed: Observed,
     /// The light, once it is known; zero before.
     light: Light,
+    /// Spread of accelerations `[m/s²]`: that of the settings until the clip's own is known.
+    acceleration: f64,
     /// Size of the sheet in the first frame at the finest level, of [`NOMINAL_SIZE`].
     scale: f64,
-    /// What part of the first frame's contrast is print: colours count by it.
-    print: f64,
+    /// What part of the first frame's contrast is print, by level: colours count by it.
+    print: Vec<f64>,
 }
 
 impl<'a> Problem<'a> {
@@ -180,16 +183,18 @@ impl<'a> Problem<'a> {
             observed,
             rasterizer: Rasterizer::new(template),
             light: [0.0; HARMONICS],
+            acceleration: settings.acceleration,
             settings,
-            print: 1.0,
+            print: Vec::new(),
         };
-        problem.print = problem.part_printed();
+        let [finest, coarsest] = problem.observed.range;
+        problem.print = (0..=coarsest).map(|level| problem.part_printed(level.max(finest))).collect();
         Ok(problem)
     }
 
     /// 1/σ_a² of the acceleration term [1/m²].
     fn acceleration_weight(&self) -> f64 {
-        self.weight_of(self.settings.acceleration)
+        self.weight_of(self.acceleration)
     }
 
     /// 1/σ² of an acceleration term of spread `sigma` [m/s²], [1/m²].

@@ -5,9 +5,10 @@ use super::noise::NOMINAL;
 
 impl Problem<'_> {
     /// What part of the variance of colours around its vertices is print, and not what clips have left of colours where they are found: noise, and
-    /// light that no gain follows. Mean over the sheet as the first frame shows it: above 0.9 of printed ones, 0.1 to 0.2 of plain ones.
-    pub(super) fn part_printed(&self) -> f64 {
-        let search = self.at_level(self.observed.range[0]);
+    /// light that no gain follows. Mean over the sheet as the first frame shows it at `level`: above 0.9 of printed ones at the finest, 0.1 to 0.2 of
+    /// plain ones; the less the coarser the level, most of all of a fine print that repeats, of which nothing is left to tell where the sheet is.
+    pub(super) fn part_printed(&self, level: usize) -> f64 {
+        let search = self.at_level(level);
         // Around every vertex area, squares and the sums of the channels.
         let mut sums = vec![[0.0; 5]; self.cloth.vertex_count()];
         for (point, seen) in search.samples.points.iter().zip(&search.reference) {
@@ -41,7 +42,8 @@ mod tests {
         let mut scene = make(&settings).unwrap();
         let part = |scene: &crate::Scene| {
             let cloth = Cloth::new(&scene.template);
-            Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap().print
+            let problem = Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap();
+            problem.print[problem.observed.range[0]]
         };
         let printed = part(&scene);
         // A tenth of its contrast.
@@ -51,5 +53,22 @@ mod tests {
         let plain = part(&scene);
         println!("printed {printed:.3}, plain {plain:.3}");
         assert!(printed > 0.8 && plain < 0.5 * printed);
+    }
+
+    #[test]
+    fn fine_stripes_are_no_print_in_coarse_images() {
+        let settings = Settings { frames: 2, size: 320, grid: [13, 13], ..Settings::default() };
+        let mut scene = make(&settings).unwrap();
+        let width = scene.camera.width;
+        let mut frames: Vec<_> = (0..2).map(|n| scene.frames.frame(n).unwrap().into_owned()).collect();
+        for (k, c) in frames.iter_mut().flat_map(|f| f.rgb.data.iter_mut().enumerate()) {
+            *c = if (k / 3 / width) % 8 < 4 { 0.2 } else { 0.8 };
+        }
+        scene.frames = frames.into();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
+        let [finest, coarsest] = problem.observed.range;
+        println!("print {:?}, levels {finest} to {coarsest}", problem.print);
+        assert!(problem.print[finest] > 0.9 && problem.print[coarsest] < 0.1);
     }
 }

@@ -153,7 +153,7 @@ fn magnifying_adds_no_weight() {
         let magnification = problem.observed.magnification as f64;
         let totals = [
             // The print itself is seen a little better.
-            area * terms.colour.weight / problem.print,
+            area * terms.colour.weight / problem.print[search.level],
             area * search.pixel_area(),
             length * terms.outline.weight * terms.outline.sigma.powi(2),
             terms.outline.sigma / magnification,

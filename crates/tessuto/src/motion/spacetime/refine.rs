@@ -2,9 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::best_path::Pool;
 use super::noise::Asked;
 use super::{Fitted, Positions, Problem, diverged};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::math::damping::Damping;
 use crate::motion::terms::TERMS;
 use crate::session::{Epoch, Session, foreign_state, named};
@@ -14,16 +15,19 @@ pub(super) const DAMPING: Damping =
     Damping { lambda: 1e-3, accepted: 0.3, rejected: 8.0, least: 1e-6, least_rejected: 0.0 };
 
 /// Part of the iterations over which the priors go from the start's to their own.
-pub(super) const ANNEALED: f64 = 0.7;
+const ANNEALED: f64 = 0.7;
 
 /// What [`Problem::refine`] goes on from.
 #[derive(Serialize, Deserialize)]
 struct Refined {
+    /// What was made of the first motions of the pool.
+    done: Vec<Vec<Positions>>,
+    /// The motion at work.
     frames: Vec<Positions>,
-    /// Iterations so far, over all levels.
+    /// Iterations on it so far, over all levels.
     steps: usize,
     lambda: f64,
-    /// Vertices that stand still in what the search started from.
+    /// Vertices that stand still in what its search started from.
     still: Vec<u32>,
     /// What the clip asks for; the settings' own at the first level.
     asked: Asked,
@@ -32,26 +36,71 @@ struct Refined {
 }
 
 impl Problem<'_> {
-    /// Lowers E over all `frames` together, coarse to fine.
+    /// Lowers E over all frames together, coarse to fine, from every motion of the `pool`, and at last from the best path through what these
+    /// became: positions that were followed frame by frame are not at rest, and which of them end lowest shows only there. The pool then holds
+    /// what its motions became.
     ///
     /// If the objective is no longer finite, the positions before that are returned with the failure.
     ///
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
-    pub fn refine(&self, frames: Vec<Positions>, session: &mut Session) -> Result<Fitted> {
-        let ladder = self.refined_levels();
-        let levels = ladder.len();
-        let still = self.still_vertices(&frames);
-        let start =
-            || Refined { frames, still, asked: Asked::default(), steps: 0, lambda: 0.0, gains: Vec::new() };
-        let mut refined: Refined = session.restore("refine")?.unwrap_or_else(start);
-        let iterations = self.settings.iterations;
+    pub fn refine(&self, pool: &mut Pool, session: &mut Session) -> Result<Fitted> {
+        let several = pool.motions.len() > 1;
+        let rounds = pool.motions.len() + usize::from(several);
+        let mut refined: Refined = match session.restore("refine")? {
+            Some(refined) => refined,
+            None => self.unrefined(Vec::new(), pool.motions[0].clone()),
+        };
         let count = self.scene.frames.len();
-        let started = !refined.steps.is_multiple_of(iterations.max(1));
-        let gains = refined.gains.len() == count || (!started && refined.gains.is_empty());
-        if refined.frames.len() != count || !gains || !self.matches(&refined.frames, &refined.gains) {
+        let iterations = self.iterations(refined.done.len(), rounds);
+        let within_level = !refined.steps.is_multiple_of(iterations.max(1));
+        let gains = refined.gains.len() == count || (!within_level && refined.gains.is_empty());
+        let whole = |frames: &Vec<Positions>| frames.len() == count && self.matches(frames, &refined.gains);
+        let all_whole = refined.done.iter().chain([&refined.frames]).all(whole);
+        if !gains || !all_whole || refined.done.len() >= rounds {
             return Err(foreign_state("refine"));
         }
+        loop {
+            let round = refined.done.len();
+            let failure = self.refine_round(&mut refined, rounds, session)?;
+            if round + 1 == rounds {
+                session.finish("refine", &refined);
+                if several {
+                    pool.motions = refined.done;
+                }
+                return Ok((refined.frames, failure));
+            }
+            // A motion whose objective is no longer finite stays as it is: others are better.
+            let Refined { mut done, frames, .. } = refined;
+            done.push(frames);
+            let next = pool.motions.get(round + 1).cloned().unwrap_or_else(|| self.best_path(&done));
+            refined = self.unrefined(done, next);
+        }
+    }
+
+    fn unrefined(&self, done: Vec<Vec<Positions>>, frames: Vec<Positions>) -> Refined {
+        let still = self.still_vertices(&frames);
+        Refined { done, still, frames, asked: Asked::default(), steps: 0, lambda: 0.0, gains: Vec::new() }
+    }
+
+    /// Iterations at each level of a round: of what another round follows half as many, which tells as well what will be lower.
+    fn iterations(&self, round: usize, rounds: usize) -> usize {
+        let all = self.settings.iterations;
+        if round + 1 < rounds { all.div_ceil(2) } else { all }
+    }
+
+    /// Refines the motion at work, one of so many `rounds`; returns why it is not better if it failed.
+    fn refine_round(
+        &self,
+        refined: &mut Refined,
+        rounds: usize,
+        session: &mut Session,
+    ) -> Result<Option<Error>> {
+        let ladder = self.refined_levels();
+        let (round, levels) = (refined.done.len(), ladder.len());
+        let iterations = self.iterations(round, rounds);
+        let steps = levels * iterations;
+        let all_steps = |until: usize| (0..until).map(|k| levels * self.iterations(k, rounds)).sum::<usize>();
         for (k, level) in ladder.into_iter().enumerate() {
             if refined.steps >= (k + 1) * iterations {
                 continue;
@@ -73,13 +122,12 @@ impl Problem<'_> {
             search.asked = refined.asked.clone();
             for iteration in first..iterations {
                 let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
-                search.anneal(refined.steps as f64 / (ANNEALED * (levels * iterations) as f64));
+                search.anneal(refined.steps as f64 / (ANNEALED * steps as f64));
                 search.update_references(&refined.frames);
                 let step = search.joint_step(&refined.frames, damping.lambda);
                 let value = step.value();
                 if !value.is_finite() {
-                    let failure = diverged(&format!("level {level}, iteration {iteration}"), value);
-                    return Ok((refined.frames, Some(failure)));
+                    return Ok(Some(diverged(&format!("level {level}, iteration {iteration}"), value)));
                 }
                 refined.steps += 1;
                 let mut losses = vec![("total", value)];
@@ -88,9 +136,9 @@ impl Problem<'_> {
                 losses.push(("acceleration", step.acceleration));
                 let epoch = Epoch {
                     stage: "refine".into(),
-                    step: refined.steps,
-                    of: levels * iterations,
-                    active_frames: count,
+                    step: all_steps(round) + refined.steps,
+                    of: all_steps(rounds),
+                    active_frames: refined.frames.len(),
                     losses: named(losses),
                     parameters: named([("level", level as f64)]),
                 };
@@ -104,10 +152,96 @@ impl Problem<'_> {
                 }
                 refined.lambda = damping.lambda;
                 refined.gains.clone_from(&search.gains);
-                session.step(&epoch, &refined.frames, Some(&refined))?;
+                session.step(&epoch, &refined.frames, Some(&*refined))?;
             }
         }
-        session.finish("refine", &refined);
-        Ok((refined.frames, None))
+        Ok(None)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+
+    use super::super::SpacetimeSettings;
+    use super::super::deviation::tests::{at_the_finest_level, still};
+    use super::*;
+    use crate::session::Checkpoints;
+    use crate::sim::Cloth;
+
+    /// `frames` with every vertex moved by `by`, but for the first frame.
+    fn aside(frames: &[Positions], by: DVec3) -> Vec<Positions> {
+        let mut out = frames.to_vec();
+        out[1..].iter_mut().flatten().for_each(|x| *x += by);
+        out
+    }
+
+    fn off(frames: &[Positions], right: &[Positions]) -> f64 {
+        let pairs = frames.iter().flatten().zip(right.iter().flatten());
+        pairs.map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn of_several_starts_the_one_counts_that_ends_lower() {
+        let scene = still();
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
+        let right = vec![scene.template.positions.clone(); scene.frames.len()];
+        let (near, far) = (aside(&right, DVec3::X * 2e-3), aside(&right, DVec3::new(0.05, 0.02, 0.0)));
+        let refined = |motions: &[Vec<Positions>]| {
+            let mut pool = Pool { motions: motions.to_vec(), best: right.clone() };
+            let (frames, failure) = problem.refine(&mut pool, &mut Session::silent()).unwrap();
+            assert!(failure.is_none());
+            (frames, pool)
+        };
+        let alone = off(&refined(std::slice::from_ref(&far)).0, &right);
+        for motions in [[far.clone(), near.clone()], [near, far]] {
+            let (frames, pool) = refined(&motions);
+            let ends: Vec<f64> = pool.motions.iter().map(|motion| off(motion, &right)).collect();
+            println!(
+                "{alone} m off from the farther start alone, {} from both, which end at {ends:?}",
+                off(&frames, &right)
+            );
+            assert_eq!(ends.len(), 2, "the pool holds what its motions became");
+            assert!(off(&frames, &right) < 0.1 * alone);
+        }
+    }
+
+    #[test]
+    fn it_goes_on_within_any_motion_of_the_pool() {
+        let scene = still();
+        let cloth = Cloth::new(&scene.template);
+        let settings = SpacetimeSettings { iterations: 3, ..at_the_finest_level() };
+        let problem = Problem::new(&scene, &cloth, settings).unwrap();
+        let right = vec![scene.template.positions.clone(); scene.frames.len()];
+        let motions = [2e-3, 4e-3].map(|by| aside(&right, DVec3::X * by)).to_vec();
+        let start = || Pool { motions: motions.clone(), best: right.clone() };
+        let mut whole = start();
+        let mut steps = 0;
+        let mut counting = Session::new(|_, _| {
+            steps += 1;
+            Ok(())
+        });
+        let expected = problem.refine(&mut whole, &mut counting).unwrap().0;
+        drop(counting);
+        // Two iterations of either start, three of the best path.
+        assert_eq!(steps, 2 + 2 + 3);
+        let folder = tempfile::tempdir().unwrap();
+        let open = || Checkpoints::open(folder.path(), "scene".into(), std::time::Duration::ZERO);
+        for until in 1..steps {
+            let mut done = 0;
+            let mut killed = Session::new(|_, _| {
+                done += 1;
+                if done == until { Err(foreign_state("stopped")) } else { Ok(()) }
+            });
+            killed.keep_in(open(), None).unwrap();
+            assert!(problem.refine(&mut start(), &mut killed).is_err());
+            drop(killed);
+            let mut session = Session::silent();
+            session.keep_in(open(), open().newest(&mut |_| panic!()).unwrap()).unwrap();
+            let mut pool = start();
+            let found = problem.refine(&mut pool, &mut session).unwrap().0;
+            assert_eq!((found, pool), (expected.clone(), whole.clone()), "stopped after {until}");
+        }
     }
 }

@@ -26,7 +26,8 @@ settings! {
         shear_smooth: f64 = 0.0015, number(1e-6..=1e3, "rad");
         /// Spread σ of where the vertices of an edge are that does not move in the image; larger is weaker.
         still: f64 = 0.0001, number(1e-6..=1e6, "m");
-        /// Spread σ of the acceleration of a vertex; larger is weaker.
+        /// Spread σ of the acceleration of a vertex while the sheet is first followed; larger is weaker. After that it is the clip's own, a tenth of
+        /// this at least.
         acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");
         /// The same about the acceleration that its causes make, once these are known; larger is weaker.
         acceleration_along: f64 = 2.0, number(1e-4..=1e6, "m/s²");

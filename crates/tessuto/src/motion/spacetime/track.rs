@@ -3,8 +3,9 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Fitted, LevelSearch, Positions, Problem, diverged};
-use crate::error::Result;
+use super::best_path::Pool;
+use super::{LevelSearch, Positions, Problem, diverged};
+use crate::error::{Error, Result};
 use crate::math::damping::Damping;
 use crate::math::factor::Scratch;
 use crate::motion::terms::low_rank::FrameFactor;
@@ -65,14 +66,14 @@ impl Problem<'_> {
     /// `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for that in its prior.
     ///
     /// Unless both find the same, it is at last followed backward in time from the last frame and, at the same time, forward with spreads
-    /// as they are and the tails of a start, as stiff as can be. Of all the best path counts.
+    /// as they are and the tails of a start, as stiff as can be. All of them are the pool that `refine` starts from.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.
     ///
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
-    pub fn track(&mut self, session: &mut Session) -> Result<Fitted> {
+    pub fn track(&mut self, session: &mut Session) -> Result<(Pool, Option<Error>)> {
         let given = self.settings.shear_smooth;
         let mut tracked: Tracked = session.restore("track")?.unwrap_or_else(|| self.start(given));
         self.follow(&mut tracked, session)?;
@@ -86,11 +87,11 @@ impl Problem<'_> {
         }
         if let Some((frame, value)) = tracked.followers[best].lost {
             let failure = diverged(&format!("frame {frame}"), value);
-            return Ok((tracked.followers[best].frames.clone(), Some(failure)));
+            return Ok((Pool::of(tracked.followers[best].frames.clone()), Some(failure)));
         }
-        let frames = self.both_sides(&mut tracked, session)?;
+        let pool = self.both_sides(&mut tracked, session)?;
         session.finish("track", &tracked);
-        Ok((frames, None))
+        Ok((pool, None))
     }
 
     /// Nothing but the first frame known, with the spread `smooth` of the smooth shear.
@@ -231,7 +232,7 @@ impl LevelSearch<'_, '_> {
         scratch: &mut Scratch,
     ) -> (Positions, f64) {
         let cloth = self.problem.cloth;
-        let kappa = strength * self.problem.acceleration_weight();
+        let kappa = strength * self.acceleration_weight;
         let pull = |x: &Positions| -> f64 {
             0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
         };

@@ -5,7 +5,7 @@
 //! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
 //! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
-//!   σ_nv² = (g_nv/ḡ_n) ā_n² + c²,  a_n = 5.4 f ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  c = 0.1 mm,
+//!   σ_nv² = (g_nv/ḡ_n) ā_n² + (h ℓ_nv)² + s_nv² + c²,  a_n = 5.4 f ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  h = 0.35,  c = 0.1 mm,
 //!
 //! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric mean of all that tells
 //! where the error is large, each by about what it tells. ā is the mean of a over five frames, weights 1 2 3 2 1: errors last longer than what
@@ -20,6 +20,10 @@
 //! - q: what part of the texture's contrast the colours do not follow.
 //! - f = (V/200)^0.3 of a sheet of V vertices, 1 from 200 on: what a coarse mesh cannot follow between its vertices is in all of these, and
 //!   in no vertex's error.
+//! - ℓ: distance along the edges, in the first frame, from a vertex that the sheet itself hides to the nearest one that is seen `[m]`. Nothing
+//!   holds what is hidden but the fold that leads there, about which it may turn: h is an angle `[rad]`.
+//! - s: how far the motions that the pool became ([`refine`](Problem::refine)) are from what was found, the lower median of them; zero where
+//!   there was one motion alone. Where several searches end in several minima, no one of them tells how far off it is.
 //! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in the errors.
 //!
 //! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from, and how far they
@@ -28,12 +32,14 @@
 mod misfit;
 mod sampling;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use self::misfit::Misfit;
-use super::Problem;
+use super::best_path::Pool;
 use super::gain::GAIN_FITS;
 use super::joint::JointSystem;
+use super::{LevelSearch, Problem};
 use crate::error::Result;
 use crate::mesh::Positions;
 use crate::motion::terms::FrameSystem;
@@ -54,23 +60,26 @@ const PRIOR_FLOOR: f64 = 0.1;
 const FLOOR: f64 = 1e-4;
 const AGREEMENT_FLOOR: f64 = 5e-5;
 
+/// h, see the module `[rad]`.
+const HINGE: f64 = 0.35;
+
 impl Problem<'_> {
-    /// Standard deviation `[m]` of every vertex of `frames`, which [`refine`](Self::refine) made from the `tracked` ones: square root of
+    /// Standard deviation `[m]` of every vertex of `frames`, which [`refine`](Self::refine) made of the `pool`: square root of
     /// the trace of its 3×3 covariance. Shape [N, V]; zero in frame 0, which is given.
     ///
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     ///
     /// # Panics
-    /// If `tracked` has another shape than `frames`.
+    /// If the best path of the pool has another shape than `frames`.
     pub fn deviations(
         &self,
         frames: &[Positions],
-        tracked: &[Positions],
+        pool: &Pool,
         seed: u64,
         session: &mut Session,
     ) -> Result<Vec<Vec<f64>>> {
-        let cloth = self.cloth;
+        let (cloth, tracked) = (self.cloth, &pool.best);
         assert!(tracked.len() == frames.len(), "one shape for each frame");
         let mut search = self.at_level(self.observed.range[0]);
         search.still = self.still_vertices(tracked);
@@ -81,7 +90,7 @@ impl Problem<'_> {
         let systems: Vec<FrameSystem> = frames.par_iter().enumerate().skip(1).map(linearise).collect();
         let joint = JointSystem { cloth, systems: &systems, kappa: self.acceleration_weight(), lambda: 0.0 };
         let variances = joint.variances(SAMPLES, seed, session)?;
-        let pooled = pool(&variances, &self.adjacency);
+        let pooled = averaged(&variances, &self.adjacency);
         let misfits = frames.par_iter().enumerate().skip(1).map(|(n, x)| search.misfit(n, x));
         let misfits: Vec<Misfit> = misfits.collect();
         let of_frame = |(n, (variances, misfit)): (usize, (&Vec<f64>, &Misfit))| {
@@ -90,10 +99,61 @@ impl Problem<'_> {
             fineness(found.len()) * size(mean(variances), misfit, apart / found.len().max(1) as f64)
         };
         let sizes: Vec<f64> = pooled.iter().zip(&misfits).enumerate().map(of_frame).collect();
+        let of_frame = |(n, (variances, size)): (usize, (&Vec<f64>, f64))| {
+            let behind = self.behind(&search, n + 1);
+            let apart = apart_from_others(frames, &pool.motions, n + 1);
+            let own = spread(variances, size).into_iter().zip(behind).zip(apart);
+            own.map(|((own, behind), apart)| own.hypot(HINGE * behind).hypot(apart)).collect()
+        };
         let mut out = vec![vec![0.0; cloth.vertex_count()]];
-        out.extend(pooled.iter().zip(lasting(&sizes)).map(|(variances, size)| spread(variances, size)));
+        out.extend(pooled.iter().zip(lasting(&sizes)).enumerate().map(of_frame));
         Ok(out)
     }
+
+    /// ℓ of every vertex of a `frame` that `search` has seen, see the module.
+    fn behind(&self, search: &LevelSearch, frame: usize) -> Vec<f64> {
+        let hidden = &search.occlusions[frame].hidden;
+        // Points around every vertex, hidden ones and all.
+        let mut around = vec![[0_usize; 2]; self.cloth.vertex_count()];
+        for (point, hidden) in search.samples.points.iter().zip(hidden) {
+            for v in search.samples.triangles[point.triangle as usize] {
+                around[v as usize][0] += usize::from(*hidden);
+                around[v as usize][1] += 1;
+            }
+        }
+        let seen: Vec<bool> = around.iter().map(|[hidden, all]| 2 * hidden <= *all).collect();
+        distances(&seen, &self.adjacency, &self.scene.template.positions)
+    }
+}
+
+/// Distance of every vertex along the edges of the mesh at `x` to the nearest one of `from`; zero if there is none.
+fn distances(from: &[bool], adjacency: &[Vec<u32>], x: &[DVec3]) -> Vec<f64> {
+    if !from.contains(&true) {
+        return vec![0.0; x.len()];
+    }
+    let mut distances: Vec<f64> = from.iter().map(|f| if *f { 0.0 } else { f64::INFINITY }).collect();
+    // Few vertices are hidden, and few edges behind others.
+    let mut changed = true;
+    while changed {
+        changed = false;
+        for v in 0..x.len() {
+            let through = |&w: &u32| distances[w as usize] + x[v].distance(x[w as usize]);
+            let nearest = adjacency[v].iter().map(through).fold(distances[v], f64::min);
+            changed |= nearest < distances[v];
+            distances[v] = nearest;
+        }
+    }
+    distances.iter().map(|d| if d.is_finite() { *d } else { 0.0 }).collect()
+}
+
+/// s of every vertex of a frame, see the module.
+fn apart_from_others(frames: &[Positions], motions: &[Vec<Positions>], frame: usize) -> Vec<f64> {
+    let of_vertex = |v: usize| {
+        let mut apart: Vec<f64> = motions.iter().map(|m| m[frame][v].distance(frames[frame][v])).collect();
+        apart.sort_unstable_by(f64::total_cmp);
+        if apart.len() > 1 { apart[(apart.len() - 1) / 2] } else { 0.0 }
+    };
+    (0..frames[frame].len()).map(of_vertex).collect()
 }
 
 /// f of a sheet of so many `vertices`, see the module.
@@ -133,7 +193,7 @@ fn mean(variances: &[f64]) -> f64 {
 
 /// Every variance averaged with those of its neighbours in the mesh and then with those of the same vertex in the frames before and after,
 /// which smooth sheets and motions share: lowers the sampling noise. Shape [N−1, V].
-fn pool(variances: &[Vec<f64>], adjacency: &[Vec<u32>]) -> Vec<Vec<f64>> {
+fn averaged(variances: &[Vec<f64>], adjacency: &[Vec<u32>]) -> Vec<Vec<f64>> {
     let over_mesh = |of_frame: &Vec<f64>| -> Vec<f64> {
         let around = |(own, around): (&f64, &Vec<u32>)| {
             (own + around.iter().map(|&v| of_frame[v as usize]).sum::<f64>()) / (1 + around.len()) as f64

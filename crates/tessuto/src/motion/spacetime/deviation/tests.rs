@@ -241,8 +241,8 @@ fn the_calibration_is_the_formula() {
     assert!(lasting(&[]).is_empty());
     // Pooling keeps constants, and spreads what stands out over its neighbours and frames.
     let adjacency = [vec![1], vec![0, 2], vec![1]];
-    assert_eq!(pool(&vec![vec![2.0; 3]; 3], &adjacency), vec![vec![2.0; 3]; 3]);
-    let pooled = pool(&[vec![0.0, 0.0, 6.0], vec![0.0; 3], vec![0.0; 3]], &adjacency);
+    assert_eq!(averaged(&vec![vec![2.0; 3]; 3], &adjacency), vec![vec![2.0; 3]; 3]);
+    let pooled = averaged(&[vec![0.0, 0.0, 6.0], vec![0.0; 3], vec![0.0; 3]], &adjacency);
     assert_eq!(pooled, [[0.0, 1.0, 1.5], [0.0, 2.0 / 3.0, 1.0], [0.0; 3]]);
 }
 
@@ -253,7 +253,7 @@ fn deviations_grow_where_the_positions_are_wrong() {
     let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
     let frames = vec![scene.template.positions.clone(); 4];
     let deviations = |frames: &[Positions], tracked: &[Positions]| {
-        problem.deviations(frames, tracked, 1, &mut Session::silent()).unwrap()
+        problem.deviations(frames, &Pool::of(tracked.to_vec()), 1, &mut Session::silent()).unwrap()
     };
     let right = deviations(&frames, &frames);
     assert_eq!([right.len(), right[0].len()], [4, 42]);
@@ -268,4 +268,41 @@ fn deviations_grow_where_the_positions_are_wrong() {
     println!("{off} m off, deviations {means:?}");
     assert!(2.0 * means[2] > off && means[2] > 0.01 * fineness(42), "{means:?}");
     assert!(means[0] < 0.4 * means[2] && means[1] < 0.8 * means[2], "{means:?}");
+}
+
+#[test]
+fn what_searches_differ_by_is_uncertain() {
+    let scene = still();
+    let cloth = Cloth::new(&scene.template);
+    let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
+    let frames = vec![scene.template.positions.clone(); 4];
+    let aside = |by: f64| -> Vec<Positions> {
+        frames.iter().map(|x| x.iter().map(|p| *p + DVec3::Z * by).collect()).collect()
+    };
+    let of = |motions: Vec<Vec<Positions>>| {
+        let pool = Pool { motions, best: frames.clone() };
+        problem.deviations(&frames, &pool, 1, &mut Session::silent()).unwrap()[2][7]
+    };
+    let alone = of(vec![frames.clone()]);
+    // A second one may have found what the first did not; of four two agree and the worst does not count.
+    let [near, far] = [0.02, 0.2].map(aside);
+    let cases = [of(vec![frames.clone(), far.clone()]), of(vec![frames.clone(), near.clone(), near, far])];
+    println!("{alone} alone, {cases:?} with others");
+    assert_eq!(cases[0], alone);
+    assert!((cases[1] - alone.hypot(0.02)).abs() < 1e-12);
+}
+
+#[test]
+fn hidden_vertices_are_as_far_as_the_way_to_seen_ones() {
+    let (mesh, _) = sheet();
+    let (adjacency, x) = (mesh.neighbours(), &mesh.positions);
+    // The first column alone is seen.
+    let left = x.iter().map(|p| p.x).fold(f64::INFINITY, f64::min);
+    let seen: Vec<bool> = x.iter().map(|p| p.x < left + 1e-9).collect();
+    assert!(seen.contains(&true) && seen.contains(&false));
+    for (d, p) in distances(&seen, &adjacency, x).iter().zip(x) {
+        assert!((d - (p.x - left)).abs() < 1e-12, "{d} at {p}");
+    }
+    assert!(distances(&vec![false; x.len()], &adjacency, x).iter().all(|d| *d == 0.0));
+    assert!(distances(&vec![true; x.len()], &adjacency, x).iter().all(|d| *d == 0.0));
 }

@@ -56,7 +56,7 @@ impl Problem<'_> {
                     sides[1 + side][*n] = x;
                 }
             }
-            let path = self.best_path(&sides, 1.0);
+            let path = self.best_path(&sides);
             if path == found {
                 break;
             }
