@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::{LevelSearch, Positions, Problem, acceleration};
 
-/// What tracking found.
+/// What tracking found, and what became of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pool {
     /// Motions that may lead to the right one, each of shape [N, V]; one alone where all followers agree.

@@ -38,7 +38,7 @@ struct Refined {
 impl Problem<'_> {
     /// Lowers E over all frames together, coarse to fine, from every motion of the `pool`, and at last from the best path through what these
     /// became: positions that were followed frame by frame are not at rest, and which of them end lowest shows only there. The pool then holds
-    /// what its motions became.
+    /// what those of its motions became of which that path takes a frame, and what these frames started from.
     ///
     /// If the objective is no longer finite, the positions before that are returned with the failure.
     ///
@@ -66,7 +66,7 @@ impl Problem<'_> {
             if round + 1 == rounds {
                 session.finish("refine", &refined);
                 if several {
-                    pool.motions = refined.done;
+                    *pool = self.contenders(&pool.motions, refined.done);
                 }
                 return Ok((refined.frames, failure));
             }
@@ -76,6 +76,20 @@ impl Problem<'_> {
             let next = pool.motions.get(round + 1).cloned().unwrap_or_else(|| self.best_path(&done));
             refined = self.unrefined(done, next);
         }
+    }
+
+    /// Of what the motions `started` from became those of which the best path takes a frame, and what its frames started from.
+    fn contenders(&self, started: &[Vec<Positions>], became: Vec<Vec<Positions>>) -> Pool {
+        let path = self.best_path(&became);
+        let took = |motion: &Vec<Positions>, n: usize| motion[n] == path[n];
+        let start = |n: usize| {
+            let of = became.iter().position(|motion| took(motion, n)).expect("the path is of them");
+            started[of][n].clone()
+        };
+        let best = (0..path.len()).map(start).collect();
+        let motions =
+            became.iter().filter(|motion| (1..path.len()).any(|n| took(motion, n))).cloned().collect();
+        Pool { motions, best }
     }
 
     fn unrefined(&self, done: Vec<Vec<Positions>>, frames: Vec<Positions>) -> Refined {
@@ -202,7 +216,7 @@ mod tests {
                 "{alone} m off from the farther start alone, {} from both, which end at {ends:?}",
                 off(&frames, &right)
             );
-            assert_eq!(ends.len(), 2, "the pool holds what its motions became");
+            assert_eq!(ends.len(), 1, "the pool holds what the nearer one became");
             assert!(off(&frames, &right) < 0.1 * alone);
         }
     }

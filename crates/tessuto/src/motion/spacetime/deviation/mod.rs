@@ -12,8 +12,8 @@
 //! shows them.
 //!
 //! - o: distance of the boundary to the mask's outline `[m]`.
-//! - d: mean distance `[m]` between the positions that tracking found and the final ones, two searches that agree where both are
-//!   right.
+//! - d: mean distance `[m]` between the positions that tracking found, those that the final ones started from, and the final ones: two searches that
+//!   agree where both are right.
 //! - b: the deviations of Gauss and Newton, times the root of strain's and shear's energy per vertex. The usual posterior scale, where χ²
 //!   per degree of freedom tells that the residuals are larger or smaller than the spreads say: paper keeps lengths and angles far
 //!   better than the spreads ask, crumpled cloth worse, and depth follows from them. χ² is at least 0.1.
@@ -23,7 +23,7 @@
 //! - ℓ: distance along the edges, in the first frame, from a vertex that the sheet itself hides to the nearest one that is seen `[m]`. Nothing
 //!   holds what is hidden but the fold that leads there, about which it may turn: h is an angle `[rad]`.
 //! - s: how far the motions that the pool became ([`refine`](Problem::refine)) are from what was found, the lower median of them; zero where
-//!   there was one motion alone. Where several searches end in several minima, no one of them tells how far off it is.
+//!   one motion alone is left. Where searches end in minima of which now one is deeper and now another, none tells how far off it is.
 //! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in the errors.
 //!
 //! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from, and how far they
