@@ -7,9 +7,10 @@ use super::{LevelSearch, Positions, Problem, acceleration};
 /// What tracking found, and what became of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pool {
-    /// Motions that may lead to the right one, each of shape [N, V]; one alone where all followers agree.
+    /// Motions that may lead to the right one, each of shape [N, V]; one alone where all followers agree. Once they are refined, what those became
+    /// of which the best path takes a frame.
     pub motions: Vec<Vec<Positions>>,
-    /// The best path through them, shape [N, V].
+    /// The best path through them; once they are refined, what the frames of the best path started from. Shape [N, V].
     pub best: Vec<Positions>,
 }
 

@@ -1,4 +1,4 @@
-//! The start of the search from both sides: frames followed backward in time as well, and the best of all in each.
+//! The start of the search from both sides: frames followed backward in time as well, and all that was found.
 //!
 //! Where the fabric moves fast, it may be lost for some frames and found again: the next ones are right, those between are
 //! not, and no gradient leads them back. Followed from the right ones backward they are reached from the other side. It is half of all

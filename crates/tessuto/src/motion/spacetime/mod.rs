@@ -39,7 +39,7 @@
 //! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
 //! held fixed, like A_n, while a step in x is taken. What is brighter has turned towards the light: light, which is one for the whole
 //! clip, and brightness follow from the positions too (`light.rs`). While the sheet is first followed, neither the light is known nor how fast
-//! the sheet changes its velocity, a flag by a hundred times what a sheet does that hands carry; the light and σ_a are taken
+//! the sheet changes its velocity, a flag fifty times as fast as paper; the light and σ_a are taken
 //! from the best path forward, and all that comes after heeds them.
 //!
 //! `track` finds a pool of starts frame by frame, with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
