@@ -2,7 +2,6 @@
 
 pub mod block_matrix;
 pub(crate) mod conjugate_gradients;
-pub(crate) mod damping;
 pub(crate) mod delaunay;
 mod dissection;
 pub mod factor;
@@ -10,6 +9,7 @@ pub mod gradient_check;
 pub(crate) mod hyper_dual;
 pub(crate) mod lanes;
 pub mod median;
+pub(crate) mod minimise;
 mod multifrontal;
 pub mod rng;
 pub mod root;

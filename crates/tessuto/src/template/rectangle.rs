@@ -9,7 +9,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera::Camera;
 use crate::error::{Error, Result};
-use crate::math::damping::Damping;
+use crate::math::minimise::{Model, Policy};
 use crate::mesh::{Mesh, grid};
 
 /// A rectangle whose corners are this near [fraction of its mean side] to those seen, root mean square, is rigid.
@@ -18,6 +18,16 @@ const RIGID: f64 = 0.004;
 const SHORT: f64 = 0.25;
 /// Weight of a corner's height above the plane of the others, against strain.
 const LIFT: f64 = 0.05;
+/// So much damping that no step helps says that the pose is found.
+const POLICY: Policy = Policy {
+    lambda: 1e-3,
+    accepted: [0.2, 0.0],
+    rejected: [8.0, 0.0],
+    strictly: true,
+    least_gain: [0.0, 1e-12],
+    most: 1e9,
+    ..Policy::PATIENT
+};
 
 /// Where the corners are in space.
 #[derive(Debug, Clone, Copy)]
@@ -115,6 +125,14 @@ impl Pose {
     fn apply(&self, p: DVec2) -> DVec3 {
         self.rotation * p.extend(0.0) + self.translation
     }
+
+    fn moved(&self, step: &[f64]) -> Self {
+        let turn = glam::DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2]));
+        Self {
+            rotation: DMat3::from_quat(turn) * self.rotation,
+            translation: self.translation + DVec3::new(step[3], step[4], step[5]),
+        }
+    }
 }
 
 /// The pose whose homography takes `model` `[m]` to `rays` (plane z = 1): exact for a rigid rectangle.
@@ -156,60 +174,64 @@ fn solve<const N: usize>(mut rows: Vec<[f64; N]>) -> Vec<f64> {
     (0..n).map(|k| if rows[k][k] == 0.0 { 0.0 } else { rows[k][n] / rows[k][k] }).collect()
 }
 
-/// Gauss-Newton with damping on the reprojection error; the pose and its root mean square error `[px]`.
-fn refine(mut pose: Pose, camera: &Camera, model: [DVec2; 4], p_pixel: [DVec2; 4]) -> (Pose, f64) {
-    let residuals = |pose: &Pose| -> Option<[DVec2; 4]> {
-        let points = model.map(|c| pose.apply(c));
+/// The pose of least reprojection error near `pose`, and its root mean square error `[px]`.
+fn refine(mut pose: Pose, camera: &Camera, corners: [DVec2; 4], p_pixel: [DVec2; 4]) -> (Pose, f64) {
+    let square = POLICY.minimise(&mut Reprojection { camera, corners, p_pixel }, &mut pose, 100);
+    (pose, (square / 4.0).sqrt())
+}
+
+/// The error of a pose: that of its `corners` where they are seen.
+struct Reprojection<'a> {
+    camera: &'a Camera,
+    corners: [DVec2; 4],
+    p_pixel: [DVec2; 4],
+}
+
+impl Reprojection<'_> {
+    /// `None` of a pose that is not in front of the camera.
+    fn residuals(&self, pose: &Pose) -> Option<[DVec2; 4]> {
+        let points = self.corners.map(|c| pose.apply(c));
         let in_front = points.iter().all(|p| p.z > 1e-6);
-        in_front.then(|| std::array::from_fn(|k| camera.project(points[k]) - p_pixel[k]))
-    };
-    let cost = |pose: &Pose| {
-        residuals(pose).map_or(f64::INFINITY, |r| r.iter().map(|r| r.length_squared()).sum::<f64>())
-    };
-    let moved = |pose: &Pose, step: &[f64]| Pose {
-        rotation: DMat3::from_quat(glam::DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2])))
-            * pose.rotation,
-        translation: pose.translation + DVec3::new(step[3], step[4], step[5]),
-    };
-    let mut current = cost(&pose);
-    let mut damping = Damping { lambda: 1e-3, accepted: 0.2, rejected: 8.0, least: 0.0, least_rejected: 0.0 };
-    for _ in 0..100 {
-        let Some(base) = residuals(&pose) else { break };
+        in_front.then(|| std::array::from_fn(|k| self.camera.project(points[k]) - self.p_pixel[k]))
+    }
+
+    fn square(&self, pose: &Pose) -> f64 {
+        self.residuals(pose).map_or(f64::INFINITY, |r| r.iter().map(|r| r.length_squared()).sum::<f64>())
+    }
+}
+
+impl Model for Reprojection<'_> {
+    type Point = Pose;
+    /// Derivatives of the residuals, and these.
+    type System = ([[DVec2; 4]; 6], [DVec2; 4]);
+
+    fn linearise(&mut self, pose: &Pose) -> (f64, Self::System) {
+        let base = self.residuals(pose).unwrap_or_default();
         // Forward differences: the problem is tiny and smooth.
         let unit = pose.translation.length().max(1e-3);
         let mut jacobian = [[DVec2::ZERO; 4]; 6];
         for (j, column) in jacobian.iter_mut().enumerate() {
             let mut step = [0.0; 6];
             step[j] = if j < 3 { 1e-7 } else { 1e-7 * unit };
-            let Some(there) = residuals(&moved(&pose, &step)) else { continue };
+            let Some(there) = self.residuals(&pose.moved(&step)) else { continue };
             *column = std::array::from_fn(|k| (there[k] - base[k]) / step[j]);
         }
+        (self.square(pose), (jacobian, base))
+    }
+
+    fn step(&mut self, pose: &Pose, (jacobian, base): &Self::System, lambda: f64) -> Option<(Pose, f64)> {
         let dot = |a: &[DVec2; 4], b: &[DVec2; 4]| a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum::<f64>();
         let rows = (0..6).map(|i| {
             let mut row = [0.0; 7];
             for j in 0..6 {
-                row[j] = dot(&jacobian[i], &jacobian[j]) * if i == j { 1.0 + damping.lambda } else { 1.0 };
+                row[j] = dot(&jacobian[i], &jacobian[j]) * if i == j { 1.0 + lambda } else { 1.0 };
             }
-            row[6] = -dot(&jacobian[i], &base);
+            row[6] = -dot(&jacobian[i], base);
             row
         });
-        let next = moved(&pose, &solve(rows.collect()));
-        let value = cost(&next);
-        if value < current {
-            let done = current - value < 1e-12 * current;
-            (pose, current) = (next, value);
-            damping.accept();
-            if done {
-                break;
-            }
-        } else {
-            damping.reject();
-            if damping.lambda > 1e9 {
-                break;
-            }
-        }
+        let next = pose.moved(&solve(rows.collect()));
+        Some((next, self.square(&next)))
     }
-    (pose, (current / 4.0).sqrt())
 }
 
 /// Points on the `rays` whose distances fit those of a rectangle of `size`, from the depths `z` on.

@@ -4,6 +4,8 @@ use super::drive::{Drive, Trajectory};
 use super::forces::{Causes, Spread};
 use super::objective::{Data, Prior, System};
 use crate::error::Result;
+use crate::math::minimise::{Model, Policy};
+use crate::math::root::Root;
 use crate::mesh::Positions;
 
 /// Bounds of the drag coefficient, and of the internal friction [J·s/rad²].
@@ -11,13 +13,17 @@ const DRAGS: [f64; 2] = [0.05, 20.0];
 const FRICTIONS: [f64; 2] = [1e-8, 3e-4];
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
 const LARGEST_STEP: f64 = 1.5;
-/// The search ends when an iteration gains less than so much of the objective, or less than this: what half a standard deviation of one
-/// unknown changes.
-const LEAST_PART: f64 = 3e-3;
-const LEAST_GAIN: f64 = 0.125;
-const ATTEMPTS: usize = 3;
-/// Damping after a step that failed, at least: with less the next one would be the same.
-const LEAST_DAMPING: f64 = 0.1;
+/// After a step that failed damping is at least a tenth: with less the next one would be the same. The search ends where none helps, or gains
+/// less than what half a standard deviation of one unknown changes.
+const POLICY: Policy = Policy {
+    lambda: 1e-3,
+    accepted: [0.1, 1e-6],
+    rejected: [10.0, 0.1],
+    attempts: 3,
+    strictly: true,
+    least_gain: [0.125, 3e-3],
+    most: 0.0,
+};
 
 /// What a search ends with.
 #[derive(Debug, Clone)]
@@ -43,14 +49,26 @@ pub struct Attempt {
 
 /// Causes under way.
 pub struct Search<'a> {
+    objective: Objective<'a>,
+    state: State,
+}
+
+/// What is minimised.
+struct Objective<'a> {
     drive: &'a Drive<'a>,
     data: &'a Data<'a>,
     prior: &'a Prior,
+    /// Of ln stiffnesses.
+    bounds: [[f64; 2]; 3],
+    /// Number of points to come whose derivatives are asked for: that of the last one may be of no use.
+    linearised: usize,
+}
+
+/// Causes and what they make.
+struct State {
     causes: Causes,
     trajectory: Trajectory,
     value: f64,
-    /// Of ln stiffnesses.
-    bounds: [[f64; 2]; 3],
 }
 
 impl<'a> Search<'a> {
@@ -66,108 +84,85 @@ impl<'a> Search<'a> {
         near: &[Positions],
         bounds: [[f64; 2]; 3],
     ) -> Result<Self> {
-        let trajectory = drive.run(&causes, true, near)?;
-        let value = data.value(&trajectory.frames) + prior.value(&causes, None);
-        Ok(Self { drive, data, prior, causes, trajectory, value, bounds })
-    }
-
-    fn at(&self, causes: Causes, with_derivatives: bool) -> Result<Self> {
-        let trajectory = self.drive.run(&causes, with_derivatives, &self.trajectory.steps)?;
-        let value = self.data.value(&trajectory.frames) + self.prior.value(&causes, None);
-        Ok(Self { causes, trajectory, value, ..*self })
-    }
-
-    fn system(&self) -> System {
-        let mut system = System::zeros(self.causes.unknowns());
-        self.data.add_system(&self.trajectory, &mut system);
-        self.prior.value(&self.causes, Some(&mut system));
-        system
+        let objective = Objective { drive, data, prior, bounds, linearised: 1 };
+        let state = objective.at(causes, near)?;
+        Ok(Self { objective, state })
     }
 
     /// After so many iterations at most.
     pub fn run(mut self, iterations: usize) -> Fit {
-        self.iterate(iterations, true);
-        let spread = spread(&self.system().matrix);
-        let misfit = self.data.misfit(&self.trajectory.frames);
-        Fit { causes: self.causes, spread, misfit }
+        self.objective.linearised = iterations + 1;
+        POLICY.minimise(&mut self.objective, &mut self.state, iterations);
+        let spread = spread(&self.objective.system(&self.state));
+        let misfit = self.objective.data.misfit(&self.state.trajectory.frames);
+        Fit { causes: self.state.causes, spread, misfit }
     }
 
     /// The same without standard deviations.
     pub fn attempt(mut self, iterations: usize) -> Attempt {
-        self.iterate(iterations, false);
-        let misfit = self.data.misfit(&self.trajectory.frames);
-        Attempt { causes: self.causes, value: self.value, misfit, steps: self.trajectory.steps }
+        self.objective.linearised = iterations;
+        POLICY.minimise(&mut self.objective, &mut self.state, iterations);
+        let State { causes, trajectory, value } = self.state;
+        let misfit = self.objective.data.misfit(&trajectory.frames);
+        Attempt { causes, value, misfit, steps: trajectory.steps }
+    }
+}
+
+impl Objective<'_> {
+    fn at(&self, causes: Causes, near: &[Positions]) -> Result<State> {
+        let trajectory = self.drive.run(&causes, self.linearised > 0, near)?;
+        let value = self.data.value(&trajectory.frames) + self.prior.value(&causes, None);
+        Ok(State { causes, trajectory, value })
     }
 
-    /// `goes_on`: derivatives are asked for after the last iteration, too.
-    fn iterate(&mut self, iterations: usize, goes_on: bool) {
-        let mut lambda = 1e-3;
-        for n in 0..iterations {
-            let before = self.value;
-            let gained = self.step(&mut lambda, goes_on || n + 1 < iterations);
-            if !gained || before - self.value < LEAST_GAIN.max(LEAST_PART * before) {
-                break;
-            }
-        }
+    fn system(&self, state: &State) -> System {
+        let mut system = System::zeros(state.causes.unknowns());
+        self.data.add_system(&state.trajectory, &mut system);
+        self.prior.value(&state.causes, Some(&mut system));
+        system
+    }
+}
+
+impl Model for Objective<'_> {
+    type Point = State;
+    type System = System;
+
+    fn refresh(&mut self, _state: &State) {
+        self.linearised -= 1;
     }
 
-    /// A step that lowers the objective, if one is found; with derivatives where the search goes on.
-    fn step(&mut self, lambda: &mut f64, goes_on: bool) -> bool {
-        let system = self.system();
-        for _ in 0..ATTEMPTS {
-            let mut matrix = system.matrix.clone();
-            (0..matrix.len()).for_each(|p| matrix[p][p] *= 1.0 + *lambda);
-            let mut step = solve(&matrix, &system.gradient);
-            let logarithms = [step[0], step[1], step[2], step[5], step[6], 5.0 * step[3], 5.0 * step[4]];
-            let largest = logarithms.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
-            let scale = -f64::min(1.0, LARGEST_STEP / largest.max(f64::MIN_POSITIVE));
-            step.iter_mut().for_each(|s| *s *= scale);
-            let mut causes = self.causes.moved(&step);
-            for (k, [low, high]) in causes.ln_stiffness.iter_mut().zip(self.bounds) {
-                *k = k.clamp(low, high);
-            }
-            causes.ln_drag = causes.ln_drag.clamp(DRAGS[0].ln(), DRAGS[1].ln());
-            causes.ln_friction = causes.ln_friction.clamp(FRICTIONS[0].ln(), FRICTIONS[1].ln());
-            if let Ok(next) = self.at(causes, goes_on)
-                && next.value < self.value
-            {
-                *self = next;
-                *lambda = (*lambda * 0.1).max(1e-6);
-                return true;
-            }
-            *lambda = (10.0 * *lambda).max(LEAST_DAMPING);
+    fn linearise(&mut self, state: &State) -> (f64, System) {
+        (state.value, self.system(state))
+    }
+
+    fn step(&mut self, state: &State, system: &System, lambda: f64) -> Option<(State, f64)> {
+        let (n, mut matrix) = (system.gradient.len(), system.matrix.concat());
+        (0..n).for_each(|p| matrix[p * n + p] *= 1.0 + lambda);
+        let mut step = Root::of(&matrix, n).solve(&system.gradient);
+        let logarithms = [step[0], step[1], step[2], step[5], step[6], 5.0 * step[3], 5.0 * step[4]];
+        let largest = logarithms.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+        let scale = -f64::min(1.0, LARGEST_STEP / largest.max(f64::MIN_POSITIVE));
+        step.iter_mut().for_each(|s| *s *= scale);
+        let mut causes = state.causes.moved(&step);
+        for (k, [low, high]) in causes.ln_stiffness.iter_mut().zip(self.bounds) {
+            *k = k.clamp(low, high);
         }
-        false
+        causes.ln_drag = causes.ln_drag.clamp(DRAGS[0].ln(), DRAGS[1].ln());
+        causes.ln_friction = causes.ln_friction.clamp(FRICTIONS[0].ln(), FRICTIONS[1].ln());
+        let next = self.at(causes, &state.trajectory.steps).ok()?;
+        let value = next.value;
+        Some((next, value))
     }
 }
 
 /// Roots of the diagonal of the inverse.
-fn spread(matrix: &[Vec<f64>]) -> Spread {
+fn spread(System { matrix, gradient }: &System) -> Spread {
+    let root = Root::of(&matrix.concat(), gradient.len());
     let variance = |p: usize| {
-        let unit: Vec<f64> = (0..matrix.len()).map(|q| f64::from(u8::from(p == q))).collect();
-        solve(matrix, &unit)[p]
+        let unit: Vec<f64> = (0..gradient.len()).map(|q| f64::from(u8::from(p == q))).collect();
+        root.solve(&unit)[p]
     };
     let ln_stiffness = [0, 1, 2].map(|p| variance(p).sqrt());
     let down = (variance(3) + variance(4)).sqrt();
     Spread { ln_stiffness, down, ln_drag: variance(5).sqrt(), ln_friction: variance(6).sqrt() }
-}
-
-/// Solution of a small positive definite system, by Cholesky's method.
-fn solve(matrix: &[Vec<f64>], rhs: &[f64]) -> Vec<f64> {
-    let n = rhs.len();
-    let mut l = vec![vec![0.0; n]; n];
-    for i in 0..n {
-        for j in 0..=i {
-            let rest = matrix[i][j] - (0..j).map(|k| l[i][k] * l[j][k]).sum::<f64>();
-            l[i][j] = if i == j { rest.max(f64::MIN_POSITIVE).sqrt() } else { rest / l[j][j] };
-        }
-    }
-    let mut x = rhs.to_vec();
-    for i in 0..n {
-        x[i] = (x[i] - (0..i).map(|k| l[i][k] * x[k]).sum::<f64>()) / l[i][i];
-    }
-    for i in (0..n).rev() {
-        x[i] = (x[i] - (i + 1..n).map(|k| l[k][i] * x[k]).sum::<f64>()) / l[i][i];
-    }
-    x
 }

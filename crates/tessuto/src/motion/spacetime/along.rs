@@ -1,16 +1,18 @@
 //! Positions again, given the motion that their causes make.
 
+use super::joint::{Joint, POLICY};
 use super::{Positions, Problem};
 
 impl Problem<'_> {
     /// Lowers E over all `frames` at the finest level, where accelerations are expected to be those of the motion `made`, shape [N, V] `[m]`,
     /// instead of none.
-    pub fn along(&self, frames: Vec<Positions>, made: &[Positions]) -> Vec<Positions> {
+    pub fn along(&self, mut frames: Vec<Positions>, made: &[Positions]) -> Vec<Positions> {
         let mut search = self.at_level(self.observed.range[0]);
         search.still = self.still_vertices(&frames);
         search.asked = self.asked(&frames);
         search.expect(made);
-        search.joint_steps(frames, self.settings.iterations_along, |_| 1.0)
+        POLICY.minimise(&mut Joint::new(&mut search), &mut frames, self.settings.iterations_along);
+        frames
     }
 }
 

@@ -1,91 +1,75 @@
-//! One step on all frames together.
+//! All frames together: their objective, and how a step is solved for.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::acceleration::{self, second_differences, second_differences_transposed};
-use super::refine::DAMPING;
 use super::{LevelSearch, Positions};
 use crate::math::conjugate_gradients::{Measure, conjugate_gradients};
 use crate::math::factor::Scratch;
+use crate::math::minimise::{Model, Policy};
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::{FrameSystem, TERMS};
 use crate::sim::Cloth;
 
+/// Damping is relative to the acceleration term.
+pub(super) const POLICY: Policy =
+    Policy { lambda: 1e-3, accepted: [0.3, 1e-6], rejected: [8.0, 0.0], ..Policy::PATIENT };
 /// Conjugate gradients end when the square of the preconditioned residual has fallen to this fraction, or after so many
 /// iterations.
 const CG_TOLERANCE: f64 = 1e-3;
 const CG_LIMIT: usize = 60;
 
-/// What [`LevelSearch::joint_step`] found.
-pub(super) struct JointStep {
-    /// Sum over the frames of every term before the step.
-    pub terms: [f64; TERMS],
-    /// The acceleration term before the step.
-    pub acceleration: f64,
-    /// Positions after it, shape [N, V]; `None` if it does not lower E.
-    pub next: Option<Vec<Positions>>,
+/// All frames but the first at one level: steps are damped by κλ with the weight κ of the acceleration term.
+pub(super) struct Joint<'s, 'p, 'a> {
+    pub search: &'s mut LevelSearch<'p, 'a>,
+    /// Where the priors are, as [`LevelSearch::anneal`] takes it.
+    pub annealed: f64,
+    /// Sum over the frames of every term, and the acceleration term, before the last step.
+    pub before: ([f64; TERMS], f64),
 }
 
-impl JointStep {
-    /// E before the step.
-    pub fn value(&self) -> f64 {
-        self.terms.iter().sum::<f64>() + self.acceleration
+impl<'s, 'p, 'a> Joint<'s, 'p, 'a> {
+    /// The priors as the settings want them.
+    pub fn new(search: &'s mut LevelSearch<'p, 'a>) -> Self {
+        Self { search, annealed: 1.0, before: ([0.0; TERMS], 0.0) }
     }
 }
 
-impl LevelSearch<'_, '_> {
-    /// One Gauss-Newton step on the frames 1 … N−1, damped by κλ with the weight κ of the acceleration term.
-    pub fn joint_step(&self, frames: &[Positions], lambda: f64) -> JointStep {
-        let cloth = self.problem.cloth;
-        let kappa = self.acceleration_weight;
-        // Linearise every frame.
+impl Model for Joint<'_, '_, '_> {
+    /// Shape [N, V].
+    type Point = Vec<Positions>;
+    type System = Vec<FrameSystem>;
+
+    fn refresh(&mut self, frames: &Self::Point) {
+        self.search.anneal(self.annealed);
+        self.search.update_references(frames);
+    }
+
+    fn linearise(&mut self, frames: &Self::Point) -> (f64, Self::System) {
+        let (search, cloth) = (&*self.search, self.search.problem.cloth);
         let linearised: Vec<_> =
-            frames.par_iter().enumerate().skip(1).map(|(n, x)| self.terms(n).linearise(cloth, x)).collect();
+            frames.par_iter().enumerate().skip(1).map(|(n, x)| search.terms(n).linearise(cloth, x)).collect();
         let mut terms = [0.0; TERMS];
         linearised.iter().for_each(|(values, _)| (0..TERMS).for_each(|k| terms[k] += values[k]));
-        let systems: Vec<FrameSystem> = linearised.into_iter().map(|(_, system)| system).collect();
-        let mut step = JointStep {
-            terms,
-            acceleration: acceleration::value(&self.departure(frames), kappa),
-            next: None,
-        };
-        // Solve for the step.
-        let joint = JointSystem { cloth, systems: &systems, kappa, lambda };
-        let gradient = joint.gradient(&self.departure(frames));
-        let change = joint.solve(&gradient);
-        // Take it if it helps.
-        let mut next = frames.to_vec();
+        let acceleration = acceleration::value(&search.departure(frames), search.acceleration_weight);
+        self.before = (terms, acceleration);
+        let systems = linearised.into_iter().map(|(_, system)| system).collect();
+        (terms.iter().sum::<f64>() + acceleration, systems)
+    }
+
+    fn step(&mut self, x: &Self::Point, systems: &Self::System, lambda: f64) -> Option<(Self::Point, f64)> {
+        let (search, kappa) = (&*self.search, self.search.acceleration_weight);
+        let joint = JointSystem { cloth: search.problem.cloth, systems, kappa, lambda };
+        let change = joint.solve(&joint.gradient(&search.departure(x)));
+        let mut next = x.clone();
         for (x, s) in next[1..].iter_mut().zip(&change) {
             x.iter_mut().zip(s).for_each(|(x, s)| *x -= *s);
         }
         let values: Vec<f64> =
-            next.par_iter().enumerate().skip(1).map(|(n, x)| self.terms(n).value(x)).collect();
-        let next_value = values.iter().sum::<f64>() + acceleration::value(&self.departure(&next), kappa);
-        step.next = (next_value <= step.value()).then_some(next);
-        step
-    }
-
-    /// `frames` after so many joint steps, the priors as [`Self::anneal`] sets them for `t` of the number of the step.
-    pub fn joint_steps(
-        &mut self,
-        mut frames: Vec<Positions>,
-        count: usize,
-        t: impl Fn(usize) -> f64,
-    ) -> Vec<Positions> {
-        let mut damping = DAMPING;
-        for k in 0..count {
-            self.anneal(t(k));
-            self.update_references(&frames);
-            match self.joint_step(&frames, damping.lambda).next {
-                Some(next) => {
-                    frames = next;
-                    damping.accept();
-                }
-                None => damping.reject(),
-            }
-        }
-        frames
+            next.par_iter().enumerate().skip(1).map(|(n, x)| search.terms(n).value(x)).collect();
+        let value = values.iter().sum::<f64>() + acceleration::value(&search.departure(&next), kappa);
+        Some((next, value))
     }
 }
 

@@ -3,16 +3,12 @@
 use serde::{Deserialize, Serialize};
 
 use super::best_path::Pool;
+use super::joint::{Joint, POLICY};
 use super::noise::Asked;
 use super::{Fitted, Positions, Problem, diverged};
 use crate::error::{Error, Result};
-use crate::math::damping::Damping;
 use crate::motion::terms::TERMS;
 use crate::session::{Epoch, Session, foreign_state, named};
-
-/// Damping at the start of each level, relative to the acceleration term.
-pub(super) const DAMPING: Damping =
-    Damping { lambda: 1e-3, accepted: 0.3, rejected: 8.0, least: 1e-6, least_rejected: 0.0 };
 
 /// Part of the iterations over which the priors go from the start's to their own.
 const ANNEALED: f64 = 0.7;
@@ -124,7 +120,7 @@ impl Problem<'_> {
             let first = refined.steps - k * iterations;
             match first {
                 0 => {
-                    refined.lambda = DAMPING.lambda;
+                    refined.lambda = POLICY.lambda;
                     // Of the start only how it bends tells much.
                     refined.asked = match k {
                         0 => self.asked_at_start(&refined.frames),
@@ -135,19 +131,19 @@ impl Problem<'_> {
             }
             search.asked = refined.asked.clone();
             for iteration in first..iterations {
-                let mut damping = Damping { lambda: refined.lambda, ..DAMPING };
-                search.anneal(refined.steps as f64 / (ANNEALED * steps as f64));
-                search.update_references(&refined.frames);
-                let step = search.joint_step(&refined.frames, damping.lambda);
-                let value = step.value();
-                if !value.is_finite() {
-                    return Ok(Some(diverged(&format!("level {level}, iteration {iteration}"), value)));
+                let mut joint = Joint::new(&mut search);
+                joint.annealed = refined.steps as f64 / (ANNEALED * steps as f64);
+                let outcome = POLICY.iterate(&mut joint, &mut refined.frames, &mut refined.lambda);
+                if !outcome.value.is_finite() {
+                    let place = format!("level {level}, iteration {iteration}");
+                    return Ok(Some(diverged(&place, outcome.value)));
                 }
                 refined.steps += 1;
-                let mut losses = vec![("total", value)];
+                let (terms, acceleration) = joint.before;
+                let mut losses = vec![("total", terms.iter().sum::<f64>() + acceleration)];
                 let names = search.terms(0).list().map(|term| term.name());
-                losses.extend((0..TERMS).map(|k| (names[k], step.terms[k])));
-                losses.push(("acceleration", step.acceleration));
+                losses.extend((0..TERMS).map(|k| (names[k], terms[k])));
+                losses.push(("acceleration", acceleration));
                 let epoch = Epoch {
                     stage: "refine".into(),
                     step: all_steps(round) + refined.steps,
@@ -156,15 +152,6 @@ impl Problem<'_> {
                     losses: named(losses),
                     parameters: named([("level", level as f64)]),
                 };
-                // Keep the step if it lowers E.
-                match step.next {
-                    Some(next) => {
-                        refined.frames = next;
-                        damping.accept();
-                    }
-                    None => damping.reject(),
-                }
-                refined.lambda = damping.lambda;
                 refined.gains.clone_from(&search.gains);
                 session.step(&epoch, &refined.frames, Some(&*refined))?;
             }

@@ -4,17 +4,15 @@
 //! them the least strain, bending and acceleration say more. The video has no say in what is put there.
 
 use super::acceleration;
-use super::joint::JointSystem;
+use super::joint::{JointSystem, POLICY};
 use super::{Positions, Problem};
-use crate::math::damping::Damping;
+use crate::math::minimise::Model;
 use crate::metrics::agreement::{AgreementMeter, FrameAgreement};
 use crate::metrics::{State, judge_frames};
 use crate::motion::terms::{FrameSystem, Term};
 
 /// Gauss-Newton steps between the shapes around lost frames.
 const STEPS: usize = 20;
-const DAMPING: Damping =
-    Damping { lambda: 1e-3, accepted: 0.3, rejected: 8.0, least: 1e-6, least_rejected: 0.0 };
 /// Known frames are held by so many times the weight of the acceleration term.
 const HELD: f64 = 1e8;
 
@@ -68,24 +66,9 @@ impl Problem<'_> {
         // With two known frames on either side, where there are so many.
         let window = from.saturating_sub(2)..(to + 2).min(frames.len());
         let known: Vec<bool> = window.clone().map(|n| !(from..to).contains(&n)).collect();
-        let clip = &mut frames[window];
-        let (kappa, mut damping) = (self.acceleration_weight(), DAMPING);
-        for _ in 0..STEPS {
-            let systems: Vec<FrameSystem> =
-                (1..clip.len()).map(|n| self.prior_system(&clip[n], known[n])).collect();
-            let joint = JointSystem { cloth: self.cloth, systems: &systems, kappa, lambda: damping.lambda };
-            let step = joint.solve(&joint.gradient(clip));
-            let mut next = clip.to_vec();
-            for n in (1..clip.len()).filter(|n| !known[*n]) {
-                next[n].iter_mut().zip(&step[n - 1]).for_each(|(x, s)| *x -= *s);
-            }
-            if self.prior_value(&next, &known) <= self.prior_value(clip, &known) {
-                clip.clone_from_slice(&next);
-                damping.accept();
-            } else {
-                damping.reject();
-            }
-        }
+        let mut clip = frames[window.clone()].to_vec();
+        POLICY.minimise(&mut Bridge { problem: self, known }, &mut clip, STEPS);
+        frames[window].clone_from_slice(&clip);
     }
 
     fn prior_terms(&self) -> [&dyn Term; 4] {
@@ -111,6 +94,36 @@ impl Problem<'_> {
         let of_frame = |x: &Positions| self.prior_terms().iter().map(|term| term.value(x)).sum::<f64>();
         let own: f64 = frames.iter().zip(known).filter(|(_, known)| !**known).map(|(x, _)| of_frame(x)).sum();
         own + acceleration::value(frames, self.acceleration_weight())
+    }
+}
+
+/// Frames between known ones, which the priors alone shape.
+struct Bridge<'p, 'a> {
+    problem: &'p Problem<'a>,
+    /// Whether a frame stays as it is, shape `[N]`.
+    known: Vec<bool>,
+}
+
+impl Model for Bridge<'_, '_> {
+    /// Shape [N, V].
+    type Point = Vec<Positions>;
+    type System = Vec<FrameSystem>;
+
+    fn linearise(&mut self, frames: &Self::Point) -> (f64, Self::System) {
+        let system = |n: usize| self.problem.prior_system(&frames[n], self.known[n]);
+        (self.problem.prior_value(frames, &self.known), (1..frames.len()).map(system).collect())
+    }
+
+    fn step(&mut self, x: &Self::Point, systems: &Self::System, lambda: f64) -> Option<(Self::Point, f64)> {
+        let p = self.problem;
+        let joint = JointSystem { cloth: p.cloth, systems, kappa: p.acceleration_weight(), lambda };
+        let change = joint.solve(&joint.gradient(x));
+        let mut next = x.clone();
+        for n in (1..x.len()).filter(|n| !self.known[*n]) {
+            next[n].iter_mut().zip(&change[n - 1]).for_each(|(x, s)| *x -= *s);
+        }
+        let value = p.prior_value(&next, &self.known);
+        Some((next, value))
     }
 }
 

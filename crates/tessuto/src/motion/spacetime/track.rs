@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 use super::best_path::Pool;
 use super::{LevelSearch, Positions, Problem, diverged};
 use crate::error::{Error, Result};
-use crate::math::damping::Damping;
 use crate::math::factor::Scratch;
+use crate::math::minimise::{Model, Policy};
+use crate::motion::terms::FrameSystem;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::shear::{FEW, MANY};
 use crate::session::{Epoch, Session, foreign_state, named};
@@ -17,12 +18,11 @@ use crate::session::{Epoch, Session, foreign_state, named};
 pub(super) const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
-/// Damping at the start of each frame and level, relative to the acceleration term.
-const DAMPING: Damping =
-    Damping { lambda: 1e-3, accepted: 0.3, rejected: 10.0, least: 0.0, least_rejected: 1e-2 };
-/// Most Gauss-Newton steps of a frame at one level, and most attempts to shorten one of them.
+/// Damping, the same at the start of each frame and level, is relative to the pull.
+const POLICY: Policy =
+    Policy { lambda: 1e-3, accepted: [0.3, 0.0], rejected: [10.0, 1e-2], attempts: 6, ..Policy::PATIENT };
+/// Most Gauss-Newton steps of a frame at one level.
 const STEPS: usize = 16;
-const ATTEMPTS: usize = 6;
 /// A frame is found when no vertex moves by more than this `[m]`, or a step lowers its E by less than this part: only the basin
 /// counts, `refine` goes on from there.
 const FOUND: f64 = 2e-5;
@@ -231,43 +231,59 @@ impl LevelSearch<'_, '_> {
         strength: f64,
         scratch: &mut Scratch,
     ) -> (Positions, f64) {
-        let cloth = self.problem.cloth;
         let kappa = strength * self.acceleration_weight;
-        let pull = |x: &Positions| -> f64 {
-            0.5 * kappa * x.iter().zip(predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
-        };
-        let (mut damping, mut value) = (DAMPING, f64::INFINITY);
-        for _ in 0..self.problem.settings.iterations.min(STEPS) {
-            self.update_gain(frame, &x);
-            let terms = self.terms(frame);
-            let (values, system) = terms.linearise(cloth, &x);
-            value = values.iter().sum::<f64>() + pull(&x);
-            if !value.is_finite() {
-                return (x, value);
-            }
-            let gradient: Positions =
-                (0..x.len()).map(|i| system.gradient[i] + (x[i] - predicted[i]) * kappa).collect();
-            // Shorten the step until the objective falls.
-            for _ in 0..ATTEMPTS {
-                let factor = FrameFactor::new(cloth, &system, kappa * (1.0 + damping.lambda), scratch);
-                let step = factor.solve(cloth, &gradient, scratch);
-                factor.recycle(scratch);
-                let next: Positions = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
-                let next_value = terms.value(&next) + pull(&next);
-                if next_value <= value {
-                    let moved = step.iter().fold(0.0, |m: f64, s| m.max(s.length()));
-                    let gained = value - next_value;
-                    (x, value) = (next, next_value);
-                    damping.accept();
-                    if moved < FOUND || gained < LEAST_GAIN * value {
-                        return (x, value);
-                    }
-                    break;
-                }
-                damping.reject();
-            }
-        }
+        let iterations = self.problem.settings.iterations.min(STEPS);
+        let mut model = Pulled { search: self, frame, predicted, kappa, scratch, moved: 0.0 };
+        let value = POLICY.minimise(&mut model, &mut x, iterations);
         (x, value)
+    }
+}
+
+/// One frame with a pull of ½ `kappa` ‖x − `predicted`‖².
+struct Pulled<'s, 'p, 'a> {
+    search: &'s mut LevelSearch<'p, 'a>,
+    frame: usize,
+    predicted: &'s Positions,
+    kappa: f64,
+    scratch: &'s mut Scratch,
+    /// How far the last step took the vertex that it took farthest `[m]`.
+    moved: f64,
+}
+
+impl Pulled<'_, '_, '_> {
+    fn pull(&self, x: &Positions) -> f64 {
+        0.5 * self.kappa * x.iter().zip(self.predicted).map(|(x, p)| (*x - *p).length_squared()).sum::<f64>()
+    }
+}
+
+impl Model for Pulled<'_, '_, '_> {
+    type Point = Positions;
+    type System = FrameSystem;
+
+    fn refresh(&mut self, x: &Positions) {
+        self.search.update_gain(self.frame, x);
+    }
+
+    fn linearise(&mut self, x: &Positions) -> (f64, FrameSystem) {
+        let (values, mut system) = self.search.terms(self.frame).linearise(self.search.problem.cloth, x);
+        let gradient = system.gradient.iter_mut().zip(x.iter().zip(self.predicted));
+        gradient.for_each(|(g, (x, p))| *g += (*x - *p) * self.kappa);
+        (values.iter().sum::<f64>() + self.pull(x), system)
+    }
+
+    fn step(&mut self, x: &Positions, system: &FrameSystem, lambda: f64) -> Option<(Positions, f64)> {
+        let cloth = self.search.problem.cloth;
+        let factor = FrameFactor::new(cloth, system, self.kappa * (1.0 + lambda), self.scratch);
+        let step = factor.solve(cloth, &system.gradient, self.scratch);
+        factor.recycle(self.scratch);
+        self.moved = step.iter().fold(0.0, |m: f64, s| m.max(s.length()));
+        let next: Positions = x.iter().zip(&step).map(|(x, s)| *x - *s).collect();
+        let value = self.search.terms(self.frame).value(&next) + self.pull(&next);
+        Some((next, value))
+    }
+
+    fn found(&self, before: f64, after: f64) -> bool {
+        self.moved < FOUND || before - after < LEAST_GAIN * after
     }
 }
 

@@ -3,24 +3,30 @@
 use super::Positions;
 use super::finder::Finder;
 use super::places::Places;
-use crate::math::damping::Damping;
 use crate::math::factor::Scratch;
+use crate::math::minimise::{Model, Policy};
 use crate::motion::observed::samples::SurfaceSample;
 use crate::motion::spacetime::settle::PULL;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::{FrameSystem, PriorTerms, Term};
+use crate::sim::Cloth;
 use glam::DVec2;
 
 /// Spreads of the matches' places, as parts of the sheet's size in the image, and of strain and shear, relative to those of a start, from
 /// stage to stage: first a soft sheet that heeds all matches, at last a firm one that heeds those that fit.
 const STAGES: [[f64; 2]; 3] = [[0.1, 30.0], [0.05, 5.0], [0.02, 1.0]];
-/// Most steps of each stage, and most attempts to shorten one of them.
+/// Most steps of each stage.
 const STEPS: usize = 12;
-const ATTEMPTS: usize = 6;
-/// A stage ends with a step that lowers the objective by less than this part.
-const LEAST_GAIN: f64 = 1e-3;
-const DAMPING: Damping =
-    Damping { lambda: 1e-4, accepted: 0.3, rejected: 10.0, least: 1e-8, least_rejected: 1e-4 };
+/// Damping, which goes on from stage to stage, is relative to the acceleration term. A stage ends where steps gain little, or none helps.
+const POLICY: Policy = Policy {
+    lambda: 1e-4,
+    accepted: [0.3, 1e-8],
+    rejected: [10.0, 1e-4],
+    attempts: 6,
+    least_gain: [0.0, 1e-3],
+    most: 0.0,
+    ..Policy::PATIENT
+};
 
 impl Finder<'_, '_> {
     /// The sheet at `start` drawn to the `matches`.
@@ -31,8 +37,7 @@ impl Finder<'_, '_> {
         scratch: &mut Scratch,
     ) -> Positions {
         let (p, s) = (self.problem, &self.problem.settings);
-        let mut x = start.clone();
-        let mut damping = DAMPING;
+        let (mut x, mut lambda) = (start.clone(), POLICY.lambda);
         // A match stands for its share of the sheet's image.
         let area = self.size.powi(2) / self.points.len() as f64;
         for [part, spread] in STAGES {
@@ -47,49 +52,58 @@ impl Finder<'_, '_> {
                 sigma,
                 weight: area / (s.colour_area * p.scale) / sigma.powi(2),
             };
+            let kappa = p.acceleration_weight();
+            let mut model = Drawn { cloth: p.cloth, priors, places, start, kappa, scratch: &mut *scratch };
             for _ in 0..STEPS {
-                if !self.step(&mut x, start, &priors, &places, &mut damping, scratch) {
+                if POLICY.iterate(&mut model, &mut x, &mut lambda).ended {
                     break;
                 }
             }
         }
         x
     }
+}
 
-    /// One step; whether it made a difference.
-    fn step(
-        &self,
-        x: &mut Positions,
-        start: &Positions,
-        priors: &PriorTerms,
-        places: &Places,
-        damping: &mut Damping,
-        scratch: &mut Scratch,
-    ) -> bool {
-        let cloth = self.problem.cloth;
-        let kappa = self.problem.acceleration_weight();
-        let terms: [&dyn Term; 5] =
-            [places, &priors.strain, &priors.signed_bend, &priors.bend, &priors.shear];
-        let pull = |x: &Positions| -> f64 {
-            0.5 * PULL * kappa * x.iter().zip(start).map(|(x, p)| x.distance_squared(*p)).sum::<f64>()
-        };
-        let mut system = FrameSystem::zeros(cloth);
-        let value = terms.iter().map(|term| term.add_system(x, &mut system)).sum::<f64>() + pull(x);
-        let gradient: Positions =
-            (0..x.len()).map(|i| system.gradient[i] + (x[i] - start[i]) * (PULL * kappa)).collect();
-        for _ in 0..ATTEMPTS {
-            let factor = FrameFactor::new(cloth, &system, kappa * (PULL + damping.lambda), scratch);
-            let change = factor.solve(cloth, &gradient, scratch);
-            factor.recycle(scratch);
-            let next: Positions = x.iter().zip(&change).map(|(x, s)| *x - *s).collect();
-            let next_value = terms.iter().map(|term| term.value(&next)).sum::<f64>() + pull(&next);
-            if next_value <= value {
-                *x = next;
-                damping.accept();
-                return value - next_value > LEAST_GAIN * value;
-            }
-            damping.reject();
-        }
-        false
+/// The sheet between `places` of matches, its priors and a weak pull to where it starts.
+struct Drawn<'s> {
+    cloth: &'s Cloth,
+    priors: PriorTerms<'s>,
+    places: Places<'s>,
+    start: &'s Positions,
+    /// Weight of the acceleration term [1/m²].
+    kappa: f64,
+    scratch: &'s mut Scratch,
+}
+
+impl Drawn<'_> {
+    fn terms(&self) -> [&dyn Term; 5] {
+        let p = &self.priors;
+        [&self.places, &p.strain, &p.signed_bend, &p.bend, &p.shear]
+    }
+
+    fn pull(&self, x: &Positions) -> f64 {
+        0.5 * PULL * self.kappa * x.iter().zip(self.start).map(|(x, p)| x.distance_squared(*p)).sum::<f64>()
+    }
+}
+
+impl Model for Drawn<'_> {
+    type Point = Positions;
+    type System = FrameSystem;
+
+    fn linearise(&mut self, x: &Positions) -> (f64, FrameSystem) {
+        let mut system = FrameSystem::zeros(self.cloth);
+        let value = self.terms().iter().map(|term| term.add_system(x, &mut system)).sum::<f64>();
+        let gradient = system.gradient.iter_mut().zip(x.iter().zip(self.start));
+        gradient.for_each(|(g, (x, p))| *g += (*x - *p) * (PULL * self.kappa));
+        (value + self.pull(x), system)
+    }
+
+    fn step(&mut self, x: &Positions, system: &FrameSystem, lambda: f64) -> Option<(Positions, f64)> {
+        let factor = FrameFactor::new(self.cloth, system, self.kappa * (PULL + lambda), self.scratch);
+        let change = factor.solve(self.cloth, &system.gradient, self.scratch);
+        factor.recycle(self.scratch);
+        let next: Positions = x.iter().zip(&change).map(|(x, s)| *x - *s).collect();
+        let value = self.terms().iter().map(|term| term.value(&next)).sum::<f64>() + self.pull(&next);
+        Some((next, value))
     }
 }
