@@ -2,7 +2,7 @@
 
 use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
 use crate::motion::terms::colour::PointColours;
-use crate::motion::terms::robust::geman_mcclure;
+use crate::motion::terms::robust::Noise;
 
 /// Fits of the gains before what depends on them is taken: each goes on from the last.
 pub(super) const GAIN_FITS: usize = 3;
@@ -25,7 +25,7 @@ pub struct Around {
 ///   ½ Σ_p w_p (g_p T_p − I_p)² + ½ λ [ Σ_edges (g_a − g_b)² + 1e-3 Σ_v (g_v − 1)² ]
 ///
 /// in each channel, by Jacobi iterations. I is `observed`, T `reference`, g_p linear over p's triangle (its products of
-/// two corners are lumped onto the diagonal), w_p the robust weight of spread `sigma` at the start, and λ is
+/// two corners are lumped onto the diagonal), w_p the robust weight of `noise` at the start, and λ is
 /// `smoothness` times the mean diagonal of the data. Returns what the frame shows around every vertex.
 pub fn fit_gain(
     samples: &SurfaceSamples,
@@ -33,10 +33,10 @@ pub fn fit_gain(
     reference: &PointColours,
     observed: &PointColours,
     smoothness: f64,
-    sigma: f64,
+    noise: Noise,
     gain: &mut [[f32; 3]],
 ) -> Vec<Around> {
-    let data = normal_equations(samples, reference, observed, sigma, gain);
+    let data = normal_equations(samples, reference, observed, noise, gain);
     let seen = data.iter().filter(|d| d.products[1][1] > 0.0).count().max(1);
     let lambda = [0, 1, 2].map(|k| {
         let mean = data.iter().map(|d| d.products[k][1]).sum::<f64>() / seen as f64;
@@ -108,14 +108,14 @@ fn normal_equations(
     samples: &SurfaceSamples,
     reference: &PointColours,
     observed: &PointColours,
-    sigma: f64,
+    noise: Noise,
     gain: &[[f32; 3]],
 ) -> Vec<Around> {
     let mut data = vec![Around::default(); gain.len()];
     for ((point, t), i) in samples.points.iter().zip(reference).zip(observed) {
         let (Some(t), Some(i)) = (t, i) else { continue };
         let corners = samples.triangles[point.triangle as usize];
-        let ratio = geman_mcclure(sq_residual(point, corners, gain, t, i), sigma).1;
+        let ratio = noise.geman_mcclure(sq_residual(point, corners, gain, t, i)).1;
         for (c, &v) in corners.iter().enumerate() {
             let around = &mut data[v as usize];
             around.area += point.weights[c] * point.area;
@@ -138,7 +138,7 @@ mod tests {
     use crate::mesh::grid;
     use glam::DVec2;
 
-    const SIGMA: f64 = 0.1;
+    const NOISE: Noise = Noise { sigma: 0.03, tail: 3.3 };
 
     /// Samples of a flat cloth, its adjacency, colours T and colours I = gain·T.
     fn clip(gain: f32) -> (SurfaceSamples, Vec<Vec<u32>>, PointColours, PointColours) {
@@ -158,7 +158,7 @@ mod tests {
         let (samples, _, reference, observed) = clip(1.2);
         let mut rng = Rng::new(2, 0);
         let gain: Vec<[f32; 3]> = (0..20).map(|_| [1.0 + 0.05 * rng.signed() as f32; 3]).collect();
-        let data = normal_equations(&samples, &reference, &observed, 1e9, &gain);
+        let data = normal_equations(&samples, &reference, &observed, Noise { sigma: 1.0, tail: 1e9 }, &gain);
         let gradient: Vec<f64> = data
             .iter()
             .zip(&gain)
@@ -187,7 +187,7 @@ mod tests {
         observed.iter_mut().step_by(50).for_each(|i| *i = Some([0.0, 1.0, 0.0]));
         let mut gain = vec![[1.0f32; 3]; 20];
         for _ in 0..30 {
-            fit_gain(&samples, &adjacency, &reference, &observed, 1.0, SIGMA, &mut gain);
+            fit_gain(&samples, &adjacency, &reference, &observed, 1.0, NOISE, &mut gain);
         }
         for g in gain.iter().flatten() {
             assert!((g - 1.2).abs() < 0.01, "{g}");
@@ -200,7 +200,7 @@ mod tests {
         observed[3] = Some([0.0, 1.0, 0.0]);
         observed[7] = Some([0.0, 1.0, 0.0]);
         reference[7] = None;
-        let seen = explained(&samples, &reference, observed.clone(), &[[1.2; 3]; 20], 2.5 * SIGMA);
+        let seen = explained(&samples, &reference, observed.clone(), &[[1.2; 3]; 20], 2.5 * NOISE.cut_off());
         let left_out: Vec<usize> = (0..seen.len()).filter(|p| seen[*p].is_none()).collect();
         assert_eq!(left_out, [3], "of the two, only the one that the first frame knows");
         assert_eq!(seen[7], observed[7]);

@@ -9,11 +9,12 @@ use crate::motion::observed::occlusion::{Occlusion, Sheet, Shown};
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::outline::Outline;
+use crate::motion::terms::robust::Noise;
 use crate::motion::terms::shading::{HARMONICS, Light, Seen, Shading};
 use crate::motion::terms::still::Still;
 use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 
-/// Colours that differ from the fabric's by more than so many spreads are taken for something in front of it.
+/// Colours that differ from the fabric's by more than so many cut-offs are taken for something in front of it.
 const OUTLIER: f64 = 2.5;
 
 /// State of the search at one level of the pyramid.
@@ -76,6 +77,11 @@ impl<'a> Problem<'a> {
 }
 
 impl Problem<'_> {
+    /// Noise of the colour of one pixel of the finest level, all channels together `[sRGB]`.
+    pub(super) fn colour_noise(&self) -> Noise {
+        Noise { sigma: self.settings.colour, tail: self.settings.colour_tail }
+    }
+
     /// Every term of E at `frames`, summed over them, at the finest resolution; what mask or mesh cover alone counts.
     pub fn objective(&self, frames: &[Positions]) -> Vec<(&'static str, f64)> {
         let mut search = self.at_level(self.observed.range[0]);
@@ -128,7 +134,6 @@ impl LevelSearch<'_, '_> {
     pub fn terms(&self, frame: usize) -> FrameTerms<'_> {
         let p = self.problem;
         let s = &p.settings;
-        let (area, pixel) = (self.pixel_area(), p.pixel());
         FrameTerms {
             priors: &self.priors,
             colour: Colour {
@@ -139,9 +144,8 @@ impl LevelSearch<'_, '_> {
                 gain: &self.gains[frame],
                 adjacent: &self.adjacent[frame],
                 adjacent_weight: s.neighbour_weight,
-                sigma: s.colour,
-                weight: p.print[self.level] * self.asked.colours * area
-                    / (s.colour * s.colour * s.colour_area * p.scale),
+                noise: p.colour_noise(),
+                weight: p.independent * p.print[self.level] * self.asked.colours * self.pixel_area(),
                 hidden: &self.occlusions[frame].hidden,
                 shares: &self.occlusions[frame].shares,
                 uncovered: self.occlusions[frame].uncovered,
@@ -153,16 +157,14 @@ impl LevelSearch<'_, '_> {
                 folds: &self.occlusions[frame].folds,
                 distance: &p.observed.outlines[frame],
                 camera: &p.observed.camera,
-                sigma: s.outline * pixel,
-                weight: self.asked.outlines
-                    / (s.outline * s.outline * s.outline_length * p.scale * pixel.powi(3)),
+                noise: Noise { sigma: s.outline * p.pixel(), tail: s.outline_tail },
+                weight: p.independent * self.asked.outlines / p.pixel(),
             },
             shading: Shading {
                 cloth: p.cloth,
                 triangles: &self.samples.triangles,
                 light: &self.light,
                 seen: &self.brightness[frame],
-                tail: s.shading_tail,
             },
             still: Still {
                 cloth: p.cloth,
@@ -173,7 +175,7 @@ impl LevelSearch<'_, '_> {
         }
     }
 
-    /// Area of one pixel of this level, see [`Problem::pixel`].
+    /// Area of one pixel of this level, in those of [`Problem::pixel`].
     pub fn pixel_area(&self) -> f64 {
         (f64::from(1u32 << self.level) / self.problem.pixel()).powi(2)
     }
@@ -250,7 +252,7 @@ impl LevelSearch<'_, '_> {
         let fit = |(gain, seen): (&mut Vec<[f32; 3]>, &PointColours)| self.fit_gain(seen, gain);
         let around: Vec<Vec<Around>> = gains.par_iter_mut().zip(&observed).skip(1).map(fit).collect();
         self.gains = gains;
-        if self.problem.settings.shading_area > 0.0 {
+        if self.problem.settings.shading_tail > 0.0 {
             self.update_light(frames, &around);
         }
         if self.problem.settings.neighbour_weight > 0.0 {
@@ -262,14 +264,14 @@ impl LevelSearch<'_, '_> {
 
     /// `observed` in `frame` without what is not the fabric.
     pub fn explained(&self, frame: usize, observed: PointColours) -> PointColours {
-        let limit = OUTLIER * self.problem.settings.colour;
+        let limit = OUTLIER * self.problem.colour_noise().cut_off();
         explained(&self.samples, &self.reference, observed, &self.gains[frame], limit)
     }
 
     fn fit_gain(&self, observed: &PointColours, gain: &mut [[f32; 3]]) -> Vec<Around> {
-        let s = &self.problem.settings;
-        let adjacency = &self.problem.adjacency;
-        fit_gain(&self.samples, adjacency, &self.reference, observed, s.gain_smoothness, s.colour, gain)
+        let p = self.problem;
+        let (smoothness, noise) = (p.settings.gain_smoothness, p.colour_noise());
+        fit_gain(&self.samples, &p.adjacency, &self.reference, observed, smoothness, noise, gain)
     }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! Brightness and light follow from the positions, like the gains, and are held fixed while a step is taken. The light c has the least
 //!
-//!   Σ_nv w_nv ρ((c·(Y(n_nv) − Y(n_0v)) + o_n − h_nv)/σ_nv) + ½ Σ_n o_n²/σ_o² + ½ |c|²
+//!   Σ_nv w_nv ρ((c·(Y(n_nv) − Y(n_0v)) + o_n − h_nv)/σ_nv; τ) + ½ Σ_n o_n²/σ_o² + ½ |c|²
 //!
 //! over all frames n and vertices v, with Cauchy's ρ and the harmonics Y of [`shading`](crate::motion::terms::shading); h_nv is the
 //! logarithm of what the points around a vertex show, relative to the first frame, and o_n what the whole frame is brighter by for
@@ -17,7 +17,7 @@ use super::{LevelSearch, Positions, Problem};
 use crate::math::root::Root;
 use crate::mesh::vertex_normals;
 use crate::motion::terms::Term;
-use crate::motion::terms::robust::cauchy;
+use crate::motion::terms::robust::Noise;
 use crate::motion::terms::shading::{HARMONICS, Light, Seen, harmonics};
 
 /// Reweighted least squares, for the light and for what whole frames are brighter by.
@@ -40,8 +40,8 @@ struct Turned {
     brighter: f64,
     /// w.
     weight: f64,
-    /// σ.
-    sigma: f64,
+    /// σ and τ.
+    noise: Noise,
 }
 
 impl Turned {
@@ -50,9 +50,9 @@ impl Turned {
         self.brighter - self.change.iter().zip(light).map(|(y, c)| y * c).sum::<f64>()
     }
 
-    /// Weight of the squared `residual`.
-    fn weight(&self, residual: f64, tail: f64) -> f64 {
-        self.weight * cauchy(residual / self.sigma, tail).1 / (self.sigma * self.sigma)
+    /// Weight of the squared `residual`, with a tail that is longer by `start`.
+    fn weight(&self, residual: f64, start: f64) -> f64 {
+        self.weight * Noise { tail: start * self.noise.tail, ..self.noise }.cauchy(residual).1
     }
 }
 
@@ -97,7 +97,7 @@ impl LevelSearch<'_, '_> {
     fn turned(&self, x: &Positions, around: &[Around], areas: &[f64], first: &[Light]) -> Vec<Turned> {
         let (p, s) = (self.problem, &self.problem.settings);
         let template = &p.scene.template.positions;
-        let pixel = self.pixel_area();
+        let pixel = self.pixel_area() * p.independent;
         let (before, now) = (self.normals(template), self.normals(x));
         let of = |v: usize| -> Option<Turned> {
             let Around { products, area } = around[v];
@@ -113,8 +113,8 @@ impl LevelSearch<'_, '_> {
                 vertex: v,
                 change: std::array::from_fn(|k| y[k] - first[v][k]),
                 brighter,
-                weight: self.asked.shading * area * pixel / (s.shading_area * p.scale),
-                sigma: s.shading.hypot(s.shading_share * brighter),
+                weight: self.asked.shading * area * pixel,
+                noise: Noise { sigma: s.shading.hypot(s.shading_share * brighter), tail: s.shading_tail },
             })
         };
         (0..x.len()).filter_map(of).collect()
@@ -130,12 +130,11 @@ impl LevelSearch<'_, '_> {
 
     /// Σ w ρ(h/σ) over a frame: what there would be of shading if no light explained anything.
     fn unlit(&self, frame: usize) -> f64 {
-        let tail = self.problem.settings.shading_tail;
         let first = self.harmonics_of_first();
         let of = |(seen, first): (&Option<Seen>, &Light)| {
             seen.map_or(0.0, |seen| {
                 let at_first: f64 = first.iter().zip(&self.light).map(|(y, c)| y * c).sum();
-                seen.weight * cauchy((seen.target - at_first) / seen.sigma, tail).0
+                seen.weight * seen.noise.cauchy(seen.target - at_first).0
             })
         };
         self.brightness[frame].iter().zip(&first).map(of).sum()
@@ -154,12 +153,11 @@ impl LevelSearch<'_, '_> {
     /// The light by reweighted least squares that go on from `light`, with tails that start longer by `start`.
     fn fit_light(&self, mut light: Light, turned: &[Vec<Turned>], offsets: &[f64], start: f64) -> Light {
         for k in 0..FITS {
-            let left = 1.0 - k as f64 / (FITS - 1) as f64;
-            let tail = self.problem.settings.shading_tail * start.powf(left);
+            let longer = start.powf(1.0 - k as f64 / (FITS - 1) as f64);
             let of_frame = |(turned, offset): (&Vec<Turned>, &f64)| {
                 let (mut matrix, mut rhs) = ([0.0; HARMONICS * HARMONICS], [0.0; HARMONICS]);
                 for t in turned {
-                    let weight = t.weight(t.rest(&light) - offset, tail);
+                    let weight = t.weight(t.rest(&light) - offset, longer);
                     for i in 0..HARMONICS {
                         rhs[i] += weight * t.change[i] * (t.brighter - offset);
                         (0..=i).for_each(|j| matrix[i * HARMONICS + j] += weight * t.change[i] * t.change[j]);
@@ -182,13 +180,12 @@ impl LevelSearch<'_, '_> {
 
     /// What a whole frame is brighter by than the light explains.
     fn offset(&self, turned: &[Turned]) -> f64 {
-        let s = &self.problem.settings;
         let mut offset = 0.0;
         for _ in 0..FITS {
-            let (mut sum, mut weights) = (0.0, s.shading_offset.powi(-2));
+            let (mut sum, mut weights) = (0.0, self.problem.settings.shading_offset.powi(-2));
             for t in turned {
                 let rest = t.rest(&self.light);
-                let weight = t.weight(rest - offset, s.shading_tail);
+                let weight = t.weight(rest - offset, 1.0);
                 sum += weight * rest;
                 weights += weight;
             }
@@ -203,7 +200,7 @@ impl LevelSearch<'_, '_> {
         for t in turned {
             let at_first: f64 = first[t.vertex].iter().zip(&self.light).map(|(y, c)| y * c).sum();
             let target = at_first + t.brighter - offset;
-            out[t.vertex] = Some(Seen { target, weight: t.weight, sigma: t.sigma });
+            out[t.vertex] = Some(Seen { target, weight: t.weight, noise: t.noise });
         }
         out
     }
@@ -212,7 +209,7 @@ impl LevelSearch<'_, '_> {
 impl Problem<'_> {
     /// What part of the change of brightness over `frames` the light explains, by its robust kernel; 1 where shading is left out.
     pub(super) fn light_explains(&self, frames: &[Positions]) -> f64 {
-        if self.settings.shading_area <= 0.0 {
+        if self.settings.shading_tail <= 0.0 {
             return 1.0;
         }
         let mut search = self.at_level(self.observed.range[0]);

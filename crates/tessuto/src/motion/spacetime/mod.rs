@@ -8,37 +8,53 @@
 //!                + bend(x_n) + shear(x_n) + still(x_n) ]
 //!          + ½ Σ_n ‖x_{n+1} − 2 x_n + x_{n−1}‖²/σ_a²,  σ_a = `acceleration` · Δt².
 //!
-//! | term | residual r | what it adds | spread σ (setting) |
+//! | term | residual r | what it adds | spread σ, tail τ (settings) |
 //! |---|---|---|---|
-//! | [colour](super::terms::colour), first frame | I_n(π(x_p)) − g_n(p) T(p) of every surface point p, sRGB | (a_p/a) ρ(r)/σ² | `colour` |
-//! | colour, adjacent frames | I_n(π(x_p)) − A_n(p), A_n the mean of what frames n±1 show | ω (a_p/a) ρ(r)/σ² | `colour`, weight ω `neighbour_weight` |
-//! | [outline](super::terms::outline) | distance `[px]` of every point of the boundary, and of folds with nothing behind, to the mask's outline | (L_q/l) ρ(r)/σ² | `outline` `[px]` |
-//! | [shading](super::terms::shading) | logarithm of every vertex's brightness relative to the first frame, less what the light of the scene explains | (a_v/a) c(r/σ) | `shading`, `shading_share` |
-//! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ) | `strain` |
-//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours since rest, by arm length `[rad]`; σ in proportion to that length | c(r/σ) | `signed_bend` `[rad]` |
+//! | [colour](super::terms::colour), first frame | I_n(π(x_p)) − g_n(p) T(p) of every surface point p, sRGB | k a_p ρ(‖r‖/σ; τ) | `colour`, `colour_tail` |
+//! | colour, adjacent frames | I_n(π(x_p)) − A_n(p), A_n the mean of what frames n±1 show; while the sheet is followed, what the last one shows | ω k a_p ρ(‖r‖/σ; τ), ω = `neighbour_weight` | the same |
+//! | [outline](super::terms::outline) | distance `[px]` of every point q of the boundary, and of folds with nothing behind, to the mask's outline | k L_q ρ(r/σ; τ) | `outline` `[px]`, `outline_tail` |
+//! | [shading](super::terms::shading) | logarithm of every vertex's brightness relative to the first frame, less what light and frame explain | k a_v c(r/σ; τ) | `shading` and `shading_share` of that logarithm, `shading_tail` |
+//! | [strain](super::terms::strain) | ‖e‖/l_e − 1 of every edge | c(r/σ; τ) | `strain`, `tail` |
+//! | [signed bend](super::terms::signed_bend) | change of a vertex's height over two opposite neighbours since rest, by arm length `[rad]`; σ in proportion to that length | c(r/σ; τ) | `signed_bend` `[rad]`, `tail` |
 //! | [bend](super::terms::bend) | change of every bending angle `[rad]`; σ likewise | ½ (r/σ)² | `bend` `[rad]` |
-//! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ), ½ (m/σ_m)² | `shear`, `shear_smooth` `[rad]` |
-//! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); `refine` alone | ½ (r/σ)² | `still` `[m]` |
+//! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ; τ), ½ ‖m‖²/σ_m² | `shear` `[rad]`, `shear_tail`; σ_m `shear_smooth` `[rad]` |
+//! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); not while the sheet is followed, nor where motions are compared | ½ (r/σ)² | `still` `[m]` |
 //! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
-//! All are negative logarithms of probabilities, without unit: a residual of one σ costs ½. ρ is Geman and McClure's
-//! kernel, c Cauchy's with its tail τ (`tail`, `shear_tail`, `shading_tail`), both in [`super::terms::robust`]: what is far off counts as an outlier. a (`colour_area`, `shading_area`)
-//! is the area and l (`outline_length`) the length whose errors vary together; a larger σ, a or l makes a term weaker. Both,
-//! and the distances of outlines, are in pixels of the finest level of the pyramids, whose resolution follows the sheet's
-//! size in the image (`resolution`): what a camera of more pixels would add is not independent. Images in which the sheet is
-//! smaller than that are magnified, so that interpolation and blur lose less of them; a pixel remains one of the video then. Told for a sheet of 160 px
-//! there, a and l grow in proportion to its size: errors of the camera are alike over a pixel, those of the model (shading,
-//! the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones. π is the projection and I_n the image pyramid of frame n at the level in use, [`super::observed`].
+//! All are without unit, as negative logarithms of probabilities are: a residual of one σ costs ½ where τ is large. ρ is Geman and McClure's
+//! kernel, c Cauchy's, both in [`super::terms::robust`]: what is more than τ spreads off counts as an outlier. π is the projection and I_n the
+//! image pyramid of frame n at the level in use, [`super::observed`].
 //!
-//! Points that the sheet hides itself and boundary that lies over more of it, or beside a fold that explains the outline better, do not count
-//! ([`super::observed::occlusion`]); what turns away fills less of the image, and a_p shrinks with it. Where motions are compared, every pixel of the mask
-//! that shows none of the sheet, and every one of the sheet beside the mask, costs as much as the worst of differences: what a motion hides
-//! is neither good nor bad.
+//! **Pixels.** σ of colours, outlines and shading is the noise of one independent pixel, and a pixel counts as k of these. The areas a_p and a_v, the
+//! lengths L_q and the distances of outlines are in pixels of the finest level of the pyramids, whose resolution follows the sheet's size in the image
+//! (`resolution`): what a camera of more pixels would add is not independent. Images in which the sheet is smaller than that are magnified, so that
+//! interpolation and blur lose less of them; a pixel remains one of the video then. k is the product of
+//! - 160 px over the size of the sheet in the first frame. Of larger sheets pixels are fewer independent ones: errors of the camera are alike over
+//!   a pixel, those of the model (shading, the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones.
+//!   So colours and shading tell more in proportion to the sheet's size, not to its area, and outlines the same whatever it is;
+//! - for colours, the part of the contrast that is print at the level in use (`print`): on a plain sheet light and folds alone differ, and do not move
+//!   with the cloth;
+//! - from the second level of `refine` on, for colours and outlines what the clip's own noise makes of a pixel, by what is left of them, and for shading
+//!   how much of the brightness the light explains (`noise`).
+//!
+//! To count k times is to have a noise larger by 1/√k, and a tail shorter by as much: the cut-off σ τ stays.
+//!
+//! **What does not count.** a_p is the area in the first frame; what turns away fills less of the image, and a_p shrinks with it. Points that the
+//! sheet hides itself cost nothing, nor do those where the frame shows no fabric, and boundary that lies over more of the sheet, or beside a fold that
+//! explains the outline better ([`super::observed::occlusion`]), or where the mask's outline is too far away or cut by the border of the image
+//! ([`super::observed::outline_distance`]). A vertex has shading where the frame shows most of its surroundings, from the same side as the first and not
+//! edge-on (`light.rs`). Where motions are compared, every pixel of the mask that shows none of the sheet, and every one of the sheet beside the mask,
+//! costs as much as the worst of differences, ½ k τ² of colours: what a motion hides is neither good nor bad.
+//!
+//! **What is held fixed** while a step in x is taken, and found anew from the positions before the next: the gains, A_n less what is in front of the
+//! fabric, what is hidden and what turns away, which folds are outlines, the light, and the normals of signed bending. The smooth shear m is not: it
+//! always is the best one. Where motions are compared, spreads and tails are the settings' own but for σ_a and σ_m, and k is that of size and print;
+//! the best path leaves adjacent frames out.
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
-//! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]), and are
-//! held fixed, like A_n, while a step in x is taken. What is brighter has turned towards the light: light, which is one for the whole
-//! clip, and brightness follow from the positions too (`light.rs`). While the sheet is first followed, neither the light is known nor how fast
+//! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]). What is brighter has turned towards the
+//! light: light, which is one for the whole clip, and what a whole frame is brighter by for other causes follow from the positions too (`light.rs`).
+//! While the sheet is first followed, neither the light is known nor how fast
 //! the sheet changes its velocity, a flag fifty times as fast as paper; the light and σ_a are taken
 //! from the best path forward, and all that comes after heeds them.
 //!
@@ -52,10 +68,7 @@
 //! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and all of them are
 //! the pool; otherwise the best path through them is (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
-//! Colours count by the part of the contrast that is print at the level in use (`print`): on a plain sheet light and folds alone differ, and do not move with the cloth.
-//! Colours and outlines count less, or more, than the settings say on clips where more or less is left of them, shading the less the less of the brightness
-//! the light explains, and sheets that keep their lengths
-//! better than most are held to them more firmly (`noise`): after the first level of `refine`, from which on every clip has weights of its own.
+//! Sheets that keep their lengths better than most are held to them more firmly after the first level of `refine` (`noise`).
 //! `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of bending about it are the clip's own from
 //! the start (`bent`).
 //!
@@ -122,7 +135,7 @@ const BOUNDARY_SPACING: f64 = 2.0;
 /// Small images are magnified by at most this power of two, to no more pixels than this a frame.
 const MOST_DOUBLINGS: f64 = 2.0;
 const MOST_PIXELS: usize = 1 << 21;
-/// Size of a sheet [px of the finest level] that areas and lengths whose errors vary together are told for.
+/// Size of a sheet [px of the finest level] whose pixels are independent of each other, each with the noise that the settings tell.
 const NOMINAL_SIZE: f64 = 160.0;
 
 /// Everything about the clip that stays fixed.
@@ -142,9 +155,9 @@ pub struct Problem<'a> {
     light: Light,
     /// Spread of accelerations `[m/s²]`: that of the settings until the clip's own is known.
     acceleration: f64,
-    /// Size of the sheet in the first frame at the finest level, of [`NOMINAL_SIZE`].
-    scale: f64,
-    /// What part of the first frame's contrast is print, by level: colours count by it.
+    /// Number of independent pixels that one of the finest level counts as: [`NOMINAL_SIZE`] over the sheet's size in the first frame.
+    independent: f64,
+    /// What part of the first frame's contrast is print, by level: a pixel's colour counts by it.
     print: Vec<f64>,
 }
 
@@ -179,7 +192,7 @@ impl<'a> Problem<'a> {
             adjacency: template.neighbours(),
             boundary: boundary_points(template, x, &observed.camera, spacing),
             inner_edges: inner_edges(template, cloth),
-            scale: size / f64::from(1u32 << observed.range[0]) / NOMINAL_SIZE,
+            independent: NOMINAL_SIZE * f64::from(1u32 << observed.range[0]) / size,
             observed,
             rasterizer: Rasterizer::new(template),
             light: [0.0; HARMONICS],

@@ -14,10 +14,12 @@ use crate::math::median::median;
 use crate::motion::terms::Term;
 use crate::sim::cloth::Edge;
 
-/// What is left on clips that the spreads are set for: root mean square difference of colours, all channels together, of half of a pair
-/// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels.
+/// What is left on clips that the settings are chosen on: root mean square difference of colours, all channels together, of half of a pair
+/// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels. That is 1.17 of the settings' `colour` and 1.29
+/// of `outline`: these were chosen by the errors of the motion, and are the noise of one pixel all the same. Where f times as much is left, a
+/// clip's noise is f times the settings', with the same cut-off: its pixels count as 1/f² each ([`crate::motion::terms::robust`]).
 pub(super) const NOMINAL: [f64; 2] = [0.032, 0.6];
-/// Bounds of the weights. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
+/// Bounds of what a pixel counts as. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
 const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 
 /// Median size of strain in spreads on clips that its spread is set for, and how much smaller that may get. Never larger: more is left
@@ -37,15 +39,15 @@ const LIT: i32 = 3;
 /// What a clip asks for, relative to the settings.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Asked {
-    /// Weight of colours.
+    /// What a pixel's colour counts as, by the noise of the clip's.
     pub colours: f64,
-    /// Weight of outlines.
+    /// What a pixel of outline counts as, likewise.
     pub outlines: f64,
     /// Spread of strain.
     pub strain: f64,
     /// Tail of shear.
     pub shear_tail: f64,
-    /// Weight of shading.
+    /// What a pixel's brightness counts as, by what of it the light explains.
     pub shading: f64,
     /// How the sheet bends.
     pub bent: Bent,
@@ -121,10 +123,9 @@ impl Problem<'_> {
         let pairs = 1.0 + self.settings.neighbour_weight;
         let of_frame = |n: usize| {
             let (terms, x) = (search.terms(n), &frames[n]);
-            let (area, length) = (terms.colour.area(x), terms.outline.length());
-            let colour = 2.0 * terms.colour.value(x) / (terms.colour.weight * area.max(1.0) * pairs);
-            let outline = 2.0 * terms.outline.value(x) / (terms.outline.weight * length.max(1.0));
-            [colour.sqrt(), outline.sqrt() / self.pixel()]
+            let (colour, area) = (&terms.colour, terms.colour.area(x).max(1.0));
+            let spreads = (2.0 * colour.value(x) / (colour.weight * area * pairs)).sqrt();
+            [spreads * colour.noise.sigma, terms.outline.mean_square(x).sqrt() / self.pixel()]
         };
         let levels: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
         std::array::from_fn(|k| {

@@ -155,8 +155,8 @@ fn magnifying_adds_no_weight() {
             // The print itself is seen a little better.
             area * terms.colour.weight / problem.print[search.level],
             area * search.pixel_area(),
-            length * terms.outline.weight * terms.outline.sigma.powi(2),
-            terms.outline.sigma / magnification,
+            length * terms.outline.weight,
+            terms.outline.noise.sigma / magnification,
             (a - b).length() / problem.pixel() / still.length(),
         ];
         (magnification, totals)

@@ -3,7 +3,7 @@
 use crate::settings::settings;
 
 settings! {
-    /// Strictness of every term. A term with spread σ contributes ½ (residual/σ)²: the larger σ, the weaker the term.
+    /// Strictness of every term. A residual of one spread σ costs ½: the larger σ, the weaker the term.
     pub struct SpacetimeSettings {
         /// Spread σ of the strain of an edge; larger is weaker.
         strain: f64 = 0.001, number(1e-6..=10.0, "");
@@ -31,30 +31,27 @@ settings! {
         acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");
         /// The same about the acceleration that its causes make, once these are known; larger is weaker.
         acceleration_along: f64 = 2.0, number(1e-4..=1e6, "m/s²");
-        /// Spread σ of colour differences: larger differences count less and less. Larger is weaker.
-        colour: f64 = 0.1, number(1e-4..=10.0, "sRGB");
-        /// Area whose colours vary together, for a sheet of 160 px: the colour term is divided by it. Larger is weaker.
-        colour_area: f64 = 0.075, number(1e-6..=1e6, "px of the finest level");
+        /// Noise σ of the colour of one pixel of the finest level, all channels together, of a sheet of 160 px. Larger is weaker.
+        colour: f64 = 0.02739, number(1e-6..=1e3, "sRGB");
+        /// Colours that differ by more than so many spreads σ count less and less; larger is stricter.
+        colour_tail: f64 = 3.651, number(1e-3..=1e6, "");
         /// Weight of the comparison with the frames before and after, relative to that with the first frame.
         neighbour_weight: f64 = 0.5, number(0.0..=100.0, "");
-        /// Spread σ of the distance to the outline: larger distances count less and less. Larger is weaker.
-        outline: f64 = 12.0, number(1e-3..=1e3, "px of the finest level");
-        /// Length of outline whose errors vary together, for a sheet of 160 px: the outline term is divided by it. Larger is
-        /// weaker.
-        outline_length: f64 = 0.0015, number(1e-6..=1e6, "px of the finest level");
+        /// Noise σ of one pixel of outline: its distance to that of the mask, of a sheet of 160 px. Larger is weaker.
+        outline: f64 = 0.4648, number(1e-5..=1e5, "px of the finest level");
+        /// Outlines farther apart than so many spreads σ count less and less; larger is stricter.
+        outline_tail: f64 = 25.82, number(1e-3..=1e6, "");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
-        /// Spread σ of the logarithm of the sheet's brightness around a vertex about what the light of the scene explains; larger is weaker.
-        shading: f64 = 0.05, number(1e-4..=1e3, "");
+        /// Noise σ of the logarithm of the brightness of one pixel about what the light of the scene explains, of a sheet of 160 px; larger is
+        /// weaker. Where the light explains little of the brightness, shading counts less at the end.
+        shading: f64 = 0.1225, number(1e-4..=1e3, "");
         /// The same in proportion to the logarithm itself; larger is weaker.
-        shading_share: f64 = 0.2, number(0.0..=1e3, "");
-        /// Brightness beyond this many spreads has other causes; larger is stricter.
-        shading_tail: f64 = 2.0, number(1e-3..=1e6, "");
+        shading_share: f64 = 0.49, number(0.0..=1e3, "");
+        /// Brightness beyond this many spreads σ has other causes; larger is stricter, 0 leaves shading out.
+        shading_tail: f64 = 0.8165, number(0.0..=1e6, "");
         /// Spread of the logarithm of what whole frames are brighter by for other causes; larger is weaker.
         shading_offset: f64 = 0.05, number(1e-6..=1e3, "");
-        /// Area whose brightness varies together, for a sheet of 160 px; larger is weaker, 0 leaves shading out. Where the light explains
-        /// little of the brightness, shading counts less at the end.
-        shading_area: f64 = 6.0, number(0.0..=1e9, "px of the finest level");
         /// Resolution of the finest level of the image pyramids, each of which halves the frames: the coarsest at which the
         /// sheet still measures so many pixels in the first frame (the root of its area). Smaller images are magnified, up to four times.
         resolution: f64 = 120.0, number(1.0..=1e5, "px");

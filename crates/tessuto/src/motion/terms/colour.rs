@@ -1,16 +1,16 @@
 //! Colours of surface points against what other frames show of them:
 //!
-//!   E = Σ_p w_p [ ρ(‖I(π(x_p)) − g_p T_p‖) + ω ρ(‖I(π(x_p)) − A_p‖) ],  w_p = a_p/(σ² a),
+//!   E = Σ_p k s_p a_p [ ρ(‖I(π(x_p)) − g_p T_p‖/σ; τ) + ω ρ(‖I(π(x_p)) − A_p‖/σ; τ) ],
 //!
 //! with the frame's colour I, the projection π, the point's colour T in the first frame, its brightness g relative to
 //! that (per channel, see [`crate::motion::spacetime`]), the mean colour A in the frames before and after and its weight ω, the
-//! area a_p that p stands for and the area a whose colours vary together, both in pixels of level 0, and
-//! Geman and McClure's ρ of spread σ. T, g and A are held fixed.
+//! area a_p that p stands for in the first frame, in pixels of which each counts as k independent ones, the part s_p of it that p's triangle
+//! still fills, and Geman and McClure's ρ of the noise σ of one pixel and its tail τ. T, g, A, s and what is hidden are held fixed.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use super::robust::geman_mcclure;
+use super::robust::Noise;
 use super::{FrameSystem, Term};
 use crate::motion::observed::pyramid::Level;
 use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
@@ -38,15 +38,15 @@ pub struct Colour<'a> {
     pub adjacent: &'a PointColours,
     /// ω.
     pub adjacent_weight: f64,
-    /// σ, sRGB in [0, 1].
-    pub sigma: f64,
+    /// σ of one pixel, all channels together, sRGB in [0, 1], and τ.
+    pub noise: Noise,
     /// Whether a point is hidden by the sheet itself, which shows nothing of it; empty if none is. Held fixed.
     pub hidden: &'a [bool],
-    /// Weight of one pixel of `level`, 1/(σ² a).
+    /// k: number of independent pixels that one of `level` counts as.
     pub weight: f64,
     /// Part of its area in the first frame that every triangle fills in this one, shape `[T]`; empty: all. Held fixed.
     pub shares: &'a [f64],
-    /// Pixels of `level` that count as the worst of differences, ½σ², in the value: those that mask or mesh cover alone. None while steps are taken,
+    /// Pixels of `level` that count as the worst of differences, ½ τ², in the value: those that mask or mesh cover alone. None while steps are taken,
     /// as they have no slope; where motions are compared, or leaving the picture would pay.
     pub uncovered: f64,
 }
@@ -147,7 +147,7 @@ impl Colour<'_> {
             |_, differences, ()| {
                 for (sum, of) in sums.iter_mut().zip(differences) {
                     let Some((r, weight)) = of else { continue };
-                    *sum += weight * geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma).0;
+                    *sum += weight * self.noise.geman_mcclure(r.iter().map(|r| r * r).sum()).0;
                 }
             },
         );
@@ -181,7 +181,7 @@ impl Colour<'_> {
                 let w = point.weights;
                 let (mut s, mut g) = (0.0, DVec3::ZERO);
                 for (r, weight) in differences.into_iter().flatten() {
-                    let (rho, ratio) = geman_mcclure(r.iter().map(|r| r * r).sum(), self.sigma);
+                    let (rho, ratio) = self.noise.geman_mcclure(r.iter().map(|r| r * r).sum());
                     value += weight * rho;
                     s += weight * ratio;
                     j.iter().zip(r).for_each(|(j, r)| g += *j * (r * weight * ratio));
@@ -215,7 +215,7 @@ impl Term for Colour<'_> {
         let triangles = (0..self.samples.triangles.len()).into_par_iter().with_min_len(TASK);
         // Summed in order: the same bits for any number of threads.
         let values: Vec<f64> = triangles.map(|t| self.triangle_value(t, x)).collect();
-        values.iter().sum::<f64>() + self.uncovered * self.weight * 0.5 * self.sigma * self.sigma
+        values.iter().sum::<f64>() + self.uncovered * self.weight * 0.5 * self.noise.tail.powi(2)
     }
 
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {

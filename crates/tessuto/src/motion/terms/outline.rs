@@ -1,13 +1,13 @@
 //! The mesh's outlines, its boundary and its folds, against the outline of the mask:
 //!
-//!   E = Σ_q w_q ρ(d(π(x_q))),  w_q = L_q/(σ² l),
+//!   E = Σ_q k L_q ρ(d(π(x_q))/σ; τ),
 //!
-//! over points q of boundary and folds, with the signed distance d `[px]` to the outline, the projection π, the length L_q
-//! that q stands for `[px]`, the length l whose errors vary together, and Geman and McClure's ρ of spread σ.
+//! over points q of boundary and folds, with the signed distance d `[px]` to the outline, the projection π, the length L_q that q stands for, in
+//! pixels of which each counts as k independent ones, and Geman and McClure's ρ of the noise σ of one pixel of outline and its tail τ.
 
 use glam::DVec3;
 
-use super::robust::geman_mcclure;
+use super::robust::Noise;
 use super::{FrameSystem, Term, outer};
 use crate::camera::Camera;
 use crate::motion::observed::outline_distance::OutlineDistance;
@@ -29,9 +29,9 @@ pub struct Outline<'a> {
     pub distance: &'a OutlineDistance,
     /// Camera of level 0.
     pub camera: &'a Camera,
-    /// Distances beyond this count less and less `[px]`.
-    pub sigma: f64,
-    /// Weight of one pixel of outline, 1/(σ² l).
+    /// σ of one pixel of outline `[px]`, and τ.
+    pub noise: Noise,
+    /// k: number of independent pixels of outline that one of level 0 counts as.
     pub weight: f64,
 }
 
@@ -44,9 +44,11 @@ impl Outline<'_> {
         boundary.chain(self.folds.iter().map(|fold| (&fold.point, fold.pair)))
     }
 
-    /// Length of what may be on the outline `[px]`.
-    pub fn length(&self) -> f64 {
-        self.points().map(|(point, _)| point.length).sum()
+    /// Mean squared distance to the outline of what may be on it, as the robust term counts it `[px²]`; 0 if nothing may.
+    pub fn mean_square(&self, x: &[DVec3]) -> f64 {
+        let length: f64 = self.points().map(|(point, _)| point.length).sum();
+        let value = if length > 0.0 { self.value(x) / (self.weight * length) } else { 0.0 };
+        2.0 * value * self.noise.sigma.powi(2)
     }
 
     /// Distance `[px]` of a point to the outline and its derivative by the point; `None` where it does not count.
@@ -68,7 +70,7 @@ impl Term for Outline<'_> {
 
     fn value(&self, x: &[DVec3]) -> f64 {
         let of_point = |(point, _): (&EdgePoint, usize)| match self.residual(point, x) {
-            Some((r, _)) => self.weight * point.length * geman_mcclure(r * r, self.sigma).0,
+            Some((r, _)) => self.weight * point.length * self.noise.geman_mcclure(r * r).0,
             None => 0.0,
         };
         self.points().map(of_point).sum()
@@ -79,7 +81,7 @@ impl Term for Outline<'_> {
         let mut value = 0.0;
         for (point, pair) in self.points() {
             let Some((r, slope)) = self.residual(point, x) else { continue };
-            let (rho, ratio) = geman_mcclure(r * r, self.sigma);
+            let (rho, ratio) = self.noise.geman_mcclure(r * r);
             let weight = self.weight * point.length;
             let (s, w, q) = (weight * ratio, point.weights, outer(slope, slope));
             value += weight * rho;

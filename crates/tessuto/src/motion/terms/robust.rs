@@ -1,32 +1,99 @@
-//! Robust kernels: residuals beyond a scale count less than their square.
+//! Robust kernels: what is far off counts as an outlier.
+//!
+//! A residual r of spread σ is told in spreads, u = r/σ. Both kernels c(u; τ) are ½ u² as long as u is small against the tail τ, so that a
+//! residual of one σ costs ½; beyond so many spreads they grow less and less:
+//!
+//! | kernel | c(u; τ) | weight c'(u)/u | far beyond τ |
+//! |---|---|---|---|
+//! | Cauchy | ½ τ² ln(1 + (u/τ)²) | 1/(1 + (u/τ)²) | grows as ln u |
+//! | Geman and McClure | ½ u²/(1 + (u/τ)²) | 1/(1 + (u/τ)²)² | ½ τ² at most |
+//!
+//! Of both k c(u; τ) = c(√k u; √k τ): what counts k times has a noise that is smaller by √k, and the same cut-off σ τ.
 
-/// Cauchy's kernel ρ(r) = ½ τ² ln(1 + (r/τ)²) and its weight ρ'(r)/r = 1/(1 + (r/τ)²).
-pub fn cauchy(residual: f64, tail: f64) -> (f64, f64) {
-    let s = (residual / tail).powi(2);
+/// Cauchy's kernel of a residual of `u` spreads, and its weight.
+pub fn cauchy(u: f64, tail: f64) -> (f64, f64) {
+    let s = (u / tail).powi(2);
     (0.5 * tail * tail * s.ln_1p(), 1.0 / (1.0 + s))
 }
 
-/// Kernel of Geman and McClure for a residual of several components, given r² = ‖r‖²:
-/// ρ = ½ σ² r²/(σ² + r²), and its weight 2 ∂ρ/∂r² = (σ²/(σ² + r²))².
-pub fn geman_mcclure(sq_residual: f64, sigma: f64) -> (f64, f64) {
-    let sq_sigma = sigma * sigma;
-    let ratio = sq_sigma / (sq_sigma + sq_residual);
-    (0.5 * ratio * sq_residual, ratio * ratio)
+/// Geman and McClure's kernel of a residual of several components, whose squares in spreads add up to `sq_u`, and its weight.
+pub fn geman_mcclure(sq_u: f64, tail: f64) -> (f64, f64) {
+    let sq_tail = tail * tail;
+    let ratio = sq_tail / (sq_tail + sq_u);
+    (0.5 * ratio * sq_u, ratio * ratio)
+}
+
+/// What a residual of the pictures is told in, and from where on it is an outlier.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Noise {
+    /// Spread σ, in the residual's unit.
+    pub sigma: f64,
+    /// Tail τ `[σ]`.
+    pub tail: f64,
+}
+
+impl Noise {
+    /// The cut-off σ τ, in the residual's unit.
+    pub fn cut_off(self) -> f64 {
+        self.sigma * self.tail
+    }
+
+    /// [`cauchy`] of `residual`, and the weight of its square: c'(r/σ)/r.
+    pub fn cauchy(self, residual: f64) -> (f64, f64) {
+        let (value, weight) = cauchy(residual / self.sigma, self.tail);
+        (value, weight / (self.sigma * self.sigma))
+    }
+
+    /// [`geman_mcclure`] of the residual with this square, and the weight of it: c'(r/σ)/r.
+    pub fn geman_mcclure(self, sq_residual: f64) -> (f64, f64) {
+        let precision = 1.0 / (self.sigma * self.sigma);
+        let (value, weight) = geman_mcclure(sq_residual * precision, self.tail);
+        (value, weight * precision)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Both kernels.
+    const KERNELS: [fn(f64, f64) -> (f64, f64); 2] = [cauchy, |u, tail| geman_mcclure(u * u, tail)];
+
     #[test]
     fn weights_are_the_derivatives() {
-        for r in [0.01, 0.3, 1.0, 7.0] {
-            let h = 1e-5 * r;
-            let slope = (cauchy(r + h, 2.0).0 - cauchy(r - h, 2.0).0) / (2.0 * h);
-            assert!((cauchy(r, 2.0).1 * r / slope - 1.0).abs() < 1e-8);
-            let of = |r: f64| geman_mcclure(r * r, 0.5).0;
-            let slope = (of(r + h) - of(r - h)) / (2.0 * h);
-            assert!((geman_mcclure(r * r, 0.5).1 * r / slope - 1.0).abs() < 1e-8);
+        let noise = Noise { sigma: 0.3, tail: 2.0 };
+        let of_noise: [&dyn Fn(f64) -> (f64, f64); 2] =
+            [&|r| noise.cauchy(r), &|r| noise.geman_mcclure(r * r)];
+        for (kernel, of_noise) in KERNELS.into_iter().zip(of_noise) {
+            for r in [0.01, 0.3, 1.0, 7.0] {
+                for f in [&|u| kernel(u, 2.0), of_noise] {
+                    let h = 1e-5 * r;
+                    let slope = (f(r + h).0 - f(r - h).0) / (2.0 * h);
+                    assert!((f(r).1 * r / slope - 1.0).abs() < 1e-8);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_spread_costs_a_half_and_what_is_beyond_the_tail_less_than_its_square() {
+        let noise = Noise { sigma: 0.3, tail: 1e4 };
+        for cost in [noise.cauchy(0.3).0, noise.geman_mcclure(0.09).0] {
+            assert!((cost - 0.5).abs() < 1e-6, "{cost}");
+        }
+        let noise = Noise { tail: 5.0, ..noise };
+        let far = 1e3 * noise.cut_off();
+        assert!((noise.cauchy(far).0 / (25.0 * 1e3f64.ln()) - 1.0).abs() < 1e-6);
+        assert!((noise.geman_mcclure(far * far).0 / 12.5 - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn what_counts_more_often_has_a_smaller_noise_and_the_same_cut_off() {
+        for kernel in KERNELS {
+            for (u, tail, k) in [(0.2, 3.0, 4.0), (2.5, 1.5, 0.3), (40.0, 7.0, 13.0f64)] {
+                let (often, smaller) = (k * kernel(u, tail).0, kernel(k.sqrt() * u, k.sqrt() * tail).0);
+                assert!((often / smaller - 1.0).abs() < 1e-12, "{often} {smaller}");
+            }
         }
     }
 }

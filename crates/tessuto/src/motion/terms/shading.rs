@@ -5,15 +5,15 @@
 //! second order, which hold nearly all of what comes from afar (Ramamoorthi and Hanrahan 2001). Its brightness relative to the first frame, e^h, then tells
 //! how a part of the sheet has turned, and which of several shapes with one image it has:
 //!
-//!   E = Σ_v w_v ½ τ² ln(1 + (r_v/(σ_v τ))²),  r_v = f(n_v) − f(n_0v) − h_v + o,
+//!   E = Σ_v w_v c(r_v/σ_v; τ),  r_v = f(n_v) − f(n_0v) − h_v + o,
 //!
 //! over the vertices v that are seen, with their normals n_v, the mean of those of the triangles around them by area, the same of the template
-//! n_0v, and the weight w_v = a_v/a of the area a_v that is seen, in areas a whose brightness varies together. The light c, h, what the
-//! whole frame is brighter by o, and the spread σ_v are held fixed; where they come from is told in `spacetime/light.rs`.
+//! n_0v, and Cauchy's c of the noise σ_v of one pixel and its tail τ. The weight w_v is the number of independent pixels that are seen around the
+//! vertex. The light, h, what the whole frame is brighter by o, σ_v and w_v are held fixed; where they come from is told in `spacetime/light.rs`.
 
 use glam::DVec3;
 
-use super::robust::cauchy;
+use super::robust::Noise;
 use super::{FrameSystem, Term, outer};
 use crate::sim::Cloth;
 
@@ -57,8 +57,8 @@ pub struct Seen {
     pub target: f64,
     /// w_v.
     pub weight: f64,
-    /// σ_v.
-    pub sigma: f64,
+    /// σ_v and τ.
+    pub noise: Noise,
 }
 
 /// See the module.
@@ -71,8 +71,6 @@ pub struct Shading<'a> {
     pub light: &'a Light,
     /// What is known of every vertex; empty while no light is.
     pub seen: &'a [Option<Seen>],
-    /// Number τ of spreads beyond which brightness has other causes.
-    pub tail: f64,
 }
 
 /// One vertex that counts.
@@ -102,11 +100,11 @@ impl Shading<'_> {
         let n = sum / length;
         let s = slope(self.light, n);
         let residual = brightness(self.light, n) - seen.target;
-        let (rho, ratio) = cauchy(residual / seen.sigma, self.tail);
+        let (rho, ratio) = seen.noise.cauchy(residual);
         Some(Vertex {
             residual,
             value: seen.weight * rho,
-            scale: seen.weight * ratio / (seen.sigma * seen.sigma),
+            scale: seen.weight * ratio,
             slope: (s - n * s.dot(n)) / length,
         })
     }

@@ -33,12 +33,6 @@ impl LevelSearch<'_, '_> {
     pub(in super::super) fn misfit(&self, frame: usize, x: &Positions) -> Misfit {
         let terms = self.terms(frame);
         let count = x.len().max(1) as f64;
-        // The outlines' mean squared distance, as the robust term counts it.
-        let length = terms.outline.length();
-        let squared = match length > 0.0 {
-            true => 2.0 * terms.outline.value(x) / (terms.outline.weight * length),
-            false => 0.0,
-        };
         let depth = x.iter().map(|p| p.z).sum::<f64>() / count;
         let camera = &self.problem.observed.camera;
         let pixel = depth / (0.5 * (camera.fx + camera.fy));
@@ -46,7 +40,7 @@ impl LevelSearch<'_, '_> {
         let mut shear = terms.priors.shear.clone();
         (shear.smooth, shear.rank) = (self.problem.settings.shear_smooth, FEW);
         Misfit {
-            outline: squared.sqrt().max(OUTLINE_FLOOR) * pixel.abs(),
+            outline: terms.outline.mean_square(x).sqrt().max(OUTLINE_FLOOR) * pixel.abs(),
             texture: self.texture_misfit(frame, &self.observe(frame, x)),
             prior: (terms.priors.strain.value(x) + shear.value(x)) / count,
         }

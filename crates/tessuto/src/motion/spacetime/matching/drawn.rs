@@ -8,11 +8,12 @@ use crate::math::minimise::{Model, Policy};
 use crate::motion::observed::samples::SurfaceSample;
 use crate::motion::spacetime::settle::PULL;
 use crate::motion::terms::low_rank::FrameFactor;
+use crate::motion::terms::robust::Noise;
 use crate::motion::terms::{FrameSystem, PriorTerms, Term};
 use crate::sim::Cloth;
 use glam::DVec2;
 
-/// Spreads of the matches' places, as parts of the sheet's size in the image, and of strain and shear, relative to those of a start, from
+/// Cut-offs of the matches' places, as parts of the sheet's size in the image, and of strain and shear, relative to those of a start, from
 /// stage to stage: first a soft sheet that heeds all matches, at last a firm one that heeds those that fit.
 const STAGES: [[f64; 2]; 3] = [[0.1, 30.0], [0.05, 5.0], [0.02, 1.0]];
 /// Most steps of each stage.
@@ -38,19 +39,19 @@ impl Finder<'_, '_> {
     ) -> Positions {
         let (p, s) = (self.problem, &self.problem.settings);
         let (mut x, mut lambda) = (start.clone(), POLICY.lambda);
-        // A match stands for its share of the sheet's image.
+        // A match stands for its part of the sheet's image, and has the tail of its colours: beyond it, it lets go.
         let area = self.size.powi(2) / self.points.len() as f64;
+        let tail = s.colour_tail;
         for [part, spread] in STAGES {
             let mut priors = p.priors.clone();
             priors.loosen([s.start_spread * spread, spread.min(s.start_bend)], s.start_tail);
-            let sigma = part * self.size;
             let places = Places {
                 cloth: p.cloth,
                 samples: &self.samples,
                 matches,
                 camera: &p.observed.levels[0][self.level].camera,
-                sigma,
-                weight: area / (s.colour_area * p.scale) / sigma.powi(2),
+                noise: Noise { sigma: part * self.size / tail, tail },
+                weight: area * p.independent,
             };
             let kappa = p.acceleration_weight();
             let mut model = Drawn { cloth: p.cloth, priors, places, start, kappa, scratch: &mut *scratch };

@@ -1,15 +1,15 @@
 //! Points of the sheet drawn to where the image shows them:
 //!
-//!   E = Σ_i w ρ(‖π(x_i) − q_i‖),
+//!   E = Σ_i w ρ(‖π(x_i) − q_i‖/σ; τ),
 //!
-//! with places q_i and the projection π of points x_i `[px]` and Geman and McClure's ρ of spread σ: what is farther off than
-//! that lets go.
+//! with places q_i and the projection π of points x_i `[px]` and Geman and McClure's ρ of spread σ and tail τ: what is farther off than
+//! σ τ lets go.
 
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::camera::Camera;
 use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
-use crate::motion::terms::robust::geman_mcclure;
+use crate::motion::terms::robust::Noise;
 use crate::motion::terms::{FrameSystem, Term, outer};
 use crate::sim::Cloth;
 
@@ -23,9 +23,9 @@ pub struct Places<'a> {
     pub matches: &'a [(SurfaceSample, DVec2)],
     /// Camera of these pixels.
     pub camera: &'a Camera,
-    /// Spread σ `[px]`.
-    pub sigma: f64,
-    /// Weight w of a match `[1/px²]`.
+    /// σ `[px]` and τ.
+    pub noise: Noise,
+    /// Weight w of a match.
     pub weight: f64,
 }
 
@@ -44,7 +44,7 @@ impl Term for Places<'_> {
     fn value(&self, x: &[DVec3]) -> f64 {
         let of_match = |(point, seen): &(SurfaceSample, DVec2)| {
             let residual = self.residual(self.samples.position(point, x), *seen);
-            residual.map_or(0.0, |r| self.weight * geman_mcclure(r.length_squared(), self.sigma).0)
+            residual.map_or(0.0, |r| self.weight * self.noise.geman_mcclure(r.length_squared()).0)
         };
         self.matches.iter().map(of_match).sum()
     }
@@ -55,7 +55,7 @@ impl Term for Places<'_> {
         for (point, seen) in self.matches {
             let p = self.samples.position(point, x);
             let Some(r) = self.residual(p, *seen) else { continue };
-            let (rho, ratio) = geman_mcclure(r.length_squared(), self.sigma);
+            let (rho, ratio) = self.noise.geman_mcclure(r.length_squared());
             let [ru, rv] = self.camera.projection_rows(p);
             let (s, w) = (self.weight * ratio, point.weights);
             let gradient = (ru * r.x + rv * r.y) * s;
@@ -99,8 +99,8 @@ mod tests {
             samples: &samples,
             matches: &matches,
             camera: &camera,
-            sigma: 4.0,
-            weight: 0.7,
+            noise: Noise { sigma: 2.0, tail: 2.0 },
+            weight: 3.0,
         };
         let x: Positions = mesh.positions.iter().map(|p| *p + rng.vector() * 5e-3).collect();
         let mut system = FrameSystem::zeros(&cloth);
