@@ -37,17 +37,17 @@
 //! - from the second level of `refine` on, for colours and outlines what the clip's own noise makes of a pixel, by what is left of them, and for shading
 //!   how much of the brightness the light explains (`noise`).
 //!
-//! To count k times is to have a noise larger by 1/√k, and a tail shorter by as much: the cut-off σ τ stays.
+//! To count k times is to have a noise of σ/√k and a tail of √k τ: the cut-off σ τ stays.
 //!
 //! **What does not count.** a_p is the area in the first frame; what turns away fills less of the image, and a_p shrinks with it. Points that the
-//! sheet hides itself cost nothing, nor do those where the frame shows no fabric, and boundary that lies over more of the sheet, or beside a fold that
+//! sheet hides itself cost nothing, nor do those of which a frame shows no fabric, nor boundary that lies over more of the sheet, or beside a fold that
 //! explains the outline better ([`super::observed::occlusion`]), or where the mask's outline is too far away or cut by the border of the image
 //! ([`super::observed::outline_distance`]). A vertex has shading where the frame shows most of its surroundings, from the same side as the first and not
 //! edge-on (`light.rs`). Where motions are compared, every pixel of the mask that shows none of the sheet, and every one of the sheet beside the mask,
 //! costs as much as the worst of differences, ½ k τ² of colours: what a motion hides is neither good nor bad.
 //!
 //! **What is held fixed** while a step in x is taken, and found anew from the positions before the next: the gains, A_n less what is in front of the
-//! fabric, what is hidden and what turns away, which folds are outlines, the light, and the normals of signed bending. The smooth shear m is not: it
+//! fabric, what is hidden and what turns away, which folds are outlines, the light with the brightness that it explains, and the normals of signed bending. The smooth shear m is not: it
 //! always is the best one. Where motions are compared, spreads and tails are the settings' own but for σ_a and σ_m, and k is that of size and print;
 //! the best path leaves adjacent frames out.
 //!

@@ -169,6 +169,59 @@ fn magnifying_adds_no_weight() {
     }
 }
 
+/// Of a sheet twice as large pixels tell twice as much, not four times, and outlines the same.
+#[test]
+fn pixels_of_larger_sheets_count_less() {
+    let scene = scene();
+    let cloth = Cloth::new(&scene.template);
+    // The sheet measures about 50 px of the video.
+    let [small, large] = [20.0, 40.0].map(|resolution| {
+        let settings = SpacetimeSettings { resolution, ..SpacetimeSettings::default() };
+        let problem = Problem::new(&scene, &cloth, settings).unwrap();
+        let search = problem.at_level(problem.observed.range[0]);
+        let terms = search.terms(1);
+        let area: f64 = search.samples.points.iter().map(|point| point.area).sum();
+        let length: f64 = problem.boundary.iter().map(|point| point.length).sum();
+        [area * terms.colour.weight / problem.print[search.level], length * terms.outline.weight]
+    });
+    println!("{small:?} {large:?}");
+    for ((small, large), times) in small.into_iter().zip(large).zip([2.0, 1.0]) {
+        assert!((large / small / times - 1.0).abs() < 1e-9, "{small} {large}");
+    }
+}
+
+#[test]
+fn a_pixel_that_is_off_by_one_spread_costs_a_half() {
+    let scene = scene();
+    let cloth = Cloth::new(&scene.template);
+    let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
+    let mut search = problem.at_level(problem.observed.range[0]);
+    let x = &scene.template.positions;
+    let of_channel = (problem.settings.colour / 3f64.sqrt()) as f32;
+    let off = |shown: Option<[f32; 3]>| shown.map(|colour| colour.map(|c| c + of_channel));
+    search.reference = search.observe(1, x).into_iter().map(off).collect();
+    let colour = search.terms(1).colour;
+    let pixels = problem.independent * problem.print[search.level] * colour.area(x) * search.pixel_area();
+    let cost = colour.value(x) / pixels;
+    let expected = 0.5 / (1.0 + problem.settings.colour_tail.powi(-2));
+    println!("{cost} of {pixels:.0} pixels each, {expected} by the kernel");
+    assert!(pixels > 500.0 && (cost / expected - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn without_a_tail_shading_is_left_out() {
+    let scene = scene();
+    let cloth = Cloth::new(&scene.template);
+    let shading = |settings: SpacetimeSettings| {
+        let problem = Problem::new(&scene, &cloth, settings).unwrap();
+        let terms = problem.objective(&disturbed(&scene));
+        terms.into_iter().find(|(name, _)| *name == "shading").unwrap().1
+    };
+    let default = SpacetimeSettings::default();
+    assert!(shading(default.clone()) > 0.0);
+    assert_eq!(shading(SpacetimeSettings { shading_tail: 0.0, ..default }), 0.0);
+}
+
 #[test]
 fn every_term_agrees_with_central_differences() {
     with_search(|search, frames| {

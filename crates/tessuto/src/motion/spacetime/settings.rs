@@ -32,24 +32,24 @@ settings! {
         /// The same about the acceleration that its causes make, once these are known; larger is weaker.
         acceleration_along: f64 = 2.0, number(1e-4..=1e6, "m/s²");
         /// Noise σ of the colour of one pixel of the finest level, all channels together, of a sheet of 160 px. Larger is weaker.
-        colour: f64 = 0.02739, number(1e-6..=1e3, "sRGB");
+        colour: f64 = 0.0273861, number(1e-6..=1e3, "sRGB");
         /// Colours that differ by more than so many spreads σ count less and less; larger is stricter.
-        colour_tail: f64 = 3.651, number(1e-3..=1e6, "");
+        colour_tail: f64 = 3.65148, number(1e-3..=1e6, "");
         /// Weight of the comparison with the frames before and after, relative to that with the first frame.
         neighbour_weight: f64 = 0.5, number(0.0..=100.0, "");
         /// Noise σ of one pixel of outline: its distance to that of the mask, of a sheet of 160 px. Larger is weaker.
-        outline: f64 = 0.4648, number(1e-5..=1e5, "px of the finest level");
+        outline: f64 = 0.464758, number(1e-5..=1e5, "px of the finest level");
         /// Outlines farther apart than so many spreads σ count less and less; larger is stricter.
-        outline_tail: f64 = 25.82, number(1e-3..=1e6, "");
+        outline_tail: f64 = 25.8199, number(1e-3..=1e6, "");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
         /// Noise σ of the logarithm of the brightness of one pixel about what the light of the scene explains, of a sheet of 160 px; larger is
         /// weaker. Where the light explains little of the brightness, shading counts less at the end.
-        shading: f64 = 0.1225, number(1e-4..=1e3, "");
+        shading: f64 = 0.122474, number(1e-4..=1e3, "");
         /// The same in proportion to the logarithm itself; larger is weaker.
-        shading_share: f64 = 0.49, number(0.0..=1e3, "");
+        shading_share: f64 = 0.489898, number(0.0..=1e3, "");
         /// Brightness beyond this many spreads σ has other causes; larger is stricter, 0 leaves shading out.
-        shading_tail: f64 = 0.8165, number(0.0..=1e6, "");
+        shading_tail: f64 = 0.816497, number(0.0..=1e6, "");
         /// Spread of the logarithm of what whole frames are brighter by for other causes; larger is weaker.
         shading_offset: f64 = 0.05, number(1e-6..=1e3, "");
         /// Resolution of the finest level of the image pyramids, each of which halves the frames: the coarsest at which the
