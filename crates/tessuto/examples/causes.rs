@@ -79,7 +79,8 @@ fn main() -> tessuto::Result<()> {
         config.causes.iterations = 0;
     }
     let watch = Instant::now();
-    let sheet = (&scene.template, &scene.known);
+    let views = scene.viewpoints();
+    let sheet = (&scene.template, &scene.known, &views[..]);
     let clock = (scene.fps, &dynamics);
     let mut found = causes::find(sheet, &frames, Some(&sigma), clock, &config.causes);
     let seconds = watch.elapsed().as_secs_f64();

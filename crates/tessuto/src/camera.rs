@@ -1,7 +1,12 @@
-//! Pinhole camera in the OpenCV frame: x right, y down, z forward, metres; the camera is the origin.
+//! Pinhole camera in the OpenCV frame: x right, y down, z forward, metres; the camera is the origin. Where it stands in the world tells a
+//! [`Viewpoint`].
+
+mod viewpoint;
 
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+
+pub use viewpoint::{Pose, Viewpoint};
 
 /// Pinhole intrinsics `[px]`. The centre of pixel (column i, row j) is at (i, j).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -60,7 +65,6 @@ impl Rect {
         pixels.into_iter().map(|(x, y)| Self { x0: x, y0: y, x1: x + 1, y1: y + 1 }).reduce(Self::union)
     }
 
-    /// Width `[px]`.
     /// Width `[px]`.
     pub fn width(&self) -> usize {
         self.x1 - self.x0

@@ -92,7 +92,7 @@ pub fn gate(loaded: &Loaded) -> Result<Vec<Warning>> {
 
 /// What is found in frames, masks, camera and template, and the overlap of the template with the first mask.
 fn all_findings(scene: &Scene) -> Result<(Vec<Finding>, f64)> {
-    let covered = template_coverage(&scene.template, &scene.template.positions, &scene.camera);
+    let covered = template_coverage(&scene.template, &scene.template.positions, scene.viewpoint(0));
     let first = scene.frames.frame(0)?;
     let iou = overlap(&covered, &first.mask);
     let of_template = findings::of_template(scene, &first.mask, &covered, iou);

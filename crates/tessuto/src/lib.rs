@@ -104,7 +104,7 @@ pub mod view;
 
 pub use glam;
 
-pub use camera::{Camera, Rect};
+pub use camera::{Camera, Pose, Rect, Viewpoint};
 pub use config::Config;
 pub use error::{Error, Hint, Remedy, Repair, Result, Warning};
 pub use image::Image;

@@ -68,7 +68,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         Some(texture) => texture,
         None => fit_texture(
             &rasterizer,
-            &scene.camera,
+            &scene.viewpoint(0),
             template,
             &*scene.frames.frame(0)?,
             &config.texture,
@@ -153,7 +153,8 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
     let dynamics = config.dynamics.at(scene.fps);
     let (mut causes, mut made) = (None, None);
     let (parameters, loose) = if config.causes.fit {
-        let sheet = (&scene.template, &scene.known);
+        let views = scene.viewpoints();
+        let sheet = (&scene.template, &scene.known, &views[..]);
         let advance = &mut |done| session.advance(done, causes::PARTS);
         // Roughly what moves it; where it is, given that; what moves it, given where it is.
         let clock = (scene.fps, &dynamics);

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
-use crate::camera::{Camera, Rect};
+use crate::camera::{Camera, Rect, Viewpoint};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Motion};
 use crate::video::Video;
@@ -74,6 +74,16 @@ pub struct Known {
 }
 
 impl Scene {
+    /// The way from a point to a pixel of frame `n`, of the crop. It is the same for all frames: the camera stands at the world's origin.
+    pub fn viewpoint(&self, _n: usize) -> Viewpoint {
+        Viewpoint::from(self.camera)
+    }
+
+    /// The same of every frame, shape `[N]`.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        (0..self.frames.len()).map(|n| self.viewpoint(n)).collect()
+    }
+
     /// Refuses a scene that cannot be computed on. Folders are checked when they are read; this is for scenes made in
     /// memory.
     ///
@@ -110,9 +120,9 @@ impl Scene {
     }
 
     fn check_template(&self) -> Result<()> {
-        let mesh = &self.template;
+        let (mesh, view) = (&self.template, self.viewpoint(0));
         let fail = |problem: String, hint: &str| Err(Error::input("template", problem, hint));
-        if let Some(k) = mesh.positions.iter().position(|p| !p.is_finite() || p.z <= 0.0) {
+        if let Some(k) = mesh.positions.iter().position(|p| !p.is_finite() || view.depth(*p) <= 0.0) {
             let problem = format!("vertex {k} is {}, not in front of the camera", mesh.positions[k]);
             return fail(problem, "give camera coordinates in metres: x right, y down, z forward");
         }

@@ -161,7 +161,7 @@ pub fn fit(
         let mean = |i: usize, estimates: &[[f32; 3]; 2]| {
             let (value, adjoints) = loss(observed[i], estimates);
             // The more obliquely a surface is seen, the farther the same error of the motion shifts the texture.
-            let cosine = batch[i].normal.dot(batch[i].position.normalize());
+            let cosine = batch[i].normal.dot(geometry.to_viewer(&batch[i]));
             let weight = scale * patch_weights.weight(batch[i].patch) * cosine * cosine;
             (value, adjoints.map(|a| a.map(|a| a * weight)))
         };

@@ -35,7 +35,7 @@ pub(super) fn observe(
     let blank = Texture::uniform(1, 1, [0.0; 3]);
     let counts = scene.frames.map(0..motion.len(), Rendering::new, |rendering, n| {
         let frame = scene.frames.frame(n)?;
-        rasterizer.render(&scene.camera, &motion[n], &blank, rendering);
+        rasterizer.render(scene.viewpoint(n), &motion[n], &blank, rendering);
         Ok((0..rendering.triangle.len()).filter(|pixel| inside(&frame.mask, rendering, *pixel)).count())
     })?;
     let total: usize = counts.iter().sum();
@@ -52,7 +52,7 @@ pub(super) fn observe(
             next += usize::from(inside);
             inside && drawn(next - 1)
         };
-        let seen = visible_points(rasterizer, &scene.camera, geometry, n, &motion[n], rendering, wanted);
+        let seen = visible_points(rasterizer, scene.viewpoint(n), geometry, n, &motion[n], rendering, wanted);
         let observation = |(pixel, mut point): (u32, SurfacePoint)| {
             point.uv = window.inside(point.uv);
             let width = scene.camera.width;

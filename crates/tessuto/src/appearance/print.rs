@@ -134,10 +134,11 @@ impl Looker<'_> {
 
     fn view(&self, rendering: &mut Rendering, n: usize) -> Result<View> {
         let (scene, positions) = (self.scene, &self.motion[n]);
-        let camera = &scene.camera;
+        let view = scene.viewpoint(n);
+        let camera = &view.camera;
         let frame = scene.frames.frame(n)?;
         let blank = Texture::uniform(1, 1, [0.0; 3]);
-        self.rasterizer.render(camera, positions, &blank, rendering);
+        self.rasterizer.render(view, positions, &blank, rendering);
         let triangles = self.rasterizer.triangles();
         let mut counts = vec![0.0; triangles.len()];
         let mut pixels = Vec::new();
@@ -149,7 +150,7 @@ impl Looker<'_> {
             let t = rendering.triangle[pixel] as usize;
             let (x, y) = (pixel % camera.width, pixel / camera.width);
             let ray = camera.ray(glam::DVec2::new(x as f64, y as f64));
-            let corners = barycentrics(triangles[t].map(|v| positions[v as usize]), ray);
+            let corners = barycentrics(triangles[t].map(|v| view.in_camera(positions[v as usize])), ray);
             let uvs = self.rasterizer.triangle_uvs()[t];
             let uv: glam::DVec2 = (0..3).map(|k| self.rasterizer.uvs()[uvs[k] as usize] * corners[k]).sum();
             if !uv.is_finite() {
@@ -165,13 +166,13 @@ impl Looker<'_> {
         }
         let normals = facing.iter().zip(&counts).filter(|(_, count)| **count > 0.0);
         let vertices = positions.iter().map(|p| {
-            let at = camera.project(*p).round();
+            let (at, depth) = (view.project(*p).round(), view.depth(*p));
             let within =
                 at.x >= 0.0 && at.y >= 0.0 && at.x < camera.width as f64 && at.y < camera.height as f64;
             // Nothing in front of it by more than a hundredth of its distance.
-            within && p.z > 0.0 && {
+            within && depth > 0.0 && {
                 let (x, y) = (at.x as usize, at.y as usize);
-                let hidden = rendering.depth(x, y).is_some_and(|z| z < 0.99 * p.z);
+                let hidden = rendering.depth(x, y).is_some_and(|z| z < 0.99 * depth);
                 frame.mask.pixel(x, y)[0] > 0.5 && !hidden
             }
         });
@@ -186,16 +187,17 @@ impl Looker<'_> {
     /// Unit normal of triangle `t` in frame `n`, on the side that the camera sees, and how much its pixels count.
     fn facing(&self, t: usize, n: usize) -> (DVec3, f32) {
         let corners = self.rasterizer.triangles()[t].map(|v| v as usize);
-        let camera = &self.scene.camera;
+        let view = self.scene.viewpoint(n);
         let [a, b, c] = corners.map(|v| self.motion[n][v]);
         let centre = |n: usize| corners.iter().map(|v| self.motion[n][*v]).sum::<DVec3>() / 3.0;
         let here = centre(n);
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        let normal = if normal.dot(here) > 0.0 { -normal } else { normal };
-        let cosine = normal.dot(here.normalize_or_zero()).abs();
+        let normal = if normal.dot(view.from_eye(here)) > 0.0 { -normal } else { normal };
+        let cosine = normal.dot(view.direction(here)).abs();
         let next = if n + 1 < self.motion.len() { n + 1 } else { n.saturating_sub(1) };
-        let way = 0.5 * camera.project(here).distance(camera.project(centre(next)));
-        let pixels_per_metre = camera.fx.max(camera.fy) / here.z.abs().max(1e-6);
+        // As if the camera stood still: what a shutter blurs besides is what it turns by meanwhile, of which no frame tells.
+        let way = 0.5 * view.project(here).distance(view.project(centre(next)));
+        let pixels_per_metre = view.camera.fx.max(view.camera.fy) / view.depth(here).abs().max(1e-6);
         let deviation = self.deviations.map_or(0.0, |frames| {
             corners.iter().map(|v| frames[n][*v]).sum::<f64>() / 3.0 * pixels_per_metre
         });

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::read_material;
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::error::Result;
 use crate::mesh::{Mesh, Positions};
 use crate::metrics::maps::{self, MapMetrics};
@@ -29,8 +29,7 @@ pub fn evaluate(scene: &Scene, result: &Path, motion: &[Positions]) -> Result<Op
     if complete(&estimate) && complete(&truth) && !motion.is_empty() {
         let [as_is, scaled] = relit_psnr(
             &scene.template,
-            &scene.camera,
-            motion,
+            (motion, &scene.viewpoints()),
             [&read_material(&estimate)?, &read_material(&truth)?],
         );
         (metrics.relit_psnr, metrics.relit_psnr_scaled) = (Some(as_is), Some(scaled));
@@ -42,22 +41,22 @@ pub fn evaluate(scene: &Scene, result: &Path, motion: &[Positions]) -> Result<Op
 /// per channel of the linear colours. Both are drawn with the same random numbers.
 fn relit_psnr(
     template: &Mesh,
-    camera: &Camera,
-    motion: &[Positions],
+    (motion, views): (&[Positions], &[Viewpoint]),
     [estimate, truth]: [&Material; 2],
 ) -> [f64; 2] {
     let rasterizer = &Rasterizer::new(template);
     let count = FRAMES.min(motion.len());
-    let chosen: Vec<Positions> =
-        (0..count).map(|k| motion[(motion.len() - 1) * k / (count - 1).max(1)].clone()).collect();
-    let geometry = &Geometry::new(template, &chosen);
+    let chosen: Vec<usize> = (0..count).map(|k| (motion.len() - 1) * k / (count - 1).max(1)).collect();
+    let views: Vec<Viewpoint> = chosen.iter().map(|n| views[*n]).collect();
+    let chosen: Vec<Positions> = chosen.iter().map(|n| motion[*n].clone()).collect();
+    let geometry = &Geometry::seen(template, &chosen, &views);
     let light = &EnvironmentSampler::new(&studio(), 0.1);
     let (mut a, mut b) = (Vec::new(), Vec::new());
     for (n, positions) in chosen.iter().enumerate() {
         let [drawn, expected] = [estimate, truth].map(|material| {
             render_frame(
                 &RenderScene { rasterizer, geometry, material, light },
-                camera,
+                views[n],
                 (n, positions),
                 SAMPLES_PER_PIXEL,
             )
@@ -94,6 +93,7 @@ pub fn studio() -> EnvironmentMap {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Camera;
     use crate::mesh::grid;
 
     #[test]
@@ -101,8 +101,9 @@ mod tests {
         let template = grid(3, 3, glam::DVec2::splat(0.5), 1.0);
         let camera = Camera { fx: 40.0, fy: 40.0, cx: 15.5, cy: 15.5, width: 32, height: 32 };
         let motion = vec![template.positions.clone(); 2];
+        let views = [Viewpoint::from(camera); 2];
         let compare = |estimate: &Material, truth: &Material| {
-            relit_psnr(&template, &camera, &motion, [estimate, truth])
+            relit_psnr(&template, (&motion, &views), [estimate, truth])
         };
         let truth = Material::uniform(4, 4, [0.5, 0.3, 0.4], 0.6, 0.0);
         let [same, _] = compare(&truth, &truth);

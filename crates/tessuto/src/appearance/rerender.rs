@@ -36,12 +36,12 @@ pub fn rerender(
 ) -> Result<Rerendered> {
     let light = &EnvironmentSampler::new(environment, 0.05);
     let cloth = RenderScene { rasterizer, geometry, material: maps, light };
-    let mut drawn = render_frame(&cloth, &scene.camera, (frame, positions), samples_per_pixel);
+    let mut drawn = render_frame(&cloth, scene.viewpoint(frame), (frame, positions), samples_per_pixel);
     let [full_width, full_height] = scene.full_size;
     let mut rgb = Image::new(full_width, full_height, 3);
     let observed = scene.frames.frame(frame)?;
     let mut rendering = Rendering::new();
-    rasterizer.render(&scene.camera, positions, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
+    rasterizer.render(scene.viewpoint(frame), positions, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
     let coverage: Vec<f32> = rendering.rgba.iter().map(|c| c[3].clamp(0.0, 1.0)).collect();
     fill_outline(&mut drawn, &coverage, &observed.rgb);
     let mut difference = Image::new(drawn.width, drawn.height, 3);

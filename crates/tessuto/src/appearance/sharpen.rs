@@ -47,7 +47,7 @@ pub(super) fn sharpen(
         });
         for (((point, colour), a), b) in points.iter().zip(colours).zip(first).zip(second) {
             let weight = patch_weights.weight(point.patch);
-            equations.push(Equation::new(material, point, weight, *colour, [a, b]));
+            equations.push(Equation::new(shader, point, weight, *colour, [a, b]));
         }
     }
     solve(material, &mut equations, passes)
@@ -56,15 +56,15 @@ pub(super) fn sharpen(
 impl Equation {
     /// Of two estimates, colour and its derivative, of the `point` that has the sRGB colour `observed`.
     fn new(
-        material: &Material,
+        shader: &Shader,
         point: &SurfacePoint,
         weight: f32,
         observed: [f32; 3],
         estimates: [[[f32; 3]; 2]; 2],
     ) -> Self {
-        let cosine = point.normal.dot(point.position.normalize());
+        let cosine = point.normal.dot(shader.geometry.to_viewer(point));
         // What metal shows is the light: its texels stay what the steps made of them together.
-        let paint = 1.0 - material.sample(point.uv)[4];
+        let paint = 1.0 - shader.material.sample(point.uv)[4];
         let weight = weight * (cosine * paint).powi(2);
         let mut equation = Self { uv: point.uv, pull: [0.0; 3], square: [0.0; 3] };
         for c in 0..3 {

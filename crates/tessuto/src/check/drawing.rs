@@ -25,11 +25,11 @@ pub(super) fn draw(scene: &Scene) -> Result<Image> {
     shown.dedup();
     let mut images: Vec<Image> =
         shown.into_iter().map(|n| Ok(outlined(&*scene.frames.frame(n)?))).collect::<Result<_>>()?;
-    let mesh = &scene.template;
+    let (mesh, view) = (&scene.template, scene.viewpoint(0));
     for edge in mesh.edges() {
         let ends = edge.map(|v| mesh.positions[v as usize]);
-        if ends.iter().all(|p| p.z > 0.0) {
-            let [a, b] = ends.map(|p| scene.camera.project(p));
+        if ends.iter().all(|p| view.depth(*p) > 0.0) {
+            let [a, b] = ends.map(|p| view.project(p));
             line(&mut images[0], a, b);
         }
     }

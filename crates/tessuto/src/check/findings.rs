@@ -138,11 +138,11 @@ fn intrinsics(scene: &Scene) -> Finding {
 }
 
 fn scale(scene: &Scene) -> Finding {
-    let mesh = &scene.template;
+    let (mesh, view) = (&scene.template, scene.viewpoint(0));
     let edges = mesh.edges();
     let length = |e: &[u32; 2]| mesh.positions[e[0] as usize].distance(mesh.positions[e[1] as usize]);
     let mean = edges.iter().map(length).sum::<f64>() / edges.len() as f64;
-    let depths = || mesh.positions.iter().map(|p| p.z);
+    let depths = || mesh.positions.iter().map(|p| view.depth(*p));
     let nearest = depths().fold(f64::INFINITY, f64::min);
     let finding = ok(
         "scale",

@@ -7,7 +7,7 @@ use ::image::RgbImage;
 
 use super::table::{failures, shown};
 use super::{Entry, Table, csv, tables, text};
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::error::Result;
 use crate::image::Image;
 use crate::io::scene::{LoadOptions, load};
@@ -22,7 +22,7 @@ use crate::report::images::measured_depth_image;
 use crate::report::page::script_safe;
 use crate::result::Folder;
 use crate::scene::Scene;
-use crate::view::{Viewpoint, draw_shaded, draw_texture};
+use crate::view::{draw_shaded, draw_texture};
 
 /// Base64 of all images of a scene together, at most `[bytes]`.
 const BUDGET: usize = 9 << 20;
@@ -142,7 +142,7 @@ fn films_of(shown: &[Shown]) -> Result<Vec<(String, Film)>> {
     let size = [camera.width, camera.height].map(|n| ((n as f64 * scale) as usize).max(1));
     let together: Vec<Positions> = motions.iter().flat_map(|m| m[..frame_count].iter().cloned()).collect();
     let novel = Viewpoint::about(&together, camera, LEFT.to_radians(), 0.0)?.sized(size);
-    let original = Viewpoint::original(camera).sized(size).camera;
+    let original = Viewpoint::from(camera).sized(size).camera;
     let film =
         |sources: &[Source], camera: &Camera| Film::new(sources, frame_count, camera, None, BUDGET / 3);
 
@@ -152,7 +152,12 @@ fn films_of(shown: &[Shown]) -> Result<Vec<(String, Film)>> {
         .map(|(s, motion)| {
             let (rasterizer, texture) = (&s.rasterizer, &s.texture);
             s.source(move |n| {
-                Ok(draw_texture(rasterizer, &novel.camera, &novel.positions(&motion[n]), texture))
+                Ok(draw_texture(
+                    rasterizer,
+                    &novel.camera,
+                    &novel.all_in_camera(&motion[n]).into_owned(),
+                    texture,
+                ))
             })
         })
         .collect();

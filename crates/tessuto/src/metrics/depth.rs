@@ -3,32 +3,33 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 
 /// Depth difference δ `[m]`: mean |z_mesh − z| over the measured points whose pixel the mesh covers;
 /// None if it covers none.
 ///
-/// - `points`: measured `[m]`, camera frame, z > 0, shape `[P]`; a point's pixel is its rounded projection
-/// - `positions`: vertices `[m]`, camera frame, shape `[V]`
+/// - `points`: measured `[m]`, in front of the camera, shape `[P]`; a point's pixel is its rounded projection
+/// - `positions`: vertices `[m]`, shape `[V]`
+/// - `view`: how the frame is seen
 pub(crate) fn mean_difference(
     points: &[DVec3],
     positions: &[DVec3],
     triangles: &[[u32; 3]],
-    camera: &Camera,
+    view: &Viewpoint,
 ) -> Option<f64> {
     let pixel_of = |p: &DVec3| {
-        let p_pixel = camera.project(*p);
+        let p_pixel = view.project(*p);
         (p_pixel.y.round_ties_even() as i64, p_pixel.x.round_ties_even() as i64)
     };
     let mut pixels: Vec<(i64, i64)> = points.iter().map(pixel_of).collect();
     pixels.sort_unstable();
     pixels.dedup();
-    let nearest = depths(&pixels, positions, triangles, camera);
+    let nearest = depths(&pixels, positions, triangles, view);
     let (mut sum, mut count) = (0.0, 0usize);
     for p in points {
         let z = nearest[pixels.partition_point(|q| *q < pixel_of(p))];
         if z.is_finite() {
-            sum += (z - p.z).abs();
+            sum += (z - view.depth(*p)).abs();
             count += 1;
         }
     }
@@ -42,18 +43,19 @@ pub fn depths(
     pixels: &[(i64, i64)],
     positions: &[DVec3],
     triangles: &[[u32; 3]],
-    camera: &Camera,
+    view: &Viewpoint,
 ) -> Vec<f64> {
     let mut nearest = vec![f64::INFINITY; pixels.len()];
     for triangle in triangles {
-        let corners = triangle.map(|i| positions[i as usize]);
+        let corners = triangle.map(|i| view.in_camera(positions[i as usize]));
         if corners.iter().all(|p| p.z > 0.0) {
-            draw(corners, pixels, camera, &mut nearest);
+            draw(corners, pixels, &view.camera, &mut nearest);
         }
     }
     nearest
 }
 
+/// Draws a triangle whose corners are in the camera's frame.
 fn draw(corners: [DVec3; 3], pixels: &[(i64, i64)], camera: &Camera, nearest: &mut [f64]) {
     let [a, b, c] = corners.map(|p| camera.project(p));
     let (low, high) = (a.min(b).min(c).ceil(), a.max(b).max(c).floor());

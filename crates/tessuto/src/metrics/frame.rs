@@ -46,7 +46,7 @@ fn measure_points(
     (metrics.p2s1, metrics.p2s2) = both_means(&exact);
     let inexact = published::distances_squared(points, positions, triangles, &exact);
     (metrics.p2s1_published, metrics.p2s2_published) = both_means(&inexact);
-    metrics.depth = depth::mean_difference(points, positions, triangles, inputs.camera);
+    metrics.depth = depth::mean_difference(points, positions, triangles, inputs.view(index));
 }
 
 /// Sums of the two directions' means, of distances and of squared distances.

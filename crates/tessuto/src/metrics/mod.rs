@@ -32,18 +32,18 @@ use std::ops::Range;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::error::Result;
 use crate::mesh::{Mesh, Motion};
 use crate::scene::{Scene, Truth};
 
 /// What a motion is compared with.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub struct Inputs<'a> {
     /// The mesh whose vertices move, shape `[V]`.
     pub template: &'a Mesh,
-    /// Any camera whose pixel grid is the video's: the full image's or a crop's.
-    pub camera: &'a Camera,
+    /// How every frame is seen, shape `[N]`, or one for all. Any cameras whose pixel grid is the video's: the full image's or a crop's.
+    pub views: Vec<Viewpoint>,
     /// What is known of the true motion, shape `[N]`.
     pub truth: &'a Truth,
     /// Number of the first frame, for the output and the random stream.
@@ -54,10 +54,20 @@ impl<'a> From<&'a Scene> for Inputs<'a> {
     fn from(scene: &'a Scene) -> Self {
         Self {
             template: &scene.template,
-            camera: &scene.camera,
+            views: scene.viewpoints(),
             truth: &scene.truth,
             first_frame: scene.first_frame,
         }
+    }
+}
+
+impl Inputs<'_> {
+    /// How the frame of this index is seen.
+    ///
+    /// # Panics
+    /// If no view is given.
+    pub(crate) fn view(&self, index: usize) -> &Viewpoint {
+        self.views.get(index).unwrap_or_else(|| self.views.last().expect("one view at least"))
     }
 }
 

@@ -50,7 +50,7 @@ pub(super) fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -
     truth.vertices.iter().try_for_each(|vertices| vertices.check_vertices(count, "gt/vertices.npy"))?;
     for (k, points) in truth.points.iter().flatten().enumerate() {
         let place = format!("gt/points, frame {}", first_frame + k);
-        if let Some(i) = points.iter().position(|p| !p.is_finite() || p.z <= 0.0) {
+        if let Some(i) = points.iter().position(|p| !p.is_finite() || inputs.view(k).depth(*p) <= 0.0) {
             let problem = format!("point {i} is {}, not in front of the camera", points[i]);
             return Err(Error::input(place, problem, "remove such points from the file"));
         }

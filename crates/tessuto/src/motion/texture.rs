@@ -5,7 +5,7 @@ use std::slice::from_ref;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::math::finite;
 use crate::mesh::Positions;
@@ -89,14 +89,14 @@ impl Window {
     }
 }
 
-/// Optimises a texture, from grey 0.5, until the mesh at `shape` looks like `frame`.
+/// Optimises a texture, from grey 0.5, until the mesh at `shape`, as `view` sees it, looks like `frame`.
 /// Source: \[SAFT\] §2.3 phase 1, §2.5.1.
 ///
 /// # Errors
 /// [`Error::Numerical`] if the loss is not finite; what the session's observer returns.
 pub fn fit_texture(
     rasterizer: &Rasterizer,
-    camera: &Camera,
+    view: &Viewpoint,
     shape: &Positions,
     frame: &Frame,
     settings: &TextureSettings,
@@ -112,13 +112,13 @@ pub fn fit_texture(
     let mut gradients = Gradients::new(rasterizer).with_texture(&texture);
     let mut gradient = vec![0.0; parameters.len()];
     for epoch in 0..settings.epochs {
-        rasterizer.render(camera, shape, &texture, &mut rendering);
+        rasterizer.render(view, shape, &texture, &mut rendering);
         let [colour, _] = image_loss(&rendering.rgba, frame, from_ref(&all), &weights, 1.0, &mut grad_rgba);
         if !colour.is_finite() {
             return Err(not_finite(epoch + 1, colour, frame));
         }
         gradients.clear();
-        rasterizer.render_vjp(camera, shape, &texture, &rendering, &grad_rgba, None, &mut gradients);
+        rasterizer.render_vjp(view, shape, &texture, &rendering, &grad_rgba, None, &mut gradients);
         let by_texel = gradients.texture.as_deref().expect("with the texture");
         let rows = gradient.par_chunks_mut(3).zip(by_texel).with_min_len(TASK);
         rows.for_each(|(g, t)| (0..3).for_each(|c| g[c] = f64::from(t[c])));

@@ -22,7 +22,8 @@ const OFF_PLANE: f32 = 3.0;
 /// Light at one pixel and what says which others may share it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Lit {
-    pub position: Vec3,
+    /// Position, seen from the eye `[m]`.
+    pub from_eye: Vec3,
     pub normal: Vec3,
     pub roughness: f32,
     pub metallic: f32,
@@ -82,7 +83,7 @@ impl<'a> Gate<'a> {
         let inverse_square = |s: f32| 1.0 / (s * s);
         Self {
             own,
-            off_plane: inverse_square(OFF_PLANE * pixel_size * own.position.length()),
+            off_plane: inverse_square(OFF_PLANE * pixel_size * own.from_eye.length()),
             irradiance_turn: inverse_square(IRRADIANCE_TURN),
             lobe_turn: inverse_square((LOBE_TURN * alpha).min(IRRADIANCE_TURN)),
         }
@@ -91,7 +92,7 @@ impl<'a> Gate<'a> {
     /// Weights of the other's irradiance and microfacets.
     fn similarity(&self, other: &Lit) -> [f32; 2] {
         let own = self.own;
-        let off = (other.position - own.position).dot(own.normal);
+        let off = (other.from_eye - own.from_eye).dot(own.normal);
         let layer = bump(off * off * self.off_plane);
         let turn = other.normal.distance_squared(own.normal);
         let step = (other.roughness - own.roughness).abs().max((other.metallic - own.metallic).abs());
@@ -113,7 +114,7 @@ mod tests {
             let behind = i % width >= width / 2;
             let light = if behind { 2.0 } else { 1.0 } + 0.3 * rng.signed() as f32;
             Some(Lit {
-                position: Vec3::new(0.001 * x, 0.001 * y, if behind { 1.2 } else { 1.0 }),
+                from_eye: Vec3::new(0.001 * x, 0.001 * y, if behind { 1.2 } else { 1.0 }),
                 normal: Vec3::NEG_Z,
                 roughness: 0.5,
                 metallic: 0.0,

@@ -7,6 +7,7 @@ use wide::f32x8;
 use super::bvh::Bvh;
 use super::horizon::{Horizon, SECTORS, Sectors, horizon};
 use super::surface::SurfacePoint;
+use crate::camera::Viewpoint;
 use crate::mesh::{Mesh, Positions};
 
 /// One triangle in one frame, on the side that the camera sees.
@@ -22,28 +23,41 @@ struct Patch {
 pub struct Geometry {
     triangle_count: usize,
     trees: Vec<Bvh>,
+    /// Where every frame is seen from `[m]`, shape `[N]`.
+    eyes: Vec<Vec3>,
     /// Shape [N · T].
     patches: Vec<Patch>,
 }
 
 impl Geometry {
-    /// The triangles of `mesh` with vertices at `motion` `[m]`, camera frame, shape [N, V]. The camera is the
-    /// origin.
+    /// The triangles of `mesh` with vertices at `motion` `[m]`, shape [N, V], seen by a camera at the origin.
     pub fn new(mesh: &Mesh, motion: &[Positions]) -> Self {
+        Self::seen_from(mesh, motion, &vec![DVec3::ZERO; motion.len()])
+    }
+
+    /// The same, every frame as one of the `views` sees it, shape `[N]`.
+    pub fn seen(mesh: &Mesh, motion: &[Positions], views: &[Viewpoint]) -> Self {
+        assert_eq!(motion.len(), views.len(), "a view for every frame");
+        Self::seen_from(mesh, motion, &views.iter().map(Viewpoint::eye).collect::<Vec<_>>())
+    }
+
+    fn seen_from(mesh: &Mesh, motion: &[Positions], eyes: &[DVec3]) -> Self {
         let triangles = mesh.triangles();
         let sectors = Sectors::new();
         let frames: Vec<(Bvh, Vec<Patch>)> = motion
             .par_iter()
-            .map(|positions| {
+            .zip(eyes)
+            .map(|(positions, eye)| {
                 let bvh = Bvh::new(&triangles, positions);
                 let patches = (0..triangles.len() as u32)
-                    .map(|t| patch(&sectors, &triangles, positions, &bvh, t))
+                    .map(|t| patch(&sectors, &triangles, (positions, *eye), &bvh, t))
                     .collect();
                 (bvh, patches)
             })
             .collect();
         let (trees, patches): (Vec<_>, Vec<_>) = frames.into_iter().unzip();
-        Self { triangle_count: triangles.len(), trees, patches: patches.concat() }
+        let eyes = eyes.iter().map(|eye| eye.as_vec3()).collect();
+        Self { triangle_count: triangles.len(), trees, eyes, patches: patches.concat() }
     }
 
     /// The same, with every ray traced: slow, to prove that horizons change nothing.
@@ -55,6 +69,16 @@ impl Geometry {
     /// Unit normal of a patch (frame · number of triangles + triangle), on the side that the camera sees.
     pub fn normal(&self, patch: usize) -> Vec3 {
         self.patches[patch].normal
+    }
+
+    /// From the eye that its frame is seen from to `point` `[m]`.
+    pub(super) fn from_eye(&self, point: &SurfacePoint) -> Vec3 {
+        point.position - self.eyes[point.patch as usize / self.triangle_count]
+    }
+
+    /// Unit vector from `point` to that eye.
+    pub fn to_viewer(&self, point: &SurfacePoint) -> Vec3 {
+        -self.from_eye(point).normalize()
     }
 
     /// Which of eight unit `directions` from `point`, those with `wanted` set, reach the light: in front of the
@@ -135,10 +159,16 @@ impl Geometry {
     }
 }
 
-fn patch(sectors: &Sectors, triangles: &[[u32; 3]], positions: &[DVec3], bvh: &Bvh, t: u32) -> Patch {
+fn patch(
+    sectors: &Sectors,
+    triangles: &[[u32; 3]],
+    (positions, eye): (&[DVec3], DVec3),
+    bvh: &Bvh,
+    t: u32,
+) -> Patch {
     let [a, b, c] = triangles[t as usize].map(|v| positions[v as usize]);
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    let normal = if normal.dot(a) > 0.0 { -normal } else { normal };
+    let normal = if normal.dot(a - eye) > 0.0 { -normal } else { normal };
     let tangent = (b - a).normalize_or_zero();
     let horizon = horizon(sectors, triangles, positions, bvh, t, normal, tangent);
     Patch { normal: normal.as_vec3(), tangent: tangent.as_vec3(), horizon }

@@ -28,7 +28,7 @@ pub fn brdf(texel: [f64; 5], n: DVec3, o: DVec3, i: DVec3) -> DVec3 {
 }
 
 /// Mean and variance of the mean of `count` directions' contributions to the linear colour of `point`, on the cloth
-/// `triangles` with vertices at `positions`; `own` is the triangle that the point lies on.
+/// `triangles` with vertices at `positions`, seen from the origin; `own` is the triangle that the point lies on.
 pub fn colour(
     triangles: &[[u32; 3]],
     positions: &[DVec3],

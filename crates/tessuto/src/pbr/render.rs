@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::denoise::{Lit, RADIUS, denoise};
 use super::shader::{LANES, Numbers};
 use super::{EnvironmentSampler, Geometry, Material, RadianceEstimate, Shader, visible_points};
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::image::Image;
 use crate::image::srgb;
 use crate::math::rng::mix32;
@@ -25,19 +25,19 @@ pub struct RenderScene<'a> {
     pub light: &'a EnvironmentSampler,
 }
 
-/// Draws frame `frame`, whose vertices are at `positions`, as `camera` sees it from the origin, with `samples_per_pixel` samples,
+/// Draws frame `frame`, whose vertices are at `positions`, as `view`, one that the geometry is seen from, sees it, with `samples_per_pixel` samples,
 /// rounded up to a multiple of eight, which neighbouring pixels share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
 pub fn render_frame(
     scene: &RenderScene,
-    camera: &Camera,
+    view: impl Into<Viewpoint>,
     (frame, positions): (usize, &Positions),
     samples_per_pixel: usize,
 ) -> Image {
+    let view = view.into();
+    let camera = &view.camera;
     let mut rendering = Rendering::new();
-    let seen =
-        visible_points(scene.rasterizer, camera, scene.geometry, frame, positions, &mut rendering, |_, _| {
-            true
-        });
+    let all = |_: &Rendering, _| true;
+    let seen = visible_points(scene.rasterizer, view, scene.geometry, frame, positions, &mut rendering, all);
     let shader = Shader { geometry: scene.geometry, material: scene.material, light: scene.light };
     let seed = mix32(frame as u32 ^ 0x7e55_0170);
     let estimated: Vec<(Lit, [[f32; 3]; 2])> = seen
@@ -50,7 +50,7 @@ pub fn render_frame(
             shader.estimate_at(&context, point, numbers, samples_per_pixel, estimate);
             let brdf = &context.brdf;
             let lit = Lit {
-                position: point.position,
+                from_eye: scene.geometry.from_eye(point),
                 normal: point.normal,
                 roughness: brdf.roughness,
                 metallic: brdf.metallic,

@@ -92,7 +92,7 @@ pub(super) struct ShadingContext {
 
 impl Shader<'_> {
     pub(super) fn shading_context(&self, point: &SurfacePoint) -> ShadingContext {
-        let to_viewer = -point.position.normalize();
+        let to_viewer = self.geometry.to_viewer(point);
         let mut n = point.normal;
         let lean = n.dot(to_viewer);
         if lean < LEAST_COSINE {

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 /// A point of the cloth as a pixel sees it.
 #[derive(Debug, Clone, Copy)]
 pub struct SurfacePoint {
-    /// Position `[m]`, camera frame.
+    /// Position `[m]`.
     pub position: Vec3,
     /// Shading normal: the vertices' normals interpolated, on the side that the camera sees, unit.
     pub normal: Vec3,

@@ -4,22 +4,24 @@ use glam::{DVec2, DVec3};
 
 use super::Geometry;
 use super::surface::{SurfacePoint, barycentrics};
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::mesh::vertex_normals;
 use crate::raster::{Rasterizer, Rendering, Texture};
 
-/// The points that those pixels of `camera` see of frame `frame` of `geometry` with vertices at `positions` `[m]` for which
+/// The points that those pixels of `view` see of frame `frame` of `geometry` with vertices at `positions` `[m]` for which
 /// `wanted` says so, with their pixel indices, in the order of rows.
 pub fn visible_points(
     rasterizer: &Rasterizer,
-    camera: &Camera,
+    view: impl Into<Viewpoint>,
     geometry: &Geometry,
     frame: usize,
     positions: &[DVec3],
     rendering: &mut Rendering,
     mut wanted: impl FnMut(&Rendering, usize) -> bool,
 ) -> Vec<(u32, SurfacePoint)> {
-    rasterizer.render(camera, positions, &Texture::uniform(1, 1, [0.0; 3]), rendering);
+    let view = view.into();
+    let camera = &view.camera;
+    rasterizer.render(view, positions, &Texture::uniform(1, 1, [0.0; 3]), rendering);
     let normals = vertex_normals(rasterizer.triangles(), positions);
     let first = frame * rasterizer.triangles().len();
     let mut points = Vec::new();
@@ -31,7 +33,7 @@ pub fn visible_points(
         let corners = rasterizer.triangles()[t];
         let (column, row) = (pixel % camera.width, pixel / camera.width);
         let ray = camera.ray(DVec2::new(column as f64, row as f64));
-        let weights = barycentrics(corners.map(|v| positions[v as usize]), ray);
+        let weights = barycentrics(corners.map(|v| view.in_camera(positions[v as usize])), ray);
         let at = |k: usize| weights[k];
         let position: DVec3 = (0..3).map(|k| positions[corners[k] as usize] * at(k)).sum();
         let uvs = rasterizer.triangle_uvs()[t];

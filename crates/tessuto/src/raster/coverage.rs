@@ -4,7 +4,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::error::Repair;
 use crate::image::Image;
 use crate::mesh::Mesh;
@@ -44,16 +44,17 @@ pub(crate) fn fill_triangle(
     }
 }
 
-/// Which pixels `mesh` at `positions` `[m]` covers, shape [height · width]; triangles that reach behind
+/// Which pixels of `view` the `mesh` at `positions` `[m]` covers, shape [height · width]; triangles that reach behind
 /// the camera are left out.
-pub(crate) fn template_coverage(mesh: &Mesh, positions: &[DVec3], camera: &Camera) -> Vec<bool> {
-    let mut covered = vec![false; camera.width * camera.height];
+pub(crate) fn template_coverage(mesh: &Mesh, positions: &[DVec3], view: impl Into<Viewpoint>) -> Vec<bool> {
+    let view = view.into();
+    let size = [view.camera.width, view.camera.height];
+    let mut covered = vec![false; size[0] * size[1]];
     for triangle in mesh.triangles() {
         let corners = triangle.map(|v| positions[v as usize]);
-        if corners.iter().all(|p| p.z > 0.0) {
-            let size = [camera.width, camera.height];
-            fill_triangle(corners.map(|p| camera.project(p)), size, true, |x, y| {
-                covered[y * camera.width + x] = true;
+        if corners.iter().all(|p| view.depth(*p) > 0.0) {
+            fill_triangle(corners.map(|p| view.project(p)), size, true, |x, y| {
+                covered[y * size[0] + x] = true;
             });
         }
     }

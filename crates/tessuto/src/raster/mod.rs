@@ -33,7 +33,7 @@
 use glam::{DVec2, DVec3, Vec4};
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Rect};
+use crate::camera::{Camera, Rect, Viewpoint};
 use crate::mesh::Mesh;
 
 mod adjacency;
@@ -119,10 +119,18 @@ impl Rasterizer {
         &mut self.uvs
     }
 
-    /// Draws the mesh with vertices at `positions` `[m]` (camera frame, shape `[V]`), textured and
-    /// antialiased, over black.
-    pub fn render(&self, camera: &Camera, positions: &[DVec3], texture: &Texture, out: &mut Rendering) {
+    /// Draws the mesh with vertices at `positions` `[m]` (shape `[V]`) as `view` sees it, textured and antialiased, over black. A
+    /// [`Camera`] sees from the origin.
+    pub fn render(
+        &self,
+        view: impl Into<Viewpoint>,
+        positions: &[DVec3],
+        texture: &Texture,
+        out: &mut Rendering,
+    ) {
         assert_eq!(positions.len(), self.vertex_count, "as many positions as the mesh has vertices");
+        let view = view.into();
+        let (camera, positions) = (&view.camera, &view.all_in_camera(positions));
         out.resize(camera.width, camera.height);
         if camera.width == 0 || camera.height == 0 {
             return;
@@ -136,7 +144,7 @@ impl Rasterizer {
 
     /// Adjoint of [`render`](Self::render): adds the gradients of a loss to `grads`.
     ///
-    /// - `camera`, `positions`, `texture`: as given to `render`;  `rendering`: as it returned
+    /// - `view`, `positions`, `texture`: as given to `render`;  `rendering`: as it returned
     /// - `grad_rgba`: loss gradient of every pixel and channel, shape [height, width]
     /// - `grad_depth`: loss gradient of every pixel's depth z [1/m], shape [height, width]; ignored
     ///   where there is no triangle
@@ -145,7 +153,7 @@ impl Rasterizer {
     #[expect(clippy::too_many_arguments, reason = "the forward arguments, then the gradients")]
     pub fn render_vjp(
         &self,
-        camera: &Camera,
+        view: impl Into<Viewpoint>,
         positions: &[DVec3],
         texture: &Texture,
         rendering: &Rendering,
@@ -153,6 +161,8 @@ impl Rasterizer {
         grad_depth: Option<&[f32]>,
         grads: &mut Gradients,
     ) {
+        let view = view.into();
+        let (camera, positions) = (&view.camera, &view.all_in_camera(positions));
         let pixels = camera.width * camera.height;
         assert_eq!(
             [rendering.width, rendering.height],
@@ -177,8 +187,15 @@ impl Rasterizer {
                 }
             },
         );
+        // Gradients by positions in the camera's frame are turned into those in the world before they are added to what was there.
+        let moved = view.camera_from_world.is_some();
+        let before =
+            moved.then(|| std::mem::replace(&mut grads.positions, vec![DVec3::ZERO; self.vertex_count]));
         blends_vjp(positions, texture, rendering, grad_rgba, grads);
         self.gather_corners(rendering, grads);
+        for (grad, before) in grads.positions.iter_mut().zip(before.iter().flatten()) {
+            *grad = *before + view.turned_to_world(*grad);
+        }
     }
 
     fn project(&self, camera: &Camera, positions: &[DVec3], texture: &Texture, out: &mut Rendering) {

@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3};
 
 use super::{NEAR, Rasterizer};
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 
 /// Texture with f64 texels; see [`super::Texture`].
 #[derive(Debug, Clone)]
@@ -59,13 +59,15 @@ fn bilinear(texture: &PlainTexture, uv: DVec2) -> [f64; 4] {
     })
 }
 
-/// The image of `rasterizer`'s mesh at `positions` `[m]`.
+/// The image of `rasterizer`'s mesh at `positions` `[m]` as `view` sees it.
 pub fn render(
     rasterizer: &Rasterizer,
-    camera: &Camera,
+    view: impl Into<Viewpoint>,
     positions: &[DVec3],
     texture: &PlainTexture,
 ) -> PlainRendering {
+    let view = view.into();
+    let (camera, positions) = (&view.camera, &view.all_in_camera(positions)[..]);
     let (w, h) = (camera.width, camera.height);
     let mut out = PlainRendering {
         triangle: vec![None; w * h],

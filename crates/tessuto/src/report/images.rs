@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use super::colour::{Colour, NOTHING, UNKNOWN, diverging, heat, mix, sequential};
 pub use super::kind::{Kind, Scales};
 use super::legend::{self, Legend};
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io;
@@ -41,16 +41,16 @@ impl Ranges {
         out
     }
 
-    /// Of the depths alone of vertices `[m]`, camera frame, that `camera` sees.
-    pub fn of_vertices(vertices: &[DVec3], camera: &Camera) -> Self {
-        let size = DVec2::new(camera.width as f64, camera.height as f64);
+    /// Of the depths alone of vertices `[m]` that `view` sees.
+    pub fn of_vertices(vertices: &[DVec3], view: &Viewpoint) -> Self {
+        let size = DVec2::new(view.camera.width as f64, view.camera.height as f64);
         let seen = |p: &&DVec3| {
-            p.z > 0.0 && {
-                let p_pixel = camera.project(**p).round();
+            view.project_in_front(**p).is_some_and(|p_pixel| {
+                let p_pixel = p_pixel.round();
                 p_pixel.cmpge(DVec2::ZERO).all() && p_pixel.cmplt(size).all()
-            }
+            })
         };
-        let depths = vertices.iter().filter(seen).map(|p| p.z);
+        let depths = vertices.iter().filter(seen).map(|p| view.depth(*p));
         let depth = depths.fold([f64::INFINITY, f64::NEG_INFINITY], |[l, h], z| [l.min(z), h.max(z)]);
         Self { depth, differences: [0; STEPS.len()] }
     }
@@ -152,14 +152,16 @@ impl FrameImages<'_> {
     }
 }
 
-/// Depth image `[m]` of measured `points` `[m]`, camera frame: each point at its rounded projection, the
+/// Depth image `[m]` of measured `points` `[m]` as `view` sees them: each point at its rounded projection, the
 /// nearer one where two meet, gaps between points filled from their neighbours, 0 elsewhere.
-/// Shape [height, width, 1] of `camera`. For looking at, not for measuring.
-pub fn measured_depth_image(points: &[DVec3], camera: &Camera) -> Image {
+/// Shape [height, width, 1]. For looking at, not for measuring.
+pub fn measured_depth_image(points: &[DVec3], view: impl Into<Viewpoint>) -> Image {
+    let view = view.into();
+    let camera = &view.camera;
     let mut image = Image::new(camera.width, camera.height, 1);
     let (mut low, mut high) = (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    for p in points.iter().filter(|p| p.z > 0.0) {
-        let p_pixel = camera.project(*p).round();
+    for p in points.iter().map(|p| view.in_camera(*p)).filter(|p| p.z > 0.0) {
+        let p_pixel = camera.project(p).round();
         let last = DVec2::new(camera.width as f64 - 1.0, camera.height as f64 - 1.0);
         if p_pixel.cmpge(DVec2::ZERO).all() && p_pixel.cmple(last).all() {
             (low, high) = (low.min(p_pixel), high.max(p_pixel));

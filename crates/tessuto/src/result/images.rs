@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::shutter;
+use crate::camera::Viewpoint;
 use crate::error::Result;
 use crate::image::Image;
 use crate::io;
@@ -45,7 +46,7 @@ struct Measured {
 impl Painter<'_> {
     fn render(&self, rendering: &mut Rendering, n: usize) -> Rendered {
         let (scene, shape) = (self.scene, &self.result.motion[n]);
-        self.rasterizer.render(&scene.camera, shape, &self.result.texture, rendering);
+        self.rasterizer.render(scene.viewpoint(n), shape, &self.result.texture, rendering);
         let (width, height) = (rendering.width, rendering.height);
         let channel = |range: std::ops::Range<usize>| Image {
             width,
@@ -53,7 +54,8 @@ impl Painter<'_> {
             channels: range.len(),
             data: rendering.rgba.iter().flat_map(|c| &c[range.clone()]).copied().collect(),
         };
-        let measured = scene.truth.points_in(n).map(|points| measured_depth_image(points, &scene.camera));
+        let measured =
+            scene.truth.points_in(n).map(|points| measured_depth_image(points, scene.viewpoint(n)));
         Rendered { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured }
     }
 
@@ -64,11 +66,12 @@ impl Painter<'_> {
         n: usize,
         observed: &Frame,
     ) -> impl Iterator<Item = f64> {
+        let view = self.scene.viewpoint(n);
         let draw = |shape: &Positions| {
-            self.rasterizer.render(&self.scene.camera, shape, &self.result.texture, rendering);
+            self.rasterizer.render(view, shape, &self.result.texture, rendering);
             rendering.rgba.clone()
         };
-        let exposures = shutter::exposures(&self.result.motion, n, &self.scene.camera, draw);
+        let exposures = shutter::exposures(&self.result.motion, n, &view, draw);
         exposures.into_iter().flatten().filter_map(|[rgb, mask]| print_correlation(&rgb, &mask, observed))
     }
 
@@ -94,7 +97,7 @@ impl Painter<'_> {
         }
         Ok(Measured {
             agreement,
-            errors: depth_errors(scene, shape, &rendered.depth, rendered.measured.as_ref()),
+            errors: depth_errors(&scene.viewpoint(n), shape, &rendered.depth, rendered.measured.as_ref()),
         })
     }
 }
@@ -109,7 +112,8 @@ pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Re
     let render = |rendering: &mut Rendering, k: usize| Ok(painter.render(rendering, chosen[k]));
     let kept = scene.frames.map(0..chosen.len(), Rendering::new, render)?;
     let of_pixels = kept.iter().map(|r| Ranges::of(&r.depth, r.measured.as_ref()));
-    let of_vertices = result.motion.iter().map(|shape| Ranges::of_vertices(shape, &scene.camera));
+    let of_frame = |(n, shape): (usize, &Positions)| Ranges::of_vertices(shape, &scene.viewpoint(n));
+    let of_vertices = result.motion.iter().enumerate().map(of_frame);
     let scales = Scales::fitting(of_pixels.chain(of_vertices));
     let target = folder.join("pictures");
     let finish = |rendering: &mut Rendering, n: usize| match chosen.binary_search(&n) {
@@ -159,19 +163,19 @@ fn root_mean_square(numbers: &[f64]) -> f64 {
 }
 
 /// Depth minus measured depth `[m]` at every vertex that is in sight, NaN elsewhere and where none was measured.
-fn depth_errors(scene: &Scene, shape: &Positions, depth: &Image, measured: Option<&Image>) -> Vec<f32> {
+fn depth_errors(view: &Viewpoint, shape: &Positions, depth: &Image, measured: Option<&Image>) -> Vec<f32> {
     let Some(measured) = measured else { return vec![f32::NAN; shape.len()] };
     let (width, height) = (measured.width as f64, measured.height as f64);
     let at = |p: &glam::DVec3| {
-        let p_pixel = scene.camera.project(*p).round();
-        let inside = p.z > 0.0 && p_pixel.min_element() >= 0.0 && p_pixel.x < width && p_pixel.y < height;
+        let (p_pixel, z) = (view.project(*p).round(), view.depth(*p));
+        let inside = z > 0.0 && p_pixel.min_element() >= 0.0 && p_pixel.x < width && p_pixel.y < height;
         if !inside {
             return f32::NAN;
         }
         let (x, y) = (p_pixel.x as usize, p_pixel.y as usize);
         let (front, truth) = (depth.pixel(x, y)[0], measured.pixel(x, y)[0]);
-        let hidden = front > 0.0 && p.z > f64::from(front) + HIDDEN;
-        if truth > 0.0 && !hidden { (p.z - f64::from(truth)) as f32 } else { f32::NAN }
+        let hidden = front > 0.0 && z > f64::from(front) + HIDDEN;
+        if truth > 0.0 && !hidden { (z - f64::from(truth)) as f32 } else { f32::NAN }
     };
     shape.iter().map(at).collect()
 }

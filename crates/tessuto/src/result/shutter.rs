@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::image::{Image, srgb};
 use crate::mesh::Positions;
 
@@ -11,7 +11,7 @@ use crate::mesh::Positions;
 const SHAPES: usize = 9;
 const FIRST: [usize; 3] = [0, 2, 3];
 
-/// Colour (sRGB, [h, w, 3]) and coverage ([h, w, 1]) of frame `n` of `motion` with the shutter open for the whole, half and a quarter
+/// Colour (sRGB, [h, w, 3]) and coverage ([h, w, 1]) of frame `n` of `motion` as `view` sees it with the shutter open for the whole, half and a quarter
 /// of the time from frame to frame, about the frame; means in linear light of shapes that lie straight between the frames'.
 /// None where no vertex moves by more than a pixel in that time.
 ///
@@ -19,12 +19,12 @@ const FIRST: [usize; 3] = [0, 2, 3];
 pub(super) fn exposures(
     motion: &[Positions],
     n: usize,
-    camera: &Camera,
+    view: &Viewpoint,
     mut draw: impl FnMut(&Positions) -> Vec<[f32; 4]>,
 ) -> Option<[[Image; 2]; 3]> {
     let time = |k: usize| k as f64 / (SHAPES - 1) as f64 - 0.5;
     let shapes: Vec<Positions> = (0..SHAPES).map(|k| between(motion, n as f64 + time(k))).collect();
-    let way = |(p, q): (&DVec3, &DVec3)| camera.project(*p).distance(camera.project(*q));
+    let way = |(p, q): (&DVec3, &DVec3)| view.project(*p).distance(view.project(*q));
     let longest = shapes[0].iter().zip(&shapes[SHAPES - 1]).map(way).fold(0.0, f64::max);
     if longest <= 1.0 {
         return None;
@@ -32,7 +32,7 @@ pub(super) fn exposures(
     let light = |c: [f32; 4]| [srgb::decode(c[0]), srgb::decode(c[1]), srgb::decode(c[2]), c[3]];
     let drawn: Vec<Vec<[f32; 4]>> =
         shapes.iter().map(|shape| draw(shape).into_iter().map(light).collect()).collect();
-    Some(FIRST.map(|first| mean(&drawn[first..SHAPES - first], camera)))
+    Some(FIRST.map(|first| mean(&drawn[first..SHAPES - first], &view.camera)))
 }
 
 /// Positions at `time`, counted in frames; beyond the first and the last frame those of these.
@@ -67,7 +67,7 @@ mod tests {
         let camera = Camera { fx: 100.0, fy: 100.0, cx: 8.0, cy: 0.0, width: 17, height: 1 };
         let motion: Vec<Positions> =
             (0..3).map(|k| vec![DVec3::new(0.01 * speed * (k as f64 - 1.0), 0.0, 1.0)]).collect();
-        exposures(&motion, n, &camera, |shape| {
+        exposures(&motion, n, &camera.into(), |shape| {
             let column = camera.project(shape[0]).x.round() as usize;
             (0..17).map(|x| if x == column { [1.0; 4] } else { [0.0; 4] }).collect()
         })

@@ -190,7 +190,7 @@ pub(super) fn estimate(
     motion.check_vertices(scene.template.positions.len(), &place)?;
 
     session.begin(FIT);
-    let geometry = Geometry::new(&scene.template, motion);
+    let geometry = Geometry::seen(&scene.template, motion, &scene.viewpoints());
     let found = appearance::fit(scene, motion, &geometry, settings, seed, session)?;
     appearance::write_material(material.partial(), &found)?;
     let history = result::history_csv(&found.history);

@@ -3,8 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::Viewpoint;
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::error::{Error, Result};
 use crate::mesh::Positions;
 use crate::pbr::EnvironmentMap;
@@ -58,7 +57,7 @@ pub(super) fn shots(
                 "it goes around the middle of the fabric: give degrees to start from, such as 0",
             ));
         }
-        (View::Original, _) => vec![Viewpoint::original(camera); count],
+        (View::Original, _) => vec![Viewpoint::from(camera); count],
         (View::About(left, up), Some(Turn::Camera)) => {
             // As near as what is shown fits.
             let shown = &motion[frames.clone()];
@@ -110,16 +109,11 @@ mod tests {
         assert_eq!(frames, [1, 1, 1, 1, 2, 2, 2, 2]);
         assert_eq!(film.iter().map(|s| s.number).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
         let middle = DVec3::new(0.0, 0.0, 1.1);
-        let seen: Vec<DVec3> = film.iter().map(|s| s.viewpoint.positions(&vec![middle])[0]).collect();
+        let seen: Vec<DVec3> = film.iter().map(|s| s.viewpoint.in_camera(middle)).collect();
         assert!(seen.iter().all(|p| (*p - seen[0]).length() < 1e-9), "{seen:?}");
-        let back = film[4].viewpoint.rotation * DVec3::Z;
+        let back = film[4].viewpoint.camera_from_world.unwrap().rotation * DVec3::Z;
         assert!(back.z < -0.9, "half of the way around it looks from behind: {back}");
-        let inside = film.iter().flat_map(|s| {
-            motion[1..3]
-                .iter()
-                .flatten()
-                .map(|x| s.viewpoint.camera.project(s.viewpoint.positions(&vec![*x])[0]))
-        });
+        let inside = film.iter().flat_map(|s| motion[1..3].iter().flatten().map(|x| s.viewpoint.project(*x)));
         assert!(inside.into_iter().all(|p| (0.0..640.0).contains(&p.x) && (0.0..480.0).contains(&p.y)));
         assert!(shots(&motion, 0..4, CAMERA, (View::Original, Some(Turn::Camera), None)).is_err());
     }

@@ -40,7 +40,7 @@ pub(crate) fn draw_shaded(
     for (pixel, point) in
         visible_points(rasterizer, camera, geometry, frame, positions, &mut rendering, |_, _| true)
     {
-        let facing = point.normal.dot(-point.position.normalize()).max(0.0);
+        let facing = point.normal.dot(geometry.to_viewer(&point)).max(0.0);
         let coverage = rendering.rgba[pixel as usize][3].clamp(0.0, 1.0);
         let value = srgb::encode(GREY * (AMBIENT + (1.0 - AMBIENT) * facing) * coverage);
         image.data[3 * pixel as usize..][..3].fill(value);

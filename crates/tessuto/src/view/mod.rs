@@ -8,4 +8,3 @@ mod viewpoint;
 pub use film::{Turn, View};
 pub(crate) use looks::{depth_range, draw_depth, draw_shaded, draw_texture};
 pub use render::{Look, RenderOptions, Rendered, render};
-pub use viewpoint::Viewpoint;

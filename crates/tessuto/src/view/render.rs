@@ -4,7 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::film::{Shot, shots, turned};
-use super::{Turn, View, Viewpoint, depth_range, draw_depth, draw_shaded, draw_texture};
+use super::{Turn, View, depth_range, draw_depth, draw_shaded, draw_texture};
+use crate::camera::Viewpoint;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io;
@@ -108,14 +109,14 @@ pub fn render(
     }
     let material = result.material()?;
     let look = options.look.unwrap_or(if material.is_some() { Look::Material } else { Look::Texture });
-    let camera = Viewpoint::original(result.camera);
-    let camera = options.size.map_or(camera, |size| camera.sized(size)).camera;
+    let original = Viewpoint::from(result.camera);
+    let camera = options.size.map_or(original, |size| original.sized(size)).camera;
     let film = shots(motion, range.clone(), camera, (options.view, options.turn, options.pictures))?;
     if options.turn == Some(Turn::Light) && look != Look::Material {
         let problem = format!("a light that goes around, and the look {}", look.name());
         return Err(Error::usage(problem, "only the material is lit: draw that"));
     }
-    let seen = |shot: &Shot| shot.viewpoint.positions(&motion[shot.frame]);
+    let seen = |shot: &Shot| shot.viewpoint.all_in_camera(&motion[shot.frame]).into_owned();
     let target = out.map_or_else(|| result.path().join("views").join(look.name()), Path::to_path_buf);
     let output = OutputFolder::prepare(&target, FolderKind::Views, options.replace)?;
     let drawing = match (look, material) {

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Pose, Viewpoint};
 use crate::error::{Error, Result};
 use crate::mesh::Positions;
 use crate::pbr::EnvironmentMap;
@@ -12,23 +12,7 @@ const MARGIN: f64 = 0.05;
 /// Nearest that a vertex may come to the camera `[m]`.
 const NEAREST: f64 = 0.05;
 
-/// A camera somewhere: a point x of the recording camera's frame is at R x + t in this one's.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Viewpoint {
-    /// R, axes as in OpenCV.
-    pub rotation: DMat3,
-    /// t `[m]`.
-    pub translation: DVec3,
-    /// Intrinsics.
-    pub camera: Camera,
-}
-
 impl Viewpoint {
-    /// Where the recording camera was.
-    pub fn original(camera: Camera) -> Self {
-        Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO, camera }
-    }
-
     /// Turned about the middle of the fabric by `left` and `up` `[rad]` as seen from the recording camera, looking at
     /// that middle, and as near as the whole `motion`, shape [N, V], fits into the image.
     ///
@@ -56,17 +40,19 @@ impl Viewpoint {
                 across.max(along).max(NEAREST) - q.z
             })
             .fold(NEAREST, f64::max);
-        Ok(Self { rotation, translation: DVec3::Z * distance - rotation * middle, camera })
+        let pose = Pose { rotation, translation: DVec3::Z * distance - rotation * middle };
+        Ok(Self { camera, camera_from_world: Some(pose) })
     }
 
     /// Views about the middle of one `motion`, all as far from it as the farthest.
     pub(super) fn at_one_distance(views: Vec<Self>, motion: &[Positions]) -> Vec<Self> {
         let middle = middle(motion);
-        let distance = |view: &Self| (view.rotation * middle + view.translation).z;
+        let distance = |view: &Self| view.depth(middle);
         let farthest = views.iter().map(distance).fold(0.0, f64::max);
         let moved = |view: Self| {
-            let translation = view.translation + DVec3::Z * (farthest - distance(&view));
-            Self { translation, ..view }
+            let farther = DVec3::Z * (farthest - distance(&view));
+            let back = |pose: Pose| Pose { translation: pose.translation + farther, ..pose };
+            Self { camera_from_world: view.camera_from_world.map(back), ..view }
         };
         views.into_iter().map(moved).collect()
     }
@@ -88,21 +74,15 @@ impl Viewpoint {
             width,
             height,
         };
-        Self { camera, ..self }
-    }
-
-    /// `positions` in this camera's frame.
-    pub fn positions(&self, positions: &Positions) -> Positions {
-        positions.iter().map(|x| self.rotation * *x + self.translation).collect()
+        self.with_camera(camera)
     }
 
     /// `environment` in this camera's frame, each texel the mean of four directions of the old one.
     pub fn environment(&self, environment: &EnvironmentMap) -> EnvironmentMap {
-        if self.rotation == DMat3::IDENTITY {
-            return environment.clone();
-        }
+        let turned = self.camera_from_world.map(|pose| pose.rotation).filter(|r| *r != DMat3::IDENTITY);
+        let Some(rotation) = turned else { return environment.clone() };
         let fine = EnvironmentMap::uniform(2 * environment.width, 2 * environment.height, [0.0; 3]);
-        let back = self.rotation.transpose();
+        let back = rotation.transpose();
         let mut turned = EnvironmentMap::uniform(environment.width, environment.height, [0.0; 3]);
         for row in 0..fine.height {
             for column in 0..fine.width {
@@ -143,7 +123,7 @@ mod tests {
             let view = Viewpoint::about(&motion(), CAMERA, left.to_radians(), up.to_radians()).unwrap();
             let pixels: Vec<_> = motion()
                 .iter()
-                .flat_map(|s| view.positions(s))
+                .flat_map(|s| view.all_in_camera(s).into_owned())
                 .map(|x| (x.z, view.camera.project(x)))
                 .collect();
             assert!(
@@ -162,9 +142,9 @@ mod tests {
     #[test]
     fn to_the_left_means_that_the_left_border_comes_nearer() {
         let view = Viewpoint::about(&motion(), CAMERA, 45f64.to_radians(), 0.0).unwrap();
-        let x = view.positions(&motion()[0]);
+        let x = view.all_in_camera(&motion()[0]).into_owned();
         assert!(x[0].z < x[1].z && x[0].x < x[1].x, "{x:?}");
-        assert!((view.rotation.determinant() - 1.0).abs() < 1e-12);
+        assert!((view.camera_from_world.unwrap().rotation.determinant() - 1.0).abs() < 1e-12);
         assert!(Viewpoint::about(&motion(), CAMERA, 0.0, 2.0).is_err());
     }
 
@@ -189,7 +169,7 @@ mod tests {
 
     #[test]
     fn another_size_shows_the_same() {
-        let view = Viewpoint::original(CAMERA).sized([1280, 960]);
+        let view = Viewpoint::from(CAMERA).sized([1280, 960]);
         let p = DVec3::new(0.1, -0.05, 1.0);
         let (small, large) = (CAMERA.project(p), view.camera.project(p));
         assert!((large - (small * 2.0 + glam::DVec2::splat(0.5))).length() < 1e-9);

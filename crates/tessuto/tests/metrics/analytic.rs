@@ -41,7 +41,7 @@ fn one(template: &Mesh, points: Vec<DVec3>, shape: &[DVec3]) -> Metrics {
         vertices: Some(motion(std::slice::from_ref(&template.positions))),
         tracks: None,
     };
-    let inputs = Inputs { template, camera: &CAMERA, truth: &truth, first_frame: 0 };
+    let inputs = Inputs { template, views: vec![CAMERA.into()], truth: &truth, first_frame: 0 };
     evaluate(&inputs, &motion(&[shape.to_vec()]), 0..1, 3).unwrap().mean
 }
 
@@ -200,7 +200,7 @@ fn depth_buffer_equals_the_plain_loop() {
     let mesh = bumpy(&mut rng);
     let pixels: Vec<(i64, i64)> =
         (-5..305).flat_map(|y| (-5..405).map(move |x| (y, x))).filter(|_| rng.uniform() < 0.2).collect();
-    let found = depth::depths(&pixels, &mesh.positions, &mesh.triangles(), &CAMERA);
+    let found = depth::depths(&pixels, &mesh.positions, &mesh.triangles(), &CAMERA.into());
     let hit = |(y, x): (i64, i64), [a, b, c]: [DVec3; 3]| {
         // Cut the pixel's ray with the triangle's plane.
         let ray = CAMERA.ray(DVec2::new(x as f64, y as f64));
@@ -224,7 +224,7 @@ fn thread_count_and_range_do_not_change_the_result() {
     let mut rng = Rng::new(9, 0);
     let truth = Truth { points: Some((0..7).map(|_| cloud(500, &mut rng)).collect()), ..Truth::default() };
     let motion = motion(&crate::support::recordings::wave(&template.positions, 7));
-    let inputs = Inputs { template: &template, camera: &CAMERA, truth: &truth, first_frame: 2 };
+    let inputs = Inputs { template: &template, views: vec![CAMERA.into()], truth: &truth, first_frame: 2 };
     let run = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| evaluate(&inputs, &motion, 0..7, 1).unwrap())
@@ -249,7 +249,7 @@ fn wrong_input_is_refused_with_its_place() {
     let template = grid(3, 3, DVec2::splat(0.4), 1.0);
     let shape = template.positions.clone();
     let attempt = |truth: &Truth, frames: &[Vec<DVec3>], range| {
-        let inputs = Inputs { template: &template, camera: &CAMERA, truth, first_frame: 0 };
+        let inputs = Inputs { template: &template, views: vec![CAMERA.into()], truth, first_frame: 0 };
         let error = evaluate(&inputs, &motion(frames), range, 0).unwrap_err();
         assert!(matches!(error, Error::Input { .. }) && error.exit_code() == 3);
         error.to_string()

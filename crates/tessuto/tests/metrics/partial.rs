@@ -23,7 +23,7 @@ fn motion() -> Motion {
 fn run(truth: &Truth) -> Result<Evaluation> {
     let template = template();
     evaluate(
-        &Inputs { template: &template, camera: &CAMERA, truth, first_frame: 10 },
+        &Inputs { template: &template, views: vec![CAMERA.into()], truth, first_frame: 10 },
         &motion(),
         0..FRAMES,
         0,

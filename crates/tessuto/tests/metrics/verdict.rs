@@ -29,7 +29,7 @@ fn scene(change: impl FnOnce(&mut synth::Settings)) -> (Scene, Vec<Vec<DVec3>>, 
     config.set("texture.size=128").unwrap();
     let texture = fit_texture(
         &Rasterizer::new(&scene.template),
-        &scene.camera,
+        &scene.viewpoint(0),
         &scene.template.positions,
         &scene.frames.frame(0).unwrap(),
         &config.texture,

@@ -4,6 +4,7 @@ use super::forces::{Causes, Spread};
 use super::search::{Attempt, Fit};
 use super::task::{COARSE, FINE, Sheet, Task};
 use super::{CauseSettings, DOUBTED, Explained, Explanation, Found, cut_cloth, follow, grips};
+use crate::camera::Viewpoint;
 use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::{Dynamics, Parameters};
@@ -34,17 +35,18 @@ pub struct Begun<'a> {
     others: Vec<(f64, Causes)>,
 }
 
-/// Begins to find what moves the cloth of `template` along `found`, shape [N, V], `fps` frames per second, with standard deviations
-/// `deviations`, shape [N, V] `[m]`; what is `known` beforehand is not searched. `advance` hears how many of [`PARTS`] are done.
+/// Begins to find what moves a sheet, the cloth of its template, along `found`, shape [N, V], `fps` frames per second, with standard
+/// deviations `deviations`, shape [N, V] `[m]`; what is known of it beforehand is not searched. Every frame is seen as the sheet's views say,
+/// shape `[N]`. `advance` hears how many of [`PARTS`] are done.
 pub fn begin<'a>(
-    (template, known): (&'a Mesh, &Known),
+    sheet: (&'a Mesh, &Known, &'a [Viewpoint]),
     found: &[Positions],
     deviations: Option<&[Vec<f64>]>,
     (fps, dynamics): (f64, &'a Dynamics),
     settings: &'a CauseSettings,
     advance: &mut dyn FnMut(usize),
 ) -> Begun<'a> {
-    let sheet = Sheet::new((template, known), found, deviations, (fps, dynamics), settings);
+    let sheet = Sheet::new(sheet, found, deviations, (fps, dynamics), settings);
     let coarse = sheet.task(found, &COARSE);
     let known = Found {
         causes: coarse.prior.mean.clone(),
@@ -152,9 +154,9 @@ impl Begun<'_> {
     }
 }
 
-/// What moves the cloth of `template` along `found`: [`begin`], and [`Begun::finish`] of the same motion.
+/// What moves the cloth of a `sheet` along `found`: [`begin`], and [`Begun::finish`] of the same motion.
 pub fn find(
-    sheet: (&Mesh, &Known),
+    sheet: (&Mesh, &Known, &[Viewpoint]),
     found: &[Positions],
     deviations: Option<&[Vec<f64>]>,
     clock: (f64, &Dynamics),
@@ -218,6 +220,7 @@ mod tests {
     use super::super::held::held_vertices;
     use super::super::task::{HOLD, KNOWN_TILT, ways};
     use super::*;
+    use crate::camera::Camera;
     use crate::mesh::grid;
     use crate::motion::parameters::StiffnessRange;
     use crate::sim::{Cloth, Integrator, StepSettings};
@@ -261,7 +264,9 @@ mod tests {
         };
         let targets: Vec<Positions> = (0..41).map(shaken).collect();
         let mut ties = vec![0.0; 49];
-        let corners = held_vertices(&mesh, &[mesh.positions.clone()], DVec3::Y).held;
+        let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: 1, height: 1 };
+        let views = vec![Viewpoint::from(camera); 41];
+        let corners = held_vertices(&mesh, (&[mesh.positions.clone()], &views), DVec3::Y).held;
         assert_eq!(corners, [0, 6]);
         corners.iter().for_each(|v| ties[*v] = HOLD);
         let ways = ways(&mesh, &cloth);
@@ -278,10 +283,10 @@ mod tests {
         let frames = drive.run(&truth, false, &[]).unwrap().frames;
         let deviations = vec![vec![2e-3; 49]; frames.len()];
         let settings = CauseSettings { fit: true, iterations: 30, ..CauseSettings::default() };
-        let found =
-            find((&mesh, &Known::default()), &frames, Some(&deviations), (50.0, &dynamics), &settings);
         let known = Known::default();
-        let sheet = Sheet::new((&mesh, &known), &frames, Some(&deviations), (50.0, &dynamics), &settings);
+        let sheet = (&mesh, &known, &views[..]);
+        let found = find(sheet, &frames, Some(&deviations), (50.0, &dynamics), &settings);
+        let sheet = Sheet::new(sheet, &frames, Some(&deviations), (50.0, &dynamics), &settings);
         let task = sheet.task(&frames, &COARSE);
         let by_one = task.search(&[0], (&task.prior.mean, &[]), |search| search.attempt(3)).unwrap();
         let misfit = by_one.misfit.sqrt();
@@ -309,13 +314,13 @@ mod tests {
         let down = (truth.down + DVec3::new(0.02, 0.0, -0.01)).normalize();
         let known = Known { down: Some(down), held: Some(vec![0, 3, 6]) };
         let brief = CauseSettings { iterations: 2, ..settings };
-        let found = find((&mesh, &known), &frames, Some(&deviations), (50.0, &dynamics), &brief);
+        let found = find((&mesh, &known, &views), &frames, Some(&deviations), (50.0, &dynamics), &brief);
         assert_eq!(found.held, [0, 3, 6]);
         assert!(found.prior.down <= KNOWN_TILT && found.causes.down.angle_between(down) < 3.0 * KNOWN_TILT);
 
         // Held by its lower corners no causes make it move like that, and nothing is told.
         let known = Known { held: Some(vec![42, 48]), ..Known::default() };
-        let found = find((&mesh, &known), &frames, Some(&deviations), (50.0, &dynamics), &brief);
+        let found = find((&mesh, &known, &views), &frames, Some(&deviations), (50.0, &dynamics), &brief);
         println!("held wrongly: misfit {:.2}", found.misfit);
         assert!(found.misfit > DOUBTED && found.spread == found.prior);
         let mut kept = found.causes.ln_stiffness.iter().zip([200f64, 1e-3, 1e-4]);

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
+use crate::camera::Viewpoint;
 use crate::mesh::{Mesh, Positions};
 
 /// A vertex is still if it moves by less than this fraction of the median movement.
@@ -31,12 +32,16 @@ pub(crate) struct Guess {
     pub told: bool,
 }
 
-/// The held vertices of `template`, given positions `found`, shape [N, V], and where `down` is.
-pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -> Guess {
+/// The held vertices of `template`, given positions `found`, shape [N, V], how they are seen, `views`, shape `[N]`, and where `down` is.
+pub(crate) fn held_vertices(
+    template: &Mesh,
+    (found, views): (&[Positions], &[Viewpoint]),
+    down: DVec3,
+) -> Guess {
     let x = &template.positions;
     let border = border(template);
     let centre = x.iter().sum::<DVec3>() / x.len() as f64;
-    let movement = movements(x, found);
+    let movement = movements(x, (found, views));
     let median = median(&movement);
     let is_above = |v: usize| (x[v] - centre).dot(down) < 0.0;
     let is_still = |v: usize| movement[v] < STILL * median;
@@ -46,7 +51,7 @@ pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -
         let held = upper_corners(x, &border, centre, down);
         return Guess { held, wider: Vec::new(), still: false, told };
     }
-    let about_mean = movements(&mean(&found[1..]), &found[1..]);
+    let about_mean = movements(&mean(&found[1..]), (&found[1..], &views[1..]));
     let limit = self::median(&about_mean);
     let mut wider: Vec<Vec<usize>> = Vec::new();
     for part in STILL_ENOUGH {
@@ -59,11 +64,14 @@ pub(crate) fn held_vertices(template: &Mesh, found: &[Positions], down: DVec3) -
     Guess { held: still, wider, still: true, told }
 }
 
-/// Root mean square of the movement of every vertex in the image from where it is in `x`, in units of its distance.
-fn movements(x: &[DVec3], found: &[Positions]) -> Vec<f64> {
+/// Root mean square of the movement of every vertex in the image from where it would be in `x`, in units of its distance.
+fn movements(x: &[DVec3], (found, views): (&[Positions], &[Viewpoint])) -> Vec<f64> {
     let seen = |p: DVec3| DVec2::new(p.x, p.y) / p.z.max(1e-9);
     let of = |i: usize| {
-        let squares: f64 = found.iter().map(|f| seen(f[i]).distance_squared(seen(x[i]))).sum();
+        let moved = |(f, view): (&Positions, &Viewpoint)| {
+            seen(view.in_camera(f[i])).distance_squared(seen(view.in_camera(x[i])))
+        };
+        let squares: f64 = found.iter().zip(views).map(moved).sum();
         (squares / found.len().max(1) as f64).sqrt()
     };
     (0..x.len()).map(of).collect()
@@ -151,7 +159,27 @@ fn upper_corners(x: &[DVec3], border: &[usize], centre: DVec3, down: DVec3) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{Camera, Pose};
+    use crate::math::rng::Rng;
     use crate::mesh::grid;
+
+    const CAMERA: Camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: 1, height: 1 };
+
+    /// What is held as a camera at the origin sees it; the same, moved as a whole with the camera, is held as well.
+    fn held_vertices(mesh: &Mesh, found: &[Positions], down: DVec3) -> Guess {
+        let views = vec![Viewpoint::from(CAMERA); found.len()];
+        let guess = super::held_vertices(mesh, (found, &views), down);
+        let pose = Pose::random(&mut Rng::new(2, 0));
+        let view = Viewpoint { camera: CAMERA, camera_from_world: Some(pose) };
+        let moved = |x: &Positions| -> Positions { x.iter().map(|p| pose.in_world(*p)).collect() };
+        let there = Mesh { positions: moved(&mesh.positions), ..mesh.clone() };
+        let moved: Vec<Positions> = found.iter().map(moved).collect();
+        let views = vec![view; found.len()];
+        let same = super::held_vertices(&there, (&moved, &views), view.turned_to_world(down));
+        assert_eq!((&same.held, &same.wider), (&guess.held, &guess.wider));
+        assert_eq!((same.still, same.told), (guess.still, guess.told));
+        guess
+    }
 
     #[test]
     fn pins_keep_still_and_hands_are_looked_for_at_the_corners() {

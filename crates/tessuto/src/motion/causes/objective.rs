@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::drive::Trajectory;
 use super::forces::{Causes, FIRST, LENGTHS, Spread};
+use crate::camera::Viewpoint;
 use crate::mesh::Positions;
 
 /// Residuals beyond so many standard deviations count little.
@@ -35,6 +36,8 @@ pub struct Data<'a> {
     pub found: &'a [Positions],
     /// Standard deviation of every vertex, shape [N, V] `[m]`.
     pub deviations: &'a [Vec<f64>],
+    /// How every frame is seen, shape `[N]`.
+    pub views: &'a [Viewpoint],
     /// ν: numbers that err together.
     pub together: f64,
 }
@@ -56,10 +59,10 @@ impl Residual {
 
 impl<'a> Data<'a> {
     /// Positions of a video of `fps` frames per second.
-    pub fn new(found: &'a [Positions], deviations: &'a [Vec<f64>], fps: f64) -> Self {
+    pub fn new(found: &'a [Positions], deviations: &'a [Vec<f64>], views: &'a [Viewpoint], fps: f64) -> Self {
         let numbers = (3 * found[0].len() * (found.len() - 1)) as f64;
         let periods = ((found.len() - 1) as f64 / fps / MEMORY).max(1.0);
-        Self { found, deviations, together: (numbers / (INDEPENDENT * periods)).max(1.0) }
+        Self { found, deviations, views, together: (numbers / (INDEPENDENT * periods)).max(1.0) }
     }
 
     /// The robust sum, where `each` gets frame, vertex and residual, weighted.
@@ -70,7 +73,8 @@ impl<'a> Data<'a> {
                 let sigma = self.deviations[n][i];
                 let weight = |sigma: f64, least: f64| 1.0 / sigma.max(least).powi(2);
                 let (along, across) = (weight(sigma, LEAST[0]), weight(ACROSS * sigma, LEAST[1]));
-                let mut residual = Residual { e: *x - *found, ray: found.normalize_or_zero(), along, across };
+                let ray = self.views[n].direction(*found);
+                let mut residual = Residual { e: *x - *found, ray, along, across };
                 let relative = residual.e.dot(residual.weighted(residual.e)) / (TAIL * TAIL);
                 sum += 0.5 * TAIL * TAIL * relative.ln_1p();
                 let scale = 1.0 / ((1.0 + relative) * self.together);
@@ -172,6 +176,7 @@ impl Prior {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{Camera, Pose};
     use crate::math::rng::Rng;
 
     #[test]
@@ -193,7 +198,10 @@ mod tests {
         let shape = |rng: &mut Rng| -> Positions { (0..4).map(|_| rng.vector() * 0.01 + DVec3::Z).collect() };
         let found: Vec<Positions> = (0..3).map(|_| shape(&mut rng)).collect();
         let deviations = vec![vec![4e-3, 1e-4, 9e-3, 2e-2]; 3];
-        let data = Data::new(&found, &deviations, 10.0);
+        let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: 1, height: 1 };
+        let view = |pose| Viewpoint { camera, camera_from_world: pose };
+        let views = [None, Some(Pose::random(&mut rng)), None].map(view);
+        let data = Data::new(&found, &deviations, &views, 10.0);
         let frames: Vec<Positions> = (0..3).map(|_| shape(&mut rng)).collect();
         let tangents: Vec<Vec<Positions>> = (0..3)
             .map(|_| (0..unknowns).map(|_| (0..4).map(|_| rng.vector() * 0.01).collect()).collect())

@@ -9,6 +9,7 @@ use super::lengths::rest_lengths;
 use super::objective::{Data, Prior};
 use super::search::Search;
 use super::{CauseSettings, Found, cut_cloth};
+use crate::camera::Viewpoint;
 use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
@@ -50,6 +51,8 @@ pub(super) const COARSE: Grain = Grain { step: 0.034, tolerance: 1e-4 };
 /// A sheet whose causes are searched, and what is known of it and them.
 pub(super) struct Sheet<'a> {
     pub template: &'a Mesh,
+    /// How every frame is seen, shape `[N]`.
+    views: &'a [Viewpoint],
     /// Shape [N, V] `[m]`.
     pub deviations: Vec<Vec<f64>>,
     pub fps: f64,
@@ -66,7 +69,7 @@ pub(super) struct Sheet<'a> {
 
 impl<'a> Sheet<'a> {
     pub fn new(
-        (template, known): (&'a Mesh, &Known),
+        (template, known, views): (&'a Mesh, &Known, &'a [Viewpoint]),
         found: &[Positions],
         deviations: Option<&[Vec<f64>]>,
         (fps, dynamics): (f64, &'a Dynamics),
@@ -79,7 +82,7 @@ impl<'a> Sheet<'a> {
         let down = known.down.unwrap_or(DVec3::Y);
         let guess = match &known.held {
             Some(held) => Guess { held: held.clone(), wider: Vec::new(), still: true, told: true },
-            None => held_vertices(template, found, down),
+            None => held_vertices(template, (found, views), down),
         };
         let ln = |log10: f64| log10 * std::f64::consts::LN_10;
         let mean = Causes {
@@ -100,6 +103,7 @@ impl<'a> Sheet<'a> {
         let cloth = cut_cloth(template, &rest_lengths);
         Self {
             template,
+            views,
             deviations: deviations.map_or_else(unknown, cautious),
             fps,
             dynamics,
@@ -124,7 +128,7 @@ impl<'a> Sheet<'a> {
         Task {
             cloth: &self.cloth,
             ways: &self.ways,
-            data: Data::new(&found[..window], &self.deviations, *fps),
+            data: Data::new(&found[..window], &self.deviations, self.views, *fps),
             prior: Prior {
                 mean: Causes { wind: vec![DVec3::ZERO; knots.count], ..self.mean.clone() },
                 spread: self.spread,

@@ -8,7 +8,7 @@ pub mod pyramid;
 pub mod samples;
 pub mod silhouette;
 
-use crate::camera::Camera;
+use crate::camera::{Camera, Viewpoint};
 use crate::error::Result;
 use crate::scene::Scene;
 use magnify::magnified;
@@ -31,8 +31,8 @@ pub struct Observed {
     pub range: [usize; 2],
     /// Pixels of level 0 along one of the video.
     pub magnification: usize,
-    /// Camera of level 0.
-    pub camera: Camera,
+    /// How every frame is seen, in pixels of level 0, shape `[N]`.
+    pub views: Vec<Viewpoint>,
     /// Pyramids; levels finer than the finest in use have no colours. Shape `[N][levels]`.
     pub levels: Vec<Vec<Level>>,
     /// Outlines, shape `[N]`.
@@ -53,14 +53,15 @@ impl Observed {
         let last = (camera.width.min(camera.height) / LEAST_SIDE).max(1).ilog2() as usize;
         let range = [finest, range[1] + finest - range[0]].map(|level| level.min(last));
         let scale = 1 << fitting(&camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);
-        let look = |(): &mut (), n| {
+        let views: Vec<_> = scene.viewpoints().iter().map(|view| view.with_camera(camera)).collect();
+        let look = |(): &mut (), n: usize| {
             let frame = scene.frames.frame(n)?;
             let larger = (magnification > 1).then(|| magnified(&frame, magnification));
             let frame = larger.as_ref().unwrap_or(&*frame);
-            Ok((pyramid(frame, &camera, range), OutlineDistance::new(&frame.mask, scale)))
+            Ok((pyramid(frame, &views[n], range), OutlineDistance::new(&frame.mask, scale)))
         };
         let (levels, outlines) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
-        Ok(Self { range, magnification, camera, levels, outlines })
+        Ok(Self { range, magnification, views, levels, outlines })
     }
 
     /// The levels in use, coarse to fine.

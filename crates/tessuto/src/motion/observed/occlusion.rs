@@ -7,7 +7,7 @@ use super::outline_distance::OutlineDistance;
 use super::pyramid::Level;
 use super::samples::{EdgePoint, SurfaceSamples};
 use super::silhouette::{FoldPoint, InnerEdge, explained_by, folds, inner};
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::raster::{Rasterizer, Rendering, Texture};
 
 /// The mesh, as far as it stays the same.
@@ -20,6 +20,8 @@ pub struct Sheet<'a> {
     pub edges: &'a [InnerEdge],
     /// Positions in the first frame `[m]`, shape `[V]`.
     pub first: &'a [DVec3],
+    /// How the first frame is seen, at the resolution at which the mesh is drawn.
+    pub first_view: &'a Viewpoint,
 }
 
 /// What a frame shows.
@@ -28,8 +30,8 @@ pub struct Shown<'a> {
     pub level: &'a Level,
     /// Outline of its mask.
     pub outline: &'a OutlineDistance,
-    /// Camera in whose pixels that is.
-    pub camera: &'a Camera,
+    /// How the frame is seen, in pixels of that.
+    pub view: &'a Viewpoint,
 }
 
 /// What of a frame's mesh does not count, or counts less; held fixed while a step is taken.
@@ -50,19 +52,20 @@ pub struct Occlusion {
 impl Occlusion {
     /// Of the mesh at `x`; `samples` are points of it. What mask or mesh cover alone is counted where it is to be `compared`.
     pub fn new(sheet: &Sheet, shown: &Shown, samples: &SurfaceSamples, x: &[DVec3], compared: bool) -> Self {
-        let camera = &shown.level.camera;
+        let view = &shown.level.view;
         let triangles = sheet.rasterizer.triangles();
         let shares = triangles.iter().map(|t| {
-            let [now, before] = [x, sheet.first].map(|x| area(camera, t.map(|v| x[v as usize])));
+            let area = |view, x: &[DVec3]| area(view, t.map(|v| x[v as usize]));
+            let (now, before) = (area(view, x), area(sheet.first_view, sheet.first));
             if now < before { now / before } else { 1.0 }
         });
         let mut out = Self { shares: shares.collect(), ..Self::default() };
-        let folded = turned_over(triangles, camera, x);
+        let folded = turned_over(triangles, view, x);
         if !folded && !compared {
             return out;
         }
         let mut rendering = Rendering::new();
-        sheet.rasterizer.render(camera, x, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
+        sheet.rasterizer.render(view, x, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
         if compared {
             out.uncovered = uncovered(&rendering, shown.level) as f64;
         }
@@ -74,16 +77,17 @@ impl Occlusion {
                     let corners = triangles[*t as usize];
                     !corners.iter().any(|v| triangles[point.triangle as usize].contains(v))
                 };
-                p.z > 0.0
-                    && front(camera.project(p))
-                        .filter(other)
-                        .is_some_and(|t| is_before(triangles[t as usize].map(|v| x[v as usize]), p))
+                let before = |t: u32| {
+                    let corners = triangles[t as usize].map(|v| view.from_eye(x[v as usize]));
+                    is_before(corners, view.from_eye(p))
+                };
+                view.project_in_front(p).and_then(front).filter(other).is_some_and(before)
             });
             out.hidden = hidden.collect();
             let seen = |p: DVec2| front(p).is_some();
-            out.inner = inner(sheet.boundary, camera, x, seen);
-            out.folds = folds(sheet.edges, camera, x, seen);
-            explained_by(&out.folds, sheet.boundary, shown.outline, shown.camera, x, &mut out.inner);
+            out.inner = inner(sheet.boundary, view, x, seen);
+            out.folds = folds(sheet.edges, view, x, seen);
+            explained_by(&out.folds, sheet.boundary, shown.outline, shown.view, x, &mut out.inner);
         }
         out
     }
@@ -98,7 +102,7 @@ fn front(rendering: &Rendering, p: DVec2) -> Option<u32> {
     within.then_some(()).map(triangle).filter(|t| *t != Rendering::NO_TRIANGLE)
 }
 
-/// Whether the plane of a triangle crosses the ray to `p` before it; one that is seen edge-on does.
+/// Whether the plane of a triangle crosses the ray to `p` before it; one that is seen edge-on does. All seen from the origin.
 fn is_before([a, b, c]: [DVec3; 3], p: DVec3) -> bool {
     let normal = (b - a).cross(c - a);
     let part = normal.dot(a) / normal.dot(p);
@@ -115,23 +119,23 @@ fn uncovered(rendering: &Rendering, level: &Level) -> usize {
 }
 
 /// Area of a triangle in the image `[px]`; 0 of one that comes up to the camera.
-fn area(camera: &Camera, corners: [DVec3; 3]) -> f64 {
-    if corners.iter().any(|p| p.z <= 0.0) {
+fn area(view: &Viewpoint, corners: [DVec3; 3]) -> f64 {
+    if corners.iter().any(|p| view.depth(*p) <= 0.0) {
         return 0.0;
     }
-    let [a, b, c] = corners.map(|p| camera.project(p));
+    let [a, b, c] = corners.map(|p| view.project(p));
     0.5 * (b - a).perp_dot(c - a).abs()
 }
 
 /// Whether some triangles show the camera their other side: where none do, the sheet can hardly be in front of itself.
-fn turned_over(triangles: &[[u32; 3]], camera: &Camera, x: &[DVec3]) -> bool {
+fn turned_over(triangles: &[[u32; 3]], view: &Viewpoint, x: &[DVec3]) -> bool {
     let mut sides = [false; 2];
     for t in triangles {
         let [a, b, c] = t.map(|v| x[v as usize]);
-        if a.z <= 0.0 || b.z <= 0.0 || c.z <= 0.0 {
+        if [a, b, c].iter().any(|p| view.depth(*p) <= 0.0) {
             continue;
         }
-        let [a, b, c] = [a, b, c].map(|p| camera.project(p));
+        let [a, b, c] = [a, b, c].map(|p| view.project(p));
         sides[usize::from((b - a).perp_dot(c - a) > 0.0)] = true;
     }
     sides == [true; 2]
@@ -140,6 +144,7 @@ fn turned_over(triangles: &[[u32; 3]], camera: &Camera, x: &[DVec3]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Camera;
     use crate::image::Image;
     use crate::mesh::grid;
     use crate::motion::observed::pyramid::pyramid;
@@ -153,20 +158,22 @@ mod tests {
     fn folded(nearer: f64) -> (Occlusion, Vec<DVec3>, Vec<DVec3>, Vec<[DVec3; 2]>) {
         let mesh = grid(21, 11, DVec2::new(0.4, 0.2), 1.0);
         let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
-        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera, 1.0);
-        let boundary = boundary_points(&mesh, &mesh.positions, &camera, 2.0);
+        let view = Viewpoint::from(camera);
+        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &view, 1.0);
+        let boundary = boundary_points(&mesh, &mesh.positions, &view, 2.0);
         let rasterizer = Rasterizer::new(&mesh);
         let edges = inner_edges(&mesh, &Cloth::new(&mesh));
         let first = &mesh.positions;
-        let sheet = Sheet { rasterizer: &rasterizer, boundary: &boundary, edges: &edges, first };
+        let sheet =
+            Sheet { rasterizer: &rasterizer, boundary: &boundary, edges: &edges, first, first_view: &view };
         let mut mask = Image::new(160, 160, 1);
         for (k, m) in mask.data.iter_mut().enumerate() {
             let [x, y] = [(k % 160) as f64, (k / 160) as f64].map(|p| (p - 79.5) / 300.0);
             *m = f32::from(x.abs() < 0.2 && x < 0.08 && y.abs() < 0.1);
         }
         let outline = OutlineDistance::new(&mask, 1);
-        let level = pyramid(&Frame { rgb: Image::new(160, 160, 3), mask }, &camera, [0, 0]).remove(0);
-        let shown = Shown { level: &level, outline: &outline, camera: &camera };
+        let level = pyramid(&Frame { rgb: Image::new(160, 160, 3), mask }, &view, [0, 0]).remove(0);
+        let shown = Shown { level: &level, outline: &outline, view: &view };
         let of = |x: &[DVec3]| Occlusion::new(&sheet, &shown, &samples, x, true);
         let flat = of(first);
         assert!(flat.hidden.is_empty() && flat.inner.is_empty() && flat.folds.is_empty());
@@ -220,11 +227,12 @@ mod tests {
     #[test]
     fn what_turns_away_fills_less_of_the_image() {
         let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
+        let view = Viewpoint::from(camera);
         let flat = [DVec3::new(0.0, 0.0, 1.0), DVec3::new(0.1, 0.0, 1.0), DVec3::new(0.0, 0.1, 1.0)];
-        assert!((area(&camera, flat) - 450.0).abs() < 1e-9);
+        assert!((area(&view, flat) - 450.0).abs() < 1e-9);
         let edge_on = flat.map(|p| if p.x > 0.0 { DVec3::new(0.0, 0.0, 1.1) } else { p });
-        assert!(area(&camera, edge_on) < 1e-9);
-        assert_eq!(area(&camera, flat.map(|p| p - DVec3::Z)), 0.0);
+        assert!(area(&view, edge_on) < 1e-9);
+        assert_eq!(area(&view, flat.map(|p| p - DVec3::Z)), 0.0);
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::video::Frame;
 
 /// Share of fabric a pixel of the pyramid needs for its colour to count.
@@ -11,8 +11,8 @@ const MIN_COVERAGE: f32 = 0.5;
 /// One level: colours averaged over the fabric only, so that the background never bleeds in.
 #[derive(Debug, Clone)]
 pub struct Level {
-    /// Camera of this level.
-    pub camera: Camera,
+    /// How the frame is seen, in pixels of this level.
+    pub view: Viewpoint,
     /// sRGB colour and share of fabric, shape [height, width, 4].
     texels: Vec<[f32; 4]>,
 }
@@ -31,7 +31,7 @@ pub struct Colour {
 impl Level {
     /// Colour of a pixel; `None` off the fabric.
     pub fn texel(&self, x: usize, y: usize) -> Option<[f32; 3]> {
-        let [r, g, b, coverage] = self.texels[y * self.camera.width + x];
+        let [r, g, b, coverage] = self.texels[y * self.view.camera.width + x];
         (coverage >= MIN_COVERAGE).then_some([r, g, b])
     }
 
@@ -53,7 +53,7 @@ impl Level {
     /// The four texels around `p` and where between them it lies; `None` off the image or where one of them is off the fabric.
     #[inline]
     fn cell(&self, p: DVec2) -> Option<(Cell<'_>, [f32; 2])> {
-        let (w, h) = (self.camera.width, self.camera.height);
+        let (w, h) = (self.view.camera.width, self.view.camera.height);
         let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < (w - 1) as f64 && p.y < (h - 1) as f64;
         if !inside {
             return None;
@@ -100,10 +100,10 @@ fn first_three([a, b, c, _]: [f32; 4]) -> [f32; 3] {
     [a, b, c]
 }
 
-/// Levels 0 to `coarsest` of `frame`, each half the size of the one before; level 0 has the frame's size. Those finer
+/// Levels 0 to `coarsest` of `frame` as `view` sees it, each half the size of the one before; level 0 has the frame's size. Those finer
 /// than `finest` have no colours, which would take most of the memory.
-pub fn pyramid(frame: &Frame, camera: &Camera, [finest, coarsest]: [usize; 2]) -> Vec<Level> {
-    let mut camera = *camera;
+pub fn pyramid(frame: &Frame, view: &Viewpoint, [finest, coarsest]: [usize; 2]) -> Vec<Level> {
+    let mut camera = view.camera;
     let mut weighted: Vec<[f32; 4]> = frame
         .rgb
         .data
@@ -123,7 +123,7 @@ pub fn pyramid(frame: &Frame, camera: &Camera, [finest, coarsest]: [usize; 2]) -
             [t[0] * s, t[1] * s, t[2] * s, t[3]]
         };
         let texels = if level < finest { Vec::new() } else { weighted.iter().map(normalised).collect() };
-        levels.push(Level { camera, texels });
+        levels.push(Level { view: view.with_camera(camera), texels });
     }
     levels
 }
@@ -164,6 +164,7 @@ fn blurred(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Camera;
     use crate::image::Image;
     use crate::math::rng::Rng;
 
@@ -175,7 +176,7 @@ mod tests {
         rgb.data.iter_mut().for_each(|c| *c = 0.5 + 0.5 * rng.signed() as f32);
         mask.data.fill(1.0);
         let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: w, height: h };
-        let levels = pyramid(&Frame { rgb, mask }, &camera, [0, 1]);
+        let levels = pyramid(&Frame { rgb, mask }, &camera.into(), [0, 1]);
         for level in &levels {
             let mut largest = 0.0f32;
             for k in 0..50 {

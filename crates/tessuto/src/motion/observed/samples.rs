@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::pyramid::Level;
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::mesh::{Mesh, boundary_edges};
 
 /// A point of a triangle.
@@ -20,17 +20,17 @@ pub struct SurfaceSample {
     pub area: f64,
 }
 
-/// Points about `spacing` pixels apart in the image of the mesh as `camera` sees it at `positions`,
+/// Points about `spacing` pixels apart in the image of the mesh as `view` sees it at `positions`,
 /// ordered by triangle: each triangle is cut into k² like parts, with a point in each centre.
 pub fn interior_points(
     mesh: &Mesh,
     positions: &[DVec3],
-    camera: &Camera,
+    view: &Viewpoint,
     spacing: f64,
 ) -> Vec<SurfaceSample> {
     let mut points = Vec::new();
     for (triangle, t) in mesh.triangles().into_iter().enumerate() {
-        let [a, b, c] = t.map(|v| camera.project(positions[v as usize]));
+        let [a, b, c] = t.map(|v| view.project(positions[v as usize]));
         let area = 0.5 * (b - a).perp_dot(c - a).abs();
         let k = (area / (spacing * spacing)).sqrt().ceil().clamp(1.0, 64.0) as usize;
         let part = 1.0 / k as f64;
@@ -66,10 +66,10 @@ pub struct SurfaceSamples {
 }
 
 impl SurfaceSamples {
-    /// Points about `spacing` pixels apart in the image of the mesh as `camera` sees it at `positions`.
-    pub fn new(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Self {
+    /// Points about `spacing` pixels apart in the image of the mesh as `view` sees it at `positions`.
+    pub fn new(mesh: &Mesh, positions: &[DVec3], view: &Viewpoint, spacing: f64) -> Self {
         let triangles = mesh.triangles();
-        let points = interior_points(mesh, positions, camera, spacing);
+        let points = interior_points(mesh, positions, view, spacing);
         let mut start = vec![0; triangles.len() + 1];
         points.iter().for_each(|p| start[p.triangle as usize + 1] += 1);
         for t in 0..triangles.len() {
@@ -96,7 +96,7 @@ impl SurfaceSamples {
                 return None;
             }
             let p = self.position(point, x);
-            (p.z > 0.0).then(|| level.colour(level.camera.project(p))).flatten()
+            level.colour(level.view.project_in_front(p)?)
         };
         self.points.par_iter().enumerate().with_min_len(512).map(of_point).collect()
     }
@@ -123,8 +123,8 @@ impl EdgePoint {
     }
 }
 
-/// Points about `spacing` pixels apart along the edges that belong to one polygon only.
-pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacing: f64) -> Vec<EdgePoint> {
+/// Points about `spacing` pixels apart along the edges that belong to one polygon only, as `view` sees it at `positions`.
+pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], view: &Viewpoint, spacing: f64) -> Vec<EdgePoint> {
     let mut points = Vec::new();
     let with_opposite = |[a, b, c]: [u32; 3]| ([a.min(b), a.max(b)], c);
     let opposites: HashMap<[u32; 2], u32> = mesh
@@ -134,7 +134,7 @@ pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacin
         .collect();
     for vertices in boundary_edges(mesh) {
         let opposite = opposites[&vertices];
-        let [a, b] = vertices.map(|v| camera.project(positions[v as usize]));
+        let [a, b] = vertices.map(|v| view.project(positions[v as usize]));
         let n = ((b - a).length() / spacing).ceil().max(1.0);
         for k in 0..n as usize {
             let t = (k as f64 + 0.5) / n;
@@ -152,18 +152,20 @@ pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], camera: &Camera, spacin
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::Camera;
     use glam::DVec2;
 
     #[test]
     fn points_share_out_the_area_and_the_boundary() {
         let mesh = crate::mesh::grid(4, 3, DVec2::new(0.3, 0.2), 1.0);
         let camera = Camera { fx: 200.0, fy: 200.0, cx: 50.0, cy: 50.0, width: 100, height: 100 };
-        let points = interior_points(&mesh, &mesh.positions, &camera, 2.0);
+        let view = Viewpoint::from(camera);
+        let points = interior_points(&mesh, &mesh.positions, &view, 2.0);
         let area: f64 = points.iter().map(|p| p.area).sum();
         assert!((area - 60.0 * 40.0).abs() < 1e-9, "{area}");
         assert!((500..1000).contains(&points.len()), "{}", points.len());
         assert!(points.iter().all(|p| p.weights.iter().all(|w| *w > 0.0)));
-        let edge: f64 = boundary_points(&mesh, &mesh.positions, &camera, 3.0).iter().map(|p| p.length).sum();
+        let edge: f64 = boundary_points(&mesh, &mesh.positions, &view, 3.0).iter().map(|p| p.length).sum();
         assert!((edge - 200.0).abs() < 1e-9, "{edge}");
     }
 }

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 
 use super::outline_distance::OutlineDistance;
 use super::samples::EdgePoint;
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::mesh::Mesh;
 use crate::sim::Cloth;
 
@@ -57,21 +57,21 @@ pub struct FoldPoint {
 }
 
 /// The points, about two pixels apart, of those `edges` of the mesh at `x` where both triangles lie on the same side in the image of
-/// `camera`, and beyond which it is not `seen`. None of a mesh that comes up to the camera.
+/// `view`, and beyond which it is not `seen`. None of a mesh that comes up to the camera.
 pub fn folds(
     edges: &[InnerEdge],
-    camera: &Camera,
+    view: &Viewpoint,
     x: &[DVec3],
     seen: impl Fn(DVec2) -> bool,
 ) -> Vec<FoldPoint> {
-    if x.iter().any(|p| p.z <= 0.0) {
+    if x.iter().any(|p| view.depth(*p) <= 0.0) {
         return Vec::new();
     }
     let mut out = Vec::new();
     for InnerEdge { vertices, opposite, pair } in edges {
-        let [a, b] = vertices.map(|v| camera.project(x[v as usize]));
+        let [a, b] = vertices.map(|v| view.project(x[v as usize]));
         let normal = (b - a).perp();
-        let [first, second] = opposite.map(|v| normal.dot(camera.project(x[v as usize]) - a));
+        let [first, second] = opposite.map(|v| normal.dot(view.project(x[v as usize]) - a));
         if first * second <= 0.0 {
             continue;
         }
@@ -84,7 +84,7 @@ pub fn folds(
                 weights: [1.0 - t, t],
                 length: a.distance(b) / count,
             };
-            if !seen(beyond(&point, camera, x)) {
+            if !seen(beyond(&point, view, x)) {
                 out.push(FoldPoint { point, pair: *pair });
             }
         }
@@ -92,33 +92,33 @@ pub fn folds(
     out
 }
 
-/// Whether each point of the `boundary` of the mesh at `x` is no outline in the image of `camera`: if beyond it more of the sheet is `seen`.
+/// Whether each point of the `boundary` of the mesh at `x` is no outline in the image of `view`: if beyond it more of the sheet is `seen`.
 pub fn inner(
     boundary: &[EdgePoint],
-    camera: &Camera,
+    view: &Viewpoint,
     x: &[DVec3],
     seen: impl Fn(DVec2) -> bool,
 ) -> Vec<bool> {
-    boundary.iter().map(|point| seen(beyond(point, camera, x))).collect()
+    boundary.iter().map(|point| seen(beyond(point, view, x))).collect()
 }
 
-/// Sets `inner` where a point of the `boundary` lies in the mask whose outline has this `distance`, as `camera` sees it, and one of the `folds`
+/// Sets `inner` where a point of the `boundary` lies in the mask whose outline has this `distance`, as `view` sees it, and one of the `folds`
 /// is nearer to the place of that outline which is nearest to the point.
 pub fn explained_by(
     folds: &[FoldPoint],
     boundary: &[EdgePoint],
     distance: &OutlineDistance,
-    camera: &Camera,
+    view: &Viewpoint,
     x: &[DVec3],
     inner: &mut [bool],
 ) {
-    let folds: Vec<DVec2> = folds.iter().map(|fold| camera.project(fold.point.position(x))).collect();
+    let folds: Vec<DVec2> = folds.iter().map(|fold| view.project(fold.point.position(x))).collect();
     for (point, inner) in boundary.iter().zip(inner) {
         let p = point.position(x);
-        if *inner || p.z <= 0.0 {
+        if *inner || view.depth(p) <= 0.0 {
             continue;
         }
-        let p = camera.project(p);
+        let p = view.project(p);
         if let Some((d, slope)) = distance.sample(p).filter(|(d, _)| *d > 0.0) {
             let outline = p - slope.normalize_or_zero() * d;
             *inner = folds.iter().any(|fold| fold.distance_squared(outline) < d * d);
@@ -127,10 +127,9 @@ pub fn explained_by(
 }
 
 /// The place beyond `point`, away from its triangle.
-fn beyond(point: &EdgePoint, camera: &Camera, x: &[DVec3]) -> DVec2 {
-    let [a, b] = point.vertices.map(|v| camera.project(x[v as usize]));
+fn beyond(point: &EdgePoint, view: &Viewpoint, x: &[DVec3]) -> DVec2 {
+    let [a, b] = point.vertices.map(|v| view.project(x[v as usize]));
     let normal = (b - a).perp().normalize_or_zero();
-    let away =
-        if normal.dot(camera.project(x[point.opposite as usize]) - a) > 0.0 { -normal } else { normal };
+    let away = if normal.dot(view.project(x[point.opposite as usize]) - a) > 0.0 { -normal } else { normal };
     a * point.weights[0] + b * point.weights[1] + away * BEYOND
 }

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use crate::camera::Viewpoint;
 use crate::mesh::Positions;
 use crate::settings::settings;
 use crate::sim::Accelerations;
@@ -85,9 +86,9 @@ pub fn image_loss(
     [colour / (3.0 * pixels), silhouette / pixels]
 }
 
-/// Unit view rays of the vertices.
-pub fn view_rays(shape: &[DVec3]) -> Positions {
-    shape.iter().map(|x| x.normalize_or_zero()).collect()
+/// Unit vectors from the eye of `view` to the vertices.
+pub fn view_rays(view: &Viewpoint, shape: &[DVec3]) -> Positions {
+    shape.iter().map(|x| view.direction(*x)).collect()
 }
 
 /// Mean over vertices and frames, the first one counted with no force, of ‖g − (g·d) d‖ with g = C + D and the unit view rays d,

@@ -387,8 +387,11 @@ impl RolloutFit<'_> {
 
         let entries = (active - 1) * parameters.accelerations.entries_per_frame;
         let rays: Vec<Positions> = match s.frozen_rays {
-            true => vec![view_rays(&motion.frames[0])],
-            false => motion.frames[..active - 1].iter().map(|x| view_rays(x)).collect(),
+            true => vec![view_rays(&self.scene.viewpoint(0), &motion.frames[0])],
+            false => {
+                let rays = |(n, x): (usize, &Positions)| view_rays(&self.scene.viewpoint(n), x);
+                motion.frames[..active - 1].iter().enumerate().map(rays).collect()
+            }
         };
         let of_entry: Vec<&Positions> = (0..entries)
             .map(|k| &rays[(k / parameters.accelerations.entries_per_frame).min(rays.len() - 1)])
@@ -413,14 +416,14 @@ impl RolloutFit<'_> {
         stiffness: &Stiffness,
         share: f64,
     ) -> FrameLoss {
-        let (camera, weights) = (&self.scene.camera, &self.settings.weights);
+        let (view, weights) = (&self.scene.viewpoint(n), &self.settings.weights);
         let mut gradients = Gradients::new(self.rasterizer);
-        self.rasterizer.render(camera, x, self.texture, &mut scratch.rendering);
+        self.rasterizer.render(view, x, self.texture, &mut scratch.rendering);
         let compared = self.compared.frame(n);
         let [colour, silhouette] =
             image_loss(&scratch.rendering.rgba, frame, compared, weights, share, &mut scratch.grad_rgba);
         self.rasterizer.render_vjp(
-            camera,
+            view,
             x,
             self.texture,
             &scratch.rendering,

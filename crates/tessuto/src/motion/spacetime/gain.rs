@@ -144,7 +144,7 @@ mod tests {
     fn clip(gain: f32) -> (SurfaceSamples, Vec<Vec<u32>>, PointColours, PointColours) {
         let mesh = grid(5, 4, DVec2::new(0.2, 0.15), 1.0);
         let camera = Camera { fx: 200.0, fy: 200.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
-        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera, 1.0);
+        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera.into(), 1.0);
         let mut rng = Rng::new(1, 0);
         let mut colour = || 0.5 + 0.3 * rng.signed() as f32;
         let reference: PointColours =

@@ -53,8 +53,8 @@ impl<'a> Problem<'a> {
         let template = &self.scene.template;
         let first = &self.observed.levels[0][level];
         // More points than the resolution asks for tell the same again.
-        let spacing = (size_in_image(template, &first.camera) / self.settings.resolution).max(1.0);
-        let samples = SurfaceSamples::new(template, &template.positions, &first.camera, spacing);
+        let spacing = (size_in_image(template, &first.view) / self.settings.resolution).max(1.0);
+        let samples = SurfaceSamples::new(template, &template.positions, &first.view, spacing);
         let frame_count = self.scene.frames.len();
         LevelSearch {
             problem: self,
@@ -156,7 +156,7 @@ impl LevelSearch<'_, '_> {
                 inner: &self.occlusions[frame].inner,
                 folds: &self.occlusions[frame].folds,
                 distance: &p.observed.outlines[frame],
-                camera: &p.observed.camera,
+                view: &p.observed.views[frame],
                 noise: Noise { sigma: s.outline * p.pixel(), tail: s.outline_tail },
                 weight: p.independent * self.asked.outlines / p.pixel(),
             },
@@ -199,11 +199,12 @@ impl LevelSearch<'_, '_> {
             boundary: &p.boundary,
             edges: &p.inner_edges,
             first: &p.scene.template.positions,
+            first_view: &observed.levels[0][observed.range[0]].view,
         };
         let shown = Shown {
             level: &observed.levels[frame][observed.range[0]],
             outline: &observed.outlines[frame],
-            camera: &observed.camera,
+            view: &observed.views[frame],
         };
         Occlusion::new(&sheet, &shown, &self.samples, x, self.compares)
     }

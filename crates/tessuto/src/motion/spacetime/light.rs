@@ -62,8 +62,8 @@ impl LevelSearch<'_, '_> {
     pub(super) fn update_light(&mut self, frames: &[Positions], around: &[Vec<Around>]) {
         let first = self.harmonics_of_first();
         let areas = self.areas();
-        let of_frame = |(x, around): (&Positions, &Vec<Around>)| self.turned(x, around, &areas, &first);
-        let turned: Vec<Vec<Turned>> = frames[1..].par_iter().zip(around).map(of_frame).collect();
+        let of_frame = |n: usize| self.turned((n, &frames[n]), &around[n - 1], &areas, &first);
+        let turned: Vec<Vec<Turned>> = (1..frames.len()).into_par_iter().map(of_frame).collect();
         let mut offsets = vec![0.0; turned.len()];
         // Not from the last light: the same positions have the same one, whatever came before.
         self.light = self.fit_light([0.0; HARMONICS], &turned, &offsets, START_TAIL);
@@ -79,7 +79,7 @@ impl LevelSearch<'_, '_> {
     /// Compares the brightness of `frame`, found at `x`, which shows `around` its vertices, with the light as it is.
     pub(super) fn update_brightness(&mut self, frame: usize, x: &Positions, around: &[Around]) {
         let first = self.harmonics_of_first();
-        let turned = self.turned(x, around, &self.areas(), &first);
+        let turned = self.turned((frame, x), around, &self.areas(), &first);
         self.brightness[frame] = self.targets(&turned, self.offset(&turned), &first);
     }
 
@@ -93,16 +93,23 @@ impl LevelSearch<'_, '_> {
         vertex_normals(&self.samples.triangles, x)
     }
 
-    /// The vertices that are seen in a frame, from the same side as in the first.
-    fn turned(&self, x: &Positions, around: &[Around], areas: &[f64], first: &[Light]) -> Vec<Turned> {
+    /// The vertices that are seen in a `frame` with the sheet at `x`, from the same side as in the first.
+    fn turned(
+        &self,
+        (frame, x): (usize, &Positions),
+        around: &[Around],
+        areas: &[f64],
+        first: &[Light],
+    ) -> Vec<Turned> {
         let (p, s) = (self.problem, &self.problem.settings);
         let template = &p.scene.template.positions;
         let pixel = self.pixel_area() * p.independent;
         let (before, now) = (self.normals(template), self.normals(x));
+        let [now_view, first_view] = [frame, 0].map(|n| &p.observed.views[n]);
         let of = |v: usize| -> Option<Turned> {
             let Around { products, area } = around[v];
-            let [a, b] =
-                [(now[v], x[v]), (before[v], template[v])].map(|(n, x)| n.dot(x.normalize_or_zero()));
+            let a = now[v].dot(now_view.direction(x[v]));
+            let b = before[v].dot(first_view.direction(template[v]));
             if area <= LEAST_SEEN * areas[v] || a * b <= 0.0 || a.abs().min(b.abs()) < LEAST_COSINE {
                 return None;
             }

@@ -118,7 +118,7 @@ use super::terms::shading::{HARMONICS, Light};
 use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::mesh::{Mesh, Positions};
 use crate::raster::Rasterizer;
@@ -175,7 +175,7 @@ impl<'a> Problem<'a> {
             bend: Bend::new(cloth, template, s.bend),
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
-        let size = size_in_image(template, &scene.camera);
+        let size = size_in_image(template, &scene.viewpoint(0));
         let halvings = (size / settings.resolution).log2().floor();
         let finest = halvings.clamp(0.0, 16.0) as usize;
         let doublings = (-halvings).clamp(0.0, MOST_DOUBLINGS) as usize;
@@ -190,7 +190,7 @@ impl<'a> Problem<'a> {
             cloth,
             priors,
             adjacency: template.neighbours(),
-            boundary: boundary_points(template, x, &observed.camera, spacing),
+            boundary: boundary_points(template, x, &observed.views[0], spacing),
             inner_edges: inner_edges(template, cloth),
             independent: NOMINAL_SIZE * f64::from(1u32 << observed.range[0]) / size,
             observed,
@@ -241,9 +241,9 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Square root of the area of `template`'s image `[px]`; at least 1 px, since what is seen edge-on has none.
-fn size_in_image(template: &Mesh, camera: &Camera) -> f64 {
-    let p: Vec<DVec2> = template.positions.iter().map(|x| camera.project(*x)).collect();
+/// Square root of the area of `template`'s image `[px]` in this `view` of the first frame; at least 1 px, since what is seen edge-on has none.
+fn size_in_image(template: &Mesh, view: &Viewpoint) -> f64 {
+    let p: Vec<DVec2> = template.positions.iter().map(|x| view.project(*x)).collect();
     let area = |t: [u32; 3]| {
         let [a, b, c] = t.map(|v| p[v as usize]);
         0.5 * (b - a).perp_dot(c - a).abs()

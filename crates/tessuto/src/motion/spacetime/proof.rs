@@ -145,7 +145,7 @@ fn magnifying_adds_no_weight() {
         let problem = Problem::new(&scene, &cloth, settings).unwrap();
         let still = scene.camera.project(scene.template.positions[0])
             - scene.camera.project(scene.template.positions[1]);
-        let [a, b] = [0, 1].map(|v| problem.observed.camera.project(scene.template.positions[v]));
+        let [a, b] = [0, 1].map(|v| problem.observed.views[0].project(scene.template.positions[v]));
         let search = problem.at_level(problem.observed.range[0]);
         let terms = search.terms(1);
         let area: f64 = search.samples.points.iter().map(|point| point.area).sum();

@@ -1,8 +1,7 @@
 //! Which vertices stand still: an edge that is fixed does not move in the image.
 
-use glam::DVec2;
-
 use super::{Positions, Problem};
+use crate::camera::Viewpoint;
 use crate::mesh::boundary_edges;
 
 /// A clip tells what is fixed if a quarter of the vertices move by so much or more [px of the finest level].
@@ -20,13 +19,14 @@ impl Problem<'_> {
     /// Only of the border: what stands still in the image while the rest moves may still move along its view ray, as the
     /// middle of a sheet that billows towards the camera does, but nothing makes a whole edge do so.
     pub(super) fn still_vertices(&self, frames: &[Positions]) -> Vec<u32> {
-        let camera = &self.observed.camera;
         let pixel = self.pixel();
-        let project =
-            |x: &Positions| -> Vec<DVec2> { x.iter().map(|x| camera.project(*x) / pixel).collect() };
-        let images: Vec<Vec<DVec2>> = frames.iter().map(project).collect();
+        // In the image of each frame, where the vertex is and where it would be had it not moved.
         let moved = |v: usize| -> f64 {
-            quantile(images[1..].iter().map(|p| p[v].distance(images[0][v])).collect(), 0.9)
+            let of_frame = |(x, view): (&Positions, &Viewpoint)| {
+                let [now, before] = [x, &frames[0]].map(|x| view.project(x[v]) / pixel);
+                now.distance(before)
+            };
+            quantile(frames.iter().zip(&self.observed.views).skip(1).map(of_frame).collect(), 0.9)
         };
         let moved: Vec<f64> = (0..self.cloth.vertex_count()).map(moved).collect();
         let most = quantile(moved.clone(), 0.75);

@@ -73,8 +73,7 @@ impl Colour<'_> {
             return None;
         }
         let w = point.weights;
-        let p = a * w[0] + b * w[1] + c * w[2];
-        (p.z > 0.0).then_some(p)
+        Some(a * w[0] + b * w[1] + c * w[2])
     }
 
     /// Its differences where the frame shows `colour`.
@@ -123,17 +122,18 @@ impl Colour<'_> {
         }
     }
 
-    /// The frame's colour at `p`.
+    /// The frame's colour at `p`, if it is in front of the camera.
     #[inline]
     fn colour(&self, p: DVec3) -> Option<([f32; 3], ())> {
-        self.level.colour(self.level.camera.project(p)).map(|colour| (colour, ()))
+        self.level.colour(self.level.view.project_in_front(p)?).map(|colour| (colour, ()))
     }
 
-    /// The frame's colour at `p` with its slope.
+    /// The same with its slope.
     #[inline]
     fn slope(&self, p: DVec3) -> Option<([f32; 3], Slope)> {
-        let colour = self.level.sample(self.level.camera.project(p))?;
-        let [ru, rv] = self.level.camera.projection_rows(p);
+        let view = &self.level.view;
+        let colour = self.level.sample(view.project_in_front(p)?)?;
+        let [ru, rv] = view.projection_rows(p);
         let slope = [0, 1, 2].map(|k| ru * f64::from(colour.du[k]) + rv * f64::from(colour.dv[k]));
         Some((colour.value, slope))
     }

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use super::robust::Noise;
 use super::{FrameSystem, Term, outer};
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::motion::observed::outline_distance::OutlineDistance;
 use crate::motion::observed::samples::EdgePoint;
 use crate::motion::observed::silhouette::FoldPoint;
@@ -27,8 +27,8 @@ pub struct Outline<'a> {
     pub folds: &'a [FoldPoint],
     /// Outline of the frame's mask, at level 0.
     pub distance: &'a OutlineDistance,
-    /// Camera of level 0.
-    pub camera: &'a Camera,
+    /// How the frame is seen, in pixels of level 0.
+    pub view: &'a Viewpoint,
     /// σ of one pixel of outline `[px]`, and τ.
     pub noise: Noise,
     /// k: number of independent pixels of outline that one of level 0 counts as.
@@ -54,11 +54,8 @@ impl Outline<'_> {
     /// Distance `[px]` of a point to the outline and its derivative by the point; `None` where it does not count.
     fn residual(&self, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
         let p = point.position(x);
-        if p.z <= 0.0 {
-            return None;
-        }
-        let (distance, slope) = self.distance.sample(self.camera.project(p))?;
-        let [ru, rv] = self.camera.projection_rows(p);
+        let (distance, slope) = self.distance.sample(self.view.project_in_front(p)?)?;
+        let [ru, rv] = self.view.projection_rows(p);
         Some((distance, ru * slope.x + rv * slope.y))
     }
 }

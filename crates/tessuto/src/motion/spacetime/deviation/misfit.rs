@@ -33,9 +33,9 @@ impl LevelSearch<'_, '_> {
     pub(in super::super) fn misfit(&self, frame: usize, x: &Positions) -> Misfit {
         let terms = self.terms(frame);
         let count = x.len().max(1) as f64;
-        let depth = x.iter().map(|p| p.z).sum::<f64>() / count;
-        let camera = &self.problem.observed.camera;
-        let pixel = depth / (0.5 * (camera.fx + camera.fy));
+        let view = &self.problem.observed.views[frame];
+        let depth = x.iter().map(|p| view.depth(*p)).sum::<f64>() / count;
+        let pixel = depth / (0.5 * (view.camera.fx + view.camera.fy));
         // Smooth shear counts by the spread that the settings give, however large it was found to be.
         let mut shear = terms.priors.shear.clone();
         (shear.smooth, shear.rank) = (self.problem.settings.shear_smooth, FEW);

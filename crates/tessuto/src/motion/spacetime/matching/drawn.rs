@@ -30,9 +30,10 @@ const POLICY: Policy = Policy {
 };
 
 impl Finder<'_, '_> {
-    /// The sheet at `start` drawn to the `matches`.
+    /// The sheet at `start` drawn to the `matches` in frame `n`.
     pub fn drawn(
         &self,
+        n: usize,
         start: &Positions,
         matches: &[(SurfaceSample, DVec2)],
         scratch: &mut Scratch,
@@ -49,7 +50,7 @@ impl Finder<'_, '_> {
                 cloth: p.cloth,
                 samples: &self.samples,
                 matches,
-                camera: &p.observed.levels[0][self.level].camera,
+                view: &p.observed.levels[n][self.level].view,
                 noise: Noise { sigma: part * self.size / tail, tail },
                 weight: area * p.independent,
             };

@@ -39,13 +39,13 @@ impl<'p, 'a> Finder<'p, 'a> {
     pub fn new(problem: &'p Problem<'a>) -> Self {
         let observed = &problem.observed;
         let level = (observed.range[0] + 1).min(observed.range[1]);
-        let (template, camera) = (&problem.scene.template, &observed.levels[0][level].camera);
+        let (template, view) = (&problem.scene.template, &observed.levels[0][level].view);
         let first = &template.positions;
-        let samples = SurfaceSamples::new(template, first, camera, 1.0);
-        let size = size_in_image(template, camera);
+        let samples = SurfaceSamples::new(template, first, view, 1.0);
+        let size = size_in_image(template, view);
         let (mut points, mut places): (Vec<SurfaceSample>, Vec<DVec2>) = Default::default();
         for point in &samples.points {
-            let place = camera.project(samples.position(point, first));
+            let place = view.project(samples.position(point, first));
             if places.iter().all(|p| p.distance(place) >= spacing(size)) {
                 points.push(*point);
                 places.push(place);
@@ -68,20 +68,20 @@ impl<'p, 'a> Finder<'p, 'a> {
         sources.extend(good.iter().find(|m| **m > n));
         sources.dedup();
         let x = &frames[start];
-        let expected = self.images(x);
+        let expected = self.images(n, x);
         let found = self.matches(n, &sources, frames, &expected);
         let moved: Vec<Option<DVec2>> = found.iter().zip(&expected).map(|(f, e)| Some((*f)? - *e)).collect();
         let kept = agreeing(&self.places, &moved);
         let matches: Vec<(SurfaceSample, DVec2)> = (self.points.iter().zip(&found).zip(&kept))
             .filter_map(|((point, found), kept)| Some((*point, found.filter(|_| *kept)?)))
             .collect();
-        (matches.len() >= LEAST_MATCHES).then(|| self.drawn(x, &matches, scratch))
+        (matches.len() >= LEAST_MATCHES).then(|| self.drawn(n, x, &matches, scratch))
     }
 
-    /// Where the points are in the image of the sheet at `x`.
-    fn images(&self, x: &Positions) -> Vec<DVec2> {
-        let camera = &self.problem.observed.levels[0][self.level].camera;
-        self.points.iter().map(|point| camera.project(self.samples.position(point, x))).collect()
+    /// Where the points are in the image that frame `n` would show of the sheet at `x`.
+    fn images(&self, n: usize, x: &Positions) -> Vec<DVec2> {
+        let view = &self.problem.observed.levels[n][self.level].view;
+        self.points.iter().map(|point| view.project(self.samples.position(point, x))).collect()
     }
 
     /// Where frame `n` shows every point, by the best correlating of its patches in the frames `sources`, which turn and stretch
@@ -95,7 +95,7 @@ impl<'p, 'a> Finder<'p, 'a> {
     ) -> Vec<Option<DVec2>> {
         let levels = &self.problem.observed.levels;
         let searched = Searched::new(&levels[n][self.level]);
-        let images: Vec<Vec<DVec2>> = sources.iter().map(|m| self.images(&frames[*m])).collect();
+        let images: Vec<Vec<DVec2>> = sources.iter().map(|m| self.images(*m, &frames[*m])).collect();
         let best = |i: usize| {
             let of_source = |(m, images): (&usize, &Vec<DVec2>)| {
                 let patch = Patch::new(&levels[*m][self.level], images[i], self.warp(i, expected, images))?;

@@ -103,7 +103,7 @@ impl Sums {
 impl Searched {
     /// What `level` shows.
     pub fn new(level: &Level) -> Self {
-        let (w, h) = (level.camera.width, level.camera.height);
+        let (w, h) = (level.view.camera.width, level.view.camera.height);
         let border = RADIUS as usize;
         let stride = w + 2 * border;
         let plane = || vec![0.0; stride * (h + 2 * border)];
@@ -209,7 +209,7 @@ mod tests {
             }
         }
         let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: w, height: h };
-        pyramid(&Frame { rgb, mask }, &camera, [0, 0]).remove(0)
+        pyramid(&Frame { rgb, mask }, &camera.into(), [0, 0]).remove(0)
     }
 
     /// The correlation of `patch` at a place, one pixel after the other.

@@ -7,7 +7,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::camera::Camera;
+use crate::camera::Viewpoint;
 use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
 use crate::motion::terms::robust::Noise;
 use crate::motion::terms::{FrameSystem, Term, outer};
@@ -21,8 +21,8 @@ pub struct Places<'a> {
     pub samples: &'a SurfaceSamples,
     /// The points, and where they are seen `[px]`.
     pub matches: &'a [(SurfaceSample, DVec2)],
-    /// Camera of these pixels.
-    pub camera: &'a Camera,
+    /// How the frame is seen, in these pixels.
+    pub view: &'a Viewpoint,
     /// σ `[px]` and τ.
     pub noise: Noise,
     /// Weight w of a match.
@@ -32,7 +32,7 @@ pub struct Places<'a> {
 impl Places<'_> {
     /// Difference `[px]` of a point at `p` to where it is seen; `None` behind the camera.
     fn residual(&self, p: DVec3, seen: DVec2) -> Option<DVec2> {
-        (p.z > 0.0).then(|| self.camera.project(p) - seen)
+        Some(self.view.project_in_front(p)? - seen)
     }
 }
 
@@ -56,7 +56,7 @@ impl Term for Places<'_> {
             let p = self.samples.position(point, x);
             let Some(r) = self.residual(p, *seen) else { continue };
             let (rho, ratio) = self.noise.geman_mcclure(r.length_squared());
-            let [ru, rv] = self.camera.projection_rows(p);
+            let [ru, rv] = self.view.projection_rows(p);
             let (s, w) = (self.weight * ratio, point.weights);
             let gradient = (ru * r.x + rv * r.y) * s;
             let block: DMat3 = (outer(ru, ru) + outer(rv, rv)) * s;
@@ -76,21 +76,25 @@ impl Term for Places<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::camera::{Camera, Pose};
     use crate::math::gradient_check::check;
     use crate::math::rng::Rng;
     use crate::math::{dot, flat, vectors};
-    use crate::mesh::{Positions, grid};
+    use crate::mesh::{Mesh, Positions, grid};
 
     #[test]
     fn the_gradient_agrees_with_central_differences() {
         let mesh = grid(6, 5, DVec2::new(0.2, 0.16), 1.0);
         let cloth = Cloth::new(&mesh);
         let camera = Camera { fx: 200.0, fy: 190.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
-        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &camera, 1.0);
         let mut rng = Rng::new(4, 0);
+        let pose = Pose::random(&mut rng);
+        let view = Viewpoint { camera, camera_from_world: Some(pose) };
+        let mesh = Mesh { positions: mesh.positions.iter().map(|p| pose.in_world(*p)).collect(), ..mesh };
+        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &view, 1.0);
         let matches: Vec<(SurfaceSample, DVec2)> = (samples.points.iter().step_by(9))
             .map(|p| {
-                let seen = camera.project(samples.position(p, &mesh.positions));
+                let seen = view.project(samples.position(p, &mesh.positions));
                 (*p, seen + DVec2::new(rng.signed(), rng.signed()) * 6.0)
             })
             .collect();
@@ -98,7 +102,7 @@ mod tests {
             cloth: &cloth,
             samples: &samples,
             matches: &matches,
-            camera: &camera,
+            view: &view,
             noise: Noise { sigma: 2.0, tail: 2.0 },
             weight: 3.0,
         };
