@@ -137,7 +137,7 @@ fn main() -> Result<()> {
             let draw = |material: &Material, environment: &EnvironmentMap, n: usize| {
                 let light = &EnvironmentSampler::new(environment, 0.1);
                 let cloth = RenderScene { rasterizer: &rasterizer, geometry: &geometry, material, light };
-                render_frame(&cloth, &scene.camera, (n, &motion[n]), 32)
+                render_frame(&cloth, scene.camera, (n, &motion[n]), 32)
             };
             let frame = |n: usize| {
                 let rgb = draw(&truth, &environment, n);

@@ -56,7 +56,8 @@
 //!
 //! # Conventions
 //!
-//! The world is the OpenCV camera frame (x right, y down, z forward) in metres, seconds and kilograms; the centre of
+//! The world is the OpenCV camera frame (x right, y down, z forward) of the first frame in metres, seconds and kilograms; a
+//! [`Viewpoint`] is the way from its points to pixels. The centre of
 //! pixel (column i, row j) is at (i, j); images hold sRGB-encoded colour in `[0, 1]`; vectors are those of
 //! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
 

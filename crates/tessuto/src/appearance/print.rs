@@ -192,11 +192,10 @@ impl Looker<'_> {
         let centre = |n: usize| corners.iter().map(|v| self.motion[n][*v]).sum::<DVec3>() / 3.0;
         let here = centre(n);
         let normal = (b - a).cross(c - a).normalize_or_zero();
-        let normal = if normal.dot(view.from_eye(here)) > 0.0 { -normal } else { normal };
+        let normal = if normal.dot(view.offset(here)) > 0.0 { -normal } else { normal };
         let cosine = normal.dot(view.direction(here)).abs();
         let next = if n + 1 < self.motion.len() { n + 1 } else { n.saturating_sub(1) };
-        // As if the camera stood still: what a shutter blurs besides is what it turns by meanwhile, of which no frame tells.
-        let way = 0.5 * view.project(here).distance(view.project(centre(next)));
+        let way = 0.5 * view.project(here).distance(self.scene.viewpoint(next).project(centre(next)));
         let pixels_per_metre = view.camera.fx.max(view.camera.fy) / view.depth(here).abs().max(1e-6);
         let deviation = self.deviations.map_or(0.0, |frames| {
             corners.iter().map(|v| frames[n][*v]).sum::<f64>() / 3.0 * pixels_per_metre
@@ -234,7 +233,7 @@ mod tests {
         let frames: Vec<Frame> = (0..4)
             .map(|n| {
                 let mut rendering = Rendering::new();
-                rasterizer.render(&camera, &motion[n], &print, &mut rendering);
+                rasterizer.render(camera, &motion[n], &print, &mut rendering);
                 let light = 1.0 - 0.15 * n as f32;
                 let covered = |i: usize, c: &[f32; 4]| c[3] > 0.5 && (n > 0 || i % 80 < 40);
                 let pixels = || rendering.rgba.iter().enumerate();

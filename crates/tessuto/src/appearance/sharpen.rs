@@ -170,7 +170,7 @@ mod tests {
         let mut points = Vec::new();
         for (n, positions) in motion.iter().enumerate() {
             let rendering = &mut Rendering::new();
-            let seen = visible_points(&rasterizer, &camera, &geometry, n, positions, rendering, |_, _| true);
+            let seen = visible_points(&rasterizer, camera, &geometry, n, positions, rendering, |_, _| true);
             points.extend(seen.into_iter().map(|(_, point)| point));
         }
         let shader = Shader { geometry: &geometry, material: truth, light: &light };

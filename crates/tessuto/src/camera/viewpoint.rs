@@ -132,7 +132,7 @@ impl Viewpoint {
 
     /// From the camera to a point `[m]`.
     #[inline]
-    pub fn from_eye(&self, p: DVec3) -> DVec3 {
+    pub fn offset(&self, p: DVec3) -> DVec3 {
         match self.camera_from_world {
             None => p,
             Some(_) => p - self.eye(),
@@ -142,7 +142,7 @@ impl Viewpoint {
     /// Unit vector from the camera to a point; zero where it is.
     #[inline]
     pub fn direction(&self, p: DVec3) -> DVec3 {
-        self.from_eye(p).normalize_or_zero()
+        self.offset(p).normalize_or_zero()
     }
 }
 
@@ -169,7 +169,7 @@ mod tests {
             let (view, p, p_camera) = posed(&mut rng);
             worst = worst.max(view.project(p).distance(CAMERA.project(p_camera)));
             assert!((view.depth(p) - p_camera.z).abs() < 1e-12);
-            assert!((view.from_eye(p).length() - p_camera.length()).abs() < 1e-12);
+            assert!((view.offset(p).length() - p_camera.length()).abs() < 1e-12);
             assert!(view.all_in_camera(&[p])[0].distance(p_camera) < 1e-12);
             assert!(view.in_camera(view.eye()).length() < 1e-12);
             let behind = p - 2.0 * p_camera.z * view.ray(DVec2::new(319.5, 239.5));
@@ -215,7 +215,7 @@ mod tests {
         let p = DVec3::new(-0.0, 0.1, 1.3);
         let bits = |p: DVec3| p.to_array().map(f64::to_bits);
         assert_eq!(bits(view.in_camera(p)), bits(p));
-        assert_eq!(bits(view.from_eye(p)), bits(p));
+        assert_eq!(bits(view.offset(p)), bits(p));
         assert_eq!(bits(view.ray(DVec2::new(3.0, 4.0))), bits(CAMERA.ray(DVec2::new(3.0, 4.0))));
         assert_eq!(view.projection_rows(p).map(bits), CAMERA.projection_rows(p).map(bits));
         assert!(matches!(view.all_in_camera(&[p]), Cow::Borrowed(_)));

@@ -51,7 +51,7 @@ fn projection(folder: &Path) -> Result<Vec<bool>> {
     let first = scene::first_frame(folder)?;
     let mut mesh = obj::read(&path)?;
     mesh.positions.iter_mut().for_each(|p| *p *= first.metres);
-    let covered = template_coverage(&mesh, &mesh.positions, &first.camera);
+    let covered = template_coverage(&mesh, &mesh.positions, first.camera);
     let count = covered.iter().filter(|c| **c).count();
     if count < refuse::FEWEST {
         let hint = Hint::from("see whether template and camera are right, or give the fabric's corners")

@@ -86,3 +86,27 @@ fn draw(corners: [DVec3; 3], pixels: &[(i64, i64)], camera: &Camera, nearest: &m
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Pose;
+    use crate::math::rng::Rng;
+    use crate::mesh::grid;
+
+    #[test]
+    fn a_world_moved_with_its_camera_has_the_same_depths() {
+        let camera = Camera { fx: 100.0, fy: 90.0, cx: 31.2, cy: 30.7, width: 64, height: 64 };
+        let mesh = grid(5, 4, DVec2::new(0.4, 0.3), 1.0);
+        let mut rng = Rng::new(3, 0);
+        let x: Vec<DVec3> = mesh.positions.iter().map(|p| *p + rng.vector() * 0.02).collect();
+        let points: Vec<DVec3> =
+            (0..200).map(|_| DVec3::new(0.15 * rng.signed(), 0.1 * rng.signed(), 1.1)).collect();
+        let pose = Pose::random(&mut rng);
+        let view = Viewpoint { camera, camera_from_world: Some(pose) };
+        let moved = |x: &[DVec3]| -> Vec<DVec3> { x.iter().map(|p| pose.in_world(*p)).collect() };
+        let here = mean_difference(&points, &x, &mesh.triangles(), &camera.into()).unwrap();
+        let there = mean_difference(&moved(&points), &moved(&x), &mesh.triangles(), &view).unwrap();
+        assert!(here > 0.05 && (here - there).abs() < 1e-12, "{here} {there}");
+    }
+}

@@ -72,13 +72,13 @@ impl Geometry {
     }
 
     /// From the eye that its frame is seen from to `point` `[m]`.
-    pub(super) fn from_eye(&self, point: &SurfacePoint) -> Vec3 {
+    pub(super) fn offset(&self, point: &SurfacePoint) -> Vec3 {
         point.position - self.eyes[point.patch as usize / self.triangle_count]
     }
 
     /// Unit vector from `point` to that eye.
     pub fn to_viewer(&self, point: &SurfacePoint) -> Vec3 {
-        -self.from_eye(point).normalize()
+        -self.offset(point).normalize()
     }
 
     /// Which of eight unit `directions` from `point`, those with `wanted` set, reach the light: in front of the

@@ -50,7 +50,7 @@ pub fn render_frame(
             shader.estimate_at(&context, point, numbers, samples_per_pixel, estimate);
             let brdf = &context.brdf;
             let lit = Lit {
-                from_eye: scene.geometry.from_eye(point),
+                from_eye: scene.geometry.offset(point),
                 normal: point.normal,
                 roughness: brdf.roughness,
                 metallic: brdf.metallic,

@@ -55,3 +55,44 @@ pub fn visible_points(
     }
     points
 }
+
+#[cfg(test)]
+mod tests {
+    use std::slice::from_ref;
+
+    use super::*;
+    use crate::camera::{Camera, Pose};
+    use crate::math::rng::Rng;
+    use crate::mesh::grid;
+
+    #[test]
+    fn a_cloth_moved_with_its_camera_is_seen_at_the_same_points() {
+        let camera = Camera { fx: 60.0, fy: 55.0, cx: 23.2, cy: 23.6, width: 48, height: 48 };
+        let mut rng = Rng::new(3, 0);
+        let mesh = grid(7, 6, DVec2::splat(0.5), 1.0);
+        let x: Vec<DVec3> = mesh.positions.iter().map(|p| *p + rng.vector() * 0.02).collect();
+        let pose = Pose::random(&mut rng);
+        let view = Viewpoint { camera, camera_from_world: Some(pose) };
+        let moved: Vec<DVec3> = x.iter().map(|p| pose.in_world(*p)).collect();
+        let rasterizer = Rasterizer::new(&mesh);
+        let see = |view: Viewpoint, x: &Vec<DVec3>| {
+            let geometry = Geometry::seen(&mesh, from_ref(x), &[view]);
+            let seen = visible_points(&rasterizer, view, &geometry, 0, x, &mut Rendering::new(), |_, _| true);
+            (geometry, seen)
+        };
+        let ((here, points), (there, points_there)) = (see(camera.into(), &x), see(view, &moved));
+        assert!(points.len() > 500 && points.len() == points_there.len());
+        let mut worst = 0.0f64;
+        for ((pixel, a), (pixel_there, b)) in points.iter().zip(&points_there) {
+            assert_eq!((pixel, a.patch), (pixel_there, b.patch));
+            let turned = |d: glam::Vec3| pose.rotation * d.as_dvec3();
+            for (a, b) in [(a.normal, b.normal), (here.to_viewer(a), there.to_viewer(b))] {
+                worst = worst.max(turned(b).distance(a.as_dvec3()));
+            }
+            worst = worst.max(pose.in_world(a.position.as_dvec3()).distance(b.position.as_dvec3()));
+            worst = worst.max(f64::from((a.uv[0] - b.uv[0]).abs().max((a.uv[1] - b.uv[1]).abs())));
+        }
+        println!("worst difference {worst:.1e}");
+        assert!(worst < 1e-5);
+    }
+}

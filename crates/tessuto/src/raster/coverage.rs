@@ -146,7 +146,7 @@ mod tests {
         // 0.4 m × 0.2 m at 1 m with 100 px focal length: columns 10..=50, rows 20..=40, edges included.
         let mesh = crate::mesh::grid(5, 3, DVec2::new(0.4, 0.2), 1.0);
         let camera = Camera { fx: 100.0, fy: 100.0, cx: 30.0, cy: 30.0, width: 64, height: 64 };
-        let covered = template_coverage(&mesh, &mesh.positions, &camera);
+        let covered = template_coverage(&mesh, &mesh.positions, camera);
         assert_eq!(covered.iter().filter(|c| **c).count(), 41 * 21);
         assert!(covered[20 * 64 + 10] && covered[40 * 64 + 50] && !covered[19 * 64 + 10]);
     }
@@ -156,7 +156,7 @@ mod tests {
         let mut mesh = crate::mesh::grid(5, 3, DVec2::new(0.2, 0.2), 1.0);
         mesh.positions.iter_mut().for_each(|p| *p += DVec3::new(0.05, 0.2, 0.0));
         let camera = Camera { fx: 100.0, fy: 100.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
-        let covered = template_coverage(&mesh, &mesh.positions, &camera);
+        let covered = template_coverage(&mesh, &mesh.positions, camera);
         let data = covered.iter().map(|c| f32::from(u8::from(*c))).collect();
         let mask = Image { width: 64, height: 64, channels: 1, data };
         let flipped =

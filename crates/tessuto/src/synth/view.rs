@@ -45,7 +45,7 @@ impl Studio {
     /// The sheet at `positions` `[m]`, `time` `[s]` after the first frame.
     pub fn view(&self, positions: &Positions, time: f64, rendering: &mut Rendering) -> View {
         let large = enlarged(&self.camera);
-        self.rasterizer.render(&large, positions, &self.texture, rendering);
+        self.rasterizer.render(large, positions, &self.texture, rendering);
         let [mut rgb, mut mask] = shade::shaded(&self.rasterizer, &large, positions, self.shading, rendering);
         let mut filmed = (!self.occluders.is_empty()).then(|| rgb.clone());
         for (i, alpha, colour) in self.occluders.iter().flat_map(|o| o.pixels(&large, time)) {

@@ -24,9 +24,9 @@ fn coverage(mesh: &Mesh) -> (Vec<bool>, Vec<usize>) {
     let rasterizer = Rasterizer::new(mesh);
     let mut rendering = Rendering::new();
     let texture = Texture::uniform(2, 2, [0.5; 3]);
-    rasterizer.render(&CAMERA, &mesh.positions, &texture, &mut rendering);
+    rasterizer.render(CAMERA, &mesh.positions, &texture, &mut rendering);
     let plain = reference::PlainTexture { width: 1, height: 1, texels: vec![[0.5, 0.5, 0.5, 1.0]] };
-    let hits = reference::render(&rasterizer, &CAMERA, &mesh.positions, &plain).hits;
+    let hits = reference::render(&rasterizer, CAMERA, &mesh.positions, &plain).hits;
     let covered: Vec<bool> = rendering.triangle.iter().map(|t| *t != Rendering::NO_TRIANGLE).collect();
     assert!(covered.iter().zip(&hits).all(|(c, h)| *c == (*h > 0)), "fast and plain coverage differ");
     (covered, hits)
@@ -107,7 +107,7 @@ fn coverage_and_depth_do_not_depend_on_the_order_of_the_faces() {
         let draw = |mesh: &Mesh| {
             let mut out = Rendering::new();
             let texture = Texture::uniform(2, 2, [0.5; 3]);
-            Rasterizer::new(mesh).render(&CAMERA, &mesh.positions, &texture, &mut out);
+            Rasterizer::new(mesh).render(CAMERA, &mesh.positions, &texture, &mut out);
             out
         };
         let (a, b) = (draw(&cloth), draw(&shuffled));

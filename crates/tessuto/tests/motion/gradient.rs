@@ -42,7 +42,7 @@ fn scene(rasterizer: &Rasterizer, template: &tessuto::Mesh, texture: &Texture) -
         let x: Vec<DVec3> =
             template.positions.iter().map(|p| *p + shift + DVec3::Z * (0.1 * n as f64 * p.x)).collect();
         let mut rendering = Rendering::new();
-        rasterizer.render(&camera, &x, texture, &mut rendering);
+        rasterizer.render(camera, &x, texture, &mut rendering);
         let channels = |range: std::ops::Range<usize>| Image {
             width: SIZE,
             height: SIZE,

@@ -31,9 +31,7 @@ fn folded() -> Mesh {
 fn points(mesh: &Mesh, geometry: &Geometry) -> Vec<SurfacePoint> {
     let rasterizer = Rasterizer::new(mesh);
     let seen =
-        visible_points(&rasterizer, &CAMERA, geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| {
-            true
-        });
+        visible_points(&rasterizer, CAMERA, geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| true);
     seen.into_iter().map(|(_, point)| point).collect()
 }
 

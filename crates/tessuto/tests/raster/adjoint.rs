@@ -28,7 +28,7 @@ impl Weights {
     }
 
     fn loss(&self, scene: &Scene, positions: &[DVec3]) -> f64 {
-        let twin = reference::render(&scene.rasterizer, &CAMERA, positions, &plain(&scene.texture));
+        let twin = reference::render(&scene.rasterizer, CAMERA, positions, &plain(&scene.texture));
         let mut loss = 0.0;
         for (weight, color) in self.rgba.iter().zip(&twin.rgba) {
             loss += weight.iter().zip(color).map(|(w, c)| f64::from(*w) * c).sum::<f64>();
@@ -42,10 +42,10 @@ impl Weights {
     fn gradients(&self, scene: &Scene) -> Gradients {
         let Scene { rasterizer, positions, texture } = scene;
         let mut out = Rendering::new();
-        rasterizer.render(&CAMERA, positions, texture, &mut out);
+        rasterizer.render(CAMERA, positions, texture, &mut out);
         let mut grads = Gradients::new(rasterizer).with_texture(texture).with_uvs(rasterizer);
         let depth = self.depth.as_deref();
-        rasterizer.render_vjp(&CAMERA, positions, texture, &out, &self.rgba, depth, &mut grads);
+        rasterizer.render_vjp(CAMERA, positions, texture, &out, &self.rgba, depth, &mut grads);
         grads
     }
 
@@ -72,7 +72,7 @@ impl Weights {
 /// triangle of a cloth without folds.
 fn interior(scene: &Scene) -> impl Fn(usize) -> bool {
     let mut out = Rendering::new();
-    scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+    scene.rasterizer.render(CAMERA, &scene.positions, &scene.texture, &mut out);
     move |pixel| {
         let (x, y) = ((pixel % CAMERA.width) as i64, (pixel / CAMERA.width) as i64);
         (-1..=1).all(|dy| {
@@ -219,11 +219,11 @@ fn moving_edge_gains_area() {
             let centre = rng.vector().truncate() / f;
             let scene = Scene::rectangle(angle, half, centre);
             let mut out = Rendering::new();
-            scene.rasterizer.render(&camera, &scene.positions, &scene.texture, &mut out);
+            scene.rasterizer.render(camera, &scene.positions, &scene.texture, &mut out);
             let grad = vec![[0.0, 0.0, 0.0, 1.0]; out.rgba.len()];
             let mut grads = Gradients::new(&scene.rasterizer);
             let (texture, r) = (&scene.texture, &scene.rasterizer);
-            r.render_vjp(&camera, &scene.positions, texture, &out, &grad, None, &mut grads);
+            r.render_vjp(camera, &scene.positions, texture, &out, &grad, None, &mut grads);
             // Vertices 1 and 3 are those of the side that was on the right.
             let gain = (grads.positions[1] + grads.positions[3]).truncate().dot(normal) / f;
             (least, most) = (least.min(gain), most.max(gain));

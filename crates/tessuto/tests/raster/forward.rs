@@ -1,16 +1,54 @@
 //! The image: coverage, agreement with the plain twin, antialiasing, determinism.
 
 use crate::support::raster_scenes::{CAMERA, Scene, noise, plain};
-use glam::{DVec2, DVec3};
-use tessuto::Camera;
+use glam::{DMat3, DQuat, DVec2, DVec3, EulerRot};
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
 use tessuto::raster::{Gradients, Rasterizer, Rendering, Texture, reference};
+use tessuto::{Camera, Pose, Viewpoint};
 
 fn render(scene: &Scene, camera: &Camera) -> Rendering {
     let mut out = Rendering::new();
     scene.rasterizer.render(camera, &scene.positions, &scene.texture, &mut out);
     out
+}
+
+/// A camera turned and moved, the point of the world at `p` in its frame, and that gradient in its frame.
+fn moved() -> (Viewpoint, impl Fn(DVec3) -> DVec3, impl Fn(DVec3) -> DVec3) {
+    let rotation = DMat3::from_quat(DQuat::from_euler(EulerRot::XYZ, 0.4, -1.1, 2.0));
+    let pose = Pose { rotation, translation: DVec3::new(0.3, -0.2, 0.5) };
+    let view = Viewpoint { camera: CAMERA, camera_from_world: Some(pose) };
+    (view, move |p| rotation.transpose() * (p - pose.translation), move |g| rotation * g)
+}
+
+#[test]
+fn a_moved_camera_draws_what_one_at_the_origin_draws_of_moved_points() {
+    let (view, there, turned) = moved();
+    let scene = Scene::cloth(3, 0.02, noise(3));
+    let positions: Vec<DVec3> = scene.positions.iter().map(|p| there(*p)).collect();
+    let r = &scene.rasterizer;
+    let (here, mut out) = (render(&scene, &CAMERA), Rendering::new());
+    r.render(view, &positions, &scene.texture, &mut out);
+    assert_eq!(here.triangle, out.triangle);
+    let off = here.rgba.iter().flatten().zip(out.rgba.iter().flatten()).map(|(a, b)| (a - b).abs());
+    assert!(off.fold(0.0, f32::max) < 1e-4);
+    let twin = reference::render(r, view, &positions, &plain(&scene.texture));
+    let drawn = out.triangle.iter().map(|t| (*t != Rendering::NO_TRIANGLE).then_some(*t as usize));
+    assert!(drawn.eq(twin.triangle));
+    // The adjoint adds to what is there.
+    let mut rng = Rng::new(6, 0);
+    let grad: Vec<[f32; 4]> = here.rgba.iter().map(|_| [0; 4].map(|_| rng.signed() as f32)).collect();
+    let mut grads = [Gradients::new(r), Gradients::new(r)];
+    grads[1].positions.fill(DVec3::X);
+    r.render_vjp(CAMERA, &scene.positions, &scene.texture, &here, &grad, None, &mut grads[0]);
+    r.render_vjp(view, &positions, &scene.texture, &out, &grad, None, &mut grads[1]);
+    let (mut error, mut size) = (0.0, 0.0);
+    for (a, b) in grads[0].positions.iter().zip(&grads[1].positions) {
+        error += a.distance_squared(turned(*b - DVec3::X));
+        size += a.length_squared();
+    }
+    println!("gradients differ by {:.1e}", (error / size).sqrt());
+    assert!(size > 1.0 && (error / size).sqrt() < 1e-4);
 }
 
 #[test]
@@ -21,7 +59,7 @@ fn fast_path_is_the_plain_twin() {
         let mut scene = Scene::cloth(seed, crumple, noise(seed));
         scene.rasterizer = scene.rasterizer.one_sided(seed % 3 == 2);
         let fast = render(&scene, &CAMERA);
-        let twin = reference::render(&scene.rasterizer, &CAMERA, &scene.positions, &plain(&scene.texture));
+        let twin = reference::render(&scene.rasterizer, CAMERA, &scene.positions, &plain(&scene.texture));
         blends += fast.blend_count();
         for pixel in 0..fast.rgba.len() {
             let triangle = twin.triangle[pixel].map_or(Rendering::NO_TRIANGLE, |t| t as u32);
@@ -59,7 +97,7 @@ fn flat_tessellation_covers_every_pixel_of_its_outline_once() {
             |p: DVec2| (0..4).all(|k| (outline[(k + 1) % 4] - outline[k]).perp_dot(p - outline[k]) > 0.0);
         let rasterizer = Rasterizer::new(&mesh);
         let texture = Texture::uniform(1, 1, [1.0; 3]);
-        let twin = reference::render(&rasterizer, &camera, &mesh.positions, &plain(&texture));
+        let twin = reference::render(&rasterizer, camera, &mesh.positions, &plain(&texture));
         for (pixel, &hits) in twin.hits.iter().enumerate() {
             let p = DVec2::new((pixel % camera.width) as f64, (pixel / camera.width) as f64);
             assert_eq!(hits, usize::from(inside(p)), "seed {seed}, pixel {p}");
@@ -79,7 +117,7 @@ fn edges_and_vertices_on_pixel_centres_belong_to_one_triangle() {
     }
     let rasterizer = Rasterizer::new(&mesh);
     let texture = Texture::uniform(1, 1, [1.0; 3]);
-    let twin = reference::render(&rasterizer, &camera, &mesh.positions, &plain(&texture));
+    let twin = reference::render(&rasterizer, camera, &mesh.positions, &plain(&texture));
     assert_eq!(twin.hits.iter().sum::<usize>(), 40 * 40);
     assert!(twin.hits.iter().all(|&hits| hits <= 1));
     let scene = Scene { rasterizer, positions: mesh.positions, texture };
@@ -102,12 +140,12 @@ fn both_sides_are_seen() {
 fn nothing_is_left_when_the_mesh_goes_behind_the_camera() {
     let mut scene = Scene::cloth(1, 0.05, noise(1));
     let mut out = Rendering::new();
-    scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+    scene.rasterizer.render(CAMERA, &scene.positions, &scene.texture, &mut out);
     assert!(out.blend_count() > 0);
     for p in &mut scene.positions {
         p.z = -p.z;
     }
-    scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+    scene.rasterizer.render(CAMERA, &scene.positions, &scene.texture, &mut out);
     assert!(out.triangle.iter().all(|&t| t == Rendering::NO_TRIANGLE));
     assert!(out.inverse_depth.iter().all(|&s| s == 0.0));
     assert!(out.rgba.iter().all(|&c| c == [0.0; 4]));
@@ -115,7 +153,7 @@ fn nothing_is_left_when_the_mesh_goes_behind_the_camera() {
     // A corner behind the camera, or one that is not a number, only takes its triangles away.
     scene.positions = Scene::cloth(1, 0.05, noise(1)).positions;
     (scene.positions[0].z, scene.positions[30].x) = (-1.0, f64::NAN);
-    scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+    scene.rasterizer.render(CAMERA, &scene.positions, &scene.texture, &mut out);
     assert!(out.rgba.iter().flatten().all(|c| c.is_finite()));
     assert!(out.rgba.iter().any(|c| c[3] > 0.0));
 }
@@ -128,7 +166,7 @@ fn a_used_rendering_draws_like_a_new_one() {
         for p in &mut scene.positions {
             p.x += x;
         }
-        scene.rasterizer.render(&CAMERA, &scene.positions, &scene.texture, &mut out);
+        scene.rasterizer.render(CAMERA, &scene.positions, &scene.texture, &mut out);
         let fresh = render(&scene, &CAMERA);
         assert_eq!(out.rgba, fresh.rgba);
         assert_eq!(out.triangle, fresh.triangle);
@@ -186,7 +224,7 @@ fn any_number_of_threads_gives_the_same_bytes() {
                 Gradients::new(&scene.rasterizer).with_texture(&scene.texture).with_uvs(&scene.rasterizer);
             for _ in 0..2 {
                 let (texture, r) = (&scene.texture, &scene.rasterizer);
-                r.render_vjp(&CAMERA, &scene.positions, texture, &out, &grad, None, &mut grads);
+                r.render_vjp(CAMERA, &scene.positions, texture, &out, &grad, None, &mut grads);
             }
             (out.rgba, out.inverse_depth, grads.positions, grads.texture, grads.uvs)
         })

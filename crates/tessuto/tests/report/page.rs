@@ -87,7 +87,7 @@ fn measured_points_become_a_surface_without_gaps() {
     }
     points.push(points[0] * 1.5);
     points.push(DVec3::new(50.0, 0.0, 1.0));
-    let image = measured_depth_image(&points, &camera);
+    let image = measured_depth_image(&points, camera);
     assert!((8..36).all(|y| (10..38).all(|x| (image.pixel(x, y)[0] - 2.0).abs() < 1e-6)));
     assert_eq!(image.pixel(60, 40)[0], 0.0);
 }

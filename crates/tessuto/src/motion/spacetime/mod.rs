@@ -96,6 +96,8 @@ mod joint;
 mod level;
 mod light;
 mod matching;
+#[cfg(test)]
+mod moved;
 mod noise;
 mod print;
 #[cfg(test)]

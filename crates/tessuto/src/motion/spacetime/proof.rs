@@ -60,7 +60,7 @@ pub(super) fn scene() -> Scene {
 }
 
 /// Positions of every frame, off by about a millimetre, so that every residual is there.
-fn disturbed(scene: &Scene) -> Vec<Positions> {
+pub(super) fn disturbed(scene: &Scene) -> Vec<Positions> {
     let mut rng = Rng::new(4, 0);
     let mut near = |x: &Positions| x.iter().map(|p| *p + rng.vector() * 1.5e-3).collect();
     let mut frames = vec![scene.template.positions.clone()];
@@ -110,7 +110,7 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     test(&search, &frames);
 }
 
-fn system_of(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> (f64, FrameSystem) {
+pub(super) fn system_of(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> (f64, FrameSystem) {
     let mut system = FrameSystem::zeros(cloth);
     (term.add_system(x, &mut system), system)
 }
@@ -121,11 +121,11 @@ fn differentiated<'t>(term: &'t dyn Term, x: &[DVec3]) -> Function<'t> {
 }
 
 /// Terms of images are sums of numbers of 32 bits, sampled bilinearly.
-fn of_images(term: &dyn Term) -> bool {
+pub(super) fn of_images(term: &dyn Term) -> bool {
     ["colour", "outline"].contains(&term.name())
 }
 
-fn gradient_error(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> Worst {
+pub(super) fn gradient_error(term: &dyn Term, cloth: &Cloth, x: &[DVec3]) -> Worst {
     let function = differentiated(term, x);
     let gradient = system_of(term, cloth, x).1.gradient;
     let function = |x: &[f64]| function(&vectors(x));
