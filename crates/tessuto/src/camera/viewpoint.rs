@@ -92,6 +92,15 @@ impl Viewpoint {
         }
     }
 
+    /// A matrix of second derivatives by a point, the same: M becomes Rᵀ M R.
+    #[inline]
+    pub fn matrix_turned_to_world(&self, m_camera: DMat3) -> DMat3 {
+        match &self.camera_from_world {
+            None => m_camera,
+            Some(pose) => pose.rotation.transpose() * m_camera * pose.rotation,
+        }
+    }
+
     /// Distance of a point from the camera's plane `[m]`, negative behind it.
     #[inline]
     pub fn depth(&self, p: DVec3) -> f64 {

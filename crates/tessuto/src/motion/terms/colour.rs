@@ -61,11 +61,11 @@ struct Local {
 /// What one point compares: its difference from the first frame with its weight, that from the adjacent frames with its weight.
 type Differences = [Option<([f64; 3], f64)>; 2];
 
-/// Derivative of each channel's colour by the point.
+/// Derivative of each channel's colour by the point in the camera's frame.
 type Slope = [DVec3; 3];
 
 impl Colour<'_> {
-    /// Where a point of a triangle with these corners is, if it may count.
+    /// Where a point of a triangle with these corners is, if it may count. All in the camera's frame.
     #[inline]
     fn place(&self, point: &SurfaceSample, index: usize, [a, b, c]: [DVec3; 3]) -> Option<DVec3> {
         let known = self.reference[index].is_some() || self.adjacent.get(index).is_some_and(Option::is_some);
@@ -73,7 +73,8 @@ impl Colour<'_> {
             return None;
         }
         let w = point.weights;
-        Some(a * w[0] + b * w[1] + c * w[2])
+        let p = a * w[0] + b * w[1] + c * w[2];
+        (p.z > 0.0).then_some(p)
     }
 
     /// Its differences where the frame shows `colour`.
@@ -101,7 +102,8 @@ impl Colour<'_> {
         ]
     }
 
-    /// Calls `add` for every point of a triangle that counts, with what `look` tells at its place beside the frame's colour.
+    /// Calls `add` for every point of a triangle that counts, with what `look` tells at its place in the camera's frame beside the frame's
+    /// colour. So the camera's pose is a matter of a triangle's corners, not of every point.
     #[inline]
     fn visit<S>(
         &self,
@@ -111,7 +113,7 @@ impl Colour<'_> {
         mut add: impl FnMut(&SurfaceSample, Differences, S),
     ) {
         let corners = self.samples.triangles[triangle];
-        let positions = corners.map(|v| x[v as usize]);
+        let positions = corners.map(|v| self.level.view.in_camera(x[v as usize]));
         let gains = corners.map(|v| self.gain[v as usize]);
         let share = self.share(triangle);
         for index in self.samples.of_triangle(triangle) {
@@ -122,18 +124,18 @@ impl Colour<'_> {
         }
     }
 
-    /// The frame's colour at `p`, if it is in front of the camera.
+    /// The frame's colour at `p` in the camera's frame.
     #[inline]
     fn colour(&self, p: DVec3) -> Option<([f32; 3], ())> {
-        self.level.colour(self.level.view.project_in_front(p)?).map(|colour| (colour, ()))
+        self.level.colour(self.level.view.camera.project(p)).map(|colour| (colour, ()))
     }
 
     /// The same with its slope.
     #[inline]
     fn slope(&self, p: DVec3) -> Option<([f32; 3], Slope)> {
-        let view = &self.level.view;
-        let colour = self.level.sample(view.project_in_front(p)?)?;
-        let [ru, rv] = view.projection_rows(p);
+        let camera = &self.level.view.camera;
+        let colour = self.level.sample(camera.project(p))?;
+        let [ru, rv] = camera.projection_rows(p);
         let slope = [0, 1, 2].map(|k| ru * f64::from(colour.du[k]) + rv * f64::from(colour.dv[k]));
         Some((colour.value, slope))
     }
@@ -202,7 +204,12 @@ impl Colour<'_> {
         let whole = |[xx, yx, zx, yy, zy, zz]: [f64; 6]| {
             DMat3::from_cols(DVec3::new(xx, yx, zx), DVec3::new(yx, yy, zy), DVec3::new(zx, zy, zz))
         };
-        Local { value, gradient, blocks: blocks.map(whole) }
+        let view = &self.level.view;
+        Local {
+            value,
+            gradient: gradient.map(|g| view.turned_to_world(g)),
+            blocks: blocks.map(|block| view.matrix_turned_to_world(whole(block))),
+        }
     }
 }
 
