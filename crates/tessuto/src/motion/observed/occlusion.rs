@@ -43,7 +43,7 @@ pub struct Occlusion {
     pub inner: Vec<bool>,
     /// Where the sheet turns away from the camera with nothing of it behind: outlines as well.
     pub folds: Vec<FoldPoint>,
-    /// Area of every triangle in the image over that in the first frame, at most 1, shape `[T]`; empty: 1.
+    /// Area of every triangle in the image over that in the first frame, at most 1 unless motions are compared, shape `[T]`; empty: 1.
     pub shares: Vec<f64>,
     /// Number of pixels that mask or mesh cover alone, where that was asked for.
     pub uncovered: f64,
@@ -57,7 +57,7 @@ impl Occlusion {
         let shares = triangles.iter().map(|t| {
             let area = |view, x: &[DVec3]| area(view, t.map(|v| x[v as usize]));
             let (now, before) = (area(view, x), area(sheet.first_view, sheet.first));
-            if now < before { now / before } else { 1.0 }
+            if now < before || compared && before > 0.0 { now / before } else { 1.0 }
         });
         let mut out = Self { shares: shares.collect(), ..Self::default() };
         let folded = turned_over(triangles, view, x);
@@ -263,6 +263,31 @@ mod tests {
         let edge_on = flat.map(|p| if p.x > 0.0 { DVec3::new(0.0, 0.0, 1.1) } else { p });
         assert!(area(&view, edge_on) < 1e-9);
         assert_eq!(area(&view, flat.map(|p| p - DVec3::Z)), 0.0);
+    }
+
+    #[test]
+    fn where_motions_are_compared_a_nearer_sheet_fills_more_of_the_image() {
+        let mesh = grid(3, 3, DVec2::splat(0.1), 1.0);
+        let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
+        let view = Viewpoint::from(camera);
+        let samples = SurfaceSamples::new(&mesh, &mesh.positions, &view, 1.0);
+        let (rasterizer, first) = (Rasterizer::new(&mesh), &mesh.positions);
+        let sheet = Sheet { rasterizer: &rasterizer, boundary: &[], edges: &[], first, first_view: &view };
+        let frame = Frame { rgb: Image::new(160, 160, 3), mask: Image::new(160, 160, 1) };
+        let outline = OutlineDistance::new(&frame.mask, 1);
+        let level = pyramid(&frame, &view, [0, 0]).remove(0);
+        let shown = Shown { level: &level, outline: &outline, view: &view };
+        // Twice as near, and twice as far.
+        for (part, alone, compared) in [(0.5, 1.0, 4.0), (2.0, 0.25, 0.25)] {
+            let x: Vec<DVec3> = first.iter().map(|p| DVec3::new(p.x, p.y, part * p.z)).collect();
+            for (compares, expected) in [(false, alone), (true, compared)] {
+                let shares = Occlusion::new(&sheet, &shown, &samples, &x, compares).shares;
+                assert!(
+                    shares.iter().all(|share| (share - expected).abs() < 1e-9),
+                    "{part} {compares}: {shares:?}"
+                );
+            }
+        }
     }
 
     #[test]

@@ -8,7 +8,7 @@ use super::{LevelSearch, Positions, Problem, acceleration};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pool {
     /// Motions that may lead to the right one, each of shape [N, V]; one alone where all followers agree. Once they are refined, what those became
-    /// of which the best path takes a frame.
+    /// of which the best path takes a frame, and the best path before the sheet was followed again.
     pub motions: Vec<Vec<Positions>>,
     /// The best path through them; once they are refined, what the frames of the best path started from. Shape [N, V].
     pub best: Vec<Positions>,

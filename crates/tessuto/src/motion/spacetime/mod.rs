@@ -44,7 +44,8 @@
 //! explains the outline better ([`super::observed::occlusion`]), or where the mask's outline is too far away or cut by the border of the image
 //! ([`super::observed::outline_distance`]). A vertex has shading where the frame shows most of its surroundings, from the same side as the first and not
 //! edge-on (`light.rs`). Where motions are compared, every pixel of the mask that shows none of the sheet, and every one of the sheet beside the mask,
-//! costs as much as the worst of differences, ½ k τ² of colours: what a motion hides is neither good nor bad.
+//! costs as much as the worst of differences, ½ k τ² of colours, and a_p is the area in the frame at hand, larger or smaller: every pixel of the mask counts
+//! once, so that what a motion hides is neither good nor bad, nor is half of the sheet held nearer that covers as much.
 //!
 //! **What is held fixed** while a step in x is taken, and found anew from the positions before the next: the gains, A_n less what is in front of the
 //! fabric, what is hidden and what turns away, which folds are outlines, the light with the brightness that it explains, and the normals of signed bending. The smooth shear m is not: it
@@ -59,14 +60,15 @@
 //! from the best path forward, and all that comes after heeds them.
 //!
 //! `track` finds a pool of starts frame by frame, with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
-//! Levenberg's damping, from each of them and then from the best path through what they became. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
+//! Levenberg's damping, from each of them. What they become tells how the cloth of this clip bends and how much is to be made of its pictures: with that the
+//! sheet is followed again, forward and backward (`again`), E lowered from what is found then, too, and at last from the best path through all. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
 //! many minima: a sheet that is allowed to crumple does so wherever the start is off. So both keep lengths, shear and
 //! bending close to least squares at first (spreads of strain and shear times `start_spread`, that of signed bending times
 //! `start_bend` or as it is; tails times `start_tail`), and let these shrink to
 //! their own values in equal ratios, after which only true folds are left in the tails: `refine` over its iterations, `track` from level to level
-//! in each frame, where one of its two followers keeps the wider spreads. Frames that are lost on the way and found
-//! again later are filled from the later ones: unless all found the same, the sheet is followed backward too (`both_sides`), and all of them are
-//! the pool; otherwise the best path through them is (`best_path`). A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
+//! in each frame, where one of its two followers keeps the wider spreads. Where both find the same, the best path through them (`best_path`) is the only
+//! start, and nothing is followed again; else both are the pool (`followed`). Frames that are lost on the way and found
+//! again later are filled from the later ones, by those who go backward. A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
 //!
 //! Sheets that keep their lengths better than most are held to them more firmly after the first level of `refine` (`noise`).
 //! `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of bending about it are the clip's own from
@@ -86,11 +88,12 @@
 //! How far the result may be off is estimated from the same system and from how badly each frame matches ([`deviation`]).
 
 pub mod acceleration;
+mod again;
 mod along;
 mod bent;
 pub mod best_path;
-mod both_sides;
 pub mod deviation;
+mod followed;
 pub mod gain;
 mod joint;
 mod level;

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::best_path::Pool;
-use super::{LevelSearch, Positions, Problem, diverged};
+use super::{LevelSearch, Positions, Problem, SpacetimeSettings, diverged};
 use crate::error::{Error, Result};
 use crate::math::factor::Scratch;
 use crate::math::minimise::{Model, Policy};
@@ -13,8 +13,30 @@ use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::shear::{FEW, MANY};
 use crate::session::{Epoch, Session, foreign_state, named};
 
-/// Number of kinds of start: one that ends as strict as the priors are, and one with spreads of strain and shear larger by `start_spread`, of signed
-/// bending by `start_bend`.
+/// How loose the priors of a follower are at the finest level; at coarser ones they are looser, in equal ratios.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Start {
+    /// As the priors are.
+    Strict,
+    /// Spreads of strain and shear larger by `start_spread`, of signed bending by `start_bend`, at all levels.
+    Loose,
+}
+
+impl Start {
+    /// Factors on spreads and tail where so much of the way from coarse to fine is `left`, 1 to 0.
+    pub(super) fn loosened(self, settings: &SpacetimeSettings, left: f64) -> ([f64; 2], f64) {
+        let s = settings;
+        let spreads = match self {
+            Self::Strict => [s.start_spread.powf(left), 1.0],
+            Self::Loose => [s.start_spread, s.start_bend],
+        };
+        (spreads, s.start_tail.powf(left))
+    }
+}
+
+/// Those that the fabric is first followed with.
+const FIRST: [Start; STARTS] = [Start::Strict, Start::Loose];
+/// Number of them.
 pub(super) const STARTS: usize = 2;
 /// Fraction of the last frame's velocity that a frame is expected to go on with.
 const INERTIA: f64 = 0.9;
@@ -39,8 +61,6 @@ pub(super) struct Tracked {
     pub(super) smooth: f64,
     /// One of each kind of start.
     pub(super) followers: [Follower; STARTS],
-    /// The best of them backward, and the stiffest forward.
-    pub(super) late: Option<[Follower; 2]>,
 }
 
 /// The sheet as followed with one kind of start, in one direction of time.
@@ -65,8 +85,7 @@ impl Problem<'_> {
     /// larger by `start_spread` at the coarsest level and their own at the finest; those of the other stay larger, that of signed bending by
     /// `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for that in its prior.
     ///
-    /// Unless both find the same, it is at last followed backward in time from the last frame and, at the same time, forward with spreads
-    /// as they are and the tails of a start, as stiff as can be. All of them are the pool that `refine` starts from.
+    /// What both find is the pool that `refine` starts from, or the best of it alone where they agree.
     ///
     /// If a frame's objective is no longer finite in either, the last good positions are held from there on and the
     /// failure is returned with them.
@@ -89,7 +108,7 @@ impl Problem<'_> {
             let failure = diverged(&format!("frame {frame}"), value);
             return Ok((Pool::of(tracked.followers[best].frames.clone()), Some(failure)));
         }
-        let pool = self.both_sides(&mut tracked, session)?;
+        let pool = self.followed(&tracked);
         session.finish("track", &tracked);
         Ok((pool, None))
     }
@@ -103,15 +122,20 @@ impl Problem<'_> {
             gains: vec![vec![[1.0; 3]; template.len()]; levels],
             lost: None,
         };
-        Tracked { smooth, followers: std::array::from_fn(|_| follower()), late: None }
+        Tracked { smooth, followers: std::array::from_fn(|_| follower()) }
     }
 
-    /// Searches of all levels, coarse to fine, the priors loosened by the spreads and the tail of what part of the way is `left`: 1 at the coarsest
-    /// level, 0 at the finest.
-    pub(super) fn levels(&self, loosened: impl Fn(f64) -> ([f64; 2], f64)) -> Vec<LevelSearch<'_, '_>> {
+    /// Searches of all levels, coarse to fine, told by `inform` what is known of the clip, their priors loosened by the spreads and the tail of what
+    /// part of the way is `left`: 1 at the coarsest level, 0 at the finest.
+    pub(super) fn levels(
+        &self,
+        inform: impl Fn(&mut LevelSearch),
+        loosened: impl Fn(f64) -> ([f64; 2], f64),
+    ) -> Vec<LevelSearch<'_, '_>> {
         let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
         let last = (levels.len() - 1).max(1) as f64;
         for (k, level) in levels.iter_mut().enumerate() {
+            inform(level);
             let (spreads, tail) = loosened(1.0 - k as f64 / last);
             level.loosen(spreads, tail);
         }
@@ -141,12 +165,8 @@ impl Problem<'_> {
         let count = self.scene.frames.len();
         self.priors.shear.smooth = tracked.smooth;
         self.priors.shear.rank = if tracked.smooth == self.settings.shear_smooth { FEW } else { MANY };
-        let s = &self.settings;
-        let tail = |left: f64| s.start_tail.powf(left);
-        let mut searches = [
-            self.levels(|left| ([s.start_spread.powf(left), 1.0], tail(left))),
-            self.levels(|left| ([s.start_spread, s.start_bend], tail(left))),
-        ];
+        let mut searches =
+            FIRST.map(|start| self.levels(|_| (), |left| start.loosened(&self.settings, left)));
         let done = tracked.followers[0].frames.len();
         let matches = |f: &Follower| {
             f.frames.len() == done && f.gains.len() == searches[0].len() && self.matches(&f.frames, &f.gains)
@@ -164,7 +184,7 @@ impl Problem<'_> {
             let epoch = Epoch {
                 stage: "track".into(),
                 step: steps + 1 + n - count,
-                of: steps + self.late_steps(),
+                of: steps,
                 active_frames: n + 1,
                 losses: named([("total", values[0])]),
                 parameters: named([("shear_smooth", tracked.smooth)]),
@@ -176,6 +196,15 @@ impl Problem<'_> {
 }
 
 impl Follower {
+    /// One that starts from where `motion`, shape [N, V], is in frame `n`.
+    pub(super) fn at(n: usize, motion: &[Positions], levels: &mut [LevelSearch]) -> Self {
+        let gains = levels.iter_mut().map(|level| {
+            level.update_gain(n, &motion[n]);
+            level.gains[n].clone()
+        });
+        Self { gains: gains.collect(), frames: vec![motion[n].clone()], lost: None }
+    }
+
     /// Its frames, if it was not lost.
     pub(super) fn found(&self) -> Option<Vec<Positions>> {
         self.lost.is_none().then(|| self.frames.clone())
@@ -306,7 +335,7 @@ mod tests {
             let strain = terms.list().into_iter().find(|term| term.name() == "strain").unwrap();
             strain.value(&folded)
         };
-        let levels = problem.levels(|left| ([1.0; 2], 100f64.powf(left)));
+        let levels = problem.levels(|_| (), |left| ([1.0; 2], 100f64.powf(left)));
         let costs: Vec<f64> = levels.iter().map(cost).collect();
         println!("strain {costs:?}");
         assert!(costs.len() > 1 && costs.windows(2).all(|of| of[1] < 0.5 * of[0]));
