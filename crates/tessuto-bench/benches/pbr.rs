@@ -26,7 +26,7 @@ fn pbr(criterion: &mut Criterion) {
     let geometry = Geometry::new(&mesh, std::slice::from_ref(&mesh.positions));
     let rasterizer = Rasterizer::new(&mesh);
     let seen =
-        visible_points(&rasterizer, &camera, &geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| {
+        visible_points(&rasterizer, camera, &geometry, 0, &mesh.positions, &mut Rendering::new(), |_, _| {
             true
         });
     let points: Vec<_> = seen.into_iter().map(|(_, point)| point).collect();

@@ -24,7 +24,7 @@ fn raster(criterion: &mut Criterion) {
     }
     let rasterizer = Rasterizer::new(&mesh);
     let mut out = Rendering::new();
-    rasterizer.render(&camera, &mesh.positions, &texture, &mut out);
+    rasterizer.render(camera, &mesh.positions, &texture, &mut out);
     let covered = out.triangle.iter().filter(|&&t| t != Rendering::NO_TRIANGLE).count();
     eprintln!(
         "{covered} pixels covered, {} blends, {} threads",
@@ -35,20 +35,20 @@ fn raster(criterion: &mut Criterion) {
 
     let mut group = criterion.benchmark_group("raster");
     group.bench_function("forward", |bench| {
-        bench.iter(|| rasterizer.render(&camera, &mesh.positions, &texture, &mut out));
+        bench.iter(|| rasterizer.render(camera, &mesh.positions, &texture, &mut out));
     });
     let mut grads = Gradients::new(&rasterizer);
     group.bench_function("forward and adjoint", |bench| {
         bench.iter(|| {
-            rasterizer.render(&camera, &mesh.positions, &texture, &mut out);
-            rasterizer.render_vjp(&camera, &mesh.positions, &texture, &out, &grad, None, &mut grads);
+            rasterizer.render(camera, &mesh.positions, &texture, &mut out);
+            rasterizer.render_vjp(camera, &mesh.positions, &texture, &out, &grad, None, &mut grads);
         });
     });
     let mut grads = Gradients::new(&rasterizer).with_texture(&texture);
     group.bench_function("forward and adjoint with texture", |bench| {
         bench.iter(|| {
-            rasterizer.render(&camera, &mesh.positions, &texture, &mut out);
-            rasterizer.render_vjp(&camera, &mesh.positions, &texture, &out, &grad, None, &mut grads);
+            rasterizer.render(camera, &mesh.positions, &texture, &mut out);
+            rasterizer.render_vjp(camera, &mesh.positions, &texture, &out, &grad, None, &mut grads);
         });
     });
     group.finish();

@@ -41,7 +41,7 @@ impl LitPoints {
             let rasterizer = Rasterizer::new(&mesh);
             let rendering = &mut Rendering::new();
             let all = |_: &Rendering, _| true;
-            let seen = visible_points(&rasterizer, &camera, &geometry, 0, &mesh.positions, rendering, all);
+            let seen = visible_points(&rasterizer, camera, &geometry, 0, &mesh.positions, rendering, all);
             let (pixels, points) = seen.into_iter().unzip();
             Self { geometry, points, pixels }
         }))

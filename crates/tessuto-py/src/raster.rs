@@ -96,7 +96,7 @@ pub fn rasterize<'py>(
     let texture = Texture::from_image(&tessuto::Image { width, height, channels, data });
     let rendering = py.detach(|| {
         let mut rendering = Rendering::new();
-        rasterizer.render(&camera, &positions, &texture, &mut rendering);
+        rasterizer.render(camera, &positions, &texture, &mut rendering);
         rendering
     });
     let shape = [camera.height, camera.width];

@@ -157,20 +157,20 @@ mod tests {
     /// Occlusion of a flat sheet of 400 × 200 mm whose part right of 80 mm is turned over, to lie in front of the rest by `nearer` `[m]`, or
     /// behind it, beside the mask of the left part; with its samples and boundary, and the flat positions.
     fn folded(nearer: f64) -> (Occlusion, Vec<DVec3>, Vec<DVec3>, Vec<[DVec3; 2]>) {
-        folded_before(nearer, 79.5, None)
+        let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
+        folded_before(nearer, camera, None)
     }
 
-    /// The same before a camera with its principal point at column `cx`, that has a `pose` the sheet is moved with.
+    /// The same before some `camera`, with a `pose` that the sheet is moved with.
     fn folded_before(
         nearer: f64,
-        cx: f64,
+        camera: Camera,
         pose: Option<Pose>,
     ) -> (Occlusion, Vec<DVec3>, Vec<DVec3>, Vec<[DVec3; 2]>) {
         let flat = grid(21, 11, DVec2::new(0.4, 0.2), 1.0).positions;
         let there = |p: DVec3| pose.map_or(p, |pose| pose.in_world(p));
         let mesh = grid(21, 11, DVec2::new(0.4, 0.2), 1.0);
         let mesh = Mesh { positions: flat.iter().map(|p| there(*p)).collect(), ..mesh };
-        let camera = Camera { fx: 300.0, fy: 300.0, cx, cy: 79.5, width: 160, height: 160 };
         let view = Viewpoint { camera, camera_from_world: pose };
         let samples = SurfaceSamples::new(&mesh, &mesh.positions, &view, 1.0);
         let boundary = boundary_points(&mesh, &mesh.positions, &view, 2.0);
@@ -181,7 +181,7 @@ mod tests {
             Sheet { rasterizer: &rasterizer, boundary: &boundary, edges: &edges, first, first_view: &view };
         let mut mask = Image::new(160, 160, 1);
         for (k, m) in mask.data.iter_mut().enumerate() {
-            let [x, y] = [(k % 160) as f64, (k / 160) as f64].map(|p| (p - 79.5) / 300.0);
+            let [x, y] = [(k % 160) as f64, (k / 160) as f64].map(|p| (p - camera.cx) / camera.fx);
             *m = f32::from(x.abs() < 0.2 && x < 0.08 && y.abs() < 0.1);
         }
         let outline = OutlineDistance::new(&mask, 1);
@@ -191,8 +191,9 @@ mod tests {
         let unfolded = of(first);
         assert!(unfolded.hidden.is_empty() && unfolded.inner.is_empty() && unfolded.folds.is_empty());
         assert!(unfolded.shares.iter().all(|share| (share - 1.0).abs() < 1e-12));
-        // The right part: 36 × 60 px.
-        assert!((unfolded.uncovered - 2160.0).abs() < 100.0, "{}", unfolded.uncovered);
+        // The right part: 36 × 60 px of the first camera.
+        let right = 0.12 * 0.2 * camera.fx * camera.fx;
+        assert!((unfolded.uncovered - right).abs() < 100.0, "{}", unfolded.uncovered);
         let fold = |p: &DVec3| if p.x > 0.08 { DVec3::new(0.16 - p.x, p.y, p.z - nearer) } else { *p };
         let x: Vec<DVec3> = flat.iter().map(|p| there(fold(p))).collect();
         let places = samples.points.iter().map(|point| samples.position(point, &flat)).collect();
@@ -204,8 +205,9 @@ mod tests {
     fn a_sheet_moved_with_its_camera_hides_the_same() {
         let pose = Pose::random(&mut Rng::new(1, 0));
         for nearer in [0.03, -0.03] {
-            // Nothing lies exactly between two pixels, where rounding would decide.
-            let [here, there] = [None, Some(pose)].map(|pose| folded_before(nearer, 79.73, pose).0);
+            // Nothing lies exactly between two pixels, and no edge is a whole number of spacings long: rounding decides nothing.
+            let camera = Camera { fx: 293.0, fy: 293.0, cx: 79.73, cy: 79.73, width: 160, height: 160 };
+            let [here, there] = [None, Some(pose)].map(|pose| folded_before(nearer, camera, pose).0);
             assert!(here.hidden.contains(&true) && here.hidden.contains(&false) && !here.folds.is_empty());
             assert_eq!(here.hidden, there.hidden);
             assert_eq!(here.inner, there.inner);
