@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::observer::{Observer, Shared, Stage, kept_aside};
 use crate::appearance::{self, AppearanceSettings};
+use crate::camera::Viewpoint;
 use crate::config::{Config, Preset};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::io;
@@ -190,7 +191,9 @@ pub(super) fn estimate(
     motion.check_vertices(scene.template.positions.len(), &place)?;
 
     session.begin(FIT);
-    let geometry = Geometry::seen(&scene.template, motion, &scene.viewpoints());
+    // Of as many frames as the motion has: whether these are the clip's is asked where they are compared.
+    let views: Vec<Viewpoint> = (0..motion.len()).map(|n| scene.viewpoint(n)).collect();
+    let geometry = Geometry::seen(&scene.template, motion, &views);
     let found = appearance::fit(scene, motion, &geometry, settings, seed, session)?;
     appearance::write_material(material.partial(), &found)?;
     let history = result::history_csv(&found.history);

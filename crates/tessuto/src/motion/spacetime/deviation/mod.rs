@@ -22,9 +22,8 @@
 //!   in no vertex's error.
 //! - ℓ: distance along the edges, in the first frame, from a vertex that the sheet itself hides to the nearest one that is seen `[m]`. Nothing
 //!   holds what is hidden but the fold that leads there, about which it may turn: h is an angle `[rad]`.
-//! - s: half of how far the motions that contend with what was found ([`refine`](Problem::refine)) are from it, the lower median of them, so that
-//!   they lie within two deviations; zero where one motion alone is left. Where searches end in minima of which now one is deeper and now another, none
-//!   tells how far off it is.
+//! - s: how far the motions that contend with what was found ([`refine`](Problem::refine)) are from it, the lower median of them; zero where
+//!   one motion alone is left. Where searches end in minima of which now one is deeper and now another, none tells how far off it is.
 //! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in the errors.
 //!
 //! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from, and how far they
@@ -152,7 +151,7 @@ fn apart_from_others(frames: &[Positions], motions: &[Vec<Positions>], frame: us
     let of_vertex = |v: usize| {
         let mut apart: Vec<f64> = motions.iter().map(|m| m[frame][v].distance(frames[frame][v])).collect();
         apart.sort_unstable_by(f64::total_cmp);
-        if apart.len() > 1 { 0.5 * apart[(apart.len() - 1) / 2] } else { 0.0 }
+        if apart.len() > 1 { apart[(apart.len() - 1) / 2] } else { 0.0 }
     };
     (0..frames[frame].len()).map(of_vertex).collect()
 }
