@@ -26,6 +26,7 @@ impl Problem<'_> {
         if self.agreed(&found, &best) {
             return Pool::of(best);
         }
+        // Given light and spread another path may be the best.
         let best = self.best_path(&found);
         found.extend(self.rematched(&best));
         Pool { best: self.best_path(&found), motions: found }
