@@ -142,13 +142,12 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
     session.begin("track");
     let (mut pool, lost) = problem.track(session)?;
     session.begin("refine");
-    let (frames, stuck) = problem.refine(&mut pool, session)?;
+    let (mut frames, stuck) = problem.refine(&mut pool, session)?;
     session.begin("deviation");
-    let mut deviations = match lost.is_none() && stuck.is_none() {
+    let deviations = match lost.is_none() && stuck.is_none() {
         true => Some(problem.deviations(&frames, &pool, config.seed, session)?),
         false => None,
     };
-    let mut frames = problem.sound(frames, deviations.as_mut());
     session.begin("forces and stiffnesses");
     let dynamics = config.dynamics.at(scene.fps);
     let (mut causes, mut made) = (None, None);
@@ -162,7 +161,7 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
         if let Some(made) = begun.motion(&frames) {
             // What was found before stays where it explains the pictures better.
             let along = problem.along(frames.clone(), &made);
-            frames = problem.sound(problem.by_pictures(frames, along), deviations.as_mut());
+            frames = problem.by_pictures(frames, along);
         }
         let found = begun.explain(&frames, advance);
         causes = Some(found.explained);

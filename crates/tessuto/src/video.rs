@@ -18,6 +18,9 @@ pub struct Frame {
     pub mask: Image,
 }
 
+/// A pixel is fabric if so large a part of it is.
+pub const COVERED: f32 = 0.5;
+
 /// Makes frame `n`.
 type Reader = dyn Fn(usize) -> Result<Frame> + Send + Sync;
 

@@ -7,6 +7,7 @@ use crate::error::{Hint, Remedy};
 use crate::image::Image;
 use crate::motion::observed::outline_distance::OutlineDistance;
 use crate::scene::Scene;
+use crate::video::COVERED;
 
 /// Outlines farther apart than this fraction of the fabric's size (the square root of its area in the image) are doubtful.
 /// That of R1, a real recording with a measured template, is 0.5 %, those of rendered scenes are below 0.1 %.
@@ -47,7 +48,7 @@ fn mean_distance(a: &Image, b: &Image) -> Option<f64> {
     for (from, to) in [(a, b), (b, a)] {
         let distance = OutlineDistance::new(to, 1);
         for_outline(from, |p| {
-            if let Some(d) = distance.value(p) {
+            if let Some((d, _)) = distance.sample(p) {
                 sum += d.abs();
                 count += 1;
             }
@@ -59,7 +60,7 @@ fn mean_distance(a: &Image, b: &Image) -> Option<f64> {
 /// Visits the middle between each two neighbouring pixels of which one is fabric.
 fn for_outline(mask: &Image, mut visit: impl FnMut(DVec2)) {
     let (w, h) = (mask.width, mask.height);
-    let fabric = |x: usize, y: usize| mask.data[y * w + x] >= 0.5;
+    let fabric = |x: usize, y: usize| mask.data[y * w + x] >= COVERED;
     for y in 0..h {
         for x in 0..w {
             let at = DVec2::new(x as f64, y as f64);

@@ -16,6 +16,9 @@ pub fn vertex_normals(triangles: &[[u32; 3]], positions: &[DVec3]) -> Vec<DVec3>
     sums.into_iter().map(DVec3::normalize_or_zero).collect()
 }
 
+/// Texture coordinates of one vertex that differ by more than this belong to a seam.
+pub const SEAM: f64 = 1e-3;
+
 /// The texture coordinate of every vertex, shape `[V]`; zero at a vertex of no face. `None` if two corners of one vertex
 /// differ by more than `tolerance`, as at a seam.
 pub fn vertex_uvs(mesh: &Mesh, tolerance: f64) -> Option<Vec<DVec2>> {

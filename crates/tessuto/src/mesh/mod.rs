@@ -7,7 +7,7 @@ mod weld;
 
 use glam::{DVec2, DVec3};
 
-pub use attributes::{vertex_normals, vertex_uvs};
+pub use attributes::{SEAM, vertex_normals, vertex_uvs};
 pub use motion::Motion;
 pub use topology::pieces;
 pub(crate) use topology::{boundary_edges, edge_uses, pinched};

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::similarity::{local_correlation, masked_psnr};
 use crate::image::Image;
 use crate::mesh::{Mesh, triangle_area};
-use crate::video::Frame;
+use crate::video::{COVERED, Frame};
 
 /// Normals of neighbouring triangles farther apart than this make a crease: cos 120°.
 const CREASE: f64 = -0.5;
@@ -105,7 +105,7 @@ impl AgreementMeter {
         let pixels = coverage.data.iter().zip(&observed.mask.data);
         let common: Vec<bool> = pixels
             .map(|(a, b)| {
-                let (a, b) = (*a > 0.5, *b > 0.5);
+                let (a, b) = (*a >= COVERED, *b >= COVERED);
                 both += usize::from(a && b);
                 union += usize::from(a || b);
                 masked += usize::from(b);
@@ -164,7 +164,7 @@ impl AgreementMeter {
 
 /// [`local_correlation`] of `rgb`, rendered with `coverage`, with the video, over the pixels that both cover.
 pub(crate) fn print_correlation(rgb: &Image, coverage: &Image, observed: &Frame) -> Option<f64> {
-    let common = coverage.data.iter().zip(&observed.mask.data).map(|(a, b)| *a > 0.5 && *b > 0.5);
+    let common = coverage.data.iter().zip(&observed.mask.data).map(|(a, b)| *a >= COVERED && *b >= COVERED);
     local_correlation(rgb, &observed.rgb, &common.collect::<Vec<bool>>())
 }
 

@@ -16,6 +16,7 @@ use crate::io;
 use crate::mesh::Mesh;
 use crate::raster::coverage::fill_triangle;
 use crate::scene::Scene;
+use crate::video::COVERED;
 
 /// Likeness of maps and frames to the truth. What cannot be compared is absent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
@@ -182,7 +183,7 @@ fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
         let file = io::image::open(&path)?;
         file.expect_size(scene.full_size)?;
         let observed = scene.frames.frame(k)?;
-        let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m > 0.5).collect();
+        let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m >= COVERED).collect();
         Ok(masked_psnr(&file.rgb(scene.crop), &observed.rgb, &covered))
     };
     let ratios = scene.frames.map(0..scene.frames.len(), || (), ratio)?;

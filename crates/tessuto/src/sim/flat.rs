@@ -3,10 +3,8 @@
 use glam::{DVec2, DVec3};
 
 use super::cloth::Cloth;
-use crate::mesh::{Mesh, vertex_uvs};
+use crate::mesh::{Mesh, SEAM, vertex_uvs};
 
-/// Texture coordinates of one vertex that differ by more than this are a seam.
-const SEAM: f64 = 1e-6;
 /// The panel is believed where lengths measured in it are off by less than this, root mean square relative to the template's.
 const BELIEVED: f64 = 0.1;
 

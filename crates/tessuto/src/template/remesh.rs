@@ -7,12 +7,10 @@ use super::outline::widest_quad_indices;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::math::block_matrix::{BlockMatrix, BlockPattern};
 use crate::math::factor::{Analysis, Scratch};
-use crate::mesh::{Mesh, edge_uses, grid, pieces, vertex_uvs};
+use crate::mesh::{Mesh, SEAM, edge_uses, grid, pieces, vertex_uvs};
 
 /// Fraction of their bounding box that texture coordinates fill at least to be the grid's own.
 const FULL: f64 = 0.97;
-/// Texture coordinates of one vertex that differ by more than this stand on two sides of a seam.
-const SEAM: f64 = 1e-6;
 /// Most vertices in either direction.
 pub const MAX_GRID: usize = 512;
 

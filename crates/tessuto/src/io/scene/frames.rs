@@ -15,7 +15,7 @@ use crate::camera::Rect;
 use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::image::Image;
 use crate::io::image::{self, ImageFile};
-use crate::video::{Frame, PIXEL_BYTES, Video};
+use crate::video::{COVERED, Frame, PIXEL_BYTES, Video};
 
 /// Most memory `[bytes]` that one frame may take.
 const MAX_FRAME_BYTES: usize = 1 << 30;
@@ -276,9 +276,9 @@ fn composite_over_black(frame: &mut Frame) {
     }
 }
 
-/// Smallest rectangle around the values ≥ ½, if there are any.
+/// Smallest rectangle around the pixels of fabric, if there are any.
 fn bounds(mask: &Image) -> Option<Rect> {
-    let covered = |v: &f32| *v >= 0.5;
+    let covered = |v: &f32| *v >= COVERED;
     let rows = mask.data.chunks_exact(mask.width).enumerate();
     Rect::around(rows.flat_map(|(y, row)| {
         [row.iter().position(covered), row.iter().rposition(covered)]

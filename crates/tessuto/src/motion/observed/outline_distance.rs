@@ -3,8 +3,9 @@
 use glam::DVec2;
 
 use crate::image::Image;
+use crate::video::COVERED;
 
-/// Signed distance `[px]` to the outline of a mask: positive on the fabric. Zero gradient far away.
+/// Signed distance `[px]` to the outline of a mask: positive on the fabric. Constant where there is no outline.
 #[derive(Debug, Clone)]
 pub struct OutlineDistance {
     /// Pixels of the mask along one pixel of `distance`.
@@ -15,8 +16,6 @@ pub struct OutlineDistance {
     distance: Vec<f32>,
 }
 
-/// Distances beyond this `[px]` are cut: what is farther does not pull.
-pub const REACH: f32 = 40.0;
 /// The outline within this distance of the image border, in pixels of the distances, may be cut by it and does not count.
 const BORDER: f64 = 3.0;
 
@@ -27,29 +26,21 @@ impl OutlineDistance {
         let small = (scale > 1).then(|| mask.downsampled(scale));
         let mask = small.as_ref().unwrap_or(mask);
         let (w, h) = (mask.width, mask.height);
-        let inside: Vec<bool> = mask.data.iter().map(|&m| m >= 0.5).collect();
-        let to_background = distance(&inside, false, [w, h], 2.0 * REACH);
-        let to_fabric = distance(&inside, true, [w, h], 2.0 * REACH);
+        let inside: Vec<bool> = mask.data.iter().map(|&m| m >= COVERED).collect();
+        // Nothing is farther.
+        let reach = (w + h) as f32;
+        let [to_background, to_fabric] = [false, true].map(|target| distance(&inside, target, [w, h], reach));
         // Pixel centres on both sides of the outline are half a pixel from it.
-        let cut = |distance: f32| ((distance - 0.5) * scale as f32).min(REACH);
+        let from_outline = |distance: f32| (distance - 0.5) * scale as f32;
         let signed = |i: usize| match inside[i] {
-            true => cut(to_background[i]),
-            false => -cut(to_fabric[i]),
+            true => from_outline(to_background[i]),
+            false => -from_outline(to_fabric[i]),
         };
         Self { scale, width: w, height: h, distance: (0..w * h).map(signed).collect() }
     }
 
-    /// Distance and its gradient at pixel position `p` of the mask; `None` near the image border and beyond reach.
+    /// Distance and its gradient at pixel position `p` of the mask; `None` near the image border.
     pub fn sample(&self, p: DVec2) -> Option<(f64, DVec2)> {
-        self.with_gradient(p).filter(|(value, _)| value.abs() < f64::from(REACH) - 1.0)
-    }
-
-    /// Distance at pixel position `p` of the mask, cut at [`REACH`]; `None` near the image border.
-    pub fn value(&self, p: DVec2) -> Option<f64> {
-        self.with_gradient(p).map(|(value, _)| value)
-    }
-
-    fn with_gradient(&self, p: DVec2) -> Option<(f64, DVec2)> {
         let scale = self.scale as f64;
         let p = (p - 0.5 * (scale - 1.0)) / scale;
         let (w, h) = (self.width, self.height);
@@ -136,7 +127,7 @@ mod tests {
         let (w, h) = (23, 17);
         let mut rng = Rng::new(4, 0);
         let inside: Vec<bool> = (0..w * h).map(|_| rng.uniform() < 0.1).collect();
-        let fast = distance(&inside, true, [w, h], 2.0 * REACH);
+        let fast = distance(&inside, true, [w, h], (w + h) as f32);
         for i in 0..w * h {
             let sq = |j: usize| (i % w).abs_diff(j % w).pow(2) + (i / w).abs_diff(j / w).pow(2);
             let nearest = (0..w * h).filter(|&j| inside[j]).map(sq).min().unwrap();

@@ -3,10 +3,7 @@
 use glam::DVec2;
 
 use crate::camera::Viewpoint;
-use crate::video::Frame;
-
-/// Share of fabric a pixel of the pyramid needs for its colour to count.
-const MIN_COVERAGE: f32 = 0.5;
+use crate::video::{COVERED, Frame};
 
 /// One level: colours averaged over the fabric only, so that the background never bleeds in.
 #[derive(Debug, Clone)]
@@ -32,7 +29,7 @@ impl Level {
     /// Colour of a pixel; `None` off the fabric.
     pub fn texel(&self, x: usize, y: usize) -> Option<[f32; 3]> {
         let [r, g, b, coverage] = self.texels[y * self.view.camera.width + x];
-        (coverage >= MIN_COVERAGE).then_some([r, g, b])
+        (coverage >= COVERED).then_some([r, g, b])
     }
 
     /// Bilinear colour at pixel position `p` with its slope; `None` off the image or off the fabric.
@@ -62,7 +59,7 @@ impl Level {
         let (s, t) = ((p.x - x as f64) as f32, (p.y - y as f64) as f32);
         let rows = [y, y + 1].map(|y| self.texels[y * w + x..].first_chunk::<2>());
         let [Some(upper), Some(lower)] = rows else { return None };
-        let covered = upper[0][3].min(upper[1][3]).min(lower[0][3]).min(lower[1][3]) >= MIN_COVERAGE;
+        let covered = upper[0][3].min(upper[1][3]).min(lower[0][3]).min(lower[1][3]) >= COVERED;
         covered.then_some((Cell([upper, lower]), [s, t]))
     }
 }

@@ -7,17 +7,19 @@ use super::{LevelSearch, Positions, Problem, acceleration};
 /// What tracking found, and what became of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Pool {
-    /// Motions that may lead to the right one, each of shape [N, V]; one alone where all followers agree. Once they are refined, what those became
+    /// Motions that may lead to the right one, each of shape [N, V]. Once they are refined, what those became
     /// of which the best path takes a frame, and the best path before the sheet was followed again.
     pub motions: Vec<Vec<Positions>>,
     /// The best path through them; once they are refined, what the frames of the best path started from. Shape [N, V].
     pub best: Vec<Positions>,
+    /// Whether all followers found the same: no others are looked for.
+    pub agreed: bool,
 }
 
 impl Pool {
-    /// Of one motion.
+    /// Of one motion, beside which no others are looked for.
     pub fn of(motion: Vec<Positions>) -> Self {
-        Self { motions: vec![motion.clone()], best: motion }
+        Self { motions: vec![motion.clone()], best: motion, agreed: true }
     }
 }
 

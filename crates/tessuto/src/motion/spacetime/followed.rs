@@ -16,10 +16,9 @@ const OF_ACCELERATIONS: f64 = 3.0;
 const LEAST_ACCELERATION: f64 = 0.1;
 
 impl Problem<'_> {
-    /// What all followers that were not lost found and, unless these agree, what patches find of frames that all have lost; the best path alone if
-    /// they agree. From now on the light and the spread of accelerations are those of the best path.
+    /// What all followers that were not lost found; the best path alone if they agree. From now on the light and the spread of accelerations are those of the best path.
     pub(super) fn followed(&mut self, tracked: &Tracked) -> Pool {
-        let mut found: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(Follower::found).collect();
+        let found: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(Follower::found).collect();
         let best = self.best_path(&found);
         self.light = self.light_of(&best);
         self.acceleration = self.acceleration_spread(&best);
@@ -27,9 +26,7 @@ impl Problem<'_> {
             return Pool::of(best);
         }
         // Given light and spread another path may be the best.
-        let best = self.best_path(&found);
-        found.extend(self.rematched(&best));
-        Pool { best: self.best_path(&found), motions: found }
+        Pool { best: self.best_path(&found), motions: found, agreed: false }
     }
 
     /// Whether all followers found the same, and its print everywhere: `best` needs no others.

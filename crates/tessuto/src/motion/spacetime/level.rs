@@ -111,7 +111,6 @@ impl LevelSearch<'_, '_> {
         self.priors = self.problem.priors.clone();
         self.priors.loosen(spreads, tail);
         self.priors.strain.sigma *= self.asked.strain;
-        self.priors.shear.tail *= self.asked.shear_tail;
         self.asked.bent.apply(&mut self.priors.signed_bend);
     }
 

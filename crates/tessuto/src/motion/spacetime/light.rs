@@ -26,10 +26,6 @@ const FITS: usize = 8;
 const ROUNDS: usize = 3;
 /// Where nothing is known of the light, tails are longer by this factor at first.
 const START_TAIL: f64 = 100.0;
-/// Least cosine of the angle between a normal and the view ray.
-const LEAST_COSINE: f64 = 0.1;
-/// Least part of what surrounds a vertex that is seen.
-const LEAST_SEEN: f64 = 0.5;
 
 /// A vertex that is seen in some frame.
 struct Turned {
@@ -61,8 +57,7 @@ impl LevelSearch<'_, '_> {
     /// brightness is compared with it.
     pub(super) fn update_light(&mut self, frames: &[Positions], around: &[Vec<Around>]) {
         let first = self.harmonics_of_first();
-        let areas = self.areas();
-        let of_frame = |n: usize| self.turned((n, &frames[n]), &around[n - 1], &areas, &first);
+        let of_frame = |n: usize| self.turned((n, &frames[n]), &around[n - 1], &first);
         let turned: Vec<Vec<Turned>> = (1..frames.len()).into_par_iter().map(of_frame).collect();
         let mut offsets = vec![0.0; turned.len()];
         // Not from the last light: the same positions have the same one, whatever came before.
@@ -79,7 +74,7 @@ impl LevelSearch<'_, '_> {
     /// Compares the brightness of `frame`, found at `x`, which shows `around` its vertices, with the light as it is.
     pub(super) fn update_brightness(&mut self, frame: usize, x: &Positions, around: &[Around]) {
         let first = self.harmonics_of_first();
-        let turned = self.turned((frame, x), around, &self.areas(), &first);
+        let turned = self.turned((frame, x), around, &first);
         self.brightness[frame] = self.targets(&turned, self.offset(&turned), &first);
     }
 
@@ -94,13 +89,7 @@ impl LevelSearch<'_, '_> {
     }
 
     /// The vertices that are seen in a `frame` with the sheet at `x`, from the same side as in the first.
-    fn turned(
-        &self,
-        (frame, x): (usize, &Positions),
-        around: &[Around],
-        areas: &[f64],
-        first: &[Light],
-    ) -> Vec<Turned> {
+    fn turned(&self, (frame, x): (usize, &Positions), around: &[Around], first: &[Light]) -> Vec<Turned> {
         let (p, s) = (self.problem, &self.problem.settings);
         let template = &p.scene.template.positions;
         let pixel = self.pixel_area() * p.independent;
@@ -110,7 +99,7 @@ impl LevelSearch<'_, '_> {
             let Around { products, area } = around[v];
             let a = now[v].dot(now_view.direction(x[v]));
             let b = before[v].dot(first_view.direction(template[v]));
-            if area <= LEAST_SEEN * areas[v] || a * b <= 0.0 || a.abs().min(b.abs()) < LEAST_COSINE {
+            if area <= 0.0 || a * b <= 0.0 {
                 return None;
             }
             let [product, square] = [0, 1].map(|i| products.iter().map(|p| p[i]).sum::<f64>());
@@ -145,16 +134,6 @@ impl LevelSearch<'_, '_> {
             })
         };
         self.brightness[frame].iter().zip(&first).map(of).sum()
-    }
-
-    /// Area of the points around every vertex, seen or not.
-    fn areas(&self) -> Vec<f64> {
-        let mut areas = vec![0.0; self.problem.cloth.vertex_count()];
-        for point in &self.samples.points {
-            let corners = self.samples.triangles[point.triangle as usize];
-            corners.iter().zip(point.weights).for_each(|(v, w)| areas[*v as usize] += w * point.area);
-        }
-        areas
     }
 
     /// The light by reweighted least squares that go on from `light`, with tails that start longer by `start`.
@@ -253,7 +232,6 @@ mod tests {
             let bent = |x: &DVec3| *x + DVec3::Z * (0.05 * x.truncate().dot(wave).sin());
             frames.push(template.iter().map(bent).collect());
         }
-        let areas = search.areas();
         let before = search.normals(template);
         let mut around = Vec::new();
         for (n, x) in frames.iter().enumerate().skip(1) {
@@ -263,7 +241,7 @@ mod tests {
                 let of_frame = if n == 2 { 0.05 } else { 0.0 };
                 brightness(&light, now[v]) - brightness(&light, before[v]) - shadow - of_frame
             };
-            let shown = |v: usize| Around { products: [[brighter(v).exp(), 1.0]; 3], area: areas[v] };
+            let shown = |v: usize| Around { products: [[brighter(v).exp(), 1.0]; 3], area: 100.0 };
             around.push((0..x.len()).map(shown).collect::<Vec<_>>());
         }
         search.update_light(&frames, &around);
@@ -316,10 +294,10 @@ mod tests {
             template.iter().map(|x| middle + turn * (*x - middle)).collect()
         };
         let [right, wrong] = [0.3, -0.3].map(turned);
-        let (areas, before, now) = (search.areas(), search.normals(template), search.normals(&right));
+        let (before, now) = (search.normals(template), search.normals(&right));
         let shown = |v: usize| {
             let brighter = brightness(&search.light, now[v]) - brightness(&search.light, before[v]);
-            Around { products: [[brighter.exp(), 1.0]; 3], area: areas[v] }
+            Around { products: [[brighter.exp(), 1.0]; 3], area: 100.0 }
         };
         let around: Vec<Around> = (0..template.len()).map(shown).collect();
         let value_at = |search: &LevelSearch, x: &Positions| search.terms(1).shading.value(x);

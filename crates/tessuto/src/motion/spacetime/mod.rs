@@ -68,7 +68,7 @@
 //! their own values in equal ratios, after which only true folds are left in the tails: `refine` over its iterations, `track` from level to level
 //! in each frame, where one of its two followers keeps the wider spreads. Where both find the same, the best path through them (`best_path`) is the only
 //! start, and nothing is followed again; else both are the pool (`followed`). Frames that are lost on the way and found
-//! again later are filled from the later ones, by those who go backward. A frame whose print is found nowhere near is looked for by patches all over the image (`matching`).
+//! again later are filled from the later ones, by those who go backward.
 //!
 //! Sheets that keep their lengths better than most are held to them more firmly after the first level of `refine` (`noise`).
 //! `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of bending about it are the clip's own from
@@ -76,11 +76,7 @@
 //!
 //! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
 //! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
-//! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]). Where what departs from
-//! the smooth shear is large all over a sheet, it is no matter of a few folds: after the first level of `refine` such a clip's shear has a
-//! shorter tail (`noise`).
-//!
-//! A frame that is lost all the same, of a shape that cloth cannot have, takes one from the frames around it (`sound`).
+//! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]).
 //!
 //! Once the causes of the motion are known, `along` goes on at the finest level: accelerations are then expected to be those that the causes
 //! make, about which they spread less.
@@ -98,7 +94,6 @@ pub mod gain;
 mod joint;
 mod level;
 mod light;
-mod matching;
 #[cfg(test)]
 mod moved;
 mod noise;
@@ -107,8 +102,6 @@ mod print;
 mod proof;
 mod refine;
 mod settings;
-mod settle;
-mod sound;
 mod still;
 mod track;
 

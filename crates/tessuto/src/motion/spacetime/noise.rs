@@ -1,9 +1,8 @@
-//! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain, shear and bending: from what is left of each.
+//! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain and bending: from what is left of each.
 //!
 //! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is left of colours and
 //! outlines there tells. Medians over the frames, so that a few that are lost do not count. What keeps its lengths better than most, as paper
-//! does, is held to them more firmly. Of shear it is the mean: a sheet that shears much in some frames is one that does, and there the prior
-//! on shear would turn and crumple it. How it bends is told in `bent`, what its light explains in `light`.
+//! does, is held to them more firmly. How it bends is told in `bent`, what its light explains in `light`.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -27,11 +26,6 @@ const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 const STRAINED: f64 = 0.25;
 const LEAST_SPREAD: f64 = 0.4;
 
-/// Energy of shear for each shearing pair and frame above which a sheet shears more than the settings' tail is meant for, and what that
-/// tail is then multiplied by.
-const SHEARED: f64 = 0.27;
-const EASE: f64 = 0.3;
-
 /// Power of the part of the brightness that the light explains by which shading counts: what it leaves unexplained, shadows and light
 /// from the sheet and the table, varies together over large areas, so that the more of it there is the fewer witnesses there are.
 const LIT: i32 = 3;
@@ -45,8 +39,6 @@ pub(super) struct Asked {
     pub outlines: f64,
     /// Spread of strain.
     pub strain: f64,
-    /// Tail of shear.
-    pub shear_tail: f64,
     /// What a pixel's brightness counts as, by what of it the light explains.
     pub shading: f64,
     /// How the sheet bends.
@@ -56,14 +48,7 @@ pub(super) struct Asked {
 /// The settings as they are.
 impl Default for Asked {
     fn default() -> Self {
-        Self {
-            colours: 1.0,
-            outlines: 1.0,
-            strain: 1.0,
-            shear_tail: 1.0,
-            shading: 1.0,
-            bent: Bent::default(),
-        }
+        Self { colours: 1.0, outlines: 1.0, strain: 1.0, shading: 1.0, bent: Bent::default() }
     }
 }
 
@@ -80,7 +65,6 @@ impl Problem<'_> {
             colours,
             outlines,
             strain: self.strain_spread(&frames[1..]),
-            shear_tail: self.shear_ease(&frames[1..]),
             shading: self.light_explains(frames).powi(LIT),
             ..of_start
         }
@@ -104,16 +88,6 @@ impl Problem<'_> {
         };
         let left = median(frames.par_iter().filter_map(of_frame).collect());
         left.map_or(1.0, |left| (left / (STRAINED * self.settings.strain)).clamp(LEAST_SPREAD, 1.0))
-    }
-
-    /// Tail of shear that the shear of `frames` asks for.
-    fn shear_ease(&self, frames: &[Positions]) -> f64 {
-        let shear = &self.priors.shear;
-        // Collected before they are added up: the sum is the same for any number of threads.
-        let energies: Vec<f64> = frames.par_iter().map(|x| shear.value(x)).collect();
-        let pairs = (self.cloth.shears.len() * energies.len()).max(1);
-        let of_pair = energies.iter().sum::<f64>() / pairs as f64;
-        if of_pair > SHEARED { EASE } else { 1.0 }
     }
 
     /// What is left of colours `[sRGB]` and outlines [px of the finest level] at `frames`.
@@ -193,21 +167,6 @@ mod tests {
         let (clean, loose) = (left(&clip()), left(&loose));
         println!("{clean:?} {loose:?}");
         assert!(loose.0[1] > 2.0 * clean.0[1] && loose.1[1] < 0.25 && loose.1[1] < 0.5 * clean.1[1]);
-    }
-
-    #[test]
-    fn a_sheet_that_shears_much_is_held_less_firmly_against_it() {
-        let scene = clip();
-        let cloth = Cloth::new(&scene.template);
-        let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
-        let flat = &scene.template.positions;
-        let of = |shears: [f64; 4]| {
-            let shape = |s: f64| flat.iter().map(|p| *p + glam::DVec3::X * (s * p.y)).collect();
-            problem.shear_ease(&shears.map(shape))
-        };
-        // Hardly any; much in one frame of four; nothing after the first frame.
-        assert_eq!((of([1e-3; 4]), of([0.0, 0.0, 0.0, 0.1])), (1.0, EASE));
-        assert_eq!(problem.shear_ease(&[]), 1.0);
     }
 
     #[test]

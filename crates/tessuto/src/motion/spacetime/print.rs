@@ -1,7 +1,12 @@
-//! How much of a print the sheet has: what its colours can tell of where it is.
+//! How much of a print the sheet has, what its colours can tell of where it is, and whether it is where the sheet was found.
 
-use super::Problem;
+use rayon::prelude::*;
+
 use super::noise::NOMINAL;
+use super::{Positions, Problem};
+
+/// The print of a frame is lost if more than this part of its contrast is not where the sheet is.
+const LOST: f64 = 0.5;
 
 impl Problem<'_> {
     /// What part of the variance of colours around its vertices is print, and not what clips have left of colours where they are found: noise, and
@@ -26,6 +31,14 @@ impl Problem<'_> {
         };
         let parts: Vec<f64> = sums.iter().filter_map(part).collect();
         parts.iter().sum::<f64>() / parts.len().max(1) as f64
+    }
+
+    /// Whether the print of each of `frames` is lost; that of the first is known.
+    pub(super) fn prints_lost(&self, frames: &[Positions]) -> Vec<bool> {
+        let mut finest = self.at_level(self.observed.range[0]);
+        finest.fit_anew(&frames.iter().enumerate().skip(1).collect::<Vec<_>>());
+        let lost = |n: usize| n > 0 && finest.misfit(n, &frames[n]).texture > LOST;
+        (0..frames.len()).into_par_iter().map(lost).collect()
     }
 }
 

@@ -45,15 +45,15 @@ struct Rounds {
 impl Problem<'_> {
     /// Lowers E over all frames together, coarse to fine, from every motion of the `pool`: positions that were followed frame by frame are not at
     /// rest, and which of them end lowest shows only there. What these became tells what the clip asks for; with that the fabric is followed
-    /// again, and E lowered from what is found then, and at last from the best path through all. A pool of one motion, on which all followers
-    /// agree, is refined once. The pool then holds the motions that contend with what was found, and what its frames started from.
+    /// again, and E lowered from what is found then, and at last from the best path through all. Where all followers
+    /// agree one motion is refined once. The pool then holds the motions that contend with what was found, and what its frames started from.
     ///
     /// If the objective is no longer finite, the positions before that are returned with the failure.
     ///
     /// # Errors
     /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     pub fn refine(&self, pool: &mut Pool, session: &mut Session) -> Result<Fitted> {
-        let (first, several) = (pool.motions.len(), pool.motions.len() > 1);
+        let (first, several) = (pool.motions.len(), !pool.agreed);
         let rounds = Rounds { first, all: if several { first + AGAIN + 1 } else { first } };
         let mut refined: Refined = match session.restore("refine")? {
             Some(refined) => refined,
@@ -136,7 +136,7 @@ impl Problem<'_> {
         let best = (0..path.len()).map(start).collect();
         let contends = |motion: &Vec<Positions>| (1..path.len()).any(|n| took(motion, n));
         let motions = became.into_iter().filter(contends).chain([before]).collect();
-        Pool { motions, best }
+        Pool { motions, best, agreed: false }
     }
 
     fn unrefined(&self, done: Vec<Vec<Positions>>, again: Followers, frames: Vec<Positions>) -> Refined {
@@ -248,15 +248,19 @@ mod tests {
         let problem = Problem::new(&scene, &cloth, at_the_finest_level()).unwrap();
         let right = vec![scene.template.positions.clone(); scene.frames.len()];
         let (near, far) = (aside(&right, DVec3::X * 2e-3), aside(&right, DVec3::new(0.05, 0.02, 0.0)));
-        let refined = |motions: &[Vec<Positions>]| {
-            let mut pool = Pool { motions: motions.to_vec(), best: right.clone() };
+        let refined = |mut pool: Pool| {
             let (frames, failure) = problem.refine(&mut pool, &mut Session::silent()).unwrap();
             assert!(failure.is_none());
             (frames, pool)
         };
-        let alone = off(&refined(std::slice::from_ref(&far)).0, &right);
+        let alone = off(&refined(Pool::of(far.clone())).0, &right);
+        // One alone, on which followers did not agree, is followed again.
+        let again = off(&refined(Pool { agreed: false, ..Pool::of(far.clone()) }).0, &right);
+        println!("{again} m off where it is followed again");
+        assert!(again < 0.1 * alone);
         for motions in [[far.clone(), near.clone()], [near, far]] {
-            let (frames, pool) = refined(&motions);
+            let (frames, pool) =
+                refined(Pool { motions: motions.to_vec(), best: right.clone(), agreed: false });
             let ends: Vec<f64> = pool.motions.iter().map(|motion| off(motion, &right)).collect();
             println!(
                 "{alone} m off from the farther start alone, {} from both, which end at {ends:?}",
@@ -275,7 +279,7 @@ mod tests {
         let problem = Problem::new(&scene, &cloth, settings).unwrap();
         let right = vec![scene.template.positions.clone(); scene.frames.len()];
         let motions = [2e-3, 4e-3].map(|by| aside(&right, DVec3::X * by)).to_vec();
-        let start = || Pool { motions: motions.clone(), best: right.clone() };
+        let start = || Pool { motions: motions.clone(), best: right.clone(), agreed: false };
         let mut whole = start();
         let mut steps = 0;
         let mut counting = Session::new(|_, _| {

@@ -18,8 +18,7 @@ settings! {
         signed_bend: f64 = 0.06, number(1e-6..=1e3, "rad");
         /// Spread σ of the shearing angle at a vertex about the sheet's own smooth shear; larger is weaker.
         shear: f64 = 0.01, number(1e-6..=1e3, "rad");
-        /// Shear beyond this many spreads is resisted less and less; larger is stricter. A clip whose sheet is found to shear much
-        /// all over has a smaller one.
+        /// Shear beyond this many spreads is resisted less and less; larger is stricter.
         shear_tail: f64 = 1.0, number(1e-3..=1e9, "");
         /// Spread of the modes of the sheet's own smooth shear; larger is weaker. A sheet that is found to shear by much more
         /// is followed again with a larger one of more modes.

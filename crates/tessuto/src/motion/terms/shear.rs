@@ -21,7 +21,7 @@ use super::low_rank::LowRank;
 use super::robust::cauchy;
 use super::{FrameSystem, Term};
 use crate::math::root::Root;
-use crate::mesh::{Mesh, Positions, vertex_uvs};
+use crate::mesh::{Mesh, Positions, SEAM, vertex_uvs};
 use crate::sim::angle;
 use crate::sim::cloth::{AngleSpring, Cloth, arms};
 
@@ -34,8 +34,6 @@ pub const MANY: usize = ALONG * ALONG;
 /// Steps of the search for m, and the change `[rad]` that ends it.
 const STEPS: usize = 60;
 const SETTLED: f64 = 1e-8;
-/// Texture coordinates of one vertex that differ by more than this belong to a seam.
-const SEAM: f64 = 1e-3;
 
 /// See the module.
 #[derive(Clone)]
