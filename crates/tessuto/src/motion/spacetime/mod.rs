@@ -41,9 +41,9 @@
 //!
 //! **What does not count.** a_p is the area in the first frame; what turns away fills less of the image, and a_p shrinks with it. Points that the
 //! sheet hides itself cost nothing, nor do those of which a frame shows no fabric, nor boundary that lies over more of the sheet, or beside a fold that
-//! explains the outline better ([`super::observed::occlusion`]), or where the mask's outline is too far away or cut by the border of the image
-//! ([`super::observed::outline_distance`]). A vertex has shading where the frame shows most of its surroundings, from the same side as the first and not
-//! edge-on (`light.rs`). Where motions are compared, every pixel of the mask that shows none of the sheet, and every one of the sheet beside the mask,
+//! explains the outline better ([`super::observed::occlusion`]), or near the border of the image, which may cut the mask's outline
+//! ([`super::observed::outline_distance`]). A vertex has shading by as much of its surroundings as the frame shows from the same side as the first
+//! (`light.rs`). Where motions are compared, every pixel of the mask that shows none of the sheet, and every one of the sheet beside the mask,
 //! costs as much as the worst of differences, ½ k τ² of colours, and a_p is the area in the frame at hand, larger or smaller: every pixel of the mask counts
 //! once, so that what a motion hides is neither good nor bad, nor is half of the sheet held nearer that covers as much.
 //!

@@ -45,8 +45,8 @@ struct Rounds {
 impl Problem<'_> {
     /// Lowers E over all frames together, coarse to fine, from every motion of the `pool`: positions that were followed frame by frame are not at
     /// rest, and which of them end lowest shows only there. What these became tells what the clip asks for; with that the fabric is followed
-    /// again, and E lowered from what is found then, and at last from the best path through all. Where all followers
-    /// agree one motion is refined once. The pool then holds the motions that contend with what was found, and what its frames started from.
+    /// again, and E lowered from what is found then, and at last from the best path through all. Where all followers agree,
+    /// one motion is refined once. The pool then holds the motions that contend with what was found, and what its frames started from.
     ///
     /// If the objective is no longer finite, the positions before that are returned with the failure.
     ///
