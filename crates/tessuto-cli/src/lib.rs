@@ -49,7 +49,7 @@ use clap::{Parser, Subcommand};
 
 use crate::say::aside;
 
-/// Recover the 3D motion of a fabric from one video, with forces and stiffness that replay it.
+/// Recover the 3D motion of a fabric from one video, its stiffness and what moves it, its texture, material and light.
 #[derive(Parser)]
 #[command(
     name = "tessuto",
@@ -61,7 +61,7 @@ Example:
   tessuto import clip.mp4 scenes/curtain --masks masks/ --fov 63 --template curtain.obj
   tessuto reconstruct scenes/curtain --out results/curtain
 
-Forces and stiffness are effective values of the replay, not measurements."
+Every number comes with its standard deviation. What a clip does not show is assumed, and the result says so."
 )]
 struct Arguments {
     #[command(subcommand)]

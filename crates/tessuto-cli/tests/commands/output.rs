@@ -117,7 +117,7 @@ fn help_lists_the_commands_in_the_order_of_the_work() {
         "help",
     ];
     assert_eq!(names, order);
-    assert!(help.trim_end().ends_with("not measurements."), "{help}");
+    assert!(help.trim_end().ends_with("the result says so."), "{help}");
 }
 
 /// `println!` panics where nobody reads.
