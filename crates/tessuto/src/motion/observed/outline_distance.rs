@@ -136,6 +136,16 @@ mod tests {
     }
 
     #[test]
+    fn an_outline_far_away_still_tells_the_way() {
+        let mut mask = Image::new(400, 40, 1);
+        for y in 0..40 {
+            mask.pixel_mut(390, y)[0] = 1.0;
+        }
+        let (value, gradient) = OutlineDistance::new(&mask, 1).sample(DVec2::new(50.25, 20.0)).unwrap();
+        assert!((value + 339.25).abs() < 1e-3 && (gradient - DVec2::X).length() < 1e-3, "{value} {gradient}");
+    }
+
+    #[test]
     fn a_straight_edge_has_unit_slope_and_its_zero_between_the_pixels() {
         let mut mask = Image::new(40, 40, 1);
         for y in 0..40 {

@@ -64,6 +64,8 @@ mod tests {
     fn a_fixed_edge_is_found() {
         // 0.1 m are 30 px here: the second row moves by 3 px already.
         assert_eq!(found(|_, row| DVec3::new(0.01, 0.01, 0.02) * row), [0, 1, 2, 3, 4, 5, 6]);
+        // Of a sheet that hardly moves too: the second row moves by a third of a pixel.
+        assert_eq!(found(|_, row| DVec3::X * (0.001 * row)), [0, 1, 2, 3, 4, 5, 6]);
     }
 
     #[test]
