@@ -2,13 +2,13 @@
 // Goes the way of a user through `tessuto studio` in headless Chromium, from a clip to an export by clicks and keys alone:
 // no error in the console, few clicks, the server killed on the way loses nothing, nothing sticks out at 1280 and 800 px.
 //
-// usage: node tools/check_studio.mjs TESSUTO [--shots FOLDER] [--keep FOLDER]
+// usage: node tools/check_studio.mjs TESSUTO [--shots FOLDER] [--keep FOLDER] [--openings N]
 //
 // The clip is made here (`tessuto synth`, ffmpeg). Needs Node 18, Chromium (CHROMIUM=program, default /usr/bin/chromium) and
 // ffmpeg (TESSUTO_FFMPEG). --shots writes a picture of every step at 1280 px in light; and, named after their looks, at
 // 800 px and in dark. --keep uses that folder and leaves it. Exit status 0: all passed.
 import { execFileSync, spawn } from "node:child_process";
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
+import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join, resolve } from "node:path";
 import { createInterface } from "node:readline";
@@ -67,6 +67,8 @@ const attention = ({ clicks, keys, entries }, frames) =>
   clicks * (1.35 + 1.1 + 0.2) + entries * (1.35 + 2 * 0.4) + keys * 0.28 + frames * 0.5 + 60;
 /** Frames of a clip of usual length, of which the one here is a fraction. */
 const USUAL_FRAMES = 50;
+/** How often a fresh clip is opened. */
+const OPENINGS = Number(option("--openings") ?? 6);
 
 /** Resident memory of a process [MB]. */
 const memory = pid => Number(/VmHWM:\s+(\d+)/.exec(readFileSync(`/proc/${pid}/status`, "utf8"))?.[1] ?? NaN) / 1024;
@@ -168,6 +170,29 @@ try {
   await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame");
   check("a killed server loses nothing", JSON.stringify(await outline()) === JSON.stringify(kept));
 
+  // Another window changes what was entered: this one shows it, and what is entered into the old state is refused, not mixed with it.
+  const elsewhere = (change, base = "") => page.evaluate(`(async () => {
+    const state = await (await fetch("/api/state?work=scenes/curtain")).json();
+    const form = { ...state.work.form, ...${JSON.stringify(change)} };
+    const headers = { "Content-Type": "application/json" };
+    return (await fetch("/api/save?work=scenes/curtain${base}", { method: "POST", headers, body: JSON.stringify(form) })).status;
+  })()`);
+  const entered = () => page.evaluate(`["width", "height"].map(id => Number(document.getElementById(id).value))`);
+  const measured = (await form()).size;
+  check("another window's entry is kept", await elsewhere({ size: [0.4, 0.3] }) === 200);
+  check("… and is shown here", await soon(async () => (await entered()).join() === "40,30"), (await entered()).join());
+  check("… an entry into an older state is refused", await elsewhere({ size: [0.1, 0.1] }, "&base=0000000000000000") === 409);
+  await elsewhere({ size: [0.2, 0.25] });
+  await page.evaluate(`(input => { input.value = "77"; input.dispatchEvent(new Event("input", { bubbles: true })); })(document.getElementById("width"))`);
+  await page.waitFor(`!document.getElementById("alarm").hidden || document.getElementById("width").value === "20"`, "the other window's entry");
+  const both = await page.evaluate(`document.getElementById("alarm").innerText`);
+  check("two entries at once: the other's is shown, and it is said", (await entered()).join() === "20,25" && both.includes("another window"), both);
+  check("… and none is mixed", ((await form()).size).join() === "0.2,0.25", ((await form()).size).join());
+  await page.press("Escape");
+  await elsewhere({ size: measured });
+  await soon(async () => Math.abs((await entered())[0] - 100 * measured[0]) < 1e-3);
+  Object.assign(page, { clicks, keys, entries });
+
   await page.click("#fabric-next");
   await page.waitFor(`!document.getElementById("check").hidden || !document.getElementById("alarm").hidden`, "masks", 60);
   await calm();
@@ -231,6 +256,16 @@ try {
   check("the export is there", [".glb", ".pc2"].every(ending => exported.some(name => name.endsWith(ending))), exported.join(" "));
   const length = await page.evaluate(`fetch(document.querySelector("#files a").href).then(a => a.arrayBuffer()).then(b => b.byteLength)`);
   check("… and can be downloaded", length > 1000, `${length} bytes`);
+  // What starts by itself when a clip is opened never alarms.
+  let alarms = 0;
+  for (let k = 0; k < OPENINGS; k++) {
+    copyFileSync(clip, join(project, `again${k}.mp4`));
+    await page.go(`${address}#again${k}.mp4`);
+    await page.waitFor(`document.getElementById("work-name").textContent === "again${k}"`, "the clip", 60);
+    await page.waitFor(`document.getElementById("trim-wait").hidden`, "the frames of the clip", 60);
+    alarms += await page.evaluate(`Number(!document.getElementById("alarm").hidden)`);
+  }
+  check(`${OPENINGS} openings without an alarm`, alarms === 0, `${alarms} with one`);
   const peak = memory(child.pid);
   check("the server takes at most 150 MB", peak <= 150, `${peak.toFixed(1)} MB at most`);
   // What the page asks of the killed server before it is left is refused.

@@ -51,6 +51,7 @@ fn options(remedy: &Remedy) -> String {
         Remedy::Outline => "--outline \"X,Y X,Y X,Y X,Y\"".into(),
         Remedy::Plate => "--plate FILE".into(),
         Remedy::MakeMasks(folder) => make_masks(&quoted(folder)),
+        Remedy::Import(file) => import(&quoted(file)).join(", or "),
         Remedy::AllowGaps => "--allow-gaps".into(),
         Remedy::Downscale => "tessuto import --downscale".into(),
         Remedy::Intrinsics => "--fx --fy --cx --cy".into(),
@@ -66,6 +67,12 @@ fn options(remedy: &Remedy) -> String {
         Remedy::WithoutLost => "tessuto export RESULT --to glb --without-lost --force".into(),
         Remedy::RepairTemplate(repair) => repair_template(repair),
     }
+}
+
+/// The commands that make a scene of a clip.
+pub fn import(clip: &str) -> [String; 2] {
+    let outline = "\"X,Y X,Y X,Y X,Y\"";
+    [format!("tessuto studio {clip}"), format!("tessuto import {clip} SCENE --fov 65 --outline {outline}")]
 }
 
 /// The command that makes masks.

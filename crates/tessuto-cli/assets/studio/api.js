@@ -7,7 +7,7 @@ export const fileUrl = (name, version = "") => `/file/${name.split("/").map(enco
 
 const told = async answer => {
   const text = await answer.text();
-  if (!answer.ok) throw new Error(text.trim() || `the studio answered ${answer.status}`);
+  if (!answer.ok) throw Object.assign(new Error(text.trim() || `the studio answered ${answer.status}`), { status: answer.status });
   return text ? JSON.parse(text) : null;
 };
 

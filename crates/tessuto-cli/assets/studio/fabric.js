@@ -2,9 +2,12 @@
 import { byId, fileUrl, loadImage, number } from "./api.js";
 import { outline } from "./outline.js";
 
+/** Field of view of a phone's main camera along the longer side [degrees]. */
+const PHONE = 65;
 const UNITS = { mm: 1e-3, cm: 1e-2, m: 1 };
 const NOTES = {
-  auto: "Taken from the clip if it tells its lens, else from the four corners of the sheet.",
+  auto: "Taken from the clip if it tells its lens, else from the four corners of the sheet, which must be tilted for that.",
+  guess: "A guess for a phone's main camera: the distance may be off by a fifth, the shape by much less.",
   fov: "A phone's main camera sees 50 to 70 degrees along the longer side.",
   focal: "Pixels of the clip; the centre of the first pixel is 0.",
   file: "OpenCV (YAML, JSON), COLMAP cameras.txt or nerfstudio transforms.json.",
@@ -12,7 +15,7 @@ const NOTES = {
 
 export const fabric = studio => {
   const wait = byId("outline-wait"), next = byId("fabric-next"), unit = byId("unit"), camera = byId("camera");
-  let shown = null, loaded = null, asked = null;
+  let shown = null, loaded = null, asked = null, entered = 0;
 
   const drawing = outline(byId("outline"), points => {
     const before = studio.form.outline.filter(p => p.corner).length;
@@ -35,16 +38,19 @@ export const fabric = studio => {
     byId("size-note").hidden = wrong === undefined;
     byId("size-note").textContent = `“${wrong}” is no length: write a number such as 55 or 55.5`;
     const count = drawing.corners();
-    byId("outline-hint").textContent = count === 0 ? "Click its four corners." : count < 4 ? `${4 - count} more.` : "Is the side marked “width” the one you measured as width? If not: Turn.";
+    byId("outline-hint").textContent = count === 0 ? "Click its four corners." : count < 4 ? `${4 - count} more.` : "Is the side marked “width” the one you measured as width? If not: Next side is the width.";
     const running = studio.state.work.job?.running;
     next.disabled = Boolean(lack || running);
     next.textContent = lack ?? (studio.state.work.scene ? "Make the masks anew" : "Make the masks");
   };
 
+  const guessed = () => camera.value === "fov" && studio.form?.camera.guess;
+
   const showCamera = () => {
+    if (camera.value !== "auto") byId("camera-guess").hidden = true;
     for (const part of document.querySelectorAll("[data-camera]")) part.hidden = part.dataset.camera !== camera.value;
     const lens = studio.state?.work?.clip?.lens;
-    byId("camera-note").textContent = camera.value === "auto" && lens ? `The clip says ${lens} mm in terms of 35-mm film; videos often see a little less.` : NOTES[camera.value];
+    byId("camera-note").textContent = camera.value === "auto" && lens ? `The clip says ${lens} mm in terms of 35-mm film; videos often see a little less.` : NOTES[guessed() ? "guess" : camera.value];
   };
 
   const keepCamera = () => {
@@ -58,7 +64,18 @@ export const fabric = studio => {
       file: byId("camera-file").value.trim() ? { kind: "file", file: byId("camera-file").value.trim() } : null,
     }[camera.value];
     if (chosen) studio.change({ camera: chosen });
+    showCamera();
   };
+
+  byId("guess").addEventListener("click", () => {
+    const { width, height } = studio.state.work.clip ?? { width: 1, height: 1 };
+    const across = 2 * Math.atan(Math.tan(PHONE * Math.PI / 360) * Math.min(1, width / height)) * 180 / Math.PI;
+    camera.value = "fov";
+    byId("fov").value = across.toFixed(1);
+    studio.change({ camera: { kind: "fov", fov: Number(across.toFixed(1)), guess: true } });
+    showCamera();
+    next.focus();
+  });
 
   const keepSize = () => {
     const [w, h] = lengths(), scale = UNITS[unit.value];
@@ -86,7 +103,10 @@ export const fabric = studio => {
     if (form.clip) {
       if (work.first !== start) {
         const failed = work.job?.step === "first" && work.job.ended === "failed";
-        if (!work.job?.running && !failed && asked !== start) { asked = start; await studio.run({ step: "first" }); }
+        if (!work.job?.running && !failed && asked !== start) {
+          asked = start;
+          if (await studio.auto({ step: "first" }) === "busy") asked = null;
+        }
         return;
       }
       await put(`${work.first_folder}/frame_${String(start).padStart(5, "0")}.png`, `${form.clip}${start}`);
@@ -118,6 +138,11 @@ export const fabric = studio => {
 
   return {
     enter: drawing.draw,
+    /** The lens could not be found out. */
+    askLens() {
+      byId("camera-guess").hidden = false;
+      camera.focus();
+    },
     key(e) {
       if (!(e.ctrlKey || e.metaKey) || e.key !== "z" || document.activeElement.tagName === "INPUT") return false;
       drawing.undo();
@@ -128,6 +153,9 @@ export const fabric = studio => {
         shown = work.name;
         loaded = asked = null;
         wait.hidden = false;
+      }
+      if (entered !== studio.shown) {
+        entered = studio.shown;
         show(form);
       }
       if (form.clip && asked !== null && asked !== (form.frames?.[0] ?? 0)) asked = null;

@@ -11,15 +11,19 @@ const QUICK = 400, SLOW = 3000;
 const WAITS = { preview: "Reading the clip …", first: "Reading the first frame …", prepare: "Making the scene …", masks: "Making masks …", export: "Writing files …" };
 const WORDS = [["import", "Reading the frames and making masks …"], ["masks", "Making masks …"], ["template", "Fitting the sheet …"], ["check", "Looking at all of it …"]];
 
+const CONFLICT = 409;
+
 const query = () => studio.name ? `?work=${encodeURIComponent(studio.name)}` : "";
 
 const studio = {
   name: null, state: null, form: null, step: "clip",
+  /** Changes whenever another form is to be shown than the one that was entered here. */
+  shown: 0,
   /** Takes up a clip, scene or result. */
   async open(name) {
     await flush();
     const { work } = await post("/api/open", { name });
-    [studio.name, studio.form] = [work, null];
+    [studio.name, studio.form, version] = [work, null, null];
     history.replaceState(null, "", `#${work}`);
     await refresh();
     studio.go(furthest(studio.state.work));
@@ -42,32 +46,73 @@ const studio = {
   /** Starts the commands of a step. */
   async run(step) {
     calm();
-    await flush();
-    await post(`/api/run${query()}`, step);
-    started = step.step;
-    await refresh();
+    await begun(step);
   },
   frames: () => get(`/api/frames${query()}`),
+  /**
+   * Starts a step that nobody clicked; "busy" where another command runs, after which it can be asked for again. One request at a time: what asks is
+   * called whenever the state is shown, and the state does not know of a request on its way.
+   */
+  async auto(step) {
+    if (asking) return "busy";
+    asking = true;
+    try {
+      await begun(step);
+      return "started";
+    } catch (error) {
+      if (error.status === CONFLICT) return "busy";
+      studio.alarm(error);
+      return "failed";
+    } finally {
+      asking = false;
+    }
+  },
   alarm(error) {
     byId("alarm").hidden = false;
     byId("alarm").firstElementChild.textContent = error.message;
   },
 };
-let saving = 0, unsaved = false, sent = Promise.resolve(), timer = 0, started = null, lost = 0;
+let saving = 0, unsaved = false, sent = Promise.resolve(), timer = 0, started = null, lost = 0, asking = false, sending = 0, version = null;
 const calm = () => { byId("alarm").hidden = true; };
+
+const begun = async step => {
+  await flush();
+  await post(`/api/run${query()}`, step);
+  started = step.step;
+  await refresh();
+};
 
 /** Sends what is not yet saved, after what is on its way: the last to be sent is the last to be kept. */
 const flush = () => {
   clearTimeout(saving);
   if (unsaved) {
     unsaved = false;
-    const form = structuredClone(studio.form), name = query();
-    sent = sent.catch(() => {}).then(() => post(`/api/save${name}`, form)).catch(error => {
-      unsaved = true;
+    const form = structuredClone(studio.form), name = studio.name, work = query();
+    sending++;
+    sent = sent.catch(() => {}).then(async () => {
+      const base = version ? `&base=${version}` : "";
+      const answer = await post(`/api/save${work}${base}`, form);
+      if (studio.name === name) version = answer.form_version;
+    }).catch(async error => {
+      if (error.status !== CONFLICT || studio.name !== name) unsaved = studio.name === name;
+      else {
+        await adopt(name);
+        // Told once: what is entered from now on is saved again.
+        sent = Promise.resolve();
+      }
       throw error;
-    });
+    }).finally(() => { sending--; });
   }
   return sent;
+};
+
+/** Another window has changed the form: this one shows it. */
+const adopt = async name => {
+  const { work } = await get(`/api/state${query()}`);
+  if (studio.name !== name || unsaved) return;
+  [studio.form, version] = [work.form, work.form_version];
+  studio.shown++;
+  await refresh();
 };
 
 const views = { clip: begin(studio), trim: trim(studio), fabric: fabric(studio), check: check(studio), run: run(studio), result: result(studio) };
@@ -140,6 +185,7 @@ const ended = job => {
   started = null;
   if (job.ended === "failed") {
     const table = job.text.split("\n").filter(line => /^error\b/.test(line)).join("\n");
+    if (job.step === "prepare" && studio.form?.camera.kind === "auto" && /focal length|camera is not given/.test(job.error ?? "")) views.fabric.askLens();
     return studio.alarm(new Error(`${job.error ?? (table || `${job.command}: ended without a message`)}`));
   }
   if (job.ended !== "ok") return;
@@ -151,7 +197,11 @@ const refresh = async () => {
   const asked = studio.name, state = await get(`/api/state${query()}`);
   if (asked !== studio.name) return;
   studio.state = state;
-  studio.form ??= state.work?.form ?? null;
+  const elsewhere = studio.form && !unsaved && sending === 0 && state.work && state.work.form_version !== version;
+  if (!studio.form || elsewhere) {
+    [studio.form, version] = [state.work?.form ?? null, state.work?.form_version ?? null];
+    studio.shown++;
+  }
   lost = 0;
   show();
   const job = state.work?.job;
@@ -163,7 +213,7 @@ const loop = async () => {
   try {
     if (!document.hidden) await refresh();
   } catch (error) {
-    if (++lost === 3) studio.alarm(new Error("The studio does not answer. What is done is kept: start it again in the same folder."));
+    if (++lost === 3) studio.alarm(new Error("The studio does not answer. What is done is kept: start it again in the same folder, and open the address that it prints."));
   }
   timer = setTimeout(loop, studio.state?.work?.job?.running ? QUICK : SLOW);
 };
@@ -173,7 +223,7 @@ for (const button of document.querySelectorAll("#steps button")) {
 }
 byId("home").addEventListener("click", async () => {
   await flush().catch(studio.alarm);
-  [studio.name, studio.form] = [null, null];
+  [studio.name, studio.form, version] = [null, null, null];
   history.replaceState(null, "", "#");
   await refresh().catch(studio.alarm);
   studio.go("clip");

@@ -6,7 +6,7 @@ const THUMBS = 14, LONG = 300;
 export const trim = studio => {
   const canvas = byId("trim-canvas"), strip = byId("thumbs"), start = byId("trim-start"), end = byId("trim-end");
   const play = byId("trim-play"), images = new Map();
-  let clip = null, shown = 0, timer = 0, folder = "", failed = false;
+  let clip = null, shown = 0, timer = 0, folder = "", failed = null, form = 0;
 
   const frame = n => {
     const name = `${folder}/frame_${String(n).padStart(5, "0")}.jpg`;
@@ -92,7 +92,7 @@ export const trim = studio => {
       play.click();
       return true;
     },
-    update({ work }, form) {
+    update({ work }, entered) {
       const found = work.clip && work.preview;
       byId("trim-wait").hidden = Boolean(found);
       byId("trim-next").disabled = !found;
@@ -100,17 +100,19 @@ export const trim = studio => {
         clip = null;
         const ended = work.job?.step === "preview" && work.job.ended === "failed";
         byId("trim-wait").textContent = ended ? "The clip cannot be read." : "Reading the clip …";
-        if (!work.job?.running && !ended && !failed) studio.run({ step: "preview" }).catch(e => { failed = true; studio.alarm(e); });
+        if (!work.job?.running && !ended && failed !== work.name) {
+          studio.auto({ step: "preview" }).then(how => { if (how === "failed") failed = work.name; });
+        }
         return;
       }
-      if (clip && folder === work.preview) return;
-      images.clear();
-      [clip, folder] = [work.clip, work.preview];
+      if (clip && folder === work.preview && form === studio.shown) return;
+      if (folder !== work.preview) images.clear();
+      [clip, folder, form] = [work.clip, work.preview, studio.shown];
       const last = clip.frames[1] - 1;
       for (const input of [start, end]) input.max = last;
-      [start.value, end.value] = form.frames ? [form.frames[0], form.frames[1] - 1] : [0, last];
-      byId("stride").value = form.stride;
-      byId("downscale").value = form.downscale;
+      [start.value, end.value] = entered.frames ? [entered.frames[0], entered.frames[1] - 1] : [0, last];
+      byId("stride").value = entered.stride;
+      byId("downscale").value = entered.downscale;
       tell();
       thumbs().then(() => show(Number(start.value)));
     },

@@ -234,7 +234,7 @@ fn camera(camera: &Camera, estimated: bool) -> Command {
     match camera {
         Camera::Auto if estimated => vec!["--camera".into(), "estimate".into()],
         Camera::Auto => Vec::new(),
-        Camera::Fov { fov } => options(&[("--fov", *fov)]),
+        Camera::Fov { fov, .. } => options(&[("--fov", *fov)]),
         Camera::Focal { fx, fy, centre } => {
             let mut pairs = vec![("--fx", *fx)];
             pairs.extend(fy.map(|fy| ("--fy", fy)));

@@ -60,7 +60,12 @@ pub enum Camera {
     /// Nothing: the clip's metadata, or else the four corners tell.
     Auto,
     /// Horizontal field of view [degrees].
-    Fov { fov: f64 },
+    Fov {
+        fov: f64,
+        /// Nobody measured it: what phones usually have.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        guess: bool,
+    },
     /// Focal lengths and principal point [px of the clip].
     Focal { fx: f64, fy: Option<f64>, centre: Option<[f64; 2]> },
     /// A calibration, by its name in the project.
@@ -104,7 +109,7 @@ impl Form {
         demand(names.into_iter().flatten().all(|name| is_name(name)), "a file lies outside of the project")?;
         match &self.camera {
             Camera::Auto => Ok(()),
-            Camera::Fov { fov } => {
+            Camera::Fov { fov, .. } => {
                 demand(*fov > 0.0 && *fov < 179.0, "the field of view lies between 0 and 179 degrees")
             }
             Camera::Focal { fx, fy, centre } => {
@@ -151,7 +156,7 @@ mod tests {
         assert!(
             !check(|f| f.clip = Some("../clip.mp4".into())) && check(|f| f.clip = Some("clip.mp4".into()))
         );
-        assert!(!check(|f| f.camera = Camera::Fov { fov: 180.0 }));
+        assert!(!check(|f| f.camera = Camera::Fov { fov: 180.0, guess: false }));
         assert!(!check(|f| f.camera = Camera::Focal { fx: -1.0, fy: None, centre: None }));
         assert!(!check(|f| f.camera = Camera::File { file: "/etc/passwd".into() }));
         assert!(serde_json::from_str::<Form>(r#"{"shell":"rm"}"#).is_err());

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use serde::Deserialize;
@@ -30,6 +30,8 @@ pub struct Studio {
     /// Name of what to begin with.
     pub start: Option<String>,
     pub jobs: Jobs,
+    /// Held while a form is compared and written.
+    saving: Mutex<()>,
 }
 
 /// A refusal: status and a sentence for the user.
@@ -45,7 +47,7 @@ struct Open {
 impl Studio {
     /// Nothing runs yet.
     pub fn new(project: Project, gate: Gate, start: Option<String>) -> Arc<Self> {
-        Arc::new(Self { project, gate, start, jobs: Jobs::default() })
+        Arc::new(Self { project, gate, start, jobs: Jobs::default(), saving: Mutex::default() })
     }
 
     fn work(&self, request: &Request) -> Result<Work<'_>, Refused> {
@@ -90,8 +92,7 @@ fn route(studio: &Studio, request: &mut Request, stream: &mut impl Read) -> Answ
         }
         ("POST", "/api/save") => {
             let form: Form = body(request, stream)?;
-            studio.work(request)?.save(&form).map_err(|text| bad(&text))?;
-            Ok(Response::json("{}".to_owned()))
+            save(studio, request, &form)
         }
         ("POST", "/api/run") => run(studio, request, stream),
         ("POST", "/api/stop") => {
@@ -105,6 +106,18 @@ fn route(studio: &Studio, request: &mut Request, stream: &mut impl Read) -> Answ
         }
         _ => Err(("405 Method Not Allowed", "this is not how the studio is asked".to_owned())),
     }
+}
+
+/// Keeps what was entered, unless another window has changed what it was entered into: its `base`.
+fn save(studio: &Studio, request: &Request, form: &Form) -> Answer {
+    let work = studio.work(request)?;
+    let _one_at_a_time = studio.saving.lock().unwrap_or_else(PoisonError::into_inner);
+    if request.query("base").is_some_and(|base| base != work.form_version()) {
+        let told = "changed in another window: this one shows it now; enter the last change again if it is still missing";
+        return Err(("409 Conflict", told.to_owned()));
+    }
+    work.save(form).map_err(|text| bad(&text))?;
+    Ok(Response::json(json!({ "form_version": work.form_version() }).to_string()))
 }
 
 fn run(studio: &Studio, request: &mut Request, stream: &mut impl Read) -> Answer {

@@ -37,6 +37,7 @@ fn of(studio: &Studio, work: &Work) -> Value {
         "result_name": result,
         "is_result": work.is_result(),
         "form": form,
+        "form_version": work.form_version(),
         "clip": work.json(&work.beside("preview/clip.json")),
         "preview": work.beside("preview"),
         "first": work.json(&work.beside("first/clip.json")).map(|c| c["frames"][0].clone()),

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use sha2::{Digest, Sha256};
 use tessuto::io::atomic_write;
 
 use super::form::Form;
@@ -69,6 +70,13 @@ impl<'a> Work<'a> {
         let file = file.filter(|f| f.metadata().is_ok_and(|m| m.len() < LONGEST_FORM));
         let text = file.and_then(|file| std::fs::read(file).ok());
         text.and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+    }
+
+    /// Changes with what was entered.
+    pub fn form_version(&self) -> String {
+        let file = self.project.find(&self.beside("form.json"));
+        let text = file.and_then(|file| std::fs::read(file).ok()).unwrap_or_default();
+        Sha256::digest(text)[..8].iter().map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// Keeps what was entered.

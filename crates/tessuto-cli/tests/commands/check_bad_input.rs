@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-use crate::scene_maker::{SIZE, TinyScene, contents, mask, paint, template};
+use crate::scene_maker::{SIZE, TinyScene, contents, mask, template};
 use tessuto::io::image::write_png;
 use tessuto::io::{npy, obj};
 
@@ -105,6 +105,26 @@ fn folder_or_scene_file_missing() {
     let output = check(&scene, &[], &std::env::temp_dir());
     assert_eq!(output.status.code(), Some(3));
     assert!(String::from_utf8_lossy(&output.stdout).contains("is not a folder"));
+}
+
+#[test]
+fn a_video_instead_of_a_scene() {
+    let home = tempfile::tempdir().unwrap();
+    std::fs::write(home.path().join("my clip.mp4"), "film").unwrap();
+    for command in [&["reconstruct", "my clip.mp4"][..], &["check", "my clip.mp4"]] {
+        let output = Command::new(env!("CARGO_BIN_EXE_tessuto"))
+            .args(command)
+            .current_dir(home.path())
+            .output()
+            .unwrap();
+        let told = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
+        assert_eq!(output.status.code(), Some(3), "{told}");
+        for way_out in
+            ["is a file, not the folder of a scene", "tessuto studio", "tessuto import 'my clip.mp4' SCENE"]
+        {
+            assert!(unwrapped(&told).contains(way_out), "{told}");
+        }
+    }
 }
 
 #[test]
@@ -354,12 +374,6 @@ fn doubts_are_warnings() {
         &scene,
         &["warning  overlap", "is 0.60", "warning  outline", "px apart in the mean", "the camera are right"],
     );
-    let scene = TinyScene::new();
-    for n in 0..4 {
-        let bright = paint(3, |x, _, c| 0.2 + 0.01 * (x + c + n) as f32);
-        write_png(&scene.path(&format!("rgbs/rgb_00{n}.png")), &bright).unwrap();
-    }
-    accepted(&scene, &["warning  background", "not black"]);
     let scene = TinyScene::new();
     scene.edit("template.obj", "v -0.2 -0.2 1", "v -0.2 -0.2 1\n#"); // keep the count of vertices
     scene.edit("template.obj", "vt ", "v 0 0 1.5\nvt ");

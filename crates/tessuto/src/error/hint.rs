@@ -47,6 +47,8 @@ pub enum Remedy {
     Plate,
     /// Make the masks of the scene in this folder from its frames: [`masks::make`](crate::masks::make).
     MakeMasks(PathBuf),
+    /// Make a scene of this video or image.
+    Import(PathBuf),
     /// [`import::Settings::allow_gaps`](crate::import::Settings::allow_gaps).
     AllowGaps,
     /// [`import::Settings::downscale`](crate::import::Settings::downscale).
@@ -142,6 +144,7 @@ impl fmt::Display for Remedy {
             Self::Outline => f.write_str("outline"),
             Self::Plate => f.write_str("plate"),
             Self::MakeMasks(_) => f.write_str("masks::make"),
+            Self::Import(_) => f.write_str("import"),
             Self::AllowGaps => f.write_str("allow_gaps = true"),
             Self::Downscale => f.write_str("downscale"),
             Self::Intrinsics => f.write_str("fx, fy, cx, cy"),

@@ -224,7 +224,7 @@ fn cause_line(row: &CauseRow) -> CauseLine {
         informed: row.informed,
         known: row.known.map_or_else(String::new, |[low, high]| match low < 1e-3 {
             true => format!("{low:e} to {high:e}"),
-            false => format!("{low} to {high}"),
+            false => format!("{} to {}", significant(low), significant(high)),
         }),
         bar: row.known.map(|known| bar(row.value, factor, known).map(|v| format!("{v:.1}"))),
     }

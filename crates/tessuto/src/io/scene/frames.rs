@@ -141,13 +141,6 @@ pub(super) fn from(sources: Sources, warnings: &mut Vec<Warning>) -> Result<(Rec
         read.iter().fold((0.0, 0), |(sum, count), f| (sum + f.background.0, count + f.background.1));
     let mean = sum / f64::from(count.max(1) as u32);
     let filmed_background = mean > 1.0 / 255.0;
-    if filmed_background {
-        let found = format!(
-            "outside the masks the frames are not black (mean {:.1} of 255), and were made so",
-            mean * 255.0
-        );
-        warnings.push(Warning { topic: "background".into(), found, hint: None });
-    }
     let finished = move |mut frame: Frame| {
         if filmed_background {
             composite_over_black(&mut frame);

@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use crate::camera::{Camera, Rect};
-use crate::error::{Error, Result};
+use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image::MAX_SIDE;
 use crate::io::{atomic_write, read_bounded};
 use crate::scene::Known;
@@ -161,6 +161,14 @@ impl Manifest {
 
     /// Reads scene.json in `folder`.
     pub fn read(folder: &Path) -> Result<Self> {
+        if folder.is_file() {
+            let hint = Hint::from("a video becomes a scene first").with(Remedy::Import(folder.to_path_buf()));
+            return Err(Error::input(
+                folder.display().to_string(),
+                "is a file, not the folder of a scene",
+                hint,
+            ));
+        }
         if !folder.is_dir() {
             return Err(Error::input(
                 folder.display().to_string(),
