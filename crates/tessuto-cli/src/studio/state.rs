@@ -53,7 +53,9 @@ fn of(studio: &Studio, work: &Work) -> Value {
         "findings": findings(work),
         "summary": work.json(&format!("{result}/summary.json")),
         "interrupted": work.has(&format!("{result}.checkpoints")),
+        "export_folder": work.project.find(&format!("{result}/export")).map(|path| path.display().to_string()),
         "exports": files(work, &format!("{result}/export")),
+        "export_folders": folders(work, &format!("{result}/export")),
         "commands": {
             "prepare": commands(&Step::Prepare),
             "reconstruct": commands(&Step::Reconstruct),
@@ -85,6 +87,19 @@ fn files(work: &Work, folder: &str) -> Vec<Value> {
         .into_iter()
         .map(|(name, bytes)| json!({ "name": format!("{folder}/{name}"), "bytes": bytes }))
         .collect()
+}
+
+/// Names of the folders in a folder, and how many files each holds.
+fn folders(work: &Work, folder: &str) -> Vec<Value> {
+    let Some(entries) = work.project.find(folder).and_then(|f| f.read_dir().ok()) else { return Vec::new() };
+    let named = |e: std::fs::DirEntry| {
+        let name = e.file_name().to_str().filter(|name| place::is_name(name))?.to_owned();
+        e.file_type().ok()?.is_dir().then_some(name)
+    };
+    let mut names: Vec<String> = entries.flatten().filter_map(named).collect();
+    names.sort();
+    let counted = |name: &String| json!({ "name": format!("{folder}/{name}"), "files": files(work, &format!("{folder}/{name}")).len() });
+    names.iter().map(counted).collect()
 }
 
 /// Names of the frames and masks of a scene, in their order.

@@ -1,6 +1,7 @@
 "use strict";
 /** Puts the page together; runs once, at its end. */
 (() => {
+  if (window.parent !== window) document.documentElement.classList.add("embedded");
   const byId = id => document.getElementById(id);
   const data = JSON.parse(byId("data").textContent);
   byId("data").remove();

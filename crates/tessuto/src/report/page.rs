@@ -51,6 +51,8 @@ struct Page<'a> {
     doubts: Vec<Doubt>,
     /// Stretches that are not in `doubts`.
     more_doubts: usize,
+    /// How many warnings there are, and of what.
+    warned: String,
     errors: Vec<Row>,
     /// Name, time, fraction of the longest in percent.
     timings: Vec<(String, String, String)>,
@@ -167,6 +169,7 @@ fn page(data: &ReportData) -> Page<'_> {
             .unwrap_or_default(),
         doubts,
         more_doubts,
+        warned: warned(&data.warnings),
         parameters: data.parameters.iter().map(parameter_row).collect(),
         causes: data.causes.iter().flat_map(|causes| &causes.rows).map(cause_line).collect(),
         has_published: errors.iter().any(|e| e.name.contains("published")),
@@ -176,6 +179,16 @@ fn page(data: &ReportData) -> Page<'_> {
         total: duration(data.timings.iter().map(|t| t.1).sum()),
         embedded: script_safe(&serde_json::to_string(&embedded).expect("plain data")),
     }
+}
+
+/// The line that stands for all warnings: their number and topics, which are what they begin with.
+fn warned(warnings: &[String]) -> String {
+    let mut topics: Vec<&str> = warnings.iter().filter_map(|w| Some(w.split_once(": ")?.0)).collect();
+    topics.retain(|topic| topic.chars().count() <= 24);
+    topics.dedup();
+    let several = if warnings.len() == 1 { "" } else { "s" };
+    let colon = if topics.is_empty() { "" } else { ": " };
+    format!("{} warning{several}{colon}{}", warnings.len(), topics.join(", "))
 }
 
 /// JSON that may stand in a script element: nothing in it ends the element or opens a comment.
