@@ -26,8 +26,12 @@ if [[ "$(cat "$environment/made-by" 2> /dev/null)" != "$stamp" ]]; then
     echo "$stamp" > "$environment/made-by"
 fi
 bin="$environment/bin"
-# PyTorch of Debian 12 is built for NumPy 1.
-packages=("numpy<2" "maturin>=1.9.4,<2" pytest "mypy>=1.11" nbclient nbformat ipykernel tqdm)
+# PyTorch of Debian 12 is built for NumPy 1; nothing else asks for an old one. The other NumPy has its turn at the end.
+numpy="numpy>=2" other="numpy<2"
+if "$bin/python" -c "import torch" 2> /dev/null; then
+    numpy="numpy<2" other="numpy>=2"
+fi
+packages=("$numpy" "maturin>=1.9.4,<2" pytest "mypy>=1.11" nbclient nbformat ipykernel tqdm)
 [[ -n "${WITHOUT_JAX:-}" ]] || packages+=("jax[cpu]<0.5")
 "$bin/python" -m pip install --quiet --disable-pip-version-check "${packages[@]}"
 # In place, by the profile of everything else, so that nothing is built twice; `pip install .` builds the same.
@@ -35,3 +39,9 @@ VIRTUAL_ENV="$environment" PATH="$bin:$PATH" "$bin/maturin" develop --release --
 "$bin/mypy"
 # Few threads each: what is tested does not depend on it.
 "$bin/python" -m pytest -q "$@"
+# In an environment that has nothing else; the package is the one that was built.
+second="$target/python-other-numpy"
+[[ -x "$second/bin/python" ]] || "$python" -m venv "$second"
+"$second/bin/python" -m pip install --quiet --disable-pip-version-check "$other" pytest
+PYTHONPATH=crates/tessuto-py/python "$second/bin/python" -m pytest -q crates/tessuto-py/tests/test_blocks.py \
+    crates/tessuto-py/tests/test_scene.py

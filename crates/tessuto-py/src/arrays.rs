@@ -2,7 +2,6 @@
 
 use numpy::ndarray::{ArrayView2, ArrayView3, Axis};
 use numpy::{Element, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use tessuto::Positions;
 use tessuto::glam::{DVec2, DVec3};
@@ -11,7 +10,7 @@ use tessuto::mesh::{Face, Mesh};
 /// A [V, 3] array.
 pub fn positions(array: ArrayView2<f64>) -> PyResult<Positions> {
     if array.ncols() != 3 {
-        return Err(PyValueError::new_err(format!("shape {:?}, expected (V, 3)", array.shape())));
+        return Err(crate::error::refused(format!("shape {:?}, expected (V, 3)", array.shape())));
     }
     Ok(array.rows().into_iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect())
 }
@@ -20,7 +19,7 @@ pub fn positions(array: ArrayView2<f64>) -> PyResult<Positions> {
 pub fn field(array: ArrayView2<f64>, count: usize, what: &str) -> PyResult<Positions> {
     if array.shape() != [count, 3] {
         let found = array.shape();
-        return Err(PyValueError::new_err(format!("{what} has shape {found:?}, expected [{count}, 3]")));
+        return Err(crate::error::refused(format!("{what} has shape {found:?}, expected [{count}, 3]")));
     }
     positions(array)
 }
@@ -38,12 +37,12 @@ pub fn mesh(
     uv_faces: Option<Vec<Vec<u32>>>,
 ) -> PyResult<Mesh> {
     if uv.ncols() != 2 {
-        return Err(PyValueError::new_err(format!("uv has shape {:?}, expected (U, 2)", uv.shape())));
+        return Err(crate::error::refused(format!("uv has shape {:?}, expected (U, 2)", uv.shape())));
     }
     let of_faces = uv_faces.unwrap_or_else(|| faces.clone());
     if of_faces.len() != faces.len() {
         let (own, all) = (of_faces.len(), faces.len());
-        return Err(PyValueError::new_err(format!("uv_faces has {own} faces, faces has {all}")));
+        return Err(crate::error::refused(format!("uv_faces has {own} faces, faces has {all}")));
     }
     let faces = faces.into_iter().zip(of_faces).map(|(vertices, uvs)| Face { vertices, uvs }).collect();
     let uvs = uv.rows().into_iter().map(|p| DVec2::new(p[0], p[1])).collect();
@@ -63,7 +62,7 @@ pub fn check_faces(mesh: &Mesh) -> PyResult<()> {
             let corners = &face.vertices;
             let text =
                 format!("face {k} is {corners:?}, of {vertices} vertices and {uvs} texture coordinates");
-            return Err(PyValueError::new_err(text));
+            return Err(crate::error::refused(text));
         }
     }
     Ok(())

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use tessuto::glam::DVec3;
 use tessuto::math::factor::Scratch;
@@ -36,11 +35,11 @@ impl Cloth {
         let mesh = Mesh { positions, uvs, faces: faces.into_iter().map(corners).collect() };
         arrays::check_faces(&mesh)?;
         if let Some(k) = mesh.positions.iter().position(|p| !p.is_finite()) {
-            return Err(PyValueError::new_err(format!("vertex {k} is {}", mesh.positions[k])));
+            return Err(crate::error::refused(format!("vertex {k} is {}", mesh.positions[k])));
         }
         let cloth = py.detach(|| sim::Cloth::new(&mesh));
         if let Some(k) = cloth.masses.iter().position(|m| *m <= 0.0) {
-            return Err(PyValueError::new_err(format!(
+            return Err(crate::error::refused(format!(
                 "vertex {k} has no mass: give it a face with an area"
             )));
         }
@@ -86,7 +85,7 @@ fn stiffness(cloth: &sim::Cloth, (stretch, bend, shear): &Stiffnesses) -> PyResu
         let values: Vec<f64> = array.as_array().iter().copied().collect();
         if values.len() != count || values.iter().any(|k| !k.is_finite() || *k < 0.0) {
             let text = format!("{what} is not one finite stiffness, at least 0, for each of {count} springs");
-            return Err(PyValueError::new_err(text));
+            return Err(crate::error::refused(text));
         }
         Ok(values)
     };
@@ -108,7 +107,7 @@ type Stepping = (f64, f64, bool, f64, usize);
 
 fn settings((step, damping, linearized, tolerance, newton_limit): Stepping) -> PyResult<StepSettings> {
     if !(step.is_finite() && step > 0.0) {
-        return Err(PyValueError::new_err(format!("dt is {step} s, it must be above 0")));
+        return Err(crate::error::refused(format!("dt is {step} s, it must be above 0")));
     }
     let integrator = if linearized { Integrator::LinearizedEuler } else { Integrator::ImplicitEuler };
     Ok(StepSettings { integrator, step, damping, tolerance, newton_limit })
@@ -206,7 +205,7 @@ pub fn rollout<'py>(
     let initial = State { x: field(x.as_array(), count, "x")?, v: field(v.as_array(), count, "v")? };
     let [entries, vertices, _] = *dynamic.as_array().shape() else { unreachable!("three axes") };
     if vertices != count || parts == 0 || substeps == 0 || entries % parts != 0 || parts > substeps {
-        return Err(PyValueError::new_err(format!(
+        return Err(crate::error::refused(format!(
             "dynamic has {entries} entries of {vertices} vertices, in {parts} parts of {substeps} sub-steps per \
              frame: expected (N - 1)*parts entries of {count} vertices, and at most as many parts as sub-steps"
         )));
@@ -246,7 +245,7 @@ impl Rollout {
         let (found, expected) = (grad_motion.as_array(), [self.rollout.frames.len(), count, 3]);
         if found.shape() != expected {
             let text = format!("grad_motion has shape {:?}, expected {expected:?}", found.shape());
-            return Err(PyValueError::new_err(text));
+            return Err(crate::error::refused(text));
         }
         let grad_frames = arrays::frames(found)?;
         let gradients = py.detach(|| {

@@ -27,6 +27,12 @@ pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     made.map_or_else(|error| error, PyErr::from_value)
 }
 
+/// What these functions refuse themselves: arrays and numbers that do not fit, told by `problem`.
+pub fn refused(problem: impl Into<String>) -> PyErr {
+    let error = Error::input("", problem, "see the arguments' shapes and units in the documentation: help(tessuto)");
+    Python::attach(|py| to_python(py, &error))
+}
+
 /// A library result as Python's.
 pub trait IntoPython<T> {
     /// Its error as an exception.

@@ -1,7 +1,6 @@
 //! Direct light on points of the cloth, and its adjoint.
 
 use numpy::{PyArray1, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use tessuto::mesh::Mesh;
 use tessuto::pbr::{
@@ -71,7 +70,7 @@ fn material(planes: &PyReadonlyArray3<f32>) -> PyResult<Material> {
         _ => {
             let text =
                 format!("material has shape {:?}, expected [{CHANNELS}, height, width]", array.shape());
-            Err(PyValueError::new_err(text))
+            Err(crate::error::refused(text))
         }
     }
 }
@@ -86,7 +85,7 @@ fn environment(radiance: &PyReadonlyArray3<f32>) -> PyResult<EnvironmentMap> {
         }
         _ => {
             let text = format!("environment has shape {:?}, expected [height, width, 3]", array.shape());
-            Err(PyValueError::new_err(text))
+            Err(crate::error::refused(text))
         }
     }
 }
@@ -101,11 +100,11 @@ fn sampler(
 ) -> PyResult<EnvironmentSampler> {
     let (light, proposal) = (environment(light)?, environment(proposal)?);
     if [light.width, light.height] != [proposal.width, proposal.height] {
-        return Err(PyValueError::new_err("proposal and environment differ in shape"));
+        return Err(crate::error::refused("proposal and environment differ in shape"));
     }
     if samples == 0 || !(0.0..=1.0).contains(&uniform_fraction) {
         let text = format!("samples is {samples}, above 0; uniform_fraction is {uniform_fraction}, 0 to 1");
-        return Err(PyValueError::new_err(text));
+        return Err(crate::error::refused(text));
     }
     let mut sampler = EnvironmentSampler::new(&proposal, uniform_fraction);
     sampler.set_radiance(&light);
@@ -151,7 +150,7 @@ pub fn direct_light_vjp<'py>(
     if found.shape() != [points.points.len(), 3] {
         let expected = [points.points.len(), 3];
         let text = format!("the gradient has shape {:?}, expected {expected:?}", found.shape());
-        return Err(PyValueError::new_err(text));
+        return Err(crate::error::refused(text));
     }
     let adjoints: Vec<[f32; 3]> = found.rows().into_iter().map(|g| [g[0], g[1], g[2]]).collect();
     let (seed, samples, _) = sampling;

@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use numpy::{PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use tessuto::mesh::Mesh;
 use tessuto::raster::{self, Gradients, Rendering, Texture};
@@ -57,7 +56,7 @@ pub fn checked_camera(intrinsics: Intrinsics) -> PyResult<Camera> {
     match focal && centre && sides {
         true => Ok(camera),
         false => {
-            Err(PyValueError::new_err(format!("{camera:?} is not a camera of 1 to {MOST_PIXELS} px a side")))
+            Err(crate::error::refused(format!("{camera:?} is not a camera of 1 to {MOST_PIXELS} px a side")))
         }
     }
 }
@@ -90,7 +89,7 @@ pub fn rasterize<'py>(
     let [height, width, channels] = *texels.shape() else { unreachable!("three axes") };
     if channels != 3 || width == 0 || height == 0 {
         let text = format!("texture has shape {:?}, expected [height, width, 3]", texels.shape());
-        return Err(PyValueError::new_err(text));
+        return Err(crate::error::refused(text));
     }
     let data = texels.iter().copied().collect();
     let texture = Texture::from_image(&tessuto::Image { width, height, channels, data });
@@ -123,7 +122,7 @@ impl Rendered {
         let depth_shape = grad_depth.as_ref().is_none_or(|g| g.as_array().shape() == &shape[..2]);
         if grad_rgba.as_array().shape() != shape || !depth_shape {
             let text = format!("the gradients are not of the shape of the image, {shape:?}");
-            return Err(PyValueError::new_err(text));
+            return Err(crate::error::refused(text));
         }
         let values: Vec<f32> = grad_rgba.as_array().iter().copied().collect();
         let of_pixels: Vec<[f32; 4]> = values.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]]).collect();

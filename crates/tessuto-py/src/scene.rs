@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use numpy::ndarray::Axis;
 use numpy::{Element, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn};
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use tessuto::io::image::Samples;
 use tessuto::io::scene::{LoadOptions, Loaded, Recording, assemble, load};
@@ -186,7 +185,7 @@ impl Scene {
     fn frame<'py>(&self, py: Python<'py>, n: usize) -> PyResult<ColourAndCoverage<'py>> {
         let frames = &self.loaded.scene.frames;
         if n >= frames.len() {
-            return Err(PyValueError::new_err(format!("frame {n} of {}", frames.len())));
+            return Err(crate::error::refused(format!("frame {n} of {}", frames.len())));
         }
         let frame = py.detach(|| frames.frame(n).map(std::borrow::Cow::into_owned)).into_python(py)?;
         let [h, w] = [frame.mask.height, frame.mask.width];

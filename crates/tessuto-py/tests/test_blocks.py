@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any, Callable
 
 import numpy as np
@@ -148,19 +149,69 @@ def test_what_does_not_go_together_is_refused() -> None:
     with pytest.raises(tessuto.NumericalError, match="frame 1.*vertex 3.*position .NaN") as caught:
         tessuto.rollout(cloth, np.where(np.arange(12)[:, None] == 3, np.nan, x), v, constant, dynamic, *STIFFNESS, **STEP)
     assert caught.value.remedy.startswith("check the forces")
-    with pytest.raises(ValueError, match=r"grad_motion has shape"):
+    with pytest.raises(ValueError, match="grad_motion: has shape"):
         tessuto.rollout_vjp(tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, **STEP)[1], x[None])
     with pytest.raises(ValueError, match=r"face 0 is \[0, 1, 99\]"):
         tessuto.Cloth(vertices, [[0, 1, 99]])
     with pytest.raises(ValueError, match="vertex 3 has no mass"):
         tessuto.Cloth(vertices, [[0, 1, 4], [4, 1, 2]])
     rasterizer = tessuto.Rasterizer(faces, uv)
-    with pytest.raises(ValueError, match="is not a camera"):
-        tessuto.rasterize(rasterizer, tessuto.Camera(0.0, 1.0, 0.0, 0.0, 8, 8), vertices, np.zeros((2, 2, 3)))
-    with pytest.raises(ValueError, match="texture has shape"):
+    with pytest.raises(tessuto.InputError, match="is not a camera"):
+        tessuto.rasterize(rasterizer, tessuto.Camera(1.0, 1.0, 0.0, 0.0, 1 << 20, 8), vertices, np.zeros((2, 2, 3)))
+    with pytest.raises(tessuto.InputError, match=r"texture: has shape \[2, 2, 4\], expected \[h, w, 3\]"):
         tessuto.rasterize(rasterizer, CAMERA, vertices, np.zeros((2, 2, 4)))
     seen, material, environment = lit()
-    with pytest.raises(ValueError, match="material has shape"):
+    with pytest.raises(ValueError, match="material: has shape"):
         tessuto.direct_light(seen, material[:3], environment)
     with pytest.raises(ValueError, match="samples is 0"):
         tessuto.direct_light(seen, material, environment, samples=0)
+
+
+def test_arguments_that_do_not_fit_are_named() -> None:
+    vertices, faces, _ = grid(4, 4)
+    refused: list[tuple[Callable[[], Any], str]] = [
+        (lambda: tessuto.Cloth(vertices[:, :2], faces), r"vertices: has shape \[16, 2\], expected \[V, 3\]"),
+        (lambda: tessuto.Cloth(vertices, [[0, 1, -2]]), "faces: face 0 has the corner -2"),
+        (lambda: tessuto.Cloth(vertices, np.asarray(faces, dtype=float)), "faces: face 0 has the corner .*0.0"),
+        (lambda: tessuto.Cloth(vertices, [[0, 1, 99]]), r"face 0 is \[0, 1, 99\]"),
+        (lambda: tessuto.Cloth("cloth", faces), "vertices: is no array of numbers"),
+        (lambda: tessuto.Camera(-1.0, 1.0, 0.0, 0.0, 8, 8), "fx: is -1.0"),
+        (lambda: tessuto.Camera(1.0, 1.0, 0.0, 0.0, 0, 8), "width: is 0"),
+    ]
+    cloth = tessuto.Cloth(vertices, faces)
+    still = np.zeros((5, 16, 3))
+    wrongs: list[tuple[dict[str, Any], str]] = [
+        ({"constant": [0.0, 9.81]}, r"constant: has shape \[2\], expected \[3\]"),
+        ({"dynamic": still[:, :9]}, r"dynamic: has shape \[5, 9, 3\], expected \[\(N - 1\)·parts, 16, 3\]"),
+        ({"stretch": np.ones(7)}, r"stretch: has shape \[7\], expected \[\] or \[24\]"),
+        ({"integrator": "euler"}, "integrator: is 'euler'"),
+        ({"dt": 0.0}, "dt is 0 s"),
+    ]
+    for wrong, message in wrongs:
+        given: dict[str, Any] = {"x": vertices, "v": None, "constant": [0, 9.81, 0], "dynamic": still, "dt": 0.01}
+        given |= dict(zip(("stretch", "bend", "shear"), STIFFNESS)) | wrong
+        refused.append((lambda given=given: tessuto.rollout(cloth, **given), message))  # type: ignore[misc]
+    for work, message in refused:
+        with pytest.raises(tessuto.Error, match=message) as caught:
+            work()
+        assert caught.value.remedy
+
+
+def test_a_wind_that_is_the_same_everywhere() -> None:
+    cloth, (x, v, constant, dynamic) = simulated()
+    along = dynamic[:, 0]
+    everywhere = np.repeat(along[:, None], len(x), axis=1)
+    one, tape = tessuto.rollout(cloth, x, v, constant, along, *STIFFNESS, **STEP)
+    same, tape_of_each = tessuto.rollout(cloth, x, v, constant, everywhere, *STIFFNESS, **STEP)
+    assert np.array_equal(one, same)
+    weights = np.ones_like(one) * [1.0, 2.0, 3.0]
+    gradient = tessuto.rollout_vjp(tape, weights).dynamic
+    assert gradient.shape == along.shape
+    assert np.allclose(gradient, tessuto.rollout_vjp(tape_of_each, weights).dynamic.sum(axis=1))
+
+
+def test_a_cloth_goes_to_another_process() -> None:
+    cloth, (x, v, constant, dynamic) = simulated()
+    again = pickle.loads(pickle.dumps(cloth))
+    one, other = (tessuto.rollout(c, x, v, constant, dynamic, *STIFFNESS, **STEP)[0] for c in (cloth, again))
+    assert np.array_equal(one, other)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ def test_what_cannot_be_used_is_refused_with_place_cause_and_remedy() -> None:
         made(vertices=behind)
     refused: list[tuple[dict[str, Any], str]] = [
         ({"frames": np.full((2, 24, 24, 3), 300.0)}, "values from 300 to 300"),
-        ({"masks": np.zeros((3, 24, 24), dtype=bool)}, r"masks: shape \(3, 24, 24\), expected \(2, 24, 24\)"),
+        ({"masks": np.zeros((3, 24, 24), dtype=bool)}, r"masks: has shape \(3, 24, 24\), expected \(2, 24, 24\)"),
         ({"frames": np.zeros((2, 24, 24, 3), dtype=complex)}, "an array of complex128"),
         ({"faces": [[0, 3, 99]]}, r"face 0 is \[0, 3, 99\]"),
         ({"fps": 0.0}, '"fps" is 0'),
@@ -87,3 +88,9 @@ def test_what_cannot_be_used_is_refused_with_place_cause_and_remedy() -> None:
         made(vertices=np.ones((9, 2)))
     with pytest.raises(tessuto.InputError, match="is not a folder"):
         tessuto.Scene.load("nowhere")
+
+
+def test_a_scene_goes_to_another_process() -> None:
+    scene = made()
+    again = pickle.loads(pickle.dumps(scene))
+    assert repr(again) == repr(scene) and np.array_equal(again.frame(1)[0], scene.frame(1)[0])

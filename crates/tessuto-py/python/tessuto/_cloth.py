@@ -7,7 +7,8 @@ from typing import NamedTuple, Optional, Union
 import numpy as np
 
 from . import _native
-from ._arrays import ArrayLike, Faces, Float64, UInt32, corners, doubles
+from ._arrays import ArrayLike, Faces, Float64, UInt32, corners, doubles, shaped
+from ._errors import InputError, UsageError
 
 #: A stiffness: one number, or one per spring.
 Stiffness = Union[float, ArrayLike]
@@ -25,7 +26,11 @@ class Cloth:
     """
 
     def __init__(self, vertices: ArrayLike, faces: Faces) -> None:
-        self._native = _native.Cloth(doubles(vertices), corners(faces))
+        self._made = (shaped("vertices", vertices, "V", 3), corners(faces))
+        self._native = _native.Cloth(*self._made)
+
+    def __reduce__(self) -> tuple[type[Cloth], tuple[Float64, list[list[int]]]]:
+        return Cloth, self._made
 
     @property
     def masses(self) -> Float64:
@@ -62,8 +67,16 @@ class Cloth:
 def _of_springs(cloth: Cloth, stretch: Stiffness, bend: Stiffness, shear: Stiffness) -> _native.OfSprings:
     counts = (len(cloth.edges), len(cloth.bends), len(cloth.shears))
     values = (stretch, bend, shear)
-    full = [np.array(np.broadcast_to(doubles(k).reshape(np.shape(k)), n)) for k, n in zip(values, counts)]
+    full = [_of_each(name, k, n) for name, k, n in zip(("stretch", "bend", "shear"), values, counts)]
     return full[0], full[1], full[2]
+
+
+def _of_each(name: str, stiffness: Stiffness, count: int) -> Float64:
+    try:
+        return np.array(np.broadcast_to(doubles(stiffness).reshape(np.shape(stiffness)), count))
+    except (TypeError, ValueError):
+        found = f"has shape [{', '.join(map(str, np.shape(stiffness)))}], expected [] or [{count}]"
+        raise InputError(name, found, "give one stiffness, or one for every spring") from None
 
 
 def _summed(gradient: Float64, stiffness: Stiffness) -> Float64:
@@ -82,7 +95,7 @@ class _Stepping(NamedTuple):
 
 def _stepping(dt: float, damping: float, integrator: str, tolerance: float, newton_limit: int) -> _Stepping:
     if integrator not in ("implicit_euler", "linearized_euler"):
-        raise ValueError(f'integrator is {integrator!r}, it must be "implicit_euler" or "linearized_euler"')
+        raise UsageError("integrator", f"is {integrator!r}", 'give "implicit_euler" or "linearized_euler"')
     linearized = integrator == "linearized_euler"
     return _Stepping(float(dt), float(damping), linearized, float(tolerance), int(newton_limit))
 
@@ -141,9 +154,9 @@ def cloth_step(
     """
     native = _native.cloth_step(
         cloth._native,
-        doubles(x),
-        doubles(v),
-        doubles(acceleration),
+        shaped("x", x, len(cloth.masses), 3),
+        shaped("v", v, len(cloth.masses), 3),
+        shaped("acceleration", acceleration, len(cloth.masses), 3),
         _of_springs(cloth, stretch, bend, shear),
         _stepping(dt, damping, integrator, tolerance, newton_limit),
     )
@@ -152,7 +165,7 @@ def cloth_step(
 
 def cloth_step_vjp(tape: StepTape, grad_x: ArrayLike, grad_v: ArrayLike) -> StepGradients:
     """Adjoint of `cloth_step`: gradients of a loss from those by the positions and velocities after it, [V, 3]."""
-    x, v, acceleration, springs = tape.native.vjp(doubles(grad_x), doubles(grad_v))
+    x, v, acceleration, springs = tape.native.vjp(shaped("grad_x", grad_x, "V", 3), shaped("grad_v", grad_v, "V", 3))
     stretch, bend, shear = (_summed(g, k) for g, k in zip(springs, tape.stiffness))
     return StepGradients(x, v, acceleration, stretch, bend, shear)
 
@@ -162,6 +175,8 @@ class RolloutTape(NamedTuple):
 
     native: _native.Rollout
     stiffness: tuple[Stiffness, Stiffness, Stiffness]
+    #: Whether `dynamic` was the same for all vertices.
+    uniform: bool = False
 
 
 class RolloutGradients(NamedTuple):
@@ -203,7 +218,8 @@ def rollout(
         x: Positions in frame 0, [V, 3] m.
         v: Velocities in frame 0, [V, 3] m/s; at rest where None.
         constant: Force per mass that is the same in space and time, [3] m/s², such as gravity (0, 9.81, 0).
-        dynamic: The rest of the force per mass, [(N - 1)·parts, V, 3] m/s²; its length says how many frames there are.
+        dynamic: The rest of the force per mass, [(N - 1)·parts, V, 3] m/s², or [(N - 1)·parts, 3] where it is the same
+            for all vertices; its length says how many frames there are.
         stretch, bend, shear: Stiffnesses, N/m, J/rad² and J/rad²: one number each, or one per spring.
         dt: Length of a sub-step, s: 1/(fps·substeps).
         substeps: Sub-steps per frame.
@@ -217,23 +233,31 @@ def rollout(
     Raises:
         NumericalError: naming frame and vertex that are not finite.
     """
-    start = doubles(x)
+    count = len(cloth.masses)
+    start = shaped("x", x, count, 3)
+    if np.ndim(dynamic) == 2:
+        along = shaped("dynamic", dynamic, "(N - 1)·parts", 3)
+        everywhere = np.repeat(along[:, None], count, axis=1)
+    else:
+        everywhere = shaped("dynamic", dynamic, "(N - 1)·parts", count, 3)
     native = _native.rollout(
         cloth._native,
         start,
-        np.zeros_like(start) if v is None else doubles(v),
-        tuple(float(c) for c in doubles(constant).reshape(3)),
-        doubles(dynamic),
+        np.zeros_like(start) if v is None else shaped("v", v, count, 3),
+        tuple(float(c) for c in shaped("constant", constant, 3)),
+        everywhere,
         int(parts),
         _of_springs(cloth, stretch, bend, shear),
         int(substeps),
         _stepping(dt, damping, integrator, tolerance, newton_limit),
     )
-    return native[0], RolloutTape(native[1], (stretch, bend, shear))
+    return native[0], RolloutTape(native[1], (stretch, bend, shear), np.ndim(dynamic) == 2)
 
 
 def rollout_vjp(tape: RolloutTape, grad_motion: ArrayLike) -> RolloutGradients:
     """Adjoint of `rollout`: gradients of a loss from those by the positions in every frame, [N, V, 3]."""
-    x, v, constant, dynamic, springs = tape.native.vjp(doubles(grad_motion))
+    x, v, constant, dynamic, springs = tape.native.vjp(shaped("grad_motion", grad_motion, "N", "V", 3))
+    if tape.uniform:
+        dynamic = dynamic.sum(axis=1)
     stretch, bend, shear = (_summed(g, k) for g, k in zip(springs, tape.stiffness))
     return RolloutGradients(x, v, np.array(constant), dynamic, stretch, bend, shear)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Optional
 
 from . import _native
-from ._arrays import ArrayLike, Faces, Float32, UInt32, corners, doubles, optional_corners, singles
+from ._arrays import ArrayLike, Faces, Float32, UInt32, corners, optional_corners, shaped, shaped_singles
 from ._scene import Camera
 
 
@@ -30,7 +30,11 @@ class DirectLight:
     ) -> None:
         self.camera = camera
         self._native = _native.LitPoints(
-            camera._intrinsics(), doubles(positions), doubles(uv), corners(faces), optional_corners(uv_faces)
+            camera._intrinsics(),
+            shaped("positions", positions, "V", 3),
+            shaped("uv", uv, "U", 2),
+            corners(faces),
+            optional_corners(uv_faces),
         )
 
     @property
@@ -77,9 +81,9 @@ def direct_light(
     """
     return _native.direct_light(
         seen._native,
-        singles(material),
-        singles(environment),
-        singles(environment if proposal is None else proposal),
+        shaped_singles("material", material, 5, "h", "w"),
+        shaped_singles("environment", environment, "H", "W", 3),
+        shaped_singles("proposal", environment if proposal is None else proposal, "H", "W", 3),
         (seed, samples, uniform_fraction),
     )
 
@@ -102,10 +106,10 @@ def direct_light_vjp(
     """
     gradients = _native.direct_light_vjp(
         seen._native,
-        singles(material),
-        singles(environment),
-        singles(environment if proposal is None else proposal),
+        shaped_singles("material", material, 5, "h", "w"),
+        shaped_singles("environment", environment, "H", "W", 3),
+        shaped_singles("proposal", environment if proposal is None else proposal, "H", "W", 3),
         (seed, samples, uniform_fraction),
-        singles(grad),
+        shaped_singles("grad", grad, "P", 3),
     )
     return DirectLightGradients(*gradients)

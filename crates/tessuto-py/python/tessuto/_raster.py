@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Optional
 
 from . import _native
-from ._arrays import ArrayLike, Faces, Float32, Float64, UInt32, corners, doubles, optional_corners, singles
+from ._arrays import ArrayLike, Faces, Float32, Float64, UInt32, corners, optional_corners, shaped, shaped_singles
 from ._scene import Camera
 
 
@@ -26,7 +26,7 @@ class Rasterizer:
         uv_faces: Optional[Faces] = None,
         vertex_count: Optional[int] = None,
     ) -> None:
-        coordinates = doubles(uv)
+        coordinates = shaped("uv", uv, "U", 2)
         count = len(coordinates) if vertex_count is None else vertex_count
         self._native = _native.Rasterizer(count, coordinates, corners(faces), optional_corners(uv_faces))
 
@@ -59,7 +59,7 @@ def rasterize(
         Colour and coverage, [height, width, 4]; depth z in m, [height, width], 0 where there is no mesh; and what
         `rasterize_vjp` needs. In single precision; the geometry is computed in double precision.
     """
-    return _native.rasterize(rasterizer._native, camera._intrinsics(), doubles(positions), singles(texture))
+    return _native.rasterize(rasterizer._native, camera._intrinsics(), shaped("positions", positions, "V", 3), shaped_singles("texture", texture, "h", "w", 3))
 
 
 def rasterize_vjp(
@@ -69,5 +69,5 @@ def rasterize_vjp(
 
     Silhouettes move with colour and coverage, not with depth, which is not antialiased.
     """
-    depth = None if grad_depth is None else singles(grad_depth)
-    return RasterGradients(*tape.vjp(singles(grad_rgba), depth))
+    depth = None if grad_depth is None else shaped_singles("grad_depth", grad_depth, "height", "width")
+    return RasterGradients(*tape.vjp(shaped_singles("grad_rgba", grad_rgba, "height", "width", 4), depth))

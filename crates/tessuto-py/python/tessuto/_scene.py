@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
-from ._arrays import ArrayLike, Faces, Float32, Float64, PathLike, corners, doubles, optional_corners
+from ._arrays import ArrayLike, Faces, Float32, Float64, PathLike, corners, optional_corners, shaped
 from ._errors import InputError
 
 
@@ -31,6 +31,17 @@ class Camera:
     cy: float
     width: int
     height: int
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy"):
+            if not 0.0 < float(getattr(self, name)) < float("inf"):
+                raise InputError(name, f"is {getattr(self, name)}", "give a focal length in pixels, above 0")
+        for name in ("cx", "cy"):
+            if not abs(float(getattr(self, name))) < float("inf"):
+                raise InputError(name, f"is {getattr(self, name)}", "give a place in pixels")
+        for name in ("width", "height"):
+            if int(getattr(self, name)) < 1:
+                raise InputError(name, f"is {getattr(self, name)}", "give the size of the image in pixels")
 
     def _intrinsics(self) -> _native.Intrinsics:
         return (
@@ -114,7 +125,7 @@ class Scene:
             ("masks", coverages, (len(colours), *size)),
         ):
             if array.shape != shape:
-                raise InputError(what, f"shape {array.shape}, expected {shape}", "give one image per frame, all of the camera's size")
+                raise InputError(what, f"has shape {array.shape}, expected {shape}", "give one image per frame, all of the camera's size")
         self._native: _native.Scene = _native.Scene.assemble(
             name,
             float(fps),
@@ -122,13 +133,15 @@ class Scene:
             crop,
             colours,
             coverages,
-            doubles(vertices),
-            doubles(uv),
+            shaped("vertices", vertices, "V", 3),
+            shaped("uv", uv, "U", 2),
             corners(faces),
             optional_corners(uv_faces),
-            None if true_vertices is None else doubles(true_vertices),
-            None if true_points is None else [doubles(points) for points in true_points],
+            None if true_vertices is None else shaped("true_vertices", true_vertices, "N", "V", 3),
+            None if true_points is None else [shaped("true_points", points, "P", 3) for points in true_points],
         )
+        given = (frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points)
+        self._made: tuple[Any, ...] = (_assembled, given)
 
     @classmethod
     def load(cls, folder: PathLike, frames: Optional[tuple[int, int]] = None) -> Scene:
@@ -139,7 +152,12 @@ class Scene:
         """
         scene = cls.__new__(cls)
         scene._native = _native.Scene.load(os.fspath(folder), frames)
+        scene._made = (cls.load, (folder, frames))
         return scene
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Made again of what it was made of: the arrays, or the folder, which must still be there."""
+        return self._made
 
     @property
     def name(self) -> str:
@@ -209,6 +227,24 @@ class Scene:
             f"<tessuto.Scene {self.name!r}: {len(self)} frames of {x1 - x0}×{y1 - y0} px at {self.fps:g} per second, "
             f"{len(self.vertices)} vertices>"
         )
+
+
+def _assembled(*given: Any) -> Scene:
+    frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points = given
+    return Scene(
+        frames,
+        masks,
+        camera,
+        vertices,
+        faces,
+        uv,
+        fps=fps,
+        uv_faces=uv_faces,
+        name=name,
+        crop=crop,
+        true_vertices=true_vertices,
+        true_points=true_points,
+    )
 
 
 def scene_of(scene: Union[Scene, PathLike], frames: Optional[tuple[int, int]] = None) -> Scene:

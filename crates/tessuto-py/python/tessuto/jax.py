@@ -10,8 +10,11 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Optional
 
-import jax
-import jax.numpy as jnp
+try:
+    import jax
+    import jax.numpy as jnp
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(f"{error}: pip install tessuto[jax]", name=error.name) from None
 import numpy as np
 
 from . import _cloth, _light, _raster

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from typing import Any, Optional
 
-import torch
-from torch import Tensor
-from torch.autograd.function import once_differentiable
+try:
+    import torch
+    from torch import Tensor
+    from torch.autograd.function import once_differentiable
+except ModuleNotFoundError as error:
+    raise ModuleNotFoundError(f"{error}: pip install tessuto[torch]", name=error.name) from None
 
 from . import _cloth, _light, _raster
 from ._arrays import ArrayLike
