@@ -10,6 +10,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
+use super::text::without_mark;
 use super::{obj, read_bounded};
 use crate::error::{Error, Result};
 use crate::mesh::{Face, Mesh, weld};
@@ -41,7 +42,8 @@ pub struct Model {
 /// [`Error::Input`] naming the file and the place in it.
 pub fn read(path: &Path) -> Result<Model> {
     let place = path.display().to_string();
-    let bytes = read_bounded(path, MAX_BYTES)?;
+    let file = read_bounded(path, MAX_BYTES)?;
+    let bytes = without_mark(&file, &place)?;
     let start = bytes.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(0);
     let mut model = if bytes.starts_with(b"ply") {
         ply::parse(&bytes, &place)?
