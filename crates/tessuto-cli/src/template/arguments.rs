@@ -71,9 +71,9 @@ pub struct Arguments {
     /// Swap two coordinates before that, such as xy.
     #[arg(long, value_name = "AXES", value_parser = values::axes)]
     pub swap: Option<[bool; 3]>,
-    /// Merge vertices that lie at the same place.
-    #[arg(long)]
-    pub weld: bool,
+    /// Merge vertices that lie at the same place, or within this part of the mesh's size.
+    #[arg(long, value_name = "PART", value_parser = values::part, num_args = 0..=1, require_equals = true, default_missing_value = "1e-6")]
+    pub weld: Option<f64>,
     /// Mask of the image, where the first argument is an image.
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,

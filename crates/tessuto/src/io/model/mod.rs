@@ -103,7 +103,7 @@ impl Split {
         let has_uv = !self.uvs.is_empty();
         let faces = self.faces.into_iter().map(|f| Face { vertices: f.clone(), uvs: f }).collect();
         let mut mesh = Mesh { positions: self.positions, uvs: self.uvs, faces };
-        let [vertices, faces] = weld(&mut mesh);
+        let [vertices, faces] = weld(&mut mesh, 0.0);
         let mut notes = Vec::new();
         if vertices > 0 {
             notes.push(format!("{vertices} vertices split at seams were merged again"));
