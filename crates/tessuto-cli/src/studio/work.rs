@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use tessuto::io::atomic_write;
 
 use super::form::Form;
-use super::place::Project;
+use super::place::{LONGEST_NEW, Project};
 
 /// Where results go.
 const RESULTS: &str = "results";
@@ -24,9 +24,11 @@ pub struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    /// The work called `name`, a scene or, where there is none any more, its result; `None` if the name is none.
+    /// The work called `name`, a scene or, where there is none any more, its result; `None` if the name is none, or too
+    /// long for what is made beside it.
     pub fn new(project: &'a Project, name: &str) -> Option<Self> {
-        project.place(name).map(|_| Self { project, name: name.to_owned() })
+        let short = name.split('/').all(|part| part.len() <= LONGEST_NEW);
+        project.place(name).filter(|_| short).map(|_| Self { project, name: name.to_owned() })
     }
 
     /// Name of the scene folder.

@@ -63,7 +63,10 @@ pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) ->
     }
     match unit.told {
         true => say!("a unit of the depth map is {}", unit.name()),
-        false => say!("a unit of the depth map is taken for {}; --depth-scale METRES says another one", unit.name()),
+        false => say!(
+            "a unit of the depth map is taken for {}; --depth-scale METRES says another one",
+            unit.name()
+        ),
     }
     if let Some(why) = unit.doubt(&made.mesh.positions) {
         say!("warning: {why}");

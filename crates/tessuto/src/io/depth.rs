@@ -55,8 +55,10 @@ impl DepthMap {
         let raw = raw(path)?.map_err(broken)?;
         let Raw { width, height, values, usual, channel } = raw;
         let unit = Unit { metres: scale.unwrap_or(usual), told: scale.is_some() };
-        let z: Vec<f64> =
-            values.iter().map(|v| if v.is_finite() && *v > 0.0 { v * unit.metres } else { f64::NAN }).collect();
+        let z: Vec<f64> = values
+            .iter()
+            .map(|v| if v.is_finite() && *v > 0.0 { v * unit.metres } else { f64::NAN })
+            .collect();
         let mut known: Vec<f64> = z.iter().copied().filter(|z| !z.is_nan()).collect();
         if known.is_empty() || width < 4 || height < 4 {
             return Err(broken(format!("{width}×{height} pixels hold no depth")));
@@ -69,7 +71,8 @@ impl DepthMap {
                 others => format!(" ({others})"),
             };
             let taken = unit.name();
-            let problem = format!("its median depth is {median:.4} m with {taken}: the unit is another{others}");
+            let problem =
+                format!("its median depth is {median:.4} m with {taken}: the unit is another{others}");
             return Err(broken(problem));
         }
         Ok(Self { width, height, z, unit, channel })
@@ -153,9 +156,13 @@ mod tests {
         npy::write(&at("d.npy"), &[4, 5], &metres.iter().map(|v| v * 1000.0).collect::<Vec<f32>>()).unwrap();
         assert!(DepthMap::read(&at("d.npy"), None).unwrap_err().to_string().contains("the unit is another"));
         image::write_png(&at("e.png"), &crate::image::Image::new(5, 4, 3)).unwrap();
-        assert!(DepthMap::read(&at("e.png"), None).unwrap_err().to_string().contains("no depth map of 16 bits"));
+        assert!(
+            DepthMap::read(&at("e.png"), None).unwrap_err().to_string().contains("no depth map of 16 bits")
+        );
         npy::write(&at("f.npy"), &[20], &metres).unwrap();
-        assert!(DepthMap::read(&at("f.npy"), None).unwrap_err().to_string().contains("expected [height, width]"));
+        assert!(
+            DepthMap::read(&at("f.npy"), None).unwrap_err().to_string().contains("expected [height, width]")
+        );
     }
     /// An OpenEXR file of 8×6 pixels with these channels.
     fn write_channels(path: &Path, channels: &[(&str, fn(usize) -> f32)]) {
@@ -201,10 +208,17 @@ mod tests {
         let read = |scale| DepthMap::read(&path, scale).unwrap();
         for (scale, metres) in [(None, 4.019), (Some(2.5e-4), 1.00475), (Some(2e-4), 0.8038)] {
             let map = read(scale);
-            assert!(map.z[..4].iter().all(|z| z.is_nan()) && (map.z[19] - metres).abs() < 1e-9, "{:?}", map.z);
+            assert!(
+                map.z[..4].iter().all(|z| z.is_nan()) && (map.z[19] - metres).abs() < 1e-9,
+                "{:?}",
+                map.z
+            );
             assert_eq!(map.unit.told, scale.is_some());
         }
         let message = DepthMap::read(&path, Some(1.0)).unwrap_err().to_string();
-        assert!(message.contains("with 1 m") && message.contains("1.00 m with 0.25 mm (RealSense L515)"), "{message}");
+        assert!(
+            message.contains("with 1 m") && message.contains("1.00 m with 0.25 mm (RealSense L515)"),
+            "{message}"
+        );
     }
 }

@@ -57,13 +57,18 @@ impl Unit {
             .filter(|(_, made)| made.iter().zip(&LIKELY).all(|(value, likely)| likely.contains(value)))
             .map(|(unit, [d, z])| format!("{d:.2} m at {z:.2} m with {}", unit.name()))
             .collect();
-        let found = format!("the sheet has a diagonal of {diagonal:.2} m at {distance:.2} m if a unit of the depth map is {}", self.name());
+        let found = format!(
+            "the sheet has a diagonal of {diagonal:.2} m at {distance:.2} m if a unit of the depth map is {}",
+            self.name()
+        );
         (!others.is_empty()).then(|| format!("{found}, which nothing says; {}", others.join(", ")))
     }
 
     /// The common units that bring `median` `[m]`, a depth in this unit, between `usual` ones, in words.
     pub(super) fn others(&self, median: f64, usual: &std::ops::RangeInclusive<f64>) -> String {
-        let fits = COMMON.iter().map(|(metres, _)| (Self { metres: *metres, told: true }, median * metres / self.metres));
+        let fits = COMMON
+            .iter()
+            .map(|(metres, _)| (Self { metres: *metres, told: true }, median * metres / self.metres));
         let named: Vec<String> = fits
             .filter(|(_, depth)| usual.contains(depth))
             .map(|(unit, depth)| format!("{depth:.2} m with {}", unit.name()))
@@ -92,7 +97,8 @@ mod tests {
     #[test]
     fn units_have_names_and_large_sheets_are_doubted() {
         let mm = Unit { metres: 1e-3, told: false };
-        let named = [1.0, 1e-2, 1e-3, 2.5e-4, 2e-4, 1e-4, 4e-3].map(|metres| Unit { metres, told: true }.name());
+        let named =
+            [1.0, 1e-2, 1e-3, 2.5e-4, 2e-4, 1e-4, 4e-3].map(|metres| Unit { metres, told: true }.name());
         let expected = [
             "1 m",
             "1 cm",

@@ -51,7 +51,10 @@ pub(super) fn read_depth(bytes: &[u8]) -> Result<Channel, String> {
                 let other = decode(bytes, &other)?;
                 let same = |(a, b): (&f64, &f64)| a == b || *b == 0.0 || a.is_nan() && b.is_nan();
                 if !channel.values.iter().zip(&other.values).all(same) {
-                    return Err(format!("is a picture: its channels {own}, {} differ, and none is called Z", other.name));
+                    return Err(format!(
+                        "is a picture: its channels {own}, {} differ, and none is called Z",
+                        other.name
+                    ));
                 }
             }
         }
@@ -94,7 +97,9 @@ fn decode(bytes: &[u8], name: &str) -> Result<Channel, String> {
     let needed = [window.size, header.layer_size].map(|s| 4 * s.width() as u64 * s.height() as u64);
     let most = hdr::most(bytes.len());
     if needed.iter().any(|n| *n > most) {
-        return Err(format!("{width}×{height} pixels take more than the {most} bytes that are read from such a file"));
+        return Err(format!(
+            "{width}×{height} pixels take more than the {most} bytes that are read from such a file"
+        ));
     }
     let offset = header.own_attributes.layer_position - window.position;
     let image = read()
@@ -130,8 +135,11 @@ mod tests {
     #[test]
     fn the_channel_of_depth_is_found_by_its_name() {
         let chosen = |names: &[&str]| {
-            let all: Vec<(String, String)> =
-                names.iter().map(|n| n.split_once('/').unwrap_or(("", n))).map(|(p, n)| (p.into(), n.into())).collect();
+            let all: Vec<(String, String)> = names
+                .iter()
+                .map(|n| n.split_once('/').unwrap_or(("", n)))
+                .map(|(p, n)| (p.into(), n.into()))
+                .collect();
             choose(&all).map(|k| all[k].1.clone())
         };
         for (names, expected) in [

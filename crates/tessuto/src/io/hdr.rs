@@ -45,6 +45,7 @@ pub fn read_linear(path: &Path) -> Result<Image> {
     if let Some([width, height]) = huge_tile(&bytes) {
         return Err(broken(format!("has tiles of {width}×{height} pixels; {MAX_TILE} a side are read")));
     }
+    let factors = if format == ImageFormat::Hdr { multiplied(&bytes).map_err(broken)? } else { [1.0; 3] };
     let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
     let decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
@@ -60,7 +61,6 @@ pub fn read_linear(path: &Path) -> Result<Image> {
             "scale the image down; 1024×512 pixels are plenty for a light",
         ));
     }
-    let factors = if format == ImageFormat::Hdr { multiplied(&bytes).map_err(broken)? } else { [1.0; 3] };
     let dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     let mut data = dynamic.into_rgb32f().into_raw();
     if factors != [1.0; 3] {

@@ -56,7 +56,11 @@ impl Table {
         };
         let rows = cells(body, separator).map_err(|line| {
             let hint = "end the cell with a quote; a quote within a cell is written twice";
-            Error::input(format!("{place}, line {}", line + skipped), "a quote begins a cell that never ends", hint)
+            Error::input(
+                format!("{place}, line {}", line + skipped),
+                "a quote begins a cell that never ends",
+                hint,
+            )
         })?;
         let rows = rows.into_iter().map(|row| Row { line: row.line + skipped, ..row });
         let rows = rows.filter(|row| row.cells.iter().any(|cell| !cell.is_empty())).collect();

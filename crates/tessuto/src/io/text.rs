@@ -56,8 +56,7 @@ pub(crate) fn without_mark<'a>(bytes: &'a [u8], place: &str) -> Result<Cow<'a, [
     let pairs = bytes[2..].chunks_exact(2);
     let cut = !pairs.remainder().is_empty();
     let units = pairs.map(|b| if high_first == 1 { [b[1], b[0]] } else { [b[0], b[1]] });
-    let text: std::result::Result<String, _> =
-        char::decode_utf16(units.map(u16::from_le_bytes)).collect();
+    let text: std::result::Result<String, _> = char::decode_utf16(units.map(u16::from_le_bytes)).collect();
     match text {
         Ok(text) if !cut => Ok(Cow::Owned(text.into_bytes())),
         _ => Err(Error::input(place, "begins as UTF-16 text does, but is none", "save it as UTF-8")),

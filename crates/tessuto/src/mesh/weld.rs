@@ -41,7 +41,14 @@ fn drop_vertices(mesh: &mut Mesh, marked: &[bool]) {
         return;
     }
     let mut next = 0;
-    let places: Vec<u32> = marked.iter().map(|gone| { let own = next; next += u32::from(!gone); own }).collect();
+    let places: Vec<u32> = marked
+        .iter()
+        .map(|gone| {
+            let own = next;
+            next += u32::from(!gone);
+            own
+        })
+        .collect();
     let mut gone = marked.iter();
     mesh.positions.retain(|_| !gone.next().expect("one for each"));
     for face in &mut mesh.faces {
@@ -109,7 +116,9 @@ mod tests {
 
     #[test]
     fn vertices_within_the_tolerance_are_one() {
-        for (off, tolerance, left) in [(0.0, 0.0, 20), (0.0, 1e-9, 20), (1e-7, 1e-7, 20), (1e-7, 0.0, 48), (1e-3, 1e-4, 48)] {
+        for (off, tolerance, left) in
+            [(0.0, 0.0, 20), (0.0, 1e-9, 20), (1e-7, 1e-7, 20), (1e-7, 0.0, 48), (1e-3, 1e-4, 48)]
+        {
             let mut mesh = apart(off);
             let [gone, faces] = weld(&mut mesh, tolerance);
             if left == 20 {
@@ -118,7 +127,9 @@ mod tests {
             } else {
                 assert!(mesh.positions.len() > 20 && pieces(&mesh).len() > 1, "{off} {tolerance}");
             }
-            assert!(mesh.faces.iter().flat_map(|f| &f.vertices).all(|v| (*v as usize) < mesh.positions.len()));
+            assert!(
+                mesh.faces.iter().flat_map(|f| &f.vertices).all(|v| (*v as usize) < mesh.positions.len())
+            );
         }
     }
 
@@ -128,7 +139,14 @@ mod tests {
         let at = |x: f64, y: f64| DVec3::new(x, y, 1.0);
         let face = |vertices: &[u32]| Face { vertices: vertices.to_vec(), uvs: vec![0; vertices.len()] };
         let mut mesh = Mesh {
-            positions: vec![at(5.0, 5.0), at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0), at(1.0, 1e-9)],
+            positions: vec![
+                at(5.0, 5.0),
+                at(0.0, 0.0),
+                at(1.0, 0.0),
+                at(1.0, 1.0),
+                at(0.0, 1.0),
+                at(1.0, 1e-9),
+            ],
             uvs: vec![DVec2::ZERO],
             faces: vec![face(&[2, 5, 0]), face(&[1, 2, 3, 4])],
         };

@@ -195,7 +195,10 @@ mod tests {
             assert!((mesh.area() / sheet.area() - 1.0).abs() < 1e-6, "{count} on {size}");
         };
         for size in [[0.4, 0.4], [0.9, 0.3], [0.2, 1.1], [1.0, 0.05]].map(DVec2::from_array) {
-            (16..130).step_by(3).chain([126, 150, 200, 300, 333, 400, 500, 600]).for_each(|count| whole(size, count));
+            (16..130)
+                .step_by(3)
+                .chain([126, 150, 200, 300, 333, 400, 500, 600])
+                .for_each(|count| whole(size, count));
         }
     }
 

@@ -136,8 +136,11 @@ pub fn from_file(path: &Path, changes: &Changes, tell: &mut dyn FnMut(String)) -
     if let Some(part) = changes.weld {
         let tolerance = part * diagonal(&model.mesh.positions);
         let [gone, faces] = weld(&mut model.mesh, tolerance);
-        let flat = if faces > 0 { format!("; {faces} faces that they were all of went") } else { String::new() };
-        tell(format!("merged {gone} vertices that lay on others, within {tolerance:.1e} ({part:.0e} of the size){flat}"));
+        let flat =
+            if faces > 0 { format!("; {faces} faces that they were all of went") } else { String::new() };
+        tell(format!(
+            "merged {gone} vertices that lay on others, within {tolerance:.1e} ({part:.0e} of the size){flat}"
+        ));
     }
     let Some(resample) = changes.remesh else {
         let hint = Hint::from("unwrap it in a modelling program, or make a grid of it").with(Remedy::Remesh);

@@ -68,7 +68,8 @@ impl Reader<'_> {
             for (at, item) in indices.iter().zip(given.chunks_exact(width)) {
                 let at = *at as usize;
                 let place = values.get_mut(at.saturating_mul(width)..).and_then(|rest| rest.get_mut(..width));
-                let place = place.ok_or_else(|| (format!("accessor {index} names item {at} of {count}"), AGAIN))?;
+                let place =
+                    place.ok_or_else(|| (format!("accessor {index} names item {at} of {count}"), AGAIN))?;
                 place.copy_from_slice(item);
             }
         }

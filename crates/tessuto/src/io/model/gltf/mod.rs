@@ -71,7 +71,9 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Model> {
         model.notes.push(format!("{morphed} morph targets have a weight in the file, and count by it"));
     }
     if skinned > 0 {
-        model.notes.push(format!("{skinned} meshes have a skin: they are posed as their joints are in the file"));
+        model
+            .notes
+            .push(format!("{skinned} meshes have a skin: they are posed as their joints are in the file"));
     }
     if document["animations"].as_array().is_some_and(|a| !a.is_empty()) {
         model.notes.push("animation is not read: the mesh is taken at rest".into());

@@ -38,12 +38,16 @@ impl Reader<'_> {
             .map(|(target, weight)| (&target["POSITION"], weight))
             .collect();
         if moving.len().saturating_mul(positions.len() / 3) > MAX_WORK {
-            return Err((format!("has {} morph targets with a weight", moving.len()), "apply them, and export again"));
+            return Err((
+                format!("has {} morph targets with a weight", moving.len()),
+                "apply them, and export again",
+            ));
         }
         for (target, weight) in &moving {
             let offsets = self.accessor(target, 3)?;
             if offsets.len() != positions.len() {
-                let problem = format!("a morph target moves {} of {} vertices", offsets.len() / 3, positions.len() / 3);
+                let problem =
+                    format!("a morph target moves {} of {} vertices", offsets.len() / 3, positions.len() / 3);
                 return Err((problem, AGAIN));
             }
             positions.iter_mut().zip(&offsets).for_each(|(p, offset)| *p += weight * offset);
@@ -60,9 +64,7 @@ impl Reader<'_> {
         }
         let bound = match &skin["inverseBindMatrices"] {
             Value::Null => vec![DMat4::IDENTITY; joints.len()],
-            accessor => {
-                self.accessor(accessor, 16)?.chunks_exact(16).map(DMat4::from_cols_slice).collect()
-            }
+            accessor => self.accessor(accessor, 16)?.chunks_exact(16).map(DMat4::from_cols_slice).collect(),
         };
         if bound.len() < joints.len() {
             return Err((format!("binds {} of the {} joints of a skin", bound.len(), joints.len()), AGAIN));
@@ -99,12 +101,17 @@ impl Reader<'_> {
             let of = self.accessor(&attributes[format!("JOINTS_{n}")], 4)?;
             let by = self.accessor(&attributes[format!("WEIGHTS_{n}")], 4)?;
             if of.len() != 4 * points.len() || by.len() != of.len() {
-                return Err((format!("has joints or weights for {} of {} vertices", of.len() / 4, points.len()), AGAIN));
+                return Err((
+                    format!("has joints or weights for {} of {} vertices", of.len() / 4, points.len()),
+                    AGAIN,
+                ));
             }
-            for (k, (joint, weight)) in of.iter().zip(&by).enumerate().filter(|(_, (_, weight))| **weight != 0.0) {
-                let transform = joints.get(*joint as usize).ok_or_else(|| {
-                    (format!("names joint {joint} of a skin of {}", joints.len()), AGAIN)
-                })?;
+            for (k, (joint, weight)) in
+                of.iter().zip(&by).enumerate().filter(|(_, (_, weight))| **weight != 0.0)
+            {
+                let transform = joints
+                    .get(*joint as usize)
+                    .ok_or_else(|| (format!("names joint {joint} of a skin of {}", joints.len()), AGAIN))?;
                 let sum = &mut sums[k / 4];
                 sum.0 += *weight * transform.transform_point3(points[k / 4]);
                 sum.1 += weight;
@@ -143,7 +150,8 @@ mod tests {
             &[10.0, 0.0, 0.0],
             &[],
         ];
-        let mut bytes: Vec<u8> = floats.iter().flat_map(|list| list.iter().flat_map(|v| v.to_le_bytes())).collect();
+        let mut bytes: Vec<u8> =
+            floats.iter().flat_map(|list| list.iter().flat_map(|v| v.to_le_bytes())).collect();
         let sparse_index = bytes.len();
         bytes.extend(1u16.to_le_bytes());
         bytes.extend([0, 0]);
@@ -183,7 +191,13 @@ mod tests {
     #[test]
     fn morph_targets_count_by_the_weights_of_the_node_or_the_mesh() {
         let places = |node: Value, weights: &[f64]| {
-            read(&file(node, weights, json!({}))).unwrap().mesh.positions.iter().map(|p| p.to_array()).collect::<Vec<_>>()
+            read(&file(node, weights, json!({})))
+                .unwrap()
+                .mesh
+                .positions
+                .iter()
+                .map(|p| p.to_array())
+                .collect::<Vec<_>>()
         };
         let flat = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
         assert_eq!(places(json!({"mesh": 0}), &[]), flat);
@@ -235,6 +249,9 @@ mod tests {
         let sparse = |d: &mut Value| d["accessors"][6]["count"] = json!(1);
         assert!(refused(&sparse).contains("names item 1 of 1"));
         assert!(refused(&|d| d["accessors"][6]["sparse"] = json!({"count": 1})).contains("sparse accessor"));
-        assert!(refused(&|d| d["accessors"][6] = json!({"componentType": 5126, "count": 3, "type": "VEC3"})).contains("buffer view"));
+        assert!(
+            refused(&|d| d["accessors"][6] = json!({"componentType": 5126, "count": 3, "type": "VEC3"}))
+                .contains("buffer view")
+        );
     }
 }
