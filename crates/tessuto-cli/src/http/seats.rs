@@ -1,5 +1,5 @@
-//! The connections that may be open at one time. Whoever has no token must not be able to take them all: where none is free, the oldest of those
-//! that the gate has not let pass is closed for a new one.
+//! The connections that may be open at one time. Whoever has no token must not be able to take them all: where none is
+//! free, the oldest of those that the gate has not let pass is closed for a new one.
 
 use std::net::{Shutdown, TcpStream};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -85,8 +85,9 @@ impl Jobs {
     }
 }
 
-/// The log at `path`, emptied, and held: by this program, and by the commands that write into it, for as long as one of them lives. `None` if
-/// those of another studio hold it, whose log would be lost, and who would seem to have ended as these do.
+/// The log at `path`, emptied, and held: by this program, and by the commands that write into it, for as long as one of
+/// them lives. `None` if those of another studio hold it, whose log would be lost, and who would seem to have ended as
+/// these do.
 fn own_log(path: &Path) -> std::io::Result<Option<File>> {
     // A link in its place is removed, not followed.
     if path.is_symlink() {

@@ -72,8 +72,8 @@ impl Project {
         real.starts_with(&self.root).then_some(real)
     }
 
-    /// The regular file of this name, opened, and where it is; `None` if it is not in the project. Between looking and opening somebody may have put a
-    /// link in its place: what was opened must be what is found once it is open.
+    /// The regular file of this name, opened, and where it is; `None` if it is not in the project. Between looking and
+    /// opening somebody may have put a link in its place: what was opened must be what is found once it is open.
     pub fn open_file(&self, name: &str) -> Option<(File, PathBuf)> {
         let path = self.find(name)?;
         // A pipe would be waited for.

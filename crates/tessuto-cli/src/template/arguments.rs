@@ -30,12 +30,12 @@ pub struct Arguments {
     /// A flat or nearly flat rectangle of this size, such as 0.7x0.5m, 70x50cm or 700x500mm.
     #[arg(long, value_name = "WxH", value_parser = values::lengths, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
     pub flat: Option<Pair>,
-    /// A depth map of the first frame: PNG of 16 bits in mm, .npy or OpenEXR (channel Z, depth, V, Y or the only one) in m; or the folder of a capture of Stray Scanner or
-    /// of Polycam's raw data, which brings its camera.
+    /// A depth map of the first frame: PNG of 16 bits in mm, .npy or OpenEXR (channel Z, depth, V, Y or the only one)
+    /// in m; or the folder of a capture of Stray Scanner or of Polycam's raw data, which brings its camera.
     #[arg(long, value_name = "FILE|DIR", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth: Option<PathBuf>,
-    /// What a unit of the depth map is [m]: 0.00025 of a RealSense L515, 0.0001 of a D405, 0.0002 of TUM RGB-D [default: 0.001 of whole
-    /// numbers, else 1].
+    /// What a unit of the depth map is [m]: 0.00025 of a RealSense L515, 0.0001 of a D405, 0.0002 of TUM RGB-D
+    /// [default: 0.001 of whole numbers, else 1].
     #[arg(long, value_name = "METRES", value_parser = values::positive, requires = "depth")]
     pub depth_scale: Option<f64>,
     /// The camera of the colour images recorded with the depth map (JSON as apps write it) [default: the scene's].

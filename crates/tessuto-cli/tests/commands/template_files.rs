@@ -1,4 +1,5 @@
-//! Files for templates as programs save them: byte order marks and tables, shapes of glTF, depth maps of any channel and unit.
+//! Files for templates as programs save them: byte order marks and tables, shapes of glTF, depth maps of any channel
+//! and unit.
 
 use std::path::Path;
 use std::process::Command;

@@ -32,8 +32,8 @@ pub struct Captured {
     pub file: PathBuf,
 }
 
-/// Reads the depth map at `path`, a file or the folder of an app; the camera is that of the file `camera` or the app's, a
-/// unit of the map `scale` `[m]` or what such files usually have.
+/// Reads the depth map at `path`, a file or the folder of an app; the camera is that of the file `camera` or the app's,
+/// a unit of the map `scale` `[m]` or what such files usually have.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file.

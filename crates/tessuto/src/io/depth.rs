@@ -41,9 +41,10 @@ struct Raw {
 }
 
 impl DepthMap {
-    /// Reads a PNG of 16 bits in millimetres, an array [H, W] of NumPy (floats in metres, integers in millimetres), or an OpenEXR image in metres,
-    /// whose channel of depth counts (Z, depth, V, Y, the only one, or equal colours). `scale` says another unit `[m]`. Nothing was measured where
-    /// values are 0, below, no number or infinite, and where whole numbers are 65535.
+    /// Reads a PNG of 16 bits in millimetres, an array [H, W] of NumPy (floats in metres, integers in millimetres), or
+    /// an OpenEXR image in metres, whose channel of depth counts (Z, depth, V, Y, the only one, or equal colours).
+    /// `scale` says another unit `[m]`. Nothing was measured where values are 0, below, no number or infinite, and
+    /// where whole numbers are 65535.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file.

@@ -1,4 +1,5 @@
-//! What a unit of a depth map is in metres: no file says it, so that it is told or taken, and doubted where another one makes more sense.
+//! What a unit of a depth map is in metres: no file says it, so that it is told or taken, and doubted where another one
+//! makes more sense.
 
 use glam::DVec3;
 
@@ -38,8 +39,8 @@ impl Unit {
         }
     }
 
-    /// Why a sheet of these `positions` `[m]`, as the depth map has it, may be of another unit: it is large, and another common unit, which is
-    /// named with what it makes of it, would make it less so.
+    /// Why a sheet of these `positions` `[m]`, as the depth map has it, may be of another unit: it is large, and
+    /// another common unit, which is named with what it makes of it, would make it less so.
     pub fn doubt(&self, positions: &[DVec3]) -> Option<String> {
         let distance = positions.iter().map(|p| p.z).sum::<f64>() / positions.len().max(1) as f64;
         self.doubt_of(diagonal(positions), distance)

@@ -1,4 +1,5 @@
-//! The channel of an OpenEXR file that is its depth map: renderers, cameras and tools give it many names, and colours beside it.
+//! The channel of an OpenEXR file that is its depth map: renderers, cameras and tools give it many names, and colours
+//! beside it.
 
 use std::io::Cursor;
 
@@ -6,7 +7,8 @@ use exr::prelude::{ReadChannels as _, ReadLayers as _, ReadSpecificChannel as _,
 
 use super::hdr;
 
-/// What a channel or a layer of depth is called, in small letters. Blender writes `ViewLayer.Depth.Z` or `Depth.V`, OpenCV `Y`.
+/// What a channel or a layer of depth is called, in small letters. Blender writes `ViewLayer.Depth.Z` or `Depth.V`,
+/// OpenCV `Y`.
 const NAMES: [&str; 3] = ["z", "depth", "distance"];
 /// Values from here on are what renderers write where nothing is: Blender 1e10, half floats their largest.
 const NOTHING: f32 = 65504.0;
@@ -25,8 +27,8 @@ pub(super) struct Channel {
 
 /// Decodes the channel of depth in `bytes`; an error is what is wrong.
 ///
-/// One channel beside an alpha is depth whatever its name. Of several the one that is called so counts; colours alone are a depth map if they say
-/// the same, or if only the red one says anything.
+/// One channel beside an alpha is depth whatever its name. Of several the one that is called so counts; colours alone
+/// are a depth map if they say the same, or if only the red one says anything.
 pub(super) fn read_depth(bytes: &[u8]) -> Result<Channel, String> {
     if let Some([width, height]) = hdr::huge_tile(bytes) {
         return Err(format!("has tiles of {width}×{height} pixels, too large to be read"));

@@ -24,8 +24,8 @@ const MAX_TILE: u32 = 4096;
 /// a single pixel would drown the rest in the noise of f32.
 pub const MAX_RADIANCE: f32 = 1e6;
 
-/// Linear colour, shape [height, width, 3]. Values are whatever the file holds, NaN included, of a Radiance file divided by the exposure
-/// that its header says; alpha is dropped.
+/// Linear colour, shape [height, width, 3]. Values are whatever the file holds, NaN included, of a Radiance file
+/// divided by the exposure that its header says; alpha is dropped.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file.
@@ -76,8 +76,9 @@ pub(super) fn most(length: usize) -> u64 {
     MAX_BYTES.min(ALWAYS_BYTES + MAX_RATIO * length as u64)
 }
 
-/// What the radiance was multiplied by before it was stored, red, green and blue: the product of all lines EXPOSURE and COLORCORR in the header
-/// of a Radiance file; an error is what is wrong with one. Lines that are indented tell of the files that this one was made of.
+/// What the radiance was multiplied by before it was stored, red, green and blue: the product of all lines EXPOSURE and
+/// COLORCORR in the header of a Radiance file; an error is what is wrong with one. Lines that are indented tell of the
+/// files that this one was made of.
 ///
 /// Source: G. Ward, *File formats* of Radiance: EXPOSURE, COLORCORR. PIXASPECT changes no value.
 fn multiplied(bytes: &[u8]) -> std::result::Result<[f64; 3], String> {

@@ -1,4 +1,5 @@
-//! Tables as spreadsheets and statistics programs save them: cells between commas, semicolons or tabs, in quotes where they hold one of these.
+//! Tables as spreadsheets and statistics programs save them: cells between commas, semicolons or tabs, in quotes where
+//! they hold one of these.
 //!
 //! Source: RFC 4180; a first line `sep=;` as spreadsheets write it; semicolons, then, with decimal commas.
 
@@ -74,8 +75,9 @@ impl Table {
         value.ok().filter(|v: &f64| v.is_finite())
     }
 
-    /// Refuses rows that have other numbers of cells than the heading: decimal commas between commas make more of them. Empty ones at the end do
-    /// not count. Refuses, too, a table whose `columns` have both decimal commas and points, one of which stands for thousands.
+    /// Refuses rows that have other numbers of cells than the heading: decimal commas between commas make more of them.
+    /// Empty ones at the end do not count. Refuses, too, a table whose `columns` have both decimal commas and points,
+    /// one of which stands for thousands.
     ///
     /// # Errors
     /// [`Error::Input`] naming the line.

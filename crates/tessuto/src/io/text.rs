@@ -1,4 +1,5 @@
-//! Text files as programs save them: UTF-8 with or without a byte order mark, UTF-16 with one. Other encodings are refused by name.
+//! Text files as programs save them: UTF-8 with or without a byte order mark, UTF-16 with one. Other encodings are
+//! refused by name.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -45,7 +46,8 @@ pub(crate) fn decode(bytes: Vec<u8>, place: &str) -> Result<String> {
     }
 }
 
-/// `bytes` of the file `place` without a byte order mark, UTF-16 as UTF-8; what has no mark may be in any encoding, or be no text.
+/// `bytes` of the file `place` without a byte order mark, UTF-16 as UTF-8; what has no mark may be in any encoding, or
+/// be no text.
 pub(crate) fn without_mark<'a>(bytes: &'a [u8], place: &str) -> Result<Cow<'a, [u8]>> {
     if let Some(rest) = bytes.strip_prefix(UTF8) {
         return Ok(Cow::Borrowed(rest));

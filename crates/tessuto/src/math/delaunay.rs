@@ -44,8 +44,9 @@ pub(crate) fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     found
 }
 
-/// Whether `p` lies in the circle around a triangle whose sides have a [`DVec2::perp_dot`] above 0. The circle's own centre must not be asked: that
-/// of three points of a straight border is so far away that its distances say nothing of what lies on the border.
+/// Whether `p` lies in the circle around a triangle whose sides have a [`DVec2::perp_dot`] above 0. The circle's own
+/// centre must not be asked: that of three points of a straight border is so far away that its distances say nothing of
+/// what lies on the border.
 fn in_circle(corners: [DVec2; 3], p: DVec2) -> bool {
     let [a, b, c] = corners.map(|corner| corner - p);
     let [u, v, w] = [a, b, c].map(DVec2::length_squared);

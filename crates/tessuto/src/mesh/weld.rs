@@ -1,4 +1,5 @@
-//! Merges vertices at the same place: other programs split them where texture coordinates differ, or write them rounded.
+//! Merges vertices at the same place: other programs split them where texture coordinates differ, or write them
+//! rounded.
 
 use std::collections::HashMap;
 
@@ -6,8 +7,9 @@ use glam::DVec3;
 
 use super::Mesh;
 
-/// Merges vertices within `tolerance` of one another, in the mesh's unit, 0 for exactly the same place, keeping the first of each; faces that name
-/// one twice then are removed, and vertices that no face names any more. The number of vertices that were merged and of faces that went.
+/// Merges vertices within `tolerance` of one another, in the mesh's unit, 0 for exactly the same place, keeping the
+/// first of each; faces that name one twice then are removed, and vertices that no face names any more. The number of
+/// vertices that were merged and of faces that went.
 pub fn weld(mesh: &mut Mesh, tolerance: f64) -> [usize; 2] {
     let (merged, positions) = match tolerance > 0.0 {
         true => near(&mesh.positions, tolerance),

@@ -46,8 +46,8 @@ pub fn measured(result: &Folder) -> Result<Measured> {
     }
 }
 
-/// Reads a table of fabrics: CSV with commas, semicolons or tabs, cells in quotes or without, and a heading that names `density[kg.m-2]` and, in units of 1e-9 N·m, `linear
-/// warp[SI*1e9]` and `linear weft[SI*1e9]`.
+/// Reads a table of fabrics: CSV with commas, semicolons or tabs, cells in quotes or without, and a heading that names
+/// `density[kg.m-2]` and, in units of 1e-9 N·m, `linear warp[SI*1e9]` and `linear weft[SI*1e9]`.
 ///
 /// # Errors
 /// [`Error::Input`] naming the line that cannot be read.

@@ -108,8 +108,8 @@ pub fn from_rectangle(
 pub struct Changes {
     /// Unit and axes.
     pub fix: Fix,
-    /// Merge vertices nearer to one another than this part of the mesh's size, the diagonal of its bounding box; `None`: do not. 1e-6 is
-    /// usual: files round to six digits or more.
+    /// Merge vertices nearer to one another than this part of the mesh's size, the diagonal of its bounding box;
+    /// `None`: do not. 1e-6 is usual: files round to six digits or more.
     pub weld: Option<f64>,
     /// Re-sample it.
     pub remesh: Option<Resample>,

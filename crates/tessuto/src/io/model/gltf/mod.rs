@@ -1,5 +1,5 @@
-//! glTF 2.0, as .glb or .gltf: the triangles of all meshes in the scene's nodes, with their first texture coordinates, shaped as the file has
-//! them at rest: morph targets by their default weights, skins by the pose of their joints.
+//! glTF 2.0, as .glb or .gltf: the triangles of all meshes in the scene's nodes, with their first texture coordinates,
+//! shaped as the file has them at rest: morph targets by their default weights, skins by the pose of their joints.
 //!
 //! Read from the JSON itself: the crate `gltf` panics on some files that lack what the standard demands.
 

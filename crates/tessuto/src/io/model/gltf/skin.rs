@@ -1,6 +1,7 @@
 //! The shape of a mesh at rest: morph targets by their weights, then joints by their pose.
 //!
-//! Source: glTF 2.0 §3.7.2.2 (morph targets), §3.7.3 (skins): the transform of the node that has the skin does not count.
+//! Source: glTF 2.0 §3.7.2.2 (morph targets), §3.7.3 (skins): the transform of the node that has the skin does not
+//! count.
 
 use glam::{DMat4, DVec3};
 use serde_json::Value;
@@ -137,7 +138,8 @@ mod tests {
     use crate::io::model::Model;
     use crate::text::base64;
 
-    /// A triangle with uv; two morph targets, of which the second is sparse; weights of two joints. One view for each accessor.
+    /// A triangle with uv; two morph targets, of which the second is sparse; weights of two joints. One view for each
+    /// accessor.
     fn file(node: Value, mesh_weights: &[f64], more: Value) -> Value {
         let floats: [&[f32]; 8] = [
             &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0],
