@@ -62,7 +62,7 @@ impl<'a> Work<'a> {
 
     /// The file of this name as JSON, if it is one.
     pub fn json(&self, name: &str) -> Option<serde_json::Value> {
-        serde_json::from_slice(&std::fs::read(self.project.find(name)?).ok()?).ok()
+        serde_json::from_str(&tessuto::io::read_text(&self.project.find(name)?).ok()?).ok()
     }
 
     /// What was entered before; nothing if that cannot be read.

@@ -40,6 +40,8 @@ pub struct Captured {
 pub fn read_depth(path: &Path, camera: Option<&Path>, scale: Option<f64>) -> Result<Captured> {
     let file = if path.is_dir() { first_map(path)? } else { path.to_path_buf() };
     let mut map = DepthMap::read(&file, scale)?;
+    // What the apps write is known.
+    map.unit.told |= path.is_dir();
     // The app's folder, and the number or name of the map in it.
     let home = file.parent().and_then(Path::parent).unwrap_or(Path::new("."));
     let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -207,6 +209,16 @@ mod tests {
         std::fs::write(&path, "1444.2, 0.0, 957.1\n0.0, 1444.2, 715.8\n0.0, 0.0, 1.0\n").unwrap();
         let camera = from_matrix(&path, [256, 192]).unwrap();
         assert_eq!((camera.size, camera.centre), (Some([1920, 1440]), Some([957.1, 715.8])));
+        for text in [
+            "\u{feff}1444.2, 0.0, 957.1\r\n0.0, 1444.2, 715.8\r\n0.0, 0.0, 1.0\r\n",
+            "1444,2;0;957,1\n0;1444,2;715,8\n0;0;1\n",
+            "\"1444.2\",\"0\",\"957.1\"\n\"0\",\"1444.2\",\"715.8\"\n\"0\",\"0\",\"1\"\n",
+            "1444.2 0 957.1\n0 1444.2 715.8\n0 0 1\n",
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let other = from_matrix(&path, [256, 192]).unwrap();
+            assert_eq!((other.centre, other.focal), (camera.centre, camera.focal), "{text}");
+        }
         std::fs::write(&path, "1,2,3").unwrap();
         assert!(from_matrix(&path, [256, 192]).unwrap_err().to_string().contains("not nine numbers"));
     }

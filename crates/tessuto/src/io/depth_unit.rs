@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use super::scene::template::diagonal;
+use crate::mesh::diagonal;
 
 /// Units of common sensors and data sets `[m]`.
 const COMMON: [(f64, &str); 6] = [

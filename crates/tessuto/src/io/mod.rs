@@ -16,7 +16,7 @@ pub(crate) mod text;
 pub(crate) mod zip;
 
 pub use atomic::atomic_write;
-pub(crate) use text::read_text;
+pub use text::read_text;
 
 use std::path::Path;
 

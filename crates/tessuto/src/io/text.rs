@@ -13,8 +13,11 @@ const MAX_TEXT: u64 = 256 << 20;
 const UTF8: &[u8] = b"\xEF\xBB\xBF";
 const UTF16: [&[u8]; 2] = [b"\xFF\xFE", b"\xFE\xFF"];
 
-/// The text in the file at `path`, of 256 MiB at most.
-pub(crate) fn read_text(path: &Path) -> Result<String> {
+/// The text in the file at `path`, of 256 MiB at most, UTF-8 with or without a byte order mark or UTF-16 with one.
+///
+/// # Errors
+/// [`Error::Input`] naming the file and, where it is no text, the line.
+pub fn read_text(path: &Path) -> Result<String> {
     decode(read_bounded(path, MAX_TEXT)?, &path.display().to_string())
 }
 

@@ -139,6 +139,18 @@ mod tests {
         let rows: Vec<usize> = nearest(&twice, &sheet, 9).iter().map(|(f, _)| f.row).collect();
         assert_eq!((rows.len(), rows[0]), (3, 2));
         assert!((bending_length(9.81e-7, 0.1) - 0.01).abs() < 1e-12);
+        // As spreadsheets and statistics programs write the same table, with names that hold commas.
+        let named = "\u{feff}\"name\",\"density[kg.m-2]\",\"linear warp[SI*1e9]\",\"linear weft[SI*1e9]\"\r\n\
+                     \"Denim, 11 oz\",0.1,1000,2000\r\n\"b\",\"0.2\",\"9000\",\"4000\"\r\n\"c\",0.05,500.5,900\r\n";
+        let commas = "sep=;\nname;density[kg.m-2];linear warp[SI*1e9];linear weft[SI*1e9]\n\
+                      Denim, 11 oz;0,1;1000;2000\nb;0,2;9000;4000\nc;0,05;500,5;900\n;;;\n";
+        for text in [named, commas, &commas.replace(';', "\t").replace("sep=\t\n", "")] {
+            std::fs::write(&path, text).unwrap();
+            assert_eq!(read_table(&path).unwrap(), table, "{text}");
+        }
+        std::fs::write(&path, "a;density[kg.m-2]\n").unwrap();
+        let message = read_table(&path).unwrap_err().to_string();
+        assert!(message.contains("no column linear warp[SI*1e9] among: a | density[kg.m-2]"), "{message}");
         std::fs::write(&path, text.replace("9000", "-9")).unwrap();
         let message = read_table(&path).unwrap_err().to_string();
         assert!(message.contains("line 3") && message.contains("-9"), "{message}");

@@ -15,8 +15,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io::model;
-use crate::io::scene::template::diagonal;
-use crate::mesh::{Mesh, weld};
+use crate::mesh::{Mesh, diagonal, weld};
 
 /// Where the corners of a rectangle are in the first frame.
 #[derive(Debug, Clone, Copy)]

@@ -71,7 +71,7 @@ fn blender_is_told_time_camera_video_and_light() {
     let shift = [(639.0 / 2.0 - 300.0) / 640.0, (250.0 - 479.0 / 2.0) * (700.0 / 650.0) / 640.0];
     for expected in [
         // The importer multiplies by it; then the scene's own rate.
-        "render.fps_base = 0.999\n".to_owned(),
+        "render.fps_base = 0.999001\n".to_owned(),
         "render.fps_base = 1.001\n".to_owned(),
         "context.scene.frame_end = 3".to_owned(),
         "render.resolution_x = 640".to_owned(),
