@@ -130,7 +130,8 @@ def check_blender(folder, name, motion, fps):
     for kind in ("glb", "usda"):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         scene = bpy.context.scene
-        scene.render.fps, scene.render.fps_base = round(fps), round(fps) / fps
+        # The importer of glTF multiplies seconds by fps times fps_base, see the script for Blender.
+        scene.render.fps, scene.render.fps_base = round(fps), fps / round(fps) if kind == "glb" else round(fps) / fps
         start = time.time()
         if kind == "glb":
             bpy.ops.import_scene.gltf(filepath=str(folder / f"{name}.glb"))

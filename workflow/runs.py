@@ -7,8 +7,10 @@ one run of each; several such cells, all combinations. An empty cell is the prog
 A run's name is made of all that tells it from others, so that a new row, column or value never touches the runs there are.
 """
 
+import codecs
 import csv
 import hashlib
+import io
 import itertools
 import re
 from dataclasses import dataclass
@@ -46,13 +48,18 @@ class Run:
 def read(table):
     """The runs of a table, in its order. Raises TableError."""
     table = Path(table)
+    lines = [line for line in io.StringIO(text(table), newline="") if line.strip() and not line.startswith("#")]
+    # A line `sep=;`, semicolons and tabs are what spreadsheets write.
+    told = re.fullmatch(r'"?sep=(.)"?\s*', lines[0]) if lines else None
+    lines = lines[1:] if told else lines
+    heading = re.sub(r'"[^"]*"', "", lines[0]) if lines else ""
+    separator = told[1] if told else next((s for s in ";\t" if s in heading), ",")
     try:
-        with open(table, newline="", encoding="utf-8-sig") as file:
-            lines = csv.DictReader(line for line in file if line.strip() and not line.startswith("#"))
-            rows = list(lines)
-            columns = lines.fieldnames or []
-    except OSError as error:
-        raise TableError(f"{table}: {error.strerror}; name the table with --config scenes=FILE") from None
+        reader = csv.DictReader(lines, delimiter=separator, strict=True)
+        rows = [row for row in reader if any(cell for cell in row.values())]
+        columns = reader.fieldnames or []
+    except csv.Error as error:
+        raise TableError(f"{table}: is no CSV: {error}; end every quote, and write a quote within a cell twice") from None
     if "scene" not in columns:
         raise TableError(f"{table}: there is no column `scene` among {columns}; the first line names the columns")
     wrong = [c for c in columns if c != "scene" and c not in OPTIONS and not re.fullmatch(r"[a-z0-9_]+(\.[a-z0-9_]+)*", c or "")]
@@ -65,6 +72,9 @@ def read(table):
             raise TableError(
                 f"{place}: a cell is missing or there is one too many; every row has {len(columns)} cells, the first a scene"
             )
+        comma = next((c for c in columns if separator != "," and re.fullmatch(r"\s*-?\d+,\d+\s*", row[c] or "")), None)
+        if comma:
+            raise TableError(f"{place}: {comma} is {row[comma]!r}; numbers need a decimal point")
         scene = table.parent / row["scene"].strip()
         folder = scenes.setdefault(scene.name, scene)
         if folder != scene:
@@ -78,6 +88,22 @@ def read(table):
     if not runs:
         raise TableError(f"{table}: there is no row; write one scene folder to a line")
     return runs
+
+
+def text(table):
+    """The text of a table: UTF-8 with or without a byte order mark, UTF-16 with one. Raises TableError."""
+    try:
+        data = table.read_bytes()
+    except OSError as error:
+        raise TableError(f"{table}: {error.strerror}; name the table with --config scenes=FILE") from None
+    encoding = "utf-16" if data.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)) else "utf-8-sig"
+    try:
+        return data.decode(encoding)
+    except UnicodeDecodeError as error:
+        line = 1 + data[: error.start].count(b"\n")
+        raise TableError(
+            f"{table}, line {line}: byte 0x{data[error.start]:02X} is no {encoding[:6].upper().rstrip('-')} text; save the table as \"CSV UTF-8\""
+        ) from None
 
 
 def split(cell, place):

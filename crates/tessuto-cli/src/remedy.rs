@@ -64,6 +64,7 @@ fn options(remedy: &Remedy) -> String {
         Remedy::Remesh => "tessuto template SCENE --remesh 32 --from MESH".into(),
         Remedy::Regrid => "tessuto template SCENE --remesh 32 --force".into(),
         Remedy::Weld => "--weld".into(),
+        Remedy::DepthScale => "--depth-scale METRES, such as 0.00025".into(),
         Remedy::WithoutLost => "tessuto export RESULT --to glb --without-lost --force".into(),
         Remedy::RepairTemplate(repair) => repair_template(repair),
     }

@@ -17,6 +17,18 @@ pub fn lengths(text: &str) -> Result<Pair, String> {
     Ok([side(w).ok_or(hint)?, side(h).ok_or(hint)?])
 }
 
+/// A number above 0.
+pub fn positive(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse::<f64>().ok().filter(|v| *v > 0.0 && v.is_finite());
+    number.ok_or_else(|| "give a number above 0, with a decimal point".to_owned())
+}
+
+/// A part of a whole, from 0 to below 1.
+pub fn part(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse::<f64>().ok().filter(|v| (0.0..1.0).contains(v));
+    number.ok_or_else(|| "give a number from 0 to below 1, such as 1e-4".to_owned())
+}
+
 /// `X,Y` in pixels.
 pub fn point(text: &str) -> Result<Pair, String> {
     let parsed = text.split_once(',').and_then(|(x, y)| Some([x.parse().ok()?, y.parse().ok()?]));

@@ -33,6 +33,7 @@ fn way(remedy: &Remedy) -> String {
         Remedy::Feature(name) => {
             format!("pip install . --config-settings=build-args=\"--features {name}\"")
         }
+        Remedy::DepthScale => "tessuto template SCENE --depth FILE --depth-scale METRES".into(),
         Remedy::WithoutLost => "without_lost=True".into(),
         Remedy::Outline | Remedy::Plate | Remedy::MakeMasks(_) => "the program's `tessuto masks`".into(),
         Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::Regrid | Remedy::EstimateCamera => {

@@ -8,6 +8,7 @@ use serde_json::Value;
 use crate::appearance::{AppearanceSettings, MapPrior};
 use crate::error::{Error, Result, Warning};
 use crate::io::read_bounded;
+use crate::io::text::decode;
 use crate::motion::causes::CauseSettings;
 use crate::motion::inverse::accelerations::InverseSettings;
 use crate::motion::inverse::stiffness::MaterialSettings;
@@ -265,9 +266,9 @@ impl Config {
     pub fn read(path: &Path) -> Result<Self> {
         let place = || path.display().to_string();
         let hint = "give config.json of a result, or settings such as {\"texture\": {\"size\": 256}}";
-        let bytes = read_bounded(path, LARGEST_FILE)?;
+        let text = decode(read_bounded(path, LARGEST_FILE)?, &place())?;
         let file: Value =
-            serde_json::from_slice(&bytes).map_err(|e| Error::input(place(), e.to_string(), hint))?;
+            serde_json::from_str(&text).map_err(|e| Error::input(place(), e.to_string(), hint))?;
         let given = file.get("settings").unwrap_or(&file);
         if !given.is_object() {
             return Err(Error::input(place(), "holds no settings", hint));

@@ -5,12 +5,16 @@ use std::fs::File;
 use std::io::{self, Read as _, Write};
 use std::sync::Arc;
 
+use super::Request;
+
 /// An answer.
 pub struct Response {
     status: &'static str,
     kind: &'static str,
     headers: Vec<(&'static str, String)>,
     body: Body,
+    /// Whether the body is left out, though its length is told: the answer to HEAD.
+    head_only: bool,
 }
 
 enum Body {
@@ -22,7 +26,7 @@ enum Body {
 
 impl Response {
     fn new(status: &'static str, kind: &'static str, body: Body) -> Self {
-        Self { status, kind, headers: Vec::new(), body }
+        Self { status, kind, headers: Vec::new(), body, head_only: false }
     }
 
     /// Plain text with another status than 200.
@@ -58,6 +62,13 @@ impl Response {
         self
     }
 
+    /// Without its body where `request` asks for the head alone.
+    #[must_use]
+    pub fn to(mut self, request: &Request) -> Self {
+        self.head_only = request.method == "HEAD";
+        self
+    }
+
     /// Its status code and reason.
     #[cfg(test)]
     pub fn status(&self) -> &'static str {
@@ -87,6 +98,9 @@ impl Response {
         }
         head.push_str("\r\n");
         stream.write_all(head.as_bytes())?;
+        if self.head_only {
+            return Ok(());
+        }
         match self.body {
             Body::Text(text) => stream.write_all(text.as_bytes()),
             Body::Static(text) => stream.write_all(text.as_bytes()),

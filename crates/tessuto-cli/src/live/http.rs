@@ -7,12 +7,24 @@ use std::time::Instant;
 use tessuto::result;
 
 use super::{End, Shared, lock};
-use crate::http::{Request, Response};
+use crate::http::{Gate, Request, Response, Seat};
 
 /// Answers one request.
-pub(super) fn serve(mut stream: TcpStream, port: u16, shared: &Mutex<Shared>) {
+pub(super) fn serve(mut stream: TcpStream, seat: &Seat, gate: &Gate, shared: &Mutex<Shared>) {
     let Some(request) = Request::read(&mut stream) else { return };
-    let (response, page) = answer(&request, port, shared);
+    let (response, page) = match gate.check(&request) {
+        Err(refusal) => (refusal, None),
+        Ok(()) => {
+            seat.keep();
+            let (response, page) = answer(&request, shared);
+            (response.with("Set-Cookie", gate.cookie()), page)
+        }
+    };
+    let page = page.filter(|_| request.method == "GET");
+    // The address holds the token, and other sites need nothing from here.
+    let response =
+        response.with("Referrer-Policy", "no-referrer").with("Cross-Origin-Resource-Policy", "same-origin");
+    let response = response.to(&request);
     // A client that has gone away is no fault.
     let sent = response.send(&mut stream);
     let mut shared = lock(shared);
@@ -23,13 +35,8 @@ pub(super) fn serve(mut stream: TcpStream, port: u16, shared: &Mutex<Shared>) {
 }
 
 /// The answer, and the page if it is that.
-fn answer(request: &Request, port: u16, shared: &Mutex<Shared>) -> (Response, Option<Arc<String>>) {
-    // Pages of other sites reach this server under names of their own; they get nothing.
-    let ours = [format!("127.0.0.1:{port}"), format!("localhost:{port}")];
-    if !request.header("host").ok().flatten().is_some_and(|host| ours.iter().any(|o| o == host)) {
-        return (Response::plain("403 Forbidden", "only as 127.0.0.1 or localhost\n"), None);
-    }
-    if request.method != "GET" {
+fn answer(request: &Request, shared: &Mutex<Shared>) -> (Response, Option<Arc<String>>) {
+    if !["GET", "HEAD"].contains(&request.method.as_str()) {
         return (Response::plain("405 Method Not Allowed", "only GET\n"), None);
     }
     let response = match request.path.as_str() {

@@ -10,15 +10,15 @@ use std::time::{Duration, Instant};
 use tessuto::session::Epoch;
 use tessuto::{Positions, Result};
 
-use crate::http::Listener;
+use crate::http::{Gate, Listener, Seat};
 
 /// Copies of the motion are at least this far apart.
 const BETWEEN_MOTIONS: Duration = Duration::from_millis(500);
 /// A page that asked no longer ago than this is open.
 const OPEN: Duration = Duration::from_secs(3);
 
-/// A port that is ours.
-pub struct Server(Listener);
+/// A port that is ours, and who gets in: other users of the machine can reach it, too.
+pub struct Server(Listener, Gate);
 
 /// What the running reconstruction tells, and what the server answers.
 pub struct Live {
@@ -52,12 +52,14 @@ impl Server {
     /// # Errors
     /// [`Error::Usage`] if it is taken.
     pub fn bind(port: u16) -> Result<Self> {
-        Ok(Self(Listener::bind(port, "--live")?))
+        let listener = Listener::bind(port, "--live")?;
+        let gate = Gate::live(listener.port);
+        Ok(Self(listener, gate))
     }
 
-    /// Where a browser finds the page.
+    /// Where a browser finds the page, with the token.
     pub fn address(&self) -> String {
-        self.0.address()
+        self.0.address() + &self.1.query()
     }
 
     /// Serves `page` and the state that the reconstruction leaves, until the program ends.
@@ -70,8 +72,9 @@ impl Server {
             end: None,
             last_request: None,
         }));
-        let (answers, port) = (shared.clone(), self.0.port);
-        std::thread::spawn(move || self.0.serve(move |stream| http::serve(stream, port, &answers)));
+        let (answers, Self(listener, gate)) = (shared.clone(), self);
+        let serve = move |stream, seat: &Seat| http::serve(stream, seat, &gate, &answers);
+        std::thread::spawn(move || listener.serve(serve));
         Live { shared, last_motion: None }
     }
 }
@@ -143,13 +146,37 @@ mod tests {
         let server = Server::bind(0).unwrap();
         let address = format!("127.0.0.1:{}", server.0.port);
         assert_eq!(Server::bind(server.0.port).err().unwrap().exit_code(), 2);
+        let query = server.1.query();
+        let cookie = server.1.cookie();
         let mut live = server.start("<page>".to_owned());
-        let ask = |target: &str| get(&address, &format!("GET {target} HTTP/1.1\r\nHost: {address}\r\n\r\n"));
+        let stranger =
+            |target: &str| get(&address, &format!("GET {target} HTTP/1.1\r\nHost: {address}\r\n\r\n"));
+        for target in ["/", "/state?version=0&motion=0", "/?token=0", &format!("/state{query}")] {
+            assert!(stranger(target).starts_with("HTTP/1.1 403"), "{target}");
+        }
+        let first = stranger(&format!("/{query}"));
+        assert!(
+            first.ends_with("\r\n\r\n<page>") && first.contains(&format!("Set-Cookie: {cookie}")),
+            "{first}"
+        );
+        let own = cookie.split(';').next().unwrap();
+        let as_page = |line: &str| {
+            get(&address, &format!("{line} HTTP/1.1\r\nHost: {address}\r\nCookie: {own}\r\n\r\n"))
+        };
+        let ask = |target: &str| as_page(&format!("GET {target}"));
         assert!(ask("/").ends_with("\r\n\r\n<page>"));
+        let head = as_page("HEAD /");
+        assert!(
+            head.starts_with("HTTP/1.1 200")
+                && head.contains("Content-Length: 6\r\n")
+                && head.ends_with("\r\n\r\n")
+        );
         assert!(ask("/state?version=0&motion=0").starts_with("HTTP/1.1 204"));
         assert!(ask("/etc/passwd").starts_with("HTTP/1.1 404"));
         assert!(get(&address, "GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n").starts_with("HTTP/1.1 403"));
-        let post = format!("POST / HTTP/1.1\r\nhost: {address}\r\n\r\n");
+        let post = format!(
+            "POST / HTTP/1.1\r\nhost: {address}\r\ncookie: {own}\r\norigin: http://{address}\r\n\r\n"
+        );
         assert!(get(&address, &post).starts_with("HTTP/1.1 405"));
 
         let epoch = Epoch {

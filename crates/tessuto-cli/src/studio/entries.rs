@@ -13,6 +13,8 @@ use super::work::{SCENES, Work};
 const VIDEOS: [&str; 10] = ["mp4", "mov", "m4v", "mkv", "avi", "webm", "mts", "m2ts", "mpg", "3gp"];
 /// Folders that are looked into, besides the project itself.
 const FOLDERS: [&str; 4] = ["clips", SCENES, "results", "tessuto-out"];
+/// Longest name of a scene that is taken from its clip [bytes].
+const LONGEST_STEM: usize = 150;
 /// Most entries that are listed.
 const MOST: usize = 200;
 
@@ -107,6 +109,8 @@ fn of_clip<'a>(project: &'a Project, clip: &str) -> Result<Work<'a>, String> {
     let plain: String =
         stem.chars().map(|c| if c.is_alphanumeric() || "._-".contains(c) { c } else { '_' }).collect();
     let plain = plain.trim_start_matches(['.', '-']);
+    let end = (0..=plain.len().min(LONGEST_STEM)).rev().find(|k| plain.is_char_boundary(*k)).unwrap_or(0);
+    let plain = &plain[..end];
     let stem = if is_name(plain) { plain } else { "clip" };
     let names = std::iter::once(stem.to_owned()).chain((2..).map(|n| format!("{stem}-{n}")));
     for name in names.map(|name| format!("{SCENES}/{name}")) {
@@ -159,6 +163,10 @@ mod tests {
         std::fs::write(path("My film.mov"), "").unwrap();
         assert_eq!(open("My film.mov").unwrap(), "scenes/My_film-2");
         assert!(list(&project).iter().any(|e| e.kind == "begun" && e.name == "scenes/My_film"));
+        let long = format!("{}.mp4", "ü".repeat(120));
+        std::fs::write(path(&long), "").unwrap();
+        assert_eq!(open(&long).unwrap(), format!("scenes/{}", "ü".repeat(75)));
+        assert!(open(&format!("scenes/{}", "a".repeat(201))).unwrap_err().contains("is not in the project"));
         assert!(open("notes.txt").is_err() && open("../x").is_err() && open("scenes/none").is_err());
     }
 }

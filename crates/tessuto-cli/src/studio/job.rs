@@ -1,7 +1,7 @@
 //! The commands that run now: children of this program, one after the other, in the project folder. They write into a log
 //! themselves and go on if this program is killed.
 
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Stdio};
@@ -62,9 +62,12 @@ impl Jobs {
         if let Some(job) = latest.as_ref().filter(|job| job.is_running()) {
             return Err(format!("{} of {} is running: wait for it, or stop it", job.step, job.work));
         }
-        let unwritable = |e: std::io::Error| format!("cannot write {}: {e}", log.display());
-        let _ = std::fs::remove_file(log);
-        let file = OpenOptions::new().create(true).append(true).open(log).map_err(unwritable)?;
+        let file = own_log(log).map_err(|e| format!("cannot write {}: {e}", log.display()))?;
+        let Some(file) = file else {
+            return Err(format!(
+                "{step} of {work} is running, begun by another studio of this folder: wait for it"
+            ));
+        };
         let program =
             std::env::current_exe().map_err(|e| format!("the program does not find itself: {e}"))?;
         let job =
@@ -80,6 +83,24 @@ impl Jobs {
         });
         Ok(())
     }
+}
+
+/// The log at `path`, emptied, and held: by this program, and by the commands that write into it, for as long as one of
+/// them lives. `None` if those of another studio hold it, whose log would be lost, and who would seem to have ended as
+/// these do.
+fn own_log(path: &Path) -> std::io::Result<Option<File>> {
+    // A link in its place is removed, not followed.
+    if path.is_symlink() {
+        std::fs::remove_file(path)?;
+    }
+    let file = OpenOptions::new().create(true).append(true).open(path)?;
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => return Ok(None),
+        // Some file systems know no locks.
+        Ok(()) | Err(TryLockError::Error(_)) => {}
+    }
+    file.set_len(0)?;
+    Ok(Some(file))
 }
 
 /// Runs one command; whether the next one may follow.
@@ -135,4 +156,34 @@ fn ask_to_stop(child: &mut Child) -> std::io::Result<()> {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_belongs_to_one_studio_while_its_commands_live() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.txt");
+        std::fs::write(&path, "of before").unwrap();
+        let mut own = own_log(&path).unwrap().unwrap();
+        own.write_all(b"mine").unwrap();
+        assert!(own_log(&path).unwrap().is_none());
+        // As a command has it, after this program has gone.
+        let of_command = own.try_clone().unwrap();
+        drop(own);
+        assert!(own_log(&path).unwrap().is_none());
+        assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+        drop(of_command);
+        assert!(own_log(&path).unwrap().is_some());
+        #[cfg(unix)]
+        {
+            let link = folder.path().join("link.txt");
+            std::os::unix::fs::symlink(&path, &link).unwrap();
+            std::fs::write(&path, "mine").unwrap();
+            assert!(own_log(&link).unwrap().is_some() && !link.is_symlink());
+            assert_eq!(std::fs::read(&path).unwrap(), b"mine");
+        }
+    }
 }

@@ -6,7 +6,6 @@ mod browser;
 mod commands;
 mod entries;
 mod form;
-mod gate;
 mod job;
 mod log;
 mod place;
@@ -22,7 +21,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
-use crate::http::{Listener, Request};
+use crate::http::{Gate, Listener, Request, Seat};
 use crate::say::{aside, say};
 use place::Project;
 use routes::Studio;
@@ -59,23 +58,23 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let project = Project::open(&arguments.dir)?;
     let start = arguments.start.as_ref().map(|path| project.name_of(path)).transpose()?;
     let listener = Listener::bind(arguments.port, "--port")?;
-    let token = gate::token();
-    let address = format!("{}?token={token}", listener.address());
-    let studio = Studio::new(project, gate::Gate::new(listener.port, token), start);
+    let gate = Gate::studio(listener.port);
+    let address = listener.address() + &gate.query();
+    let studio = Studio::new(project, gate, start);
     say!("studio of {}", studio.project.root().display());
     say!("  at {address}");
     aside!("  Ctrl-C ends it; what is done is kept in the folder");
     if !arguments.no_browser {
         browser::open(&address);
     }
-    listener.serve(move |stream| serve(stream, &studio));
+    listener.serve(move |stream, seat| serve(stream, seat, &studio));
     Ok(())
 }
 
 /// Answers one request.
-fn serve(mut stream: TcpStream, studio: &Arc<Studio>) {
+fn serve(mut stream: TcpStream, seat: &Seat, studio: &Arc<Studio>) {
     let Some(mut request) = Request::read(&mut stream) else { return };
-    let response = routes::answer(studio, &mut request, &mut stream);
+    let response = routes::answer(studio, &mut request, &mut stream, seat);
     // A client that has gone away is no fault.
     let sent = response.send(&mut stream);
     if sent.and_then(|()| stream.shutdown(Shutdown::Write)).is_ok() {

@@ -1,12 +1,16 @@
 //! The project folder, and names of what is in it. A name has its parts separated by slashes; it comes from outside and may
 //! lead nowhere else, not by `..`, not as an absolute path, not through a link.
 
+use std::fs::{File, Metadata};
 use std::path::{Component, Path, PathBuf};
 
 use tessuto::{Error, Result};
 
-/// Longest name [bytes].
+/// Longest name [bytes], and longest part of one: file systems take 255.
 const LONGEST: usize = 1000;
+const LONGEST_PART: usize = 255;
+/// Longest part of what is made [bytes]: the program adds endings such as `.checkpoints`, and numbers.
+pub const LONGEST_NEW: usize = 200;
 
 /// The folder that everything happens in.
 pub struct Project {
@@ -68,6 +72,25 @@ impl Project {
         real.starts_with(&self.root).then_some(real)
     }
 
+    /// The regular file of this name, opened, and where it is; `None` if it is not in the project. Between looking and
+    /// opening somebody may have put a link in its place: what was opened must be what is found once it is open.
+    pub fn open_file(&self, name: &str) -> Option<(File, PathBuf)> {
+        let path = self.find(name)?;
+        // A pipe would be waited for.
+        if !path.metadata().ok()?.is_file() {
+            return None;
+        }
+        let file = File::open(&path).ok()?;
+        self.is_still(&file, name).then_some((file, path))
+    }
+
+    /// Whether `file` is a regular file and the one that has this name in the project now.
+    fn is_still(&self, file: &File, name: &str) -> bool {
+        let found = self.find(name).and_then(|path| path.symlink_metadata().ok());
+        let (Some(found), Ok(opened)) = (found, file.metadata()) else { return false };
+        opened.is_file() && same_file(&found, &opened)
+    }
+
     /// Where something of this name may be made, or is; `None` if that is not in the project.
     pub fn place(&self, name: &str) -> Option<PathBuf> {
         if !is_name(name) {
@@ -80,10 +103,22 @@ impl Project {
     }
 }
 
+#[cfg(unix)]
+fn same_file(a: &Metadata, b: &Metadata) -> bool {
+    use std::os::unix::fs::MetadataExt as _;
+    (a.dev(), a.ino()) == (b.dev(), b.ino())
+}
+
+/// Where files have no numbers that the standard library tells.
+#[cfg(not(unix))]
+fn same_file(a: &Metadata, b: &Metadata) -> bool {
+    a.len() == b.len() && a.modified().ok() == b.modified().ok()
+}
+
 /// Whether `name` is relative, goes only downwards, and names nothing hidden.
 pub fn is_name(name: &str) -> bool {
     let bad = |c: char| c == '\\' || c.is_control() || cfg!(windows) && c == ':';
-    let part = |p: &str| !p.is_empty() && !p.starts_with('.') && !p.contains(bad);
+    let part = |p: &str| !p.is_empty() && p.len() <= LONGEST_PART && !p.starts_with('.') && !p.contains(bad);
     let normal = |c: Component| matches!(c, Component::Normal(_));
     name.len() <= LONGEST && name.split('/').all(part) && Path::new(name).components().all(normal)
 }
@@ -120,8 +155,23 @@ mod tests {
             assert!(project.find(bad).is_none() && project.place(bad).is_none(), "{bad}");
         }
         assert!(project.find("scenes/missing").is_none());
+        let (mut file, _) = project.open_file("scenes/a/file").unwrap();
+        let mut text = String::new();
+        std::io::Read::read_to_string(&mut file, &mut text).unwrap();
+        assert_eq!(text, "f");
+        assert!(project.open_file("scenes").is_none() && project.open_file("../secret").is_none());
         #[cfg(unix)]
         {
+            // What was opened while another file, or a way out, stood in its place.
+            let stranger = File::open(folder.path().join("secret")).unwrap();
+            assert!(
+                project.is_still(&file, "scenes/a/file") && !project.is_still(&stranger, "scenes/a/file")
+            );
+            std::os::unix::fs::symlink(folder.path().join("secret"), inside.join("scenes/swapped")).unwrap();
+            assert!(
+                !project.is_still(&stranger, "scenes/swapped")
+                    && project.open_file("scenes/swapped").is_none()
+            );
             std::os::unix::fs::symlink(folder.path(), inside.join("out")).unwrap();
             std::os::unix::fs::symlink(folder.path().join("nowhere"), inside.join("dangling")).unwrap();
             std::os::unix::fs::symlink(inside.join("scenes"), inside.join("within")).unwrap();

@@ -1,6 +1,5 @@
 //! Which request does what.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -12,12 +11,11 @@ use serde_json::json;
 
 use super::commands::{self, Step};
 use super::form::Form;
-use super::gate::Gate;
 use super::job::Jobs;
 use super::place::Project;
 use super::work::Work;
 use super::{assets, entries, state, upload};
-use crate::http::{BodyError, Request, Response, decoded};
+use crate::http::{BodyError, Gate, Request, Response, Seat, decoded};
 
 /// Longest JSON that is taken [bytes], and the time it may take.
 const LONGEST: u64 = 256 << 10;
@@ -44,6 +42,11 @@ struct Open {
     name: String,
 }
 
+/// What says nothing but that it is JSON, which forms of other sites are not.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Nothing {}
+
 impl Studio {
     /// Nothing runs yet.
     pub fn new(project: Project, gate: Gate, start: Option<String>) -> Arc<Self> {
@@ -60,21 +63,29 @@ fn bad(text: &str) -> Refused {
     ("400 Bad Request", text.to_owned())
 }
 
-/// The answer to `request`, whose body is still in `stream`.
-pub fn answer(studio: &Studio, request: &mut Request, stream: &mut impl Read) -> Response {
+/// The answer to `request`, whose body is still in `stream`; one that the gate lets pass keeps its `seat`.
+pub fn answer(studio: &Studio, request: &mut Request, stream: &mut impl Read, seat: &Seat) -> Response {
     let response = match studio.gate.check(request) {
         Err(refusal) => refusal,
         Ok(()) => {
-            route(studio, request, stream).unwrap_or_else(|(status, text)| Response::plain(status, text))
+            seat.keep();
+            route(studio, request, stream).unwrap_or_else(|(status, text)| {
+                // Where the project is, is nobody's business who reads a message.
+                let root = format!("{}{}", studio.project.root().display(), std::path::MAIN_SEPARATOR);
+                Response::plain(status, text.replace(&root, ""))
+            })
         }
     };
+    let response = response.to(request);
     // The address holds the token, and other sites need nothing from here.
     response.with("Referrer-Policy", "no-referrer").with("Cross-Origin-Resource-Policy", "same-origin")
 }
 
 fn route(studio: &Studio, request: &mut Request, stream: &mut impl Read) -> Answer {
     let path = request.path.clone();
-    match (request.method.as_str(), path.as_str()) {
+    // The head of an answer is made as the answer is.
+    let method = if request.method == "HEAD" { "GET" } else { request.method.as_str() };
+    match (method, path.as_str()) {
         ("GET", "/") => Ok(assets::page().with("Set-Cookie", studio.gate.cookie())),
         ("GET", "/api/state") => {
             let work = request.query("work").map(|_| studio.work(request)).transpose()?;
@@ -96,6 +107,7 @@ fn route(studio: &Studio, request: &mut Request, stream: &mut impl Read) -> Answ
         }
         ("POST", "/api/run") => run(studio, request, stream),
         ("POST", "/api/stop") => {
+            let Nothing {} = body(request, stream)?;
             studio.jobs.latest().iter().for_each(|job| job.stop());
             Ok(Response::json("{}".to_owned()))
         }
@@ -161,9 +173,8 @@ fn body<T: DeserializeOwned>(request: &mut Request, stream: &mut impl Read) -> R
 fn file(studio: &Studio, name: &str, download: bool) -> Answer {
     let missing = || ("404 Not Found", "there is no such file in the project".to_owned());
     let name = decoded(name).ok_or_else(missing)?;
-    let path = studio.project.find(&name).filter(|path| path.is_file()).ok_or_else(missing)?;
-    let opened = File::open(&path).and_then(|file| Response::file(kind(&path), file));
-    let response = opened.map_err(|_| missing())?;
+    let (file, path) = studio.project.open_file(&name).ok_or_else(missing)?;
+    let response = Response::file(kind(&path), file).map_err(|_| missing())?;
     // A page of a folder may come from anybody: it runs as a stranger, without the studio's cookie.
     let response = response
         .with("Content-Security-Policy", "sandbox allow-scripts allow-downloads; frame-ancestors 'self'");

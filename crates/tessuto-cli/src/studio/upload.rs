@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use std::time::Duration;
 
 use super::entries::is_video;
-use super::place::{Project, is_name};
+use super::place::{LONGEST_NEW, Project, is_name};
 use crate::http::{BodyError, Request};
 
 /// Where clips go.
@@ -31,6 +31,11 @@ pub fn receive(
     name: &str,
 ) -> Result<String, (&'static str, String)> {
     let refuse = |status, text: &str| Err((status, text.to_owned()));
+    if name.len() > LONGEST_NEW {
+        let text =
+            format!("the name of the clip has {} bytes: give it one of {LONGEST_NEW} at most", name.len());
+        return refuse("400 Bad Request", &text);
+    }
     if !is_name(name) || name.contains('/') || !is_video(name) {
         return refuse("400 Bad Request", "that is no video: choose a file such as clip.mp4 or clip.mov");
     }
@@ -106,7 +111,8 @@ mod tests {
         assert_eq!(upload(&project, "a b.mp4", 3, "abc").unwrap(), "clips/a b.mp4");
         assert_eq!(upload(&project, "a b.mp4", 3, "xyz").unwrap(), "clips/a b-2.mp4");
         assert_eq!(std::fs::read(folder.path().join("clips/a b.mp4")).unwrap(), b"abc");
-        for name in ["../a.mp4", "/a.mp4", "x/a.mp4", ".a.mp4", "a.sh", "a", "..", ""] {
+        let long = format!("{}.mp4", "a".repeat(250));
+        for name in [&long, "../a.mp4", "/a.mp4", "x/a.mp4", ".a.mp4", "a.sh", "a", "..", ""] {
             assert_eq!(upload(&project, name, 3, "abc"), Err("400 Bad Request"), "{name}");
         }
         assert_eq!(upload(&project, "b.mp4", 9, "abc"), Err("408 Request Timeout"));

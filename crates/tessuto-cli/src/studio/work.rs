@@ -6,7 +6,7 @@ use sha2::{Digest, Sha256};
 use tessuto::io::atomic_write;
 
 use super::form::Form;
-use super::place::Project;
+use super::place::{LONGEST_NEW, Project};
 
 /// Where results go.
 const RESULTS: &str = "results";
@@ -25,9 +25,11 @@ pub struct Work<'a> {
 }
 
 impl<'a> Work<'a> {
-    /// The work called `name`, a scene or, where there is none any more, its result; `None` if the name is none.
+    /// The work called `name`, a scene or, where there is none any more, its result; `None` if the name is none, or too
+    /// long for what is made beside it.
     pub fn new(project: &'a Project, name: &str) -> Option<Self> {
-        project.place(name).map(|_| Self { project, name: name.to_owned() })
+        let short = name.split('/').all(|part| part.len() <= LONGEST_NEW);
+        project.place(name).filter(|_| short).map(|_| Self { project, name: name.to_owned() })
     }
 
     /// Name of the scene folder.
@@ -61,7 +63,7 @@ impl<'a> Work<'a> {
 
     /// The file of this name as JSON, if it is one.
     pub fn json(&self, name: &str) -> Option<serde_json::Value> {
-        serde_json::from_slice(&std::fs::read(self.project.find(name)?).ok()?).ok()
+        serde_json::from_str(&tessuto::io::read_text(&self.project.find(name)?).ok()?).ok()
     }
 
     /// What was entered before; nothing if that cannot be read.

@@ -16,6 +16,7 @@ Examples:
   tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622
   tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622 --camera estimate
   tessuto template scenes/flag --depth capture/ --from-mask        (Stray Scanner, Polycam; or a depth map)
+  tessuto template scenes/flag --depth first.png --depth-scale 0.00025 --from-mask
   tessuto template scenes/flag --remesh 32 --from flag.glb
   tessuto template scenes/flag --remesh 400 --irregular --force
   tessuto template scenes/flag --flip yz --scale 0.001 --force
@@ -29,10 +30,14 @@ pub struct Arguments {
     /// A flat or nearly flat rectangle of this size, such as 0.7x0.5m, 70x50cm or 700x500mm.
     #[arg(long, value_name = "WxH", value_parser = values::lengths, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
     pub flat: Option<Pair>,
-    /// A depth map of the first frame: PNG of 16 bits in mm, .npy or OpenEXR in m; or the folder of a capture of Stray Scanner or
-    /// of Polycam's raw data, which brings its camera.
+    /// A depth map of the first frame: PNG of 16 bits in mm, .npy or OpenEXR (channel Z, depth, V, Y or the only one)
+    /// in m; or the folder of a capture of Stray Scanner or of Polycam's raw data, which brings its camera.
     #[arg(long, value_name = "FILE|DIR", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth: Option<PathBuf>,
+    /// What a unit of the depth map is [m]: 0.00025 of a RealSense L515, 0.0001 of a D405, 0.0002 of TUM RGB-D
+    /// [default: 0.001 of whole numbers, else 1].
+    #[arg(long, value_name = "METRES", value_parser = values::positive, allow_negative_numbers = true, requires = "depth")]
+    pub depth_scale: Option<f64>,
     /// The camera of the colour images recorded with the depth map (JSON as apps write it) [default: the scene's].
     #[arg(long, value_name = "FILE", requires = "depth")]
     pub depth_camera: Option<PathBuf>,
@@ -66,9 +71,9 @@ pub struct Arguments {
     /// Swap two coordinates before that, such as xy.
     #[arg(long, value_name = "AXES", value_parser = values::axes)]
     pub swap: Option<[bool; 3]>,
-    /// Merge vertices that lie at the same place.
-    #[arg(long)]
-    pub weld: bool,
+    /// Merge vertices that lie at the same place, or within this part of the mesh's size.
+    #[arg(long, value_name = "PART", value_parser = values::part, num_args = 0..=1, require_equals = true, default_missing_value = "1e-6")]
+    pub weld: Option<f64>,
     /// Mask of the image, where the first argument is an image.
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,

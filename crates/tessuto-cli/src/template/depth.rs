@@ -16,7 +16,7 @@ const SKEW: f64 = 0.02;
 
 /// The fabric as the depth map at `path` has it; the camera that comes with the map replaces the scene's.
 pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) -> Result<Made> {
-    let captured = read_depth(path, arguments.depth_camera.as_deref())?;
+    let captured = read_depth(path, arguments.depth_camera.as_deref(), arguments.depth_scale)?;
     let size = [view.camera.width, view.camera.height];
     let mut notes = Vec::new();
     let found = captured.calibration.map(|calibration| {
@@ -57,11 +57,32 @@ pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) ->
         1e3 * made.noise,
         100.0 * made.filled
     );
+    let unit = map.unit;
+    if let Some(channel) = &map.channel {
+        say!("depth is the channel {channel}");
+    }
+    match unit.told {
+        true => say!("a unit of the depth map is {}", unit.name()),
+        false => say!(
+            "a unit of the depth map is taken for {}; --depth-scale METRES says another one",
+            unit.name()
+        ),
+    }
+    if let Some(why) = unit.doubt(&made.mesh.positions) {
+        say!("warning: {why}");
+        say!("  hint: measure the fabric; say which it is with --depth-scale METRES");
+    }
     let file = captured.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     let record = TemplateRecord {
         corners: Some(made.corners.map(Into::into)),
         camera: record,
-        depth: Some(DepthRecord { file, noise: made.noise, filled: made.filled }),
+        depth: Some(DepthRecord {
+            file,
+            noise: made.noise,
+            filled: made.filled,
+            unit: Some(unit.metres),
+            unit_told: unit.told,
+        }),
         ..TemplateRecord::new(TemplateKind::Depth)
     };
     view.mask = mask;

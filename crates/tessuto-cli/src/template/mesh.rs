@@ -93,7 +93,7 @@ fn estimated(view: &mut View, size: Pair, corners: &CornersFrom) -> Result<Camer
 /// A given mesh, changed. The misfit of the rectangle that it was made of stays with it.
 pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Made> {
     let nothing = arguments.remesh.is_none()
-        && !arguments.weld
+        && arguments.weld.is_none()
         && arguments.scale.is_none()
         && arguments.flip.is_none()
         && arguments.swap.is_none();

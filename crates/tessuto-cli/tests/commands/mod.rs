@@ -22,4 +22,5 @@ mod sheet;
 mod strangers;
 mod studio;
 mod template;
+mod template_files;
 mod verdict;

@@ -77,10 +77,12 @@ fn page_is_made_from_the_result_alone_and_gains_the_maps() {
     assert!(third == second);
 }
 
-/// Body of the answer to a GET request; None for an answer without one.
-fn get(address: &str, target: &str) -> Option<String> {
+/// Body of the answer to a GET request with the cookie of the page; None for an answer without one.
+fn get(address: &str, token: &str, target: &str) -> Option<String> {
     let mut stream = TcpStream::connect(address).ok()?;
-    write!(stream, "GET {target} HTTP/1.1\r\nHost: {address}\r\n\r\n").ok()?;
+    let port = address.rsplit(':').next()?;
+    let cookie = format!("Cookie: tessuto-live-{port}={token}\r\n");
+    write!(stream, "GET {target} HTTP/1.1\r\nHost: {address}\r\n{cookie}\r\n").ok()?;
     let mut answer = String::new();
     stream.read_to_string(&mut answer).ok()?;
     let (head, body) = answer.split_once("\r\n\r\n")?;
@@ -101,8 +103,15 @@ fn watching_a_run_changes_none_of_its_bytes() {
         .unwrap();
     let mut lines = BufReader::new(run.stderr.take().unwrap()).lines().map_while(Result::ok);
     let line = lines.find(|l| l.starts_with("live at ")).expect("the address");
-    let address = line.trim_start_matches("live at http://").trim_end_matches('/').to_owned();
+    let (address, token) =
+        line.trim_start_matches("live at http://").split_once("/?token=").expect("a token");
+    let (address, token) = (address.to_owned(), token.trim().to_owned());
     let drain = std::thread::spawn(move || lines.count());
+    // Who has no token, such as another user of the machine, sees nothing.
+    for target in ["/", "/state?version=0&motion=0"] {
+        assert!(get(&address, "0", target).is_none(), "{target}");
+    }
+    let get = |address: &str, target: &str| get(address, &token, target);
     let page = get(&address, "/").expect("the page");
     assert!(page.contains(r#""live":true"#) && page.contains("connect-src 'self'"));
     // Ask as the page does, until the report is there.

@@ -23,9 +23,12 @@ def folder():
     return os.path.dirname(os.path.abspath(path))
 
 
+def whole_rate():
+    return max(1, math.ceil(CLIP["fps"] - 1e-6))
+
+
 def set_time(scene):
-    whole = max(1, math.ceil(CLIP["fps"] - 1e-6))
-    scene.render.fps, scene.render.fps_base = whole, whole / CLIP["fps"]
+    scene.render.fps, scene.render.fps_base = whole_rate(), whole_rate() / CLIP["fps"]
     scene.frame_start, scene.frame_end = 0, CLIP["frames"] - 1
     scene.frame_set(0)
 
@@ -41,11 +44,50 @@ def set_picture(scene):
     render.engine = "CYCLES"
 
 
+def import_glb(path):
+    """The importer puts keys at seconds times fps times fps_base, although the rate is fps divided by fps_base: its product has to be the rate."""
+    render, before = bpy.context.scene.render, set(bpy.data.actions)
+    render.fps, render.fps_base = whole_rate(), CLIP["fps"] / whole_rate()
+    bpy.ops.import_scene.gltf(filepath=path)
+    put_on_frames([action for action in bpy.data.actions if action not in before])
+
+
+def put_on_frames(actions):
+    """Importers that know another rule put keys beside the frames: the rule that all of them obey tells how to move them."""
+    curves = [curve for action in actions for curve in curves_of(action)]
+    keys = [key for curve in curves for key in curve.keyframe_points]
+    off = lambda factor: max([abs(key.co[0] * factor - round(key.co[0] * factor)) for key in keys], default=0.0)
+    base = CLIP["fps"] / whole_rate()
+    best = min((1.0, base, base * base), key=lambda factor: off(factor) + (factor != 1.0) * 1e-3)
+    for key in keys:
+        frame = round(key.co[0] * best)
+        key.handle_left[0] += frame - key.co[0]
+        key.handle_right[0] += frame - key.co[0]
+        key.co[0] = frame
+    if best != 1.0:
+        for strip in strips_of(actions):
+            strip.action_frame_start, strip.action_frame_end = strip.action.frame_range
+
+
+def strips_of(actions):
+    """Those on tracks that play one of the actions."""
+    owners = [o for o in bpy.data.objects] + [key for key in bpy.data.shape_keys]
+    tracks = [t for o in owners if o.animation_data for t in o.animation_data.nla_tracks]
+    return [strip for track in tracks for strip in track.strips if strip.action in actions]
+
+
+def curves_of(action):
+    """Of any version: actions have had layers since 4.4."""
+    if not getattr(action, "layers", None):
+        return list(getattr(action, "fcurves", ()))
+    return [curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves]
+
+
 def import_fabric(home):
     before = set(bpy.data.objects)
     glb, usd = (os.path.join(home, CLIP["name"] + ending) for ending in (".glb", ".usda"))
     if os.path.isfile(glb):
-        bpy.ops.import_scene.gltf(filepath=glb)
+        import_glb(glb)
     elif os.path.isfile(usd):
         bpy.ops.wm.usd_import(filepath=usd)
     else:
@@ -119,7 +161,7 @@ def add_light(home, scene):
 
 def main():
     scene, home = bpy.context.scene, folder()
-    # The importers place key frames by the frame rate: it comes first.
+    # The importer of USD places samples by the frame rate: it comes first.
     set_time(scene)
     imported = import_fabric(home)
     hide_startup(imported)

@@ -6,8 +6,10 @@ use super::masks::{self, MaskShape};
 use super::{Finding, Level, outline};
 use crate::error::{Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
-use crate::io::scene::template::{DIAGONAL, diagonal};
+use crate::io::depth_unit::Unit;
+use crate::io::scene::template::DIAGONAL;
 use crate::io::scene::{TemplateRecord, template_misfit};
+use crate::mesh::diagonal;
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
 use crate::template::gate::{MISFIT, NEAREST};
@@ -158,7 +160,10 @@ fn scale(scene: &Scene) -> Finding {
         ),
     );
     if nearest >= NEAREST {
-        return finding;
+        return match doubtful_unit(scene) {
+            None => finding,
+            Some(why) => doubt("scale", format!("{why}; {}", finding.detail), unit_hint()),
+        };
     }
     let detail = format!(
         "the template's nearest vertex is {:.0} mm from the camera; {}",
@@ -168,6 +173,17 @@ fn scale(scene: &Scene) -> Finding {
     let hint =
         "nothing is filmed from so near: give the template in metres, and take no floor or table into it";
     Finding { level: Level::Error, detail, hint: Some(hint.into()), ..finding }
+}
+
+/// Why the unit of the depth map that the template was made of may be another.
+fn doubtful_unit(scene: &Scene) -> Option<String> {
+    let depth = TemplateRecord::read(&scene.folder)?.depth?;
+    let unit = Unit { metres: depth.unit?, told: depth.unit_told };
+    unit.doubt(&scene.template.positions)
+}
+
+fn unit_hint() -> Hint {
+    Hint::from("measure the fabric, and say what a unit of the depth map is").with(Remedy::DepthScale)
 }
 
 /// Loading refuses a template that lies beside the mask, and doubts one that lies badly on it.

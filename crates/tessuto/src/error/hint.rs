@@ -68,6 +68,8 @@ pub enum Remedy {
     Regrid,
     /// Merge vertices that touch: [`Changes::weld`](crate::template::make::Changes::weld).
     Weld,
+    /// What a unit of the depth map is: [`read_depth`](crate::import::read_depth).
+    DepthScale,
     /// Export without the frames that are lost: [`Clip::without_lost`](crate::export::Clip::without_lost).
     WithoutLost,
     /// Repair the template of a scene: [`Changes`](crate::template::make::Changes).
@@ -154,6 +156,7 @@ impl fmt::Display for Remedy {
             Self::Remesh => f.write_str("remesh"),
             Self::Regrid => f.write_str("remesh the template as a grid"),
             Self::Weld => f.write_str("weld = true"),
+            Self::DepthScale => f.write_str("scale of the depth map"),
             Self::WithoutLost => f.write_str("without_lost"),
             Self::RepairTemplate(repair) => repair.fmt(f),
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 use super::calibration::Calibration;
 use super::{colmap, nerfstudio, opencv};
 use crate::error::{Error, Result};
-use crate::io::read_bounded;
+use crate::io::read_text;
 
 /// Reads nerfstudio's transforms.json, COLMAP's cameras.txt (or the folder that holds it) or a calibration of
 /// OpenCV in YAML or JSON, told apart by their content. `camera_id` chooses one of several COLMAP cameras.
@@ -23,14 +23,7 @@ pub fn read_calibration(path: &Path, camera_id: Option<u32>) -> Result<Calibrati
             "name cameras.txt; COLMAP makes it: colmap model_converter --input_path IN --output_path OUT --output_type TXT",
         ));
     }
-    let text = String::from_utf8(read_bounded(path, 256 << 20)?).map_err(|e| {
-        Error::input(
-            &place,
-            format!("is not text: {e}"),
-            "give transforms.json, cameras.txt, or OpenCV YAML or JSON",
-        )
-    })?;
-    let text = text.trim_start_matches('\u{feff}');
+    let text = &read_text(path)?;
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     match ending.as_str() {
         "txt" => colmap::parse(text, &place, camera_id),

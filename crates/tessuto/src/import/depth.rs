@@ -15,6 +15,7 @@ use super::calibration::{Calibration, Focal};
 use super::read_calibration;
 use crate::error::{Error, Result};
 use crate::io::depth::DepthMap;
+use crate::io::table::Table;
 use crate::io::{image, read_text};
 
 /// Widths of the colour images that phones record with depth `[px]`.
@@ -31,13 +32,16 @@ pub struct Captured {
     pub file: PathBuf,
 }
 
-/// Reads the depth map at `path`, a file or the folder of an app; the camera is that of the file `camera` or the app's.
+/// Reads the depth map at `path`, a file or the folder of an app; the camera is that of the file `camera` or the app's,
+/// a unit of the map `scale` `[m]` or what such files usually have.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file.
-pub fn read_depth(path: &Path, camera: Option<&Path>) -> Result<Captured> {
+pub fn read_depth(path: &Path, camera: Option<&Path>, scale: Option<f64>) -> Result<Captured> {
     let file = if path.is_dir() { first_map(path)? } else { path.to_path_buf() };
-    let mut map = DepthMap::read(&file)?;
+    let mut map = DepthMap::read(&file, scale)?;
+    // What the apps write is known.
+    map.unit.told |= path.is_dir();
     // The app's folder, and the number or name of the map in it.
     let home = file.parent().and_then(Path::parent).unwrap_or(Path::new("."));
     let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -157,9 +161,10 @@ fn from_matrix(path: &Path, map: [usize; 2]) -> Result<Calibration> {
     let bad = |problem: &str| {
         Error::input(&place, problem, "write three lines of three numbers: fx 0 cx, 0 fy cy, 0 0 1")
     };
-    let text = read_text(path)?;
-    let words = text.split([',', '\n', ' ', ';']).map(str::trim).filter(|word| !word.is_empty());
-    let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok()).collect();
+    // Cells between commas, semicolons or tabs, or words between spaces.
+    let table = Table::read(path)?;
+    let cells = table.rows.iter().flat_map(|row| &row.cells).flat_map(|cell| cell.split_whitespace());
+    let numbers: Option<Vec<f64>> = cells.map(|word| table.number(word)).collect();
     let numbers = numbers.ok_or_else(|| bad("is no matrix"))?;
     let m = <[f64; 9]>::try_from(numbers).map_err(|_| bad("has not nine numbers"))?;
     let width = |w: &&usize| ((**w as f64 - 1.0) / 2.0 - m[2]).abs();
@@ -204,6 +209,16 @@ mod tests {
         std::fs::write(&path, "1444.2, 0.0, 957.1\n0.0, 1444.2, 715.8\n0.0, 0.0, 1.0\n").unwrap();
         let camera = from_matrix(&path, [256, 192]).unwrap();
         assert_eq!((camera.size, camera.centre), (Some([1920, 1440]), Some([957.1, 715.8])));
+        for text in [
+            "\u{feff}1444.2, 0.0, 957.1\r\n0.0, 1444.2, 715.8\r\n0.0, 0.0, 1.0\r\n",
+            "1444,2;0;957,1\n0;1444,2;715,8\n0;0;1\n",
+            "\"1444.2\",\"0\",\"957.1\"\n\"0\",\"1444.2\",\"715.8\"\n\"0\",\"0\",\"1\"\n",
+            "1444.2 0 957.1\n0 1444.2 715.8\n0 0 1\n",
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let other = from_matrix(&path, [256, 192]).unwrap();
+            assert_eq!((other.centre, other.focal), (camera.centre, camera.focal), "{text}");
+        }
         std::fs::write(&path, "1,2,3").unwrap();
         assert!(from_matrix(&path, [256, 192]).unwrap_err().to_string().contains("not nine numbers"));
     }

@@ -24,8 +24,8 @@ const MAX_TILE: u32 = 4096;
 /// a single pixel would drown the rest in the noise of f32.
 pub const MAX_RADIANCE: f32 = 1e6;
 
-/// Linear colour, shape [height, width, 3]. Values are whatever the file holds, NaN included;
-/// alpha is dropped.
+/// Linear colour, shape [height, width, 3]. Values are whatever the file holds, NaN included, of a Radiance file
+/// divided by the exposure that its header says; alpha is dropped.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file.
@@ -45,10 +45,11 @@ pub fn read_linear(path: &Path) -> Result<Image> {
     if let Some([width, height]) = huge_tile(&bytes) {
         return Err(broken(format!("has tiles of {width}×{height} pixels; {MAX_TILE} a side are read")));
     }
+    let factors = if format == ImageFormat::Hdr { multiplied(&bytes).map_err(broken)? } else { [1.0; 3] };
     let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
     let decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
     let (width, height) = decoder.dimensions();
-    let most = MAX_BYTES.min(ALWAYS_BYTES + MAX_RATIO * bytes.len() as u64);
+    let most = most(bytes.len());
     if decoder.total_bytes() > most {
         return Err(Error::input(
             path.display().to_string(),
@@ -61,8 +62,42 @@ pub fn read_linear(path: &Path) -> Result<Image> {
         ));
     }
     let dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    let data = dynamic.into_rgb32f().into_raw();
+    let mut data = dynamic.into_rgb32f().into_raw();
+    if factors != [1.0; 3] {
+        for (k, value) in data.iter_mut().enumerate() {
+            *value = (f64::from(*value) / factors[k % 3]) as f32;
+        }
+    }
     Ok(Image { width: width as usize, height: height as usize, channels: 3, data })
+}
+
+/// Most bytes that are decoded from a file of `length`.
+pub(super) fn most(length: usize) -> u64 {
+    MAX_BYTES.min(ALWAYS_BYTES + MAX_RATIO * length as u64)
+}
+
+/// What the radiance was multiplied by before it was stored, red, green and blue: the product of all lines EXPOSURE and
+/// COLORCORR in the header of a Radiance file; an error is what is wrong with one. Lines that are indented tell of the
+/// files that this one was made of.
+///
+/// Source: G. Ward, *File formats* of Radiance: EXPOSURE, COLORCORR. PIXASPECT changes no value.
+fn multiplied(bytes: &[u8]) -> std::result::Result<[f64; 3], String> {
+    let mut factors = [1.0; 3];
+    for line in bytes.split(|b| *b == b'\n').take_while(|line| !line.trim_ascii().is_empty()) {
+        let line = String::from_utf8_lossy(line);
+        let Some((key @ ("EXPOSURE" | "COLORCORR"), value)) = line.split_once('=') else { continue };
+        let numbers: Option<Vec<f64>> = value.split_whitespace().map(|word| word.parse().ok()).collect();
+        let own = match (key, numbers.as_deref()) {
+            ("EXPOSURE", Some(&[factor])) => [factor; 3],
+            ("COLORCORR", Some(&[r, g, b])) => [r, g, b],
+            _ => [f64::NAN; 3],
+        };
+        if !own.iter().all(|factor| factor.is_finite() && *factor > 0.0) {
+            return Err(format!("its header says {}, which is nothing to divide by", line.trim()));
+        }
+        (0..3).for_each(|k| factors[k] *= own[k]);
+    }
+    Ok(factors)
 }
 
 /// `bytes` with the first line of a Radiance .hdr file as most programs write it: others name themselves or the format there.
@@ -78,7 +113,7 @@ fn with_usual_name(mut bytes: Vec<u8>) -> Vec<u8> {
 
 /// The size of a tile in an OpenEXR file that is larger than [`MAX_TILE`]. The decoder takes memory for a whole tile, however
 /// small the image is.
-fn huge_tile(bytes: &[u8]) -> Option<[u32; 2]> {
+pub(super) fn huge_tile(bytes: &[u8]) -> Option<[u32; 2]> {
     // Name, type and length of the attribute; two sizes and a mode follow.
     const ATTRIBUTE: &[u8] = b"tiles\0tiledesc\0\x09\0\0\0";
     let word = |at: usize| bytes.get(at..at + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]));
@@ -175,5 +210,33 @@ mod tests {
         }
         std::fs::write(&path, "#?RADIANCE").unwrap();
         assert!(read_linear(&path).is_err());
+    }
+
+    #[test]
+    fn radiance_is_divided_by_the_exposure_of_the_header() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("light.hdr");
+        let read = |header: &str| {
+            let mut bytes = format!("#?RADIANCE\n{header}FORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n").into_bytes();
+            bytes.extend([128, 64, 0, 129, 0, 0, 128, 128]);
+            std::fs::write(&path, bytes).unwrap();
+            read_linear(&path).map(|image| image.data)
+        };
+        let stored = read("").unwrap();
+        for (header, factors) in [
+            ("EXPOSURE=2\n", [2.0; 3]),
+            ("EXPOSURE= 2.0\r\npfilt -e 2\nEXPOSURE=2.5e-1\n", [0.5; 3]),
+            ("COLORCORR= 1 2 4\nEXPOSURE=2\nPIXASPECT=0.5\n", [2.0, 4.0, 8.0]),
+            // What another file, of which this was made, was multiplied by.
+            ("pcomb\n\tEXPOSURE=8\nSOFTWARE=a = b\n", [1.0; 3]),
+        ] {
+            let expected: Vec<f32> =
+                stored.iter().enumerate().map(|(k, v)| v / factors[k % 3] as f32).collect();
+            assert_eq!(read(header).unwrap(), expected, "{header}");
+        }
+        for wrong in ["EXPOSURE=0", "EXPOSURE=-1", "EXPOSURE=nan", "EXPOSURE=bright", "COLORCORR=1 1"] {
+            let message = read(&format!("{wrong}\n")).unwrap_err().to_string();
+            assert!(message.contains("light.hdr") && message.contains(wrong), "{message}");
+        }
     }
 }

@@ -2,6 +2,8 @@
 
 mod atomic;
 pub mod depth;
+pub mod depth_unit;
+mod exr_depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;
@@ -9,23 +11,16 @@ pub mod model;
 pub mod npy;
 pub mod obj;
 pub mod scene;
+pub(crate) mod table;
+pub(crate) mod text;
 pub(crate) mod zip;
 
 pub use atomic::atomic_write;
+pub use text::read_text;
 
 use std::path::Path;
 
 use crate::error::{Error, Result};
-
-/// Largest JSON or CSV file of a result `[bytes]`.
-const MAX_TEXT: u64 = 256 << 20;
-
-/// The text in the file at `path`.
-pub(crate) fn read_text(path: &Path) -> Result<String> {
-    String::from_utf8(read_bounded(path, MAX_TEXT)?).map_err(|e| {
-        Error::input(path.display().to_string(), format!("is not UTF-8 text: {e}"), "save it as UTF-8")
-    })
-}
 
 /// The whole file at `path`, refused above `limit` bytes.
 pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {

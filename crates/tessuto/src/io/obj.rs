@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::{DVec2, DVec3};
 
 use crate::error::{Error, Hint, Remedy, Result};
+use crate::io::text::without_mark;
 use crate::io::{atomic_write, read_bounded};
 use crate::mesh::{Face, Mesh};
 
@@ -36,6 +37,7 @@ pub(crate) fn parse_with(bytes: &[u8], name: &str, uv_needed: bool) -> Result<Me
     let mut mesh = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
     let mut bare = None;
     let mut joined = Vec::new();
+    let bytes = &without_mark(bytes, name)?;
     for (index, raw) in bytes.split(|b| *b == b'\n').enumerate() {
         let fail = |fault: Fault| Error::input(format!("{name}:{}", index + 1), fault.problem, fault.hint);
         if joined.len() + raw.len() > MAX_LINE {

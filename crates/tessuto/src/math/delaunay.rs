@@ -14,12 +14,6 @@ const JITTER: f64 = 1e-9;
 /// How far off the corners of the triangle lie that the others are cut from, in sizes of the point set.
 const FAR: f64 = 1e4;
 
-struct Triangle {
-    corners: [u32; 3],
-    centre: DVec2,
-    sq_radius: f64,
-}
-
 /// The triangles over `points`, each with [`DVec2::perp_dot`] of its sides above 0, ascending. Points at the same place make
 /// triangles without area, or are left out.
 pub(crate) fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
@@ -33,36 +27,30 @@ pub(crate) fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     all.extend(
         [DVec2::new(-1.7, -1.0), DVec2::new(1.7, -1.0), DVec2::new(0.0, 2.0)].map(|p| middle + p * size),
     );
-    let mut triangles: Vec<Triangle> = triangle([count, count + 1, count + 2], &all).into_iter().collect();
+    let mut triangles = vec![[count, count + 1, count + 2]];
     for k in 0..points.len() {
         let p = all[k];
-        let (hit, mut kept): (Vec<Triangle>, Vec<Triangle>) =
-            triangles.into_iter().partition(|t| p.distance_squared(t.centre) < t.sq_radius);
+        let (hit, mut kept): (Vec<[u32; 3]>, Vec<[u32; 3]>) =
+            triangles.into_iter().partition(|t| in_circle(t.map(|v| all[v as usize]), p));
         // The hole is star-shaped about the point; its sides are those that no other of its triangles has.
-        let sides: Vec<[u32; 2]> = hit
-            .iter()
-            .flat_map(|Triangle { corners: [a, b, c], .. }| [[*a, *b], [*b, *c], [*c, *a]])
-            .collect();
+        let sides: Vec<[u32; 2]> = hit.iter().flat_map(|[a, b, c]| [[*a, *b], [*b, *c], [*c, *a]]).collect();
         let outer = sides.iter().filter(|[a, b]| !sides.contains(&[*b, *a]));
-        kept.extend(outer.filter_map(|[a, b]| triangle([*a, *b, k as u32], &all)));
+        kept.extend(outer.map(|[a, b]| [*a, *b, k as u32]));
         triangles = kept;
     }
-    let inner = triangles.into_iter().map(|t| t.corners).filter(|t| t.iter().all(|v| *v < count));
+    let inner = triangles.into_iter().filter(|t| t.iter().all(|v| *v < count));
     let mut found: Vec<[u32; 3]> = inner.map(first_smallest).collect();
     found.sort_unstable();
     found
 }
 
-/// The triangle with its circle; `None` without area.
-fn triangle(corners: [u32; 3], points: &[DVec2]) -> Option<Triangle> {
-    let [a, b, c] = corners.map(|v| points[v as usize]);
-    let (p, q) = (b - a, c - a);
-    let doubled = 2.0 * p.perp_dot(q);
-    let offset = DVec2::new(
-        q.y * p.length_squared() - p.y * q.length_squared(),
-        p.x * q.length_squared() - q.x * p.length_squared(),
-    ) / doubled;
-    offset.is_finite().then_some(Triangle { corners, centre: a + offset, sq_radius: offset.length_squared() })
+/// Whether `p` lies in the circle around a triangle whose sides have a [`DVec2::perp_dot`] above 0. The circle's own
+/// centre must not be asked: that of three points of a straight border is so far away that its distances say nothing of
+/// what lies on the border.
+fn in_circle(corners: [DVec2; 3], p: DVec2) -> bool {
+    let [a, b, c] = corners.map(|corner| corner - p);
+    let [u, v, w] = [a, b, c].map(DVec2::length_squared);
+    u * b.perp_dot(c) + v * c.perp_dot(a) + w * a.perp_dot(b) > 0.0
 }
 
 /// The same triangle from its smallest corner on.
@@ -80,6 +68,13 @@ fn first_smallest([a, b, c]: [u32; 3]) -> [u32; 3] {
 mod tests {
     use super::*;
     use crate::math::rng::Rng;
+
+    /// Centre and radius of the circle through three points.
+    fn circle([a, b, c]: [DVec2; 3]) -> (DVec2, f64) {
+        let (p, q) = (b - a, c - a);
+        let offset = (q.perp() * p.length_squared() - p.perp() * q.length_squared()) / (2.0 * q.perp_dot(p));
+        (a + offset, offset.length())
+    }
 
     #[test]
     fn every_circle_is_empty_and_the_square_is_covered() {
@@ -100,8 +95,8 @@ mod tests {
             let doubled = (b - a).perp_dot(c - a);
             assert!(doubled > 0.0);
             area += doubled / 2.0;
-            let t = triangle(*corners, &points).unwrap();
-            let inside = |p: &&DVec2| p.distance_squared(t.centre) < t.sq_radius * (1.0 - 1e-7);
+            let (centre, radius) = circle(corners.map(|v| points[v as usize]));
+            let inside = |p: &&DVec2| p.distance(centre) < radius * (1.0 - 1e-7);
             assert_eq!(points.iter().filter(inside).count(), 0);
         }
         assert!((area - 1.0).abs() < 1e-12, "{area}");

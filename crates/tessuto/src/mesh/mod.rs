@@ -16,6 +16,13 @@ pub use weld::weld;
 /// Vertex positions `[m]` of one moment, camera frame, shape `[V]`.
 pub type Positions = Vec<DVec3>;
 
+/// Diagonal of the bounding box `[m]`.
+pub(crate) fn diagonal(positions: &[DVec3]) -> f64 {
+    let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    (high - low).length()
+}
+
 /// One polygon: corner k has vertex `vertices[k]` and texture coordinate `uvs[k]`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Face {

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::io;
+use crate::io::table::Table;
 use crate::result::Folder;
 pub use crate::result::Measured;
 use crate::sim::per_width::PerWidth;
@@ -46,38 +46,38 @@ pub fn measured(result: &Folder) -> Result<Measured> {
     }
 }
 
-/// Reads a table of fabrics: comma-separated, with a heading that names `density[kg.m-2]` and, in units of 1e-9 N·m, `linear
-/// warp[SI*1e9]` and `linear weft[SI*1e9]`.
+/// Reads a table of fabrics: CSV with commas, semicolons or tabs, cells in quotes or without, and a heading that names
+/// `density[kg.m-2]` and, in units of 1e-9 N·m, `linear warp[SI*1e9]` and `linear weft[SI*1e9]`.
 ///
 /// # Errors
 /// [`Error::Input`] naming the line that cannot be read.
 pub fn read_table(path: &Path) -> Result<Vec<Fabric>> {
     const COLUMNS: [(&str, f64); 3] =
         [("density[kg.m-2]", 1.0), ("linear warp[SI*1e9]", 1e-9), ("linear weft[SI*1e9]", 1e-9)];
-    let text = io::read_text(path)?;
+    let table = Table::read(path)?;
     let fail = |line: usize, problem: String| {
         let hint =
             "give a table with the columns density[kg.m-2], linear warp[SI*1e9] and linear weft[SI*1e9]";
-        Error::input(format!("{}, line {}", path.display(), line + 1), problem, hint)
+        Error::input(format!("{}, line {line}", path.display()), problem, hint)
     };
-    let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
-    let heading: Vec<&str> = lines.next().map_or("", |(_, line)| line).split(',').map(str::trim).collect();
+    let heading = table.rows.first();
     let mut places = [0; 3];
     for (place, (name, _)) in places.iter_mut().zip(COLUMNS) {
-        *place = heading
-            .iter()
-            .position(|h| *h == name)
-            .ok_or_else(|| fail(0, format!("there is no column {name}")))?;
+        *place = heading.and_then(|row| row.cells.iter().position(|h| h == name)).ok_or_else(|| {
+            let found = heading.map_or_else(String::new, |row| row.cells.join(" | "));
+            fail(heading.map_or(1, |row| row.line), format!("there is no column {name} among: {found}"))
+        })?;
     }
+    table.check(&places)?;
     let mut out = Vec::new();
-    for (n, line) in lines {
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+    for row in table.rows.iter().skip(1) {
         let mut numbers = [0.0; 3];
         for ((number, place), (name, unit)) in numbers.iter_mut().zip(places).zip(COLUMNS) {
-            let cell = cells.get(place).copied().unwrap_or("");
-            let value: Option<f64> = cell.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite());
-            *number =
-                value.ok_or_else(|| fail(n, format!("{name} is {cell:?}, not a positive number")))? * unit;
+            let cell = row.cells.get(place).map_or("", String::as_str);
+            let value = table.number(cell).filter(|v| *v > 0.0);
+            *number = value
+                .ok_or_else(|| fail(row.line, format!("{name} is {cell:?}, not a positive number")))?
+                * unit;
         }
         let [density, warp, weft] = numbers;
         out.push(Fabric { row: out.len() + 1, density, bending: [warp, weft] });
@@ -139,6 +139,18 @@ mod tests {
         let rows: Vec<usize> = nearest(&twice, &sheet, 9).iter().map(|(f, _)| f.row).collect();
         assert_eq!((rows.len(), rows[0]), (3, 2));
         assert!((bending_length(9.81e-7, 0.1) - 0.01).abs() < 1e-12);
+        // As spreadsheets and statistics programs write the same table, with names that hold commas.
+        let named = "\u{feff}\"name\",\"density[kg.m-2]\",\"linear warp[SI*1e9]\",\"linear weft[SI*1e9]\"\r\n\
+                     \"Denim, 11 oz\",0.1,1000,2000\r\n\"b\",\"0.2\",\"9000\",\"4000\"\r\n\"c\",0.05,500.5,900\r\n";
+        let commas = "sep=;\nname;density[kg.m-2];linear warp[SI*1e9];linear weft[SI*1e9]\n\
+                      Denim, 11 oz;0,1;1000;2000\nb;0,2;9000;4000\nc;0,05;500,5;900\n;;;\n";
+        for text in [named, commas, &commas.replace(';', "\t").replace("sep=\t\n", "")] {
+            std::fs::write(&path, text).unwrap();
+            assert_eq!(read_table(&path).unwrap(), table, "{text}");
+        }
+        std::fs::write(&path, "a;density[kg.m-2]\n").unwrap();
+        let message = read_table(&path).unwrap_err().to_string();
+        assert!(message.contains("no column linear warp[SI*1e9] among: a | density[kg.m-2]"), "{message}");
         std::fs::write(&path, text.replace("9000", "-9")).unwrap();
         let message = read_table(&path).unwrap_err().to_string();
         assert!(message.contains("line 3") && message.contains("-9"), "{message}");

@@ -183,6 +183,26 @@ mod tests {
     }
 
     #[test]
+    fn every_vertex_is_one_of_a_face_whatever_their_number() {
+        let whole = |size: DVec2, count: usize| {
+            let sheet = grid(3, 3, size, 1.0);
+            let mesh = irregular(&sheet, true, count, "sheet").unwrap().mesh;
+            let mut used = vec![false; count];
+            mesh.faces.iter().flat_map(|f| &f.vertices).for_each(|v| used[*v as usize] = true);
+            assert!(used.iter().all(|u| *u), "{count} on {size}: {:?}", used.iter().position(|u| !u));
+            // A disc: Euler's formula.
+            assert_eq!(mesh.faces.len(), 2 * count - 2 - boundary_edges(&mesh).len(), "{count} on {size}");
+            assert!((mesh.area() / sheet.area() - 1.0).abs() < 1e-6, "{count} on {size}");
+        };
+        for size in [[0.4, 0.4], [0.9, 0.3], [0.2, 1.1], [1.0, 0.05]].map(DVec2::from_array) {
+            (16..130)
+                .step_by(3)
+                .chain([126, 150, 200, 300, 333, 400, 500, 600])
+                .for_each(|count| whole(size, count));
+        }
+    }
+
+    #[test]
     fn too_few_vertices_and_what_has_no_border_are_refused() {
         assert!(irregular(&sheet(), true, 3, "sheet").unwrap_err().to_string().contains("16 to 4000"));
         let mut closed = sheet();

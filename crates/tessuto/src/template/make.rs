@@ -15,7 +15,7 @@ use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io::model;
-use crate::mesh::{Mesh, weld};
+use crate::mesh::{Mesh, diagonal, weld};
 
 /// Where the corners of a rectangle are in the first frame.
 #[derive(Debug, Clone, Copy)]
@@ -107,8 +107,9 @@ pub fn from_rectangle(
 pub struct Changes {
     /// Unit and axes.
     pub fix: Fix,
-    /// Merge vertices that lie at the same place.
-    pub weld: bool,
+    /// Merge vertices nearer to one another than this part of the mesh's size, the diagonal of its bounding box;
+    /// `None`: do not. 1e-6 is usual: files round to six digits or more.
+    pub weld: Option<f64>,
     /// Re-sample it.
     pub remesh: Option<Resample>,
 }
@@ -131,9 +132,14 @@ pub fn from_file(path: &Path, changes: &Changes, tell: &mut dyn FnMut(String)) -
     let mut model = model::read(path)?;
     model.notes.iter().for_each(|note| tell(format!("note: {place}: {note}")));
     changes.fix.apply_to(&mut model.mesh);
-    if changes.weld {
-        let [gone, _] = weld(&mut model.mesh);
-        tell(format!("merged {gone} vertices that lay on others"));
+    if let Some(part) = changes.weld {
+        let tolerance = part * diagonal(&model.mesh.positions);
+        let [gone, faces] = weld(&mut model.mesh, tolerance);
+        let flat =
+            if faces > 0 { format!("; {faces} faces that they were all of went") } else { String::new() };
+        tell(format!(
+            "merged {gone} vertices that lay on others, within {tolerance:.1e} ({part:.0e} of the size){flat}"
+        ));
     }
     let Some(resample) = changes.remesh else {
         let hint = Hint::from("unwrap it in a modelling program, or make a grid of it").with(Remedy::Remesh);

@@ -8,6 +8,7 @@ use sha2::{Digest, Sha256};
 use tempfile::TempDir;
 use tessuto::config::Config;
 use tessuto::import::read_calibration;
+use tessuto::io::depth::DepthMap;
 use tessuto::io::scene::{LoadOptions, load};
 use tessuto::io::{hdr, image, model, npy, obj};
 use tessuto::session::{Checkpoints, Session};
@@ -17,7 +18,7 @@ use tessuto::{Error, Result};
 pub type Reader = fn(&[u8]) -> Result<()>;
 
 /// Name of a reader, which is that of its fuzz target, and the reader.
-pub const READERS: [(&str, Reader); 14] = [
+pub const READERS: [(&str, Reader); 15] = [
     ("scene_json", scene_json),
     ("obj", read_obj),
     ("ply", ply),
@@ -25,6 +26,7 @@ pub const READERS: [(&str, Reader); 14] = [
     ("npy", read_npy),
     ("picture", picture),
     ("radiance", radiance),
+    ("depth", depth),
     ("checkpoint", checkpoint),
     ("state", state),
     ("transforms", transforms),
@@ -131,6 +133,10 @@ fn picture(bytes: &[u8]) -> Result<()> {
 
 fn radiance(bytes: &[u8]) -> Result<()> {
     hdr::read_environment(&file("light.exr", bytes)).map(drop)
+}
+
+fn depth(bytes: &[u8]) -> Result<()> {
+    DepthMap::read(&file("depth.exr", bytes), None).map(drop)
 }
 
 fn checkpoint(bytes: &[u8]) -> Result<()> {

@@ -23,7 +23,7 @@ pub fn seeds(name: &str) -> Vec<Vec<u8>> {
             (0..3i32).for_each(|v| binary.extend(v.to_le_bytes()));
             vec![PLY.as_bytes().to_vec(), binary]
         }
-        "gltf" => vec![GLTF.as_bytes().to_vec(), glb()],
+        "gltf" => vec![GLTF.as_bytes().to_vec(), glb(), shaped()],
         "npy" => vec![
             tessuto::io::npy::encode(&[2, 3], &[0.0f32, 1.0, 2.0, 3.0, 4.0, 5.0]),
             tessuto::io::npy::encode(&[1, 2, 3], &[0.0f64, 1.0, 2.0, 3.0, 4.0, 5.0]),
@@ -42,6 +42,19 @@ pub fn seeds(name: &str) -> Vec<Vec<u8>> {
         "radiance" => {
             let light = DynamicImage::new_rgb32f(8, 4);
             vec![encoded(&light, ImageFormat::OpenExr), encoded(&light, ImageFormat::Hdr)]
+        }
+        "depth" => {
+            let mut light = DynamicImage::new_rgb32f(5, 4).into_rgb32f();
+            light.pixels_mut().for_each(|p| p.0 = [1.0; 3]);
+            let equal = encoded(&light.into(), ImageFormat::OpenExr);
+            // Another name for the last channel: a picture with depth.
+            let (name, mut named) = (b"R\0\x02\0\0\0", equal.clone());
+            let at = equal.windows(name.len()).position(|w| w == name).expect("a channel R");
+            named[at] = b'Z';
+            let mut grey = DynamicImage::new_luma16(5, 4).into_luma16();
+            grey.pixels_mut().for_each(|p| p.0 = [1000]);
+            let array = tessuto::io::npy::encode(&[4, 4], &[1.0f32; 16]);
+            vec![equal, named, encoded(&grey.into(), ImageFormat::Png), array]
         }
         "checkpoint" => vec![checkpoint()],
         "state" => vec![state()],
@@ -116,6 +129,34 @@ fn glb() -> Vec<u8> {
     let first: [&[u8]; 3] = [&word(json.len()), b"JSON", &json];
     let second: [&[u8]; 3] = [&word(chunk.len()), b"BIN\0", &chunk];
     [header.concat(), first.concat(), second.concat()].concat()
+}
+
+/// A triangle with a morph target and a skin of one joint, whose numbers are sparse.
+fn shaped() -> Vec<u8> {
+    let floats = [0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    let weights = [1f32, 0.0, 0.0, 0.0].repeat(3);
+    let mut bytes: Vec<u8> = floats.iter().chain(&weights).flat_map(|v| v.to_le_bytes()).collect();
+    bytes.extend([0u8, 1, 2, 0]);
+    let view = |offset: usize| serde_json::json!({"buffer": 0, "byteOffset": offset, "byteLength": 4});
+    let sparse = |kind: u64, count: usize, width: &str, from: usize| {
+        serde_json::json!({"componentType": kind, "count": 3, "type": width, "sparse": {
+            "count": count, "indices": {"bufferView": 2, "componentType": 5121}, "values": {"bufferView": from}}})
+    };
+    let document = serde_json::json!({
+        "asset": {"version": "2.0"}, "scenes": [{"nodes": [0, 1]}],
+        "nodes": [{"mesh": 0, "skin": 0, "weights": [0.5]}, {"translation": [0, 0, -1]}],
+        "meshes": [{"weights": [1.0], "primitives": [{
+            "attributes": {"POSITION": 0, "JOINTS_0": 2, "WEIGHTS_0": 3}, "targets": [{"POSITION": 1}]}]}],
+        "skins": [{"joints": [1]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            sparse(5126, 2, "VEC3", 0), sparse(5121, 1, "VEC4", 0),
+            {"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC4"},
+        ],
+        "bufferViews": [view(0), view(36), view(84)],
+        "buffers": [{"byteLength": bytes.len(), "uri": format!("data:;base64,{}", tessuto::text::base64(&bytes))}],
+    });
+    document.to_string().into_bytes()
 }
 
 const SCENE: &str =

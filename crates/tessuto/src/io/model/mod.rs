@@ -10,6 +10,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
+use super::text::without_mark;
 use super::{obj, read_bounded};
 use crate::error::{Error, Result};
 use crate::mesh::{Face, Mesh, weld};
@@ -41,7 +42,8 @@ pub struct Model {
 /// [`Error::Input`] naming the file and the place in it.
 pub fn read(path: &Path) -> Result<Model> {
     let place = path.display().to_string();
-    let bytes = read_bounded(path, MAX_BYTES)?;
+    let file = read_bounded(path, MAX_BYTES)?;
+    let bytes = without_mark(&file, &place)?;
     let start = bytes.iter().position(|b| !b.is_ascii_whitespace()).unwrap_or(0);
     let mut model = if bytes.starts_with(b"ply") {
         ply::parse(&bytes, &place)?
@@ -101,7 +103,7 @@ impl Split {
         let has_uv = !self.uvs.is_empty();
         let faces = self.faces.into_iter().map(|f| Face { vertices: f.clone(), uvs: f }).collect();
         let mut mesh = Mesh { positions: self.positions, uvs: self.uvs, faces };
-        let [vertices, faces] = weld(&mut mesh);
+        let [vertices, faces] = weld(&mut mesh, 0.0);
         let mut notes = Vec::new();
         if vertices > 0 {
             notes.push(format!("{vertices} vertices split at seams were merged again"));

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image::MAX_SIDE;
+use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
 use crate::scene::Known;
 use crate::text::edits;
@@ -182,9 +183,7 @@ impl Manifest {
             return Err(Error::input(place, "does not exist", format!("write it there, e.g. {EXAMPLE}")));
         }
         let bytes = read_bounded(&super::inside(folder, &path)?, 16 << 20)?;
-        let text = String::from_utf8(bytes)
-            .map_err(|e| Error::input(&place, format!("is not UTF-8 text: {e}"), "save it as UTF-8"))?;
-        let manifest = parse(text.trim_start_matches('\u{feff}'), &place)?;
+        let manifest = parse(&decode(bytes, &place)?, &place)?;
         manifest.check(&place)?;
         Ok(manifest)
     }

@@ -7,6 +7,8 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
+use crate::io::depth_unit::Unit;
+use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
 
 /// What a template was made of.
@@ -43,6 +45,12 @@ pub struct DepthRecord {
     pub noise: f64,
     /// Fraction of the fabric in which nothing usable was measured, in [0, 1].
     pub filled: f64,
+    /// What a unit of the file was taken for `[m]`.
+    #[serde(default)]
+    pub unit: Option<f64>,
+    /// Whether the unit was told; else it is what such files usually have.
+    #[serde(default)]
+    pub unit_told: bool,
 }
 
 /// See the module.
@@ -104,7 +112,7 @@ impl TemplateRecord {
     /// What is known of the template in `folder`; `None` also where template.obj has changed since.
     pub fn read(folder: &Path) -> Option<Self> {
         let bytes = read_bounded(&folder.join(Self::NAME), 1 << 20).ok()?;
-        let record: Self = serde_json::from_slice(&bytes).ok()?;
+        let record: Self = serde_json::from_str(&decode(bytes, Self::NAME).ok()?).ok()?;
         (digest(folder).ok()? == record.template_sha256).then_some(record)
     }
 
@@ -119,7 +127,9 @@ impl TemplateRecord {
         }];
         parts.extend(self.depth.as_ref().map(|d| {
             let (noise, filled) = (1e3 * d.noise, 100.0 * d.filled);
-            format!("{}, noise {noise:.1} mm, {filled:.0} % filled in", d.file)
+            let unit = d.unit.map(|metres| Unit { metres, told: d.unit_told }.name());
+            let unit = unit.map_or_else(String::new, |name| format!(" in units of {name}"));
+            format!("{}{unit}, noise {noise:.1} mm, {filled:.0} % filled in", d.file)
         }));
         parts.extend(self.camera.as_ref().map(|c| match c.interval {
             Some([low, high]) => format!("focal length {:.0} px ({low:.0} to {high:.0}) {}", c.fx, c.source),

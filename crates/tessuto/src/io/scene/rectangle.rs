@@ -28,7 +28,12 @@ pub fn write_template(path: &Path, mesh: &Mesh, misfit: Option<f64>) -> Result<(
 pub fn template_misfit(path: &Path) -> Option<f64> {
     let mut line = Vec::new();
     BufReader::new(File::open(path).ok()?.take(LONGEST)).read_until(b'\n', &mut line).ok()?;
-    let off = std::str::from_utf8(&line).ok()?.trim_end().strip_prefix(BEFORE)?.strip_suffix(AFTER)?;
+    let off = std::str::from_utf8(&line)
+        .ok()?
+        .trim_start_matches('\u{feff}')
+        .trim_end()
+        .strip_prefix(BEFORE)?
+        .strip_suffix(AFTER)?;
     off.parse().ok().filter(|off: &f64| off.is_finite())
 }
 

@@ -10,7 +10,7 @@ use super::rectangle;
 use crate::error::{Error, Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
 use crate::io::obj;
-use crate::mesh::{Mesh, edge_uses, pieces, pinched, triangle_area};
+use crate::mesh::{Mesh, diagonal, edge_uses, pieces, pinched, triangle_area};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use crate::scene::Scene;
 
@@ -66,13 +66,6 @@ pub(super) fn check(
     warnings.extend(origin);
     check_vertices(mesh, folder, warnings);
     check_pieces(mesh, folder, warnings);
-}
-
-/// Diagonal of the bounding box `[m]`.
-pub(crate) fn diagonal(positions: &[DVec3]) -> f64 {
-    let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
-    let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
-    (high - low).length()
 }
 
 fn check_depth(mesh: &Mesh, place: &str, folder: &Path) -> Result<()> {

@@ -4,12 +4,16 @@
 use std::collections::hash_map::RandomState;
 use std::hash::{BuildHasher as _, Hasher as _};
 
-use crate::http::{Request, Response};
+use super::{Request, Response};
 
 /// What a request is measured against.
 pub struct Gate {
+    /// What printed the address: `studio` or `live`.
+    door: &'static str,
     port: u16,
     token: String,
+    /// Whether a page on another port of this machine may show this one in a frame.
+    framed: bool,
 }
 
 /// A new secret of 256 bits: a keyed hash whose keys the standard library takes from the system's source of randomness.
@@ -23,14 +27,24 @@ pub fn token() -> String {
 }
 
 impl Gate {
-    /// The gate of the server at `port`.
-    pub fn new(port: u16, token: String) -> Self {
-        Self { port, token }
+    /// The gate of the studio at `port`.
+    pub fn studio(port: u16) -> Self {
+        Self { door: "studio", port, token: token(), framed: false }
+    }
+
+    /// The gate of a running reconstruction at `port`, which the studio shows in a frame. It lets nothing be changed.
+    pub fn live(port: u16) -> Self {
+        Self { door: "live", port, token: token(), framed: true }
+    }
+
+    /// What opens it, for the end of the address that is printed.
+    pub fn query(&self) -> String {
+        format!("?token={}", self.token)
     }
 
     /// Name of the cookie: cookies do not tell ports apart.
     fn cookie_name(&self) -> String {
-        format!("tessuto-studio-{}", self.port)
+        format!("tessuto-{}-{}", self.door, self.port)
     }
 
     /// The header that gives a page the token for its own requests, and for no others.
@@ -53,6 +67,8 @@ impl Gate {
         // `none` is a typed address. Other ports of this machine are `same-site`, and strangers too.
         match request.header("sec-fetch-site") {
             Ok(None | Some("same-origin" | "none")) => {}
+            // Without the token or the cookie it gets nothing either; and what it may show, it cannot read.
+            Ok(Some("same-site")) if self.framed && is_safe(request) => {}
             _ => return refuse("a page of another site asked; open the address by typing or pasting it"),
         }
         match request.header("origin") {
@@ -62,12 +78,11 @@ impl Gate {
         }
         let first = request.path == "/" && request.query("token").is_some_and(|t| self.is_token(&t));
         if !first && !self.has_cookie(request) {
-            return refuse("open the address that tessuto studio printed, with its token");
+            return refuse("open the address that tessuto printed, with its token");
         }
-        let safe = ["GET", "HEAD"].contains(&request.method.as_str());
         // Browsers send an origin with whatever changes something.
-        if !safe && (request.header("origin") == Ok(None) || !self.has_cookie(request)) {
-            return refuse("only the studio's own page may change something");
+        if !is_safe(request) && (request.header("origin") == Ok(None) || !self.has_cookie(request)) {
+            return refuse("only the page's own buttons may change something");
         }
         Ok(())
     }
@@ -85,12 +100,20 @@ impl Gate {
     }
 }
 
+/// Whether a request changes nothing.
+fn is_safe(request: &Request) -> bool {
+    ["GET", "HEAD"].contains(&request.method.as_str())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn status(headers: &str, target: &str) -> &'static str {
-        let gate = Gate::new(80, "ab".repeat(32));
+        status_at(&Gate::studio(80), headers, target)
+    }
+
+    fn status_at(gate: &Gate, headers: &str, target: &str) -> &'static str {
         let (method, target) = target.split_once(' ').unwrap();
         let text = format!("{method} {target} HTTP/1.1\r\n{headers}\r\n\r\n");
         let request = Request::read(&mut text.replace("TOKEN", &gate.token).as_bytes()).unwrap();
@@ -148,5 +171,25 @@ mod tests {
         assert_eq!(status(OURS, "POST /api/run"), "403 Forbidden");
         let uncooked = ours.replace("Cookie", "Cooky");
         assert_eq!(status(&uncooked, "POST /?token=TOKEN"), "403 Forbidden");
+    }
+
+    #[test]
+    fn the_page_of_a_run_may_be_shown_by_the_studio_with_the_token_only() {
+        let gate = Gate::live(81);
+        let at =
+            |headers: &str, target: &str| status_at(&gate, &format!("Host: 127.0.0.1:81{headers}"), target);
+        let cookie = "\r\nCookie: tessuto-live-81=TOKEN";
+        let frame = "\r\nSec-Fetch-Site: same-site";
+        assert_eq!(at("", "GET /?token=TOKEN"), "200");
+        assert_eq!(at(frame, "GET /?token=TOKEN"), "200");
+        assert_eq!(at(&format!("{frame}{cookie}"), "GET /state"), "200");
+        assert_eq!(at(frame, "GET /"), "403 Forbidden");
+        assert_eq!(at("", "GET /state?token=TOKEN"), "403 Forbidden");
+        assert_eq!(at("\r\nCookie: tessuto-studio-81=TOKEN", "GET /state"), "403 Forbidden");
+        assert_eq!(at(&format!("\r\nSec-Fetch-Site: cross-site{cookie}"), "GET /state"), "403 Forbidden");
+        assert_eq!(
+            at(&format!("{frame}{cookie}\r\nOrigin: http://127.0.0.1:81"), "POST /state"),
+            "403 Forbidden"
+        );
     }
 }

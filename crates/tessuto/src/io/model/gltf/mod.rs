@@ -1,8 +1,11 @@
-//! glTF 2.0, as .glb or .gltf: the triangles of all meshes in the scene's nodes, with their first texture coordinates.
+//! glTF 2.0, as .glb or .gltf: the triangles of all meshes in the scene's nodes, with their first texture coordinates,
+//! shaped as the file has them at rest: morph targets by their default weights, skins by the pose of their joints.
 //!
 //! Read from the JSON itself: the crate `gltf` panics on some files that lack what the standard demands.
 
-use crate::text::from_base64;
+mod accessor;
+mod skin;
+
 use std::borrow::Cow;
 use std::collections::HashSet;
 use std::path::Path;
@@ -13,6 +16,7 @@ use serde_json::Value;
 use super::{MAX_BYTES, MAX_COUNT, Model, Split};
 use crate::error::{Error, Result};
 use crate::io::read_bounded;
+use crate::text::from_base64;
 
 /// Deepest nesting of nodes.
 const MAX_DEPTH: usize = 64;
@@ -33,7 +37,8 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Model> {
     let document: Value =
         serde_json::from_slice(json).map_err(|e| fail((format!("is not valid JSON: {e}"), AGAIN)))?;
     let used = document["extensionsRequired"].as_array().into_iter().flatten().filter_map(Value::as_str);
-    let known = |e: &&str| !matches!(*e, "KHR_texture_transform" | "KHR_materials_unlit");
+    let known =
+        |e: &&str| !matches!(*e, "KHR_texture_transform" | "KHR_materials_unlit" | "KHR_mesh_quantization");
     if let Some(extension) = used.into_iter().find(known) {
         return Err(fail((format!("needs the extension {extension}, which is not read"), AGAIN)));
     }
@@ -44,6 +49,8 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Model> {
         split: Split { positions: vec![], uvs: vec![], faces: vec![] },
         bare: false,
         visited: 0,
+        parents: skin::parents(&document),
+        shaped: [0; 2],
     };
     let scene = document["scene"].as_u64().unwrap_or(0) as usize;
     let mut roots: Vec<usize> = indices(&document["scenes"][scene]["nodes"]);
@@ -54,17 +61,29 @@ pub(super) fn parse(bytes: &[u8], path: &Path) -> Result<Model> {
             (0..nodes).flat_map(|n| indices(&document["nodes"][n]["children"])).collect();
         roots = (0..nodes).filter(|n| !children.contains(n)).collect();
     }
-    // y up and looking along −z becomes y down and looking along z.
-    let axes = DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0));
-    roots.into_iter().try_for_each(|n| reader.node(n, axes, 0)).map_err(fail)?;
+    roots.into_iter().try_for_each(|n| reader.node(n, axes(), 0)).map_err(fail)?;
     if reader.bare {
         reader.split.uvs.clear();
     }
+    let [morphed, skinned] = reader.shaped;
     let mut model = reader.split.merged(&place)?;
+    if morphed > 0 {
+        model.notes.push(format!("{morphed} morph targets have a weight in the file, and count by it"));
+    }
+    if skinned > 0 {
+        model
+            .notes
+            .push(format!("{skinned} meshes have a skin: they are posed as their joints are in the file"));
+    }
     if document["animations"].as_array().is_some_and(|a| !a.is_empty()) {
         model.notes.push("animation is not read: the mesh is taken at rest".into());
     }
     Ok(model)
+}
+
+/// y up and looking along −z becomes y down and looking along z.
+fn axes() -> DMat4 {
+    DMat4::from_scale(DVec3::new(1.0, -1.0, -1.0))
 }
 
 /// The JSON text, and the binary chunk of a .glb.
@@ -138,6 +157,18 @@ struct Reader<'a> {
     bare: bool,
     /// Nodes so far.
     visited: usize,
+    /// The parent of every node that has one.
+    parents: Vec<Option<usize>>,
+    /// How many morph targets and skins shaped the meshes.
+    shaped: [usize; 2],
+}
+
+/// How a mesh stands in the scene.
+enum Place {
+    /// By the transform of its node and the nodes above.
+    Node(DMat4),
+    /// By its joints: the transform of each, which replace that of the node.
+    Skin(Vec<DMat4>),
 }
 
 impl Reader<'_> {
@@ -156,23 +187,30 @@ impl Reader<'_> {
         }
         let transform = parent * local(node);
         if let Some(mesh) = node["mesh"].as_u64() {
-            let document = self.document;
-            for primitive in document["meshes"][mesh as usize]["primitives"].as_array().into_iter().flatten()
-            {
-                self.primitive(primitive, transform)?;
+            let mesh = &self.document["meshes"][mesh as usize];
+            // Weights of the node replace those of the mesh.
+            let weights = if node["weights"].is_array() { &node["weights"] } else { &mesh["weights"] };
+            let place = match node["skin"].as_u64() {
+                Some(skin) => Place::Skin(self.joints(skin as usize, axes())?),
+                None => Place::Node(transform),
+            };
+            self.shaped[1] += usize::from(matches!(place, Place::Skin(_)));
+            for primitive in mesh["primitives"].as_array().into_iter().flatten() {
+                self.primitive(primitive, weights, &place)?;
             }
         }
         indices(&node["children"]).into_iter().try_for_each(|child| self.node(child, transform, depth + 1))
     }
 
-    fn primitive(&mut self, primitive: &Value, transform: DMat4) -> Outcome<()> {
+    fn primitive(&mut self, primitive: &Value, weights: &Value, place: &Place) -> Outcome<()> {
         let mode = primitive["mode"].as_u64().unwrap_or(4);
         if mode != 4 {
             return Err((format!("has a primitive of mode {mode}; triangles (mode 4) are read"), AGAIN));
         }
         let attributes = &primitive["attributes"];
-        let positions = self.accessor(&attributes["POSITION"], 3)?;
+        let mut positions = self.accessor(&attributes["POSITION"], 3)?;
         let count = positions.len() / 3;
+        self.shaped[0] += self.morph(&mut positions, &primitive["targets"], weights)?;
         let uvs = if attributes["TEXCOORD_0"].is_null() {
             None
         } else {
@@ -194,71 +232,22 @@ impl Reader<'_> {
             ));
         }
         let first = self.split.positions.len() as u32;
-        let points =
-            positions.chunks_exact(3).map(|p| transform.transform_point3(DVec3::new(p[0], p[1], p[2])));
-        self.split.positions.extend(points);
+        let points = positions.chunks_exact(3).map(DVec3::from_slice);
+        match place {
+            Place::Node(transform) => {
+                self.split.positions.extend(points.map(|p| transform.transform_point3(p)));
+            }
+            Place::Skin(joints) => {
+                let posed = self.posed(points, attributes, joints)?;
+                self.split.positions.extend(posed);
+            }
+        }
         self.bare |= uvs.as_ref().is_none_or(|uvs| uvs.len() != 2 * count);
         // Row 0 of a glTF texture is v = 0, here it is v = 1.
         let uvs = uvs.unwrap_or_else(|| vec![0.0; 2 * count]);
         self.split.uvs.extend(uvs.chunks_exact(2).take(count).map(|t| DVec2::new(t[0], 1.0 - t[1])));
         self.split.faces.extend(corners.chunks_exact(3).map(|c| c.iter().map(|v| first + v).collect()));
         Ok(())
-    }
-
-    /// The numbers of an accessor with `width` components, one item after the other.
-    fn accessor(&self, index: &Value, width: usize) -> Outcome<Vec<f64>> {
-        let lacks = |what: &str| (format!("lacks {what}"), AGAIN);
-        let index = index.as_u64().ok_or_else(|| lacks("positions or indices of a primitive"))? as usize;
-        let accessor = &self.document["accessors"][index];
-        let count = accessor["count"].as_u64().ok_or_else(|| lacks("an accessor it names"))? as usize;
-        let components = match accessor["type"].as_str() {
-            Some("SCALAR") => 1,
-            Some("VEC2") => 2,
-            Some("VEC3") => 3,
-            _ => 0,
-        };
-        if components != width || count > 3 * MAX_COUNT {
-            return Err((format!("accessor {index} has {count} items of type {}", accessor["type"]), AGAIN));
-        }
-        if !accessor["sparse"].is_null() {
-            return Err((format!("accessor {index} is sparse, which is not read"), AGAIN));
-        }
-        let kind = accessor["componentType"].as_u64().unwrap_or(0);
-        let size = match kind {
-            5120 | 5121 => 1,
-            5122 | 5123 => 2,
-            5125 | 5126 => 4,
-            _ => return Err((format!("accessor {index} has the component type {kind}"), AGAIN)),
-        };
-        let view = &self.document["bufferViews"]
-            [accessor["bufferView"].as_u64().ok_or_else(|| lacks("a buffer view"))? as usize];
-        let number = |v: &Value| v.as_u64().unwrap_or(0) as usize;
-        let buffer = self.buffers.get(number(&view["buffer"])).ok_or_else(|| lacks("a buffer"))?;
-        let start = number(&view["byteOffset"]).saturating_add(number(&accessor["byteOffset"]));
-        let stride = if view["byteStride"].is_null() { size * width } else { number(&view["byteStride"]) };
-        let end =
-            start.saturating_add(stride.saturating_mul(count.saturating_sub(1))).saturating_add(size * width);
-        if stride < size * width || end > buffer.len() && count > 0 {
-            let problem = format!("accessor {index} reaches to byte {end} of a buffer of {}", buffer.len());
-            return Err((problem, "the file is truncated: copy or export it again"));
-        }
-        let normalized = accessor["normalized"].as_bool() == Some(true);
-        let scale = if normalized {
-            [127.0, 255.0, 32_767.0, 65_535.0][(kind as usize).min(5123) - 5120]
-        } else {
-            1.0
-        };
-        let value = |b: &[u8]| match kind {
-            5120 => f64::from(b[0] as i8),
-            5121 => f64::from(b[0]),
-            5122 => f64::from(i16::from_le_bytes([b[0], b[1]])),
-            5123 => f64::from(u16::from_le_bytes([b[0], b[1]])),
-            5125 => f64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-            _ => f64::from(f32::from_le_bytes([b[0], b[1], b[2], b[3]])),
-        };
-        let item =
-            |k: usize| buffer[start + k * stride..start + k * stride + size * width].chunks_exact(size);
-        Ok((0..count).flat_map(item).map(|b| value(b) / scale).collect())
     }
 }
 
