@@ -34,6 +34,7 @@ fn way(remedy: &Remedy) -> String {
             format!("pip install . --config-settings=build-args=\"--features {name}\"")
         }
         Remedy::WithoutLost => "without_lost=True".into(),
+        Remedy::Object => "masks == N, or the program's `tessuto import SCENE --object N`".into(),
         Remedy::Outline | Remedy::Plate | Remedy::MakeMasks(_) => "the program's `tessuto masks`".into(),
         Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::Regrid | Remedy::EstimateCamera => {
             "the program's `tessuto template`".into()
@@ -43,6 +44,7 @@ fn way(remedy: &Remedy) -> String {
         // Scenes of other programs are imported by the program.
         Remedy::Fps
         | Remedy::Masks
+        | Remedy::Stride(..)
         | Remedy::AllowGaps
         | Remedy::Downscale
         | Remedy::Intrinsics

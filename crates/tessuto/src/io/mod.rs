@@ -5,6 +5,7 @@ pub mod depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;
+pub mod mask;
 pub mod model;
 pub mod npy;
 pub mod obj;
