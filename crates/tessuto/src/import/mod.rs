@@ -129,10 +129,11 @@ pub fn import(
 
     let fps = source.fps / settings.stride as f64;
     let camera = colours.camera.downsampled(settings.downscale);
+    let first = settings.frames.as_ref().map_or(0, |range| range.start);
     let origin = json!({
         "generator": "tessuto import",
         "input": settings.input.file_name().map(|n| n.to_string_lossy()),
-        "frames": [colours.frames.start, colours.frames.end * settings.stride],
+        "frames": [first, first + colours.frames.len().saturating_sub(1) * settings.stride + 1],
         "stride": settings.stride,
         "downscale": settings.downscale,
         "undistorted": !settings.calibration.distortion.is_none(),

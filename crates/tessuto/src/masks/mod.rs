@@ -87,7 +87,7 @@ pub struct Made {
 /// [`Error::Usage`](crate::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
 /// naming the frame; [`Error::Output`](crate::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
-    let clip = colour_files(folder)?;
+    let (clip, origin) = (colour_files(folder)?, refuse::Origin::of(folder));
     let mut record = Record::read(folder)?.unwrap_or_else(Record::new);
     files::check(folder)?;
     if request.forget {
@@ -106,7 +106,7 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let first = shrunk(&first, &frames);
     let noise = frames::noise(&frames, &first);
     record.noise = (f64::from(noise) * 1e3).round() / 1e3;
-    notes.extend(refuse::clip(&frames, &first, noise)?);
+    notes.extend(refuse::clip(&frames, &first, noise, origin)?);
     record.notes = notes;
     let given = Given {
         first,
@@ -117,7 +117,7 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
         noise,
     };
     let tracked = track(&frames, &given, &|part| progress(0.1 + 0.8 * part))
-        .map_err(|n| refuse::lost(&clip.paths[n], n))?;
+        .map_err(|n| refuse::lost(&clip.paths[n], n, origin))?;
     refuse::outline(&given.first, &tracked, rough)?;
     let judgements = judge::judge(&frames, &tracked);
     let coverage = coverages(&frames, &tracked, noise);

@@ -29,7 +29,7 @@ use crate::io::scene::{LoadOptions, Loaded, load};
 use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation};
 use crate::output::{FolderKind, OutputFolder};
-use crate::reconstruct::reconstruct;
+use crate::reconstruct::{Reconstruction, reconstruct};
 use crate::result::{self, Run, Summary};
 use crate::scene::Scene;
 use crate::session::{Checkpoints, Session, identity};
@@ -92,6 +92,22 @@ impl RunOptions {
         stages.push(stage("report", 3.0));
         stages
     }
+}
+
+/// A warning where a stiffness that was found lies at its bound. Of causes, the numbers that the video does not tell are told as
+/// unknown, wherever the search left them: that such a one came to lie at a bound is no news, and true of almost every clip
+/// (the prior is wide, and what does not bear on the motion drifts). One that the video tells and that lies at its bound is
+/// cut off, which matters.
+fn stiffness_doubt(settings: &Config, found: &Reconstruction) -> Option<Warning> {
+    let mut told = found.parameters.log_stiffness.clone();
+    if let Some(causes) = &found.causes {
+        let of = &causes.found;
+        let spreads = of.spread.ln_stiffness.iter().zip(&of.prior.ln_stiffness);
+        let unknown = spreads.map(|(spread, prior)| !of.is_informed(*spread, *prior));
+        // What is no number lies at no bound.
+        told.iter_mut().zip(unknown).filter(|(_, unknown)| *unknown).for_each(|(k, _)| *k = f64::NAN);
+    }
+    settings.dynamics.doubt(&told)
 }
 
 /// What a finished run left. The folder is there even if `failure` is set.
@@ -173,7 +189,7 @@ fn work(
     let found = reconstruct(scene, &run.settings, session)?;
     observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
     let of_causes = found.causes.as_ref().and_then(|causes| causes.found.doubt());
-    let of_stiffness = run.settings.dynamics.doubt(&found.parameters.log_stiffness);
+    let of_stiffness = stiffness_doubt(&run.settings, &found);
     for doubt in of_causes.into_iter().chain(of_stiffness) {
         observer.borrow_mut().warning(&doubt);
         warnings.push(doubt);
