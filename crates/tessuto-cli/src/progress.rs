@@ -56,7 +56,16 @@ impl Progress {
     /// Nothing shown yet.
     pub fn new(verbose: bool) -> Self {
         let started = Instant::now();
-        Self { bar: None, verbose, stages: Vec::new(), current: 0, started, before: None, last_line: None, guessed: f64::INFINITY }
+        Self {
+            bar: None,
+            verbose,
+            stages: Vec::new(),
+            current: 0,
+            started,
+            before: None,
+            last_line: None,
+            guessed: f64::INFINITY,
+        }
     }
 
     /// A run of these stages begins.

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use tessuto::io::{image, mask};
 use tessuto::io::scene::first_frame;
+use tessuto::io::{image, mask};
 use tessuto::{Camera, Error, Image, Result};
 
 use super::Arguments;

@@ -89,9 +89,7 @@ fn camera(words: &[&str], place: &str) -> Result<Calibration> {
             ([p[0], p[0]], [p[1], p[2]], Distortion::of_fisheye([p[3], 0.0, 0.0, 0.0]))
         }
         "RADIAL_FISHEYE" => ([p[0], p[0]], [p[1], p[2]], Distortion::of_fisheye([p[3], p[4], 0.0, 0.0])),
-        "OPENCV_FISHEYE" => {
-            ([p[0], p[1]], [p[2], p[3]], Distortion::of_fisheye([p[4], p[5], p[6], p[7]]))
-        }
+        "OPENCV_FISHEYE" => ([p[0], p[1]], [p[2], p[3]], Distortion::of_fisheye([p[4], p[5], p[6], p[7]])),
         _ => ([p[0], p[1]], [p[2], p[3]], Distortion::from_opencv(&p[4..])),
     };
     Ok(Calibration {

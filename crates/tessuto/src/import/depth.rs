@@ -138,7 +138,8 @@ fn from_json(value: &Value, path: &Path) -> Result<Option<Calibration>> {
         let fx = number(&["fx"])?;
         Some([fx, number(&["fy"]).unwrap_or(fx), number(&["cx"])?, number(&["cy"])?])
     };
-    let Some([fx, fy, cx, cy]) = matrix.map(|m| matrix::intrinsics(&m, &place)).transpose()?.or_else(numbers) else {
+    let Some([fx, fy, cx, cy]) = matrix.map(|m| matrix::intrinsics(&m, &place)).transpose()?.or_else(numbers)
+    else {
         return Ok(None);
     };
     Ok(Some(Calibration {
@@ -160,13 +161,14 @@ fn from_matrix(path: &Path, map: [usize; 2]) -> Result<Calibration> {
     let numbers: Option<Vec<f64>> = words.map(|word| word.parse().ok()).collect();
     let numbers = numbers.ok_or_else(|| bad("is no matrix"))?;
     let m = <[f64; 9]>::try_from(numbers).map_err(|_| bad("has not nine numbers"))?;
-    let width = |w: &&usize| ((**w as f64 - 1.0) / 2.0 - m[2]).abs();
+    let [fx, fy, cx, cy] = matrix::intrinsics(&m, &place)?;
+    let width = |w: &&usize| ((**w as f64 - 1.0) / 2.0 - cx).abs();
     let width = *WIDTHS.iter().min_by(|a, b| width(a).total_cmp(&width(b))).expect("there are several");
     let height = (width * map[1]).div_ceil(map[0]);
     Ok(Calibration {
-        centre: Some([m[2], m[5]]),
+        centre: Some([cx, cy]),
         size: Some([width, height]),
-        ..Calibration::new(place, Focal::Pixels([m[0], m[4]]))
+        ..Calibration::new(place, Focal::Pixels([fx, fy]))
     })
 }
 

@@ -74,9 +74,7 @@ impl Distortion {
     /// folds back and means nothing.
     fn valid_r2(&self) -> f64 {
         if let Some([k1, k2, k3, k4]) = self.fisheye {
-            let slope = |t2: f64| {
-                1.0 + t2 * (3.0 * k1 + t2 * (5.0 * k2 + t2 * (7.0 * k3 + t2 * 9.0 * k4)))
-            };
+            let slope = |t2: f64| 1.0 + t2 * (3.0 * k1 + t2 * (5.0 * k2 + t2 * (7.0 * k3 + t2 * 9.0 * k4)));
             // Up to a right angle, beyond which no pinhole camera sees.
             let angles = (0..1570).map(|k| f64::from(k) * 0.001);
             let angle = angles.into_iter().find(|t| slope(t * t) <= 0.0);
@@ -180,9 +178,8 @@ mod tests {
         let k = [0.02, -0.01, 0.004, -0.001];
         // The formula as it is written, inverted by halving: the angle that is seen at this radius.
         straightens(&Distortion::of_fisheye(k), |seen| {
-            let radius = |t: f64| {
-                t + k[0] * t.powi(3) + k[1] * t.powi(5) + k[2] * t.powi(7) + k[3] * t.powi(9)
-            };
+            let radius =
+                |t: f64| t + k[0] * t.powi(3) + k[1] * t.powi(5) + k[2] * t.powi(7) + k[3] * t.powi(9);
             let (mut low, mut high) = (0.0, 1.5);
             for _ in 0..60 {
                 let middle = 0.5 * (low + high);

@@ -13,7 +13,8 @@ use super::video::Video;
 use super::{Masks, Settings, pairing};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
-use crate::io::{image, mask};
+use crate::io::image;
+use crate::io::mask::{self, Reading};
 use crate::video::COVERED;
 
 /// Compression leaves traces of this size [fraction of white] in black and white.
@@ -33,6 +34,7 @@ pub(super) fn write(
     let start = settings.frames.as_ref().map_or(0, |r| r.start);
     // Numbers, in the input, of the frames that were written.
     let wanted: Vec<usize> = colours.frames.clone().map(|k| start + k * settings.stride).collect();
+    let mut reading = Reading::luminance();
     let writer = Writer { stage, colours, wanted: &wanted, empty: Mutex::default() };
     match (&settings.masks, &source.kind) {
         (Masks::Alpha, Kind::Images(images)) => {
@@ -57,11 +59,11 @@ pub(super) fn write(
         (Masks::Path(path), kind) if path.is_dir() => {
             let whole = settings.frames.is_none();
             let files = pairing::pair(kind, path, &wanted, whole, notes)?;
-            writer.folder(path, &files, notes)?;
+            reading = writer.folder(path, &files, notes)?;
         }
         (Masks::Path(path), _) => from_video(path, settings, source, &writer, notes)?,
     }
-    writer.refuse_empty(if settings.masks == Masks::Alpha { "transparent everywhere" } else { "" })
+    writer.refuse_empty(&reading, if settings.masks == Masks::Alpha { "transparent everywhere" } else { "" })
 }
 
 /// Writes masks, and keeps which are empty.
@@ -87,7 +89,7 @@ impl Writer<'_> {
     }
 
     /// Writes all masks of a folder. What their values mean is decided for all of them.
-    fn folder(&self, folder: &Path, files: &[PathBuf], notes: &mut Vec<String>) -> Result<()> {
+    fn folder(&self, folder: &Path, files: &[PathBuf], notes: &mut Vec<String>) -> Result<Reading> {
         let looks: Vec<Result<mask::Look>> =
             files.par_iter().map(|path| Ok(image::open(path)?.look())).collect();
         let looks = looks.into_iter().collect::<Result<Vec<_>>>()?;
@@ -99,7 +101,7 @@ impl Writer<'_> {
             let mut file = image::open(path)?;
             let full = file.full();
             let mask = file.mask_as(&reading, full);
-            let brightest = mask::brightest(&file.luminance(full));
+            let brightest = file.brightest(&reading, &mask);
             let said = if [mask.width, mask.height] == size { None } else { Some(SCALED) };
             let mut noted = noted.lock().expect("nobody panics with it");
             file.notes.sort_unstable();
@@ -121,11 +123,11 @@ impl Writer<'_> {
             let first = which.into_iter().min().map_or_else(String::new, |k| name(&files[k]));
             notes.push(format!("{place}: {note} (in {count} masks, first {first})"));
         }
-        Ok(())
+        Ok(reading)
     }
 
     /// Refuses frames without fabric, all of them at once.
-    fn refuse_empty(self, what: &str) -> Result<()> {
+    fn refuse_empty(self, reading: &Reading, what: &str) -> Result<()> {
         let empty = self.empty.into_inner().expect("nobody panics with it");
         let Some((path, brightest)) = empty.values().next() else { return Ok(()) };
         let there: Vec<bool> = (0..self.wanted.len()).map(|k| !empty.contains_key(&k)).collect();
@@ -135,12 +137,13 @@ impl Writer<'_> {
             Some(run) => {
                 hint.with(Remedy::Frames(Some(self.wanted[run.start]..self.wanted[run.end - 1] + 1)))
             }
-            None => "fabric must be white; black is what is not (masks the other way round can be inverted)".into(),
+            None => "fabric must be white; black is what is not (masks the other way round can be inverted)"
+                .into(),
         };
         if !what.is_empty() {
             return Err(Error::input(path.display().to_string(), format!("is {what}{count}"), hint));
         }
-        Err(mask::empty(path, *brightest, &count, hint))
+        Err(mask::empty(path, *brightest, &count, reading, hint))
     }
 }
 
@@ -211,7 +214,9 @@ fn refuse_colours(rgb: &[u8], path: &Path, frame: usize) -> Result<()> {
     let part = 100.0 * count as f64 / pixels.len() as f64;
     Err(Error::input(
         path.display().to_string(),
-        format!("frame {frame} is coloured in {part:.1} % of its pixels; masks in a video are white on black"),
+        format!(
+            "frame {frame} is coloured in {part:.1} % of its pixels; masks in a video are white on black"
+        ),
         "give masks in colours or labels as a folder of PNG images, which keep them exactly, or make the video white where the fabric is",
     ))
 }

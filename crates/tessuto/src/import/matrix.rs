@@ -18,7 +18,8 @@ pub(super) fn intrinsics(m: &[f64], place: &str) -> Result<[f64; 4]> {
         let problem = format!("its camera matrix holds {} numbers, 9 expected", m.len());
         return Err(Error::input(place, problem, order));
     }
-    let last = |k: [usize; 3]| m[k[0]].abs() < EXACT && m[k[1]].abs() < EXACT && (m[k[2]] - 1.0).abs() < EXACT;
+    let last =
+        |k: [usize; 3]| m[k[0]].abs() < EXACT && m[k[1]].abs() < EXACT && (m[k[2]] - 1.0).abs() < EXACT;
     let rows = last([6, 7, 8]);
     if !rows && !last([2, 5, 8]) {
         let problem = format!(

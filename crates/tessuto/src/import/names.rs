@@ -73,7 +73,8 @@ fn none(folder: &Path, foreign: &[PathBuf], folders: &[PathBuf]) -> Error {
     let nested: Vec<PathBuf> = folders.iter().filter(has_images).cloned().collect();
     match nested.first() {
         Some(first) => {
-            let problem = format!("has no PNG or JPEG image itself; folders in it have: {}", several(&nested));
+            let problem =
+                format!("has no PNG or JPEG image itself; folders in it have: {}", several(&nested));
             Error::input(place, problem, format!("name one of them: {}", first.display()))
         }
         None => Error::input(place, "has no PNG or JPEG image", "name the folder that holds the images"),
@@ -95,8 +96,12 @@ fn left_out(folder: &Path, found: &[PathBuf], foreign: &[PathBuf]) -> Result<Str
         !parts.numbers.is_empty() && patterns.contains(&parts.texts)
     });
     if let Some(alike) = alike {
-        let problem =
-            format!("has {} beside {} PNG or JPEG images: {}", files(alone.len()), found.len(), several(&alone));
+        let problem = format!(
+            "has {} beside {} PNG or JPEG images: {}",
+            files(alone.len()),
+            found.len(),
+            several(&alone)
+        );
         return Err(Error::input(folder.display().to_string(), problem, conversion(alike)));
     }
     let twins = if alone.is_empty() { "; each has its PNG or JPEG" } else { "" };
@@ -129,9 +134,13 @@ fn conversion(path: &Path) -> String {
     match ending.as_str() {
         "npy" | "npz" => "write the arrays as PNG images, white where the fabric is".into(),
         "dng" | "cr2" | "cr3" | "nef" | "arw" | "raf" | "rw2" | "orf" => {
-            format!("develop all of them alike, e.g. darktable-cli FOLDER OUT/ --out-ext png, or magick mogrify -format png FOLDER/*.{ending}")
+            format!(
+                "develop all of them alike, e.g. darktable-cli FOLDER OUT/ --out-ext png, or magick mogrify -format png FOLDER/*.{ending}"
+            )
         }
-        _ => format!("convert them, e.g. magick mogrify -format png FOLDER/*.{ending}, or with ffmpeg; PNG and JPEG are read"),
+        _ => format!(
+            "convert them, e.g. magick mogrify -format png FOLDER/*.{ending}, or with ffmpeg; PNG and JPEG are read"
+        ),
     }
 }
 

@@ -14,9 +14,9 @@ pub(super) fn parse(file: &Value, place: &str) -> Result<Calibration> {
     let model = text(file, frames, "camera_model");
     let said = |v: &Value| v["is_fisheye"].as_bool().unwrap_or(v["is_fisheye"].as_i64() == Some(1));
     let fisheye = model == Some("OPENCV_FISHEYE") || std::iter::once(file).chain(frames).any(said);
-    if let Some(model) = model
-        .filter(|m| !matches!(*m, "OPENCV" | "OPENCV_FISHEYE" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL"))
-    {
+    if let Some(model) = model.filter(|m| {
+        !matches!(*m, "OPENCV" | "OPENCV_FISHEYE" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL")
+    }) {
         return Err(Error::input(
             place,
             format!("the camera model {model} is not read"),
@@ -71,13 +71,13 @@ pub(super) fn parse(file: &Value, place: &str) -> Result<Calibration> {
             Distortion::of_fisheye([k1, k2, k3, k4].map(or_zero))
         } else {
             Distortion {
-            k1: or_zero(k1),
-            k2: or_zero(k2),
-            k3: or_zero(k3),
-            p1: or_zero(p1),
-            p2: or_zero(p2),
-            fisheye: None,
-        }
+                k1: or_zero(k1),
+                k2: or_zero(k2),
+                k3: or_zero(k3),
+                p1: or_zero(p1),
+                p2: or_zero(p2),
+                fisheye: None,
+            }
         },
         notes,
         ..Calibration::new(place, focal)

@@ -34,8 +34,15 @@ const BROWN: [&str; 9] = [
     "perspective",
 ];
 /// Models after Kannala and Brandt.
-const FISHEYE: [&str; 7] =
-    ["fisheye", "opencv_fisheye", "equidistant", "equi", "kannala_brandt", "kannala_brandt4", "kannalabrandt4"];
+const FISHEYE: [&str; 7] = [
+    "fisheye",
+    "opencv_fisheye",
+    "equidistant",
+    "equi",
+    "kannala_brandt",
+    "kannala_brandt4",
+    "kannalabrandt4",
+];
 const COEFFICIENTS: [&str; 10] = [
     "distortion_coefficients",
     "Distortion_Coefficients",
@@ -139,8 +146,13 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
         false => brown(&k, place)?,
     };
     let side = |keys: &[&str]| found(keys).and_then(Value::as_u64).map(|v| v as usize);
-    let size = side(&["image_width", "image_Width", "imageWidth", "width", "w"])
-        .zip(side(&["image_height", "image_Height", "imageHeight", "height", "h"]));
+    let size = side(&["image_width", "image_Width", "imageWidth", "width", "w"]).zip(side(&[
+        "image_height",
+        "image_Height",
+        "imageHeight",
+        "height",
+        "h",
+    ]));
     let lists = ["image_size", "img_size", "DIM", "resolution", "imageResolution", "image_resolution"];
     let listed = found(&lists).map(numbers).filter(|s| s.len() == 2);
     Ok(Calibration {

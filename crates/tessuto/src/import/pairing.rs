@@ -65,8 +65,7 @@ impl Pairs<'_> {
             return Ok(self.wanted.iter().map(|n| Some(&self.files[*n])).collect());
         }
         let by_name: BTreeMap<String, &PathBuf> = self.files.iter().map(|f| (bare(f), f)).collect();
-        let named: Found<'_> =
-            self.wanted.iter().map(|n| by_name.get(&bare(&images[*n])).copied()).collect();
+        let named: Found<'_> = self.wanted.iter().map(|n| by_name.get(&bare(&images[*n])).copied()).collect();
         if named.iter().any(Option::is_some) {
             return Ok(named);
         }
@@ -95,7 +94,8 @@ impl Pairs<'_> {
         let by_name: Vec<String> = self.files.iter().map(|f| bare(f)).collect();
         if are_times(images) {
             let none = !images.iter().any(|image| by_name.contains(&bare(image)));
-            return none.then(|| "masks are numbered, frames named by their times; paired in order".to_owned());
+            return none
+                .then(|| "masks are numbered, frames named by their times; paired in order".to_owned());
         }
         let frames = numbers(images).filter(|n| gapless(n))?;
         let (first, mask) = (*frames.first()?, *masks.first()?);
@@ -140,7 +140,8 @@ impl Pairs<'_> {
         }
         let problem =
             format!("has no mask for {} of {} frames: {}", missing.len(), found.len(), names.join(", "));
-        let error = |problem: String, hint: Hint| Error::input(self.folder.display().to_string(), problem, hint);
+        let error =
+            |problem: String, hint: Hint| Error::input(self.folder.display().to_string(), problem, hint);
         let there: Vec<bool> = found.iter().map(Option::is_some).collect();
         let start = self.numbers.as_ref().and_then(|n| n.iter().min().copied());
         if let Some((frame, mask)) = self.first_frame().zip(start)
@@ -183,7 +184,10 @@ impl Pairs<'_> {
             );
             return error(problem, Hint::from(hint).with(part));
         }
-        error(problem, Hint::from("segment these frames too, or take the longest part that has masks").with(part))
+        error(
+            problem,
+            Hint::from("segment these frames too, or take the longest part that has masks").with(part),
+        )
     }
 
     /// Refuses twice as many masks as frames, or three times: they may be of another rate. Other masks without frames are noted.
@@ -204,7 +208,10 @@ impl Pairs<'_> {
             };
             return Err(Error::input(place.to_string(), problem, hint));
         }
-        notes.push(format!("{place}: {} of {masks} masks belong to no frame and are left out", masks - frames));
+        notes.push(format!(
+            "{place}: {} of {masks} masks belong to no frame and are left out",
+            masks - frames
+        ));
         Ok(())
     }
 
@@ -268,13 +275,10 @@ mod tests {
 
     #[test]
     fn rates_and_runs() {
-        assert_eq!([ratio(60, 30), ratio(59, 30), ratio(61, 20), ratio(12, 11), ratio(45, 30)], [
-            Some(2),
-            Some(2),
-            Some(3),
-            None,
-            None
-        ]);
+        assert_eq!(
+            [ratio(60, 30), ratio(59, 30), ratio(61, 20), ratio(12, 11), ratio(45, 30)],
+            [Some(2), Some(2), Some(3), None, None]
+        );
         assert_eq!(every(&[true, false, true, false, true, false]), Some((0, 2)));
         assert_eq!(every(&[false, true, false, false, true, false, false]), Some((1, 3)));
         assert_eq!(every(&[true, false, true, true]), None);

@@ -57,7 +57,9 @@ impl Colours {
             notes.push(format!("lens distortion removed; {lost:.1} % of the straightened images lie outside the recorded ones and are black"));
             if lens.fisheye.is_some() {
                 let across = 2.0 * (camera.width as f64 / (2.0 * camera.fx)).atan().to_degrees();
-                notes.push(format!("of the fisheye lens the middle {across:.0}° across are kept, at the same focal length"));
+                notes.push(format!(
+                    "of the fisheye lens the middle {across:.0}° across are kept, at the same focal length"
+                ));
             }
         }
         Ok(Self { frames: 0..count, camera, undistortion })

@@ -74,8 +74,9 @@ pub(super) fn order(
 pub(super) fn of(images: &[PathBuf]) -> Option<Times> {
     let parts = alike(images).filter(|parts| parts.len() > 1)?;
     let changing = changing(&parts);
-    let (found, resolution) =
-        since_1970(&parts, &changing).or_else(|| decimal(&parts, &changing)).or_else(|| date(&parts, &changing))?;
+    let (found, resolution) = since_1970(&parts, &changing)
+        .or_else(|| decimal(&parts, &changing))
+        .or_else(|| date(&parts, &changing))?;
     let first = found.iter().copied().min()?;
     let mut sorted = found.clone();
     sorted.sort_unstable();
@@ -129,7 +130,8 @@ fn date(parts: &[Parts], changing: &[usize]) -> Found {
     let lengths = |p: &Parts, at: usize| p.numbers[at..].iter().map(String::len).collect::<Vec<_>>();
     let (start, length) = (0..count).find_map(|start| {
         let forms: [&[usize]; 4] = [&[4, 2, 2, 2, 2, 2], &[8, 6], &[8, 2, 2, 2], &[4, 2, 2, 6]];
-        let form = forms.into_iter().find(|form| parts.iter().all(|p| lengths(p, start).starts_with(form)))?;
+        let form =
+            forms.into_iter().find(|form| parts.iter().all(|p| lengths(p, start).starts_with(form)))?;
         Some((start, form.len()))
     })?;
     let end = start + length;

@@ -221,7 +221,14 @@ impl ImageFile {
             }
             _ => return None,
         };
-        Some(Self { path: place.into(), dynamic, plain: true, notes: Vec::new(), lossy: false, palette: None })
+        Some(Self {
+            path: place.into(),
+            dynamic,
+            plain: true,
+            notes: Vec::new(),
+            lossy: false,
+            palette: None,
+        })
     }
 
     /// The file, or what stands for it in messages.
@@ -265,6 +272,12 @@ impl ImageFile {
             self.notes.push("the mask's brightest value is below half of white");
         }
         mask
+    }
+
+    /// The largest luminance in the file [of 255].
+    pub fn brightest_luminance(&self) -> f32 {
+        let (largest, full_scale) = self.largest();
+        255.0 * largest / full_scale
     }
 
     /// 8-bit colour, shape [height, width, 3].

@@ -31,7 +31,10 @@ impl Origin {
         let manifest: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
         let number = |value: &serde_json::Value| value.as_u64().and_then(|v| usize::try_from(v).ok());
         let notes = &manifest["notes"];
-        Self { first: number(&notes["frames"][0]).unwrap_or(0), stride: number(&notes["stride"]).unwrap_or(1) }
+        Self {
+            first: number(&notes["frames"][0]).unwrap_or(0),
+            stride: number(&notes["stride"]).unwrap_or(1),
+        }
     }
 
     /// The first `count` frames of the scene, as numbers of the input.

@@ -34,6 +34,8 @@ const NEARLY_WHITE: f32 = 0.95;
 pub(crate) struct Reading {
     pub(super) plane: Plane,
     how: How,
+    /// What is fabric, where it is an object.
+    pub fabric: Option<String>,
     /// What a user should know.
     pub notes: Vec<String>,
 }
@@ -51,7 +53,7 @@ enum How {
 
 impl Reading {
     fn new(plane: Plane, how: How) -> Self {
-        Self { plane, how, notes: Vec::new() }
+        Self { plane, how, fabric: None, notes: Vec::new() }
     }
 
     /// As masks are without further ado.
@@ -120,6 +122,11 @@ pub(crate) fn understand<'a>(
     }
     let decision = Decision { place, look: &look, colours, object };
     let (how, note) = decision.decide()?;
+    reading.fabric = match &how {
+        How::Only(key) => Some(decision.name(*key)),
+        How::Nearest(keys) => keys.first().map(|key| decision.name(*key)),
+        How::Luminance | How::Over(_) => None,
+    };
     reading.how = how;
     reading.notes.extend(note);
     Ok(reading)
@@ -358,7 +365,11 @@ impl Decision<'_> {
     }
 
     fn told(&self, key: u32) -> Option<String> {
-        Some(format!("the fabric is {}", self.candidates(&[key])[0].named()))
+        Some(format!("the fabric is {}", self.name(key)))
+    }
+
+    fn name(&self, key: u32) -> String {
+        self.candidates(&[key])[0].named()
     }
 }
 

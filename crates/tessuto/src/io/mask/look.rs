@@ -1,5 +1,6 @@
 //! What a mask file holds: its colours, how many pixels each has, and whether they have an inside.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
 use ::image::DynamicImage;
@@ -79,14 +80,19 @@ pub(super) fn parts(image: &DynamicImage) -> Parts {
 
 impl Parts {
     /// The key of every pixel in `plane`: 0xRRGGBB, or a grey of 16 bits.
-    pub fn keys(&self, plane: Plane) -> Vec<u32> {
-        match (plane, &self.alpha) {
-            (Plane::Colour, _) | (Plane::OverBlack, None) => self.colours.clone(),
-            (Plane::OverBlack, Some(alpha)) => {
-                self.colours.iter().zip(alpha).map(|(key, a)| if *a < 128 { 0 } else { *key }).collect()
+    pub fn keys(&self, plane: Plane) -> Cow<'_, [u32]> {
+        let (colours, Some(alpha)) = (&self.colours, &self.alpha) else {
+            return match plane {
+                Plane::Colour | Plane::OverBlack => Cow::Borrowed(&self.colours),
+                Plane::Alpha => Cow::Owned(vec![0xFF_FFFF; self.colours.len()]),
+            };
+        };
+        match plane {
+            Plane::Colour => Cow::Borrowed(colours),
+            Plane::OverBlack => {
+                colours.iter().zip(alpha).map(|(key, a)| if *a < 128 { 0 } else { *key }).collect()
             }
-            (Plane::Alpha, Some(alpha)) => alpha.iter().map(|a| u32::from(*a) * 0x01_0101).collect(),
-            (Plane::Alpha, None) => vec![0xFF_FFFF; self.colours.len()],
+            Plane::Alpha => alpha.iter().map(|a| u32::from(*a) * 0x01_0101).collect(),
         }
     }
 }
@@ -175,20 +181,7 @@ impl Colours {
                 hue.iter_mut().zip(part).for_each(|(h, v)| *h = [h[0].min(v), h[1].max(v)]);
             }
         }
-        let height = keys.len() / width.max(1);
-        for y in 0..height {
-            for x in 0..width {
-                let i = y * width + x;
-                let same = |k: usize| keys[k] == keys[i];
-                let inner = (x == 0 || same(i - 1))
-                    && (x + 1 == width || same(i + 1))
-                    && (y == 0 || same(i - width))
-                    && (y + 1 == height || same(i + width));
-                if inner && let Some(count) = counts.get_mut(&keys[i]) {
-                    count.inner += 1;
-                }
-            }
-        }
+        count_inner(keys, width, &mut counts);
         let mut all: Vec<(u32, Count)> = counts.into_iter().collect();
         all.sort_by_key(|(key, count)| (std::cmp::Reverse(count.pixels), *key));
         out.more |= all.len() > KEPT;
@@ -216,6 +209,36 @@ impl Colours {
             (own, hue) => own.or(hue),
         };
     }
+}
+
+/// Counts the pixels whose neighbours above, below, left and right have their colour, or are outside of the image.
+fn count_inner(keys: &[u32], width: usize, counts: &mut HashMap<u32, Count>) {
+    let height = keys.len() / width.max(1);
+    // Of the present run of one colour; a map is looked into once for each.
+    let (mut present, mut inner) = (keys.first().copied().unwrap_or(0), 0);
+    let mut add = |key: u32, inner: usize| {
+        if inner > 0
+            && let Some(count) = counts.get_mut(&key)
+        {
+            count.inner += inner;
+        }
+    };
+    for y in 0..height {
+        for x in 0..width {
+            let i = y * width + x;
+            if keys[i] != present {
+                add(present, inner);
+                (present, inner) = (keys[i], 0);
+            }
+            let same = |k: usize| keys[k] == present;
+            let surrounded = (x == 0 || same(i - 1))
+                && (x + 1 == width || same(i + 1))
+                && (y == 0 || same(i - width))
+                && (y + 1 == height || same(i + width));
+            inner += usize::from(surrounded);
+        }
+    }
+    add(present, inner);
 }
 
 /// What a mask file holds, before anybody knows what it means; or what several hold together.

@@ -30,13 +30,21 @@ use look::{Plane, parts};
 /// # Errors
 /// [`Error::Input`] naming the file: what is no mask, several objects, none of them chosen.
 pub fn read(path: &Path, object: Option<&Object>) -> Result<(Image, Option<String>)> {
+    let (mask, note, ..) = read_so(path, object)?;
+    Ok((mask, note))
+}
+
+/// [`read`], with how it was read and the brightest value of the file.
+fn read_so(path: &Path, object: Option<&Object>) -> Result<(Image, Option<String>, Reading, f32)> {
     let mut file = open(path)?;
     let place = path.display().to_string();
     let reading = understand(&place, [&file.look()], object)?;
     let mask = file.mask_as(&reading, file.full());
+    let brightest = file.brightest(&reading, &mask);
     let notes: Vec<&str> =
         file.notes.iter().copied().chain(reading.notes.iter().map(String::as_str)).collect();
-    Ok((mask, (!notes.is_empty()).then(|| format!("{place}: {}", notes.join("; ")))))
+    let note = (!notes.is_empty()).then(|| format!("{place}: {}", notes.join("; ")));
+    Ok((mask, note, reading, brightest))
 }
 
 /// [`read`], of which some must be fabric.
@@ -44,10 +52,10 @@ pub fn read(path: &Path, object: Option<&Object>) -> Result<(Image, Option<Strin
 /// # Errors
 /// Those of [`read`]; [`Error::Input`] naming the file of an empty mask.
 pub fn read_fabric(path: &Path, object: Option<&Object>) -> Result<(Image, Option<String>)> {
-    let (mask, note) = read(path, object)?;
+    let (mask, note, reading, brightest) = read_so(path, object)?;
     if mask.data.iter().all(|v| *v < crate::video::COVERED) {
         let hint = Hint::from("give a mask in which the fabric is white");
-        return Err(empty(path, brightest(&mask), "", hint));
+        return Err(empty(path, brightest, "", &reading, hint));
     }
     Ok((mask, note))
 }
@@ -58,10 +66,10 @@ pub(crate) fn brightest(mask: &Image) -> f32 {
 }
 
 /// The error of a mask without fabric; `part` says of which part of the image.
-pub(crate) fn empty(path: &Path, brightest: f32, part: &str, hint: Hint) -> Error {
-    let found = format!(
-        "the mask is empty{part}: its brightest value is {brightest:.0} of 255, fabric is 128 or more"
-    );
+pub(crate) fn empty(path: &Path, brightest: f32, part: &str, reading: &Reading, hint: Hint) -> Error {
+    let fabric = reading.fabric.as_deref().unwrap_or("128 or more");
+    let found =
+        format!("the mask is empty{part}: its brightest value is {brightest:.0} of 255, fabric is {fabric}");
     Error::input(path.display().to_string(), found, hint)
 }
 
@@ -69,6 +77,14 @@ impl ImageFile {
     /// What the file holds, for [`understand`].
     pub(crate) fn look(&self) -> Look {
         Look::of(&parts(self.dynamic()), self.palette.clone(), self.lossy)
+    }
+
+    /// The brightest value of the file [of 255], of which `mask` was made; of its transparency, where that is the mask.
+    pub(crate) fn brightest(&self, reading: &Reading, mask: &Image) -> f32 {
+        match reading.plane {
+            Plane::Alpha => brightest(mask),
+            Plane::Colour | Plane::OverBlack => self.brightest_luminance(),
+        }
     }
 
     /// Mask values of `region` as `reading` has them, shape [height, width, 1].

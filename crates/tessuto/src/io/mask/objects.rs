@@ -33,22 +33,29 @@ impl Candidate {
     }
 }
 
-/// The key of the only one of `candidates`, or of the `object` that was asked for. Their order is that of the list.
+/// The key of the only one of `candidates`, or of the `object` that was asked for. The list is ordered by labels, where all have some,
+/// else as they come.
 ///
 /// # Errors
 /// [`Error::Input`] with the list.
 pub(super) fn chosen(
     place: &str,
-    candidates: Vec<Candidate>,
+    mut candidates: Vec<Candidate>,
     files: usize,
     object: Option<&Object>,
 ) -> Result<u32> {
+    let by_label = candidates.iter().all(|c| c.label.is_some());
+    if by_label {
+        candidates.sort_by_key(|c| c.label);
+    }
     let found = match object {
         None if candidates.len() == 1 => candidates.first(),
         None => None,
-        Some(Object::Number(n)) => {
-            candidates.iter().enumerate().find(|(k, c)| c.label.unwrap_or(*k as u32 + 1) == *n).map(|(_, c)| c)
-        }
+        Some(Object::Number(n)) => candidates
+            .iter()
+            .enumerate()
+            .find(|(k, c)| c.label.unwrap_or(*k as u32 + 1) == *n)
+            .map(|(_, c)| c),
         Some(Object::Colour(colour)) => {
             let near = |c: &&Candidate| c.colour.iter().zip(colour).all(|(a, b)| a.abs_diff(*b) <= SAME);
             candidates.iter().find(near)
@@ -57,7 +64,6 @@ pub(super) fn chosen(
     if let Some(found) = found {
         return Ok(found.key);
     }
-    let by_label = candidates.iter().all(|c| c.label.is_some());
     let row = |(k, c): (usize, &Candidate)| {
         let number = if by_label { String::new() } else { format!("{}: ", k + 1) };
         let masks = if files > 1 { format!(" in {} of {files} masks", c.files) } else { String::new() };

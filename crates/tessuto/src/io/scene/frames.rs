@@ -195,7 +195,7 @@ fn look_at_masks(
         Some(Source::File(path)) => path.parent().unwrap_or(path).display().to_string(),
         _ => "masks".to_owned(),
     };
-    let reading = mask::understand(&place, looked.iter().map(|l| &l.look), None)?;
+    let reading = mask::understand(&place, looked.iter().map(|l| &l.look), None).map_err(of_scene)?;
     let hint = || Hint::from("look at the masks' outlines").with(Remedy::Check);
     warnings.extend(reading.notes.iter().map(|note| Warning::new("masks", note, hint())));
     let found = match reading.is_luminance() {
@@ -205,14 +205,30 @@ fn look_at_masks(
     Ok((found, reading))
 }
 
+/// The error of masks that hold several objects, in words of a scene, in which nothing is chosen.
+pub(super) fn of_scene(error: Error) -> Error {
+    match error {
+        Error::Input { place, problem, hint } if hint.remedies.contains(&Remedy::Object) => {
+            let hint = Hint::from(
+                "a scene has one fabric: leave its object in the masks, or import them again and choose it",
+            );
+            Error::Input { place, problem, hint: hint.with(Remedy::Object) }
+        }
+        other => other,
+    }
+}
+
 fn look_at_mask(mask: &Source, file: &mut ImageFile, crop: Option<Rect>, reading: &Reading) -> Result<Mask> {
     let full = file.full();
     let image = file.mask_as(reading, crop.unwrap_or(full));
     let Some(found) = bounds(&image) else {
-        let part = if crop.is_some() { " inside the crop" } else { "" };
+        let (part, brightest) = match crop {
+            Some(_) => (" inside the crop", mask::brightest(&image)),
+            None => ("", file.brightest(reading, &image)),
+        };
         let hint = Hint::from("correct the mask (white = fabric), or leave such frames out");
         let hint = hint.with(Remedy::Frames(None));
-        return Err(mask::empty(mask.place(), mask::brightest(&image), part, hint));
+        return Err(mask::empty(mask.place(), brightest, part, reading, hint));
     };
     let notes = std::mem::take(&mut file.notes);
     Ok(match crop {
