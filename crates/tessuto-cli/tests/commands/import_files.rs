@@ -11,6 +11,7 @@ use tessuto::Image;
 use tessuto::import::{Calibration, read_calibration};
 use tessuto::io::image::{read, read_mask, write_png};
 
+use crate::missing::not_tested;
 use crate::scene_maker::{SIZE, colour, fabric, mask};
 
 /// Folders `frames` and `masks`, empty, beside the scene `out`.
@@ -395,6 +396,67 @@ fn formats_that_are_not_read_are_named() {
     files.refused(
         &[],
         &["has no PNG or JPEG image, but IMG_0001.HEIC", "magick mogrify -format png FOLDER/*.heic"],
+    );
+}
+
+#[test]
+fn what_is_noted_of_frames_is_repeated() {
+    let files = Files::with(&[], &names(0..2, |n| format!("{n:05}.png")));
+    for n in 0..2 {
+        let image = RgbaImage::from_fn(SIZE as u32, SIZE as u32, |x, y| {
+            Rgba([
+                9 * x as u8,
+                9 * y as u8,
+                40 * n as u8,
+                if fabric(x as usize, y as usize) { 255 } else { 7 },
+            ])
+        });
+        image.save(files.path(&format!("frames/{n:05}.png"))).unwrap();
+    }
+    let text = files.imported(&[]);
+    assert!(text.contains("frames: transparency (alpha) is ignored (in 2 files, first 00000.png)"), "{text}");
+    let (status, text) = files.run(
+        &[&["import", "@frames", "@out", "--alpha", "--fps", "25", "--force"][..], &CAMERA[..]].concat(),
+    );
+    assert!(status == Some(0) && !text.contains("ignored"), "{text}");
+}
+
+#[test]
+fn a_video_of_masks_in_colours_is_refused() {
+    let ffmpeg = std::env::var_os("TESSUTO_FFMPEG").unwrap_or_else(|| "ffmpeg".into());
+    if Command::new(&ffmpeg).arg("-version").output().is_err() {
+        return not_tested("ffmpeg");
+    }
+    let files = Files::with(&names(0..3, |n| format!("{n:05}.png")), &[]);
+    let encode = |colour: &dyn Fn(u8) -> [u8; 3]| {
+        for n in 0..3 {
+            save_labels(&files.path(&format!("masks/{n:05}.png")), &[1, 2], colour);
+        }
+        let output = Command::new(&ffmpeg)
+            .args(["-y", "-v", "error", "-nostdin", "-framerate", "25", "-i"])
+            .arg(files.path("masks/%05d.png"))
+            .args(["-c:v", "ffv1", "-pix_fmt", "yuv420p"])
+            .arg(files.path("masks.mkv"))
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", one_line(&output.stderr));
+    };
+    let import = || {
+        let words = ["import", "@frames", "@out", "--masks", "@masks.mkv", "--fps", "25", "--force"];
+        files.run(&[&words[..], &CAMERA[..]].concat())
+    };
+    encode(&davis);
+    let (status, text) = import();
+    assert!(status == Some(3) && text.contains("masks.mkv: frame 0 is coloured in"), "{text}");
+    assert!(text.contains("as a folder of PNG images"), "{text}");
+    // White for the fabric alone, and nothing in all frames.
+    encode(&|label| [255 * u8::from(label == 1); 3]);
+    assert_eq!(import().0, Some(0));
+    encode(&|_| [0; 3]);
+    let (status, text) = import();
+    assert!(
+        status == Some(3) && text.contains("masks.mkv, frame 0: the mask is empty (3 of 3 masks are)"),
+        "{text}"
     );
 }
 

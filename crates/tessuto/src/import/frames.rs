@@ -68,6 +68,7 @@ impl Source {
                 in_order(chosen.into_par_iter().enumerate(), |(k, n)| {
                     stage.colour_file(&colours, k, &images[n])
                 })?;
+                notes.extend(stage.notes());
                 Ok(colours)
             }
             Kind::Video(video) => {
