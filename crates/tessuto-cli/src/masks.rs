@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::import::empty_place;
+use tessuto::io::mask::Object;
 use tessuto::masks::{Click, EmptyPlace, Record, Request, make};
 use tessuto::text::quoted;
 
@@ -58,6 +59,17 @@ pub struct Source {
     /// Keep only the largest piece of each mask.
     #[arg(long)]
     pub largest_piece: bool,
+    #[command(flatten)]
+    pub choice: Choice,
+}
+
+/// Which object of a mask is the fabric, for the commands that read masks.
+#[derive(Args)]
+pub struct Choice {
+    /// Of masks that hold several objects, the one that is the fabric: its label (palette index or grey value; of colours
+    /// without a palette its number in the list that the message gives), or its colour, such as 128,0,0 or #800000.
+    #[arg(long, value_name = "N|COLOUR")]
+    pub object: Option<Object>,
 }
 
 /// Runs the command.
@@ -88,6 +100,7 @@ impl Source {
         Request {
             outline: self.outline.clone().map(|p| p.0),
             largest_piece: self.largest_piece,
+            object: self.choice.object,
             ..Request::default()
         }
     }

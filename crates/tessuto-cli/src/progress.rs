@@ -48,13 +48,24 @@ pub struct Progress {
     /// Part of the run that was done when this program began with it.
     before: Option<f64>,
     last_line: Option<Instant>,
+    /// The shortest time that was guessed within the stage [s].
+    guessed: f64,
 }
 
 impl Progress {
     /// Nothing shown yet.
     pub fn new(verbose: bool) -> Self {
         let started = Instant::now();
-        Self { bar: None, verbose, stages: Vec::new(), current: 0, started, before: None, last_line: None }
+        Self {
+            bar: None,
+            verbose,
+            stages: Vec::new(),
+            current: 0,
+            started,
+            before: None,
+            last_line: None,
+            guessed: f64::INFINITY,
+        }
     }
 
     /// A run of these stages begins.
@@ -75,6 +86,7 @@ impl Progress {
         if let Some(k) = self.stages.iter().position(|stage| stage.name == name) {
             self.current = k;
             self.last_line = None;
+            self.guessed = f64::INFINITY;
             self.show(0, 0, None);
         }
     }
@@ -84,6 +96,7 @@ impl Progress {
         let fraction = self.fraction(done as f64 / of.max(1) as f64);
         let before = *self.before.get_or_insert(fraction);
         let left = time_left(fraction - before, 1.0 - fraction, self.started.elapsed());
+        let left = self.sinking(left);
         let text = self.text(done, of, left);
         if let Some(bar) = &self.bar {
             bar.set_position((1000.0 * fraction) as u64);
@@ -104,6 +117,13 @@ impl Progress {
         let before: f64 = self.stages.iter().take(self.current).map(|stage| stage.weight).sum();
         let present = self.stages.get(self.current).map_or(0.0, |stage| stage.weight);
         if total > 0.0 { (before + of_stage * present) / total } else { 0.0 }
+    }
+
+    /// A guess that grows within its stage was wrong before and may be now: nothing is told then, until it is less again.
+    fn sinking(&mut self, left: Option<f64>) -> Option<f64> {
+        let left = left.filter(|left| *left <= self.guessed)?;
+        self.guessed = left;
+        Some(left)
     }
 
     fn text(&self, done: usize, of: usize, left: Option<f64>) -> String {
@@ -234,6 +254,13 @@ mod tests {
         let text = progress.text(0, 0, Some(3000.0));
         assert_eq!(text, "stage 2 of 2, forces and stiffnesses, about 50 min left");
         assert!(15 + text.chars().count() < 80);
+    }
+
+    #[test]
+    fn a_time_left_that_grows_is_not_told() {
+        let mut progress = Progress::new(false);
+        let told = [None, Some(60.0), Some(90.0), Some(61.0), Some(40.0)].map(|left| progress.sinking(left));
+        assert_eq!(told, [None, Some(60.0), None, None, Some(40.0)]);
     }
 
     #[test]

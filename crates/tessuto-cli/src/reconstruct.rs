@@ -6,7 +6,7 @@ use std::time::Duration;
 use anyhow::Context as _;
 use clap::Args;
 use tessuto::Error;
-use tessuto::config::{Config, Preset};
+use tessuto::config::{Config, Method, Preset};
 use tessuto::run::{self, RunOptions};
 use tessuto::text::quoted;
 
@@ -82,6 +82,11 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     config.set_all(arguments.set.iter().map(String::as_str))?;
     config.check_build()?;
+    for assignment in &arguments.set {
+        if let Some(why) = without_effect(&config, assignment, !arguments.no_appearance) {
+            aside!("note: --set {assignment} has no effect: {why}");
+        }
+    }
     config.seed = arguments.seed.unwrap_or(config.seed);
     arguments.threads.start()?;
     let out = arguments.out.clone().unwrap_or_else(|| repeat::default_out(&arguments.scene));
@@ -113,4 +118,37 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         say!("  and, in rerun, at {}", file.display());
     }
     outcome.failure.or(recorded.err()).map_or(Ok(()), |failure| Err(failure.into()))
+}
+
+/// Why the run of `config` never looks at the setting of `assignment`, if it does not.
+fn without_effect(config: &Config, assignment: &str, appearance: bool) -> Option<&'static str> {
+    let key = assignment.split('=').next().unwrap_or_default();
+    let group = key.split('.').next().unwrap_or_default();
+    let search = config.method == Method::Spacetime;
+    match group {
+        "appearance" if !appearance => Some("material and light are not estimated"),
+        "rollout" if search => Some("the method is spacetime"),
+        "spacetime" | "inverse" | "material" | "causes" if !search => Some("the method is rollout"),
+        "material" if config.causes.fit => Some("causes.fit finds the stiffnesses"),
+        "causes" if !config.causes.fit && key != "causes.fit" => Some("causes.fit is false"),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_of_what_does_not_run_are_told() {
+        let told = |preset, key, appearance| without_effect(&Config::preset(preset), key, appearance);
+        assert_eq!(told(Preset::Default, "spacetime.levels=2", true), None);
+        assert_eq!(told(Preset::Default, "appearance.steps=2", true), None);
+        assert!(told(Preset::Default, "appearance.steps=2", false).is_some());
+        assert!(told(Preset::Default, "rollout.epochs=2", true).is_some());
+        assert!(told(Preset::Default, "material.spread=2", true).is_some());
+        assert!(told(Preset::Motion, "causes.iterations=2", true).is_some());
+        assert_eq!(told(Preset::Motion, "causes.fit=false", true), None);
+        assert!(told(Preset::Saft, "spacetime.levels=2", true).is_some());
+    }
 }

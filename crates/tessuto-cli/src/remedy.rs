@@ -48,6 +48,10 @@ fn options(remedy: &Remedy) -> String {
         Remedy::Feature(_) => "cargo install --path crates/tessuto-cli --features full".into(),
         Remedy::Fps => "--fps".into(),
         Remedy::Masks => "--masks".into(),
+        Remedy::Object => "--object N".into(),
+        Remedy::Stride(range, stride) => {
+            format!("--frames {}..{} --stride {stride}", range.start, range.end)
+        }
         Remedy::Outline => "--outline \"X,Y X,Y X,Y X,Y\"".into(),
         Remedy::Plate => "--plate FILE".into(),
         Remedy::MakeMasks(folder) => make_masks(&quoted(folder)),

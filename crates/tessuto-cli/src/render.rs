@@ -100,6 +100,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let rendered = render(&result, arguments.out.as_deref(), &options, &mut progress, &mut finish)?;
     bar.finish_and_clear();
     crate::say_kept(rendered.kept);
+    rendered.notes.iter().for_each(|note| say!("note: {note}"));
     if let Some([near, far]) = rendered.depth {
         say!("depth from {near:.3} m (dark) to {far:.3} m (bright)");
     }

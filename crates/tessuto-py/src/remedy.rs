@@ -35,6 +35,7 @@ fn way(remedy: &Remedy) -> String {
         }
         Remedy::DepthScale => "tessuto template SCENE --depth FILE --depth-scale METRES".into(),
         Remedy::WithoutLost => "without_lost=True".into(),
+        Remedy::Object => "masks == N, or the program's `tessuto import SCENE --object N`".into(),
         Remedy::Outline | Remedy::Plate | Remedy::MakeMasks(_) => "the program's `tessuto masks`".into(),
         Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::Regrid | Remedy::EstimateCamera => {
             "the program's `tessuto template`".into()
@@ -44,6 +45,7 @@ fn way(remedy: &Remedy) -> String {
         // Scenes of other programs are imported by the program.
         Remedy::Fps
         | Remedy::Masks
+        | Remedy::Stride(..)
         | Remedy::AllowGaps
         | Remedy::Downscale
         | Remedy::Intrinsics

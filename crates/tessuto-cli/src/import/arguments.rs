@@ -20,7 +20,8 @@ Examples:
 
 With --outline the masks are made from the clip, as tessuto masks makes them; its corners are in pixels of the scene's
 first frame. Videos are decoded by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask
-is fabric; masks pair with frames by name, else by number; a video of masks pairs frame by frame.")]
+is fabric, or the transparency where the colour is one, or an object (--object chooses one of several); masks pair with
+frames by name, else by number; a video of masks pairs frame by frame. Images named by their times tell their frame rate.")]
 pub struct Arguments {
     /// Video file, or folder of PNG or JPEG images.
     pub input: PathBuf,
@@ -40,7 +41,7 @@ pub struct Arguments {
     /// The fabric in the first frame: OBJ, PLY or glTF, camera axes, metres, with uv.
     #[arg(long, value_name = "FILE")]
     pub template: Option<PathBuf>,
-    /// Frames per second; required for images. A video of another rate is resampled.
+    /// Frames per second; required for images, but for names that tell times. A video of another rate is resampled.
     #[arg(long)]
     pub fps: Option<f64>,
     /// Only frames A to B − 1 of the input.

@@ -38,6 +38,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             None => Masks::Later,
         },
         plate: arguments.source.plate.clone(),
+        object: arguments.source.choice.object,
         invert_masks: arguments.invert_masks,
         largest_piece: arguments.source.largest_piece,
         calibration: arguments.lens.calibration_of(&arguments.input)?,

@@ -6,6 +6,7 @@ use clap::Args;
 use tessuto::template::remesh::Resolution;
 
 use crate::lens::Lens;
+use crate::masks::Choice;
 use crate::values::{self, Pair};
 
 /// Make or repair the template, the mesh of the fabric in the first frame.
@@ -77,6 +78,8 @@ pub struct Arguments {
     /// Mask of the image, where the first argument is an image.
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
+    #[command(flatten)]
+    pub choice: Choice,
     /// File to write [default: the scene's template.obj].
     #[arg(long, value_name = "FILE.obj")]
     pub out: Option<PathBuf>,

@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
-use tessuto::io::image;
 use tessuto::io::scene::first_frame;
+use tessuto::io::{image, mask};
 use tessuto::{Camera, Error, Image, Result};
 
 use super::Arguments;
@@ -33,7 +33,8 @@ pub(super) fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     let camera = calibration.scaled_to(size, &mut notes)?;
     notes.iter().for_each(|note| say!("note: {note}"));
     let mask = arguments.mask.as_ref().map(|path| {
-        let (mask, _) = image::read_mask(path)?;
+        let (mask, note) = mask::read_fabric(path, arguments.choice.object.as_ref())?;
+        note.iter().for_each(|note| say!("note: {note}"));
         if [mask.width, mask.height] != size {
             let problem =
                 format!("is {}×{} pixels, but the image {}×{}", mask.width, mask.height, size[0], size[1]);

@@ -331,8 +331,8 @@ fn cameras_that_are_refused() {
     let cases = [
         (
             "cameras.txt",
-            "1 OPENCV_FISHEYE 640 480 5 5 3 2 0 0 0 0".to_owned(),
-            "the camera model OPENCV_FISHEYE is not read",
+            "1 FULL_OPENCV 640 480 5 5 3 2 0 0 0 0 0 0 0 0".to_owned(),
+            "the camera model FULL_OPENCV is not read",
         ),
         ("cameras.txt", "1 PINHOLE 640 480 5 5 3".to_owned(), "PINHOLE has 3 parameters, 4 expected"),
         (
@@ -342,8 +342,8 @@ fn cameras_that_are_refused() {
         ),
         (
             "transforms.json",
-            nerfstudio(", \"camera_model\": \"OPENCV_FISHEYE\""),
-            "the camera model OPENCV_FISHEYE is not read",
+            nerfstudio(", \"camera_model\": \"EQUIRECTANGULAR\""),
+            "the camera model EQUIRECTANGULAR is not read",
         ),
         ("transforms.json", nerfstudio(", \"k4\": 0.1"), "\"k4\" is not 0"),
         (
@@ -351,7 +351,12 @@ fn cameras_that_are_refused() {
             "{\"frames\": [],\n \"cx\": 5,}".to_owned(),
             "transforms.json:2: is not valid JSON",
         ),
-        ("camera.yml", yaml("distortion_model: equidistant\n"), "the camera model equidistant is not read"),
+        ("camera.yml", yaml("distortion_model: omni\n"), "the camera model omni is not read"),
+        (
+            "camera.yml",
+            yaml("distortion_model: equidistant\n"),
+            "fisheye lens, but has 0 distortion coefficients",
+        ),
         ("camera.yml", yaml("D: [0, 0, 0, 0, 0, 0.5, 0, 0]\n"), "distortion coefficient 6 of 8 is 0.5"),
         ("camera.yml", "width: 5\n".to_owned(), "has no camera matrix"),
         ("camera.xml", "<a/>".to_owned(), "has the ending \"xml\""),

@@ -94,6 +94,26 @@ fn mean_under(result: &Path, file: &Path) -> [f64; 3] {
 }
 
 #[test]
+fn a_light_that_lights_nothing_is_told() {
+    let (_, result) = made();
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("sky.exr");
+    light(&file, |_| [0.2; 3]);
+    let render = |look: &str| {
+        let out = folder.path().join(look);
+        let start =
+            ["render", text(&result), "--look", look, "--environment", text(&file), "--out", text(&out)];
+        succeed(&[&start[..], &["--frames", "0..1", "--samples", "8"]].concat(), Path::new("no-such-program"))
+    };
+    let said = render("texture");
+    assert!(
+        said.contains("sky.exr has no effect on the look texture: only the look material is lit"),
+        "{said}"
+    );
+    assert!(!render("material").contains("no effect"));
+}
+
+#[test]
 fn pictures_follow_the_light_linearly() {
     let (_, result) = made();
     let folder = tempfile::tempdir().unwrap();

@@ -41,6 +41,11 @@ pub enum Remedy {
     Fps,
     /// [`import::Settings::masks`](crate::import::Settings::masks).
     Masks,
+    /// Choose one object of masks that hold several: [`import::Settings::object`](crate::import::Settings::object),
+    /// [`masks::Request::object`](crate::masks::Request::object).
+    Object,
+    /// Use every so many frames, of these: [`import::Settings::stride`](crate::import::Settings::stride).
+    Stride(Range<usize>, usize),
     /// Corners of the fabric in the first frame: [`masks::Request::outline`](crate::masks::Request::outline).
     Outline,
     /// The place without the fabric: [`masks::Request::plate`](crate::masks::Request::plate).
@@ -143,6 +148,10 @@ impl fmt::Display for Remedy {
             Self::Feature(name) => write!(f, "feature {name}"),
             Self::Fps => f.write_str("fps"),
             Self::Masks => f.write_str("masks"),
+            Self::Object => f.write_str("object"),
+            Self::Stride(range, stride) => {
+                write!(f, "frames = {}..{}, stride = {stride}", range.start, range.end)
+            }
             Self::Outline => f.write_str("outline"),
             Self::Plate => f.write_str("plate"),
             Self::MakeMasks(_) => f.write_str("masks::make"),

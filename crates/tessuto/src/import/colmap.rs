@@ -65,12 +65,14 @@ fn camera(words: &[&str], place: &str) -> Result<Calibration> {
         "SIMPLE_PINHOLE" => 3,
         "PINHOLE" | "SIMPLE_RADIAL" => 4,
         "RADIAL" => 5,
-        "OPENCV" => 8,
+        "OPENCV" | "OPENCV_FISHEYE" => 8,
+        "SIMPLE_RADIAL_FISHEYE" => 4,
+        "RADIAL_FISHEYE" => 5,
         other => {
             return Err(Error::input(
                 place,
                 format!("the camera model {other} is not read"),
-                "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL and OPENCV are; run COLMAP with --ImageReader.camera_model OPENCV, or undistort the frames with colmap image_undistorter",
+                "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and the fisheye models of the last three are; run COLMAP with --ImageReader.camera_model OPENCV, or undistort the frames with colmap image_undistorter",
             ));
         }
     };
@@ -83,6 +85,11 @@ fn camera(words: &[&str], place: &str) -> Result<Calibration> {
         "PINHOLE" => ([p[0], p[1]], [p[2], p[3]], none),
         "SIMPLE_RADIAL" => ([p[0], p[0]], [p[1], p[2]], Distortion { k1: p[3], ..none }),
         "RADIAL" => ([p[0], p[0]], [p[1], p[2]], Distortion { k1: p[3], k2: p[4], ..none }),
+        "SIMPLE_RADIAL_FISHEYE" => {
+            ([p[0], p[0]], [p[1], p[2]], Distortion::of_fisheye([p[3], 0.0, 0.0, 0.0]))
+        }
+        "RADIAL_FISHEYE" => ([p[0], p[0]], [p[1], p[2]], Distortion::of_fisheye([p[3], p[4], 0.0, 0.0])),
+        "OPENCV_FISHEYE" => ([p[0], p[1]], [p[2], p[3]], Distortion::of_fisheye([p[4], p[5], p[6], p[7]])),
         _ => ([p[0], p[1]], [p[2], p[3]], Distortion::from_opencv(&p[4..])),
     };
     Ok(Calibration {

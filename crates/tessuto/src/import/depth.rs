@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::calibration::{Calibration, Focal};
-use super::read_calibration;
+use super::{matrix, read_calibration};
 use crate::error::{Error, Result};
 use crate::io::depth::DepthMap;
 use crate::io::table::Table;
@@ -113,22 +113,22 @@ fn given(path: &Path) -> Result<Calibration> {
     }
     let json = path.extension().is_some_and(|e| e == "json");
     let value = if json { serde_json::from_str(&read_text(path)?).ok() } else { None };
-    match value.as_ref().and_then(|value| from_json(value, path)) {
+    match value.as_ref().map(|value| from_json(value, path)).transpose()?.flatten() {
         Some(calibration) => Ok(calibration),
         None => read_calibration(path, None),
     }
 }
 
-/// fx, fy, cx, cy or a matrix, and the size of the image, under the names that apps give them.
-fn from_json(value: &Value, path: &Path) -> Option<Calibration> {
+/// fx, fy, cx, cy or a matrix, and the size of the image, under the names that apps give them; `None` of what is none of these.
+fn from_json(value: &Value, path: &Path) -> Result<Option<Calibration>> {
     let number = |names: &[&str]| names.iter().find_map(|name| value.get(name)?.as_f64());
-    let size = ["imageResolution", "image_resolution", "resolution"].iter().find_map(|name| {
+    let listed = ["imageResolution", "image_resolution", "resolution"].iter().find_map(|name| {
         let list = value.get(name)?.as_array()?;
         Some([list.first()?.as_f64()?, list.get(1)?.as_f64()?])
     });
-    let size = size.or_else(|| {
-        Some([number(&["width", "w", "imageWidth"])?, number(&["height", "h", "imageHeight"])?])
-    })?;
+    let sides = number(&["width", "w", "imageWidth"]).zip(number(&["height", "h", "imageHeight"]));
+    let Some(size) = listed.or(sides.map(|(w, h)| [w, h])) else { return Ok(None) };
+    let place = path.display().to_string();
     let matrix = ["intrinsics", "intrinsicMatrix", "cameraIntrinsics", "K"].iter().find_map(|name| {
         let rows = value.get(name)?.as_array()?;
         let flat: Vec<f64> = rows
@@ -136,22 +136,21 @@ fn from_json(value: &Value, path: &Path) -> Option<Calibration> {
             .flat_map(|row| row.as_array().cloned().unwrap_or_else(|| vec![row.clone()]))
             .map(|v| v.as_f64())
             .collect::<Option<_>>()?;
-        <[f64; 9]>::try_from(flat).ok()
+        Some(flat).filter(|flat| flat.len() == 9)
     });
-    let [fx, fy, cx, cy] = match matrix {
-        // ARKit writes columns, others rows.
-        Some(m) if m[2] == 0.0 && m[5] == 0.0 => [m[0], m[4], m[6], m[7]],
-        Some(m) => [m[0], m[4], m[2], m[5]],
-        None => {
-            let fx = number(&["fx"])?;
-            [fx, number(&["fy"]).unwrap_or(fx), number(&["cx"])?, number(&["cy"])?]
-        }
+    let numbers = || {
+        let fx = number(&["fx"])?;
+        Some([fx, number(&["fy"]).unwrap_or(fx), number(&["cx"])?, number(&["cy"])?])
     };
-    Some(Calibration {
+    let Some([fx, fy, cx, cy]) = matrix.map(|m| matrix::intrinsics(&m, &place)).transpose()?.or_else(numbers)
+    else {
+        return Ok(None);
+    };
+    Ok(Some(Calibration {
         centre: Some([cx, cy]),
         size: Some(size.map(|n| n.round() as usize)),
-        ..Calibration::new(path.display().to_string(), Focal::Pixels([fx, fy]))
-    })
+        ..Calibration::new(place, Focal::Pixels([fx, fy]))
+    }))
 }
 
 /// Three rows of three numbers. They are for the colour images, whose size the file does not tell: they have the map's shape, and the
@@ -167,13 +166,14 @@ fn from_matrix(path: &Path, map: [usize; 2]) -> Result<Calibration> {
     let numbers: Option<Vec<f64>> = cells.map(|word| table.number(word)).collect();
     let numbers = numbers.ok_or_else(|| bad("is no matrix"))?;
     let m = <[f64; 9]>::try_from(numbers).map_err(|_| bad("has not nine numbers"))?;
-    let width = |w: &&usize| ((**w as f64 - 1.0) / 2.0 - m[2]).abs();
+    let [fx, fy, cx, cy] = matrix::intrinsics(&m, &place)?;
+    let width = |w: &&usize| ((**w as f64 - 1.0) / 2.0 - cx).abs();
     let width = *WIDTHS.iter().min_by(|a, b| width(a).total_cmp(&width(b))).expect("there are several");
     let height = (width * map[1]).div_ceil(map[0]);
     Ok(Calibration {
-        centre: Some([m[2], m[5]]),
+        centre: Some([cx, cy]),
         size: Some([width, height]),
-        ..Calibration::new(place, Focal::Pixels([m[0], m[4]]))
+        ..Calibration::new(place, Focal::Pixels([fx, fy]))
     })
 }
 
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     fn read_json(text: &str) -> Option<[f64; 4]> {
-        let camera = from_json(&serde_json::from_str(text).unwrap(), Path::new("c.json"))?;
+        let camera = from_json(&serde_json::from_str(text).unwrap(), Path::new("c.json")).unwrap()?;
         let camera = camera.scaled_to(camera.size.unwrap(), &mut Vec::new()).unwrap();
         Some([camera.fx, camera.fy, camera.cx, camera.cy])
     }

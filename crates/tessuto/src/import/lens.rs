@@ -1,4 +1,4 @@
-//! Lens distortion after Brown and Conrady, and its removal from images.
+//! Lens distortion after Brown and Conrady, or of fisheye lenses after Kannala and Brandt, and its removal from images.
 
 use glam::DVec2;
 use rayon::prelude::*;
@@ -10,6 +10,13 @@ use crate::error::{Error, Result};
 ///
 /// x (1 + k1 r² + k2 r⁴ + k3 r⁶) + 2 p1 x y + p2 (r² + 2 x²),
 /// y (1 + k1 r² + k2 r⁴ + k3 r⁶) + p1 (r² + 2 y²) + 2 p2 x y, with r² = x² + y².
+///
+/// A fisheye lens shows it in the same direction from the middle, at the radius
+///
+/// θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), with θ = arctan r, the angle from the optical axis.
+///
+/// Sources: OpenCV, *Camera Calibration and 3D Reconstruction* and *Fisheye camera model*; J. Kannala and S. Brandt, *A generic
+/// camera model and calibration method for conventional, wide-angle, and fish-eye lenses*, 2006.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Distortion {
     /// Radial, r².
@@ -22,13 +29,20 @@ pub struct Distortion {
     pub p1: f64,
     /// Tangential.
     pub p2: f64,
+    /// k1 to k4 of a fisheye lens, of which nothing else counts.
+    pub fisheye: Option<[f64; 4]>,
 }
 
 impl Distortion {
     /// From the order of OpenCV, k1 k2 p1 p2 k3, of which the last may be missing.
     pub fn from_opencv(k: &[f64]) -> Self {
         let at = |i: usize| k.get(i).copied().unwrap_or(0.0);
-        Self { k1: at(0), k2: at(1), p1: at(2), p2: at(3), k3: at(4) }
+        Self { k1: at(0), k2: at(1), p1: at(2), p2: at(3), k3: at(4), fisheye: None }
+    }
+
+    /// Of a fisheye lens: k1 k2 k3 k4.
+    pub fn of_fisheye(k: [f64; 4]) -> Self {
+        Self { fisheye: Some(k), ..Self::default() }
     }
 
     /// Whether there is none.
@@ -39,6 +53,14 @@ impl Distortion {
     /// Where the lens shows the point `p` of the plane z = 1.
     pub fn apply(&self, p: DVec2) -> DVec2 {
         let r2 = p.length_squared();
+        if let Some([k1, k2, k3, k4]) = self.fisheye {
+            let r = r2.sqrt();
+            let t = r.atan();
+            let t2 = t * t;
+            let seen = t * (1.0 + t2 * (k1 + t2 * (k2 + t2 * (k3 + t2 * k4))));
+            // In the middle θ / r is 1.
+            return if r > 0.0 { p * (seen / r) } else { p };
+        }
         let radial = 1.0 + r2 * (self.k1 + r2 * (self.k2 + r2 * self.k3));
         let xy = 2.0 * p.x * p.y;
         p * radial
@@ -51,6 +73,13 @@ impl Distortion {
     /// Square of the radius up to which the lens shows points farther out farther out; beyond it the formula
     /// folds back and means nothing.
     fn valid_r2(&self) -> f64 {
+        if let Some([k1, k2, k3, k4]) = self.fisheye {
+            let slope = |t2: f64| 1.0 + t2 * (3.0 * k1 + t2 * (5.0 * k2 + t2 * (7.0 * k3 + t2 * 9.0 * k4)));
+            // Up to a right angle, beyond which no pinhole camera sees.
+            let angles = (0..1570).map(|k| f64::from(k) * 0.001);
+            let angle = angles.into_iter().find(|t| slope(t * t) <= 0.0);
+            return angle.map_or(f64::INFINITY, |t| t.tan().powi(2));
+        }
         // Derivative of r (1 + k1 r² + k2 r⁴ + k3 r⁶); 8 is a field of view of 166°.
         let slope = |r2: f64| 1.0 + r2 * (3.0 * self.k1 + r2 * (5.0 * self.k2 + r2 * 7.0 * self.k3));
         let radius = (0..=4000).map(|k| f64::from(k) * 0.002).find(|r| slope(r * r) <= 0.0);
@@ -94,7 +123,7 @@ impl Undistortion {
             return Err(Error::input(
                 place,
                 format!("its lens distortion ({distortion:?}) leaves {:.0} % of the image", 100.0 * seen),
-                "check the coefficients and their order: k1 k2 p1 p2 k3",
+                "check the coefficients and their order: k1 k2 p1 p2 k3, of a fisheye lens k1 k2 k3 k4",
             ));
         }
         Ok(Self { size: [w, h], sources, seen })
@@ -132,8 +161,37 @@ mod tests {
 
     #[test]
     fn a_distorted_picture_is_straightened() {
-        let lens = Distortion { k1: -0.2, k2: 0.05, k3: -0.01, p1: 0.01, p2: -0.005 };
-        // A smooth pattern on the plane z = 1, seen through the lens: invert the formula by fixed points.
+        let lens = Distortion { k1: -0.2, k2: 0.05, k3: -0.01, p1: 0.01, p2: -0.005, fisheye: None };
+        // What is seen through the lens: invert the formula by fixed points.
+        straightens(&lens, |seen| {
+            let mut p = seen;
+            for _ in 0..100 {
+                p += seen - lens.apply(p);
+            }
+            assert!((lens.apply(p) - seen).length() < 1e-9);
+            p
+        });
+    }
+
+    #[test]
+    fn a_fisheye_picture_is_straightened() {
+        let k = [0.02, -0.01, 0.004, -0.001];
+        // The formula as it is written, inverted by halving: the angle that is seen at this radius.
+        straightens(&Distortion::of_fisheye(k), |seen| {
+            let radius =
+                |t: f64| t + k[0] * t.powi(3) + k[1] * t.powi(5) + k[2] * t.powi(7) + k[3] * t.powi(9);
+            let (mut low, mut high) = (0.0, 1.5);
+            for _ in 0..60 {
+                let middle = 0.5 * (low + high);
+                if radius(middle) < seen.length() { low = middle } else { high = middle }
+            }
+            if seen.length() > 0.0 { seen / seen.length() * low.tan() } else { seen }
+        });
+    }
+
+    /// Films a smooth pattern on the plane z = 1 through `lens` and straightens it; `source` is the point of the plane that is
+    /// seen at one of the image.
+    fn straightens(lens: &Distortion, source: impl Fn(DVec2) -> DVec2) {
         let pattern =
             |p: DVec2| (128.0 + 60.0 * (4.0 * p.x).sin() + 50.0 * (5.0 * p.y + p.x).cos()).round() as u8;
         let mut filmed = vec![0u8; 80 * 60];
@@ -141,16 +199,11 @@ mod tests {
         for row in 0..60 {
             for column in 0..80 {
                 let seen = CAMERA.ray(DVec2::new(column as f64, row as f64)).truncate();
-                let mut p = seen;
-                for _ in 0..100 {
-                    p += seen - lens.apply(p);
-                }
-                assert!((lens.apply(p) - seen).length() < 1e-9);
-                filmed[row * 80 + column] = pattern(p);
+                filmed[row * 80 + column] = pattern(source(seen));
                 pinhole[row * 80 + column] = pattern(seen);
             }
         }
-        let table = Undistortion::new(&CAMERA, &lens, "test").unwrap();
+        let table = Undistortion::new(&CAMERA, lens, "test").unwrap();
         let straight = table.apply(&filmed, 1);
         let difference = |a: &[u8]| {
             let all = a.iter().zip(&pinhole).zip(&table.sources).filter(|(_, s)| !s[0].is_nan());
@@ -166,6 +219,9 @@ mod tests {
         // r (1 − r²/3) grows up to r = 1 only.
         let lens = Distortion { k1: -1.0 / 3.0, ..Default::default() };
         assert!((lens.valid_r2() - 1.0).abs() < 0.01);
+        // θ (1 − θ²/3) grows up to θ = 1 only.
+        let lens = Distortion::of_fisheye([-1.0 / 3.0, 0.0, 0.0, 0.0]);
+        assert!((lens.valid_r2().sqrt().atan() - 1.0).abs() < 0.01);
         let wild = Distortion { k1: -30.0, ..Default::default() };
         assert!(Undistortion::new(&CAMERA, &wild, "lens.yml").is_err());
     }

@@ -1,20 +1,27 @@
-//! Masks beside the frames: found by name or number, never by order alone; brought to the size of the frames.
+//! Masks beside the frames: read alike, brought to the size of the frames, and none of them empty.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::frames::{Kind, Source, in_order, list, name, number};
+use super::frames::{Kind, Source, in_order};
+use super::names::name;
 use super::stage::{Colours, Stage};
 use super::video::Video;
-use super::{Masks, Settings};
+use super::{Masks, Settings, pairing};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
 use crate::io::image;
+use crate::io::mask::{self, Reading};
+use crate::video::COVERED;
 
 /// Compression leaves traces of this size [fraction of white] in black and white.
 const TRACES: f32 = 0.1;
+/// Channels that differ by more [of 255] are a colour; and the fraction of such pixels that masks have at most.
+const VIVID: u8 = 64;
+const COLOURED: f64 = 0.01;
 
 /// Writes a mask for every frame.
 pub(super) fn write(
@@ -27,6 +34,8 @@ pub(super) fn write(
     let start = settings.frames.as_ref().map_or(0, |r| r.start);
     // Numbers, in the input, of the frames that were written.
     let wanted: Vec<usize> = colours.frames.clone().map(|k| start + k * settings.stride).collect();
+    let mut reading = Reading::luminance();
+    let writer = Writer { stage, colours, wanted: &wanted, empty: Mutex::default() };
     match (&settings.masks, &source.kind) {
         (Masks::Alpha, Kind::Images(images)) => {
             let files = wanted.iter().map(|n| images[*n].clone()).enumerate();
@@ -42,45 +51,113 @@ pub(super) fn write(
                         .with(Remedy::Masks);
                     return Err(Error::input(path.display().to_string(), "is opaque everywhere", hint));
                 }
-                stage.mask(colours, k, &mask)
+                writer.put(k, &mask, &path, mask::brightest(&mask))
             })?;
         }
         (Masks::Later, _) => {}
         (Masks::Alpha, Kind::Video(_)) => unreachable!("validated: alpha is read from images only"),
         (Masks::Path(path), kind) if path.is_dir() => {
-            let files = pair(kind, path, &wanted, notes)?;
-            let resized = std::sync::atomic::AtomicUsize::new(0);
-            in_order(files.into_par_iter().enumerate(), |(k, path)| {
-                let (mask, _) = image::read_mask(&path)?;
-                let lossy = path.extension().is_some_and(|e| !e.eq_ignore_ascii_case("png"));
-                let mask = if lossy { without_traces(mask) } else { mask };
-                if [mask.width, mask.height] != colours.size() {
-                    resized.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-                }
-                stage.mask(colours, k, &resize(mask, colours.size(), &path)?)
-            })?;
-            let resized = resized.into_inner();
-            if resized > 0 {
-                notes.push(format!(
-                    "{}: {resized} masks have another size than the frames and were scaled",
-                    path.display()
-                ));
-            }
+            let whole = settings.frames.is_none();
+            let files = pairing::pair(kind, path, &wanted, whole, notes)?;
+            reading = writer.folder(path, &files, notes)?;
         }
-        (Masks::Path(path), _) => from_video(path, settings, source, stage, colours, &wanted, notes)?,
+        (Masks::Path(path), _) => from_video(path, settings, source, &writer, notes)?,
     }
-    Ok(())
+    writer.refuse_empty(&reading, if settings.masks == Masks::Alpha { "transparent everywhere" } else { "" })
 }
+
+/// Writes masks, and keeps which are empty.
+struct Writer<'a> {
+    stage: &'a Stage<'a>,
+    colours: &'a Colours,
+    /// Numbers, in the input, of the frames.
+    wanted: &'a [usize],
+    /// Masks without fabric: which, from which file, and the brightest value in that.
+    empty: Mutex<BTreeMap<usize, (PathBuf, f32)>>,
+}
+
+impl Writer<'_> {
+    /// Writes mask `k`, which is what the file at `path`, of this brightest value, says.
+    fn put(&self, k: usize, mask: &Image, path: &Path, brightest: f32) -> Result<()> {
+        let invert = self.stage.settings.invert_masks;
+        let fabric = |v: &f32| if invert { 1.0 - v >= COVERED } else { *v >= COVERED };
+        if !mask.data.iter().any(fabric) {
+            let mut empty = self.empty.lock().expect("nobody panics with it");
+            empty.insert(k, (path.to_path_buf(), brightest));
+        }
+        self.stage.mask(self.colours, k, mask)
+    }
+
+    /// Writes all masks of a folder. What their values mean is decided for all of them.
+    fn folder(&self, folder: &Path, files: &[PathBuf], notes: &mut Vec<String>) -> Result<Reading> {
+        let looks: Vec<Result<mask::Look>> =
+            files.par_iter().map(|path| Ok(image::open(path)?.look())).collect();
+        let looks = looks.into_iter().collect::<Result<Vec<_>>>()?;
+        let place = folder.display().to_string();
+        let reading = mask::understand(&place, &looks, self.stage.settings.object.as_ref())?;
+        let size = self.colours.size();
+        let noted = Mutex::new(BTreeMap::new());
+        in_order(files.par_iter().enumerate(), |(k, path)| {
+            let mut file = image::open(path)?;
+            let full = file.full();
+            let mask = file.mask_as(&reading, full);
+            let brightest = file.brightest(&reading, &mask);
+            let said = if [mask.width, mask.height] == size { None } else { Some(SCALED) };
+            let mut noted = noted.lock().expect("nobody panics with it");
+            file.notes.sort_unstable();
+            file.notes.dedup();
+            for note in file.notes.iter().copied().chain(said) {
+                noted.entry(note).or_insert_with(Vec::new).push(k);
+            }
+            drop(noted);
+            let mask = if file.lossy { without_traces(mask) } else { mask };
+            self.put(k, &resize(mask, size, path)?, path, brightest)
+        })?;
+        notes.extend(reading.notes.iter().map(|note| format!("{place}: {note}")));
+        for (note, which) in noted.into_inner().expect("nobody panics with it") {
+            let count = which.len();
+            if note == SCALED {
+                notes.push(format!("{place}: {count} masks {SCALED}"));
+                continue;
+            }
+            let first = which.into_iter().min().map_or_else(String::new, |k| name(&files[k]));
+            notes.push(format!("{place}: {note} (in {count} masks, first {first})"));
+        }
+        Ok(reading)
+    }
+
+    /// Refuses frames without fabric, all of them at once.
+    fn refuse_empty(self, reading: &Reading, what: &str) -> Result<()> {
+        let empty = self.empty.into_inner().expect("nobody panics with it");
+        let Some((path, brightest)) = empty.values().next() else { return Ok(()) };
+        let there: Vec<bool> = (0..self.wanted.len()).map(|k| !empty.contains_key(&k)).collect();
+        let count = format!(" ({} of {} masks are)", empty.len(), there.len());
+        let hint = Hint::from("correct the masks (white = fabric), or leave such frames out");
+        let hint = match pairing::longest(&there) {
+            Some(run) => {
+                hint.with(Remedy::Frames(Some(self.wanted[run.start]..self.wanted[run.end - 1] + 1)))
+            }
+            None => "fabric must be white; black is what is not (masks the other way round can be inverted)"
+                .into(),
+        };
+        if !what.is_empty() {
+            return Err(Error::input(path.display().to_string(), format!("is {what}{count}"), hint));
+        }
+        Err(mask::empty(path, *brightest, &count, reading, hint))
+    }
+}
+
+/// Of masks of another size.
+const SCALED: &str = "have another size than the frames and were scaled";
 
 fn from_video(
     path: &Path,
     settings: &Settings,
     source: &Source,
-    stage: &Stage,
-    colours: &Colours,
-    wanted: &[usize],
+    writer: &Writer,
     notes: &mut Vec<String>,
 ) -> Result<()> {
+    let (colours, wanted) = (writer.colours, writer.wanted);
     if !path.exists() {
         let hint = "name a folder of mask images or a video of masks, white where the fabric is";
         return Err(Error::input(path.display().to_string(), "does not exist", hint));
@@ -103,7 +180,10 @@ fn from_video(
         let grey = frame.rgb.chunks_exact(3).map(|p| f32::from(p[1]) / 255.0).collect();
         let mask = Image { width: frame.size[0], height: frame.size[1], channels: 1, data: grey };
         scaled.fetch_or(frame.size != colours.size(), std::sync::atomic::Ordering::Relaxed);
-        stage.mask(colours, k, &resize(without_traces(mask), colours.size(), path)?)
+        refuse_colours(&frame.rgb, path, wanted[k])?;
+        let of_frame = PathBuf::from(format!("{}, frame {}", path.display(), wanted[k]));
+        let brightest = mask::brightest(&mask);
+        writer.put(k, &resize(without_traces(mask), colours.size(), path)?, &of_frame, brightest)
     })?;
     notes.extend(stream.complaints());
     if written < wanted.len() {
@@ -120,97 +200,25 @@ fn from_video(
     Ok(())
 }
 
-/// The mask file of every frame of `wanted`.
-fn pair(kind: &Kind, folder: &Path, wanted: &[usize], notes: &mut Vec<String>) -> Result<Vec<PathBuf>> {
-    let files = list(folder)?;
-    let by_name: BTreeMap<String, &PathBuf> = files.iter().map(|f| (bare(f), f)).collect();
-    let found: Vec<Option<&PathBuf>> = match kind {
-        Kind::Images(images) => {
-            let named: Vec<_> = wanted.iter().map(|n| by_name.get(&bare(&images[*n])).copied()).collect();
-            if named.iter().any(Option::is_some) {
-                named
-            } else {
-                let numbers = by_number(&files, folder)?;
-                let own =
-                    |n: &usize| number(&images[*n]).and_then(|(_, number)| numbers.get(&number).copied());
-                wanted.iter().map(own).collect()
-            }
-        }
-        Kind::Video(_) => {
-            let numbers = by_number(&files, folder)?;
-            let offset = usize::from(!numbers.contains_key(&0) && numbers.contains_key(&1));
-            if offset == 1 {
-                notes.push(format!(
-                    "{}: masks are numbered from 1; mask 1 belongs to the first frame",
-                    folder.display()
-                ));
-            }
-            wanted.iter().map(|n| numbers.get(&(n + offset)).copied()).collect()
-        }
+/// Refuses a frame of a video of masks that shows objects in colours, of which compression leaves nothing to tell them by.
+fn refuse_colours(rgb: &[u8], path: &Path, frame: usize) -> Result<()> {
+    let pixels = rgb.chunks_exact(3);
+    let vivid = |p: &&[u8]| {
+        let (low, high) = (p[0].min(p[1]).min(p[2]), p[0].max(p[1]).max(p[2]));
+        high - low > VIVID
     };
-    let missing: Vec<usize> = (0..wanted.len()).filter(|k| found[*k].is_none()).collect();
-    if missing.is_empty() {
-        return Ok(found.into_iter().flatten().cloned().collect());
+    let count = pixels.clone().filter(vivid).count();
+    if count as f64 <= COLOURED * pixels.len() as f64 {
+        return Ok(());
     }
-    let frame = |k: usize| match kind {
-        Kind::Images(images) => name(&images[wanted[k]]),
-        Kind::Video(_) => format!("frame {}", wanted[k]),
-    };
-    let mut names: Vec<String> = missing.iter().take(5).map(|k| frame(*k)).collect();
-    if missing.len() > 5 {
-        names.push("…".into());
-    }
-    let hint = match longest(&found) {
-        Some(run) => Hint::from("segment these frames too, or take the longest part that has masks")
-            .with(Remedy::Frames(Some(wanted[run.start]..wanted[run.end - 1] + 1))),
-        None => "masks need the names of the frames, or the same numbers; white is fabric".into(),
-    };
+    let part = 100.0 * count as f64 / pixels.len() as f64;
     Err(Error::input(
-        folder.display().to_string(),
-        format!("has no mask for {} of {} frames: {}", missing.len(), wanted.len(), names.join(", ")),
-        hint,
+        path.display().to_string(),
+        format!(
+            "frame {frame} is coloured in {part:.1} % of its pixels; masks in a video are white on black"
+        ),
+        "give masks in colours or labels as a folder of PNG images, which keep them exactly, or make the video white where the fabric is",
     ))
-}
-
-/// The longest run of frames that have masks.
-fn longest(found: &[Option<&PathBuf>]) -> Option<std::ops::Range<usize>> {
-    let mut best = 0..0;
-    let mut start = 0;
-    for k in 0..=found.len() {
-        if found.get(k).is_none_or(|f| f.is_none()) {
-            if k - start > best.len() {
-                best = start..k;
-            }
-            start = k + 1;
-        }
-    }
-    (!best.is_empty()).then_some(best)
-}
-
-/// The name without its endings and what marks a mask: `a.png`, `a.jpg.png`, `a.mask.png`, `a_mask.png` are all `a`.
-fn bare(path: &Path) -> String {
-    let mut stem = path.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
-    for ending in [".png", ".jpg", ".jpeg", ".mask", "_mask", "-mask"] {
-        if let Some(shorter) = stem.strip_suffix(ending) {
-            stem = shorter.to_owned();
-        }
-    }
-    stem
-}
-
-fn by_number<'a>(files: &'a [PathBuf], folder: &Path) -> Result<BTreeMap<usize, &'a PathBuf>> {
-    let mut numbers: BTreeMap<usize, &PathBuf> = BTreeMap::new();
-    for file in files {
-        let Some((_, n)) = number(file) else { continue };
-        if let Some(other) = numbers.insert(n, file) {
-            return Err(Error::input(
-                folder.display().to_string(),
-                format!("{} and {} are both mask {n}", name(other), name(file)),
-                "give masks the names of their frames, or one number each",
-            ));
-        }
-    }
-    Ok(numbers)
 }
 
 /// Black and white again where compression has spoilt them.
@@ -258,13 +266,6 @@ fn resize(mask: Image, [width, height]: [usize; 2], path: &Path) -> Result<Image
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn names_of_masks() {
-        for name in ["a7.png", "A7.jpg.png", "a7.mask.png", "a7_mask.jpeg"] {
-            assert_eq!(bare(Path::new(name)), "a7");
-        }
-    }
 
     #[test]
     fn a_mask_of_half_the_size_is_scaled() {

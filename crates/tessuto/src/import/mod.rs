@@ -9,12 +9,16 @@ mod empty;
 mod frames;
 mod lens;
 mod masks;
+mod matrix;
 mod metadata;
+mod names;
 mod nerfstudio;
 mod opencv;
+mod pairing;
 mod stage;
 mod stills;
 mod target;
+mod times;
 mod video;
 
 use std::ops::Range;
@@ -24,6 +28,7 @@ use serde_json::json;
 
 use crate::camera::Camera;
 use crate::error::{Error, Hint, Remedy, Result};
+use crate::io::mask::Object;
 use crate::io::scene::write_manifest;
 use crate::io::{model, obj};
 use frames::Source;
@@ -56,13 +61,15 @@ pub struct Settings {
     pub input: PathBuf,
     /// Where the fabric is.
     pub masks: Masks,
+    /// Which of the objects in the masks is the fabric; needed where there are several.
+    pub object: Option<Object>,
     /// Black is fabric.
     pub invert_masks: bool,
     /// Blacken all of a mask but its largest piece.
     pub largest_piece: bool,
     /// The lens.
     pub calibration: Calibration,
-    /// Frames per second; a video is resampled to it. Needed for images.
+    /// Frames per second; a video is resampled to it. Needed for images whose names do not tell their times.
     pub fps: Option<f64>,
     /// Only these frames of the input, counted from 0.
     pub frames: Option<Range<usize>>,
@@ -122,10 +129,11 @@ pub fn import(
 
     let fps = source.fps / settings.stride as f64;
     let camera = colours.camera.downsampled(settings.downscale);
+    let first = settings.frames.as_ref().map_or(0, |range| range.start);
     let origin = json!({
         "generator": "tessuto import",
         "input": settings.input.file_name().map(|n| n.to_string_lossy()),
-        "frames": [colours.frames.start, colours.frames.end * settings.stride],
+        "frames": [first, first + colours.frames.len().saturating_sub(1) * settings.stride + 1],
         "stride": settings.stride,
         "downscale": settings.downscale,
         "undistorted": !settings.calibration.distortion.is_none(),

@@ -12,18 +12,23 @@ const KEYS: [&str; 11] = ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3"
 pub(super) fn parse(file: &Value, place: &str) -> Result<Calibration> {
     let frames = file["frames"].as_array().map_or(&[][..], Vec::as_slice);
     let model = text(file, frames, "camera_model");
-    if let Some(model) =
-        model.filter(|m| !matches!(*m, "OPENCV" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL"))
-    {
+    let said = |v: &Value| v["is_fisheye"].as_bool().unwrap_or(v["is_fisheye"].as_i64() == Some(1));
+    let fisheye = model == Some("OPENCV_FISHEYE") || std::iter::once(file).chain(frames).any(said);
+    if let Some(model) = model.filter(|m| {
+        !matches!(*m, "OPENCV" | "OPENCV_FISHEYE" | "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL")
+    }) {
         return Err(Error::input(
             place,
             format!("the camera model {model} is not read"),
-            "OPENCV, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL and RADIAL are; undistort the frames first",
+            "OPENCV, OPENCV_FISHEYE, PINHOLE, SIMPLE_PINHOLE, SIMPLE_RADIAL and RADIAL are; undistort the frames first",
         ));
     }
-    for key in ["k4", "k5", "k6"] {
+    // Coefficients that the lens's formula has not.
+    let none = if fisheye { ["p1", "p2", "k5"] } else { ["k4", "k5", "k6"] };
+    for key in none {
         if number(file, frames, key, place)?.is_some_and(|v| v != 0.0) {
-            let problem = format!("\"{key}\" is not 0; distortion is read as k1 k2 p1 p2 k3");
+            let read = if fisheye { "of a fisheye lens as k1 k2 k3 k4" } else { "as k1 k2 p1 p2 k3" };
+            let problem = format!("\"{key}\" is not 0; distortion is read {read}");
             return Err(Error::input(
                 place,
                 problem,
@@ -61,12 +66,18 @@ pub(super) fn parse(file: &Value, place: &str) -> Result<Calibration> {
         // The origin is the corner of the first pixel (rays go through +0.5), here it is its centre.
         centre: cx.zip(cy).map(|(x, y)| [x - 0.5, y - 0.5]),
         size: w.zip(h).map(|(w, h)| [w as usize, h as usize]),
-        distortion: Distortion {
-            k1: or_zero(k1),
-            k2: or_zero(k2),
-            k3: or_zero(k3),
-            p1: or_zero(p1),
-            p2: or_zero(p2),
+        distortion: if fisheye {
+            let k4 = number(file, frames, "k4", place)?;
+            Distortion::of_fisheye([k1, k2, k3, k4].map(or_zero))
+        } else {
+            Distortion {
+                k1: or_zero(k1),
+                k2: or_zero(k2),
+                k3: or_zero(k3),
+                p1: or_zero(p1),
+                p2: or_zero(p2),
+                fisheye: None,
+            }
         },
         notes,
         ..Calibration::new(place, focal)

@@ -6,10 +6,43 @@ use yaml_rust2::{ScanError, Yaml, YamlLoader};
 
 use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
+use super::matrix;
 use crate::error::{Error, Hint, Remedy, Result};
 
-const MATRIX: [&str; 7] =
-    ["camera_matrix", "Camera_Matrix", "cameraMatrix", "CameraMatrix", "K", "mtx", "intrinsic_matrix"];
+const MATRIX: [&str; 10] = [
+    "camera_matrix",
+    "Camera_Matrix",
+    "cameraMatrix",
+    "CameraMatrix",
+    "K",
+    "mtx",
+    "intrinsic_matrix",
+    "intrinsics",
+    "intrinsicMatrix",
+    "cameraIntrinsics",
+];
+/// Models after Brown and Conrady, or without distortion.
+const BROWN: [&str; 9] = [
+    "plumb_bob",
+    "opencv",
+    "pinhole",
+    "radtan",
+    "radial-tangential",
+    "rational_polynomial",
+    "brown",
+    "none",
+    "perspective",
+];
+/// Models after Kannala and Brandt.
+const FISHEYE: [&str; 7] = [
+    "fisheye",
+    "opencv_fisheye",
+    "equidistant",
+    "equi",
+    "kannala_brandt",
+    "kannala_brandt4",
+    "kannalabrandt4",
+];
 const COEFFICIENTS: [&str; 10] = [
     "distortion_coefficients",
     "Distortion_Coefficients",
@@ -80,55 +113,102 @@ fn to_json(yaml: &Yaml) -> Value {
     }
 }
 
-/// The camera in a JSON value.
+/// The camera in a JSON value; of Kalibr's chains the first one.
 pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
-    let found = |keys: &[&str]| keys.iter().map(|k| &file[*k]).find(|v| !v.is_null());
-    let Some(matrix) = found(&MATRIX) else {
-        return Err(Error::input(
-            place,
-            "has no camera matrix",
-            Hint::from("give it as \"camera_matrix\" (3×3, as OpenCV writes it), or its numbers")
-                .with(Remedy::Intrinsics),
-        ));
-    };
-    let m = numbers(matrix);
-    if m.len() != 9 || m.iter().any(|v| !v.is_finite()) {
-        let problem = format!("its camera matrix holds {} numbers, 9 expected", m.len());
-        return Err(Error::input(place, problem, "give fx 0 cx, 0 fy cy, 0 0 1, row by row"));
-    }
-    if m[1].abs() > 1e-3 * m[0].abs() {
-        return Err(Error::input(
-            place,
-            format!("its camera matrix has a skew of {}", m[1]),
-            "a skew is not supported: calibrate without",
-        ));
-    }
-    for key in ["distortion_model", "camera_model", "model"] {
-        if let Some(model) = file[key].as_str().filter(|m| {
-            !["plumb_bob", "opencv", "pinhole", "radtan", "brown"].contains(&m.to_lowercase().as_str())
-        }) {
-            return Err(Error::input(
-                place,
-                format!("the camera model {model} is not read"),
-                "plumb_bob (k1 k2 p1 p2 k3) is; undistort fisheye images first, e.g. with cv2.fisheye.undistortImage",
-            ));
+    if file["cam0"].is_object() {
+        let mut found = parse_json(&file["cam0"], place)?;
+        if file["cam1"].is_object() {
+            found.notes.push("holds several cameras; the first one, cam0, is taken".to_owned());
         }
+        return Ok(found);
     }
-    if file["fisheye_model"].as_i64().or(file["fisheye"].as_i64()).is_some_and(|v| v != 0) {
-        return Err(Error::input(
-            place,
-            "the camera model fisheye is not read",
-            "undistort the images first, e.g. with cv2.fisheye.undistortImage",
-        ));
+    if file["intrinsic"].is_object() {
+        return parse_json(&file["intrinsic"], place);
     }
+    let found = |keys: &[&str]| keys.iter().map(|k| &file[*k]).find(|v| !v.is_null());
+    let [fx, fy, cx, cy] = pinhole(file, place)?;
     let k = found(&COEFFICIENTS).map(numbers).unwrap_or_default();
     if k.iter().any(|v| !v.is_finite()) {
         return Err(Error::input(
             place,
             "its distortion coefficients are not all numbers",
-            "give k1 k2 p1 p2 k3",
+            "give k1 k2 p1 p2 k3, of a fisheye lens k1 k2 k3 k4",
         ));
     }
+    let distortion = match is_fisheye(file, place)? {
+        true => {
+            let k = <[f64; 4]>::try_from(k).map_err(|k| {
+                let problem = format!("is of a fisheye lens, but has {} distortion coefficients", k.len());
+                Error::input(place, problem, "give k1 k2 k3 k4, as cv2.fisheye.calibrate finds them")
+            })?;
+            Distortion::of_fisheye(k)
+        }
+        false => brown(&k, place)?,
+    };
+    let side = |keys: &[&str]| found(keys).and_then(Value::as_u64).map(|v| v as usize);
+    let size = side(&["image_width", "image_Width", "imageWidth", "width", "w"]).zip(side(&[
+        "image_height",
+        "image_Height",
+        "imageHeight",
+        "height",
+        "h",
+    ]));
+    let lists = ["image_size", "img_size", "DIM", "resolution", "imageResolution", "image_resolution"];
+    let listed = found(&lists).map(numbers).filter(|s| s.len() == 2);
+    Ok(Calibration {
+        centre: Some([cx, cy]),
+        size: size.map(|(w, h)| [w, h]).or(listed.map(|s| [s[0] as usize, s[1] as usize])),
+        distortion,
+        ..Calibration::new(place, Focal::Pixels([fx, fy]))
+    })
+}
+
+/// fx, fy, cx, cy: a matrix, four numbers, or each by its name.
+fn pinhole(file: &Value, place: &str) -> Result<[f64; 4]> {
+    if let Some(found) = MATRIX.iter().map(|k| &file[*k]).find(|v| !v.is_null()) {
+        let m = numbers(found);
+        return match m[..] {
+            [fx, fy, cx, cy] if m.iter().all(|v| v.is_finite()) => Ok([fx, fy, cx, cy]),
+            _ => matrix::intrinsics(&m, place),
+        };
+    }
+    let named = |keys: [&str; 2]| keys.iter().find_map(|key| file[*key].as_f64());
+    let all = [["fx", "f"], ["fy", "fx"], ["cx", "ppx"], ["cy", "ppy"]].map(named);
+    if let [Some(fx), Some(fy), Some(cx), Some(cy)] = all {
+        return Ok([fx, fy, cx, cy]);
+    }
+    Err(Error::input(
+        place,
+        "has no camera matrix",
+        Hint::from("give it as \"camera_matrix\" (3×3, as OpenCV writes it), or its numbers")
+            .with(Remedy::Intrinsics),
+    ))
+}
+
+/// Whether the file is of a fisheye lens: it says so, or has the names that OpenCV's samples for these have (K, D, DIM).
+fn is_fisheye(file: &Value, place: &str) -> Result<bool> {
+    let mut fisheye = ["fisheye_model", "fisheye", "is_fisheye"].iter().any(|key| {
+        let value = &file[*key];
+        value.as_bool().unwrap_or(value.as_i64().is_some_and(|v| v != 0))
+    });
+    fisheye |= !file["DIM"].is_null();
+    for key in ["distortion_model", "camera_model", "model"] {
+        let Some(model) = file[key].as_str() else { continue };
+        let name = model.to_lowercase();
+        fisheye |= FISHEYE.contains(&name.as_str());
+        if !FISHEYE.contains(&name.as_str()) && !BROWN.contains(&name.as_str()) {
+            return Err(Error::input(
+                place,
+                format!("the camera model {model} is not read"),
+                "plumb_bob (k1 k2 p1 p2 k3) and equidistant fisheye lenses (k1 k2 k3 k4) are; undistort other images first",
+            ));
+        }
+    }
+    Ok(fisheye)
+}
+
+/// Distortion in OpenCV's order.
+fn brown(k: &[f64], place: &str) -> Result<Distortion> {
     if let Some(j) = (5..k.len()).find(|j| k[*j] != 0.0) {
         return Err(Error::input(
             place,
@@ -136,16 +216,7 @@ pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
             "calibrate without CALIB_RATIONAL_MODEL, CALIB_THIN_PRISM_MODEL and CALIB_TILTED_MODEL, or undistort the frames first",
         ));
     }
-    let side = |keys: &[&str]| found(keys).and_then(Value::as_u64).map(|v| v as usize);
-    let size =
-        side(&["image_width", "image_Width", "width"]).zip(side(&["image_height", "image_Height", "height"]));
-    let listed = found(&["image_size", "img_size"]).map(numbers).filter(|s| s.len() == 2);
-    Ok(Calibration {
-        centre: Some([m[2], m[5]]),
-        size: size.map(|(w, h)| [w, h]).or(listed.map(|s| [s[0] as usize, s[1] as usize])),
-        distortion: Distortion::from_opencv(&k),
-        ..Calibration::new(place, Focal::Pixels([m[0], m[4]]))
-    })
+    Ok(Distortion::from_opencv(k))
 }
 
 /// The numbers of a list, of lists in a list, or of a matrix with its numbers under "data"; NaN for anything else.

@@ -1,12 +1,15 @@
 //! From a decoded image to a file of the scene: undistorted, downscaled, compressed.
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 
-use super::Settings;
 use super::empty::empty_place;
 use super::lens::Undistortion;
+use super::names::name;
 use super::video::Raw;
+use super::{Masks, Settings};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -18,6 +21,8 @@ pub(super) struct Stage<'a> {
     pub settings: &'a Settings,
     folder: &'a Path,
     progress: &'a (dyn Fn(&str) + Sync),
+    /// What was unusual about files of frames, and in which: frame and name.
+    unusual: Mutex<BTreeMap<&'static str, BTreeMap<usize, String>>>,
 }
 
 /// What the colour frames have in common.
@@ -55,6 +60,12 @@ impl Colours {
         if let Some(undistortion) = &undistortion {
             let lost = 100.0 * (1.0 - undistortion.seen);
             notes.push(format!("lens distortion removed; {lost:.1} % of the straightened images lie outside the recorded ones and are black"));
+            if lens.fisheye.is_some() {
+                let across = 2.0 * (camera.width as f64 / (2.0 * camera.fx)).atan().to_degrees();
+                notes.push(format!(
+                    "of the fisheye lens the middle {across:.0}° across are kept, at the same focal length"
+                ));
+            }
         }
         Ok(Self { frames: 0..count, camera, undistortion })
     }
@@ -68,7 +79,17 @@ impl Colours {
 impl<'a> Stage<'a> {
     /// Writes into `folder`.
     pub fn new(settings: &'a Settings, folder: &'a Path, progress: &'a (dyn Fn(&str) + Sync)) -> Self {
-        Self { settings, folder, progress }
+        Self { settings, folder, progress, unusual: Mutex::default() }
+    }
+
+    /// One note for each kind of what was unusual about files of frames.
+    pub fn notes(&self) -> Vec<String> {
+        let unusual = self.unusual.lock().expect("nobody panics with it");
+        let note = |(note, files): (&&str, &BTreeMap<usize, String>)| {
+            let first = files.values().next().map_or("", String::as_str);
+            format!("frames: {note} (in {} files, first {first})", files.len())
+        };
+        unusual.iter().map(note).collect()
     }
 
     /// Writes frame `k` from an image file; copies the file where its pixels need no change.
@@ -76,6 +97,12 @@ impl<'a> Stage<'a> {
         let file = image::open(path)?;
         let full = file.full();
         expect_size([full.x1, full.y1], colours.size(), path)?;
+        // Where transparency is the mask, it is not ignored.
+        let heeded = |note: &&&str| self.settings.masks == Masks::Alpha && **note == image::ALPHA_IGNORED;
+        for note in file.notes.iter().filter(|note| !heeded(note)) {
+            let mut unusual = self.unusual.lock().expect("nobody panics with it");
+            unusual.entry(note).or_default().insert(k, name(path));
+        }
         if file.plain && colours.undistortion.is_none() && self.settings.downscale == 1 {
             let bytes = std::fs::read(path).map_err(|e| {
                 Error::input(path.display().to_string(), format!("cannot be read: {e}"), "check the file")

@@ -37,7 +37,14 @@ pub(crate) struct ImageFile {
     pub plain: bool,
     /// What was unusual about the file, for a warning.
     pub notes: Vec<&'static str>,
+    /// Whether it was compressed with losses.
+    pub lossy: bool,
+    /// Colour of every index, of a file that has a palette.
+    pub palette: Option<Vec<[u8; 3]>>,
 }
+
+/// Of an image that has more than colours.
+pub(crate) const ALPHA_IGNORED: &str = "transparency (alpha) is ignored";
 
 /// sRGB-encoded colour in [0, 1], shape [height, width, 3].
 pub fn read(path: &Path) -> Result<Image> {
@@ -50,13 +57,10 @@ pub fn read_bytes(path: &Path) -> Result<::image::RgbImage> {
     Ok(open(path)?.dynamic.into_rgb8())
 }
 
-/// A mask in [0, 1] (luminance over the largest value of the format), shape [height, width, 1],
-/// and a warning where its values were unusual; masks of zeros and ones are scaled.
+/// A mask in [0, 1], shape [height, width, 1], and a warning where its values were unusual: [`mask::read`](super::mask::read)
+/// of the only object.
 pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {
-    let mut file = open(path)?;
-    let mask = file.mask(file.full());
-    let warning = (!file.notes.is_empty()).then(|| format!("{}: {}", path.display(), file.notes.join("; ")));
-    Ok((mask, warning))
+    super::mask::read(path, None)
 }
 
 /// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured images.
@@ -156,14 +160,33 @@ pub(crate) fn open(path: &Path) -> Result<ImageFile> {
     }
     match decoder.original_color_type() {
         ExtendedColorType::Cmyk8 => notes.push("CMYK was converted to RGB without a colour profile"),
-        _ if decoder.color_type().has_alpha() => notes.push("transparency (alpha) is ignored"),
+        _ if decoder.color_type().has_alpha() => notes.push(ALPHA_IGNORED),
         _ => {}
     }
     let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
     let plain = orientation == Orientation::NoTransforms && !decoder.color_type().has_alpha();
     let mut dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
     dynamic.apply_orientation(orientation);
-    Ok(ImageFile { path: path.to_path_buf(), dynamic, plain, notes })
+    let lossy = format == ImageFormat::Jpeg;
+    let palette = if lossy { None } else { palette(&bytes) };
+    Ok(ImageFile { path: path.to_path_buf(), dynamic, plain, notes, lossy, palette })
+}
+
+/// The palette of a PNG file that has one; the pixels' own colours are the decoder's.
+fn palette(bytes: &[u8]) -> Option<Vec<[u8; 3]>> {
+    // Colour type 3, of the header; then chunks of length, name, content and checksum.
+    if bytes.get(25) != Some(&3) {
+        return None;
+    }
+    let mut at = PNG_HEADER;
+    loop {
+        let length = u32::from_be_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize;
+        let content = bytes.get(at + 8..(at + 8).checked_add(length)?)?;
+        if &bytes[at + 4..at + 8] == b"PLTE" {
+            return Some(content.as_chunks::<3>().0.to_vec());
+        }
+        at += length + 12;
+    }
 }
 
 /// The decoder of `bytes` in `format`, for at most [`MAX_SIDE`] pixels a side. Its own buffers take at most twice
@@ -198,7 +221,14 @@ impl ImageFile {
             }
             _ => return None,
         };
-        Some(Self { path: place.into(), dynamic, plain: true, notes: Vec::new() })
+        Some(Self {
+            path: place.into(),
+            dynamic,
+            plain: true,
+            notes: Vec::new(),
+            lossy: false,
+            palette: None,
+        })
     }
 
     /// The file, or what stands for it in messages.
@@ -229,17 +259,25 @@ impl ImageFile {
         self.floats(region, true)
     }
 
-    /// Mask values of `region`, shape [height, width, 1].
-    pub fn mask(&mut self, region: Rect) -> Image {
-        let mut mask = grey(self.floats(region, false));
+    /// Its pixels.
+    pub fn dynamic(&self) -> &DynamicImage {
+        &self.dynamic
+    }
+
+    /// Luminance of `region` over the largest value of the format, as a mask, shape [height, width, 1].
+    pub fn luminance(&mut self, region: Rect) -> Image {
+        let mask = grey(self.floats(region, false));
         let (largest, full_scale) = self.largest();
-        if largest == 1.0 {
-            self.notes.push("the mask holds 0 and 1; taken as black and white");
-            mask.data.iter_mut().for_each(|v| *v *= full_scale);
-        } else if largest > 0.0 && largest < full_scale / 2.0 {
+        if largest > 0.0 && largest < full_scale / 2.0 {
             self.notes.push("the mask's brightest value is below half of white");
         }
         mask
+    }
+
+    /// The largest luminance in the file [of 255].
+    pub fn brightest_luminance(&self) -> f32 {
+        let (largest, full_scale) = self.largest();
+        255.0 * largest / full_scale
     }
 
     /// 8-bit colour, shape [height, width, 3].

@@ -7,6 +7,7 @@ mod exr_depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;
+pub mod mask;
 pub mod model;
 pub mod npy;
 pub mod obj;

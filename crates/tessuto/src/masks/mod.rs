@@ -33,6 +33,7 @@ use rayon::prelude::*;
 use crate::camera::Rect;
 use crate::error::Result;
 use crate::image::Image;
+use crate::io::mask::Object;
 use crate::io::scene::colour_files;
 use frames::Frames;
 pub use record::{Click, Frame, Record};
@@ -47,6 +48,8 @@ pub struct Request {
     pub outline: Option<Vec<[f64; 2]>>,
     /// Mask of the first frame, instead of an outline.
     pub first: Option<PathBuf>,
+    /// Which of the objects in that mask is the fabric.
+    pub object: Option<Object>,
     /// The place without the fabric, of the size of the frames.
     pub plate: Option<EmptyPlace>,
     /// Places to add to those kept.
@@ -84,7 +87,7 @@ pub struct Made {
 /// [`Error::Usage`](crate::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
 /// naming the frame; [`Error::Output`](crate::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
-    let clip = colour_files(folder)?;
+    let (clip, origin) = (colour_files(folder)?, refuse::Origin::of(folder));
     let mut record = Record::read(folder)?.unwrap_or_else(Record::new);
     files::check(folder)?;
     if request.forget {
@@ -94,7 +97,8 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     record.largest_piece = request.largest_piece;
     let size = [clip.camera.width, clip.camera.height];
     refuse::clicks(&record.clicks, size, clip.paths.len())?;
-    let (first, rough) = start::first_frame(folder, request, &mut record, size)?;
+    let mut notes = Vec::new();
+    let (first, rough) = start::first_frame(folder, request, &mut record, size, &mut notes)?;
     let area = first.area() as f64;
     let frames = Frames::read(&clip, area)?;
     progress(0.05);
@@ -102,7 +106,8 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let first = shrunk(&first, &frames);
     let noise = frames::noise(&frames, &first);
     record.noise = (f64::from(noise) * 1e3).round() / 1e3;
-    record.notes = refuse::clip(&frames, &first, noise)?;
+    notes.extend(refuse::clip(&frames, &first, noise, origin)?);
+    record.notes = notes;
     let given = Given {
         first,
         rough,
@@ -112,7 +117,7 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
         noise,
     };
     let tracked = track(&frames, &given, &|part| progress(0.1 + 0.8 * part))
-        .map_err(|n| refuse::lost(&clip.paths[n], n))?;
+        .map_err(|n| refuse::lost(&clip.paths[n], n, origin))?;
     refuse::outline(&given.first, &tracked, rough)?;
     let judgements = judge::judge(&frames, &tracked);
     let coverage = coverages(&frames, &tracked, noise);

@@ -17,6 +17,33 @@ const FOUND: (f64, f64) = (0.6, 0.15);
 /// Fractions of changing pixels inside of the outline and, of the image, elsewhere: it is around the wrong thing.
 const STILL: (f64, f64) = (0.01, 0.02);
 
+/// Which frames of the input the scene's are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Origin {
+    first: usize,
+    stride: usize,
+}
+
+impl Origin {
+    /// As the import noted it in scene.json; the same numbers where it did not.
+    pub fn of(folder: &Path) -> Self {
+        let text = std::fs::read_to_string(folder.join("scene.json")).unwrap_or_default();
+        let manifest: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+        let number = |value: &serde_json::Value| value.as_u64().and_then(|v| usize::try_from(v).ok());
+        let notes = &manifest["notes"];
+        Self {
+            first: number(&notes["frames"][0]).unwrap_or(0),
+            stride: number(&notes["stride"]).unwrap_or(1),
+        }
+    }
+
+    /// The first `count` frames of the scene, as numbers of the input.
+    fn before(self, count: usize) -> Remedy {
+        let end = self.first.saturating_add(count.saturating_sub(1).saturating_mul(self.stride)) + 1;
+        Remedy::Frames(Some(self.first..end))
+    }
+}
+
 /// Refuses a polygon that is none.
 pub(super) fn polygon(outline: &[[f64; 2]], [width, height]: [usize; 2]) -> Result<()> {
     let fail = |problem: String, hint: &str| {
@@ -85,15 +112,15 @@ pub(super) fn size(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Resu
 }
 
 /// Refuses a cut and a camera that moves; notes about smaller faults.
-pub(super) fn clip(frames: &Frames, first: &Region, noise: f32) -> Result<Vec<String>> {
+pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) -> Result<Vec<String>> {
     let found = steadiness(frames, first);
-    let count = frames.images.len();
     if let Some(n) = found.cut {
-        let longer = if n >= count - n { 0..n } else { n..count };
+        // The fabric is known in frame 0, which the take behind the cut has not, however long it is.
         return Err(Error::input(
             format!("frame {n}"),
             "the whole image changes here: a cut, or a flash",
-            Hint::from("import one take of the clip").with(Remedy::Frames(Some(longer))),
+            Hint::from("import the take that begins with frame 0, to which the outline belongs; another one needs its own")
+                .with(origin.before(n)),
         ));
     }
     // First: a fabric that is taken for the surroundings looks like a camera that moves.
@@ -117,7 +144,7 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32) -> Result<Vec<St
                 "the surroundings have moved by {shift:.0} px since frame 0: the camera did not stand still"
             ),
             Hint::from("film from a tripod, steady the clip in a video editor, or import the part before")
-                .with(Remedy::Frames(Some(0..n))),
+                .with(origin.before(n)),
         ));
     }
     let shaken = found.shaken.map(|(n, shift)| {
@@ -151,10 +178,10 @@ pub(super) fn outline(drawn: &Region, tracked: &Tracked, rough: bool) -> Result<
 }
 
 /// The error of fabric that is gone.
-pub(super) fn lost(path: &Path, n: usize) -> Error {
+pub(super) fn lost(path: &Path, n: usize, origin: Origin) -> Error {
     Error::input(
         path.display().to_string(),
         format!("no fabric is left in frame {n}: it has left the image, or was lost"),
-        Hint::from("import the part before, or click where it is").with(Remedy::Frames(Some(0..n.max(1)))),
+        Hint::from("import the part before, or click where it is").with(origin.before(n.max(1))),
     )
 }

@@ -12,7 +12,7 @@ use super::{EmptyPlace, Request, files, refuse};
 use crate::camera::Rect;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::scene::{self, ColourFiles};
-use crate::io::{image, obj};
+use crate::io::{image, mask, obj};
 use crate::raster::coverage::template_coverage;
 
 /// Where the fabric is in the first frame, and whether that is rough.
@@ -21,10 +21,12 @@ pub(super) fn first_frame(
     request: &Request,
     record: &mut Record,
     size: [usize; 2],
+    notes: &mut Vec<String>,
 ) -> Result<(Region, bool)> {
     let rect = Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] };
     if let Some(path) = &request.first {
-        let (mask, _) = image::read_mask(path)?;
+        let (mask, note) = mask::read_fabric(path, request.object.as_ref())?;
+        notes.extend(note);
         refuse::size(path, [mask.width, mask.height], size)?;
         record.outline = None;
         return Ok((Region { rect, inside: mask.data.iter().map(|v| *v >= 0.5).collect() }, false));

@@ -94,6 +94,18 @@ impl RunOptions {
     }
 }
 
+/// A warning where a stiffness that was found lies at its bound. Of causes, the numbers that the video does not tell are told as
+/// unknown, wherever the search left them: that such a one came to lie at a bound is no news, and true of almost every clip
+/// (the prior is wide, and what does not bear on the motion drifts). One that the video tells and that lies at its bound is
+/// cut off, which matters.
+fn stiffness_doubt(settings: &Config, log_stiffness: &[f64], informed: Option<[bool; 3]>) -> Option<Warning> {
+    let mut told = log_stiffness.to_vec();
+    // What is no number lies at no bound.
+    let known = informed.into_iter().flatten();
+    told.iter_mut().zip(known).filter(|(_, known)| !known).for_each(|(k, _)| *k = f64::NAN);
+    settings.dynamics.doubt(&told)
+}
+
 /// What a finished run left. The folder is there even if `failure` is set.
 #[derive(Debug)]
 pub struct Outcome {
@@ -173,7 +185,8 @@ fn work(
     let found = reconstruct(scene, &run.settings, session)?;
     observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
     let of_causes = found.causes.as_ref().and_then(|causes| causes.found.doubt());
-    let of_stiffness = run.settings.dynamics.doubt(&found.parameters.log_stiffness);
+    let informed = found.causes.as_ref().map(|causes| causes.found.informed_stiffness());
+    let of_stiffness = stiffness_doubt(&run.settings, &found.parameters.log_stiffness, informed);
     for doubt in of_causes.into_iter().chain(of_stiffness) {
         observer.borrow_mut().warning(&doubt);
         warnings.push(doubt);
@@ -284,4 +297,22 @@ fn evaluate(scene: &Scene, motion: &Motion, seed: u64) -> Result<Option<Evaluati
         return Ok(None);
     }
     metrics::evaluate(&scene.into(), motion, 0..motion.len(), seed).map(Some)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_stiffness_that_the_video_does_not_tell_is_not_doubted() {
+        let config = Config::default();
+        let range = config.dynamics.stretch;
+        let at_bound = [range.low, config.dynamics.bend.start, config.dynamics.shear.start];
+        assert_eq!(stiffness_doubt(&config, &at_bound, Some([false, true, true])), None);
+        // Known, or found for the replay alone.
+        for informed in [Some([true, false, false]), None] {
+            let doubt = stiffness_doubt(&config, &at_bound, informed).unwrap();
+            assert!(doubt.found.contains("stretch at its lower bound"), "{doubt}");
+        }
+    }
 }

@@ -85,6 +85,8 @@ pub struct Rendered {
     pub depth: Option<[f64; 2]>,
     /// Where an earlier folder is kept because somebody put files into it meanwhile.
     pub kept: Option<PathBuf>,
+    /// What was asked for and had no effect.
+    pub notes: Vec<String>,
 }
 
 /// Renders `result` into the folder `out`, RESULT/views/LOOK if it is not given: `frame_000.png` …, named by the number of
@@ -115,6 +117,20 @@ pub fn render(
     if options.turn == Some(Turn::Light) && look != Look::Material {
         let problem = format!("a light that goes around, and the look {}", look.name());
         return Err(Error::usage(problem, "only the material is lit: draw that"));
+    }
+    let mut notes = Vec::new();
+    if let Some(environment) = options.environment.as_ref().filter(|_| look != Look::Material) {
+        let why = match options.look {
+            Some(_) => "only the look material is lit",
+            None => {
+                "only the look material is lit, and the result has no material yet (tessuto appearance estimates it)"
+            }
+        };
+        notes.push(format!(
+            "the environment {} has no effect on the look {}: {why}",
+            environment.display(),
+            look.name()
+        ));
     }
     let seen = |shot: &Shot| shot.viewpoint.all_in_camera(&motion[shot.frame]).into_owned();
     let target = out.map_or_else(|| result.path().join("views").join(look.name()), Path::to_path_buf);
@@ -150,7 +166,7 @@ pub fn render(
         Drawing::Depth(range) => Some(range),
         _ => None,
     };
-    Ok(Rendered { folder: target, depth, kept })
+    Ok(Rendered { folder: target, depth, kept, notes })
 }
 
 fn light(result: &Folder, options: &RenderOptions) -> Result<EnvironmentMap> {

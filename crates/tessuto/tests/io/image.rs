@@ -130,7 +130,11 @@ fn odd_masks_give_a_warning() {
     assert_eq!(mask.data, [0.0, 1.0, 1.0]);
     assert!(warning.unwrap().contains("0 and 1"));
     let (mask, warning) = read_mask(&folder.save("dim.png", dim(100), ImageFormat::Png)).unwrap();
-    assert_eq!(mask.data, [0.0, 100.0 / 255.0, 100.0 / 255.0]);
+    assert_eq!(mask.data, [0.0, 1.0, 1.0]);
+    assert!(warning.unwrap().contains("two values, 0 and 100; taken as black and white"));
+    let ramp = image::GrayImage::from_fn(3, 1, |x, _| image::Luma([50 * x as u8]));
+    let (mask, warning) = read_mask(&folder.save("ramp.png", ramp, ImageFormat::Png)).unwrap();
+    assert_eq!(mask.data, [0.0, 50.0 / 255.0, 100.0 / 255.0]);
     assert!(warning.unwrap().contains("below half of white"));
     let (_, warning) = read_mask(&folder.save("lie.jpg", dim(255), ImageFormat::Png)).unwrap();
     assert!(warning.unwrap().contains("ending"));

@@ -2,13 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::frames::ENDINGS;
+use super::frames::{ENDINGS, of_scene};
 use super::listing::numbered;
 use super::manifest::Manifest;
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::image::Image;
-use crate::io::image;
+use crate::io::{image, mask};
 
 /// Camera of the first frame, and its mask.
 #[derive(Debug, Clone)]
@@ -35,8 +35,7 @@ pub fn first_frame(folder: &Path) -> Result<FirstFrame> {
     }
     let numbers = (0..1, manifest.n_frames);
     let mask_path = numbered(folder, "masks", "mask_", &ENDINGS, numbers, &mut Vec::new())?.remove(0);
-    let mut file = image::open(&mask_path)?;
-    file.expect_size([camera.width, camera.height])?;
-    let mask = file.mask(file.full());
+    image::open(&mask_path)?.expect_size([camera.width, camera.height])?;
+    let (mask, _) = mask::read_fabric(&mask_path, None).map_err(of_scene)?;
     Ok(FirstFrame { camera, mask: Some((mask, mask_path)), metres })
 }

@@ -15,6 +15,7 @@ use crate::camera::Rect;
 use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::image::Image;
 use crate::io::image::{self, ImageFile};
+use crate::io::mask::{self, Look, Reading};
 use crate::video::{COVERED, Frame, PIXEL_BYTES, Video};
 
 /// Most memory `[bytes]` that one frame may take.
@@ -29,6 +30,12 @@ struct Mask {
     bounds: Rect,
     /// What was unusual about the file.
     notes: Vec<&'static str>,
+}
+
+/// A mask file that was looked at as if it were plain, white on black; most are.
+struct Looked {
+    look: Look,
+    mask: Result<Mask>,
 }
 
 /// Where an image comes from.
@@ -115,7 +122,7 @@ pub(super) fn from(sources: Sources, warnings: &mut Vec<Warning>) -> Result<(Rec
     if let Some(crop) = crop {
         check_memory(crop)?;
     }
-    let found = in_order(&masks, |mask| look_at_mask(mask, size, crop))?;
+    let (found, reading) = look_at_masks(&masks, size, crop, warnings)?;
     let crop = crop.unwrap_or_else(|| crop_around(&found, size));
     check_memory(crop)?;
 
@@ -128,7 +135,7 @@ pub(super) fn from(sources: Sources, warnings: &mut Vec<Warning>) -> Result<(Rec
     let files: Vec<Files> = colours.into_iter().zip(masks).zip(&found).map(frame_files).collect();
     let held = crop.width() * crop.height() * PIXEL_BYTES <= held_bytes / frame_count.max(1);
     let read = in_order(&files, |files| {
-        let mut read = read_frame(files, size, crop)?;
+        let mut read = read_frame(files, size, crop, &reading)?;
         if !held {
             read.frame = None;
         }
@@ -150,7 +157,7 @@ pub(super) fn from(sources: Sources, warnings: &mut Vec<Warning>) -> Result<(Rec
     let video = match held {
         true => read.into_par_iter().filter_map(|f| f.frame).map(finished).collect::<Vec<_>>().into(),
         false => {
-            let again = move |n: usize| Ok(finished(read_again(&files[n], size, crop)?));
+            let again = move |n: usize| Ok(finished(read_again(&files[n], size, crop, &reading)?));
             Video::streamed(frame_count, crop.width() * crop.height(), again)
         }
     };
@@ -163,28 +170,64 @@ fn in_order<T: Sync, U: Send>(items: &[T], f: impl Fn(&T) -> Result<U> + Send + 
     results.into_iter().collect()
 }
 
-fn look_at_mask(mask: &Source, size: [usize; 2], crop: Option<Rect>) -> Result<Mask> {
-    let mut file = mask.open()?;
-    file.expect_size(size)?;
+/// What is known of every mask, and how all of them are read.
+fn look_at_masks(
+    masks: &[Source],
+    size: [usize; 2],
+    crop: Option<Rect>,
+    warnings: &mut Vec<Warning>,
+) -> Result<(Vec<Mask>, Reading)> {
+    let looked = in_order(masks, |mask| {
+        let mut file = mask.open()?;
+        file.expect_size(size)?;
+        let look = file.look();
+        let mask = look_at_mask(mask, &mut file, crop, &Reading::luminance());
+        Ok(Looked { look, mask })
+    })?;
+    let place = match masks.first() {
+        Some(Source::File(path)) => path.parent().unwrap_or(path).display().to_string(),
+        _ => "masks".to_owned(),
+    };
+    let reading = mask::understand(&place, looked.iter().map(|l| &l.look), None).map_err(of_scene)?;
+    let hint = || Hint::from("look at the masks' outlines").with(Remedy::Check);
+    warnings.extend(reading.notes.iter().map(|note| Warning::new("masks", note, hint())));
+    let found = match reading.is_luminance() {
+        true => looked.into_iter().map(|l| l.mask).collect::<Result<Vec<_>>>()?,
+        false => in_order(masks, |mask| look_at_mask(mask, &mut mask.open()?, crop, &reading))?,
+    };
+    Ok((found, reading))
+}
+
+/// The error of masks that hold several objects, in words of a scene, in which nothing is chosen.
+pub(super) fn of_scene(error: Error) -> Error {
+    match error {
+        Error::Input { place, problem, hint } if hint.remedies.contains(&Remedy::Object) => {
+            let hint = Hint::from(
+                "a scene has one fabric: leave its object in the masks, or import them again and choose it",
+            );
+            Error::Input { place, problem, hint: hint.with(Remedy::Object) }
+        }
+        other => other,
+    }
+}
+
+fn look_at_mask(mask: &Source, file: &mut ImageFile, crop: Option<Rect>, reading: &Reading) -> Result<Mask> {
     let full = file.full();
-    let image = file.mask(crop.unwrap_or(full));
+    let image = file.mask_as(reading, crop.unwrap_or(full));
     let Some(found) = bounds(&image) else {
-        let brightest = image.data.iter().copied().fold(0.0, f32::max) * 255.0;
-        let part = if crop.is_some() { " inside the crop" } else { "" };
-        return Err(Error::input(
-            mask.place().display().to_string(),
-            format!(
-                "the mask is empty{part}: its brightest value is {brightest:.0} of 255, fabric is 128 or more"
-            ),
-            Hint::from("correct the mask (white = fabric), or leave such frames out")
-                .with(Remedy::Frames(None)),
-        ));
+        let (part, brightest) = match crop {
+            Some(_) => (" inside the crop", mask::brightest(&image)),
+            None => ("", file.brightest(reading, &image)),
+        };
+        let hint = Hint::from("correct the mask (white = fabric), or leave such frames out");
+        let hint = hint.with(Remedy::Frames(None));
+        return Err(mask::empty(mask.place(), brightest, part, reading, hint));
     };
     let notes = std::mem::take(&mut file.notes);
     Ok(match crop {
         Some(region) => Mask { region, bounds: shifted(found, region), notes },
         // Keep a margin, so that soft edges below ½ survive.
-        None => Mask { region: grown(found, size), bounds: found, notes },
+        None => Mask { region: grown(found, [full.x1, full.y1]), bounds: found, notes },
     })
 }
 
@@ -195,21 +238,21 @@ struct Read {
     background: (f64, usize),
 }
 
-fn read_frame(files: &Files, size: [usize; 2], crop: Rect) -> Result<Read> {
+fn read_frame(files: &Files, size: [usize; 2], crop: Rect, reading: &Reading) -> Result<Read> {
     let file = files.colour.open()?;
     file.expect_size(size)?;
     let rgb = file.rgb(crop);
     let notes = file.notes;
     let mut file = files.mask.open()?;
     file.expect_size(size)?;
-    let mask = file.mask(files.region);
+    let mask = file.mask_as(reading, files.region);
     let mask = if files.region == crop { mask } else { cut(&mask, files.region, crop) };
     let background = background(&rgb, &mask);
     Ok(Read { frame: Some(Frame { rgb, mask }), notes, background })
 }
 
-fn read_again(files: &Files, size: [usize; 2], crop: Rect) -> Result<Frame> {
-    let read = read_frame(files, size, crop)?;
+fn read_again(files: &Files, size: [usize; 2], crop: Rect, reading: &Reading) -> Result<Frame> {
+    let read = read_frame(files, size, crop, reading)?;
     for (source, before) in [&files.colour, &files.mask].into_iter().zip(&files.stamps) {
         if stamp(source) != *before {
             return Err(Error::input(

@@ -83,6 +83,12 @@ impl Found {
         sd < INFORMED * before
     }
 
+    /// Whether the video tells stretch, bend and shear stiffness.
+    pub fn informed_stiffness(&self) -> [bool; 3] {
+        let (found, before) = (self.spread.ln_stiffness, self.prior.ln_stiffness);
+        [0, 1, 2].map(|k| self.is_informed(found[k], before[k]))
+    }
+
     /// A warning where the video tells nothing, and all is what was known before.
     pub fn doubt(&self) -> Option<Warning> {
         let why = match self.misfit > DOUBTED {
