@@ -122,6 +122,13 @@ struct Shown {
     top_field_first: u8,
 }
 
+/// Names and values of the metadata of the file at `path` and of its tracks.
+pub(crate) fn tags(path: &Path, programs: &Programs, options: &Options) -> Option<Vec<(String, String)>> {
+    let asked = ["-show_entries", "format_tags:stream_tags"];
+    let answer = programs.probe::<Answer>(path, &asked, options).ok()?.0?;
+    Some(answer.streams.into_iter().map(|track| track.tags).chain([answer.format.tags]).flatten().collect())
+}
+
 /// A file, looked at.
 pub(crate) struct Look {
     pub stream: Stream,
@@ -217,7 +224,9 @@ fn expect_size(path: &Path, track: &Track, programs: &Programs, options: &Option
     // A decoder that refused such frames has taken the size back; the container's is still there.
     let index = track.index.to_string();
     let asked = ["-nofind_stream_info", "-select_streams", &index, "-show_entries", "stream=width,height"];
-    let declared = programs.probe::<Answer>(path, &asked, options)?.0.unwrap_or_default();
+    // Nothing is decoded here, and decoders that are bounded would not even be asked.
+    let unbounded = Options { max_bytes: u64::MAX, ..*options };
+    let declared = programs.probe::<Answer>(path, &asked, &unbounded)?.0.unwrap_or_default();
     if let Some(track) = declared.streams.first().filter(|track| track.width > 0 && track.height > 0) {
         options.expect_size([track.width, track.height])?;
     }

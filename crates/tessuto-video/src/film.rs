@@ -47,7 +47,8 @@ impl Options<'_> {
 
     /// Most pixels of a frame.
     pub(crate) fn max_pixels(&self) -> u64 {
-        self.max_bytes / 3
+        // As large as the programs take it.
+        (self.max_bytes / 3).min(i32::MAX as u64)
     }
 }
 
@@ -92,6 +93,12 @@ pub fn open(path: &Path, options: &Options) -> Result<Film, Refusal> {
     let look = ffprobe::look(path, programs, options)?;
     let backend = Backend::Ffmpeg(look.programs);
     Ok(Film { stream: look.stream, stored: look.stored, notes: look.notes, path: path.to_path_buf(), backend })
+}
+
+/// Names and values of the metadata of a video file and of its tracks; `None` where it cannot be read.
+pub fn tags(path: &Path, options: &Options) -> Option<Vec<(String, String)>> {
+    expect_file(path).and_then(|()| expect_no_list(path)).ok()?;
+    ffprobe::tags(path, &Programs::beside(options.ffmpeg), options)
 }
 
 impl Film {

@@ -14,6 +14,6 @@ mod stream;
 
 pub use doors::expect_file;
 pub use ffmpeg::Frames;
-pub use film::{Film, Frame, Options, open};
+pub use film::{Film, Frame, Options, open, tags};
 pub use refusal::Refusal;
 pub use stream::{Fields, Matrix, Stream, Transfer};

@@ -6,6 +6,7 @@ mod compare;
 mod completions;
 mod evaluate;
 mod import;
+mod import_video;
 #[cfg(feature = "man")]
 mod man_pages;
 mod masks;

@@ -39,6 +39,8 @@ pub enum Remedy {
     Feature(String),
     /// [`import::Settings::fps`](crate::import::Settings::fps).
     Fps,
+    /// [`import::Settings::rate`](crate::import::Settings::rate).
+    Rate,
     /// [`import::Settings::masks`](crate::import::Settings::masks).
     Masks,
     /// Corners of the fabric in the first frame: [`masks::Request::outline`](crate::masks::Request::outline).
@@ -138,6 +140,7 @@ impl fmt::Display for Remedy {
             Self::Set(assignment) => f.write_str(assignment),
             Self::Feature(name) => write!(f, "feature {name}"),
             Self::Fps => f.write_str("fps"),
+            Self::Rate => f.write_str("rate"),
             Self::Masks => f.write_str("masks"),
             Self::Outline => f.write_str("outline"),
             Self::Plate => f.write_str("plate"),

@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::Settings;
+use super::{Calibration, Settings};
 use super::empty::empty_place;
 use super::lens::Undistortion;
 use super::video::Raw;
@@ -30,8 +30,14 @@ pub(super) struct Colours {
 }
 
 impl Colours {
-    /// The camera and the straightening of frames of `size` `[px]`.
-    pub fn new(settings: &Settings, size: [usize; 2], count: usize, notes: &mut Vec<String>) -> Result<Self> {
+    /// The camera and the straightening of frames of `size` `[px]`, whose pixels have `pixel_aspect`, width over height.
+    pub fn new(
+        settings: &Settings,
+        size: [usize; 2],
+        pixel_aspect: f64,
+        count: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<Self> {
         let factor = settings.downscale;
         if size.iter().any(|n| n / factor < 2) {
             return Err(Error::usage(
@@ -45,7 +51,8 @@ impl Colours {
                 size[0], size[1]
             ));
         }
-        let camera = settings.calibration.scaled_to(size, notes)?;
+        let calibration = Calibration { pixel_aspect, ..settings.calibration.clone() };
+        let camera = calibration.scaled_to(size, notes)?;
         let lens = &settings.calibration.distortion;
         let undistortion = if lens.is_none() {
             None
