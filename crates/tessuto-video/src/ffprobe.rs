@@ -12,7 +12,7 @@ use crate::refusal::Refusal;
 use crate::stream::{Fields, Matrix, Stream, Transfer};
 
 /// Elementary streams: what time stamps ffmpeg gives for them, it has made up.
-const UNTIMED: &str = "h264 hevc vvc evc mjpeg mjpeg_2000 mpjpeg m4v mpegvideo h261 h263 vc1 obu av1 cavsvideo avs2 avs3 dirac dnxhd";
+const UNTIMED: &str = "h264 hevc vvc evc mjpeg mjpeg_2000 mpjpeg m4v mpegvideo h261 h263 vc1 obu av1 cavsvideo avs2 avs3 dirac dnxhd jpeg_pipe png_pipe";
 /// Codecs in MP4, QuickTime and Matroska of which each packet is one frame that is shown.
 const ONE_EACH: &str = "h264 hevc av1 vp9";
 /// Codecs whose frames stand alone.
@@ -143,13 +143,18 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
     let asked = ["-select_streams", "v", "-show_entries", ENTRIES, "-read_intervals", &most];
     let (answer, last) = programs.probe::<Answer>(path, &asked, options)?;
     let nothing = |said: &str| Refusal::new(format!("ffprobe finds no film in it: {said}"), WHAT_IS_READ);
-    let answer = answer.ok_or_else(|| nothing(&last))?;
+    let Some(answer) = answer else {
+        // A decoder that may not have such frames may end the program.
+        expect_declared_size(path, "v:0", &programs, options)?;
+        return Err(nothing(&last));
+    };
     let track = shown(&answer.streams).ok_or_else(|| nothing("no stream of images"))?;
     programs.index = track.index;
     programs.knows_fps_mode = (answer.library_versions.iter())
         .any(|library| library.name == "libavutil" && (library.major, library.minor) >= (57, 28));
     expect_size(path, track, &programs, options)?;
-    let packets: Vec<&Packet> = answer.packets.iter().filter(|p| p.stream_index == track.index && !p.flags.is_discarded).collect();
+    let all: Vec<&Packet> = answer.packets.iter().filter(|packet| packet.stream_index == track.index).collect();
+    let packets: Vec<&Packet> = all.iter().copied().filter(|packet| !packet.flags.is_discarded).collect();
     if answer.packets.len() > options.max_frames && options.end.is_none_or(|end| end > options.max_frames) {
         let mut refusal = Refusal::new(
             format!("has more than {} frames", options.max_frames),
@@ -158,11 +163,10 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
         refusal.part = Some(0..options.max_frames.min(1000));
         return Err(refusal);
     }
-    let in_packets = stamps_of_packets(&answer.format.format_name, &track.codec_name, &packets);
-    let first = match in_packets {
-        Some(_) => FIRST,
-        None => options.max_frames,
-    };
+    let in_packets = stamps_of_packets(&answer.format.format_name, &track.codec_name, &all);
+    // Packets that are decoded only for those behind them stand in front.
+    let hidden = all.iter().position(|packet| !packet.flags.is_discarded).unwrap_or(0);
+    let first = if in_packets.is_some() { hidden + FIRST } else { options.max_frames };
     let mut frames = decoded(path, &programs, first, options)?;
     if let Some(change) = change(&frames) {
         if options.end.is_none_or(|end| end > change.0) {
@@ -176,7 +180,8 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
     let size = [head.width, head.height];
     options.expect_size(size)?;
     let is_untimed = (answer.format.format_name.split(',')).any(|name| UNTIMED.split(' ').any(|raw| raw == name));
-    let stamps: Option<Vec<i64>> = in_packets.or_else(|| frames.iter().map(|f| f.best_effort_timestamp).collect());
+    let of_frames = || frames.iter().map(|f| f.best_effort_timestamp).collect();
+    let stamps: Option<Vec<i64>> = in_packets.or_else(of_frames).or_else(|| stamps_of_decoding(&packets, frames.len()));
     let stored = stamps.as_ref().map_or(frames.len(), Vec::len);
     let (numerator, denominator) = fraction(&track.time_base, '/').unwrap_or((0, 1));
     let begin = stamps.as_ref().and_then(|s| s.first().copied()).unwrap_or(0);
@@ -222,28 +227,32 @@ fn expect_size(path: &Path, track: &Track, programs: &Programs, options: &Option
         return options.expect_size([track.width, track.height]);
     }
     // A decoder that refused such frames has taken the size back; the container's is still there.
-    let index = track.index.to_string();
-    let asked = ["-nofind_stream_info", "-select_streams", &index, "-show_entries", "stream=width,height"];
-    // Nothing is decoded here, and decoders that are bounded would not even be asked.
-    let unbounded = Options { max_bytes: u64::MAX, ..*options };
-    let declared = programs.probe::<Answer>(path, &asked, &unbounded)?.0.unwrap_or_default();
-    if let Some(track) = declared.streams.first().filter(|track| track.width > 0 && track.height > 0) {
-        options.expect_size([track.width, track.height])?;
-    }
+    expect_declared_size(path, &track.index.to_string(), programs, options)?;
     Err(Refusal::new(
         format!("does not tell the size of its frames, or they take more than {} bytes each", options.max_bytes),
         "play it to see whether it is whole; make it smaller, e.g. ffmpeg -i IN -vf scale=1920:-2 OUT.mp4",
     ))
 }
 
-/// The stamps in the order of display, where each packet is known to be one frame that is shown.
+/// Refuses frames that are too large by what the head of the container says; nothing is refused where it says nothing.
+fn expect_declared_size(path: &Path, index: &str, programs: &Programs, options: &Options) -> Result<(), Refusal> {
+    let asked = ["-nofind_stream_info", "-select_streams", index, "-show_entries", "stream=width,height"];
+    // Nothing is decoded here, and decoders that are bounded would not even be asked.
+    let unbounded = Options { max_bytes: u64::MAX, ..*options };
+    let declared = programs.probe::<Answer>(path, &asked, &unbounded)?.0.unwrap_or_default();
+    let told = declared.streams.first().filter(|track| track.width > 0 && track.height > 0);
+    told.map_or(Ok(()), |track| options.expect_size([track.width, track.height]))
+}
+
+/// The stamps in the order of display of what is shown, where each packet is known to be one frame.
 fn stamps_of_packets(container: &str, codec: &str, packets: &[&Packet]) -> Option<Vec<i64>> {
     let is_in = |list: &str| list.split(' ').any(|name| name == codec);
     let is_indexed = ["mov", "matroska"].iter().any(|name| container.split(',').any(|part| part == *name));
     if !(is_in(INTRA) || is_indexed && is_in(ONE_EACH)) {
         return None;
     }
-    let mut stamps = packets.iter().map(|packet| packet.pts).collect::<Option<Vec<i64>>>()?;
+    let shown = packets.iter().filter(|packet| !packet.flags.is_discarded);
+    let mut stamps = shown.map(|packet| packet.pts).collect::<Option<Vec<i64>>>()?;
     let first = packets.first().filter(|packet| packet.flags.is_key)?.pts?;
     // Frames before the first key frame may not be decoded, and a clock that jumps back tells no order.
     let dts: Vec<i64> = packets.iter().filter_map(|packet| packet.dts).collect();
@@ -252,6 +261,12 @@ fn stamps_of_packets(container: &str, codec: &str, packets: &[&Packet]) -> Optio
     }
     stamps.sort_unstable();
     Some(stamps)
+}
+
+/// AVI and what is stored as in AVI has no time of display, but one of decoding, at the same rate.
+fn stamps_of_decoding(packets: &[&Packet], frames: usize) -> Option<Vec<i64>> {
+    let stamps = packets.iter().map(|packet| packet.dts).collect::<Option<Vec<i64>>>()?;
+    (stamps.len() >= frames && stamps.is_sorted()).then(|| stamps[..frames].to_vec())
 }
 
 /// What is said of the frames in the first `count` packets, in the order of display.
@@ -358,15 +373,18 @@ mod tests {
         assert_eq!((track.index, turn(track), matrix(&track.color_space)), (1, 90, Matrix::Bt709));
         assert_eq!(fraction(&track.sample_aspect_ratio, ':'), Some((4, 3)));
         assert_eq!((fraction("0:1", ':'), fraction("N/A", ':'), fraction("", '/')), (None, None, None));
-        let packets: Vec<&Packet> = answer.packets.iter().filter(|p| !p.flags.is_discarded).collect();
+        let packets: Vec<&Packet> = answer.packets.iter().collect();
         let container = &answer.format.format_name;
         assert_eq!(stamps_of_packets(container, "h264", &packets), Some(vec![0, 512, 1024]));
         // A packet may be no frame, or none that is shown.
         assert_eq!(stamps_of_packets("mpegts", "h264", &packets), None);
         assert_eq!(stamps_of_packets("matroska,webm", "vp8", &packets), None);
-        let all: Vec<&Packet> = answer.packets.iter().collect();
-        assert_eq!(stamps_of_packets(container, "h264", &all), None, "before the first key frame");
         assert_eq!(stamps_of_packets(container, "h264", &packets[1..]), None, "no key frame first");
+        let early = Packet { stream_index: 1, pts: Some(-1), dts: None, flags: Flags::default() };
+        let early: Vec<&Packet> = packets.iter().copied().chain([&early]).collect();
+        assert_eq!(stamps_of_packets(container, "h264", &early), None, "before the first key frame");
+        assert_eq!(stamps_of_decoding(&packets, 3), Some(vec![-1024, -512, 0]));
+        assert_eq!(stamps_of_decoding(&packets, 5), None);
     }
 
     #[test]

@@ -238,7 +238,8 @@ fn about(said: &Said) -> Vec<String> {
     };
     if let Some(first) = first {
         notes.push(format!(
-            "is interlaced ({first} first): each frame shows two moments and became two frames, at twice the rate"
+            "is interlaced ({first} first): each frame shows two moments and became two frames, at twice the rate; \
+             of film that is marked so by mistake, first ffmpeg -i IN -vf setfield=prog OUT.mp4"
         ));
     }
     let aspect = said.upright_aspect();

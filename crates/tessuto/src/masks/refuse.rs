@@ -89,11 +89,12 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32) -> Result<Vec<St
     let found = steadiness(frames, first);
     let count = frames.images.len();
     if let Some(n) = found.cut {
-        let longer = if n >= count - n { 0..n } else { n..count };
+        // The outline is that of the first frame; one frame shows no motion.
+        let take = if n > 1 { 0..n } else { n..count };
         return Err(Error::input(
             format!("frame {n}"),
             "the whole image changes here: a cut, or a flash",
-            Hint::from("import one take of the clip").with(Remedy::Frames(Some(longer))),
+            Hint::from("import one take of the clip, such as that of the outline").with(Remedy::Frames(Some(take))),
         ));
     }
     // First: a fabric that is taken for the surroundings looks like a camera that moves.
