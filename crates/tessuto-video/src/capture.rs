@@ -21,7 +21,9 @@ const MOST_BOXES: usize = 10_000;
 
 /// The rate that the metadata `tags` or the file at `path` name; `None` where they name none, or nonsense.
 pub(crate) fn rate<'a>(tags: impl Iterator<Item = &'a BTreeMap<String, String>>, path: &Path) -> Option<f64> {
-    let android = tags.filter_map(|tags| tags.get("com.android.capture.fps")).find_map(|value| value.trim().parse().ok());
+    let android = tags
+        .filter_map(|tags| tags.get("com.android.capture.fps"))
+        .find_map(|value| value.trim().parse().ok());
     android.or_else(|| in_xml(&xml_of(path)?)).map(television).filter(|rate| SANE.contains(rate))
 }
 
@@ -96,7 +98,10 @@ mod tests {
             rate([&tags].into_iter(), Path::new("/no/such/film.mp4"))
         };
         assert_eq!((said("240.0"), said("240"), said("0.5")), (Some(240.0), Some(240.0), Some(0.5)));
-        assert_eq!((said("inf"), said("nan"), said("0"), said("-30"), said("2e5"), said("fast")), (None, None, None, None, None, None));
+        assert_eq!(
+            (said("inf"), said("nan"), said("0"), said("-30"), said("2e5"), said("fast")),
+            (None, None, None, None, None, None)
+        );
     }
 
     #[test]
@@ -104,9 +109,12 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("C0001.MP4");
         let said = |frame: &str| {
-            let xml = format!("<NonRealTimeMeta><VideoFormat><VideoFrame {frame} formatFps=\"29.97p\"/></VideoFormat></NonRealTimeMeta>");
+            let xml = format!(
+                "<NonRealTimeMeta><VideoFormat><VideoFrame {frame} formatFps=\"29.97p\"/></VideoFormat></NonRealTimeMeta>"
+            );
             let meta = [&[0; 4][..], &in_box(b"hdlr", &[0; 25]), &in_box(b"xml ", xml.as_bytes())].concat();
-            let whole = [in_box(b"ftyp", b"XAVC"), in_box(b"mdat", &[7; 50]), in_box(b"meta", &meta)].concat();
+            let whole =
+                [in_box(b"ftyp", b"XAVC"), in_box(b"mdat", &[7; 50]), in_box(b"meta", &meta)].concat();
             std::fs::write(&path, &whole).unwrap();
             (rate(std::iter::empty(), &path), whole)
         };

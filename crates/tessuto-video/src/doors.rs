@@ -33,7 +33,8 @@ const HEAD: u64 = 64;
 /// [`Refusal`] naming what is there. A path at which nothing is passes as well.
 pub fn expect_file(path: &Path) -> Result<(), Refusal> {
     // What is open already has names in folders of the system; behind them may be anything, and it may have been read in part.
-    let is_open_already = ["/dev/stdin", "/dev/fd/", "/proc/self/fd/"].iter().any(|door| path.starts_with(door));
+    let is_open_already =
+        ["/dev/stdin", "/dev/fd/", "/proc/self/fd/"].iter().any(|door| path.starts_with(door));
     let Ok(metadata) = std::fs::metadata(path) else {
         return if is_open_already { Err(no_file("a pipe")) } else { Ok(()) };
     };
@@ -96,7 +97,13 @@ mod tests {
 
     #[test]
     fn lists_are_known_by_their_beginnings() {
-        for head in [&b"#EXTM3U\n"[..], b"\xEF\xBB\xBF\n #extm3u", b"ffconcat version 1.0", b"<?xml version", b"v=0\r\n"] {
+        for head in [
+            &b"#EXTM3U\n"[..],
+            b"\xEF\xBB\xBF\n #extm3u",
+            b"ffconcat version 1.0",
+            b"<?xml version",
+            b"v=0\r\n",
+        ] {
             assert!(list(head).is_some(), "{}", String::from_utf8_lossy(head));
         }
         for head in [&b"\0\0\0\x20ftypisom"[..], b"\x1A\x45\xDF\xA3", b"GIF89a", b"", b"\x47\x40\x00\x10"] {
@@ -107,11 +114,17 @@ mod tests {
     #[cfg(unix)]
     #[test]
     fn what_is_no_file_is_not_opened() {
-        for (path, what) in
-            [("/dev/null", "a device"), ("/dev/stdin", "is "), ("/dev/fd/63", "is "), ("/proc/self/fd/0", "is ")]
-        {
+        for (path, what) in [
+            ("/dev/null", "a device"),
+            ("/dev/stdin", "is "),
+            ("/dev/fd/63", "is "),
+            ("/proc/self/fd/0", "is "),
+        ] {
             let refusal = expect_file(Path::new(path)).unwrap_err();
-            assert!(refusal.what.contains(what) && refusal.way_out.contains("save it as a file"), "{path}: {refusal}");
+            assert!(
+                refusal.what.contains(what) && refusal.way_out.contains("save it as a file"),
+                "{path}: {refusal}"
+            );
         }
         let folder = tempfile::tempdir().unwrap();
         let socket = folder.path().join("socket.mp4");

@@ -73,10 +73,18 @@ impl Programs {
         let read = stdout.map(|stdout| serde_json::from_reader(BufReader::new(stdout)));
         let ended = child.wait().is_ok_and(|status| status.success());
         let said = complaints.join().unwrap_or_default();
-        let last = said.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or("nothing said").trim().to_owned();
+        let last = said
+            .lines()
+            .rev()
+            .find(|line| !line.trim().is_empty())
+            .unwrap_or("nothing said")
+            .trim()
+            .to_owned();
         match read {
             Some(Ok(answer)) if ended => Ok((Some(answer), last)),
-            Some(Err(e)) if ended => Err(Refusal::new(format!("what ffprobe sends cannot be read: {e}"), INSTALL)),
+            Some(Err(e)) if ended => {
+                Err(Refusal::new(format!("what ffprobe sends cannot be read: {e}"), INSTALL))
+            }
             _ => Ok((None, last)),
         }
     }
@@ -84,7 +92,8 @@ impl Programs {
     fn missing(&self, program: &Path, error: &std::io::Error) -> Refusal {
         // Whoever has ffmpeg alone is told what is missing.
         let is_other = program == self.ffprobe && runs(&self.ffmpeg);
-        let needed = if is_other { "the program ffprobe, which comes with ffmpeg" } else { "the program ffmpeg" };
+        let needed =
+            if is_other { "the program ffprobe, which comes with ffmpeg" } else { "the program ffmpeg" };
         Refusal::new(format!("needs {needed}; {} cannot be started: {error}", program.display()), INSTALL)
     }
 }
@@ -123,6 +132,8 @@ pub struct Frames {
     said: Option<JoinHandle<String>>,
     complaints: Vec<String>,
     max_side: usize,
+    /// Number of frames that are still to come, where that is bounded.
+    left: Option<usize>,
     /// Looks for the reason where the decoder gives up.
     diagnosis: Box<dyn Fn() -> Option<Refusal> + Send + Sync>,
 }
@@ -169,6 +180,7 @@ impl Frames {
             said: Some(said),
             complaints: Vec::new(),
             max_side: options.max_side,
+            left: end,
             diagnosis: Box::new(diagnosis),
         })
     }
@@ -182,8 +194,12 @@ impl Frames {
         self.stdout = None;
         let status = self.child.wait();
         let said = self.said.take().and_then(|t| t.join().ok()).unwrap_or_default();
-        self.complaints = said.lines().filter(|l| !l.trim().is_empty()).take(MAX_COMPLAINTS).map(str::to_owned).collect();
-        if status.is_ok_and(|s| s.success()) {
+        self.complaints =
+            said.lines().filter(|l| !l.trim().is_empty()).take(MAX_COMPLAINTS).map(str::to_owned).collect();
+        // What it meets behind the last frame that is wanted does not matter.
+        let is_sound = status.is_ok_and(|s| s.success());
+        if is_sound || self.left == Some(0) {
+            self.complaints.retain(|_| is_sound);
             return Ok(());
         }
         if let Some(change) = (self.diagnosis)() {
@@ -203,7 +219,8 @@ impl Frames {
                 return Ok(None);
             }
         }
-        let bad = || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not an image: {header:?}"));
+        let bad =
+            || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not an image: {header:?}"));
         let words: Vec<&str> = header.split_ascii_whitespace().collect();
         let ["P6", width, height, "255"] = words[..] else { return Err(bad()) };
         let side = |text: &str| text.parse::<usize>().ok().filter(|n| (2..=self.max_side).contains(n));
@@ -223,8 +240,7 @@ fn filters(stream: &Stream) -> String {
     let is_interlaced = stream.fields != Fields::Progressive;
     let [width, height] = if is_interlaced { stream.size } else { stream.upright_size() };
     // The filters are set up anew where frames change their size; an impossible width then ends the decoder, which would scale them else.
-    let mut filters =
-        vec![format!(r"crop=w=if(eq(iw\,{width})*eq(ih\,{height})\,iw\,-1):h=ih:exact=1")];
+    let mut filters = vec![format!(r"crop=w=if(eq(iw\,{width})*eq(ih\,{height})\,iw\,-1):h=ih:exact=1")];
     if is_interlaced {
         let first = if stream.fields == Fields::TopFirst { "tff" } else { "bff" };
         filters.push(format!("bwdif=mode=send_field:parity={first}:deint=all"));
@@ -244,7 +260,10 @@ impl Iterator for Frames {
     fn next(&mut self) -> Option<Self::Item> {
         self.stdout.as_ref()?;
         match self.read() {
-            Ok(Some(frame)) => Some(Ok(frame)),
+            Ok(Some(frame)) => {
+                self.left = self.left.map(|left| left.saturating_sub(1));
+                Some(Ok(frame))
+            }
             Ok(None) => self.finish().err().map(Err),
             Err(e) => {
                 self.stdout = None;

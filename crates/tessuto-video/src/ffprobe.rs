@@ -16,7 +16,8 @@ const UNTIMED: &str = "h264 hevc vvc evc mjpeg mjpeg_2000 mpjpeg m4v mpegvideo h
 /// Codecs in MP4, QuickTime and Matroska of which each packet is one frame that is shown.
 const ONE_EACH: &str = "h264 hevc av1 vp9";
 /// Codecs whose frames stand alone.
-const INTRA: &str = "mjpeg prores ffv1 dnxhd rawvideo png huffyuv ffvhuff utvideo qtrle gif v210 jpeg2000 cfhd";
+const INTRA: &str =
+    "mjpeg prores ffv1 dnxhd rawvideo png huffyuv ffvhuff utvideo qtrle gif v210 jpeg2000 cfhd";
 /// So many packets show whether frames are interlaced.
 const FIRST: usize = 8;
 const WHAT_IS_READ: &str = "name a video file, or a folder of PNG or JPEG images";
@@ -26,7 +27,8 @@ const ENTRIES: &str = "library_version=name,major,minor:format=format_name:forma
      sample_aspect_ratio,color_range,color_space,color_transfer,time_base,bits_per_raw_sample:stream_tags:\
      stream_disposition=default,attached_pic:stream_side_data=rotation:packet=stream_index,pts,dts,flags";
 /// What is asked of decoded frames.
-const FRAME_ENTRIES: &str = "frame=best_effort_timestamp,width,height,pix_fmt,interlaced_frame,top_field_first";
+const FRAME_ENTRIES: &str =
+    "frame=best_effort_timestamp,width,height,pix_fmt,interlaced_frame,top_field_first";
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
@@ -153,7 +155,8 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
     programs.knows_fps_mode = (answer.library_versions.iter())
         .any(|library| library.name == "libavutil" && (library.major, library.minor) >= (57, 28));
     expect_size(path, track, &programs, options)?;
-    let all: Vec<&Packet> = answer.packets.iter().filter(|packet| packet.stream_index == track.index).collect();
+    let all: Vec<&Packet> =
+        answer.packets.iter().filter(|packet| packet.stream_index == track.index).collect();
     let packets: Vec<&Packet> = all.iter().copied().filter(|packet| !packet.flags.is_discarded).collect();
     if answer.packets.len() > options.max_frames && options.end.is_none_or(|end| end > options.max_frames) {
         let mut refusal = Refusal::new(
@@ -175,18 +178,24 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
         frames.truncate(change.0);
     }
     let Some(head) = frames.first() else {
-        return Err(Refusal::new("holds no frame that ffmpeg can decode", "play it to see whether it is whole; copy it again"));
+        return Err(Refusal::new(
+            "holds no frame that ffmpeg can decode",
+            "play it to see whether it is whole; copy it again",
+        ));
     };
     let size = [head.width, head.height];
     options.expect_size(size)?;
-    let is_untimed = (answer.format.format_name.split(',')).any(|name| UNTIMED.split(' ').any(|raw| raw == name));
+    let is_untimed =
+        (answer.format.format_name.split(',')).any(|name| UNTIMED.split(' ').any(|raw| raw == name));
     let of_frames = || frames.iter().map(|f| f.best_effort_timestamp).collect();
-    let stamps: Option<Vec<i64>> = in_packets.or_else(of_frames).or_else(|| stamps_of_decoding(&packets, frames.len()));
+    let stamps: Option<Vec<i64>> =
+        in_packets.or_else(of_frames).or_else(|| stamps_of_decoding(&packets, frames.len()));
     let stored = stamps.as_ref().map_or(frames.len(), Vec::len);
     let (numerator, denominator) = fraction(&track.time_base, '/').unwrap_or((0, 1));
     let begin = stamps.as_ref().and_then(|s| s.first().copied()).unwrap_or(0);
     let time = |stamp: i64| (stamp - begin) as f64 * f64::from(numerator) / f64::from(denominator);
-    let times = stamps.filter(|_| !is_untimed && numerator > 0).unwrap_or_default().into_iter().map(time).collect();
+    let times =
+        stamps.filter(|_| !is_untimed && numerator > 0).unwrap_or_default().into_iter().map(time).collect();
     let tags = [&answer.format.tags, &track.tags];
     let stream = Stream {
         codec: track.codec_name.clone(),
@@ -229,13 +238,21 @@ fn expect_size(path: &Path, track: &Track, programs: &Programs, options: &Option
     // A decoder that refused such frames has taken the size back; the container's is still there.
     expect_declared_size(path, &track.index.to_string(), programs, options)?;
     Err(Refusal::new(
-        format!("does not tell the size of its frames, or they take more than {} bytes each", options.max_bytes),
+        format!(
+            "does not tell the size of its frames, or they take more than {} bytes each",
+            options.max_bytes
+        ),
         "play it to see whether it is whole; make it smaller, e.g. ffmpeg -i IN -vf scale=1920:-2 OUT.mp4",
     ))
 }
 
 /// Refuses frames that are too large by what the head of the container says; nothing is refused where it says nothing.
-fn expect_declared_size(path: &Path, index: &str, programs: &Programs, options: &Options) -> Result<(), Refusal> {
+fn expect_declared_size(
+    path: &Path,
+    index: &str,
+    programs: &Programs,
+    options: &Options,
+) -> Result<(), Refusal> {
     let asked = ["-nofind_stream_info", "-select_streams", index, "-show_entries", "stream=width,height"];
     // Nothing is decoded here, and decoders that are bounded would not even be asked.
     let unbounded = Options { max_bytes: u64::MAX, ..*options };
@@ -283,7 +300,10 @@ fn change(frames: &[Shown]) -> Option<(usize, Refusal)> {
     let at = frames.iter().position(|frame| kind(frame) != kind(head))?;
     let other = &frames[at];
     let what = if (head.width, head.height) == (other.width, other.height) {
-        format!("changes its pixel format at frame {at}: {} before, {} from there on", head.pix_fmt, other.pix_fmt)
+        format!(
+            "changes its pixel format at frame {at}: {} before, {} from there on",
+            head.pix_fmt, other.pix_fmt
+        )
     } else {
         format!(
             "changes its size at frame {at}: {}×{} pixels before, {}×{} from there on",
@@ -291,7 +311,13 @@ fn change(frames: &[Shown]) -> Option<(usize, Refusal)> {
         )
     };
     let part = Some(0..at);
-    Some((at, Refusal { part, ..Refusal::new(what, "take the frames before, or cut it there and take the other part") }))
+    Some((
+        at,
+        Refusal {
+            part,
+            ..Refusal::new(what, "take the frames before, or cut it there and take the other part")
+        },
+    ))
 }
 
 /// Whether the film changes its size, by decoding all of it.
@@ -317,7 +343,8 @@ fn turn(track: &Track) -> u32 {
     let counterclockwise = track.side_data_list.iter().find_map(|data| data.rotation);
     // Before it was data of its own, it was a tag.
     let tag = || track.tags.get("rotate").and_then(|turn| turn.parse::<f64>().ok());
-    let degrees = counterclockwise.map(|turn| -turn).or_else(tag).filter(|turn| turn.is_finite()).unwrap_or(0.0);
+    let degrees =
+        counterclockwise.map(|turn| -turn).or_else(tag).filter(|turn| turn.is_finite()).unwrap_or(0.0);
     (degrees.rem_euclid(360.0).round() as u32) % 360
 }
 
@@ -404,7 +431,11 @@ mod tests {
 
     #[test]
     fn frames_tell_their_fields() {
-        let frame = |interlaced_frame, top_field_first| Shown { interlaced_frame, top_field_first, ..Shown::default() };
+        let frame = |interlaced_frame, top_field_first| Shown {
+            interlaced_frame,
+            top_field_first,
+            ..Shown::default()
+        };
         assert_eq!(fields("progressive", &[frame(0, 0)]), Fields::Progressive);
         assert_eq!(fields("", &[frame(0, 0), frame(1, 0)]), Fields::BottomFirst);
         assert_eq!(fields("bb", &[frame(1, 1)]), Fields::TopFirst);
@@ -413,10 +444,17 @@ mod tests {
 
     #[test]
     fn a_change_is_named_with_its_frame() {
-        let frame = |width, format: &str| Shown { width, height: 320, pix_fmt: format.into(), ..Shown::default() };
+        let frame =
+            |width, format: &str| Shown { width, height: 320, pix_fmt: format.into(), ..Shown::default() };
         assert!(change(&[frame(320, "yuv420p"), frame(320, "yuv420p")]).is_none());
         let (at, refusal) = change(&[frame(320, "yuv420p"), frame(240, "yuv420p")]).unwrap();
         assert!(at == 1 && refusal.what.contains("at frame 1: 320×320 pixels before, 240×320"), "{refusal}");
-        assert!(change(&[frame(8, "yuv420p"), frame(8, "yuv422p")]).unwrap().1.what.contains("pixel format at frame 1"));
+        assert!(
+            change(&[frame(8, "yuv420p"), frame(8, "yuv422p")])
+                .unwrap()
+                .1
+                .what
+                .contains("pixel format at frame 1")
+        );
     }
 }

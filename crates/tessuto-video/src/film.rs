@@ -92,7 +92,13 @@ pub fn open(path: &Path, options: &Options) -> Result<Film, Refusal> {
     let programs = Programs::beside(options.ffmpeg);
     let look = ffprobe::look(path, programs, options)?;
     let backend = Backend::Ffmpeg(look.programs);
-    Ok(Film { stream: look.stream, stored: look.stored, notes: look.notes, path: path.to_path_buf(), backend })
+    Ok(Film {
+        stream: look.stream,
+        stored: look.stored,
+        notes: look.notes,
+        path: path.to_path_buf(),
+        backend,
+    })
 }
 
 /// Names and values of the metadata of a video file and of its tracks; `None` where it cannot be read.

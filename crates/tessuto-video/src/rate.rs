@@ -1,7 +1,8 @@
 //! From time stamps to a constant rate.
 
 /// Rates of cameras and screens `[1/s]`, most of which exist slowed by a thousandth for television as well.
-const USUAL: [f64; 14] = [24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 240.0, 15.0, 12.0, 12.5, 10.0];
+const USUAL: [f64; 14] =
+    [24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 240.0, 15.0, 12.0, 12.5, 10.0];
 /// Stamps so far from even ones, as a fraction of an interval, still mean that one frame follows the other.
 const JITTER: f64 = 0.05;
 /// Spreads that differ by less, in ticks, do not tell two rates apart.
@@ -56,7 +57,9 @@ pub fn pace(times: &[f64], tick: f64) -> Pace {
     sorted.sort_by(f64::total_cmp);
     // The middle interval is that of the camera where few frames are missing, a short one where many are.
     for base in [sorted[sorted.len() / 2], sorted[sorted.len() / 10]] {
-        if let Some((fps, slots)) = grid(times, &intervals, base, tick).filter(|(fps, _)| *fps < SPARSEST * mean) {
+        if let Some((fps, slots)) =
+            grid(times, &intervals, base, tick).filter(|(fps, _)| *fps < SPARSEST * mean)
+        {
             let late = slots.windows(2).enumerate().filter(|(_, pair)| pair[1] - pair[0] > 1);
             let late: Vec<Late> =
                 late.map(|(k, pair)| Late { frame: k + 1, intervals: pair[1] - pair[0] }).collect();
@@ -123,7 +126,8 @@ fn grid(times: &[f64], intervals: &[f64], base: f64, tick: f64) -> Option<(f64, 
     }
     // The slope of the line through times over places is the interval.
     let count = times.len() as f64;
-    let (mean_slot, mean_time) = (slots.iter().sum::<usize>() as f64 / count, times.iter().sum::<f64>() / count);
+    let (mean_slot, mean_time) =
+        (slots.iter().sum::<usize>() as f64 / count, times.iter().sum::<f64>() / count);
     let away = || slots.iter().map(|slot| *slot as f64 - mean_slot);
     let covariance: f64 = away().zip(times).map(|(slot, time)| slot * (time - mean_time)).sum();
     let fps = away().map(|slot| slot * slot).sum::<f64>() / covariance;
@@ -186,7 +190,9 @@ mod tests {
 
     #[test]
     fn rates_are_exact_whatever_the_tick() {
-        for fps in [24.0, 25.0, 30.0, 60.0, NTSC, 24_000.0 / 1001.0, 60_000.0 / 1001.0, 7.0, 37.0, 240.0, 1000.0] {
+        for fps in
+            [24.0, 25.0, 30.0, 60.0, NTSC, 24_000.0 / 1001.0, 60_000.0 / 1001.0, 7.0, 37.0, 240.0, 1000.0]
+        {
             for count in [100, 300, 2000] {
                 for tick in [1e-3, 1.0 / 90_000.0, 1.0 / 15_360.0, 1e-9] {
                     if fps * tick > 0.5 {
@@ -242,23 +248,31 @@ mod tests {
         assert_eq!(found, Pace { fps: NTSC, course: Course::Late(late.to_vec()) });
         // Every third place empty.
         let sparse: Vec<f64> = (0..90).filter(|k| k % 3 != 2).map(|k| f64::from(k) / 60.0).collect();
-        assert!(matches!(pace(&sparse, 1e-6), Pace { fps: 60.0, course: Course::Late(_) }), "{:?}", pace(&sparse, 1e-6));
+        assert!(
+            matches!(pace(&sparse, 1e-6), Pace { fps: 60.0, course: Course::Late(_) }),
+            "{:?}",
+            pace(&sparse, 1e-6)
+        );
     }
 
     #[test]
     fn jitter_of_a_camera_is_no_variable_rate() {
         // Up to 1 ms early or late.
-        let times: Vec<f64> = (0..100).map(|k| f64::from(k) / 30.0 + 1e-3 * f64::from(k * 7919 % 201 - 100) / 100.0).collect();
+        let times: Vec<f64> =
+            (0..100).map(|k| f64::from(k) / 30.0 + 1e-3 * f64::from(k * 7919 % 201 - 100) / 100.0).collect();
         assert_eq!(steady(&times, 1e-6), 30.0);
         // A clock of its own is believed.
-        let slow: Vec<f64> = (0..1000).map(|k| f64::from(k) / 29.83 + 1e-3 * f64::from(k * 7919 % 201 - 100) / 100.0).collect();
+        let slow: Vec<f64> = (0..1000)
+            .map(|k| f64::from(k) / 29.83 + 1e-3 * f64::from(k * 7919 % 201 - 100) / 100.0)
+            .collect();
         assert!((steady(&slow, 1e-6) - 29.83).abs() < 1e-3);
     }
 
     #[test]
     fn a_browser_records_at_any_times() {
         let stamps = [
-            0, 35, 70, 106, 141, 176, 212, 234, 269, 305, 340, 376, 411, 433, 469, 504, 539, 575, 610, 645, 668, 703, 739, 774,
+            0, 35, 70, 106, 141, 176, 212, 234, 269, 305, 340, 376, 411, 433, 469, 504, 539, 575, 610, 645,
+            668, 703, 739, 774,
         ];
         let times = stamps.map(|ms| f64::from(ms) / 1000.0);
         assert_eq!(pace(&times, 1e-3), Pace { fps: 30.0, course: Course::Varying });

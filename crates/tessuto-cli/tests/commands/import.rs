@@ -385,7 +385,8 @@ fn videos_without_ffmpeg_tell_how_to_get_it() {
 /// What a stand-in for ffprobe says of a file with one film of the test's frames at these times, `more` of which are its own.
 #[cfg(unix)]
 fn said(times: [u32; FRAMES], time_base: &str, more: &str) -> String {
-    let packets = times.map(|pts| format!(r#"{{"stream_index": 0, "pts": {pts}, "flags": "K_"}}"#)).join(", ");
+    let packets =
+        times.map(|pts| format!(r#"{{"stream_index": 0, "pts": {pts}, "flags": "K_"}}"#)).join(", ");
     format!(
         r#"{{"packets": [{packets}], "frames": [{{"width": {SIZE}, "height": {SIZE}, "pix_fmt": "yuv420p"}}],
         "streams": [{{"index": 0, "codec_name": "h264", "width": {SIZE}, "height": {SIZE}, "time_base": "{time_base}" {more}}}],

@@ -78,7 +78,11 @@ impl Clips {
         let imported = self.imported(input, options);
         let found = (imported.number("n_frames"), imported.number("fps"));
         assert_eq!(found, (frames, fps), "{input} {options:?}: {}", imported.text);
-        let is_told = if fragment.is_empty() { !imported.text.contains("note: ") } else { imported.text.contains(fragment) };
+        let is_told = if fragment.is_empty() {
+            !imported.text.contains("note: ")
+        } else {
+            imported.text.contains(fragment)
+        };
         assert!(is_told, "{input} {options:?}, {fragment:?}: {}", imported.text);
         imported
     }
@@ -116,7 +120,9 @@ fn the_rate_is_that_of_the_time_stamps() {
     clips.pattern("1000", 24, jumps, "browser.mkv");
     let browser = clips.imported("browser.mkv", &[]);
     assert_eq!(browser.number("fps"), 30.0, "{}", browser.text);
-    assert!((23.0..=24.0).contains(&browser.number("n_frames")) && browser.text.contains("its frame rate varies"));
+    assert!(
+        (23.0..=24.0).contains(&browser.number("n_frames")) && browser.text.contains("its frame rate varies")
+    );
     clips.gives("browser.mkv", &["--rate", "30"], 24.0, 30.0, "");
     // Another rate is made by the stamps, and a fraction stays exact.
     clips.gives("ntsc.mkv", &["--fps", "30000/1001"], 90.0, NTSC, "");
@@ -128,7 +134,8 @@ fn a_dropped_frame_is_told_and_made_good() {
     let Some(clips) = Clips::new() else { return };
     clips.pattern("30", 145, "-c:v mpeg4 -q:v 2", "whole.mp4");
     clips.pattern("30", 144, r"-vf select=not(eq(n\,60)) -c:v mpeg4 -q:v 2", "gap.mkv");
-    let imported = clips.gives("gap.mkv", &["--frames", "50..70"], 20.0, 30.0, "frame 60 comes late (the first 0.067 s");
+    let imported =
+        clips.gives("gap.mkv", &["--frames", "50..70"], 20.0, 30.0, "frame 60 comes late (the first 0.067 s");
     assert!(imported.text.contains("brought to 30 per second"), "{}", imported.text);
     let frame = |n: usize| read(&clips.path(&format!("out/rgbs/rgb_{n:03}.png"))).unwrap();
     assert_eq!(frame(9), frame(10));
@@ -176,7 +183,8 @@ fn raw_streams_do_not_tell_their_rate() {
 #[test]
 fn slow_motion_has_the_rate_at_which_it_was_filmed() {
     let Some(clips) = Clips::new() else { return };
-    let tag = |fps: &str| format!("-c:v mpeg4 -movflags use_metadata_tags -metadata com.android.capture.fps={fps}");
+    let tag =
+        |fps: &str| format!("-c:v mpeg4 -movflags use_metadata_tags -metadata com.android.capture.fps={fps}");
     clips.pattern("30", 24, &tag("240.0"), "slow.mp4");
     clips.gives("slow.mp4", &[], 24.0, 240.0, "filmed at 240 per second, but is stamped 30 per second");
     clips.gives("slow.mp4", &["--rate", "30"], 24.0, 30.0, "");
@@ -190,7 +198,8 @@ fn slow_motion_has_the_rate_at_which_it_was_filmed() {
     // As cameras of Sony write it, beside the film.
     clips.pattern("30000/1001", 24, "-c:v mpeg4", "sony.mp4");
     let xml = br#"<NonRealTimeMeta><VideoFormat><VideoFrame captureFps="119.88p" formatFps="29.97p"/></VideoFormat></NonRealTimeMeta>"#;
-    let in_box = |kind: &[u8], content: &[u8]| [&(content.len() as u32 + 8).to_be_bytes()[..], kind, content].concat();
+    let in_box =
+        |kind: &[u8], content: &[u8]| [&(content.len() as u32 + 8).to_be_bytes()[..], kind, content].concat();
     let meta = in_box(b"meta", &[&[0; 4][..], &in_box(b"xml ", xml)].concat());
     let film = std::fs::read(clips.path("sony.mp4")).unwrap();
     std::fs::write(clips.path("sony.mp4"), [film, meta].concat()).unwrap();
@@ -204,7 +213,8 @@ fn pixels_that_are_not_square_make_fy_another() {
     let camera = |options: &[&str]| {
         let output = clips.run("sar.mp4", options);
         assert_eq!(output.status.code(), Some(0), "{}", one_line(&output.stderr));
-        let scene: Value = serde_json::from_str(&std::fs::read_to_string(clips.path("out/scene.json")).unwrap()).unwrap();
+        let scene: Value =
+            serde_json::from_str(&std::fs::read_to_string(clips.path("out/scene.json")).unwrap()).unwrap();
         (scene["fx"].as_f64().unwrap(), scene["fy"].as_f64().unwrap(), one_line(&output.stdout))
     };
     let (fx, fy, text) = camera(&FOV);
@@ -301,12 +311,12 @@ fn titles_and_names_mean_nothing() {
 fn sound_and_other_films_move_nothing() {
     let Some(clips) = Clips::new() else { return };
     clips.pattern("30", 24, "-c:v mpeg4", "film.mp4");
-    for (offset, name) in [("0.5", "late.mp4"), ("-0.5", "early.mp4")] {
-        let sound = format!("-itsoffset {offset} -i film.mp4 -f lavfi -i anullsrc=d=1.3 -map 0:v -map 1:a -c:v copy -c:a aac");
-        clips.make(&sound, &[name]);
+    for (film, sound, name) in [("0.5", "0", "late.mp4"), ("0", "0.5", "early.mp4")] {
+        let inputs = format!("-itsoffset {film} -i film.mp4 -itsoffset {sound} -f lavfi -i anullsrc=d=1.3");
+        clips.make(&inputs, &["-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "aac", name]);
         clips.gives(name, &[], 24.0, 30.0, "");
     }
-    let films = "-f lavfi -i testsrc2=s=96x96:r=10 -f lavfi -i testsrc2=s=64x64:r=30 -map 0:v -map 1:v -frames:v 12 -c:v mpeg4 \
+    let films = "-f lavfi -i testsrc2=s=96x96:r=10:d=0.4 -f lavfi -i testsrc2=s=64x64:r=30:d=0.4 -map 0:v -map 1:v -c:v mpeg4 \
                  -disposition:v:0 0 -disposition:v:1 default";
     clips.make(films, &["films.mkv"]);
     let imported = clips.gives("films.mkv", &[], 12.0, 30.0, "");
@@ -347,7 +357,10 @@ fn lists_of_other_files_open_nothing() {
     let Some(clips) = Clips::new() else { return };
     clips.pattern("30", 4, "-c:v mpeg2video -f mpegts", "part.ts");
     let list = |name: &str, text: &str| std::fs::write(clips.path(name), text).unwrap();
-    list("hls.mp4", "#EXTM3U\n#EXT-X-VERSION:3\n#EXT-X-TARGETDURATION:1\n#EXTINF:1.0,\npart.ts\n#EXT-X-ENDLIST\n");
+    list(
+        "hls.mp4",
+        "#EXTM3U\n#EXT-X-VERSION:3\n#EXT-X-TARGETDURATION:1\n#EXTINF:1.0,\npart.ts\n#EXT-X-ENDLIST\n",
+    );
     list("concat.mp4", "ffconcat version 1.0\nfile part.ts\n");
     list("dash.mp4", "<?xml version=\"1.0\"?>\n<MPD/>\n");
     for name in ["hls.mp4", "concat.mp4", "dash.mp4"] {

@@ -162,7 +162,12 @@ fn validate(settings: &Settings) -> Result<()> {
         }
     }
     if let (Some(fps), Some(rate), true) = (settings.fps, settings.rate, settings.input.is_dir()) {
-        demand(fps == rate, "fps", format!("{fps} and rate {rate}"), "images are not resampled: give one of them")?;
+        demand(
+            fps == rate,
+            "fps",
+            format!("{fps} and rate {rate}"),
+            "images are not resampled: give one of them",
+        )?;
     }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(

@@ -3,10 +3,10 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{Calibration, Settings};
 use super::empty::empty_place;
 use super::lens::Undistortion;
 use super::video::Raw;
+use super::{Calibration, Settings};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Image;

@@ -107,7 +107,9 @@ impl Video {
                 video.resample(&moments, fps)?;
             }
         }
-        if let Some(fps) = reading.fps.filter(|fps| video.chosen.is_none() && (fps / video.fps - 1.0).abs() > SAME) {
+        if let Some(fps) =
+            reading.fps.filter(|fps| video.chosen.is_none() && (fps / video.fps - 1.0).abs() > SAME)
+        {
             video.resample(&moments, fps)?;
         }
         video.fps = reading.fps.unwrap_or(video.fps);
@@ -181,7 +183,10 @@ impl Video {
         let span = moments.last().zip(moments.first()).map_or(0.0, |(last, first)| last - first);
         Err(Error::input(
             &self.place,
-            format!("its {} frames last {span:.1} s; at {fps} per second these are more than {MAX_FRAMES}", moments.len()),
+            format!(
+                "its {} frames last {span:.1} s; at {fps} per second these are more than {MAX_FRAMES}",
+                moments.len()
+            ),
             Hint::from("a time stamp may be wrong; give the rate at which it was filmed").with(Remedy::Rate),
         ))
     }
@@ -191,7 +196,8 @@ impl Video {
     /// # Errors
     /// [`Error::Input`] if the decoder cannot be started.
     pub fn stream(&self, end: Option<usize>, ffmpeg: &Path) -> Result<Stream> {
-        let chosen = self.chosen.as_ref().map(|chosen| &chosen[..end.unwrap_or(chosen.len()).min(chosen.len())]);
+        let chosen =
+            self.chosen.as_ref().map(|chosen| &chosen[..end.unwrap_or(chosen.len()).min(chosen.len())]);
         let decoded_end = chosen.map_or(end, |chosen| Some(chosen.last()? + 1));
         let frames = self.film.frames(decoded_end, &options(ffmpeg, self.max_end));
         let frames = frames.map_err(|refusal| told(&self.place, refusal))?;
@@ -226,7 +232,8 @@ fn told(place: &str, refusal: Refusal) -> Error {
 fn about(said: &Said) -> Vec<String> {
     let mut notes = Vec::new();
     if said.turn != 0 {
-        notes.push(format!("the recording is marked as turned by {}°; frames are written upright", said.turn));
+        notes
+            .push(format!("the recording is marked as turned by {}°; frames are written upright", said.turn));
     }
     if said.transfer != Transfer::Standard {
         notes.push("high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or convert it first".to_owned());
@@ -245,7 +252,9 @@ fn about(said: &Said) -> Vec<String> {
     let aspect = said.upright_aspect();
     if aspect != 1.0 {
         let [a, b] = said.pixel_aspect;
-        notes.push(format!("its pixels are not square ({a}:{b}): fy is {aspect:.4} fx, unless the camera has its own"));
+        notes.push(format!(
+            "its pixels are not square ({a}:{b}): fy is {aspect:.4} fx, unless the camera has its own"
+        ));
     }
     notes
 }
@@ -264,8 +273,15 @@ fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
         None => Ok(()),
         Some(k) => Err(Error::input(
             place,
-            format!("its clock jumps back at frame {}, from {:.3} s to {:.3} s", k + 1, moments[k], moments[k + 1]),
-            hint("it seems to be joined from parts: take one of them, or give the rate at which all frames were filmed"),
+            format!(
+                "its clock jumps back at frame {}, from {:.3} s to {:.3} s",
+                k + 1,
+                moments[k],
+                moments[k + 1]
+            ),
+            hint(
+                "it seems to be joined from parts: take one of them, or give the rate at which all frames were filmed",
+            ),
         )),
     }
 }

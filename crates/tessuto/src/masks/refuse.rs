@@ -94,7 +94,8 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32) -> Result<Vec<St
         return Err(Error::input(
             format!("frame {n}"),
             "the whole image changes here: a cut, or a flash",
-            Hint::from("import one take of the clip, such as that of the outline").with(Remedy::Frames(Some(take))),
+            Hint::from("import one take of the clip, such as that of the outline")
+                .with(Remedy::Frames(Some(take))),
         ));
     }
     // First: a fabric that is taken for the surroundings looks like a camera that moves.
