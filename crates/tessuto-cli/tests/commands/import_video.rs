@@ -383,7 +383,8 @@ fn bomb(path: &Path, [width, height]: [u32; 2]) {
     let header = [&width.to_be_bytes()[..], &height.to_be_bytes(), &[8, 0, 0, 0, 0]].concat();
     for (kind, content) in [(b"IHDR", header), (b"IDAT", packed.finish().unwrap()), (b"IEND", Vec::new())] {
         let mut sum = flate2::Crc::new();
-        (sum.update(kind), sum.update(&content));
+        sum.update(kind);
+        sum.update(&content);
         png.extend((content.len() as u32).to_be_bytes());
         png.extend(kind);
         png.extend(content);

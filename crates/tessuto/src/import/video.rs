@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tessuto_video::rate::{Course, Late, nearest, pace};
+use tessuto_video::rate::{Course, Late, Pace, nearest, pace};
 use tessuto_video::{Fields, Film, Frames, Options, Refusal, Stream as Said, Transfer};
 
 use crate::error::{Error, Hint, Remedy, Result};
@@ -12,6 +12,14 @@ use crate::io::image::{MAX_BYTES, MAX_SIDE};
 const SAME: f64 = 0.002;
 /// A camera that filmed at a rate so far from that of the time stamps `[fraction]` filmed slow motion, or a time lapse.
 const OTHER: f64 = 0.01;
+/// Phones film at this rate `[1/s]` or a lower one, and in dim light at still lower ones with true stamps: no slow motion.
+const ORDINARY: f64 = 30.5;
+/// Where stamps vary, a camera that filmed at so many times their mean rate filmed slow motion.
+const VARIED: f64 = 1.5;
+/// A camera that filmed at less than so many times the rate of the stamps filmed a time lapse.
+const LAPSE: f64 = 0.9;
+/// Stamps of a rate so far below what was meant `[fraction]` are worth a note.
+const DIM: f64 = 0.05;
 /// Most frames, stored or after resampling.
 const MAX_FRAMES: usize = 1_000_000;
 /// Most frames that a note names.
@@ -68,16 +76,11 @@ impl Video {
             // The second moments of frames lie between ticks.
             let tick = said.tick / per_frame as f64;
             let found = pace(&moments, tick);
-            let filmed = said.capture_rate.map(|rate| rate * per_frame as f64);
-            let slowed = filmed.filter(|filmed| (filmed / found.fps - 1.0).abs() > OTHER);
+            let filmed = said.capture_rate.filter(|_| moments.len() > 1).map(|rate| rate * per_frame as f64);
+            let (slowed, text) = filmed.map_or((None, None), |filmed| at_another_rate(filmed, &found));
+            text.into_iter().for_each(&mut note);
             video.fps = slowed.unwrap_or(found.fps);
             if let Some(filmed) = slowed {
-                note(format!(
-                    "says that it was filmed at {} per second, but is stamped {} per second: slow motion or a time lapse; the former counts: \
-                     another rate can be given (rate)",
-                    rounded(filmed),
-                    rounded(found.fps)
-                ));
                 let scale = found.fps / filmed;
                 moments = match found.course {
                     // Stamps that slow down only a part say nothing of when it was filmed.
@@ -259,6 +262,26 @@ fn about(said: &Said) -> Vec<String> {
     notes
 }
 
+/// The rate at which a film was filmed that the file says, where it counts more than that of the stamps, and a note where they differ.
+fn at_another_rate(filmed: f64, stamped: &Pace) -> (Option<f64>, Option<String>) {
+    let (ratio, varies) = (filmed / stamped.fps, stamped.course == Course::Varying);
+    let rates = format!(
+        "says that it was filmed at {} per second, but is stamped {} per second",
+        rounded(filmed),
+        rounded(stamped.fps)
+    );
+    if ratio < LAPSE || ratio > 1.0 + OTHER && filmed > ORDINARY && (ratio > VARIED || !varies) {
+        let note = format!(
+            "{rates}: slow motion or a time lapse; the former counts: another rate can be given (rate)"
+        );
+        return (Some(filmed), Some(note));
+    }
+    let note = format!(
+        "{rates}, as phones film fewer frames in dim light; the latter counts: another rate can be given (rate)"
+    );
+    (None, (ratio > 1.0 + DIM).then_some(note))
+}
+
 /// Refuses films of which the stamps do not tell when frames were filmed.
 fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
     let hint = |text: &str| Hint::from(text).with(Remedy::Rate);
@@ -268,6 +291,10 @@ fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
             "has no time stamps, as a raw stream of a codec has none: its frame rate is not told",
             hint("give the rate at which its frames were filmed"),
         ));
+    }
+    if moments.len() > 1 && moments[0] == moments[moments.len() - 1] {
+        let hint = hint("give the rate at which its frames were filmed");
+        return Err(Error::input(place, "has one time stamp for all of its frames", hint));
     }
     match moments.windows(2).position(|pair| pair[1] < pair[0]) {
         None => Ok(()),
@@ -349,5 +376,28 @@ impl Iterator for Stream {
         self.given += 1;
         let frame = if again { self.held.clone() } else { self.held.take() };
         frame.map(Ok)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slow_motion_is_none_where_stamps_are_true() {
+        let counts = |filmed: f64, fps: f64, course: Course| at_another_rate(filmed, &Pace { fps, course });
+        for (filmed, stamped) in [(240.0, 30.0), (120.0, 24.0), (60.0, 30.0), (0.5, 30.0), (1.0, 30.0)] {
+            let (rate, note) = counts(filmed, stamped, Course::Constant);
+            assert!(rate == Some(filmed) && note.is_some(), "{filmed} {stamped}");
+        }
+        assert_eq!(counts(30.0, 29.97, Course::Constant), (None, None));
+        assert_eq!(counts(240.0, 239.7, Course::Constant), (None, None));
+        // Dim light.
+        for (filmed, stamped, course) in
+            [(30.0, 24.0, Course::Constant), (30.0, 15.0, Course::Varying), (60.0, 50.0, Course::Varying)]
+        {
+            let (rate, note) = counts(filmed, stamped, course);
+            assert!(rate.is_none() && note.unwrap().contains("dim light"), "{filmed} {stamped}");
+        }
     }
 }
