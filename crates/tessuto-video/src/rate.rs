@@ -242,7 +242,9 @@ mod tests {
         assert_eq!(frames, expected);
         // In milliseconds, at a rate of television, several.
         let mut times = rounded(500, NTSC, 1e-3);
-        [400, 401, 20].map(|k| times.remove(k));
+        for k in [400, 401, 20] {
+            times.remove(k);
+        }
         let found = pace(&times, 1e-3);
         let late = [20, 399, 400].map(|frame| Late { frame, intervals: 2 });
         assert_eq!(found, Pace { fps: NTSC, course: Course::Late(late.to_vec()) });

@@ -26,7 +26,7 @@ pub(super) struct Source {
 pub(super) enum Kind {
     /// The images of a folder in the order of time.
     Images(Vec<PathBuf>),
-    Video(Video),
+    Video(Box<Video>),
 }
 
 impl Source {
@@ -49,7 +49,7 @@ impl Source {
                 end: settings.frames.as_ref().map(|r| r.end),
             };
             let video = Video::probe(input, reading, notes)?;
-            return Ok(Self { fps: video.fps, kind: Kind::Video(video) });
+            return Ok(Self { fps: video.fps, kind: Kind::Video(Box::new(video)) });
         }
         let Some(fps) = settings.fps.or(settings.rate) else {
             return Err(Error::usage(

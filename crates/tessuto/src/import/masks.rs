@@ -87,7 +87,7 @@ fn from_video(
         return Err(Error::input(path.display().to_string(), "does not exist", hint));
     }
     let colour = match &source.kind {
-        Kind::Video(colour) => Some(colour),
+        Kind::Video(colour) => Some(colour.as_ref()),
         Kind::Images(_) => None,
     };
     let video = Video::masks(path, &settings.ffmpeg, colour)?;
