@@ -22,7 +22,7 @@ pub struct Lens {
     /// Focal length along x, in pixels of the input.
     #[arg(long, value_name = "PX", conflicts_with = "fov", allow_negative_numbers = true)]
     fx: Option<f64>,
-    /// Focal length along y [default: fx].
+    /// Focal length along y [default: fx, times width over height of a pixel].
     #[arg(long, value_name = "PX", requires = "fx", allow_negative_numbers = true)]
     fy: Option<f64>,
     /// Principal point, column [default: the middle]; the centre of the first pixel is 0.
@@ -84,7 +84,7 @@ impl Lens {
             return read_calibration(path, self.camera_id);
         }
         let focal = match (self.fx, self.fov) {
-            (Some(fx), _) => Focal::Pixels([fx, self.fy.unwrap_or(fx)]),
+            (Some(fx), _) => self.fy.map_or(Focal::Across(fx), |fy| Focal::Pixels([fx, fy])),
             (None, Some(fov)) if fov > 0.0 && fov < 179.0 => Focal::Angle(fov.to_radians()),
             (None, Some(fov)) => {
                 return Err(Error::usage(

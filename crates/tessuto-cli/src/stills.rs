@@ -29,8 +29,11 @@ pub struct Arguments {
     #[arg(long, value_name = "PX", value_parser = clap::value_parser!(u32).range(16..=16384))]
     side: Option<u32>,
     /// Frames per second, where the video is to be resampled.
-    #[arg(long)]
+    #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     fps: Option<f64>,
+    /// Frames per second at which its frames were filmed, one after the other, whatever its time stamps say.
+    #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
+    rate: Option<f64>,
     /// Replace earlier images of tessuto's that nobody changed.
     #[arg(long)]
     force: bool,
@@ -44,6 +47,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let settings = StillSettings {
         input: arguments.clip.clone(),
         fps: arguments.fps,
+        rate: arguments.rate,
         frames: arguments.frames.clone(),
         side: arguments.side,
         ffmpeg: ffmpeg(),

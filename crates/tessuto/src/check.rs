@@ -8,6 +8,7 @@ mod drawing;
 mod findings;
 mod masks;
 mod outline;
+mod repeats;
 
 use std::path::Path;
 

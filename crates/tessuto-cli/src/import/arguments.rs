@@ -42,8 +42,12 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub template: Option<PathBuf>,
     /// Frames per second; required for images, but for names that tell times. A video of another rate is resampled.
-    #[arg(long)]
+    #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     pub fps: Option<f64>,
+    /// Frames per second at which the frames of a video were filmed, one after the other, whatever its time stamps say: of a raw
+    /// stream, which has none, or of slow motion. Of interlaced film those stored, of which each becomes two.
+    #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
+    pub rate: Option<f64>,
     /// Only frames A to B − 1 of the input.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     pub frames: Option<std::ops::Range<usize>>,

@@ -4,7 +4,7 @@ mod arguments;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use tessuto::import::{CARRIED_OVER, Masks, Settings, check_target, copy_template, import};
+use tessuto::import::{CARRIED_OVER, Masks, Settings, check_target, copy_template, expect_files, import};
 use tessuto::masks::{EmptyPlace, Request};
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::text::quoted;
@@ -19,6 +19,12 @@ use crate::say::say;
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
     let out = &arguments.out;
+    expect_files(&[
+        Some(&arguments.input),
+        arguments.masks.as_deref(),
+        arguments.template.as_deref(),
+        arguments.source.plate.as_deref(),
+    ])?;
     check_target(
         out,
         arguments.force,
@@ -43,6 +49,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         largest_piece: arguments.source.largest_piece,
         calibration: arguments.lens.calibration_of(&arguments.input)?,
         fps: arguments.fps,
+        rate: arguments.rate,
         frames: arguments.frames.clone(),
         stride: arguments.stride,
         downscale: arguments.downscale,

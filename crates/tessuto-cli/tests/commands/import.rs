@@ -238,8 +238,7 @@ fn quicktime_metadata(value: &[u8]) -> Vec<u8> {
 #[test]
 fn the_camera_that_the_video_says_or_one_to_be_estimated() {
     let recording = Recording::new();
-    let said = "  Stream #0:0: Video: h264, yuv420p, 24x24, 25 fps, 25 tbr, 90k tbn";
-    let script = stand_in(&recording, said, "exit 0");
+    let script = stand_in(&recording, &said([0, 1, 2, 3], "1/25", ""), "exit 0");
     for n in 0..FRAMES {
         let from = recording.path(&format!("masks été/shot {}.mask.png", n + 8));
         std::fs::rename(from, recording.path(&format!("masks été/{:04}.png", n + 1))).unwrap();
@@ -388,7 +387,19 @@ fn videos_without_ffmpeg_tell_how_to_get_it() {
     }
 }
 
-/// A stand-in for ffmpeg that says `said` of a file and sends the test's frames as images.
+/// What a stand-in for ffprobe says of a file with one film of the test's frames at these times, `more` of which are its own.
+#[cfg(unix)]
+fn said(times: [u32; FRAMES], time_base: &str, more: &str) -> String {
+    let packets =
+        times.map(|pts| format!(r#"{{"stream_index": 0, "pts": {pts}, "flags": "K_"}}"#)).join(", ");
+    format!(
+        r#"{{"packets": [{packets}], "frames": [{{"width": {SIZE}, "height": {SIZE}, "pix_fmt": "yuv420p"}}],
+        "streams": [{{"index": 0, "codec_name": "h264", "width": {SIZE}, "height": {SIZE}, "time_base": "{time_base}" {more}}}],
+        "format": {{"format_name": "mov,mp4,m4a,3gp,3g2,mj2"}}}}"#
+    )
+}
+
+/// Stand-ins for ffmpeg, which sends the test's frames as images, and for ffprobe beside it, which answers `said`; the former.
 #[cfg(unix)]
 fn stand_in(recording: &Recording, said: &str, end: &str) -> PathBuf {
     use std::io::Write as _;
@@ -399,13 +410,21 @@ fn stand_in(recording: &Recording, said: &str, end: &str) -> PathBuf {
         frames.extend(colour(n).data.iter().map(|v| (v * 255.0).round() as u8));
     }
     std::fs::write(recording.path("frames.ppm"), frames).unwrap();
-    let script = recording.path("ffmpeg");
-    let text = format!(
-        "#!/bin/sh\necho \"$@\" >> \"$(dirname \"$0\")/calls\"\ncase \"$*\" in *image2pipe*) /bin/cat \"$(dirname \"$0\")/frames.ppm\"; {end};; *) echo '{said}' >&2; exit 1;; esac\n"
-    );
-    std::fs::write(&script, text).unwrap();
-    std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).unwrap();
-    script
+    let write = |name: &str, does: &str| {
+        let script = recording.path(name);
+        let text = format!("#!/bin/sh\necho \"$@\" >> \"$(dirname \"$0\")/calls\"\n{does}\n");
+        std::fs::write(&script, text).unwrap();
+        std::fs::set_permissions(&script, std::fs::Permissions::from_mode(0o755)).unwrap();
+        script
+    };
+    let answer = if said.starts_with('{') {
+        std::fs::write(recording.path("said.json"), said).unwrap();
+        "/bin/cat \"$(dirname \"$0\")/said.json\"".to_owned()
+    } else {
+        format!("echo '{said}' >&2; exit 1")
+    };
+    write("ffprobe", &answer);
+    write("ffmpeg", &format!("/bin/cat \"$(dirname \"$0\")/frames.ppm\"; {end}"))
 }
 
 #[cfg(unix)]
@@ -428,41 +447,46 @@ fn import_with_stand_in(recording: &Recording, script: &Path, more: &[&str]) -> 
 #[test]
 fn what_ffmpeg_says_of_a_video_is_passed_on() {
     let recording = Recording::new();
-    let said = "  Stream #0:0: Video: h264 (High), yuv420p, 24x24, 28.31 fps, 30 tbr, 90k tbn\n    Side data:\n      displaymatrix: rotation of -90.00 degrees";
-    let script = stand_in(&recording, said, "exit 0");
+    let turned = r#", "side_data_list": [{"side_data_type": "Display Matrix", "rotation": -90}]"#;
+    let script = stand_in(&recording, &said([0, 40, 73, 100], "1/1000", turned), "exit 0");
     let (status, text) = import_with_stand_in(&recording, &script, &["--template", "@drap.obj"]);
     assert_eq!(status, Some(0), "{text}");
     for fragment in [
-        "its frame rate varies (28.31",
+        "its frame rate varies (30 per",
         "30.0000 per second",
-        "turned by -90.00°",
+        "turned by 90°",
         "mask 1 belongs to the first frame",
         "0 errors",
     ] {
         assert!(text.contains(fragment), "{fragment:?} is missing in: {text}");
     }
-    let calls = std::fs::read_to_string(recording.path("calls")).unwrap();
-    assert!(calls.contains("-vf fps=30 "), "a varying rate follows the time stamps: {calls}");
     for n in 0..FRAMES {
         let found = read(&recording.path(&format!("scène 1/rgbs/rgb_00{n}.png"))).unwrap();
         let expected = colour(n);
         assert!(found.data.iter().zip(&expected.data).all(|(a, b)| (a - b).abs() < 1.0 / 255.0), "frame {n}");
     }
     // A constant rate is left alone: one frame follows the other.
-    let said = "  Stream #0:0: Video: h264, yuv420p, 24x24, 29.97 fps, 29.97 tbr, 30k tbn";
-    let script = stand_in(&recording, said, "exit 0");
+    let said = said([0, 1001, 2002, 3003], "1/30000", "");
+    let script = stand_in(&recording, &said, "exit 0");
     let (status, text) = import_with_stand_in(&recording, &script, &["--force"]);
     assert!(status == Some(0) && text.contains("29.97 per second"), "{text}");
+    let scene = std::fs::read_to_string(recording.path("scène 1/scene.json")).unwrap();
+    let scene: Value = serde_json::from_str(&scene).unwrap();
+    assert_eq!(scene["fps"], 30_000.0 / 1001.0);
+    // Both programs are kept to the named file and to images of a bounded size.
     let calls = std::fs::read_to_string(recording.path("calls")).unwrap();
-    assert!(calls.contains("setpts=N/(30000/1001)/TB"), "{calls}");
+    for call in calls.lines() {
+        let is_kept = ["-protocol_whitelist file,pipe", "-format_whitelist mov,mp4,", "-max_pixels 89478485"];
+        assert!(is_kept.iter().all(|option| call.contains(option)), "{call}");
+    }
     // A decoder that gives up.
-    let script = stand_in(&recording, said, "echo 'moov atom not found' >&2; exit 1");
+    let script = stand_in(&recording, &said, "echo 'moov atom not found' >&2; exit 1");
     let (status, text) = import_with_stand_in(&recording, &script, &["--force"]);
     assert!(status == Some(3) && text.contains("ffmpeg cannot decode it: moov atom not found"), "{text}");
     // A file without video.
     let script = stand_in(&recording, "clip.mp4: Invalid data found when processing input", "exit 0");
     let (status, text) = import_with_stand_in(&recording, &script, &["--force"]);
-    assert!(status == Some(3) && text.contains("finds no video") && text.contains("Invalid data"), "{text}");
+    assert!(status == Some(3) && text.contains("finds no film") && text.contains("Invalid data"), "{text}");
 }
 
 /// Where there is an ffmpeg, it is used for real: encode, import, compare.

@@ -7,6 +7,7 @@ mod completions;
 mod evaluate;
 mod import;
 mod import_files;
+mod import_video;
 #[cfg(feature = "man")]
 mod man_pages;
 mod masks;

@@ -1,9 +1,9 @@
 //! The measurements of a check, one function per topic.
 
-use sha2::{Digest, Sha256};
+use std::borrow::Cow;
 
 use super::masks::{self, MaskShape};
-use super::{Finding, Level, outline};
+use super::{Finding, Level, outline, repeats};
 use crate::error::{Hint, Remedy, Repair, Result, Warning};
 use crate::image::Image;
 use crate::io::depth_unit::Unit;
@@ -13,6 +13,7 @@ use crate::mesh::diagonal;
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 use crate::scene::Scene;
 use crate::template::gate::{MISFIT, NEAREST};
+use crate::video::Frame;
 
 /// Columns and rows of the raster on which overlapping uv is measured.
 const UV_RASTER: usize = 512;
@@ -22,7 +23,7 @@ const UV_RASTER: usize = 512;
 /// # Errors
 /// Those of reading the frames.
 pub(super) fn of_video(scene: &Scene) -> Result<Vec<Finding>> {
-    let looked_at = scene.frames.map(0..scene.frames.len(), || (), |(), n| Glance::at(scene, n))?;
+    let looked_at = scene.frames.map(0..scene.frames.len(), || None, |last, n| Glance::at(scene, n, last))?;
     let shapes: Vec<MaskShape> = looked_at.iter().map(|glance| glance.mask).collect();
     let rest = [motion(scene, &looked_at), intrinsics(scene), truth(scene)];
     Ok(std::iter::once(frames(scene)).chain(masks::findings(scene, &shapes)).chain(rest).collect())
@@ -31,15 +32,22 @@ pub(super) fn of_video(scene: &Scene) -> Result<Vec<Finding>> {
 /// What is kept of a frame to compare it with others.
 struct Glance {
     mask: MaskShape,
-    /// Of the colours.
-    digest: [u8; 32],
+    /// Whether it shows what the frame before shows.
+    repeats: bool,
 }
 
 impl Glance {
-    fn at(scene: &Scene, n: usize) -> Result<Self> {
+    /// Of frame `n`; `last` holds the frame that was looked at before, and then this one.
+    fn at<'a>(scene: &'a Scene, n: usize, last: &mut Option<(usize, Cow<'a, Frame>)>) -> Result<Self> {
         let frame = scene.frames.frame(n)?;
+        let before = match last.take() {
+            Some((number, before)) if number + 1 == n => Some(before),
+            _ => n.checked_sub(1).map(|before| scene.frames.frame(before)).transpose()?,
+        };
         let mask = MaskShape::of(&frame.mask);
-        Ok(Self { mask, digest: Sha256::digest(bytemuck::cast_slice(&frame.rgb.data)).into() })
+        let repeats = before.is_some_and(|before| repeats::is_repeated(&before, &frame));
+        *last = Some((n, frame));
+        Ok(Self { mask, repeats })
     }
 }
 
@@ -117,12 +125,11 @@ fn frames(scene: &Scene) -> Finding {
 }
 
 fn motion(scene: &Scene, looked_at: &[Glance]) -> Finding {
-    let same = |n: &usize| looked_at[*n].digest == looked_at[*n + 1].digest;
-    let repeats: Vec<usize> = (0..looked_at.len() - 1).filter(same).collect();
+    let repeats: Vec<usize> = (0..looked_at.len()).filter(|n| looked_at[*n].repeats).collect();
     match repeats.first() {
         Some(n) => {
             let frame = scene.first_frame + n;
-            let detail = format!("{} frames repeat the one before, first frame {}", repeats.len(), frame + 1);
+            let detail = format!("{} frames repeat the one before, first frame {frame}", repeats.len());
             doubt("motion", detail, "remove repeated frames and correct fps, or the fabric stops and jumps")
         }
         None => ok("motion", "no frame repeats the one before".into()),

@@ -39,6 +39,8 @@ pub enum Remedy {
     Feature(String),
     /// [`import::Settings::fps`](crate::import::Settings::fps).
     Fps,
+    /// [`import::Settings::rate`](crate::import::Settings::rate).
+    Rate,
     /// [`import::Settings::masks`](crate::import::Settings::masks).
     Masks,
     /// Choose one object of masks that hold several: [`import::Settings::object`](crate::import::Settings::object),
@@ -147,6 +149,7 @@ impl fmt::Display for Remedy {
             Self::Set(assignment) => f.write_str(assignment),
             Self::Feature(name) => write!(f, "feature {name}"),
             Self::Fps => f.write_str("fps"),
+            Self::Rate => f.write_str("rate"),
             Self::Masks => f.write_str("masks"),
             Self::Object => f.write_str("object"),
             Self::Stride(range, stride) => {

@@ -17,6 +17,8 @@ pub struct Calibration {
     pub size: Option<[usize; 2]>,
     /// Lens distortion.
     pub distortion: Distortion,
+    /// Width over height of a pixel, where [`focal`](Self::focal) does not tell fy.
+    pub pixel_aspect: f64,
     /// Standard deviation of the focal length, as a fraction of it, where that is known.
     pub uncertainty: Option<f64>,
     /// What a user should know of it.
@@ -28,6 +30,8 @@ pub struct Calibration {
 pub enum Focal {
     /// fx and fy `[px]`.
     Pixels([f64; 2]),
+    /// fx `[px]`; fy is by the shape of the pixels.
+    Across(f64),
     /// Horizontal field of view `[rad]`.
     Angle(f64),
     /// In 35 mm terms `[mm]`: the lens that has the same diagonal field of view on film of 36 mm × 24 mm.
@@ -53,6 +57,7 @@ impl Calibration {
             centre: None,
             size: None,
             distortion: Distortion::default(),
+            pixel_aspect: 1.0,
             uncertainty: None,
             notes: Vec::new(),
         }
@@ -95,8 +100,16 @@ impl Calibration {
         let own = self.size.map_or([w, h], |own| own.map(|n| n as f64));
         let [fx, fy] = match self.focal {
             Focal::Pixels(focal) => focal,
-            Focal::Angle(angle) => [own[0] / (2.0 * (angle / 2.0).tan()); 2],
-            Focal::Film(mm) => [mm * own[0].hypot(own[1]) / 36f64.hypot(24.0); 2],
+            Focal::Across(fx) => [fx, fx * self.pixel_aspect],
+            Focal::Angle(angle) => {
+                let fx = own[0] / (2.0 * (angle / 2.0).tan());
+                [fx, fx * self.pixel_aspect]
+            }
+            Focal::Film(mm) => {
+                // In widths of a pixel the image is so much less high.
+                let fx = mm * own[0].hypot(own[1] / self.pixel_aspect) / 36f64.hypot(24.0);
+                [fx, fx * self.pixel_aspect]
+            }
         };
         let centre = self.centre.unwrap_or([(own[0] - 1.0) / 2.0, (own[1] - 1.0) / 2.0]);
         // The upper left corner of the image, half a pixel from the first centre, is what scaling keeps.

@@ -4,10 +4,10 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use super::video::Video;
+use super::video::{Reading, Video};
 use crate::error::Result;
 use crate::image::Image;
-use crate::io::image;
+use crate::io::{expect_file, image};
 
 /// Most frames of a film that are held; of longer ones every second, fourth, … counts.
 const HELD: usize = 24;
@@ -20,6 +20,7 @@ const READ: usize = 600;
 /// # Errors
 /// [`Error::Input`](crate::Error::Input) if it is neither.
 pub fn empty_place(path: &Path, ffmpeg: &Path) -> Result<Image> {
+    expect_file(path)?;
     let is_image = path
         .extension()
         .is_some_and(|ending| ["png", "jpg", "jpeg"].iter().any(|known| ending.eq_ignore_ascii_case(known)));
@@ -32,9 +33,9 @@ pub fn empty_place(path: &Path, ffmpeg: &Path) -> Result<Image> {
 }
 
 fn median_of_film(path: &Path, ffmpeg: &Path) -> Result<([usize; 2], Vec<u8>)> {
-    let video = Video::probe(path, ffmpeg, None, &mut Vec::new())?.every_frame();
+    let video = Video::every_frame(path, Reading { ffmpeg, fps: None, rate: None, end: Some(READ) })?;
     let (mut held, mut stride, mut size): (Vec<Vec<u8>>, usize, Option<[usize; 2]>) = (Vec::new(), 1, None);
-    for (n, frame) in video.stream(Some(READ))?.enumerate() {
+    for (n, frame) in video.stream(Some(READ), ffmpeg)?.enumerate() {
         let frame = frame?;
         // Of one file all frames are of one size.
         size.get_or_insert(frame.size);

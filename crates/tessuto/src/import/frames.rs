@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use rayon::prelude::*;
 
 use super::stage::{Colours, Stage};
-use super::video::Video;
+use super::video::{Reading, Video};
 use super::{Settings, names, times};
 use crate::error::{Error, Hint, Remedy, Result};
-use crate::io::image;
+use crate::io::{expect_file, image};
 
 /// The input, before anything of it is decoded.
 pub(super) struct Source {
@@ -21,7 +21,7 @@ pub(super) struct Source {
 pub(super) enum Kind {
     /// The images of a folder in the order of time.
     Images(Vec<PathBuf>),
-    Video(Video),
+    Video(Box<Video>),
 }
 
 impl Source {
@@ -31,17 +31,25 @@ impl Source {
     /// [`Error::Usage`] if the frame rate of images is not given; [`Error::Input`].
     pub fn open(settings: &Settings, notes: &mut Vec<String>) -> Result<Self> {
         let input = &settings.input;
+        expect_file(input)?;
         if !input.exists() {
             let hint = "name a video file, or a folder of PNG or JPEG images";
             return Err(Error::input(input.display().to_string(), "does not exist", hint));
         }
         if !input.is_dir() {
-            let video = Video::probe(input, &settings.ffmpeg, settings.fps, notes)?;
-            return Ok(Self { fps: video.fps, kind: Kind::Video(video) });
+            let reading = Reading {
+                ffmpeg: &settings.ffmpeg,
+                fps: settings.fps,
+                rate: settings.rate,
+                end: settings.frames.as_ref().map(|r| r.end),
+            };
+            let video = Video::probe(input, reading, notes)?;
+            return Ok(Self { fps: video.fps, kind: Kind::Video(Box::new(video)) });
         }
         let mut images = names::list(input, notes)?;
-        let told = times::order(&mut images, input, settings.allow_gaps, settings.fps, notes)?;
-        let Some(fps) = settings.fps.or(told) else {
+        let given = settings.fps.or(settings.rate);
+        let told = times::order(&mut images, input, settings.allow_gaps, given, notes)?;
+        let Some(fps) = given.or(told) else {
             return Err(Error::usage(
                 "images do not tell their frame rate",
                 Hint::from("give the frames per second of the recording, before frames are left out")
@@ -64,7 +72,7 @@ impl Source {
             Kind::Images(images) => {
                 let chosen = choose(settings, images.len())?;
                 let size = image::size(&images[chosen[0]])?;
-                let colours = Colours::new(settings, size, chosen.len(), notes)?;
+                let colours = Colours::new(settings, size, 1.0, chosen.len(), notes)?;
                 in_order(chosen.into_par_iter().enumerate(), |(k, n)| {
                     stage.colour_file(&colours, k, &images[n])
                 })?;
@@ -73,10 +81,10 @@ impl Source {
             }
             Kind::Video(video) => {
                 let end = settings.frames.as_ref().map(|r| r.end);
-                let mut stream = video.stream(end)?;
+                let mut stream = video.stream(end, &settings.ffmpeg)?;
                 let Some(first) = stream.next() else { return Err(video.empty()) };
                 let first = first?;
-                let mut colours = Colours::new(settings, first.size, 0, notes)?;
+                let mut colours = Colours::new(settings, first.size, video.pixel_aspect(), 0, notes)?;
                 let begin = settings.frames.as_ref().map_or(0, |r| r.start);
                 let mut count = 0;
                 let frames =

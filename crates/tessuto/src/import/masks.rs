@@ -13,8 +13,8 @@ use super::video::Video;
 use super::{Masks, Settings, pairing};
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::image::Image;
-use crate::io::image;
 use crate::io::mask::{self, Reading};
+use crate::io::{expect_file, image};
 use crate::video::COVERED;
 
 /// Compression leaves traces of this size [fraction of white] in black and white.
@@ -158,19 +158,17 @@ fn from_video(
     notes: &mut Vec<String>,
 ) -> Result<()> {
     let (colours, wanted) = (writer.colours, writer.wanted);
+    expect_file(path)?;
     if !path.exists() {
         let hint = "name a folder of mask images or a video of masks, white where the fabric is";
         return Err(Error::input(path.display().to_string(), "does not exist", hint));
     }
-    let mut unheard = Vec::new();
-    // Masks follow the frames one by one, unless the frames follow their time stamps.
-    let video = match &source.kind {
-        Kind::Video(colour) if colour.resampled() => {
-            Video::probe(path, &settings.ffmpeg, Some(colour.fps), &mut unheard)?
-        }
-        _ => Video::probe(path, &settings.ffmpeg, None, &mut unheard)?.every_frame(),
+    let colour = match &source.kind {
+        Kind::Video(colour) => Some(colour.as_ref()),
+        Kind::Images(_) => None,
     };
-    let mut stream = video.stream(wanted.last().map(|n| n + 1))?;
+    let video = Video::masks(path, &settings.ffmpeg, colour)?;
+    let mut stream = video.stream(wanted.last().map(|n| n + 1), &settings.ffmpeg)?;
     let mut count = 0;
     let chosen =
         (&mut stream).enumerate().inspect(|_| count += 1).filter(|(n, _)| wanted.binary_search(n).is_ok());

@@ -9,9 +9,10 @@
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 use super::calibration::{Calibration, Focal};
+use super::video::options;
+use crate::io::expect_file;
 
 /// Names of the entry, in small letters without punctuation, at their ends: `com.apple.quicktime.camera.focal_length.35mm_equivalent`,
 /// and EXIF's `FocalLengthIn35mmFilm` as programs write it.
@@ -28,6 +29,7 @@ const HEAD: u64 = 1 << 18;
 /// The camera that `input`, a video or a folder of images, says it was recorded with; `None` if it does not say. Files that
 /// cannot be read say nothing: who reads the frames names their faults.
 pub fn camera_of(input: &Path, ffmpeg: &Path) -> Option<Calibration> {
+    expect_file(input).ok()?;
     let file = if input.is_dir() { first_photo(input)? } else { input.to_path_buf() };
     let sane = |(name, mm): (String, f64)| SANE.contains(&mm).then_some((name, mm));
     let found = in_boxes(&file).and_then(sane);
@@ -72,17 +74,11 @@ fn number(text: &str) -> Option<f64> {
     text.trim()[..end].parse().ok()
 }
 
-/// From what ffmpeg prints of the file, for containers other than MP4 and QuickTime.
+/// From what ffprobe reads of the file, for containers other than MP4 and QuickTime.
 fn said_by(ffmpeg: &Path, path: &Path) -> Option<(String, f64)> {
-    let mut url = std::ffi::OsString::from("file:");
-    url.push(path);
-    let mut command = Command::new(ffmpeg);
-    let output =
-        command.args(["-hide_banner", "-nostdin", "-i"]).arg(url).stdin(Stdio::null()).output().ok()?;
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    let mut pairs = said.lines().filter_map(|line| line.split_once(": "));
-    let (name, value) = pairs.find(|(name, _)| is_named(name))?;
-    Some((name.trim().to_owned(), number(value)?))
+    let tags = tessuto_video::tags(path, &options(ffmpeg, None))?;
+    let (name, value) = tags.into_iter().find(|(name, _)| is_named(name))?;
+    Some((name, number(&value)?))
 }
 
 /// From the metadata of an MP4 or QuickTime file, or of its tracks.

@@ -71,6 +71,8 @@ pub struct Settings {
     pub calibration: Calibration,
     /// Frames per second; a video is resampled to it. Needed for images whose names do not tell their times.
     pub fps: Option<f64>,
+    /// Frames per second at which the frames of a video were filmed, one after the other, whatever its time stamps say.
+    pub rate: Option<f64>,
     /// Only these frames of the input, counted from 0.
     pub frames: Option<Range<usize>>,
     /// Use every N-th of them.
@@ -98,6 +100,14 @@ pub struct Imported {
     pub camera: Camera,
     /// What was changed or assumed.
     pub notes: Vec<String>,
+}
+
+/// Refuses what is no file or folder of its own, before anything of it is read: pipes, devices and sockets.
+///
+/// # Errors
+/// [`Error::Input`] naming what is there; a path at which nothing is passes.
+pub fn expect_files(paths: &[Option<&Path>]) -> Result<()> {
+    paths.iter().flatten().try_for_each(|path| crate::io::expect_file(path))
 }
 
 /// Writes the scene `name` into the existing, empty `folder`; `progress` is told what has just been written.
@@ -154,8 +164,18 @@ fn validate(settings: &Settings) -> Result<()> {
         settings.downscale.to_string(),
         "give a whole number from 1 to 64, the factor by which frames shrink",
     )?;
-    if let Some(fps) = settings.fps {
-        demand(fps > 0.0 && fps <= 100_000.0, "fps", fps.to_string(), "give frames per second, above 0")?;
+    for (name, fps) in [("fps", settings.fps), ("rate", settings.rate)] {
+        if let Some(fps) = fps {
+            demand(fps > 0.0 && fps <= 100_000.0, name, fps.to_string(), "give frames per second, above 0")?;
+        }
+    }
+    if let (Some(fps), Some(rate), true) = (settings.fps, settings.rate, settings.input.is_dir()) {
+        demand(
+            fps == rate,
+            "fps",
+            format!("{fps} and rate {rate}"),
+            "images are not resampled: give one of them",
+        )?;
     }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(

@@ -9,7 +9,7 @@ use super::empty::empty_place;
 use super::lens::Undistortion;
 use super::names::name;
 use super::video::Raw;
-use super::{Masks, Settings};
+use super::{Calibration, Masks, Settings};
 use crate::camera::Camera;
 use crate::error::{Error, Result};
 use crate::image::Image;
@@ -35,8 +35,14 @@ pub(super) struct Colours {
 }
 
 impl Colours {
-    /// The camera and the straightening of frames of `size` `[px]`.
-    pub fn new(settings: &Settings, size: [usize; 2], count: usize, notes: &mut Vec<String>) -> Result<Self> {
+    /// The camera and the straightening of frames of `size` `[px]`, whose pixels have `pixel_aspect`, width over height.
+    pub fn new(
+        settings: &Settings,
+        size: [usize; 2],
+        pixel_aspect: f64,
+        count: usize,
+        notes: &mut Vec<String>,
+    ) -> Result<Self> {
         let factor = settings.downscale;
         if size.iter().any(|n| n / factor < 2) {
             return Err(Error::usage(
@@ -50,7 +56,8 @@ impl Colours {
                 size[0], size[1]
             ));
         }
-        let camera = settings.calibration.scaled_to(size, notes)?;
+        let calibration = Calibration { pixel_aspect, ..settings.calibration.clone() };
+        let camera = calibration.scaled_to(size, notes)?;
         let lens = &settings.calibration.distortion;
         let undistortion = if lens.is_none() {
             None

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde_json::json;
 
 use super::frames::in_order;
-use super::video::{Raw, Video};
+use super::video::{Raw, Reading, Video};
 use super::{Focal, camera_of};
 use crate::camera::Rect;
 use crate::error::{Error, Result};
@@ -24,6 +24,8 @@ pub struct StillSettings {
     pub input: PathBuf,
     /// Frames per second that it is resampled to, as for the import.
     pub fps: Option<f64>,
+    /// Frames per second at which its frames were filmed, whatever its time stamps say, as for the import.
+    pub rate: Option<f64>,
     /// Only these frames of the video, counted from 0.
     pub frames: Option<Range<usize>>,
     /// Longer side of the written images `[px]`, which are JPEG then; PNG of the video's size without.
@@ -53,8 +55,15 @@ pub struct Stills {
 /// [`Error::Usage`] if the frames asked for do not exist; [`Error::Input`] of the video; [`Error::Output`].
 pub fn stills(settings: &StillSettings, folder: &Path, progress: &(dyn Fn(usize) + Sync)) -> Result<Stills> {
     let mut notes = Vec::new();
-    let video = Video::probe(&settings.input, &settings.ffmpeg, settings.fps, &mut notes)?;
-    let mut stream = video.stream(settings.frames.as_ref().map(|r| r.end))?;
+    for (name, fps) in [("fps", settings.fps), ("rate", settings.rate)] {
+        if let Some(fps) = fps.filter(|fps| !(*fps > 0.0 && *fps <= 100_000.0)) {
+            return Err(Error::usage(format!("{name} is {fps}"), "give frames per second, above 0"));
+        }
+    }
+    let end = settings.frames.as_ref().map(|r| r.end);
+    let reading = Reading { ffmpeg: &settings.ffmpeg, fps: settings.fps, rate: settings.rate, end };
+    let video = Video::probe(&settings.input, reading, &mut notes)?;
+    let mut stream = video.stream(end, &settings.ffmpeg)?;
     let Some(first) = stream.next() else { return Err(video.empty()) };
     let first = first?;
     let (size, mut count) = (first.size, 0);

@@ -1,268 +1,359 @@
-//! Videos through the program ffmpeg: what it says of a file, and the frames it decodes, one after the other.
+//! Videos: what a file says of its film and its time stamps, made frames of a constant rate, one after the other.
 
-use std::ffi::OsString;
-use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
-use std::process::{Child, ChildStdout, Command, Stdio};
-use std::thread::JoinHandle;
+use std::path::Path;
+
+use tessuto_video::rate::{Course, Late, Pace, nearest, pace};
+use tessuto_video::{Fields, Film, Frames, Options, Refusal, Stream as Said, Transfer};
 
 use crate::error::{Error, Hint, Remedy, Result};
-use crate::io::image::MAX_SIDE;
+use crate::io::image::{MAX_BYTES, MAX_SIDE};
 
-/// How to get the program.
-const INSTALL: &str = "install it (Debian, Ubuntu: sudo apt install ffmpeg; macOS: brew install ffmpeg; Windows: winget install ffmpeg), \
-     set TESSUTO_FFMPEG to where it is, or extract the frames elsewhere and import their folder";
-/// A mean rate so close to the nominal one `[fraction]` is constant but for rounding.
-const CONSTANT: f64 = 0.01;
-/// Most of ffmpeg's complaints that are kept.
-const MAX_COMPLAINTS: usize = 20;
+/// A rate so close to that of the film `[fraction]` is the same but for rounding: 30 instead of 29.97.
+const SAME: f64 = 0.002;
+/// A camera that filmed at a rate so far from that of the time stamps `[fraction]` filmed slow motion, or a time lapse.
+const OTHER: f64 = 0.01;
+/// Phones film at this rate `[1/s]` or a lower one, and in dim light at still lower ones with true stamps: no slow motion.
+const ORDINARY: f64 = 30.5;
+/// Where stamps vary, a camera that filmed at so many times their mean rate filmed slow motion.
+const VARIED: f64 = 1.5;
+/// A camera that filmed at less than so many times the rate of the stamps filmed a time lapse.
+const LAPSE: f64 = 0.9;
+/// Stamps of a rate so far below what was meant `[fraction]` are worth a note.
+const DIM: f64 = 0.05;
+/// Most frames, stored or after resampling.
+const MAX_FRAMES: usize = 1_000_000;
+/// Most frames that a note names.
+const NAMED: usize = 5;
+/// Bounds of width over height of a pixel.
+const ASPECTS: std::ops::RangeInclusive<f64> = 0.25..=4.0;
+
+/// How a video is read.
+#[derive(Clone, Copy)]
+pub(super) struct Reading<'a> {
+    /// The program that decodes videos.
+    pub ffmpeg: &'a Path,
+    /// Frames per second that it is resampled to.
+    pub fps: Option<f64>,
+    /// Frames per second at which the stored frames were filmed, whatever the file says.
+    pub rate: Option<f64>,
+    /// Number of the first frame that is not wanted.
+    pub end: Option<usize>,
+}
 
 /// A video file, looked at.
 pub(super) struct Video {
-    path: PathBuf,
-    ffmpeg: PathBuf,
+    place: String,
+    film: Film,
+    max_end: Option<usize>,
     /// Frames per second of what [`stream`](Self::stream) gives.
     pub fps: f64,
-    /// As ffmpeg is told.
-    rate: String,
-    /// Whether time stamps decide which frame is shown, rather than one frame following the other.
-    resampled: bool,
+    /// The decoded frame behind each frame that is given, in rising order; all of them, each once, where `None`.
+    chosen: Option<Vec<usize>>,
 }
 
 /// One frame, 8-bit colour, shape [height, width, 3].
-pub(super) struct Raw {
-    /// Width and height `[px]`.
-    pub size: [usize; 2],
-    pub rgb: Vec<u8>,
-}
+pub(super) type Raw = tessuto_video::Frame;
 
 impl Video {
-    /// Asks ffmpeg about the file; `fps` asks for another frame rate than its own.
+    /// Looks at the file, and makes a constant rate of its time stamps.
     ///
     /// # Errors
-    /// [`Error::Input`] if ffmpeg is missing or finds no video.
-    pub fn probe(path: &Path, ffmpeg: &Path, fps: Option<f64>, notes: &mut Vec<String>) -> Result<Self> {
+    /// [`Error::Input`] if it holds no film or does not tell its rate, and of what `tessuto_video::open` refuses.
+    pub fn probe(path: &Path, reading: Reading, notes: &mut Vec<String>) -> Result<Self> {
+        let mut video = Self::every_frame(path, reading)?;
+        let said = &video.film.stream;
+        let place = video.place.clone();
+        let mut note = |text: String| notes.push(format!("{place}: {text}"));
+        video.film.notes.iter().filter(|_| reading.rate.is_none()).cloned().for_each(&mut note);
+        about(said).into_iter().for_each(&mut note);
+        let per_frame = said.moments_per_frame();
+        let mut moments = said.moments();
+        if let Some(rate) = reading.rate {
+            video.fps = rate * per_frame as f64;
+            moments = (0..video.film.stored * per_frame).map(|k| k as f64 / video.fps).collect();
+        } else {
+            expect_stamps(&place, &moments)?;
+            // The second moments of frames lie between ticks.
+            let tick = said.tick / per_frame as f64;
+            let found = pace(&moments, tick);
+            let filmed = said.capture_rate.filter(|_| moments.len() > 1).map(|rate| rate * per_frame as f64);
+            let (slowed, text) = filmed.map_or((None, None), |filmed| at_another_rate(filmed, &found));
+            text.into_iter().for_each(&mut note);
+            video.fps = slowed.unwrap_or(found.fps);
+            if let Some(filmed) = slowed {
+                let scale = found.fps / filmed;
+                moments = match found.course {
+                    // Stamps that slow down only a part say nothing of when it was filmed.
+                    Course::Varying => (0..moments.len()).map(|k| k as f64 / filmed).collect(),
+                    _ => moments.iter().map(|time| time * scale).collect(),
+                };
+            }
+            let fps = reading.fps.unwrap_or(video.fps);
+            let even = match &found.course {
+                Course::Constant => true,
+                Course::Varying => slowed.is_some(),
+                Course::Late(_) => false,
+            };
+            match &found.course {
+                Course::Late(late) => note(told_late(late, found.fps, fps)),
+                Course::Varying if slowed.is_none() => {
+                    let mean = (moments.len() - 1) as f64 / (moments[moments.len() - 1] - moments[0]);
+                    note(format!(
+                        "its frame rate varies ({} per second on average); brought to {fps:.4} per second by its time stamps, \
+                         frames repeat or are left out: another rate can be given (fps)",
+                        rounded(mean)
+                    ));
+                }
+                _ => {}
+            }
+            if !even {
+                video.resample(&moments, fps)?;
+            }
+        }
+        if let Some(fps) =
+            reading.fps.filter(|fps| video.chosen.is_none() && (fps / video.fps - 1.0).abs() > SAME)
+        {
+            video.resample(&moments, fps)?;
+        }
+        video.fps = reading.fps.unwrap_or(video.fps);
+        Ok(video)
+    }
+
+    /// Looks at the file, for every frame of it, whatever its time.
+    ///
+    /// # Errors
+    /// [`Error::Input`] as [`probe`](Self::probe), but of no time stamps.
+    pub fn every_frame(path: &Path, reading: Reading) -> Result<Self> {
         let place = path.display().to_string();
-        let output = command(ffmpeg)
-            .arg("-i")
-            .arg(url(path))
-            .stdin(Stdio::null())
-            .output()
-            .map_err(|e| missing(&place, ffmpeg, &e))?;
-        let said = String::from_utf8_lossy(&output.stderr).into_owned();
-        let Some(stream) = said
-            .lines()
-            .find(|l| l.contains("Video:") && l.contains("Stream #") && !l.contains("attached pic"))
-        else {
-            let last =
-                said.lines().rev().find(|l| !l.trim().is_empty() && !l.contains("At least one output"));
+        let options = options(reading.ffmpeg, reading.end);
+        let film = tessuto_video::open(path, &options).map_err(|refusal| told(&place, refusal))?;
+        let aspect = film.stream.upright_aspect();
+        if !ASPECTS.contains(&aspect) {
+            let [a, b] = film.stream.pixel_aspect;
             return Err(Error::input(
                 place,
-                format!("ffmpeg finds no video in it: {}", last.unwrap_or("nothing said").trim()),
-                "name a video file, or a folder of PNG or JPEG images",
-            ));
-        };
-        let turn = said.split("rotation of ").nth(1).and_then(|t| t.split(" degrees").next());
-        if let Some(turn) = turn.filter(|t| t.trim().parse::<f64>().is_ok_and(|t| t != 0.0)) {
-            notes.push(format!(
-                "{place}: the recording is marked as turned by {turn}°; frames are written upright"
+                format!("has pixels of {a}:{b}, {aspect:.3} times as wide as high"),
+                "no camera has such pixels: set it right, e.g. ffmpeg -i IN -c copy -aspect 16:9 OUT.mp4",
             ));
         }
-        if stream.contains("smpte2084") || stream.contains("arib-std-b67") {
-            notes.push(format!("{place}: high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or convert it first"));
-        }
-        let before = |unit: &str| {
-            let text = stream.split(unit).next().filter(|t| t.len() < stream.len())?;
-            let number = text.rsplit(", ").next()?.trim();
-            match number.strip_suffix('k') {
-                Some(thousands) => thousands.parse::<f64>().ok().map(|v| v * 1000.0),
-                None => number.parse::<f64>().ok(),
-            }
-        };
-        let (mean, nominal) = (before(" fps"), before(" tbr"));
-        let Some(mean) = mean.or(nominal).filter(|v| *v > 0.0) else {
-            return match fps {
-                Some(fps) => Ok(Self::new(path, ffmpeg, fps, true)),
-                None => Err(Error::input(
-                    place,
-                    "does not tell its frame rate",
-                    Hint::from("give its frames per second").with(Remedy::Fps),
-                )),
-            };
-        };
-        let nominal = nominal.filter(|v| *v > 0.0).unwrap_or(mean);
-        if let Some(fps) = fps {
-            return Ok(Self::new(path, ffmpeg, fps, (fps - mean).abs() > CONSTANT * mean));
-        }
-        if (nominal - mean).abs() <= CONSTANT * nominal {
-            return Ok(Self::new(path, ffmpeg, exact(nominal), false));
-        }
-        // Time bases of screen recorders pose as rates of thousands.
-        let chosen = if nominal < 2.0 * mean { exact(nominal) } else { mean.round().max(1.0) };
-        notes.push(format!(
-            "{place}: its frame rate varies ({mean} per second on average); brought to {chosen:.4} per second by its time stamps, \
-             frames repeat or are left out: another rate can be given (fps)"
-        ));
-        Ok(Self::new(path, ffmpeg, chosen, true))
+        Ok(Self { place, film, max_end: reading.end, fps: 1.0, chosen: None })
     }
 
-    fn new(path: &Path, ffmpeg: &Path, fps: f64, resampled: bool) -> Self {
-        // ffmpeg wants whole numbers where a decimal fraction would drift.
-        let ntsc = (fps * 1.001).round();
-        let rate = if (fps - ntsc / 1.001).abs() < 1e-6 {
-            format!("{}/1001", ntsc * 1000.0)
-        } else {
-            fps.to_string()
-        };
-        Self { path: path.to_path_buf(), ffmpeg: ffmpeg.to_path_buf(), fps, rate, resampled }
+    /// Masks that follow the frames of `colour`: one by one where there are as many as it has stored, else by their time stamps.
+    ///
+    /// # Errors
+    /// As [`probe`](Self::probe).
+    pub fn masks(path: &Path, ffmpeg: &Path, colour: Option<&Video>) -> Result<Self> {
+        let reading = Reading { ffmpeg, fps: None, rate: None, end: None };
+        let masks = Self::every_frame(path, reading)?;
+        let Some(colour) = colour else { return Ok(masks) };
+        let own = masks.moments();
+        let given = colour.chosen.as_ref().map_or(colour.moments(), Vec::len);
+        let is_stamped = !masks.film.stream.times.is_empty();
+        if own == given && (colour.chosen.is_none() || !is_stamped) {
+            return Ok(masks);
+        }
+        // Of interlaced film one mask may be for both moments of a frame.
+        let per_mask = if own == colour.film.stored { colour.film.stream.moments_per_frame() } else { 1 };
+        if own != given && own * per_mask == colour.moments() {
+            let every = || (0..colour.moments()).collect();
+            let chosen = colour.chosen.clone().unwrap_or_else(every).iter().map(|k| k / per_mask).collect();
+            return Ok(Self { chosen: Some(chosen), fps: colour.fps, ..masks });
+        }
+        if colour.chosen.is_none() || !is_stamped {
+            return Ok(masks);
+        }
+        Self::probe(path, Reading { fps: Some(colour.fps), ..reading }, &mut Vec::new())
     }
 
-    /// Gives every frame of the file, whatever its time.
-    pub fn every_frame(self) -> Self {
-        Self { resampled: false, ..self }
+    /// Width over height of a pixel.
+    pub fn pixel_aspect(&self) -> f64 {
+        self.film.stream.upright_aspect()
     }
 
-    /// Whether frames were repeated or left out to make the rate constant.
-    pub fn resampled(&self) -> bool {
-        self.resampled
+    /// Number of moments that are stored.
+    fn moments(&self) -> usize {
+        self.film.stored * self.film.stream.moments_per_frame()
+    }
+
+    fn resample(&mut self, moments: &[f64], fps: f64) -> Result<()> {
+        let tick = self.film.stream.tick / self.film.stream.moments_per_frame() as f64;
+        self.fps = fps;
+        self.chosen = nearest(moments, fps, tick, MAX_FRAMES);
+        if self.chosen.is_some() {
+            return Ok(());
+        }
+        let span = moments.last().zip(moments.first()).map_or(0.0, |(last, first)| last - first);
+        Err(Error::input(
+            &self.place,
+            format!(
+                "its {} frames last {span:.1} s; at {fps} per second these are more than {MAX_FRAMES}",
+                moments.len()
+            ),
+            Hint::from("a time stamp may be wrong; give the rate at which it was filmed").with(Remedy::Rate),
+        ))
     }
 
     /// Starts decoding the frames up to `end`.
     ///
     /// # Errors
-    /// [`Error::Input`] if ffmpeg cannot be started.
-    pub fn stream(&self, end: Option<usize>) -> Result<Stream> {
-        let mut command = command(&self.ffmpeg);
-        command.args(["-v", "error", "-protocol_whitelist", "file,pipe", "-i"]).arg(url(&self.path));
-        // V leaves out cover images; turning by the file's mark is what ffmpeg does by itself.
-        command.args(["-map", "0:V:0"]);
-        let rate = &self.rate;
-        if self.resampled {
-            command.arg("-vf").arg(format!("fps={rate}"));
-        } else {
-            // Even time stamps, so that no frame is repeated or dropped for their jitter.
-            command.arg("-vf").arg(format!("setpts=N/({rate})/TB")).args(["-r", rate]);
-        }
-        if let Some(end) = end {
-            command.args(["-frames:v", &end.to_string()]);
-        }
-        command.args(["-f", "image2pipe", "-c:v", "ppm", "-pix_fmt", "rgb24", "pipe:1"]);
-        let place = self.path.display().to_string();
-        let mut child = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .map_err(|e| missing(&place, &self.ffmpeg, &e))?;
-        let (stdout, mut stderr) = (child.stdout.take(), child.stderr.take());
-        let said = std::thread::spawn(move || {
-            let mut text = Vec::new();
-            // What cannot be read of the complaints is lost; the exit status still tells.
-            let _ = stderr.as_mut().map(|s| s.read_to_end(&mut text));
-            String::from_utf8_lossy(&text).into_owned()
-        });
-        Ok(Stream {
-            place,
-            child,
-            frames: stdout.map(BufReader::new),
-            said: Some(said),
-            complaints: Vec::new(),
-        })
+    /// [`Error::Input`] if the decoder cannot be started.
+    pub fn stream(&self, end: Option<usize>, ffmpeg: &Path) -> Result<Stream> {
+        let chosen =
+            self.chosen.as_ref().map(|chosen| &chosen[..end.unwrap_or(chosen.len()).min(chosen.len())]);
+        let decoded_end = chosen.map_or(end, |chosen| Some(chosen.last()? + 1));
+        let frames = self.film.frames(decoded_end, &options(ffmpeg, self.max_end));
+        let frames = frames.map_err(|refusal| told(&self.place, refusal))?;
+        let chosen = chosen.map(<[usize]>::to_vec);
+        Ok(Stream { place: self.place.clone(), frames, chosen, given: 0, decoded: 0, held: None })
     }
 
     /// The error of a video without frames.
     pub fn empty(&self) -> Error {
         Error::input(
-            self.path.display().to_string(),
+            &self.place,
             "holds no frame that ffmpeg can decode",
             "play it to see whether it is whole; copy it again",
         )
     }
 }
 
-/// Rates of television are thousandths off round ones, which ffmpeg prints with two digits.
-fn exact(rate: f64) -> f64 {
-    let ntsc = (rate * 1.001).round() / 1.001;
-    if (rate - ntsc).abs() < 0.006 && (rate - rate.round()).abs() > 0.006 { ntsc } else { rate }
+pub(super) fn options(ffmpeg: &Path, end: Option<usize>) -> Options<'_> {
+    Options { ffmpeg, max_side: MAX_SIDE, max_bytes: MAX_BYTES, max_frames: MAX_FRAMES, end }
 }
 
-fn command(ffmpeg: &Path) -> Command {
-    let mut command = Command::new(ffmpeg);
-    command.args(["-hide_banner", "-nostdin"]);
-    command
+fn told(place: &str, refusal: Refusal) -> Error {
+    let hint = Hint::from(refusal.way_out);
+    let hint = match refusal.part {
+        Some(part) => hint.with(Remedy::Frames(Some(part))),
+        None => hint,
+    };
+    Error::input(place, refusal.what, hint)
 }
 
-/// The path as ffmpeg takes it even if it looks like an option or a protocol.
-fn url(path: &Path) -> OsString {
-    let mut url = OsString::from("file:");
-    url.push(path);
-    url
+/// What is to be said of a film before its time.
+fn about(said: &Said) -> Vec<String> {
+    let mut notes = Vec::new();
+    if said.turn != 0 {
+        notes
+            .push(format!("the recording is marked as turned by {}°; frames are written upright", said.turn));
+    }
+    if said.transfer != Transfer::Standard {
+        notes.push("high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or convert it first".to_owned());
+    }
+    let first = match said.fields {
+        Fields::Progressive => None,
+        Fields::TopFirst => Some("the even rows"),
+        Fields::BottomFirst => Some("the odd rows"),
+    };
+    if let Some(first) = first {
+        notes.push(format!(
+            "is interlaced ({first} first): each frame shows two moments and became two frames, at twice the rate; \
+             of film that is marked so by mistake, first ffmpeg -i IN -vf setfield=prog OUT.mp4"
+        ));
+    }
+    let aspect = said.upright_aspect();
+    if aspect != 1.0 {
+        let [a, b] = said.pixel_aspect;
+        notes.push(format!(
+            "its pixels are not square ({a}:{b}): fy is {aspect:.4} fx, unless the camera has its own"
+        ));
+    }
+    notes
 }
 
-fn missing(place: &str, ffmpeg: &Path, error: &std::io::Error) -> Error {
-    Error::input(
-        place,
-        format!("needs the program ffmpeg; {} cannot be started: {error}", ffmpeg.display()),
-        INSTALL,
+/// The rate at which a film was filmed that the file says, where it counts more than that of the stamps, and a note where they differ.
+fn at_another_rate(filmed: f64, stamped: &Pace) -> (Option<f64>, Option<String>) {
+    let (ratio, varies) = (filmed / stamped.fps, stamped.course == Course::Varying);
+    let rates = format!(
+        "says that it was filmed at {} per second, but is stamped {} per second",
+        rounded(filmed),
+        rounded(stamped.fps)
+    );
+    if ratio < LAPSE || ratio > 1.0 + OTHER && filmed > ORDINARY && (ratio > VARIED || !varies) {
+        let note = format!(
+            "{rates}: slow motion or a time lapse; the former counts: another rate can be given (rate)"
+        );
+        return (Some(filmed), Some(note));
+    }
+    let note = format!(
+        "{rates}, as phones film fewer frames in dim light; the latter counts: another rate can be given (rate)"
+    );
+    (None, (ratio > 1.0 + DIM).then_some(note))
+}
+
+/// Refuses films of which the stamps do not tell when frames were filmed.
+fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
+    let hint = |text: &str| Hint::from(text).with(Remedy::Rate);
+    if moments.is_empty() {
+        return Err(Error::input(
+            place,
+            "has no time stamps, as a raw stream of a codec has none: its frame rate is not told",
+            hint("give the rate at which its frames were filmed"),
+        ));
+    }
+    if moments.len() > 1 && moments[0] == moments[moments.len() - 1] {
+        let hint = hint("give the rate at which its frames were filmed");
+        return Err(Error::input(place, "has one time stamp for all of its frames", hint));
+    }
+    match moments.windows(2).position(|pair| pair[1] < pair[0]) {
+        None => Ok(()),
+        Some(k) => Err(Error::input(
+            place,
+            format!(
+                "its clock jumps back at frame {}, from {:.3} s to {:.3} s",
+                k + 1,
+                moments[k],
+                moments[k + 1]
+            ),
+            hint(
+                "it seems to be joined from parts: take one of them, or give the rate at which all frames were filmed",
+            ),
+        )),
+    }
+}
+
+fn told_late(late: &[Late], own: f64, fps: f64) -> String {
+    let names: Vec<String> = late.iter().take(NAMED).map(|late| late.frame.to_string()).collect();
+    let more = if late.len() > NAMED { format!(" and {} more", late.len() - NAMED) } else { String::new() };
+    let (noun, verb) = if late.len() == 1 { ("frame", "comes") } else { ("frames", "come") };
+    let after = late[0].intervals as f64 / own;
+    format!(
+        "{noun} {}{more} {verb} late (the first {after:.3} s after the frame before, instead of {:.3} s): frames are missing in the recording; \
+         brought to {} per second by its time stamps, the frame before repeats",
+        names.join(", "),
+        1.0 / own,
+        rounded(fps)
     )
 }
 
-/// Frames as they are decoded.
+fn rounded(fps: f64) -> f64 {
+    (fps * 1e4).round() / 1e4
+}
+
+/// Frames as they are decoded, repeated or left out as the rate demands.
 pub(super) struct Stream {
     place: String,
-    child: Child,
-    frames: Option<BufReader<ChildStdout>>,
-    said: Option<JoinHandle<String>>,
-    complaints: Vec<String>,
+    frames: Frames,
+    chosen: Option<Vec<usize>>,
+    /// Number of frames given, and decoded, so far.
+    given: usize,
+    decoded: usize,
+    /// The frame decoded last, where it is given again.
+    held: Option<Raw>,
 }
 
 impl Stream {
     /// What ffmpeg complained of without giving up.
     pub fn complaints(&mut self) -> Option<String> {
-        let first = self.complaints.first()?;
+        let first = self.frames.complaint()?;
         Some(format!("{}: ffmpeg complains, frames may be damaged: {first}", self.place))
     }
 
-    fn finish(&mut self) -> Result<()> {
-        self.frames = None;
-        let status = self.child.wait();
-        let said = self.said.take().and_then(|t| t.join().ok()).unwrap_or_default();
-        self.complaints =
-            said.lines().filter(|l| !l.trim().is_empty()).take(MAX_COMPLAINTS).map(str::to_owned).collect();
-        if status.is_ok_and(|s| s.success()) {
-            return Ok(());
-        }
-        let last = self.complaints.last().map_or("nothing said", String::as_str);
-        Err(Error::input(
-            &self.place,
-            format!("ffmpeg cannot decode it: {last}"),
-            "play it to see whether it is whole; copy it again",
-        ))
-    }
-
-    /// The next frame; `None` at the end.
-    fn read(&mut self) -> std::io::Result<Option<Raw>> {
-        let Some(reader) = &mut self.frames else { return Ok(None) };
-        let mut header = String::new();
-        // `P6`, width and height, largest value, each on its line.
-        for _ in 0..3 {
-            if reader.read_line(&mut header)? == 0 {
-                return Ok(None);
-            }
-        }
-        let bad =
-            || std::io::Error::new(std::io::ErrorKind::InvalidData, format!("not an image: {header:?}"));
-        let words: Vec<&str> = header.split_ascii_whitespace().collect();
-        let ["P6", width, height, "255"] = words[..] else { return Err(bad()) };
-        let side = |text: &str| text.parse::<usize>().ok().filter(|n| (2..=MAX_SIDE).contains(n));
-        let (Some(width), Some(height)) = (side(width), side(height)) else { return Err(bad()) };
-        let mut rgb = vec![0u8; 3 * width * height];
-        match reader.read_exact(&mut rgb) {
-            // A decoder that fails leaves a part of a frame; its exit status says so.
-            Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => Ok(None),
-            Err(e) => Err(e),
-            Ok(()) => Ok(Some(Raw { size: [width, height], rgb })),
-        }
+    fn decode(&mut self) -> Option<Result<Raw>> {
+        let frame = self.frames.next()?;
+        self.decoded += 1;
+        Some(frame.map_err(|refusal| told(&self.place, refusal)))
     }
 }
 
@@ -270,40 +361,43 @@ impl Iterator for Stream {
     type Item = Result<Raw>;
 
     fn next(&mut self) -> Option<Self::Item> {
-        self.frames.as_ref()?;
-        match self.read() {
-            Ok(Some(frame)) => Some(Ok(frame)),
-            Ok(None) => self.finish().err().map(Err),
-            Err(e) => {
-                self.frames = None;
-                Some(Err(Error::input(
-                    &self.place,
-                    format!("what ffmpeg sends cannot be read: {e}"),
-                    INSTALL,
-                )))
+        let Some(chosen) = &self.chosen else { return self.decode() };
+        let Some(wanted) = chosen.get(self.given).copied() else {
+            // The decoder ends by itself after the last frame asked for; what it complained of is then known.
+            return self.decode().filter(Result::is_err);
+        };
+        let again = chosen.get(self.given + 1) == Some(&wanted);
+        while self.held.is_none() || self.decoded <= wanted {
+            match self.decode()? {
+                Ok(frame) => self.held = Some(frame),
+                Err(e) => return Some(Err(e)),
             }
         }
-    }
-}
-
-impl Drop for Stream {
-    /// No decoder outlives its reader.
-    fn drop(&mut self) {
-        self.frames = None;
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.given += 1;
+        let frame = if again { self.held.clone() } else { self.held.take() };
+        frame.map(Ok)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::exact;
+    use super::*;
 
     #[test]
-    fn television_rates_are_exact() {
-        assert!((exact(29.97) - 30_000.0 / 1001.0).abs() < 1e-12);
-        assert!((exact(23.98) - 24_000.0 / 1001.0).abs() < 1e-12);
-        assert!((exact(59.94) - 60_000.0 / 1001.0).abs() < 1e-12);
-        assert_eq!((exact(25.0), exact(30.0), exact(12.5), exact(1000.0)), (25.0, 30.0, 12.5, 1000.0));
+    fn slow_motion_is_none_where_stamps_are_true() {
+        let counts = |filmed: f64, fps: f64, course: Course| at_another_rate(filmed, &Pace { fps, course });
+        for (filmed, stamped) in [(240.0, 30.0), (120.0, 24.0), (60.0, 30.0), (0.5, 30.0), (1.0, 30.0)] {
+            let (rate, note) = counts(filmed, stamped, Course::Constant);
+            assert!(rate == Some(filmed) && note.is_some(), "{filmed} {stamped}");
+        }
+        assert_eq!(counts(30.0, 29.97, Course::Constant), (None, None));
+        assert_eq!(counts(240.0, 239.7, Course::Constant), (None, None));
+        // Dim light.
+        for (filmed, stamped, course) in
+            [(30.0, 24.0, Course::Constant), (30.0, 15.0, Course::Varying), (60.0, 50.0, Course::Varying)]
+        {
+            let (rate, note) = counts(filmed, stamped, course);
+            assert!(rate.is_none() && note.unwrap().contains("dim light"), "{filmed} {stamped}");
+        }
     }
 }

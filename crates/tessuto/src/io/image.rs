@@ -17,7 +17,7 @@ use crate::io::{atomic_write, read_bounded};
 /// Largest width and height `[px]`.
 pub(crate) const MAX_SIDE: usize = 16_384;
 /// Largest file, and largest decoded image `[bytes]`.
-const MAX_BYTES: u64 = 256 << 20;
+pub(crate) const MAX_BYTES: u64 = 256 << 20;
 
 /// The numbers of an image.
 #[derive(Debug, Clone, PartialEq)]

@@ -23,6 +23,12 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+/// Refuses pipes, devices and sockets, which cannot be read twice, or never end.
+pub(crate) fn expect_file(path: &Path) -> Result<()> {
+    tessuto_video::expect_file(path)
+        .map_err(|refusal| Error::input(path.display().to_string(), refusal.what, refusal.way_out))
+}
+
 /// The whole file at `path`, refused above `limit` bytes.
 pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let unreadable = |source: std::io::Error| {
@@ -32,6 +38,7 @@ pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
             "check the path, and that you may read the file",
         )
     };
+    expect_file(path)?;
     let metadata = std::fs::metadata(path).map_err(unreadable)?;
     if !metadata.is_file() {
         return Err(Error::input(path.display().to_string(), "is not a file", "put a regular file there"));
