@@ -1,0 +1,164 @@
+//! Films decoded here, without another program.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use crate::annexb::{self, Raw};
+use crate::contained::Contained;
+use crate::frame::Frame;
+use crate::limits::Limits;
+use crate::picture::{Colour, Picture};
+use crate::quiet::caught;
+use crate::refused::{Refused, damaged, not_handled};
+use crate::rgb::Colours;
+use crate::stream::{Fields, Stream};
+use crate::track::Codec;
+use crate::{matroska, mp4};
+
+/// A film that is open: what its container says, and its frames one after the other, in the order in which they are shown.
+///
+/// Frames are decoded as they are asked for; a few are kept that are shown later than others. After an error there are no more.
+pub struct Native {
+    stream: Stream,
+    source: Source,
+    colours: Colours,
+    limits: Limits,
+    given: usize,
+    over: bool,
+}
+
+enum Source {
+    Contained(Box<Contained>),
+    Raw(Box<Raw>),
+}
+
+/// Opens the film of a file with [`Limits::default`].
+///
+/// # Errors
+///
+/// Says what is not handled, damaged or unreadable.
+pub fn open(path: &Path) -> Result<Native, Refused> {
+    open_within(path, Limits::default())
+}
+
+/// Opens the film of a file.
+///
+/// # Errors
+///
+/// Says what is not handled, damaged or unreadable.
+pub fn open_within(path: &Path, limits: Limits) -> Result<Native, Refused> {
+    let mut file = File::open(path)?;
+    if !file.metadata()?.is_file() {
+        return not_handled("it is no ordinary file");
+    }
+    let length = file.metadata()?.len();
+    let mut head = Vec::new();
+    file.by_ref().take(64).read_to_end(&mut head)?;
+    file.seek(SeekFrom::Start(0))?;
+    let opened = caught(|| {
+        if mp4::is_mp4(&head) {
+            let track = mp4::read(&mut file, length, &limits)?;
+            contained(Contained::new(file, length, track, limits)?, limits)
+        } else if matroska::is_matroska(&head) {
+            let track = matroska::read(&mut file, length, &limits)?;
+            contained(Contained::new(file, length, track, limits)?, limits)
+        } else if let Some(codec) = annexb::codec(&head) {
+            let raw = Raw::new(file, codec, limits)?;
+            let picture = raw.picture().clone();
+            let stream = stream(codec, Vec::new(), &picture, Colour::default());
+            Ok(Native::new(stream, &picture, Source::Raw(Box::new(raw)), limits))
+        } else {
+            not_handled("neither MP4, QuickTime, Matroska nor a stream of H.264 or HEVC")
+        }
+    });
+    opened.unwrap_or_else(|| damaged("the decoder gave up"))
+}
+
+fn contained(contained: Contained, limits: Limits) -> Result<Native, Refused> {
+    let track = contained.track();
+    let picture = contained.picture().clone();
+    let mut stream = stream(track.configuration.codec, contained.times(), &picture, track.colour);
+    stream.turn = track.turn;
+    stream.capture_rate = track.capture_rate;
+    stream.pixel_aspect = track.pixel_aspect.unwrap_or(stream.pixel_aspect);
+    Ok(Native::new(stream, &picture, Source::Contained(Box::new(contained)), limits))
+}
+
+fn stream(codec: Codec, times: Vec<f64>, picture: &Picture, container: Colour) -> Stream {
+    let colour = picture.colour.or(container);
+    Stream {
+        codec: codec.name().to_owned(),
+        times,
+        size: picture.size,
+        pixel_aspect: picture.pixel_aspect.unwrap_or([1, 1]),
+        fields: Fields::Progressive,
+        turn: 0,
+        full_range: colour.full_range.unwrap_or(false),
+        matrix: colour.matrix(),
+        transfer: colour.transfer(),
+        bits: picture.bits,
+        capture_rate: None,
+    }
+}
+
+impl Native {
+    fn new(stream: Stream, picture: &Picture, source: Source, limits: Limits) -> Native {
+        let colours = Colours::new(stream.matrix, stream.full_range, stream.bits, picture.siting);
+        Native { stream, source, colours, limits, given: 0, over: false }
+    }
+
+    /// What the container says of the film.
+    pub fn stream(&self) -> &Stream {
+        &self.stream
+    }
+
+    /// How the frames become red, green and blue.
+    pub fn colours(&self) -> &Colours {
+        &self.colours
+    }
+
+    /// The next frame as red, green and blue, [height, width, 3] of 8 bits.
+    pub fn next_rgb(&mut self) -> Option<Result<Vec<u8>, Refused>> {
+        Some(self.next()?.map(|frame| self.colours.rgb(&frame)))
+    }
+
+    fn decoded(&mut self) -> Result<Option<Frame>, Refused> {
+        let source = &mut self.source;
+        let frame = caught(|| match source {
+            Source::Contained(contained) => contained.next(),
+            Source::Raw(raw) => raw.next(),
+        });
+        let Some(frame) = frame else { return damaged("the decoder gave up") };
+        let Some(frame) = frame? else { return Ok(None) };
+        if frame.size != self.stream.size || frame.bits != self.stream.bits {
+            let [[a, b], [c, d]] = [self.stream.size, frame.size];
+            return not_handled(format!("frames that change within the film ({a}×{b} px, then {c}×{d} px)"));
+        }
+        self.given += 1;
+        self.limits.check_count(self.given as u64)?;
+        frame.checked().map(Some)
+    }
+}
+
+impl Iterator for Native {
+    type Item = Result<Frame, Refused>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.over {
+            return None;
+        }
+        let item = self.decoded().map_err(|e| behind(e, self.given)).transpose();
+        self.over = !matches!(item, Some(Ok(_)));
+        item
+    }
+}
+
+/// The error with the frame at which it was met.
+fn behind(error: Refused, frame: usize) -> Refused {
+    match error {
+        Refused::Damaged(what) => Refused::Damaged(format!("frame {frame}: {what}")),
+        Refused::NotHandled(what) => Refused::NotHandled(format!("frame {frame}: {what}")),
+        other => other,
+    }
+}
