@@ -26,11 +26,6 @@ pub(crate) fn is_slice(kind: u8) -> bool {
     (1..=5).contains(&kind)
 }
 
-/// Whether the unit begins a frame: a slice whose first macroblock is number 0.
-pub(crate) fn begins_frame(unit: &[u8]) -> bool {
-    is_slice(kind(unit)) && unit.get(1).is_some_and(|b| b & 0x80 != 0)
-}
-
 /// Reads a sequence parameter set with its header byte.
 pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
     let payload = unescaped(unit.get(1..).unwrap_or_default());

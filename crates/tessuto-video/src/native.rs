@@ -48,10 +48,11 @@ pub fn open(path: &Path) -> Result<Native, Refused> {
 ///
 /// Says what is not handled, damaged or unreadable.
 pub fn open_within(path: &Path, limits: Limits) -> Result<Native, Refused> {
-    let mut file = File::open(path)?;
-    if !file.metadata()?.is_file() {
+    // Before it is opened: opening a pipe waits for who writes into it.
+    if !std::fs::metadata(path)?.is_file() {
         return not_handled("it is no ordinary file");
     }
+    let mut file = File::open(path)?;
     let length = file.metadata()?.len();
     let mut head = Vec::new();
     file.by_ref().take(64).read_to_end(&mut head)?;

@@ -291,8 +291,8 @@ mod tests {
         assert_eq!(colour(Matrix::Bt709, false, 8, [235, 128, 128]), [255, 255, 255]);
         assert_eq!(colour(Matrix::Bt2020, false, 10, [940, 512, 512]), [255, 255, 255]);
         assert_eq!(colour(Matrix::Bt601, true, 8, [255, 128, 128]), [255, 255, 255]);
-        // Red of BT.709 in limited range, as its definition gives it.
-        assert_eq!(colour(Matrix::Bt709, false, 8, [63, 102, 240]), [255, 0, 0]);
+        // Red of BT.709 in limited range; its stored values are rounded.
+        assert_eq!(colour(Matrix::Bt709, false, 8, [63, 102, 240]), [255, 1, 0]);
         // Green, blue, red.
         assert_eq!(colour(Matrix::Rgb, true, 8, [1, 2, 3]), [3, 1, 2]);
     }

@@ -17,7 +17,7 @@ pub(crate) struct Description {
     pub(crate) count: u32,
     /// Width and height `[px]`.
     pub(crate) size: [u16; 2],
-    /// Whether it is a picture, not a film.
+    /// Whether it is of a codec of single pictures, which films have as well.
     pub(crate) still: bool,
     /// How to decode it, or why it is not decoded here.
     pub(crate) configuration: Result<Configuration, Refused>,
@@ -39,7 +39,10 @@ pub(crate) fn description(stsd: &[u8]) -> Result<Description, Refused> {
         count,
         size,
         still: STILL.iter().any(|still| **still == kind),
-        configuration: not_handled(format!("the codec {}", name(kind))),
+        configuration: not_handled(match &kind {
+            b"encv" => "encrypted frames".to_owned(),
+            _ => format!("the codec {}", name(kind)),
+        }),
         pixel_aspect: None,
         colour: Colour::default(),
     };

@@ -10,7 +10,13 @@ const SANE: std::ops::RangeInclusive<f64> = 1.0..=100_000.0;
 
 /// The rate `[1/s]` at which the film was filmed, if the film says one. Damaged metadata says nothing: no frame depends on it.
 pub(crate) fn capture_rate(moov: &[u8]) -> Option<f64> {
-    let meta = child(moov, b"meta").ok()??;
+    let udta = child(moov, b"udta").ok().flatten();
+    rate(moov).or_else(|| rate(udta?))
+}
+
+/// That of the box `meta` inside of `content`.
+fn rate(content: &[u8]) -> Option<f64> {
+    let meta = child(content, b"meta").ok()??;
     // MP4 has version and flags before the first box, QuickTime has not.
     let meta = if meta.get(4..8) == Some(b"hdlr") { meta } else { meta.get(4..)? };
     let keys = child(meta, b"keys").ok()??.get(8..)?;

@@ -44,6 +44,8 @@ struct Candidate<'a> {
     scale: u32,
     stbl: &'a [u8],
     description: Description,
+    /// Whether it is one picture, such as that of a title.
+    still: bool,
 }
 
 /// Reads where the frames of a file of `length` bytes lie.
@@ -116,7 +118,7 @@ impl Candidate<'_> {
     /// Enabled tracks come first, larger ones before smaller ones; pictures of a title do not count.
     fn score(&self) -> (bool, bool, u64) {
         let [width, height] = self.description.size.map(u64::from);
-        (!self.description.still, self.enabled, width * height)
+        (!self.still, self.enabled, width * height)
     }
 }
 
@@ -132,7 +134,7 @@ fn choose(moov: &[u8]) -> Result<Candidate<'_>, Refused> {
         }
     }
     match chosen {
-        Some(chosen) if !chosen.description.still => Ok(chosen),
+        Some(chosen) if !chosen.still => Ok(chosen),
         _ => not_handled("a file without a video track"),
     }
 }
@@ -164,6 +166,8 @@ fn candidate(trak: &[u8]) -> Result<Option<Candidate<'_>>, Refused> {
         elsewhere(dinf)?;
     }
     let stbl = needed(minf, b"stbl")?;
+    let description = description(needed(stbl, b"stsd")?)?;
+    let one = child(stbl, b"stsz")?.is_some_and(|stsz| stsz.get(8..12) == Some(&[0, 0, 0, 1]));
     Ok(Some(Candidate {
         trak,
         number,
@@ -172,7 +176,8 @@ fn candidate(trak: &[u8]) -> Result<Option<Candidate<'_>>, Refused> {
         matrix: [a, b, c, d],
         scale: scale(bytes.u32()?)?,
         stbl,
-        description: description(needed(stbl, b"stsd")?)?,
+        still: description.still && one,
+        description,
     }))
 }
 

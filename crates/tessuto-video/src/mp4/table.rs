@@ -88,7 +88,7 @@ fn places(stbl: &[u8], entries: &mut [Entry]) -> Result<(), Refused> {
     let (_, _, mut runs) = full(needed(stbl, b"stsc")?, "box stsc")?;
     let runs_left = runs.u32()?;
     runs.rest = runs.take((runs_left as usize).saturating_mul(12))?;
-    let mut run = |rest: &mut Bytes| -> Result<Option<[u32; 3]>, Refused> {
+    let run = |rest: &mut Bytes| -> Result<Option<[u32; 3]>, Refused> {
         if rest.rest.is_empty() { Ok(None) } else { Ok(Some([rest.u32()?, rest.u32()?, rest.u32()?])) }
     };
     let mut now = run(&mut runs)?;
