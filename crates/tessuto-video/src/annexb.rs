@@ -1,7 +1,6 @@
 //! Streams without a container: units behind start codes (ITU-T H.264 and H.265, annex B).
 
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::Read;
 
 use rust_h264::decoder::OrderedDecoder;
@@ -11,6 +10,7 @@ use crate::limits::Limits;
 use crate::picture::Picture;
 use crate::refused::{Refused, damaged};
 use crate::sequence::Sequence;
+use crate::source::Source;
 use crate::track::Codec;
 use crate::{h264, hevc};
 
@@ -89,7 +89,7 @@ enum Decoder {
 
 /// A stream that is open.
 pub(crate) struct Raw {
-    units: Units<File>,
+    units: Units<Box<dyn Source>>,
     codec: Codec,
     limits: Limits,
     sequence: Sequence,
@@ -101,7 +101,7 @@ pub(crate) struct Raw {
 }
 
 impl Raw {
-    pub(crate) fn new(file: File, codec: Codec, limits: Limits) -> Result<Raw, Refused> {
+    pub(crate) fn new(file: Box<dyn Source>, codec: Codec, limits: Limits) -> Result<Raw, Refused> {
         let decoder = match codec {
             Codec::H264 => Decoder::H264(Box::new(OrderedDecoder::new())),
             Codec::Hevc => Decoder::Hevc(Box::new(hevc::Frames::new(true))),

@@ -1,7 +1,6 @@
 //! Frames of a container: decoded in the order of the file, given in the order in which they are shown.
 
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
 use crate::frame::{Frame, Planes};
@@ -9,6 +8,7 @@ use crate::limits::Limits;
 use crate::picture::Picture;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::sequence::Sequence;
+use crate::source::Source;
 use crate::track::{Codec, Sample, Track, units};
 use crate::{h264, hevc};
 
@@ -19,7 +19,7 @@ const WAITING_BYTES: usize = 512 << 20;
 
 /// The film of a container.
 pub(crate) struct Contained {
-    file: File,
+    file: Box<dyn Source>,
     length: u64,
     track: Track,
     limits: Limits,
@@ -41,7 +41,7 @@ enum Decoder {
 }
 
 impl Contained {
-    pub(crate) fn new(file: File, length: u64, track: Track, limits: Limits) -> Result<Contained, Refused> {
+    pub(crate) fn new(file: Box<dyn Source>, length: u64, track: Track, limits: Limits) -> Result<Contained, Refused> {
         limits.check_count(track.samples.len() as u64)?;
         let decoder = match track.configuration.codec {
             Codec::H264 => Decoder::H264(Box::new(h264::Frames::new())),

@@ -16,6 +16,7 @@ mod quiet;
 mod refused;
 mod rgb;
 mod sequence;
+mod source;
 mod stream;
 mod track;
 

@@ -12,6 +12,7 @@ use crate::picture::{Colour, Picture};
 use crate::quiet::caught;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::rgb::Colours;
+use crate::source::Source;
 use crate::stream::{Fields, Stream};
 use crate::track::Codec;
 use crate::{matroska, mp4};
@@ -21,14 +22,14 @@ use crate::{matroska, mp4};
 /// Frames are decoded as they are asked for; a few are kept that are shown later than others. After an error there are no more.
 pub struct Native {
     stream: Stream,
-    source: Source,
+    film: Film,
     colours: Colours,
     limits: Limits,
     given: usize,
     over: bool,
 }
 
-enum Source {
+enum Film {
     Contained(Box<Contained>),
     Raw(Box<Raw>),
 }
@@ -52,23 +53,33 @@ pub fn open_within(path: &Path, limits: Limits) -> Result<Native, Refused> {
     if !std::fs::metadata(path)?.is_file() {
         return not_handled("it is no ordinary file");
     }
-    let mut file = File::open(path)?;
+    let file = File::open(path)?;
     let length = file.metadata()?.len();
+    read(file, length, limits)
+}
+
+/// Opens the film in `length` bytes that begin where `file` begins.
+///
+/// # Errors
+///
+/// Says what is not handled, damaged or unreadable.
+pub fn read(file: impl Read + Seek + Send + 'static, length: u64, limits: Limits) -> Result<Native, Refused> {
+    let mut file: Box<dyn Source> = Box::new(file);
     let mut head = Vec::new();
     file.by_ref().take(64).read_to_end(&mut head)?;
     file.seek(SeekFrom::Start(0))?;
     let opened = caught(|| {
         if mp4::is_mp4(&head) {
-            let track = mp4::read(&mut file, length, &limits)?;
+            let track = mp4::read(&mut *file, length, &limits)?;
             contained(Contained::new(file, length, track, limits)?, limits)
         } else if matroska::is_matroska(&head) {
-            let track = matroska::read(&mut file, length, &limits)?;
+            let track = matroska::read(&mut *file, length, &limits)?;
             contained(Contained::new(file, length, track, limits)?, limits)
         } else if let Some(codec) = annexb::codec(&head) {
             let raw = Raw::new(file, codec, limits)?;
             let picture = raw.picture().clone();
             let stream = stream(codec, Vec::new(), &picture, Colour::default());
-            Ok(Native::new(stream, &picture, Source::Raw(Box::new(raw)), limits))
+            Ok(Native::new(stream, &picture, Film::Raw(Box::new(raw)), limits))
         } else {
             not_handled("neither MP4, QuickTime, Matroska nor a stream of H.264 or HEVC")
         }
@@ -83,7 +94,7 @@ fn contained(contained: Contained, limits: Limits) -> Result<Native, Refused> {
     stream.turn = track.turn;
     stream.capture_rate = track.capture_rate;
     stream.pixel_aspect = track.pixel_aspect.unwrap_or(stream.pixel_aspect);
-    Ok(Native::new(stream, &picture, Source::Contained(Box::new(contained)), limits))
+    Ok(Native::new(stream, &picture, Film::Contained(Box::new(contained)), limits))
 }
 
 fn stream(codec: Codec, times: Vec<f64>, picture: &Picture, container: Colour) -> Stream {
@@ -104,9 +115,9 @@ fn stream(codec: Codec, times: Vec<f64>, picture: &Picture, container: Colour) -
 }
 
 impl Native {
-    fn new(stream: Stream, picture: &Picture, source: Source, limits: Limits) -> Native {
+    fn new(stream: Stream, picture: &Picture, film: Film, limits: Limits) -> Native {
         let colours = Colours::new(stream.matrix, stream.full_range, stream.bits, picture.siting);
-        Native { stream, source, colours, limits, given: 0, over: false }
+        Native { stream, film, colours, limits, given: 0, over: false }
     }
 
     /// What the container says of the film.
@@ -125,10 +136,10 @@ impl Native {
     }
 
     fn decoded(&mut self) -> Result<Option<Frame>, Refused> {
-        let source = &mut self.source;
-        let frame = caught(|| match source {
-            Source::Contained(contained) => contained.next(),
-            Source::Raw(raw) => raw.next(),
+        let film = &mut self.film;
+        let frame = caught(|| match film {
+            Film::Contained(contained) => contained.next(),
+            Film::Raw(raw) => raw.next(),
         });
         let Some(frame) = frame else { return damaged("the decoder gave up") };
         let Some(frame) = frame? else { return Ok(None) };

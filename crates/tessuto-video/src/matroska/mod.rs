@@ -7,7 +7,6 @@
 mod ebml;
 mod tracks;
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 
 use ebml::{Head, variable};
@@ -15,6 +14,7 @@ use tracks::{TrackEntry, choose};
 
 use crate::limits::Limits;
 use crate::refused::{Refused, damaged, not_handled};
+use crate::source::Source;
 use crate::track::{Sample, Track};
 
 /// Identifiers of elements.
@@ -41,7 +41,7 @@ pub(crate) fn is_matroska(head: &[u8]) -> bool {
 }
 
 /// Reads where the frames of a file of `length` bytes lie.
-pub(crate) fn read(file: &mut File, length: u64, limits: &Limits) -> Result<Track, Refused> {
+pub(crate) fn read(file: &mut dyn Source, length: u64, limits: &Limits) -> Result<Track, Refused> {
     let mut scan = Scan {
         file: BufReader::new(file),
         at: 0,
@@ -72,7 +72,7 @@ pub(crate) fn read(file: &mut File, length: u64, limits: &Limits) -> Result<Trac
 
 /// Goes through a file from its beginning to its end.
 struct Scan<'a> {
-    file: BufReader<&'a mut File>,
+    file: BufReader<&'a mut dyn Source>,
     at: u64,
     length: u64,
     limits: &'a Limits,

@@ -1,10 +1,10 @@
 //! Boxes: a size, a kind of four letters, a content.
 
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
+use std::io::SeekFrom;
 
 use crate::bytes::Bytes;
 use crate::refused::{Refused, damaged};
+use crate::source::Source;
 
 /// Most boxes inside of one.
 const MOST: usize = 100_000;
@@ -79,7 +79,7 @@ pub(crate) struct TopBox {
 
 /// The boxes of a file, which are passed over without being read. One that says more than the file has ends with the file: what is
 /// missing is found where it is used.
-pub(crate) fn of_file(file: &mut File, length: u64, most: usize) -> Result<Vec<TopBox>, Refused> {
+pub(crate) fn of_file(file: &mut dyn Source, length: u64, most: usize) -> Result<Vec<TopBox>, Refused> {
     let mut found = Vec::new();
     let mut start = 0;
     while start + 8 <= length {
@@ -108,7 +108,7 @@ pub(crate) fn of_file(file: &mut File, length: u64, most: usize) -> Result<Vec<T
 }
 
 /// The content of a box of the file; at most what the file has.
-pub(crate) fn content(file: &mut File, top: &TopBox, most: u64) -> Result<Vec<u8>, Refused> {
+pub(crate) fn content(file: &mut dyn Source, top: &TopBox, most: u64) -> Result<Vec<u8>, Refused> {
     let size = top.end - top.content;
     if size > most {
         return damaged(format!("box {} of {size} bytes; up to {most} are read", name(top.kind)));

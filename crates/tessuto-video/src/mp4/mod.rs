@@ -12,14 +12,13 @@ mod fragments;
 mod keys;
 mod table;
 
-use std::fs::File;
-
 use boxes::{Kind, boxes as inside, child, full, name, needed};
 use description::{Description, description};
 use fragments::{Fragments, defaults, is_fragment};
 
 use crate::limits::Limits;
 use crate::refused::{Refused, damaged, not_handled};
+use crate::source::Source;
 use crate::track::{Sample, Track, turn};
 
 /// Longest box `moov` or `moof` read `[bytes]`; a million frames need half.
@@ -49,7 +48,7 @@ struct Candidate<'a> {
 }
 
 /// Reads where the frames of a file of `length` bytes lie.
-pub(crate) fn read(file: &mut File, length: u64, limits: &Limits) -> Result<Track, Refused> {
+pub(crate) fn read(file: &mut dyn Source, length: u64, limits: &Limits) -> Result<Track, Refused> {
     let top = boxes::of_file(file, length, 2 * limits.frames + 1000)?;
     let Some(place) = top.iter().find(|b| b.kind == *b"moov") else {
         return damaged("box moov is missing, which lists the frames: the recording was not finished, or the file is cut off");
