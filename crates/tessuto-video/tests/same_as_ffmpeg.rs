@@ -91,3 +91,38 @@ fn cut_clips_show_what_ffmpeg_shows() {
     }
     assert!(failures.is_empty(), "{failures:#?}");
 }
+
+/// ffmpeg's colours as exact as they can be had: it brings colours to every pixel in one step and mixes them in another, with 16 bits
+/// between; in one step, it takes the nearer of two rows.
+const EXACT: &str = "flags=accurate_rnd+full_chroma_int+full_chroma_inp+bilinear";
+
+#[test]
+fn colours_are_ffmpegs_to_one_of_255() {
+    if !clips::ffmpeg_is_there() {
+        println!("NOT TESTED: colours, ffmpeg is not installed");
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for (name, rows) in [
+        ("main.mp4", ":in_v_chr_pos=128"),
+        ("tagged_709.mp4", ":in_v_chr_pos=128"),
+        ("full_range.mp4", ":in_v_chr_pos=128"),
+        ("hevc_hlg.mov", ":in_v_chr_pos=128"),
+        ("high422.mov", ""),
+    ] {
+        let kind = clips::KINDS.iter().find(|k| k.name == name).unwrap();
+        let path = clips::make(folder.path(), kind, "176x144", "0.2");
+        let filters = format!("scale={EXACT}:in_h_chr_pos=0{rows},format=yuv444p16,scale={EXACT},format=rgb24");
+        let expected = clips::raw(&path, &["-vf", &filters]);
+        let mut film = native::open(&path).unwrap();
+        let mut ours = Vec::new();
+        while let Some(rgb) = film.next_rgb() {
+            ours.extend(rgb.unwrap());
+        }
+        assert_eq!(ours.len(), expected.len(), "{name}");
+        let differences = || ours.iter().zip(&expected).map(|(a, b)| a.abs_diff(*b));
+        let mean = differences().map(f64::from).sum::<f64>() / ours.len() as f64;
+        println!("{name}: mean {mean:.4}, largest {:?}", differences().max());
+        assert!(differences().max() <= Some(1) && mean < 0.03, "{name}: mean {mean}, largest {:?}", differences().max());
+    }
+}

@@ -57,7 +57,7 @@ pub(crate) fn edits(trak: &[u8], scale: u32, movie_scale: u32, open: bool) -> Re
         start += seconds;
     }
     // Long lists are of editing programs; every frame is looked up in them.
-    if edits.len() > 1000 {
+    if edits.len() > 100 {
         return not_handled(format!("an edit list of {} parts", edits.len()));
     }
     Ok(if edits.is_empty() { all } else { edits })
@@ -68,4 +68,46 @@ pub(crate) fn shown(edits: &[Edit], time: i64, scale: u32) -> Option<f64> {
     let edit = edits.iter().find(|e| e.media[0] <= time && time < e.media[1])?;
     let from = if edit.media[0] == i64::MIN { 0 } else { edit.media[0] };
     Some(edit.start + (time - from) as f64 / f64::from(scale))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn boxed(kind: &[u8; 4], content: &[u8]) -> Vec<u8> {
+        [&(content.len() as u32 + 8).to_be_bytes(), &kind[..], content].concat()
+    }
+
+    /// A track of 600 units a second in a film of 1000, with edits of (duration, media time, rate).
+    fn list(edits: &[(u32, i32, u32)]) -> Result<Vec<Edit>, Refused> {
+        let mut elst = vec![0; 4];
+        elst.extend((edits.len() as u32).to_be_bytes());
+        for (duration, media, rate) in edits {
+            elst.extend([duration.to_be_bytes(), media.to_be_bytes(), rate.to_be_bytes()].concat());
+        }
+        super::edits(&boxed(b"edts", &boxed(b"elst", &elst)), 600, 1000, false)
+    }
+
+    #[test]
+    fn parts_are_shown_one_after_the_other() {
+        // Half a second of nothing, then units 300 to 600, then what is from 1200 on.
+        let edits = list(&[(500, -1, 1 << 16), (500, 300, 1 << 16), (0, 1200, 1 << 16)]).unwrap();
+        let at = |time| shown(&edits, time, 600);
+        assert_eq!([at(299), at(300), at(599), at(600)], [None, Some(0.5), Some(0.5 + 299.0 / 600.0), None]);
+        assert_eq!([at(1199), at(1200), at(1 << 40)], [None, Some(1.0), Some(1.0 + ((1i64 << 40) - 1200) as f64 / 600.0)]);
+    }
+
+    #[test]
+    fn no_list_shows_everything() {
+        let edits = super::edits(&[], 600, 1000, false).unwrap();
+        assert_eq!([shown(&edits, -60, 600), shown(&edits, 60, 600)], [Some(-0.1), Some(0.1)]);
+        assert_eq!(list(&[(500, -1, 1 << 16)]).unwrap(), edits);
+    }
+
+    #[test]
+    fn other_rates_and_repeated_parts_are_not_handled() {
+        assert!(matches!(list(&[(500, 0, 1 << 15)]), Err(Refused::NotHandled(_))));
+        assert!(matches!(list(&[(500, 0, 1 << 16), (500, 100, 1 << 16)]), Err(Refused::NotHandled(_))));
+        assert!(matches!(list(&[(500, -2, 1 << 16)]), Err(Refused::Damaged(_))));
+    }
 }

@@ -153,3 +153,69 @@ fn times(stbl: &[u8], entries: &mut [Entry]) -> Result<(), Refused> {
     }
     Ok(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn boxed(kind: &[u8; 4], words: &[u32], tail: &[u8]) -> Vec<u8> {
+        let content: Vec<u8> = words.iter().flat_map(|w| w.to_be_bytes()).chain(tail.iter().copied()).collect();
+        [&(content.len() as u32 + 8).to_be_bytes(), &kind[..], &content].concat()
+    }
+
+    fn read(boxes: &[Vec<u8>]) -> Result<Vec<Entry>, Refused> {
+        entries(&boxes.concat(), 1 << 40, &Limits { frames: 100, ..Limits::default() })
+    }
+
+    const TIMES: (&[u8; 4], &[u32]) = (b"stts", &[0, 2, 2, 10, 9, 20]);
+
+    #[test]
+    fn compact_sizes_and_far_places_are_read() {
+        let places = boxed(b"co64", &[0, 2, 1, 0, 2, 50], &[]);
+        let runs = boxed(b"stsc", &[0, 2, 1, 2, 1, 2, 1, 2], &[]);
+        let times = boxed(TIMES.0, TIMES.1, &[]);
+        for sizes in [
+            boxed(b"stz2", &[0, 4, 3], &[0x79, 0x50]),
+            boxed(b"stz2", &[0, 8, 3], &[7, 9, 5]),
+            boxed(b"stz2", &[0, 16, 3], &[0, 7, 0, 9, 0, 5]),
+            boxed(b"stsz", &[0, 0, 3, 7, 9, 5], &[]),
+        ] {
+            let found = read(&[sizes, places.clone(), runs.clone(), times.clone()]).unwrap();
+            let seen: Vec<_> = found.iter().map(|e| (e.offset, e.size, e.time, e.description)).collect();
+            let far = 1u64 << 32;
+            assert_eq!(seen, [(far, 7, 0, 1), (far + 7, 9, 10, 1), (2 * far + 50, 5, 20, 2)]);
+        }
+    }
+
+    #[test]
+    fn offsets_of_time_may_be_negative() {
+        let common = [
+            boxed(b"stsz", &[0, 8, 3], &[]),
+            boxed(b"stco", &[0, 1, 40], &[]),
+            boxed(b"stsc", &[0, 1, 1, 3, 1], &[]),
+            boxed(TIMES.0, TIMES.1, &[]),
+            boxed(b"stss", &[0, 2, 1, 3], &[]),
+        ];
+        for version in [0, 1 << 24] {
+            let offsets = boxed(b"ctts", &[version, 2, 1, 0, 2, -15i32 as u32], &[]);
+            let found = read(&[common.concat(), offsets]).unwrap();
+            assert_eq!(found.iter().map(|e| e.time).collect::<Vec<_>>(), [0, -5, 5]);
+            assert_eq!(found.iter().map(|e| e.offset).collect::<Vec<_>>(), [40, 48, 56]);
+            assert_eq!(found.iter().map(|e| e.sync).collect::<Vec<_>>(), [true, false, true]);
+        }
+    }
+
+    #[test]
+    fn counts_that_the_file_cannot_hold_are_refused() {
+        let times = boxed(TIMES.0, TIMES.1, &[]);
+        let places = boxed(b"stco", &[0, 1, 40], &[]);
+        let runs = boxed(b"stsc", &[0, 1, 1, 3, 1], &[]);
+        let refused = |sizes: Vec<u8>| read(&[sizes, places.clone(), runs.clone(), times.clone()]).unwrap_err().to_string();
+        assert!(refused(boxed(b"stsz", &[0, 0, 101], &[])).contains("101 frames; up to 100"));
+        assert!(refused(boxed(b"stsz", &[0, 0, 90, 1], &[])).contains("ends early"));
+        let whole = boxed(b"stsz", &[0, 1 << 31, 90], &[]);
+        assert!(entries(&whole, 1000, &Limits::default()).unwrap_err().to_string().contains("in a file of 1000 bytes"));
+        // Four frames where the places and the times are of three.
+        assert!(refused(boxed(b"stsz", &[0, 1, 4], &[])).contains("3 of 4 frames have a place"));
+    }
+}

@@ -17,7 +17,7 @@ const fn kind(name: &'static str, arguments: &'static str) -> Kind {
 }
 
 /// Kinds whose frames and times are compared.
-pub const KINDS: [Kind; 41] = [
+pub const KINDS: [Kind; 45] = [
     kind("baseline.mp4", "-c:v libx264 -profile:v baseline"),
     kind("main.mp4", "-c:v libx264 -profile:v main -bf 2"),
     kind("high_pyramid.mp4", "-c:v libx264 -profile:v high -bf 5 -x264-params b-pyramid=normal:ref=5:b-adapt=2"),
@@ -60,6 +60,10 @@ pub const KINDS: [Kind; 41] = [
     kind("hevc_slices.mp4", "-c:v libx265 -tag:v hvc1 -x265-params slices=3"),
     kind("hevc_full_range.mp4", "-vf scale=out_range=pc -color_range pc -c:v libx265 -tag:v hvc1"),
     kind("hevc_fragments.mp4", "-c:v libx265 -tag:v hvc1 -g 12 -movflags frag_keyframe+empty_moov"),
+    kind("scaled.mp4", "-c:v libx264 -bf 2 -x264-params cqm=jvt"),
+    kind("hevc_scaled.mp4", "-c:v libx265 -tag:v hvc1 -x265-params scaling-list=default:log-level=none"),
+    kind("hevc_layers.mp4", "-c:v libx265 -tag:v hvc1 -x265-params temporal-layers=2:bframes=4:log-level=none"),
+    kind("long_references.mkv", "-c:v libx264 -bf 8 -x264-params ref=16:b-pyramid=strict"),
     kind("stream.h264", "-c:v libx264 -bf 3 -g 15"),
     kind("stream.hevc", "-c:v libx265 -x265-params keyint=15:open-gop=1"),
 ];
