@@ -1,11 +1,13 @@
 //! Damaged films by the million: `mutate [COUNT] [SEED]`.
 //!
 //! Small clips of many kinds, made by ffmpeg, are changed at random and read. Nothing may panic but the decoders, which are not ours
-//! and are caught; nothing may take longer than ten seconds. One input in sixteen is decoded to its end, of the others the container.
+//! and are caught; nothing may take longer than ten seconds. One input in sixty-four is decoded to its end, of the others the container.
 //! What fails is printed with its number; `mutate 1 SEED` repeats it.
 
 #[path = "../tests/clips/mod.rs"]
 mod clips;
+#[path = "../tests/clips/damage.rs"]
+mod damage;
 
 use std::io::Cursor;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -22,103 +24,11 @@ static NOW: AtomicU64 = AtomicU64::new(0);
 static OURS: AtomicU64 = AtomicU64::new(0);
 static DECODERS: AtomicU64 = AtomicU64::new(0);
 
-/// Xorshift, by its state.
-struct Random(u64);
-
-impl Random {
-    fn new(number: u64) -> Random {
-        let mut random = Random(number.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
-        (0..4).for_each(|_| _ = random.next());
-        random
-    }
-
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        self.0
-    }
-
-    fn below(&mut self, count: usize) -> usize {
-        ((self.next() >> 11) % count.max(1) as u64) as usize
-    }
-}
-
-/// Places of a film that are not frames: what is read before one is decoded.
-fn places(film: &[u8], name: &str) -> Vec<usize> {
-    let all = || (0..film.len()).collect();
-    if !name.ends_with(".mp4") && !name.ends_with(".mov") {
-        return all();
-    }
-    // Everything but the content of mdat.
-    let mut at = 0;
-    let mut found = Vec::new();
-    while at + 8 <= film.len() {
-        let size = u32::from_be_bytes(film[at..at + 4].try_into().unwrap()) as usize;
-        let data = &film[at + 4..at + 8] == b"mdat";
-        found.extend(at..at + if data { 8 } else { size });
-        at += size.max(8);
-    }
-    found
-}
-
-/// A film changed at one to eight places.
-fn changed(film: &[u8], structure: &[usize], random: &mut Random) -> Vec<u8> {
-    let mut bytes = film.to_vec();
-    for _ in 0..1 + random.below(8) {
-        if bytes.is_empty() {
-            break;
-        }
-        let anywhere = random.below(4) == 0;
-        let at = if anywhere { random.below(bytes.len()) } else { structure[random.below(structure.len())] };
-        let at = at.min(bytes.len() - 1);
-        match random.below(10) {
-            0..3 => bytes[at] ^= 1 << random.below(8),
-            3 | 4 => bytes[at] = random.next() as u8,
-            5 => {
-                let value = [0u32, 1, 0xFFFF_FFFF, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF, 0x100_0000, 16][random.below(8)];
-                let value = value.to_be_bytes();
-                let count = value.len().min(bytes.len() - at);
-                bytes[at..at + count].copy_from_slice(&value[..count]);
-            }
-            6 => {
-                let end = (at + 1 + random.below(32)).min(bytes.len());
-                drop(bytes.drain(at..end));
-            }
-            7 => {
-                let from = random.below(bytes.len());
-                let piece = bytes[from..(from + 1 + random.below(64)).min(bytes.len())].to_vec();
-                drop(bytes.splice(at..at, piece));
-            }
-            8 => {
-                let from = random.below(bytes.len());
-                let count = random.below(32).min(bytes.len() - at).min(bytes.len() - from);
-                bytes.copy_within(from..from + count, at);
-            }
-            _ if random.below(4) == 0 => bytes.truncate(at),
-            _ => bytes[at] = bytes[at].wrapping_add(1),
-        }
-    }
-    bytes
-}
-
-/// Small films of every kind.
-fn seeds() -> Vec<(String, Vec<u8>, Vec<usize>)> {
-    let folder = tempfile::tempdir().unwrap();
-    let mut seeds = Vec::new();
-    for kind in clips::KINDS.iter().filter(|k| !k.arguments.contains("sine") && !k.name.starts_with("cropped")) {
-        let path = clips::make(folder.path(), kind, "64x64", "0.2");
-        let bytes = std::fs::read(path).unwrap();
-        let structure = places(&bytes, kind.name);
-        seeds.push((kind.name.to_owned(), bytes, structure));
-    }
-    seeds
-}
-
 fn main() {
     let mut arguments = std::env::args().skip(1).map(|a| a.parse::<u64>().expect("a number"));
     let (count, first) = (arguments.next().unwrap_or(100_000), arguments.next().unwrap_or(0));
-    let seeds = seeds();
+    let folder = tempfile::tempdir().unwrap();
+    let seeds = damage::seeds(folder.path());
     // The crate's own hook comes first, so that this one sees what it would hide.
     drop(native::read(Cursor::new(Vec::new()), 0, LIMITS));
     std::panic::set_hook(Box::new(|panic| {
@@ -150,10 +60,10 @@ fn main() {
     let start = Instant::now();
     for number in first..first + count {
         NOW.store(number, Relaxed);
-        let mut random = Random::new(number);
+        let mut random = damage::Random::new(number);
         let (_, film, structure) = &seeds[random.below(seeds.len())];
-        let whole = random.below(16) == 0;
-        let bytes = changed(film, structure, &mut random);
+        let whole = random.below(64) == 0;
+        let bytes = damage::changed(film, structure, &mut random);
         let began = Instant::now();
         let length = bytes.len() as u64;
         let result = native::read(Cursor::new(bytes), length, LIMITS).and_then(|film| {

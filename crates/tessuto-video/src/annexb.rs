@@ -5,10 +5,11 @@ use std::io::Read;
 
 use rust_h264::decoder::OrderedDecoder;
 
+use crate::contained::AMID;
 use crate::frame::Frame;
 use crate::limits::Limits;
 use crate::picture::Picture;
-use crate::refused::{Refused, damaged};
+use crate::refused::{Refused, damaged, not_handled};
 use crate::sequence::Sequence;
 use crate::source::Source;
 use crate::track::Codec;
@@ -97,6 +98,8 @@ pub(crate) struct Raw {
     /// Units read while the parameter sets were looked for.
     begun: VecDeque<Vec<u8>>,
     done: VecDeque<Frame>,
+    /// Whether the first frame has come.
+    running: bool,
     over: bool,
 }
 
@@ -114,6 +117,7 @@ impl Raw {
             decoder,
             begun: VecDeque::new(),
             done: VecDeque::new(),
+            running: false,
             over: false,
         };
         while raw.sequence.picture.is_none() {
@@ -160,6 +164,17 @@ impl Raw {
             return Ok(());
         }
         self.sequence.unit(self.codec, unit, &self.limits)?;
+        let (slice, beginning) = match self.codec {
+            Codec::H264 => (h264::is_slice(h264::kind(unit)), h264::beginning(&[unit]) == h264::Beginning::Clean),
+            Codec::Hevc => {
+                let kind = hevc::kind(unit);
+                (hevc::is_base(unit) && hevc::is_slice(kind), hevc::is_beginning(kind))
+            }
+        };
+        if slice && !self.running && !beginning {
+            return not_handled(AMID);
+        }
+        self.running |= slice;
         match &mut self.decoder {
             Decoder::H264(decoder) => self.done.extend(h264::ordered(decoder, unit)?),
             Decoder::Hevc(frames) => {

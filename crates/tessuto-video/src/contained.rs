@@ -17,6 +17,9 @@ const WAITING: usize = 16;
 /// Most bytes of such.
 const WAITING_BYTES: usize = 512 << 20;
 
+/// Why a film that begins with frames which refer to missing ones is not decoded here: others leave them out or show them broken.
+pub(crate) const AMID: &str = "a film that begins amid a group of frames";
+
 /// The film of a container.
 pub(crate) struct Contained {
     file: Box<dyn Source>,
@@ -115,11 +118,13 @@ impl Contained {
 
     /// Refuses H.264 that begins with frames which refer to some before the beginning.
     fn closed(&self, start: &[&[u8]], earliest: f64) -> Result<(), Refused> {
-        let clean = start.iter().any(|unit| h264::kind(unit) == 5);
-        if !clean && self.track.samples[self.sample].shown != Some(earliest) {
-            return not_handled("a film that begins amid a group of frames");
+        // Where the beginning is not shown, nothing before it is: see `begin`.
+        let first = self.track.samples[self.sample].shown.is_none_or(|t| t == earliest);
+        match h264::beginning(start) {
+            h264::Beginning::Clean => Ok(()),
+            h264::Beginning::Open if first => Ok(()),
+            _ => not_handled(AMID),
         }
-        Ok(())
     }
 
     /// Marks HEVC's frames as not shown that refer to some before the beginning.
@@ -127,8 +132,10 @@ impl Contained {
         let slice = |units: &[&[u8]]| {
             units.iter().find(|unit| hevc::begins_frame(unit)).map(|unit| hevc::kind(unit))
         };
-        if !slice(start).is_some_and(hevc::is_open) {
-            return Ok(());
+        match slice(start) {
+            Some(kind) if hevc::is_open(kind) => {}
+            Some(kind) if hevc::is_beginning(kind) => return Ok(()),
+            _ => return not_handled(AMID),
         }
         for number in self.sample + 1..self.track.samples.len() {
             let bytes = self.read(number)?;

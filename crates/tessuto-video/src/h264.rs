@@ -26,6 +26,40 @@ pub(crate) fn is_slice(kind: u8) -> bool {
     (1..=5).contains(&kind)
 }
 
+/// How a frame of these units serves as a beginning.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Beginning {
+    /// Nothing behind it refers to frames before it.
+    Clean,
+    /// It refers to no other frame; frames that are shown before it may.
+    Open,
+    /// It refers to other frames.
+    None,
+}
+
+/// How a frame serves as a beginning.
+pub(crate) fn beginning(units: &[&[u8]]) -> Beginning {
+    let mut slices = units.iter().filter(|unit| is_slice(kind(unit))).peekable();
+    if slices.peek().is_none() {
+        return Beginning::None;
+    }
+    let intra = |unit: &[u8]| {
+        // The numbers in front of a slice are short.
+        let payload = unescaped(&unit[1..unit.len().min(32)]);
+        let mut bits = Bits::new(&payload);
+        bits.unsigned().is_ok() && bits.unsigned().is_ok_and(|slice| slice % 5 == 2)
+    };
+    let mut found = Beginning::Clean;
+    for slice in slices {
+        match kind(slice) {
+            5 => {}
+            _ if intra(slice) => found = Beginning::Open,
+            _ => return Beginning::None,
+        }
+    }
+    found
+}
+
 /// Reads a sequence parameter set with its header byte.
 pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
     let payload = unescaped(unit.get(1..).unwrap_or_default());

@@ -38,6 +38,11 @@ pub(crate) fn begins_frame(unit: &[u8]) -> bool {
     is_base(unit) && is_slice(kind(unit)) && unit.get(2).is_some_and(|b| b & 0x80 != 0)
 }
 
+/// Whether a film may begin with a frame of this kind.
+pub(crate) fn is_beginning(kind: u8) -> bool {
+    (16..=21).contains(&kind)
+}
+
 /// Whether frames that follow may refer to others before this one, which a beginning here lacks.
 pub(crate) fn is_open(kind: u8) -> bool {
     matches!(kind, 16 | 17 | 18 | 21)

@@ -174,6 +174,30 @@ fn what_is_not_decoded_here_is_said() {
     let [from, to] = [&plain, &askew].map(|p| p.to_str().unwrap());
     clips::ffmpeg(&["-i", from, "-c", "copy", "-metadata:s:v:0", "rotate=30", to]);
     assert!(not_handled(&askew).contains("turned by no multiple"));
+    // Without its first frame, a film begins with one that refers to it.
+    let whole = clip(folder, "whole.h264", "-c:v libx264 -bf 0");
+    let bytes = std::fs::read(&whole).unwrap();
+    let starts: Vec<usize> = (0..bytes.len() - 3).filter(|&k| bytes[k..k + 3] == [0, 0, 1]).collect();
+    let kind = |at: &usize| bytes[at + 3] & 31;
+    let key = starts.iter().position(|at| kind(at) == 5).unwrap();
+    let rest = starts.iter().skip(key).find(|at| kind(at) == 1).unwrap();
+    let raw = folder.join("amid.h264");
+    std::fs::write(&raw, [&bytes[..starts[key]], &bytes[*rest..]].concat()).unwrap();
+    assert!(not_handled(&raw).contains("begins amid"));
+    // So does one that begins with its fourth frame, by its edit list, where every frame is said to be a beginning.
+    let amid = clip(folder, "amid.mp4", "-c:v libx264 -bf 0");
+    let mut bytes = std::fs::read(&amid).unwrap();
+    let place = |bytes: &[u8], kind: &[u8]| bytes.windows(4).position(|w| w == kind).unwrap();
+    let at = place(&bytes, b"elst") + 16;
+    assert_eq!(bytes[at..at + 4], [0; 4]);
+    bytes[at..at + 4].copy_from_slice(&(3u32 * 512).to_be_bytes());
+    std::fs::write(&amid, &bytes).unwrap();
+    let frames = native::open(&amid).unwrap().filter(|frame| frame.is_ok()).count();
+    assert_eq!((frames, clips::raw(&amid, &[]).len()), (9, 9 * 160 * 120 * 3 / 2));
+    let at = place(&bytes, b"stss");
+    bytes[at..at + 4].copy_from_slice(b"free");
+    std::fs::write(&amid, &bytes).unwrap();
+    assert!(not_handled(&amid).contains("begins amid"));
     // Two streams of different sizes, one behind the other.
     let [a, b] = [("s.h264", "-vf scale=96:64 -c:v libx264"), ("l.h264", "-c:v libx264")].map(|(n, k)| clip(folder, n, k));
     let both = folder.join("both.h264");
