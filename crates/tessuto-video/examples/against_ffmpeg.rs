@@ -62,7 +62,11 @@ fn theirs(path: &Path) -> Duration {
 /// Time of decoding here, frames, and whether all bytes are the same.
 fn ours(path: &Path) -> (Duration, usize, bool) {
     let start = processor();
-    let frames = native::open(path).unwrap().map(|frame| frame.map(|f| f.size)).collect::<Result<Vec<_>, _>>().unwrap();
+    let frames = native::open(path)
+        .unwrap()
+        .map(|frame| frame.map(|f| f.size))
+        .collect::<Result<Vec<_>, _>>()
+        .unwrap();
     let time = processor() - start;
     let mut at = 0;
     let expected = clips::raw(path, &[]);
@@ -99,7 +103,9 @@ fn main() {
     let size = arguments.next().unwrap_or("1280x720".into());
     let seconds = arguments.next().unwrap_or("3".into());
     let folder = tempfile::tempdir().unwrap();
-    println!("| clip ({size}) | frames | same bytes | here [ms/frame] | ffmpeg, one thread [ms/frame] | ratio |");
+    println!(
+        "| clip ({size}) | frames | same bytes | here [ms/frame] | ffmpeg, one thread [ms/frame] | ratio |"
+    );
     println!("|---|---|---|---|---|---|");
     for kind in clips::KINDS.iter().filter(|k| TIMED.contains(&k.name)) {
         let path = clips::make(folder.path(), kind, &size, &seconds);
@@ -107,9 +113,16 @@ fn main() {
         let there = theirs(&path);
         let each = |time: Duration| time.as_secs_f64() * 1e3 / frames as f64;
         let ratio = here.as_secs_f64() / there.as_secs_f64();
-        println!("| {} | {frames} | {same} | {:.2} | {:.2} | {ratio:.2} |", kind.name, each(here), each(there));
+        println!(
+            "| {} | {frames} | {same} | {:.2} | {:.2} | {ratio:.2} |",
+            kind.name,
+            each(here),
+            each(there)
+        );
     }
-    println!("\n| colours of | mean difference | largest | of ffmpeg's own way, mean | largest | [ms/frame] |");
+    println!(
+        "\n| colours of | mean difference | largest | of ffmpeg's own way, mean | largest | [ms/frame] |"
+    );
     println!("|---|---|---|---|---|---|");
     for name in ["main.mp4", "tagged_709.mp4", "full_range.mp4", "hevc_hlg.mov"] {
         let kind = clips::KINDS.iter().find(|k| k.name == name).expect("listed");

@@ -1,8 +1,8 @@
-//! Damaged films by the million: `mutate [COUNT] [SEED]`.
+//! Damaged films by the million: `mutate [COUNT] [FIRST] [EVERY]`.
 //!
 //! Small clips of many kinds, made by ffmpeg, are changed at random and read. Nothing may panic but the decoders, which are not ours
-//! and are caught; nothing may take longer than ten seconds. One input in sixty-four is decoded to its end, of the others the container.
-//! What fails is printed with its number; `mutate 1 SEED` repeats it.
+//! and are caught; nothing may take longer than ten seconds. One input in EVERY (64) is decoded, of the others the container is
+//! read. What fails is printed with its number; `mutate 1 NUMBER` repeats it.
 
 #[path = "../tests/clips/mod.rs"]
 mod clips;
@@ -27,6 +27,7 @@ static DECODERS: AtomicU64 = AtomicU64::new(0);
 fn main() {
     let mut arguments = std::env::args().skip(1).map(|a| a.parse::<u64>().expect("a number"));
     let (count, first) = (arguments.next().unwrap_or(100_000), arguments.next().unwrap_or(0));
+    let every = arguments.next().unwrap_or(64) as usize;
     let folder = tempfile::tempdir().unwrap();
     let seeds = damage::seeds(folder.path());
     // The crate's own hook comes first, so that this one sees what it would hide.
@@ -62,8 +63,12 @@ fn main() {
         NOW.store(number, Relaxed);
         let mut random = damage::Random::new(number);
         let (_, film, structure) = &seeds[random.below(seeds.len())];
-        let whole = random.below(64) == 0;
-        let bytes = damage::changed(film, structure, &mut random);
+        let whole = random.below(every) == 0;
+        let bytes = if whole && random.below(2) == 0 {
+            damage::turned(film, &mut random)
+        } else {
+            damage::changed(film, structure, &mut random)
+        };
         let began = Instant::now();
         let length = bytes.len() as u64;
         let result = native::read(Cursor::new(bytes), length, LIMITS).and_then(|film| {
@@ -81,7 +86,10 @@ fn main() {
         }
     }
     let [read, not_handled, damaged, unreadable] = results;
-    println!("{count} inputs in {:.0?}: {read} read, {not_handled} not handled, {damaged} damaged, {unreadable} unreadable", start.elapsed());
+    println!(
+        "{count} inputs in {:.0?}: {read} read, {not_handled} not handled, {damaged} damaged, {unreadable} unreadable",
+        start.elapsed()
+    );
     println!("panics: {} of the decoders, caught; {} others", DECODERS.load(Relaxed), OURS.load(Relaxed));
     println!("slowest: {:.2?}, input {}", slowest.0, slowest.1);
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

@@ -6,9 +6,9 @@ use std::io::Read;
 use rust_h264::decoder::OrderedDecoder;
 
 use crate::contained::AMID;
+use crate::format::Format;
 use crate::frame::Frame;
 use crate::limits::Limits;
-use crate::picture::Picture;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::sequence::Sequence;
 use crate::source::Source;
@@ -29,7 +29,9 @@ pub(crate) fn codec(head: &[u8]) -> Option<Codec> {
     match head[start + 3..] {
         // Parameter sets or a delimiter, of layer 0 and temporal layer 0.
         [0x40 | 0x42 | 0x46, 1, ..] => Some(Codec::Hevc),
-        [first, ..] if first & 0x80 == 0 && (first & 31 == 7 || first == 9 || first == 6) => Some(Codec::H264),
+        [first, ..] if first & 0x80 == 0 && (first & 31 == 7 || first == 9 || first == 6) => {
+            Some(Codec::H264)
+        }
         _ => None,
     }
 }
@@ -120,8 +122,10 @@ impl Raw {
             running: false,
             over: false,
         };
-        while raw.sequence.picture.is_none() {
-            let Some(unit) = raw.units.next()? else { return damaged("no parameter set says what the frames are") };
+        while raw.sequence.format.is_none() {
+            let Some(unit) = raw.units.next()? else {
+                return damaged("no parameter set says what the frames are");
+            };
             let slice = match codec {
                 Codec::H264 => h264::is_slice(h264::kind(&unit)),
                 Codec::Hevc => hevc::is_slice(hevc::kind(&unit)),
@@ -135,8 +139,8 @@ impl Raw {
         Ok(raw)
     }
 
-    pub(crate) fn picture(&self) -> &Picture {
-        self.sequence.picture.as_ref().expect("read when the stream was opened")
+    pub(crate) fn format(&self) -> &Format {
+        self.sequence.format.as_ref().expect("read when the stream was opened")
     }
 
     /// The next frame that is shown.
@@ -165,7 +169,9 @@ impl Raw {
         }
         self.sequence.unit(self.codec, unit, &self.limits)?;
         let (slice, beginning) = match self.codec {
-            Codec::H264 => (h264::is_slice(h264::kind(unit)), h264::beginning(&[unit]) == h264::Beginning::Clean),
+            Codec::H264 => {
+                (h264::is_slice(h264::kind(unit)), h264::beginning(&[unit]) == h264::Beginning::Clean)
+            }
             Codec::Hevc => {
                 let kind = hevc::kind(unit);
                 (hevc::is_base(unit) && hevc::is_slice(kind), hevc::is_beginning(kind))

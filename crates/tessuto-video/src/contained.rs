@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 
+use crate::format::Format;
 use crate::frame::{Frame, Planes};
 use crate::limits::Limits;
-use crate::picture::Picture;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::sequence::Sequence;
 use crate::source::Source;
@@ -16,6 +16,8 @@ use crate::{h264, hevc};
 const WAITING: usize = 16;
 /// Most bytes of such.
 const WAITING_BYTES: usize = 512 << 20;
+/// Longest sample `[bytes]`; a frame of any level is shorter.
+const LONGEST: u32 = 64 << 20;
 
 /// Why a film that begins with frames which refer to missing ones is not decoded here: others leave them out or show them broken.
 pub(crate) const AMID: &str = "a film that begins amid a group of frames";
@@ -44,7 +46,12 @@ enum Decoder {
 }
 
 impl Contained {
-    pub(crate) fn new(file: Box<dyn Source>, length: u64, track: Track, limits: Limits) -> Result<Contained, Refused> {
+    pub(crate) fn new(
+        file: Box<dyn Source>,
+        length: u64,
+        track: Track,
+        limits: Limits,
+    ) -> Result<Contained, Refused> {
         limits.check_count(track.samples.len() as u64)?;
         let decoder = match track.configuration.codec {
             Codec::H264 => Decoder::H264(Box::new(h264::Frames::new())),
@@ -72,8 +79,8 @@ impl Contained {
         &self.track
     }
 
-    pub(crate) fn picture(&self) -> &Picture {
-        self.sequence.picture.as_ref().expect("read when the film was opened")
+    pub(crate) fn format(&self) -> &Format {
+        self.sequence.format.as_ref().expect("read when the film was opened")
     }
 
     /// Times of the frames that are shown `[s]`, the first at 0.
@@ -88,9 +95,14 @@ impl Contained {
         }
         let samples = &self.track.samples;
         for (number, s) in samples.iter().enumerate() {
+            if s.size > LONGEST {
+                return damaged(format!("sample {number} has {} bytes; up to {LONGEST} are read", s.size));
+            }
             if s.offset.saturating_add(s.size.into()) > self.length {
                 let (offset, length) = (s.offset, self.length);
-                return damaged(format!("sample {number} lies at byte {offset}; the file ends at byte {length}"));
+                return damaged(format!(
+                    "sample {number} lies at byte {offset}; the file ends at byte {length}"
+                ));
             }
         }
         let Some(first) = samples.iter().position(|s| s.shown.is_some()) else {
@@ -102,12 +114,12 @@ impl Contained {
         self.sample = (0..=first).rev().find(|&k| begins(&samples[k])).unwrap_or(0);
         let start = self.read(self.sample)?;
         let start = units(&start, self.track.configuration.length)?;
-        if self.sequence.picture.is_none() {
+        if self.sequence.format.is_none() {
             for unit in &start {
                 self.sequence.unit(self.track.configuration.codec, unit, &self.limits)?;
             }
         }
-        if self.sequence.picture.is_none() {
+        if self.sequence.format.is_none() {
             return damaged("no parameter set says what the frames are");
         }
         match self.track.configuration.codec {
@@ -129,9 +141,8 @@ impl Contained {
 
     /// Marks HEVC's frames as not shown that refer to some before the beginning.
     fn skip_leading(&mut self, start: &[&[u8]]) -> Result<(), Refused> {
-        let slice = |units: &[&[u8]]| {
-            units.iter().find(|unit| hevc::begins_frame(unit)).map(|unit| hevc::kind(unit))
-        };
+        let slice =
+            |units: &[&[u8]]| units.iter().find(|unit| hevc::begins_frame(unit)).map(|unit| hevc::kind(unit));
         match slice(start) {
             Some(kind) if hevc::is_open(kind) => {}
             Some(kind) if hevc::is_beginning(kind) => return Ok(()),
@@ -219,7 +230,10 @@ impl Contained {
             self.waiting.insert(place, frame);
             let bytes: usize = self.waiting.values().map(bytes).sum();
             if self.waiting.len() > WAITING || bytes > WAITING_BYTES {
-                return not_handled(format!("{} frames that are decoded long before they are shown", self.waiting.len()));
+                return not_handled(format!(
+                    "{} frames that are decoded long before they are shown",
+                    self.waiting.len()
+                ));
             }
         }
     }

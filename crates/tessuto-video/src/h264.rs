@@ -7,8 +7,8 @@ use rust_h264::error::DecodeError;
 use rust_h264::nal::{NalUnit, NalUnitType};
 
 use crate::bits::{Bits, unescaped};
+use crate::format::{Colour, Format, usability};
 use crate::frame::{Chroma, Frame, Planes};
-use crate::picture::{Colour, Picture, usability};
 use crate::refused::{Refused, damaged, not_handled};
 
 /// `nal_unit_type` of a sequence parameter set.
@@ -61,7 +61,7 @@ pub(crate) fn beginning(units: &[&[u8]]) -> Beginning {
 }
 
 /// Reads a sequence parameter set with its header byte.
-pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
+pub(crate) fn sequence(unit: &[u8]) -> Result<Format, Refused> {
     let payload = unescaped(unit.get(1..).unwrap_or_default());
     let mut bits = Bits::new(&payload);
     let profile = bits.bits(8)?;
@@ -111,7 +111,7 @@ pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
     bits.bit()?;
     let coded = [columns * 16, rows * 16 * if progressive { 1 } else { 2 }];
     let size = if bits.bit()? { cropped(&mut bits, coded, chroma, progressive)? } else { coded };
-    let mut picture = Picture {
+    let mut format = Format {
         coded,
         size,
         chroma,
@@ -123,17 +123,25 @@ pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
         references,
     };
     if bits.bit()? {
-        usability(&mut bits, &mut picture)?;
+        usability(&mut bits, &mut format)?;
     }
     let kept = (columns * rows) as u64 * u64::from(references);
     if kept > KEPT {
-        return damaged(format!("{references} frames of {}×{} px to be kept, more than any level allows", size[0], size[1]));
+        return damaged(format!(
+            "{references} frames of {}×{} px to be kept, more than any level allows",
+            size[0], size[1]
+        ));
     }
-    Ok(picture)
+    Ok(format)
 }
 
 /// The frame without its borders.
-fn cropped(bits: &mut Bits, coded: [usize; 2], chroma: u32, progressive: bool) -> Result<[usize; 2], Refused> {
+fn cropped(
+    bits: &mut Bits,
+    coded: [usize; 2],
+    chroma: u32,
+    progressive: bool,
+) -> Result<[usize; 2], Refused> {
     let unit = [
         if matches!(chroma, 1 | 2) { 2 } else { 1 },
         (if chroma == 1 { 2 } else { 1 }) * if progressive { 1 } else { 2 },

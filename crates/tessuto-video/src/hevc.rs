@@ -6,16 +6,16 @@
 use rust_h265::{DecodeError, Decoder, PixelData, parse_nal};
 
 use crate::bits::{Bits, unescaped};
+use crate::format::{Colour, Format, usability};
 use crate::frame::{Chroma, Frame, Planes};
-use crate::picture::{Colour, Picture, usability};
 use crate::refused::{Refused, damaged, not_handled};
 
-/// `nal_unit_type` of the parameter sets.
+/// `nal_unit_type` of sequence and picture parameter sets.
 pub(crate) const SEQUENCE: u8 = 33;
 const PICTURE: u8 = 34;
-/// Largest picture `[px]` of the highest level (table A.8, MaxLumaPs of level 6.2).
+/// Most pixels of a frame of the highest level (table A.8, MaxLumaPs of level 6.2).
 const LARGEST: u64 = 35_651_584;
-/// An access unit delimiter: what ends a picture.
+/// An access unit delimiter: what ends a frame.
 const DELIMITER: [u8; 3] = [35 << 1, 1, 0x50];
 
 /// `nal_unit_type`.
@@ -59,7 +59,7 @@ pub(crate) fn is_leading(kind: u8) -> bool {
 }
 
 /// Reads a sequence parameter set with its two header bytes.
-pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
+pub(crate) fn sequence(unit: &[u8]) -> Result<Format, Refused> {
     let payload = unescaped(unit.get(2..).unwrap_or_default());
     let mut bits = Bits::new(&payload);
     bits.bits(4)?;
@@ -87,7 +87,7 @@ pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
         bits.unsigned()?;
         bits.unsigned()?;
     }
-    let mut picture = Picture {
+    let mut format = Format {
         coded,
         size,
         chroma,
@@ -98,7 +98,7 @@ pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
         siting: 0,
         references,
     };
-    check_kept(&picture)?;
+    check_kept(&format)?;
     coding(&mut bits)?;
     reference_sets(&mut bits)?;
     if bits.bit()? {
@@ -108,11 +108,11 @@ pub(crate) fn sequence(unit: &[u8]) -> Result<Picture, Refused> {
     }
     bits.skip(2)?;
     if bits.bit()? {
-        usability(&mut bits, &mut picture)?;
+        usability(&mut bits, &mut format)?;
         bits.bit()?;
-        picture.progressive = !bits.bit()?;
+        format.progressive = !bits.bit()?;
     }
-    Ok(picture)
+    Ok(format)
 }
 
 /// Passes over `profile_tier_level`.
@@ -143,19 +143,21 @@ fn cropped(bits: &mut Bits, coded: [usize; 2], chroma: u32) -> Result<[usize; 2]
     Ok([coded[0] - cut[0], coded[1] - cut[1]])
 }
 
-/// Refuses more kept pictures than the highest level allows (A.4.2).
-fn check_kept(picture: &Picture) -> Result<(), Refused> {
-    let pixels = picture.coded[0] as u64 * picture.coded[1] as u64;
+/// Refuses more kept frames than the highest level allows (A.4.2).
+fn check_kept(format: &Format) -> Result<(), Refused> {
+    let pixels = format.coded[0] as u64 * format.coded[1] as u64;
     let most = match 4 * pixels {
         n if n <= LARGEST => 16,
         n if n <= 2 * LARGEST => 12,
         n if n <= 3 * LARGEST => 8,
         _ => 6,
     };
-    if pixels > LARGEST || picture.references + 1 > most {
-        let [width, height] = picture.size;
-        let kept = picture.references + 1;
-        return damaged(format!("{kept} frames of {width}×{height} px to be kept, more than any level allows"));
+    if pixels > LARGEST || format.references + 1 > most {
+        let [width, height] = format.size;
+        let kept = format.references + 1;
+        return damaged(format!(
+            "{kept} frames of {width}×{height} px to be kept, more than any level allows"
+        ));
     }
     Ok(())
 }

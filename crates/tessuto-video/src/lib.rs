@@ -1,9 +1,38 @@
-//! What a video file holds, as data: time stamps, geometry and colour of its film, and its frames.
+//! What a video file holds, as data: time stamps, geometry and colour of its film, and its frames; without another program.
+//!
+//! Containers are MP4 and QuickTime (fragments, edit lists, several tracks) and Matroska; streams of H.264 and HEVC without one are
+//! read as well. Frames are those of H.264 (8 and 10 bits, 4:2:0 and 4:2:2) and HEVC (8 and 10 bits, 4:2:0 and 4:4:4), what phones
+//! record, and have the bytes that ffmpeg gives them. All else is refused: [`Refused::NotHandled`] says that another program may read
+//! it, [`Refused::Damaged`] that none should.
+//!
+//! ```no_run
+//! use tessuto_video::native;
+//!
+//! # fn main() -> Result<(), tessuto_video::Refused> {
+//! let mut film = native::open("clip.mov".as_ref())?;
+//! let [width, height] = film.stream().size;
+//! println!("{} frames of {width}×{height} px", film.stream().times.len());
+//! while let Some(rgb) = film.next_rgb() {
+//!     // Red, green and blue of the first pixel.
+//!     println!("{:?}", &rgb?[..3]);
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Frames come as they are asked for, in the order in which they are shown; samples are read from the file one by one, and a bounded
+//! number of frames waits for others. Nothing is taken on a file's word: tables may not be longer than the file, frames not larger
+//! than [`Limits`] allow, before memory is taken. The same file gives the same bytes everywhere: one thread decodes.
+//!
+//! The decoders are the crates `rust_h264` and `rust_h265`. If they panic, the film is damaged, and nothing is printed: the first film
+//! that is opened puts a panic hook before the program's own which keeps silent about theirs alone. Known limits: bits of a frame that
+//! are damaged so that they still decode are not noticed, nor are slices that are missing from frames of several.
 
 mod annexb;
 mod bits;
 mod bytes;
 mod contained;
+mod format;
 mod frame;
 mod h264;
 mod hevc;
@@ -11,7 +40,6 @@ mod limits;
 mod matroska;
 mod mp4;
 pub mod native;
-mod picture;
 mod quiet;
 mod refused;
 mod rgb;

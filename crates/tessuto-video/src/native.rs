@@ -6,9 +6,9 @@ use std::path::Path;
 
 use crate::annexb::{self, Raw};
 use crate::contained::Contained;
+use crate::format::{Colour, Format};
 use crate::frame::Frame;
 use crate::limits::Limits;
-use crate::picture::{Colour, Picture};
 use crate::quiet::caught;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::rgb::Colours;
@@ -77,9 +77,9 @@ pub fn read(file: impl Read + Seek + Send + 'static, length: u64, limits: Limits
             contained(Contained::new(file, length, track, limits)?, limits)
         } else if let Some(codec) = annexb::codec(&head) {
             let raw = Raw::new(file, codec, limits)?;
-            let picture = raw.picture().clone();
-            let stream = stream(codec, Vec::new(), &picture, Colour::default());
-            Ok(Native::new(stream, &picture, Film::Raw(Box::new(raw)), limits))
+            let format = raw.format().clone();
+            let stream = stream(codec, Vec::new(), &format, Colour::default());
+            Ok(Native::new(stream, &format, Film::Raw(Box::new(raw)), limits))
         } else {
             not_handled("neither MP4, QuickTime, Matroska nor a stream of H.264 or HEVC")
         }
@@ -89,34 +89,34 @@ pub fn read(file: impl Read + Seek + Send + 'static, length: u64, limits: Limits
 
 fn contained(contained: Contained, limits: Limits) -> Result<Native, Refused> {
     let track = contained.track();
-    let picture = contained.picture().clone();
-    let mut stream = stream(track.configuration.codec, contained.times(), &picture, track.colour);
+    let format = contained.format().clone();
+    let mut stream = stream(track.configuration.codec, contained.times(), &format, track.colour);
     stream.turn = track.turn;
     stream.capture_rate = track.capture_rate;
     stream.pixel_aspect = track.pixel_aspect.unwrap_or(stream.pixel_aspect);
-    Ok(Native::new(stream, &picture, Film::Contained(Box::new(contained)), limits))
+    Ok(Native::new(stream, &format, Film::Contained(Box::new(contained)), limits))
 }
 
-fn stream(codec: Codec, times: Vec<f64>, picture: &Picture, container: Colour) -> Stream {
-    let colour = picture.colour.or(container);
+fn stream(codec: Codec, times: Vec<f64>, format: &Format, container: Colour) -> Stream {
+    let colour = format.colour.or(container);
     Stream {
         codec: codec.name().to_owned(),
         times,
-        size: picture.size,
-        pixel_aspect: picture.pixel_aspect.unwrap_or([1, 1]),
+        size: format.size,
+        pixel_aspect: format.pixel_aspect.unwrap_or([1, 1]),
         fields: Fields::Progressive,
         turn: 0,
         full_range: colour.full_range.unwrap_or(false),
         matrix: colour.matrix(),
         transfer: colour.transfer(),
-        bits: picture.bits,
+        bits: format.bits,
         capture_rate: None,
     }
 }
 
 impl Native {
-    fn new(stream: Stream, picture: &Picture, film: Film, limits: Limits) -> Native {
-        let colours = Colours::new(stream.matrix, stream.full_range, stream.bits, picture.siting);
+    fn new(stream: Stream, format: &Format, film: Film, limits: Limits) -> Native {
+        let colours = Colours::new(stream.matrix, stream.full_range, stream.bits, format.siting);
         Native { stream, film, colours, limits, given: 0, over: false }
     }
 

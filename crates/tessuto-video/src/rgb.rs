@@ -207,7 +207,8 @@ mod tests {
         let kg = 1.0 - kr - kb;
         let [luma, colour, black, grey] = range(colours.full_range, colours.bits);
         let [columns, rows] = frame.chroma.plane(frame.size);
-        let site = [[0.0, 0.5], [0.5, 0.5], [0.0, 0.0], [0.5, 0.0], [0.0, 1.0], [0.5, 1.0]][colours.siting as usize];
+        let site =
+            [[0.0, 0.5], [0.5, 0.5], [0.0, 0.0], [0.5, 0.0], [0.0, 1.0], [0.5, 1.0]][colours.siting as usize];
         let chroma = |plane: usize, x: usize, y: usize| {
             let along = |at: usize, halved: bool, site: f64, count: usize| {
                 let exact = if halved { (at as f64 - site) / 2.0 } else { at as f64 };
@@ -216,7 +217,8 @@ mod tests {
             };
             let (x0, x1, wx) = along(x, frame.chroma != Chroma::Yuv444, site[0], columns);
             let (y0, y1, wy) = along(y, frame.chroma == Chroma::Yuv420, site[1], rows);
-            let line = |y: usize| value(plane, y * columns + x0) * (1.0 - wx) + value(plane, y * columns + x1) * wx;
+            let line =
+                |y: usize| value(plane, y * columns + x0) * (1.0 - wx) + value(plane, y * columns + x1) * wx;
             (line(y0) * (1.0 - wy) + line(y1) * wy - grey) * colour
         };
         let mut out = Vec::new();

@@ -1,7 +1,7 @@
 //! Parameter sets as they come: the first says what the frames are, the others may not change it.
 
+use crate::format::Format;
 use crate::limits::Limits;
-use crate::picture::Picture;
 use crate::refused::{Refused, not_handled};
 use crate::track::Codec;
 use crate::{h264, hevc};
@@ -11,7 +11,7 @@ use crate::{h264, hevc};
 pub(crate) struct Sequence {
     /// The last set as bytes, which is often sent again.
     bytes: Vec<u8>,
-    pub(crate) picture: Option<Picture>,
+    pub(crate) format: Option<Format>,
 }
 
 impl Sequence {
@@ -30,14 +30,16 @@ impl Sequence {
             Codec::Hevc => hevc::sequence(unit)?,
         };
         found.check(limits)?;
-        if let Some(before) = &self.picture
+        if let Some(before) = &self.format
             && !before.same_frames(&found)
         {
             let [[a, b], [c, d]] = [before.size, found.size];
-            return not_handled(format!("frames that change within the film ({a}×{b} px, then {c}×{d} px, or their colours)"));
+            return not_handled(format!(
+                "frames that change within the film ({a}×{b} px, then {c}×{d} px, or their colours)"
+            ));
         }
         self.bytes = unit.to_vec();
-        self.picture.get_or_insert(found);
+        self.format.get_or_insert(found);
         Ok(())
     }
 }

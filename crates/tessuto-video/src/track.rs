@@ -1,7 +1,7 @@
 //! What both containers come to: where the frames lie in the file, and when they are shown.
 
 use crate::bytes::Bytes;
-use crate::picture::Colour;
+use crate::format::Colour;
 use crate::refused::{Refused, damaged, not_handled};
 
 /// Codecs that are decoded here.

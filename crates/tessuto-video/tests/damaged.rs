@@ -34,7 +34,11 @@ fn damaged_films_are_read_or_refused() {
     for number in 0..TRIES {
         let mut random = damage::Random::new(number);
         let (name, film, structure) = &seeds[random.below(seeds.len())];
-        let bytes = damage::changed(film, structure, &mut random);
+        let bytes = if number % 8 == 0 {
+            damage::turned(film, &mut random)
+        } else {
+            damage::changed(film, structure, &mut random)
+        };
         let start = Instant::now();
         let length = bytes.len() as u64;
         if let Ok(film) = native::read(Cursor::new(bytes), length, Limits::default()) {

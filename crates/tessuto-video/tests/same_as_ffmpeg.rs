@@ -76,10 +76,15 @@ fn cut_clips_show_what_ffmpeg_shows() {
     }
     let folder = tempfile::tempdir().unwrap();
     let mut failures = Vec::new();
-    for codec in ["-c:v libx264 -bf 3 -g 20", "-c:v libx265 -tag:v hvc1 -x265-params keyint=20:open-gop=1:log-level=none"] {
+    for codec in [
+        "-c:v libx264 -bf 3 -g 20",
+        "-c:v libx265 -tag:v hvc1 -x265-params keyint=20:open-gop=1:log-level=none",
+    ] {
         let kind = clips::Kind { name: "whole.mp4", arguments: codec };
         let whole = clips::make(folder.path(), &kind, "176x144", "2");
-        for (name, from, to) in [("a.mp4", "0.5", "9"), ("b.mov", "0.9", "0.5"), ("c.mkv", "0.9", "0.5"), ("d.mp4", "1.4", "9")] {
+        for (name, from, to) in
+            [("a.mp4", "0.5", "9"), ("b.mov", "0.9", "0.5"), ("c.mkv", "0.9", "0.5"), ("d.mp4", "1.4", "9")]
+        {
             let path = folder.path().join(name);
             let [input, output] = [&whole, &path].map(|p| p.to_str().unwrap());
             clips::ffmpeg(&["-ss", from, "-i", input, "-t", to, "-c", "copy", output]);
@@ -112,7 +117,8 @@ fn colours_are_ffmpegs_to_one_of_255() {
     ] {
         let kind = clips::KINDS.iter().find(|k| k.name == name).unwrap();
         let path = clips::make(folder.path(), kind, "176x144", "0.2");
-        let filters = format!("scale={EXACT}:in_h_chr_pos=0{rows},format=yuv444p16,scale={EXACT},format=rgb24");
+        let filters =
+            format!("scale={EXACT}:in_h_chr_pos=0{rows},format=yuv444p16,scale={EXACT},format=rgb24");
         let expected = clips::raw(&path, &["-vf", &filters]);
         let mut film = native::open(&path).unwrap();
         let mut ours = Vec::new();
@@ -123,6 +129,10 @@ fn colours_are_ffmpegs_to_one_of_255() {
         let differences = || ours.iter().zip(&expected).map(|(a, b)| a.abs_diff(*b));
         let mean = differences().map(f64::from).sum::<f64>() / ours.len() as f64;
         println!("{name}: mean {mean:.4}, largest {:?}", differences().max());
-        assert!(differences().max() <= Some(1) && mean < 0.03, "{name}: mean {mean}, largest {:?}", differences().max());
+        assert!(
+            differences().max() <= Some(1) && mean < 0.03,
+            "{name}: mean {mean}, largest {:?}",
+            differences().max()
+        );
     }
 }

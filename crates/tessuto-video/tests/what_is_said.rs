@@ -74,7 +74,9 @@ fn turned(values: &[u8], turn: u32) -> Vec<u8> {
 #[test]
 fn aspect_colour_and_bits_are_those_of_the_file() {
     let Some(folder) = folder("aspect, colour and bits") else { return };
-    for (name, codec) in [("a.mp4", "-c:v libx264"), ("b.mkv", "-c:v libx264"), ("c.mov", "-c:v libx265 -tag:v hvc1")] {
+    for (name, codec) in
+        [("a.mp4", "-c:v libx264"), ("b.mkv", "-c:v libx264"), ("c.mov", "-c:v libx265 -tag:v hvc1")]
+    {
         let arguments: &'static str = format!("-vf setsar=4/3 {codec}").leak();
         assert_eq!(stream(&clip(folder.path(), name, arguments)).pixel_aspect, [4, 3], "{name}");
     }
@@ -83,11 +85,19 @@ fn aspect_colour_and_bits_are_those_of_the_file() {
         "hlg.mov",
         "-pix_fmt yuv420p10le -color_primaries bt2020 -color_trc arib-std-b67 -colorspace bt2020nc -c:v libx265 -tag:v hvc1",
     ));
-    assert_eq!((hlg.transfer, hlg.matrix, hlg.bits, hlg.full_range), (Transfer::Hlg, Matrix::Bt2020, 10, false));
+    assert_eq!(
+        (hlg.transfer, hlg.matrix, hlg.bits, hlg.full_range),
+        (Transfer::Hlg, Matrix::Bt2020, 10, false)
+    );
     assert_eq!((hlg.codec.as_str(), hlg.pixel_aspect), ("hevc", [1, 1]));
-    let pq = stream(&clip(folder.path(), "pq.mp4", "-pix_fmt yuv420p10le -color_trc smpte2084 -c:v libx265 -tag:v hvc1"));
+    let pq = stream(&clip(
+        folder.path(),
+        "pq.mp4",
+        "-pix_fmt yuv420p10le -color_trc smpte2084 -c:v libx265 -tag:v hvc1",
+    ));
     assert_eq!((pq.transfer, pq.matrix), (Transfer::Pq, Matrix::Unspecified));
-    let full = stream(&clip(folder.path(), "full.mp4", "-pix_fmt yuvj420p -colorspace smpte170m -c:v libx264"));
+    let full =
+        stream(&clip(folder.path(), "full.mp4", "-pix_fmt yuvj420p -colorspace smpte170m -c:v libx264"));
     assert_eq!((full.full_range, full.matrix, full.bits), (true, Matrix::Bt601, 8));
     assert_eq!(full.codec, "h264");
     // Where the stream is silent, the container's word counts.
@@ -97,7 +107,11 @@ fn aspect_colour_and_bits_are_those_of_the_file() {
     let [from, to] = [&plain, &said].map(|p| p.to_str().unwrap());
     clips::ffmpeg(&["-i", from, "-c", "copy", "-colorspace", "bt709", "-movflags", "write_colr", to]);
     assert_eq!(stream(&said).matrix, Matrix::Bt709);
-    let frame = native::open(&clip(folder.path(), "wide.mov", "-pix_fmt yuv422p10le -c:v libx264")).unwrap().next().unwrap().unwrap();
+    let frame = native::open(&clip(folder.path(), "wide.mov", "-pix_fmt yuv422p10le -c:v libx264"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap();
     assert_eq!((frame.chroma, frame.bits, frame.size), (Chroma::Yuv422, 10, [160, 120]));
 }
 
@@ -138,7 +152,23 @@ fn the_track_is_the_one_that_ffmpeg_shows() {
         let path = folder.path().join(name);
         let [a, b, to] = [first, second, &path].map(|p| p.to_str().unwrap());
         let [x, y] = marks;
-        clips::ffmpeg(&["-i", a, "-i", b, "-map", "0", "-map", "1", "-c", "copy", "-disposition:v:0", x, "-disposition:v:1", y, to]);
+        clips::ffmpeg(&[
+            "-i",
+            a,
+            "-i",
+            b,
+            "-map",
+            "0",
+            "-map",
+            "1",
+            "-c",
+            "copy",
+            "-disposition:v:0",
+            x,
+            "-disposition:v:1",
+            y,
+            to,
+        ]);
         assert_eq!(stream(&path).size, wanted, "{name}");
         let theirs = clips::ffmpeg(&["-i", to, "-frames:v", "1", "-f", "rawvideo", "-"]);
         assert_eq!(theirs.len(), wanted[0] * wanted[1] * 3 / 2, "{name}: what ffmpeg shows");
@@ -199,7 +229,8 @@ fn what_is_not_decoded_here_is_said() {
     std::fs::write(&amid, &bytes).unwrap();
     assert!(not_handled(&amid).contains("begins amid"));
     // Two streams of different sizes, one behind the other.
-    let [a, b] = [("s.h264", "-vf scale=96:64 -c:v libx264"), ("l.h264", "-c:v libx264")].map(|(n, k)| clip(folder, n, k));
+    let [a, b] = [("s.h264", "-vf scale=96:64 -c:v libx264"), ("l.h264", "-c:v libx264")]
+        .map(|(n, k)| clip(folder, n, k));
     let both = folder.join("both.h264");
     std::fs::write(&both, [std::fs::read(a).unwrap(), std::fs::read(b).unwrap()].concat()).unwrap();
     let what = not_handled(&both);
@@ -242,4 +273,33 @@ fn asking_for_too_much_is_refused_before_it_is_taken() {
     assert!(bytes.contains("up to 1000"), "{bytes}");
     let frames = within(tessuto_video::Limits { frames: 11, ..default });
     assert!(frames.contains("12 frames; up to 11"), "{frames}");
+}
+
+#[test]
+fn parameter_sets_may_be_in_the_frames_alone() {
+    let Some(folder) = folder("parameter sets in the frames") else { return };
+    for (name, arguments, kinds, configuration, count) in [
+        ("avc.mp4", "-c:v libx264 -bsf:v dump_extra", [b"avc1", b"avc3"], b"avcC", 4 + 5),
+        (
+            "hevc.mp4",
+            "-c:v libx265 -tag:v hvc1 -x265-params repeat-headers=1:log-level=none",
+            [b"hvc1", b"hev1"],
+            b"hvcC",
+            4 + 22,
+        ),
+    ] {
+        let path = clip(folder.path(), name, arguments);
+        let frames =
+            |path: &Path| native::open(path).unwrap().map(|f| f.unwrap().bytes()).collect::<Vec<_>>();
+        let whole = frames(&path);
+        let mut bytes = std::fs::read(&path).unwrap();
+        let place = |bytes: &[u8], kind: &[u8; 4]| bytes.windows(4).position(|w| w == kind).unwrap();
+        let at = place(&bytes, kinds[0]);
+        bytes[at..at + 4].copy_from_slice(kinds[1]);
+        // No sets follow: what is left of the box is never read.
+        let at = place(&bytes, configuration) + count;
+        bytes[at] &= 0xE0;
+        std::fs::write(&path, &bytes).unwrap();
+        assert!(frames(&path) == whole && whole.len() == 12, "{name}");
+    }
 }

@@ -49,7 +49,9 @@ pub(super) fn variable(bytes: &[u8]) -> Option<(u64, usize)> {
     let first = *bytes.first()?;
     let width = first.leading_zeros() as usize + 1;
     let rest = bytes.get(1..width)?;
-    (width <= 8).then(|| (rest.iter().fold(u64::from(first) & ((1 << (8 - width)) - 1), |n, &b| n << 8 | u64::from(b)), width))
+    (width <= 8).then(|| {
+        (rest.iter().fold(u64::from(first) & ((1 << (8 - width)) - 1), |n, &b| n << 8 | u64::from(b)), width)
+    })
 }
 
 /// The elements inside of `content`.

@@ -100,7 +100,9 @@ impl Scan<'_> {
         };
         if size > self.length - first {
             let (id, length) = (head.id, self.length);
-            return damaged(format!("element {id:X} at byte {first} says {size} bytes; the file ends at byte {length}"));
+            return damaged(format!(
+                "element {id:X} at byte {first} says {size} bytes; the file ends at byte {length}"
+            ));
         }
         match head.id {
             id::EBML if first > 12 => return not_handled("several films in one file"),
@@ -146,7 +148,9 @@ impl Scan<'_> {
         if Some(number) != track.number {
             return Ok(());
         }
-        let Some(&[high, low, flags]) = head.get(width..width + 3) else { return damaged("a block ends early") };
+        let Some(&[high, low, flags]) = head.get(width..width + 3) else {
+            return damaged("a block ends early");
+        };
         if flags & 6 != 0 {
             return not_handled("several frames in one block");
         }

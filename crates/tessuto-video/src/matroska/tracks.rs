@@ -1,7 +1,7 @@
 //! The list of tracks.
 
 use super::ebml::{elements, float, number};
-use crate::picture::Colour;
+use crate::format::Colour;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::track::{Configuration, avc, hevc};
 
@@ -89,7 +89,9 @@ fn video(content: &[u8], found: &mut TrackEntry) -> Result<Option<&'static str>,
             0x54BA => shown[1] = Some(number(value)?),
             0x54B2 => unit = number(value)?,
             0x9A if number(value)? == 1 => problem = Some("interlaced frames"),
-            0x54AA | 0x54BB | 0x54CC | 0x54DD if number(value)? != 0 => problem = Some("frames that the container crops"),
+            0x54AA | 0x54BB | 0x54CC | 0x54DD if number(value)? != 0 => {
+                problem = Some("frames that the container crops")
+            }
             0x55B0 => found.colour = colour(value)?,
             0x7670 => {
                 for (id, value) in elements(value)? {
@@ -105,7 +107,10 @@ fn video(content: &[u8], found: &mut TrackEntry) -> Result<Option<&'static str>,
     if let [Some(shown_width), Some(shown_height)] = shown
         && (unit == 0 || unit == 3)
     {
-        found.pixel_aspect = reduced(u128::from(height) * u128::from(shown_width), u128::from(width) * u128::from(shown_height));
+        found.pixel_aspect = reduced(
+            u128::from(height) * u128::from(shown_width),
+            u128::from(width) * u128::from(shown_height),
+        );
     }
     Ok(problem)
 }

@@ -4,11 +4,11 @@
 
 use super::boxes::{Kind, boxes, name};
 use crate::bytes::Bytes;
-use crate::picture::Colour;
+use crate::format::Colour;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::track::{Configuration, avc, hevc};
 
-/// Codecs of single pictures.
+/// Codecs of single images.
 const STILL: [&Kind; 4] = [b"jpeg", b"png ", b"gif ", b"tiff"];
 
 /// The first description of a track.
@@ -17,7 +17,7 @@ pub(crate) struct Description {
     pub(crate) count: u32,
     /// Width and height `[px]`.
     pub(crate) size: [u16; 2],
-    /// Whether it is of a codec of single pictures, which films have as well.
+    /// Whether it is of a codec of single images, which films have as well.
     pub(crate) still: bool,
     /// How to decode it, or why it is not decoded here.
     pub(crate) configuration: Result<Configuration, Refused>,

@@ -40,11 +40,12 @@ pub(crate) fn edits(trak: &[u8], scale: u32, movie_scale: u32, open: bool) -> Re
         if rate != 0x1_0000 {
             return not_handled("an edit list with another rate than 1");
         }
-        if media < 0 || media > 1 << 62 {
+        if !(0..=1 << 62).contains(&media) {
             return damaged(format!("an edit begins at time {media}"));
         }
         let last = number + 1 == count;
-        let units = (u128::from(duration) * u128::from(scale) + u128::from(movie_scale) / 2) / u128::from(movie_scale);
+        let units = (u128::from(duration) * u128::from(scale) + u128::from(movie_scale) / 2)
+            / u128::from(movie_scale);
         let end = if last && (open || duration == 0) {
             i64::MAX
         } else {
@@ -94,7 +95,10 @@ mod tests {
         let edits = list(&[(500, -1, 1 << 16), (500, 300, 1 << 16), (0, 1200, 1 << 16)]).unwrap();
         let at = |time| shown(&edits, time, 600);
         assert_eq!([at(299), at(300), at(599), at(600)], [None, Some(0.5), Some(0.5 + 299.0 / 600.0), None]);
-        assert_eq!([at(1199), at(1200), at(1 << 40)], [None, Some(1.0), Some(1.0 + ((1i64 << 40) - 1200) as f64 / 600.0)]);
+        assert_eq!(
+            [at(1199), at(1200), at(1 << 40)],
+            [None, Some(1.0), Some(1.0 + ((1i64 << 40) - 1200) as f64 / 600.0)]
+        );
     }
 
     #[test]

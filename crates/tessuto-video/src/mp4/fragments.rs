@@ -68,7 +68,13 @@ impl<'a> Fragments<'a> {
     }
 
     /// Adds the samples of a box `traf`, if it is of the track; returns where the data of the next begins if it does not say.
-    fn track_of(&mut self, traf: &[u8], start: u64, next: u64, entries: &mut Vec<Entry>) -> Result<u64, Refused> {
+    fn track_of(
+        &mut self,
+        traf: &[u8],
+        start: u64,
+        next: u64,
+        entries: &mut Vec<Entry>,
+    ) -> Result<u64, Refused> {
         let (_, flags, mut bytes) = full(needed(traf, b"tfhd")?, "box tfhd")?;
         let ours = bytes.u32()? == self.track;
         let mut defaults = if ours { self.defaults } else { Defaults::default() };
@@ -102,7 +108,12 @@ impl<'a> Fragments<'a> {
     }
 
     /// Adds the samples of a box `trun` to `entries`, or only passes over their bytes.
-    fn run(&mut self, trun: &[u8], run: &mut Run, mut entries: Option<&mut Vec<Entry>>) -> Result<(), Refused> {
+    fn run(
+        &mut self,
+        trun: &[u8],
+        run: &mut Run,
+        mut entries: Option<&mut Vec<Entry>>,
+    ) -> Result<(), Refused> {
         let (_, flags, mut bytes) = full(trun, "box trun")?;
         let count = bytes.u32()?;
         self.limits.check_count(u64::from(count) + entries.as_ref().map_or(0, |e| e.len() as u64))?;
@@ -124,7 +135,8 @@ impl<'a> Fragments<'a> {
                     sync: own & 0x1_0000 == 0,
                     description: run.defaults.description,
                 });
-                self.time = self.time.checked_add(duration.into()).filter(|t| *t < 1 << 62).ok_or_else(late)?;
+                self.time =
+                    self.time.checked_add(duration.into()).filter(|t| *t < 1 << 62).ok_or_else(late)?;
             }
             run.next = run.next.saturating_add(size.into());
         }

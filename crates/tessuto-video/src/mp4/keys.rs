@@ -20,7 +20,8 @@ fn rate(content: &[u8]) -> Option<f64> {
     // MP4 has version and flags before the first box, QuickTime has not.
     let meta = if meta.get(4..8) == Some(b"hdlr") { meta } else { meta.get(4..)? };
     let keys = child(meta, b"keys").ok()??.get(8..)?;
-    let index = boxes(keys).ok()?.iter().position(|(_, name)| *name == b"com.android.capture.fps")? as u32 + 1;
+    let index =
+        boxes(keys).ok()?.iter().position(|(_, name)| *name == b"com.android.capture.fps")? as u32 + 1;
     let values = child(meta, b"ilst").ok()??;
     let (_, item) = boxes(values).ok()?.into_iter().find(|(kind, _)| u32::from_be_bytes(*kind) == index)?;
     number(child(item, b"data").ok()??).filter(|rate| SANE.contains(rate))

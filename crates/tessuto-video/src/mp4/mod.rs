@@ -43,7 +43,7 @@ struct Candidate<'a> {
     scale: u32,
     stbl: &'a [u8],
     description: Description,
-    /// Whether it is one picture, such as that of a title.
+    /// Whether it is one image, such as that of a title.
     still: bool,
 }
 
@@ -51,7 +51,9 @@ struct Candidate<'a> {
 pub(crate) fn read(file: &mut dyn Source, length: u64, limits: &Limits) -> Result<Track, Refused> {
     let top = boxes::of_file(file, length, 2 * limits.frames + 1000)?;
     let Some(place) = top.iter().find(|b| b.kind == *b"moov") else {
-        return damaged("box moov is missing, which lists the frames: the recording was not finished, or the file is cut off");
+        return damaged(
+            "box moov is missing, which lists the frames: the recording was not finished, or the file is cut off",
+        );
     };
     let moov = boxes::content(file, place, LONGEST)?;
     if child(&moov, b"cmov")?.is_some() {
@@ -114,7 +116,7 @@ impl Candidate<'_> {
         Some(reduced).filter(|r| r[0] > 0 && r[1] > 0)
     }
 
-    /// Enabled tracks come first, larger ones before smaller ones; pictures of a title do not count.
+    /// Enabled tracks come first, larger ones before smaller ones; images of a title do not count.
     fn score(&self) -> (bool, bool, u64) {
         let [width, height] = self.description.size.map(u64::from);
         (!self.still, self.enabled, width * height)

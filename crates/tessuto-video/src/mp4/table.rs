@@ -66,7 +66,9 @@ fn sizes(stbl: &[u8], length: u64, limits: &Limits) -> Result<Vec<u32>, Refused>
     match bits {
         4 => {
             let table = bytes.take((count as usize).div_ceil(2))?;
-            Ok((0..count as usize).map(|k| u32::from(table[k / 2] >> if k % 2 == 0 { 4 } else { 0 } & 15)).collect())
+            Ok((0..count as usize)
+                .map(|k| u32::from(table[k / 2] >> if k % 2 == 0 { 4 } else { 0 } & 15))
+                .collect())
         }
         8 | 16 => {
             let mut table = Bytes::new(bytes.take(count as usize * bits as usize / 8)?, "box stz2");
@@ -159,7 +161,8 @@ mod tests {
     use super::*;
 
     fn boxed(kind: &[u8; 4], words: &[u32], tail: &[u8]) -> Vec<u8> {
-        let content: Vec<u8> = words.iter().flat_map(|w| w.to_be_bytes()).chain(tail.iter().copied()).collect();
+        let content: Vec<u8> =
+            words.iter().flat_map(|w| w.to_be_bytes()).chain(tail.iter().copied()).collect();
         [&(content.len() as u32 + 8).to_be_bytes(), &kind[..], &content].concat()
     }
 
@@ -210,11 +213,18 @@ mod tests {
         let times = boxed(TIMES.0, TIMES.1, &[]);
         let places = boxed(b"stco", &[0, 1, 40], &[]);
         let runs = boxed(b"stsc", &[0, 1, 1, 3, 1], &[]);
-        let refused = |sizes: Vec<u8>| read(&[sizes, places.clone(), runs.clone(), times.clone()]).unwrap_err().to_string();
+        let refused = |sizes: Vec<u8>| {
+            read(&[sizes, places.clone(), runs.clone(), times.clone()]).unwrap_err().to_string()
+        };
         assert!(refused(boxed(b"stsz", &[0, 0, 101], &[])).contains("101 frames; up to 100"));
         assert!(refused(boxed(b"stsz", &[0, 0, 90, 1], &[])).contains("ends early"));
         let whole = boxed(b"stsz", &[0, 1 << 31, 90], &[]);
-        assert!(entries(&whole, 1000, &Limits::default()).unwrap_err().to_string().contains("in a file of 1000 bytes"));
+        assert!(
+            entries(&whole, 1000, &Limits::default())
+                .unwrap_err()
+                .to_string()
+                .contains("in a file of 1000 bytes")
+        );
         // Four frames where the places and the times are of three.
         assert!(refused(boxed(b"stsz", &[0, 1, 4], &[])).contains("3 of 4 frames have a place"));
     }

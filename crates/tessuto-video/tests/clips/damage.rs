@@ -44,6 +44,16 @@ fn places(film: &[u8], name: &str) -> Vec<usize> {
     found
 }
 
+/// A film of which one to four bits are turned, which most often are of frames.
+pub fn turned(film: &[u8], random: &mut Random) -> Vec<u8> {
+    let mut bytes = film.to_vec();
+    for _ in 0..1 + random.below(4) {
+        let at = random.below(bytes.len());
+        bytes[at] ^= 1 << random.below(8);
+    }
+    bytes
+}
+
 /// A film changed at one to eight places.
 pub fn changed(film: &[u8], structure: &[usize], random: &mut Random) -> Vec<u8> {
     let mut bytes = film.to_vec();
@@ -58,7 +68,8 @@ pub fn changed(film: &[u8], structure: &[usize], random: &mut Random) -> Vec<u8>
             0..3 => bytes[at] ^= 1 << random.below(8),
             3 | 4 => bytes[at] = random.next() as u8,
             5 => {
-                let value = [0u32, 1, 0xFFFF_FFFF, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF, 0x100_0000, 16][random.below(8)];
+                let value =
+                    [0u32, 1, 0xFFFF_FFFF, 0x7FFF_FFFF, 0x8000_0000, 0xFFFF, 0x100_0000, 16][random.below(8)];
                 let value = value.to_be_bytes();
                 let count = value.len().min(bytes.len() - at);
                 bytes[at..at + count].copy_from_slice(&value[..count]);
@@ -87,7 +98,9 @@ pub fn changed(film: &[u8], structure: &[usize], random: &mut Random) -> Vec<u8>
 /// Small films of every kind, with the places that [`changed`] prefers.
 pub fn seeds(folder: &Path) -> Vec<(String, Vec<u8>, Vec<usize>)> {
     let mut seeds = Vec::new();
-    for kind in clips::KINDS.iter().filter(|k| !k.arguments.contains("sine") && !k.name.starts_with("cropped")) {
+    for kind in
+        clips::KINDS.iter().filter(|k| !k.arguments.contains("sine") && !k.name.starts_with("cropped"))
+    {
         let path = clips::make(folder, kind, "64x64", "0.2");
         let bytes = std::fs::read(path).unwrap();
         let structure = places(&bytes, kind.name);
@@ -95,4 +108,3 @@ pub fn seeds(folder: &Path) -> Vec<(String, Vec<u8>, Vec<usize>)> {
     }
     seeds
 }
-

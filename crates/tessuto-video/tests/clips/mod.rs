@@ -20,7 +20,10 @@ const fn kind(name: &'static str, arguments: &'static str) -> Kind {
 pub const KINDS: [Kind; 45] = [
     kind("baseline.mp4", "-c:v libx264 -profile:v baseline"),
     kind("main.mp4", "-c:v libx264 -profile:v main -bf 2"),
-    kind("high_pyramid.mp4", "-c:v libx264 -profile:v high -bf 5 -x264-params b-pyramid=normal:ref=5:b-adapt=2"),
+    kind(
+        "high_pyramid.mp4",
+        "-c:v libx264 -profile:v high -bf 5 -x264-params b-pyramid=normal:ref=5:b-adapt=2",
+    ),
     kind("open_group.mp4", "-c:v libx264 -bf 3 -g 12 -x264-params open-gop=1:keyint=12"),
     kind("cavlc_8x8.mov", "-c:v libx264 -profile:v high -x264-params cabac=0:8x8dct=1:bframes=3"),
     kind("cabac_no_8x8.mp4", "-c:v libx264 -x264-params cabac=1:8x8dct=0:bframes=3:direct=temporal"),
@@ -36,7 +39,10 @@ pub const KINDS: [Kind; 45] = [
     kind("negative_offsets.mp4", "-c:v libx264 -bf 2 -movflags negative_cts_offsets"),
     kind("no_edit_list.mp4", "-c:v libx264 -bf 2 -use_editlist 0"),
     kind("fragments.mp4", "-c:v libx264 -bf 2 -g 12 -movflags frag_keyframe+empty_moov"),
-    kind("fragments_of_moof.mp4", "-c:v libx264 -bf 2 -g 12 -movflags frag_keyframe+empty_moov+default_base_moof"),
+    kind(
+        "fragments_of_moof.mp4",
+        "-c:v libx264 -bf 2 -g 12 -movflags frag_keyframe+empty_moov+default_base_moof",
+    ),
     kind("fragments_late.mp4", "-c:v libx264 -bf 2 -g 12 -movflags frag_keyframe+delay_moov"),
     kind("fragments_hybrid.mp4", "-c:v libx264 -bf 2 -g 12 -movflags frag_keyframe"),
     kind("matroska.mkv", "-c:v libx264 -bf 2"),
@@ -55,14 +61,20 @@ pub const KINDS: [Kind; 45] = [
         "hevc_hlg.mov",
         "-pix_fmt yuv420p10le -color_primaries bt2020 -color_trc arib-std-b67 -colorspace bt2020nc -c:v libx265 -tag:v hvc1",
     ),
-    kind("hevc_open_group.mp4", "-c:v libx265 -tag:v hvc1 -x265-params open-gop=1:keyint=12:min-keyint=12:bframes=4"),
+    kind(
+        "hevc_open_group.mp4",
+        "-c:v libx265 -tag:v hvc1 -x265-params open-gop=1:keyint=12:min-keyint=12:bframes=4",
+    ),
     kind("hevc_weighted.mp4", "-vf fade=in:0:20 -c:v libx265 -tag:v hvc1 -x265-params weightp=1:weightb=1"),
     kind("hevc_slices.mp4", "-c:v libx265 -tag:v hvc1 -x265-params slices=3"),
     kind("hevc_full_range.mp4", "-vf scale=out_range=pc -color_range pc -c:v libx265 -tag:v hvc1"),
     kind("hevc_fragments.mp4", "-c:v libx265 -tag:v hvc1 -g 12 -movflags frag_keyframe+empty_moov"),
     kind("scaled.mp4", "-c:v libx264 -bf 2 -x264-params cqm=jvt"),
     kind("hevc_scaled.mp4", "-c:v libx265 -tag:v hvc1 -x265-params scaling-list=default:log-level=none"),
-    kind("hevc_layers.mp4", "-c:v libx265 -tag:v hvc1 -x265-params temporal-layers=2:bframes=4:log-level=none"),
+    kind(
+        "hevc_layers.mp4",
+        "-c:v libx265 -tag:v hvc1 -x265-params temporal-layers=2:bframes=4:log-level=none",
+    ),
     kind("long_references.mkv", "-c:v libx264 -bf 8 -x264-params ref=16:b-pyramid=strict"),
     kind("stream.h264", "-c:v libx264 -bf 3 -g 15"),
     kind("stream.hevc", "-c:v libx265 -x265-params keyint=15:open-gop=1"),
@@ -70,13 +82,16 @@ pub const KINDS: [Kind; 45] = [
 
 /// Whether ffmpeg and ffprobe with the encoders are there.
 pub fn ffmpeg_is_there() -> bool {
-    let runs = |program: &str| Command::new(program).arg("-version").stdout(Stdio::null()).status().is_ok_and(|s| s.success());
+    let runs = |program: &str| {
+        Command::new(program).arg("-version").stdout(Stdio::null()).status().is_ok_and(|s| s.success())
+    };
     runs("ffmpeg") && runs("ffprobe")
 }
 
 /// Runs ffmpeg with what is printed to its output.
 pub fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
-    let out = Command::new("ffmpeg").args(["-v", "error", "-nostdin", "-y"]).args(arguments).output().unwrap();
+    let out =
+        Command::new("ffmpeg").args(["-v", "error", "-nostdin", "-y"]).args(arguments).output().unwrap();
     assert!(out.status.success(), "ffmpeg {arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
     out.stdout
 }

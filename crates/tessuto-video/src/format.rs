@@ -45,7 +45,7 @@ impl Colour {
 
 /// Geometry and colour of the frames of a sequence.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Picture {
+pub(crate) struct Format {
     /// Coded width and height `[px]`, before cropping.
     pub(crate) coded: [usize; 2],
     /// Width and height `[px]` after cropping.
@@ -63,7 +63,7 @@ pub(crate) struct Picture {
     pub(crate) references: u32,
 }
 
-impl Picture {
+impl Format {
     /// Stored values of one frame, its borders included.
     fn samples(&self) -> u64 {
         let luma = self.coded[0] as u64 * self.coded[1] as u64;
@@ -92,8 +92,8 @@ impl Picture {
     }
 
     /// Whether frames of `other` can stand beside those of this.
-    pub(crate) fn same_frames(&self, other: &Picture) -> bool {
-        let key = |p: &Picture| (p.size, p.chroma, p.bits, p.colour, p.siting);
+    pub(crate) fn same_frames(&self, other: &Format) -> bool {
+        let key = |p: &Format| (p.size, p.chroma, p.bits, p.colour, p.siting);
         key(self) == key(other)
     }
 }
@@ -120,28 +120,28 @@ const ASPECTS: [[u32; 2]; 17] = [
 ];
 
 /// The part of the usability information that both codecs begin with: pixel aspect, overscan, colour, siting.
-pub(crate) fn usability(bits: &mut crate::bits::Bits, picture: &mut Picture) -> Result<(), Refused> {
+pub(crate) fn usability(bits: &mut crate::bits::Bits, format: &mut Format) -> Result<(), Refused> {
     if bits.bit()? {
         let aspect = match bits.bits(8)? {
             255 => [bits.bits(16)?, bits.bits(16)?],
             index => *ASPECTS.get(index as usize).unwrap_or(&[0, 1]),
         };
-        picture.pixel_aspect = Some(aspect).filter(|a| a[0] > 0 && a[1] > 0);
+        format.pixel_aspect = Some(aspect).filter(|a| a[0] > 0 && a[1] > 0);
     }
     if bits.bit()? {
         bits.bit()?;
     }
     if bits.bit()? {
         bits.bits(3)?;
-        picture.colour.full_range = Some(bits.bit()?);
+        format.colour.full_range = Some(bits.bit()?);
         if bits.bit()? {
             bits.bits(8)?;
-            picture.colour.transfer = Some(bits.bits(8)?);
-            picture.colour.matrix = Some(bits.bits(8)?);
+            format.colour.transfer = Some(bits.bits(8)?);
+            format.colour.matrix = Some(bits.bits(8)?);
         }
     }
     if bits.bit()? {
-        picture.siting = bits.up_to(5, "chroma_sample_loc_type")?;
+        format.siting = bits.up_to(5, "chroma_sample_loc_type")?;
         bits.up_to(5, "chroma_sample_loc_type")?;
     }
     Ok(())
