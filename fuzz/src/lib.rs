@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::sync::Once;
 
-use tessuto_video::{Limits, native};
+use tessuto_video::native::{self, Limits};
 
 #[path = "../../crates/tessuto-video/tests/clips/mod.rs"]
 pub mod clips;

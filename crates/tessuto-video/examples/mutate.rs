@@ -13,7 +13,7 @@ use std::io::Cursor;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-use tessuto_video::{Limits, Refused, native};
+use tessuto_video::native::{self, Limits, Refused};
 
 /// Longest time for one input.
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -2,13 +2,13 @@
 //!
 //! Containers are MP4 and QuickTime (fragments, edit lists, several tracks) and Matroska; streams of H.264 and HEVC without one are
 //! read as well. Frames are those of H.264 (8 and 10 bits, 4:2:0 and 4:2:2) and HEVC (8 and 10 bits, 4:2:0 and 4:4:4), what phones
-//! record, and have the bytes that ffmpeg gives them. All else is refused: [`Refused::NotHandled`] says that another program may read
-//! it, [`Refused::Damaged`] that none should.
+//! record, and have the bytes that ffmpeg gives them. All else is refused: [`native::Refused::NotHandled`] says that another program may read
+//! it, [`native::Refused::Damaged`] that none should.
 //!
 //! ```no_run
 //! use tessuto_video::native;
 //!
-//! # fn main() -> Result<(), tessuto_video::Refused> {
+//! # fn main() -> Result<(), native::Refused> {
 //! let mut film = native::open("clip.mov".as_ref())?;
 //! let [width, height] = film.stream().size;
 //! println!("{} frames of {width}×{height} px", film.stream().times.len());
@@ -22,7 +22,7 @@
 //!
 //! Frames come as they are asked for, in the order in which they are shown; samples are read from the file one by one, and a bounded
 //! number of frames waits for others. Nothing is taken on a file's word: tables may not be longer than the file, frames not larger
-//! than [`Limits`] allow, before memory is taken. The same file gives the same bytes everywhere: one thread decodes.
+//! than [`native::Limits`] allow, before memory is taken. The same file gives the same bytes everywhere: one thread decodes.
 //!
 //! The decoders are the crates `rust_h264` and `rust_h265`. If they panic, the film is damaged, and nothing is printed: the first film
 //! that is opened puts a panic hook before the program's own which keeps silent about theirs alone. Known limits: bits of a frame that
@@ -48,9 +48,4 @@ mod source;
 mod stream;
 mod track;
 
-pub use frame::{Chroma, Frame, Planes};
-pub use limits::Limits;
-pub use native::Native;
-pub use refused::Refused;
-pub use rgb::Colours;
 pub use stream::{Fields, Matrix, Stream, Transfer};

@@ -7,11 +7,12 @@ use std::path::Path;
 use crate::annexb::{self, Raw};
 use crate::contained::Contained;
 use crate::format::{Colour, Format};
-use crate::frame::Frame;
-use crate::limits::Limits;
+pub use crate::frame::{Chroma, Frame, Planes};
+pub use crate::limits::Limits;
 use crate::quiet::caught;
-use crate::refused::{Refused, damaged, not_handled};
-use crate::rgb::Colours;
+pub use crate::refused::Refused;
+use crate::refused::{damaged, not_handled};
+pub use crate::rgb::Colours;
 use crate::source::Source;
 use crate::stream::{Fields, Stream};
 use crate::track::Codec;
@@ -91,6 +92,7 @@ fn contained(contained: Contained, limits: Limits) -> Result<Native, Refused> {
     let track = contained.track();
     let format = contained.format().clone();
     let mut stream = stream(track.configuration.codec, contained.times(), &format, track.colour);
+    stream.tick = track.tick;
     stream.turn = track.turn;
     stream.capture_rate = track.capture_rate;
     stream.pixel_aspect = track.pixel_aspect.unwrap_or(stream.pixel_aspect);
@@ -102,6 +104,7 @@ fn stream(codec: Codec, times: Vec<f64>, format: &Format, container: Colour) -> 
     Stream {
         codec: codec.name().to_owned(),
         times,
+        tick: 0.0,
         size: format.size,
         pixel_aspect: format.pixel_aspect.unwrap_or([1, 1]),
         fields: Fields::Progressive,

@@ -26,6 +26,42 @@ pub struct Stream {
     pub bits: u32,
     /// Rate at which the frames were filmed, where the file says that it is another than that of the time stamps `[1/s]`.
     pub capture_rate: Option<f64>,
+    /// Unit in which the container counts time `[s]`: [`times`](Self::times) are rounded to it. 0 where they are exact.
+    pub tick: f64,
+}
+
+impl Stream {
+    /// Times of the moments that are shown `[s]`: of interlaced film each frame is two, half an interval apart.
+    pub fn moments(&self) -> Vec<f64> {
+        if self.fields == Fields::Progressive {
+            return self.times.clone();
+        }
+        let mut intervals: Vec<f64> = self.times.windows(2).map(|pair| pair[1] - pair[0]).collect();
+        intervals.sort_by(f64::total_cmp);
+        let half = intervals.get(intervals.len() / 2).map_or(0.0, |interval| interval / 2.0);
+        self.times.iter().flat_map(|time| [*time, time + half]).collect()
+    }
+
+    /// Moments of one stored frame: 2 of interlaced film.
+    pub fn moments_per_frame(&self) -> usize {
+        if self.fields == Fields::Progressive { 1 } else { 2 }
+    }
+
+    /// Width and height of a frame as a player shows it, turned upright `[px]`.
+    pub fn upright_size(&self) -> [usize; 2] {
+        let [width, height] = self.size;
+        if self.lies_on_its_side() { [height, width] } else { [width, height] }
+    }
+
+    /// Width over height of one pixel of a frame that is turned upright.
+    pub fn upright_aspect(&self) -> f64 {
+        let [a, b] = self.pixel_aspect.map(f64::from);
+        if self.lies_on_its_side() { b / a } else { a / b }
+    }
+
+    fn lies_on_its_side(&self) -> bool {
+        matches!(self.turn, 45..135 | 225..315)
+    }
 }
 
 /// Whether a frame is one moment or two, on alternate rows.

@@ -48,6 +48,8 @@ pub(crate) struct Track {
     pub(crate) configuration: Configuration,
     /// In the order of decoding.
     pub(crate) samples: Vec<Sample>,
+    /// Unit of the times `[s]`.
+    pub(crate) tick: f64,
     /// Bytes that stand before the content of every sample, but not in the file (Matroska's header stripping).
     pub(crate) prefix: Vec<u8>,
     pub(crate) pixel_aspect: Option<[u32; 2]>,

@@ -8,7 +8,7 @@ use std::io::Cursor;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
-use tessuto_video::{Limits, native};
+use tessuto_video::native::{self, Limits};
 
 /// Damaged films tried.
 const TRIES: u64 = 3000;

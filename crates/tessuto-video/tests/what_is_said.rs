@@ -4,7 +4,8 @@ mod clips;
 
 use std::path::{Path, PathBuf};
 
-use tessuto_video::{Chroma, Matrix, Refused, Stream, Transfer, native};
+use tessuto_video::native::{self, Chroma, Limits, Refused};
+use tessuto_video::{Matrix, Stream, Transfer};
 
 /// A folder, or nothing where ffmpeg is missing.
 fn folder(test: &str) -> Option<tempfile::TempDir> {
@@ -99,7 +100,8 @@ fn aspect_colour_and_bits_are_those_of_the_file() {
     let full =
         stream(&clip(folder.path(), "full.mp4", "-pix_fmt yuvj420p -colorspace smpte170m -c:v libx264"));
     assert_eq!((full.full_range, full.matrix, full.bits), (true, Matrix::Bt601, 8));
-    assert_eq!(full.codec, "h264");
+    assert_eq!((full.codec.as_str(), full.tick), ("h264", 1.0 / 15360.0));
+    assert_eq!(stream(&folder.path().join("b.mkv")).tick, 1e-3);
     // Where the stream is silent, the container's word counts.
     let plain = clip(folder.path(), "plain.mp4", "-c:v libx264");
     assert_eq!(stream(&plain).matrix, Matrix::Unspecified);
@@ -266,12 +268,12 @@ fn asking_for_too_much_is_refused_before_it_is_taken() {
     let Some(folder) = folder("bounds") else { return };
     let path = clip(folder.path(), "a.mp4", "-c:v libx264");
     let within = |limits| native::open_within(&path, limits).map(|_| ()).unwrap_err().to_string();
-    let default = tessuto_video::Limits::default();
-    let sides = within(tessuto_video::Limits { side: 128, ..default });
+    let default = Limits::default();
+    let sides = within(Limits { side: 128, ..default });
     assert!(sides.contains("160×120 px; sides of 1 to 128"), "{sides}");
-    let bytes = within(tessuto_video::Limits { frame_bytes: 1000, ..default });
+    let bytes = within(Limits { frame_bytes: 1000, ..default });
     assert!(bytes.contains("up to 1000"), "{bytes}");
-    let frames = within(tessuto_video::Limits { frames: 11, ..default });
+    let frames = within(Limits { frames: 11, ..default });
     assert!(frames.contains("12 frames; up to 11"), "{frames}");
 }
 

@@ -61,6 +61,7 @@ pub(crate) fn read(file: &mut dyn Source, length: u64, limits: &Limits) -> Resul
     }
     Ok(Track {
         samples: scan.samples,
+        tick: scan.nanoseconds as f64 / 1e9,
         prefix: track.prefix?,
         pixel_aspect: track.pixel_aspect,
         colour: track.colour,

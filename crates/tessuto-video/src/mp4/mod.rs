@@ -89,6 +89,7 @@ pub(crate) fn read(file: &mut dyn Source, length: u64, limits: &Limits) -> Resul
     let samples = samples.collect();
     Ok(Track {
         samples,
+        tick: 1.0 / f64::from(chosen.scale),
         prefix: Vec::new(),
         pixel_aspect: chosen.pixel_aspect(),
         colour: chosen.description.colour,
