@@ -264,7 +264,9 @@ impl Frames {
         let Some(unit) = parse_nal(unit) else { return damaged("HEVC: a unit without header") };
         match self.decoder.decode_nal(&unit) {
             Ok(frame) => self.done.extend(frame.map(ours)),
-            Err(DecodeError::Unsupported(what)) => return not_handled(format!("HEVC: {what}")),
+            Err(DecodeError::Unsupported(what) | DecodeError::ResourceLimit(what)) => {
+                return not_handled(format!("HEVC: {what}"));
+            }
             Err(error) => return damaged(format!("HEVC: {error}")),
         }
         while self.ordered
