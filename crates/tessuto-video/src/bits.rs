@@ -68,6 +68,13 @@ fn short() -> Refused {
     Refused::Damaged("a parameter set ends early".into())
 }
 
+/// Whether a unit is free of what no encoder writes into one: two zeros before 0, 1 or 2, such as holes of zeros that a failing card
+/// leaves. A few zeros behind it are common.
+pub(crate) fn is_sound(unit: &[u8]) -> bool {
+    let end = unit.iter().rposition(|&b| b != 0).map_or(0, |k| k + 1);
+    unit.len() - end <= 8 && !unit[..end].windows(3).any(|w| w[0] == 0 && w[1] == 0 && w[2] < 3)
+}
+
 /// The payload of a unit: without the bytes 3 that keep start codes out of it (ITU-T H.264, 7.4.1.1; H.265, 7.4.2.1).
 pub(crate) fn unescaped(bytes: &[u8]) -> Cow<'_, [u8]> {
     let Some(first) = bytes.windows(3).position(|w| w == [0, 0, 3]) else { return Cow::Borrowed(bytes) };
@@ -100,6 +107,15 @@ mod tests {
         assert_eq!(signed, [0, 1, -1, 2, -2]);
         assert!(bits.bits(16).is_err());
         assert!(Bits::new(&[0; 9]).unsigned().is_err());
+    }
+
+    #[test]
+    fn holes_are_not_sound() {
+        assert!(is_sound(&[0x65, 0, 0, 3, 0, 0, 3, 1, 0, 0]));
+        for hole in [[0, 0, 0], [0, 0, 1], [0, 0, 2]] {
+            assert!(!is_sound(&[&[0x65, 4][..], &hole, &[9]].concat()));
+        }
+        assert!(!is_sound(&[&[0x65, 4][..], &[0; 9]].concat()));
     }
 
     #[test]

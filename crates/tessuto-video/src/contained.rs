@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 
+use crate::bits::is_sound;
 use crate::format::Format;
 use crate::frame::{Frame, Planes};
 use crate::limits::Limits;
@@ -185,6 +186,9 @@ impl Contained {
     }
 
     fn unit(&mut self, unit: &[u8]) -> Result<(), Refused> {
+        if !is_sound(unit) {
+            return damaged("bytes that no encoder writes, such as a hole of zeros");
+        }
         self.sequence.unit(self.track.configuration.codec, unit, &self.limits)?;
         match &mut self.decoder {
             Decoder::H264(frames) => frames.unit(unit),

@@ -264,6 +264,25 @@ fn files_that_are_cut_off_are_damaged() {
 }
 
 #[test]
+fn holes_of_zeros_are_damage() {
+    let Some(folder) = folder("holes of zeros") else { return };
+    for (name, arguments) in [
+        ("a.mp4", "-c:v libx264"),
+        ("b.mkv", "-c:v libx264 -x264-params slices=4"),
+        ("c.mov", "-c:v libx265 -tag:v hvc1"),
+    ] {
+        let path = clip(folder.path(), name, arguments);
+        let mut bytes = std::fs::read(&path).unwrap();
+        // Amid a frame: what is said of the film stands before and behind.
+        let at = bytes.len() / 4;
+        bytes[at..at + 32].fill(0);
+        std::fs::write(&path, &bytes).unwrap();
+        let what = damaged(&path);
+        assert!(what.contains("frame ") && what.contains("hole"), "{name}: {what}");
+    }
+}
+
+#[test]
 fn asking_for_too_much_is_refused_before_it_is_taken() {
     let Some(folder) = folder("bounds") else { return };
     let path = clip(folder.path(), "a.mp4", "-c:v libx264");
