@@ -29,7 +29,8 @@ pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
 
 /// What these functions refuse themselves: arrays and numbers that do not fit, told by `problem`.
 pub fn refused(problem: impl Into<String>) -> PyErr {
-    let error = Error::input("", problem, "see the arguments' shapes and units in the documentation: help(tessuto)");
+    let error =
+        Error::input("", problem, "see the arguments' shapes and units in the documentation: help(tessuto)");
     Python::attach(|py| to_python(py, &error))
 }
 

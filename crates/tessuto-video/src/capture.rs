@@ -21,9 +21,12 @@ const MOST_BOXES: usize = 10_000;
 
 /// The rate that the metadata `tags` or the file at `path` name; `None` where they name none, or nonsense.
 pub(crate) fn rate<'a>(tags: impl Iterator<Item = &'a BTreeMap<String, String>>, path: &Path) -> Option<f64> {
-    let android = tags
-        .filter_map(|tags| tags.get("com.android.capture.fps"))
-        .find_map(|value| value.trim().parse().ok());
+    let mut values = tags.filter_map(|tags| tags.get("com.android.capture.fps"));
+    rate_of(values.find_map(|value| value.trim().parse().ok()), path)
+}
+
+/// The same where Android's number is known.
+pub(crate) fn rate_of(android: Option<f64>, path: &Path) -> Option<f64> {
     android.or_else(|| in_xml(&xml_of(path)?)).map(television).filter(|rate| SANE.contains(rate))
 }
 

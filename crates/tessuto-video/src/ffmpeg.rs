@@ -94,7 +94,8 @@ impl Programs {
         let is_other = program == self.ffprobe && runs(&self.ffmpeg);
         let needed =
             if is_other { "the program ffprobe, which comes with ffmpeg" } else { "the program ffmpeg" };
-        Refusal::new(format!("needs {needed}; {} cannot be started: {error}", program.display()), INSTALL)
+        let what = format!("needs {needed}; {} cannot be started: {error}", program.display());
+        Refusal { lacks_program: true, ..Refusal::new(what, INSTALL) }
     }
 }
 
@@ -126,7 +127,7 @@ fn complaints(child: &mut Child) -> JoinHandle<String> {
 }
 
 /// Frames as ffmpeg decodes them.
-pub struct Frames {
+pub(crate) struct Decoder {
     child: Child,
     stdout: Option<BufReader<ChildStdout>>,
     said: Option<JoinHandle<String>>,
@@ -138,7 +139,7 @@ pub struct Frames {
     diagnosis: Box<dyn Fn() -> Option<Refusal> + Send + Sync>,
 }
 
-impl Frames {
+impl Decoder {
     /// Starts decoding.
     pub(crate) fn start(
         path: &Path,
@@ -254,7 +255,7 @@ fn filters(stream: &Stream) -> String {
     filters.join(",")
 }
 
-impl Iterator for Frames {
+impl Iterator for Decoder {
     type Item = Result<Frame, Refusal>;
 
     fn next(&mut self) -> Option<Self::Item> {
@@ -273,7 +274,7 @@ impl Iterator for Frames {
     }
 }
 
-impl Drop for Frames {
+impl Drop for Decoder {
     /// No decoder outlives its reader.
     fn drop(&mut self) {
         self.stdout = None;

@@ -3,10 +3,15 @@
 use std::path::{Path, PathBuf};
 
 use crate::doors::{expect_file, expect_no_list};
-use crate::ffmpeg::{Frames, Programs};
-use crate::ffprobe;
+use crate::ffmpeg::Programs;
+use crate::frames::Frames;
+use crate::native::{self, Limits, Refused};
 use crate::refusal::Refusal;
 use crate::stream::Stream;
+use crate::{capture, ffprobe};
+
+/// The way out of frames that are too large.
+const SMALLER: &str = "make the film smaller first, e.g. ffmpeg -i IN -vf scale=1920:-2 OUT.mp4";
 
 /// How a file is opened.
 #[derive(Clone, Copy, Debug)]
@@ -33,16 +38,20 @@ impl Options<'_> {
         if bytes > self.max_bytes {
             return Err(Refusal::new(
                 format!("{width}×{height} pixels take {bytes} bytes; at most {} are read", self.max_bytes),
-                "make the film smaller first, e.g. ffmpeg -i IN -vf scale=1920:-2 OUT.mp4",
+                SMALLER,
             ));
         }
         if width.max(height) > self.max_side || width.min(height) < 2 {
             return Err(Refusal::new(
                 format!("{width}×{height} pixels; sides of 2 to {} are read", self.max_side),
-                "make the film smaller first, e.g. ffmpeg -i IN -vf scale=1920:-2 OUT.mp4",
+                SMALLER,
             ));
         }
         Ok(())
+    }
+
+    pub(crate) fn limits(&self) -> Limits {
+        Limits { side: self.max_side, frame_bytes: self.max_bytes, frames: self.max_frames }
     }
 
     /// Most pixels of a frame.
@@ -61,9 +70,12 @@ pub struct Frame {
     pub rgb: Vec<u8>,
 }
 
-/// What decodes a film. Readers that need no other program find their place here.
+/// What decodes a film.
 #[derive(Clone, Debug)]
-enum Backend {
+pub(crate) enum Backend {
+    /// This crate.
+    Native,
+    /// The program ffmpeg.
     Ffmpeg(Programs),
 }
 
@@ -88,17 +100,40 @@ pub struct Film {
 pub fn open(path: &Path, options: &Options) -> Result<Film, Refusal> {
     expect_file(path)?;
     expect_no_list(path)?;
-    // The one place to choose who reads and decodes.
-    let programs = Programs::beside(options.ffmpeg);
-    let look = ffprobe::look(path, programs, options)?;
-    let backend = Backend::Ffmpeg(look.programs);
-    Ok(Film {
-        stream: look.stream,
-        stored: look.stored,
-        notes: look.notes,
-        path: path.to_path_buf(),
-        backend,
-    })
+    match native::open_within(path, options.limits()) {
+        // The frames of a stream without container would have to be decoded to be counted.
+        Ok(native) if native.stream().times.is_empty() => by_programs(path, options, None),
+        Ok(native) => here(path, native.stream().clone(), options),
+        Err(Refused::TooLarge(what)) => Err(Refusal::new(what, SMALLER)),
+        Err(refused) => by_programs(path, options, Some(refused)),
+    }
+}
+
+/// A film that is decoded by this crate.
+fn here(path: &Path, stream: Stream, options: &Options) -> Result<Film, Refusal> {
+    options.expect_size(stream.size)?;
+    let capture_rate = capture::rate_of(stream.capture_rate, path);
+    let stored = stream.times.len();
+    let stream = Stream { capture_rate, ..stream };
+    Ok(Film { stream, stored, notes: Vec::new(), path: path.to_path_buf(), backend: Backend::Native })
+}
+
+/// A film that ffprobe looks at and ffmpeg decodes, since it was `refused` here. What is damaged ffmpeg may still read in part.
+pub(crate) fn by_programs(path: &Path, options: &Options, refused: Option<Refused>) -> Result<Film, Refusal> {
+    let look = ffprobe::look(path, Programs::beside(options.ffmpeg), options);
+    let look = look.map_err(|refusal| match &refused {
+        Some(refused) if refusal.lacks_program => {
+            let what = format!("{refused}; so it {}", refusal.what);
+            Refusal { what, ..refusal }
+        }
+        _ => refusal,
+    })?;
+    let mut notes = look.notes;
+    if let Some(Refused::Damaged(what)) = refused {
+        notes.push(format!("is damaged ({what}); ffmpeg reads it, frames may be wrong or missing"));
+    }
+    let (path, backend) = (path.to_path_buf(), Backend::Ffmpeg(look.programs));
+    Ok(Film { stream: look.stream, stored: look.stored, notes, path, backend })
 }
 
 /// Names and values of the metadata of a video file and of its tracks; `None` where it cannot be read.
@@ -113,8 +148,6 @@ impl Film {
     /// # Errors
     /// [`Refusal`] if the decoder cannot be started.
     pub fn frames(&self, end: Option<usize>, options: &Options) -> Result<Frames, Refusal> {
-        match &self.backend {
-            Backend::Ffmpeg(programs) => Frames::start(&self.path, programs, &self.stream, end, options),
-        }
+        Frames::start(&self.path, &self.backend, &self.stream, end, options)
     }
 }

@@ -12,12 +12,14 @@ pub struct Refusal {
     pub way_out: String,
     /// Frames that can be taken instead, counted from 0.
     pub part: Option<Range<usize>>,
+    /// Whether a program is missing.
+    pub(crate) lacks_program: bool,
 }
 
 impl Refusal {
     /// Of what was found and what can be done.
     pub fn new(what: impl Into<String>, way_out: impl Into<String>) -> Self {
-        Self { what: what.into(), way_out: way_out.into(), part: None }
+        Self { what: what.into(), way_out: way_out.into(), part: None, lacks_program: false }
     }
 }
 

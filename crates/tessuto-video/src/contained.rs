@@ -1,0 +1,252 @@
+//! Frames of a container: decoded in the order of the file, given in the order in which they are shown.
+
+use std::collections::BTreeMap;
+use std::io::{Read, Seek, SeekFrom};
+
+use crate::bits::is_sound;
+use crate::format::Format;
+use crate::frame::{Frame, Planes};
+use crate::limits::Limits;
+use crate::refused::{Refused, damaged, not_handled};
+use crate::sequence::Sequence;
+use crate::source::Source;
+use crate::track::{Codec, Sample, Track, units};
+use crate::{h264, hevc};
+
+/// Most frames that wait because others are shown before them; no level of either codec allows more.
+const WAITING: usize = 16;
+/// Most bytes of such.
+const WAITING_BYTES: usize = 512 << 20;
+/// Longest sample `[bytes]`; a frame of any level is shorter.
+const LONGEST: u32 = 64 << 20;
+
+/// Why a film that begins with frames which refer to missing ones is not decoded here: others leave them out or show them broken.
+pub(crate) const AMID: &str = "a film that begins amid a group of frames";
+
+/// The film of a container.
+pub(crate) struct Contained {
+    file: Box<dyn Source>,
+    length: u64,
+    track: Track,
+    limits: Limits,
+    sequence: Sequence,
+    decoder: Decoder,
+    /// Place of each sample among those that are shown.
+    places: Vec<Option<usize>>,
+    times: Vec<f64>,
+    /// Next sample to be decoded.
+    sample: usize,
+    /// Place of the next frame to be given.
+    place: usize,
+    waiting: BTreeMap<usize, Frame>,
+}
+
+enum Decoder {
+    H264(Box<h264::Frames>),
+    Hevc(Box<hevc::Frames>),
+}
+
+impl Contained {
+    pub(crate) fn new(
+        file: Box<dyn Source>,
+        length: u64,
+        track: Track,
+        limits: Limits,
+    ) -> Result<Contained, Refused> {
+        limits.check_count(track.samples.len() as u64)?;
+        let decoder = match track.configuration.codec {
+            Codec::H264 => Decoder::H264(Box::new(h264::Frames::new())),
+            Codec::Hevc => Decoder::Hevc(Box::new(hevc::Frames::new(false))),
+        };
+        let mut film = Contained {
+            file,
+            length,
+            track,
+            limits,
+            sequence: Sequence::default(),
+            decoder,
+            places: Vec::new(),
+            times: Vec::new(),
+            sample: 0,
+            place: 0,
+            waiting: BTreeMap::new(),
+        };
+        film.begin()?;
+        film.order();
+        Ok(film)
+    }
+
+    pub(crate) fn track(&self) -> &Track {
+        &self.track
+    }
+
+    pub(crate) fn format(&self) -> &Format {
+        self.sequence.format.as_ref().expect("read when the film was opened")
+    }
+
+    /// Times of the frames that are shown `[s]`, the first at 0.
+    pub(crate) fn times(&self) -> Vec<f64> {
+        self.times.clone()
+    }
+
+    /// Finds the sample where decoding begins, and the parameter sets.
+    fn begin(&mut self) -> Result<(), Refused> {
+        for set in self.track.configuration.sets.clone() {
+            self.unit(&set)?;
+        }
+        let samples = &self.track.samples;
+        for (number, s) in samples.iter().enumerate() {
+            if s.size > LONGEST {
+                return damaged(format!("sample {number} has {} bytes; up to {LONGEST} are read", s.size));
+            }
+            if s.offset.saturating_add(s.size.into()) > self.length {
+                let (offset, length) = (s.offset, self.length);
+                return damaged(format!(
+                    "sample {number} lies at byte {offset}; the file ends at byte {length}"
+                ));
+            }
+        }
+        let Some(first) = samples.iter().position(|s| s.shown.is_some()) else {
+            return damaged("no frame is shown");
+        };
+        let earliest = samples.iter().filter_map(|s| s.shown).fold(f64::INFINITY, f64::min);
+        // A frame that is not shown has no time: what follows it in the file may need it.
+        let begins = |s: &Sample| s.sync && s.shown.is_none_or(|t| t <= earliest);
+        self.sample = (0..=first).rev().find(|&k| begins(&samples[k])).unwrap_or(0);
+        let start = self.read(self.sample)?;
+        let start = units(&start, self.track.configuration.length)?;
+        if self.sequence.format.is_none() {
+            for unit in &start {
+                self.sequence.unit(self.track.configuration.codec, unit, &self.limits)?;
+            }
+        }
+        if self.sequence.format.is_none() {
+            return damaged("no parameter set says what the frames are");
+        }
+        match self.track.configuration.codec {
+            Codec::H264 => self.closed(&start, earliest),
+            Codec::Hevc => self.skip_leading(&start),
+        }
+    }
+
+    /// Refuses H.264 that begins with frames which refer to some before the beginning.
+    fn closed(&self, start: &[&[u8]], earliest: f64) -> Result<(), Refused> {
+        // Where the beginning is not shown, nothing before it is: see `begin`.
+        let first = self.track.samples[self.sample].shown.is_none_or(|t| t == earliest);
+        match h264::beginning(start) {
+            h264::Beginning::Clean => Ok(()),
+            h264::Beginning::Open if first => Ok(()),
+            _ => not_handled(AMID),
+        }
+    }
+
+    /// Marks HEVC's frames as not shown that refer to some before the beginning.
+    fn skip_leading(&mut self, start: &[&[u8]]) -> Result<(), Refused> {
+        let slice =
+            |units: &[&[u8]]| units.iter().find(|unit| hevc::begins_frame(unit)).map(|unit| hevc::kind(unit));
+        match slice(start) {
+            Some(kind) if hevc::is_open(kind) => {}
+            Some(kind) if hevc::is_beginning(kind) => return Ok(()),
+            _ => return not_handled(AMID),
+        }
+        for number in self.sample + 1..self.track.samples.len() {
+            let bytes = self.read(number)?;
+            match slice(&units(&bytes, self.track.configuration.length)?) {
+                Some(kind) if hevc::is_skipped(kind) => self.track.samples[number].shown = None,
+                Some(kind) if hevc::is_leading(kind) => {}
+                _ => break,
+            }
+        }
+        Ok(())
+    }
+
+    /// Puts the shown samples into the order of their times.
+    fn order(&mut self) {
+        let samples = &self.track.samples;
+        let mut shown: Vec<(f64, usize)> = Vec::new();
+        for (number, sample) in samples.iter().enumerate().skip(self.sample) {
+            shown.extend(sample.shown.map(|time| (time, number)));
+        }
+        shown.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        self.places = vec![None; samples.len()];
+        for (place, &(_, number)) in shown.iter().enumerate() {
+            self.places[number] = Some(place);
+        }
+        let first = shown.first().map_or(0.0, |s| s.0);
+        self.times = shown.iter().map(|s| s.0 - first).collect();
+    }
+
+    fn read(&mut self, number: usize) -> Result<Vec<u8>, Refused> {
+        let sample = self.track.samples[number];
+        self.file.seek(SeekFrom::Start(sample.offset))?;
+        let mut bytes = self.track.prefix.clone();
+        let wanted = bytes.len() + sample.size as usize;
+        self.file.by_ref().take(sample.size.into()).read_to_end(&mut bytes)?;
+        if bytes.len() < wanted { damaged("the file was cut while it was read") } else { Ok(bytes) }
+    }
+
+    fn unit(&mut self, unit: &[u8]) -> Result<(), Refused> {
+        if !is_sound(unit) {
+            return damaged("bytes that no encoder writes, such as a hole of zeros");
+        }
+        self.sequence.unit(self.track.configuration.codec, unit, &self.limits)?;
+        match &mut self.decoder {
+            Decoder::H264(frames) => frames.unit(unit),
+            Decoder::Hevc(frames) => frames.unit(unit),
+        }
+    }
+
+    /// Decodes one sample.
+    fn decode(&mut self, number: usize) -> Result<Option<Frame>, Refused> {
+        let bytes = self.read(number)?;
+        for unit in units(&bytes, self.track.configuration.length)? {
+            self.unit(unit)?;
+        }
+        match &mut self.decoder {
+            Decoder::H264(frames) => Ok(frames.end()),
+            Decoder::Hevc(frames) => frames.end(),
+        }
+    }
+
+    /// The next frame that is shown.
+    pub(crate) fn next(&mut self) -> Result<Option<Frame>, Refused> {
+        loop {
+            if let Some(frame) = self.waiting.remove(&self.place) {
+                self.place += 1;
+                return Ok(Some(frame));
+            }
+            if self.place == self.times.len() {
+                return Ok(None);
+            }
+            let number = self.sample;
+            self.sample += 1;
+            let frame = self.decode(number);
+            let Some(place) = self.places[number] else {
+                // What no player shows may be undecodable: it refers to what was cut off.
+                if matches!(frame, Err(Refused::NotHandled(_) | Refused::Unreadable(_))) {
+                    frame?;
+                }
+                continue;
+            };
+            let Some(frame) = frame? else {
+                return damaged(format!("sample {number} holds no frame"));
+            };
+            self.waiting.insert(place, frame);
+            let bytes: usize = self.waiting.values().map(bytes).sum();
+            if self.waiting.len() > WAITING || bytes > WAITING_BYTES {
+                return not_handled(format!(
+                    "{} frames that are decoded long before they are shown",
+                    self.waiting.len()
+                ));
+            }
+        }
+    }
+}
+
+/// Memory of a frame.
+fn bytes(frame: &Frame) -> usize {
+    match &frame.planes {
+        Planes::U8(planes) => planes.iter().map(Vec::len).sum(),
+        Planes::U16(planes) => planes.iter().map(|p| 2 * p.len()).sum(),
+    }
+}
