@@ -4,7 +4,7 @@
 usage: check_exports.py RESULT [--tessuto PROGRAM] [--rerun-python PYTHON]
 
 Exports RESULT (a folder of `tessuto reconstruct`) to every format into a temporary folder and checks
-  glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame
+  glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame; the script for Blender: keys on whole frames
   usd   usd-core: loads, compliance checker, vertices, frame rate, projection by the exported camera; import in Blender
   obj, ply, pc2, npz   vertices of every frame; pc2 in Blender too
   rrd   see check_recording.py
@@ -167,6 +167,22 @@ def check_blender(folder, name, motion, fps):
         report(f"{kind}: camera in Blender", bool(cameras))
 
 
+def check_script(folder, name, motion, fps):
+    """The script for Blender, as Blender runs it: keys on whole frames, then the video's own rate."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    path = folder / f"{name}_blender.py"
+    exec(compile(path.read_text(), str(path), "exec"), {"__file__": str(path), "__name__": "__main__"})
+    strips = [s for action in bpy.data.actions for layer in action.layers for s in layer.strips]
+    curves = [c for strip in strips for bag in strip.channelbags for c in bag.fcurves]
+    keys = sorted({key.co[0] for curve in curves for key in curve.keyframe_points})
+    report("script: keys on the frames", keys == list(range(len(motion))), f"{len(keys)} keys of {len(motion)} frames")
+    render = bpy.context.scene.render
+    found = render.fps / render.fps_base
+    report("script: frame rate", abs(found / fps - 1) < 1e-6, f"{found} 1/s of {fps}")
+
+
 def check_cache(folder, name, motion):
     import bpy
 
@@ -204,7 +220,9 @@ with tempfile.TemporaryDirectory() as temporary:
     check_sequences(folder, name, motion, y_up)
     check_validator(folder, name)
     check_usd(folder, name, motion, y_up)
-    check_blender(folder, name, motion, json.loads((Path(args.result) / "parameters.json").read_text())["frame_rate"]["value"])
+    fps = json.loads((Path(args.result) / "parameters.json").read_text())["frame_rate"]["value"]
+    check_blender(folder, name, motion, fps)
+    check_script(folder, name, motion, fps)
     check_cache(folder, name, motion)
     if args.rerun_python:
         check = Path(__file__).with_name("check_recording.py")

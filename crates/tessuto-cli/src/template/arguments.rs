@@ -37,10 +37,10 @@ pub struct Arguments {
     pub depth: Option<PathBuf>,
     /// What a unit of the depth map is [m]: 0.00025 of a RealSense L515, 0.0001 of a D405, 0.0002 of TUM RGB-D
     /// [default: 0.001 of whole numbers, else 1].
-    #[arg(long, value_name = "METRES", value_parser = values::positive, allow_negative_numbers = true, requires = "depth")]
+    #[arg(long, value_name = "METRES", value_parser = values::positive, allow_negative_numbers = true, requires = "depth", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth_scale: Option<f64>,
     /// The camera of the colour images recorded with the depth map (JSON as apps write it) [default: the scene's].
-    #[arg(long, value_name = "FILE", requires = "depth")]
+    #[arg(long, value_name = "FILE", requires = "depth", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth_camera: Option<PathBuf>,
     /// Where its corners are in the first frame [px].
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = values::corners, allow_hyphen_values = true)]

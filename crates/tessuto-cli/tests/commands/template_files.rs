@@ -184,7 +184,13 @@ fn a_depth_map_of_another_unit_is_doubted_until_the_unit_is_told() {
         let (status, said) = template(&scene, &[&options[..], &["--depth-scale", wrong]].concat());
         assert!(status == Some(2) && said.contains("--depth-scale"), "{wrong}: {said}");
     }
-    assert_eq!(template(&scene, &["--flat", "1x1m", "--depth-scale", "1"]).0, Some(2));
+    // Beside what takes no depth map it is refused, not passed over.
+    for others in [&["--flat", "1x1m", "--from-mask"][..], &["--scale", "2"], &["--weld"], &["--grid", "5"]] {
+        for own in [["--depth-scale", "1"], ["--depth-camera", &file]] {
+            let (status, said) = template(&scene, &[others, &own[..], &["--force"]].concat());
+            assert!(status == Some(2) && said.contains(own[0]), "{others:?}: {said}");
+        }
+    }
 }
 
 #[test]

@@ -165,8 +165,11 @@ mod tests {
             DepthMap::read(&at("f.npy"), None).unwrap_err().to_string().contains("expected [height, width]")
         );
     }
+    /// The value of a pixel by its number.
+    type Values = fn(usize) -> f32;
+
     /// An OpenEXR file of 8×6 pixels with these channels.
-    fn write_channels(path: &Path, channels: &[(&str, fn(usize) -> f32)]) {
+    fn write_channels(path: &Path, channels: &[(&str, Values)]) {
         use exr::prelude::{AnyChannel, AnyChannels, FlatSamples, Image, WritableImage as _};
         let list = channels
             .iter()
@@ -179,8 +182,8 @@ mod tests {
     fn the_channel_called_depth_counts() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        let depth: fn(usize) -> f32 = |k| if k == 5 { 1e10 } else { 1.0 + k as f32 / 100.0 };
-        let (red, half): (fn(usize) -> f32, fn(usize) -> f32) = (|k| 0.8 - k as f32 / 1000.0, |_| 0.5);
+        let depth: Values = |k| if k == 5 { 1e10 } else { 1.0 + k as f32 / 100.0 };
+        let (red, half): (Values, Values) = (|k| 0.8 - k as f32 / 1000.0, |_| 0.5);
         for (channels, name) in [
             (&[("Z", depth)][..], "Z"),
             (&[("V", depth)], "V"),
