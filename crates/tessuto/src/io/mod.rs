@@ -5,7 +5,6 @@ pub mod depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;
-pub mod mask;
 pub mod model;
 pub mod npy;
 pub mod obj;
@@ -13,6 +12,7 @@ pub mod scene;
 pub(crate) mod zip;
 
 pub use atomic::atomic_write;
+pub use image::mask;
 
 use std::path::Path;
 
