@@ -3,6 +3,8 @@
 //! Every bit depth and colour type is read: 16 bits keep their precision, grey becomes RGB, palettes
 //! are resolved, alpha is dropped. Nothing is decoded before its size is known to be acceptable.
 
+pub mod mask;
+
 use std::io::{Cursor, Read as _};
 use std::path::{Path, PathBuf};
 
@@ -57,10 +59,10 @@ pub fn read_bytes(path: &Path) -> Result<::image::RgbImage> {
     Ok(open(path)?.dynamic.into_rgb8())
 }
 
-/// A mask in [0, 1], shape [height, width, 1], and a warning where its values were unusual: [`mask::read`](super::mask::read)
+/// A mask in [0, 1], shape [height, width, 1], and a warning where its values were unusual: [`mask::read`]
 /// of the only object.
 pub fn read_mask(path: &Path) -> Result<(Image, Option<String>)> {
-    super::mask::read(path, None)
+    mask::read(path, None)
 }
 
 /// One channel in [0, 1], shape [height, width, 1], as the file has it: luminance of coloured images.

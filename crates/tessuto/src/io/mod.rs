@@ -7,7 +7,6 @@ mod exr_depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;
-pub mod mask;
 pub mod model;
 pub mod npy;
 pub mod obj;
@@ -17,6 +16,7 @@ pub(crate) mod text;
 pub(crate) mod zip;
 
 pub use atomic::atomic_write;
+pub use image::mask;
 pub use text::read_text;
 
 use std::path::Path;

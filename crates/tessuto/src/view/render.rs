@@ -122,9 +122,7 @@ pub fn render(
     if let Some(environment) = options.environment.as_ref().filter(|_| look != Look::Material) {
         let why = match options.look {
             Some(_) => "only the look material is lit",
-            None => {
-                "only the look material is lit, and the result has no material yet (tessuto appearance estimates it)"
-            }
+            None => "only the look material is lit, and the result has no material yet",
         };
         notes.push(format!(
             "the environment {} has no effect on the look {}: {why}",

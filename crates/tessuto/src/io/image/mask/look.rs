@@ -106,6 +106,11 @@ pub(super) fn grey_of(key: u32) -> Option<(u32, u32)> {
     (r == g && g == b).then_some((u32::from(r), 255))
 }
 
+/// Whether a key is black.
+pub(super) fn is_black(key: u32) -> bool {
+    grey_of(key).is_some_and(|(value, _)| value == 0)
+}
+
 /// Red, green and blue of a key, 0 to 255.
 pub(super) fn colour_of(key: u32) -> [u8; 3] {
     match grey_of(key) {
@@ -134,6 +139,8 @@ pub(super) struct Count {
     pub inner: usize,
     /// Files in which it is.
     pub files: usize,
+    /// Those of them in which there is black, too.
+    pub beside_black: usize,
 }
 
 /// The colours of a file, or of several.
@@ -166,7 +173,9 @@ impl Colours {
             let room = counts.len() < TOLD_APART;
             match counts.get_mut(&key) {
                 Some(count) => count.pixels += length,
-                None if room => drop(counts.insert(key, Count { pixels: length, inner: 0, files: 1 })),
+                None if room => {
+                    counts.insert(key, Count { pixels: length, files: 1, ..Count::default() });
+                }
                 None => out.more = true,
             }
             let colour = colour_of(key);
@@ -182,6 +191,9 @@ impl Colours {
             }
         }
         count_inner(keys, width, &mut counts);
+        if counts.keys().any(|key| is_black(*key)) {
+            counts.values_mut().for_each(|count| count.beside_black = 1);
+        }
         let mut all: Vec<(u32, Count)> = counts.into_iter().collect();
         all.sort_by_key(|(key, count)| (std::cmp::Reverse(count.pixels), *key));
         out.more |= all.len() > KEPT;
@@ -196,6 +208,7 @@ impl Colours {
             own.pixels += count.pixels;
             own.inner += count.inner;
             own.files += count.files;
+            own.beside_black += count.beside_black;
         }
         self.more |= other.more;
         self.pixels += other.pixels;
@@ -260,7 +273,8 @@ impl Look {
         let alpha_varies = parts.alpha.as_ref().is_some_and(|alpha| alpha.iter().any(|a| *a != alpha[0]));
         let white = || {
             let pixels = parts.colours.len();
-            let keys = BTreeMap::from([(0xFF_FFFF, Count { pixels, inner: pixels, files: 1 })]);
+            let keys =
+                BTreeMap::from([(0xFF_FFFF, Count { pixels, inner: pixels, files: 1, ..Count::default() })]);
             Colours { keys, pixels, top: 255, ..Colours::default() }
         };
         let [over_black, alpha] = match parts.alpha {

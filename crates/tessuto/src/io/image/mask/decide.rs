@@ -4,7 +4,7 @@
 //! area between black and the brightest one is an object of its own. What was compressed with losses has no labels.
 
 use super::choice::Object;
-use super::look::{Colours, Count, Look, Plane, colour_of, grey_of, luminance};
+use super::look::{Colours, Count, Look, Plane, colour_of, grey_of, is_black, luminance};
 use super::objects::{Candidate, chosen};
 use crate::error::{Error, Hint, Remedy, Result};
 
@@ -90,10 +90,6 @@ fn brightness(key: u32) -> f32 {
         Some((value, full)) => value as f32 / full as f32,
         None => f32::from(colour_of(key).into_iter().max().unwrap_or(0)) / 255.0,
     }
-}
-
-fn is_black(key: u32) -> bool {
-    grey_of(key).is_some_and(|(value, _)| value == 0)
 }
 
 /// How to read the masks that `looks` were taken of, which messages call `place`; `object` is the one that was asked for.
@@ -235,7 +231,8 @@ impl Decision<'_> {
         let full = if value(top) <= 255 { 255 } else { grey_of(top).expect("grey").1 };
         let between = |key: u32| {
             let part = f64::from(value(key)) / f64::from(value(top));
-            (NOISE..=1.0 - NOISE).contains(&part)
+            // Greys in a file without any black are a filmed image, or a mask that is all grey.
+            (NOISE..=1.0 - NOISE).contains(&part) && keys[&key].beside_black > 0
         };
         let areas: Vec<u32> =
             keys.iter().filter(|(k, c)| !is_black(**k) && self.is_area(c)).map(|(k, _)| *k).collect();
