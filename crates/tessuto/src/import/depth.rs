@@ -154,7 +154,7 @@ fn from_json(value: &Value, path: &Path) -> Result<Option<Calibration>> {
 }
 
 /// Three rows of three numbers. They are for the colour images, whose size the file does not tell: they have the map's shape, and the
-/// width of phones' videos whose middle is nearest to the principal point.
+/// width, the map's or that of phones' videos, whose middle is nearest to the principal point.
 fn from_matrix(path: &Path, map: [usize; 2]) -> Result<Calibration> {
     let place = path.display().to_string();
     let bad = |problem: &str| {
@@ -167,8 +167,10 @@ fn from_matrix(path: &Path, map: [usize; 2]) -> Result<Calibration> {
     let numbers = numbers.ok_or_else(|| bad("is no matrix"))?;
     let m = <[f64; 9]>::try_from(numbers).map_err(|_| bad("has not nine numbers"))?;
     let [fx, fy, cx, cy] = matrix::intrinsics(&m, &place)?;
-    let width = |w: &&usize| ((**w as f64 - 1.0) / 2.0 - cx).abs();
-    let width = *WIDTHS.iter().min_by(|a, b| width(a).total_cmp(&width(b))).expect("there are several");
+    // A matrix for the map itself is one, too.
+    let widths = WIDTHS.into_iter().chain([map[0]]);
+    let off = |w: &usize| ((*w as f64 - 1.0) / 2.0 - cx).abs();
+    let width = widths.min_by(|a, b| off(a).total_cmp(&off(b))).expect("there are several");
     let height = (width * map[1]).div_ceil(map[0]);
     Ok(Calibration {
         centre: Some([cx, cy]),
@@ -219,6 +221,8 @@ mod tests {
             let other = from_matrix(&path, [256, 192]).unwrap();
             assert_eq!((other.centre, other.focal), (camera.centre, camera.focal), "{text}");
         }
+        std::fs::write(&path, "400,0,159.5\n0,400,119.5\n0,0,1\n").unwrap();
+        assert_eq!(from_matrix(&path, [320, 240]).unwrap().size, Some([320, 240]));
         std::fs::write(&path, "1,2,3").unwrap();
         assert!(from_matrix(&path, [256, 192]).unwrap_err().to_string().contains("not nine numbers"));
     }
