@@ -554,6 +554,26 @@ fn fisheye_cameras_as_calibrations_write_them() {
 }
 
 #[test]
+fn plain_cloth_of_which_only_the_border_moves_is_no_wrong_outline() {
+    let files = Files::new();
+    let sheet = |n: u32, x: u32, y: u32| (30 + n..66 + n).contains(&x) && (30..66).contains(&y);
+    for n in 0..4 {
+        let image = RgbImage::from_fn(96, 96, |x, y| {
+            let print = ((x * 37 + y * 91 + x * y * 7) % 60) as u8;
+            Rgb(if sheet(n, x, y) { [180, 90, 20] } else { [20 + print, 40, 60] })
+        });
+        image.save(files.path(&format!("frames/{n:03}.png"))).unwrap();
+    }
+    let first = RgbImage::from_fn(96, 96, |x, y| Rgb(if sheet(0, x, y) { [128, 0, 0] } else { [0; 3] }));
+    first.save(files.path("first.png")).unwrap();
+    let (status, text) = files.run(&["import", "@frames", "@out", "--fps", "25", "--fx", "100"]);
+    assert_eq!(status, Some(0), "{text}");
+    let (status, text) = files.run(&["masks", "@out", "--first", "@first.png"]);
+    assert!(status == Some(0) && text.contains("4 masks, confidence"), "{text}");
+    assert!(text.contains("two values, 0 and 128,0,0"), "{text}");
+}
+
+#[test]
 fn after_a_cut_the_take_of_the_outline_is_offered() {
     let files = Files::new();
     // Seven frames; the scene is every second one from the first on, and the cut is behind its second.

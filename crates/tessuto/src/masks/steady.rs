@@ -79,11 +79,16 @@ fn changed(frames: &Frames, n: usize, near: &Region) -> f64 {
 }
 
 /// Where things move: the fraction of the region's pixels that ever change, and the middle of what changes elsewhere, with
-/// the fraction of the image that it is.
+/// the fraction of the image that it is. What changes beside the region is its own border at work, of plain cloth all that is seen
+/// to move, and counts neither way.
 pub(super) fn movement(frames: &Frames, fabric: &Region, noise: f32) -> (f64, Option<([f32; 2], f64)>) {
     let [width, height] = frames.size;
     let limit = (8.0 * noise).max(ELSE);
     let stride = frames.images.len().div_ceil(12).max(1);
+    let beside =
+        fabric.bounds().map(|r| r.padded(r.width().max(r.height()).div_ceil(10).max(4), frames.size));
+    let is_beside =
+        |x: usize, y: usize| beside.is_some_and(|r| (r.x0..r.x1).contains(&x) && (r.y0..r.y1).contains(&y));
     let rows: Vec<[f64; 6]> = (0..height)
         .into_par_iter()
         .step_by(3)
@@ -95,8 +100,9 @@ pub(super) fn movement(frames: &Frames, fabric: &Region, noise: f32) -> (f64, Op
                     let now = image.at(x, y);
                     (0..3).any(|c| (now[c] - first[c]).abs() > limit)
                 });
-                let changes = f64::from(u8::from(changes));
-                if fabric.at(x, y) {
+                let inside = fabric.at(x, y);
+                let changes = f64::from(u8::from(changes && (inside || !is_beside(x, y))));
+                if inside {
                     sums[0] += changes;
                     sums[1] += 1.0;
                 } else {
