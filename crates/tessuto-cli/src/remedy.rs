@@ -56,7 +56,7 @@ fn options(remedy: &Remedy) -> String {
         Remedy::Outline => "--outline \"X,Y X,Y X,Y X,Y\"".into(),
         Remedy::Plate => "--plate FILE".into(),
         Remedy::MakeMasks(folder) => make_masks(&quoted(folder)),
-        Remedy::Import(file) => import(&quoted(file)).join(", or "),
+        Remedy::Import(file) => import(&quoted(file), "SCENE").join(", or "),
         Remedy::AllowGaps => "--allow-gaps".into(),
         Remedy::Downscale => "tessuto import --downscale".into(),
         Remedy::Intrinsics => "--fx --fy --cx --cy".into(),
@@ -76,9 +76,9 @@ fn options(remedy: &Remedy) -> String {
 }
 
 /// The commands that make a scene of a clip.
-pub fn import(clip: &str) -> [String; 2] {
+pub fn import(clip: &str, scene: &str) -> [String; 2] {
     let outline = "\"X,Y X,Y X,Y X,Y\"";
-    [format!("tessuto studio {clip}"), format!("tessuto import {clip} SCENE --fov 65 --outline {outline}")]
+    [format!("tessuto studio {clip}"), format!("tessuto import {clip} {scene} --fov 65 --outline {outline}")]
 }
 
 /// The command that makes masks.

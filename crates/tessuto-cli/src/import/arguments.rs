@@ -19,14 +19,15 @@ Examples:
   tessuto template scenes/towel --flat 0.7x0.5m --from-mask     (if there is no template yet)
 
 With --outline the masks are made from the clip, as tessuto masks makes them; its corners are in pixels of the scene's
-first frame. Videos are decoded by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask
+first frame. H.264 and HEVC in MP4, MOV and MKV are decoded here,
+other videos by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask
 is fabric, or the transparency where the colour is one, or an object (--object chooses one of several); masks pair with
 frames by name, else by number; a video of masks pairs frame by frame. Images named by their times tell their frame rate.")]
 pub struct Arguments {
     /// Video file, or folder of PNG or JPEG images.
     pub input: PathBuf,
     /// Scene folder to write.
-    pub out: PathBuf,
+    pub out: Option<PathBuf>,
     /// Masks: folder of images, or a video; white is fabric.
     #[arg(long, value_name = "PATH", conflicts_with_all = ["alpha", "outline"])]
     pub masks: Option<PathBuf>,

@@ -2,8 +2,10 @@
 
 mod arguments;
 
+use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use tessuto::Error;
 use tessuto::import::{CARRIED_OVER, Masks, Settings, check_target, copy_template, expect_files, import};
 use tessuto::masks::{EmptyPlace, Request};
 use tessuto::output::{FolderKind, OutputFolder};
@@ -18,7 +20,7 @@ use crate::say::say;
 /// Runs the command: writes the scene, prints what was changed and what `check` finds.
 pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     arguments.threads.start()?;
-    let out = &arguments.out;
+    let Some(out) = &arguments.out else { return Err(without_scene(&arguments.input).into()) };
     expect_files(&[
         Some(&arguments.input),
         arguments.masks.as_deref(),
@@ -95,4 +97,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         return crate::check::check(out, None);
     }
     crate::check::check_without_template(out)
+}
+
+/// The answer to a clip without a name for its scene: the finished commands.
+fn without_scene(input: &Path) -> Error {
+    let stem = input.file_stem().unwrap_or(input.as_os_str());
+    let [studio, import] = crate::remedy::import(&quoted(input), &quoted(&Path::new("scenes").join(stem)));
+    Error::usage(
+        "the folder of the scene is not named",
+        format!("{import}, with what you know of the camera; or by clicks: {studio}"),
+    )
 }

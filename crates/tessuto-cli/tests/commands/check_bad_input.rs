@@ -128,6 +128,19 @@ fn a_video_instead_of_a_scene() {
 }
 
 #[test]
+fn a_clip_without_a_name_for_its_scene() {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_tessuto")).args(["import", "films/my clip.mp4"]).output().unwrap();
+    let told = unwrapped(&String::from_utf8(output.stderr).unwrap());
+    assert_eq!(output.status.code(), Some(2), "{told}");
+    for way_out in
+        ["tessuto import 'films/my clip.mp4' 'scenes/my clip' --fov 65", "tessuto studio 'films/my clip.mp4'"]
+    {
+        assert!(told.contains(way_out), "{told}");
+    }
+}
+
+#[test]
 fn scene_json_keys() {
     json_refused("\"width\"", "\"widht\"", &["scene.json:5", "widht", "did you mean \"width\"?"]);
     json_refused("\"fps\"", "\"FPS\"", &["scene.json:3", "did you mean \"fps\"?"]);
