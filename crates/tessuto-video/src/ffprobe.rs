@@ -144,7 +144,8 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
     let most = format!("%+#{}", options.max_frames.saturating_add(1));
     let asked = ["-select_streams", "v", "-show_entries", ENTRIES, "-read_intervals", &most];
     let (answer, last) = programs.probe::<Answer>(path, &asked, options)?;
-    let nothing = |said: &str| Refusal::new(format!("ffprobe finds no film in it: {said}"), WHAT_IS_READ);
+    let nothing =
+        |said: &str| Refusal::new(format!("ffprobe, of ffmpeg, finds no film in it: {said}"), WHAT_IS_READ);
     let Some(answer) = answer else {
         // A decoder that may not have such frames may end the program.
         expect_declared_size(path, "v:0", &programs, options)?;
