@@ -1,5 +1,5 @@
 /** Step 2: the part of the clip, chosen on small frames that are numbered as the import numbers them. */
-import { byId, fileUrl, fitCanvas, loadImage } from "./api.js";
+import { byId, fileUrl, fitCanvas, loadImage, number } from "./api.js";
 
 const THUMBS = 14, LONG = 300;
 
@@ -73,6 +73,12 @@ export const trim = studio => {
     });
   }
   for (const id of ["stride", "downscale"]) byId(id).addEventListener("change", keep);
+  byId("rate").addEventListener("change", () => {
+    const rate = number(byId("rate").value);
+    studio.change({ rate: rate > 0 ? rate : null });
+    stop();
+    studio.run({ step: "preview" }).catch(studio.alarm);
+  });
   play.addEventListener("click", () => {
     if (timer) return stop();
     play.textContent = "Pause";
@@ -93,7 +99,8 @@ export const trim = studio => {
       return true;
     },
     update({ work }, entered) {
-      const found = work.clip && work.preview;
+      const reading = work.job?.running && work.job.step === "preview", found = work.clip && work.preview && !reading;
+      if (document.activeElement !== byId("rate")) byId("rate").value = entered.rate ?? "";
       byId("trim-wait").hidden = Boolean(found);
       byId("trim-next").disabled = !found;
       if (!found) {

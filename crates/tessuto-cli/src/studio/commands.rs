@@ -82,8 +82,9 @@ pub fn of(work: &Work, form: &Form, step: &Step) -> Result<Vec<Command>, String>
         Step::Preview => {
             let out = work.beside("preview");
             let force = work.has(&out);
-            let command =
+            let mut command =
                 vec!["frames".into(), clip(form)?, argument(&out), "--side".into(), PREVIEW_SIDE.into()];
+            command.extend(rate(form));
             Ok(vec![forced(command, force)])
         }
         Step::First => {
@@ -91,10 +92,9 @@ pub fn of(work: &Work, form: &Form, step: &Step) -> Result<Vec<Command>, String>
             let start = form.frames.map_or(0, |[a, _]| a);
             let range = format!("{start}..{}", start + 1);
             let force = work.has(&out);
-            Ok(vec![forced(
-                vec!["frames".into(), clip(form)?, argument(&out), "--frames".into(), range],
-                force,
-            )])
+            let mut command = vec!["frames".into(), clip(form)?, argument(&out), "--frames".into(), range];
+            command.extend(rate(form));
+            Ok(vec![forced(command, force)])
         }
         Step::Prepare => prepare(work, form),
         Step::Masks { inside, outside, forget } => {
@@ -133,6 +133,11 @@ pub fn of(work: &Work, form: &Form, step: &Step) -> Result<Vec<Command>, String>
     }
 }
 
+/// How fast the clip was filmed, where that was entered.
+fn rate(form: &Form) -> impl Iterator<Item = String> {
+    form.rate.into_iter().flat_map(|rate| ["--rate".to_owned(), number(rate)])
+}
+
 /// Clip to scene, masks and template.
 fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
     let scene = argument(work.scene());
@@ -153,6 +158,7 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
         if let Some([a, b]) = form.frames {
             import.extend(["--frames".into(), format!("{a}..{b}")]);
         }
+        import.extend(rate(form));
         for (option, value) in [("--stride", form.stride), ("--downscale", form.downscale)] {
             if value > 1 {
                 import.extend([option.into(), value.to_string()]);

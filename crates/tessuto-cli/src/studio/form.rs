@@ -16,6 +16,8 @@ pub struct Form {
     pub clip: Option<String>,
     /// First frame, and the one after the last; all frames without.
     pub frames: Option<[usize; 2]>,
+    /// Frames per second at which the clip was filmed, where its own time stamps do not tell [1/s].
+    pub rate: Option<f64>,
     /// Every so many frames one is used.
     pub stride: usize,
     /// Pixels of the clip, in each direction, that become one.
@@ -77,6 +79,7 @@ impl Default for Form {
         Self {
             clip: None,
             frames: None,
+            rate: None,
             stride: 1,
             downscale: 1,
             outline: Vec::new(),
@@ -98,6 +101,8 @@ impl Form {
         let demand = |ok: bool, text: &str| if ok { Ok(()) } else { Err(text.to_owned()) };
         let length = |v: f64| v > 0.0 && v < 1e6;
         demand(self.frames.is_none_or(|[a, b]| a < b), "the clip must end after it begins")?;
+        let rate = self.rate.is_none_or(|rate| (1e-3..=1e5).contains(&rate));
+        demand(rate, "the clip was filmed at 0.001 to 100,000 frames per second")?;
         demand((1..=1000).contains(&self.stride), "every how many frames: 1 to 1000")?;
         demand((1..=64).contains(&self.downscale), "frames are made smaller by a factor of 1 to 64")?;
         demand(self.outline.len() <= MOST_POINTS, "an outline has 400 points at most")?;
@@ -150,6 +155,7 @@ mod tests {
     #[test]
     fn what_cannot_be_is_refused() {
         assert!(check(|f| f.frames = Some([3, 9])) && !check(|f| f.frames = Some([9, 9])));
+        assert!(check(|f| f.rate = Some(29.97)) && !check(|f| f.rate = Some(0.0)));
         assert!(!check(|f| f.stride = 0) && !check(|f| f.downscale = 99));
         assert!(!check(|f| f.size = Some([0.0, 1.0])) && !check(|f| f.size = Some([f64::NAN, 1.0])));
         assert!(!check(|f| f.outline = vec![Point { x: f64::NAN, y: 0.0, corner: true }]));
