@@ -151,3 +151,98 @@ impl Film {
         Frames::start(&self.path, &self.backend, &self.stream, end, options)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::process::Command;
+
+    fn options() -> Options<'static> {
+        let ffmpeg = Path::new("ffmpeg");
+        Options { ffmpeg, max_side: 1 << 14, max_bytes: 1 << 28, max_frames: 1000, end: None }
+    }
+
+    /// An MP4 of `count` frames; `None`, and said so, where ffmpeg with x264 is missing.
+    fn clip(folder: &Path, count: usize) -> Option<PathBuf> {
+        let path = folder.join("clip.mp4");
+        let source = ["-f", "lavfi", "-i", "testsrc2=s=96x64:r=30"];
+        let mut command = Command::new("ffmpeg");
+        command.args(["-v", "error", "-nostdin", "-y"]).args(source);
+        command.args(["-frames:v", &count.to_string(), "-c:v", "libx264", "-pix_fmt", "yuv420p", "-g", "4"]);
+        if !command.arg(&path).status().is_ok_and(|status| status.success()) {
+            println!("NOT TESTED: films, ffmpeg with libx264 is missing");
+            return None;
+        }
+        Some(path)
+    }
+
+    /// Turns the film's track by writing a matrix of 16.16 fixed point into its header.
+    fn turn(path: &Path, [a, b, c, d]: [i32; 4]) {
+        let mut bytes = std::fs::read(path).unwrap();
+        let at = bytes.windows(4).position(|w| w == b"tkhd").unwrap() + 4 + 40;
+        for (k, v) in [(0, a), (1, b), (3, c), (4, d)] {
+            bytes[at + 4 * k..][..4].copy_from_slice(&(v << 16).to_be_bytes());
+        }
+        std::fs::write(path, bytes).unwrap();
+    }
+
+    fn frames(film: &Film, options: &Options) -> Vec<Frame> {
+        film.frames(None, options).unwrap().map(|frame| frame.unwrap()).collect()
+    }
+
+    #[test]
+    fn turned_frames_are_upright_as_ffmpeg_turns_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = options();
+        for (degrees, matrix) in
+            [(0, [1, 0, 0, 1]), (90, [0, 1, -1, 0]), (180, [-1, 0, 0, -1]), (270, [0, -1, 1, 0])]
+        {
+            let Some(path) = clip(folder.path(), 3) else { return };
+            turn(&path, matrix);
+            let own = open(&path, &options).unwrap();
+            assert!(matches!(own.backend, Backend::Native) && own.stream.turn == degrees);
+            let other = by_programs(&path, &options, None).unwrap();
+            assert_eq!((own.stored, own.stream.upright_size()), (other.stored, other.stream.upright_size()));
+            let (own, other) = (frames(&own, &options), frames(&other, &options));
+            assert_eq!(own.len(), other.len());
+            for (a, b) in own.iter().zip(&other) {
+                assert_eq!(a.size, b.size);
+                let apart = a.rgb.iter().zip(&b.rgb).map(|(a, b)| f64::from(a.abs_diff(*b))).sum::<f64>();
+                let mean = apart / a.rgb.len() as f64;
+                println!("{degrees}°: {mean:.2} of 255 apart");
+                // Both make colours of the same bytes, each in its way; turned wrongly they are 60 apart.
+                assert!(mean < 8.0, "{degrees}°: {mean}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_damaged_amid_the_film_is_left_to_ffmpeg_with_a_note() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = options();
+        let Some(path) = clip(folder.path(), 12) else { return };
+        let whole = frames(&open(&path, &options).unwrap(), &options);
+        // Lengths of units that reach beyond their frame, in the second half of the film.
+        let mut bytes = std::fs::read(&path).unwrap();
+        let at = bytes.windows(4).position(|w| w == b"mdat").unwrap() + 4;
+        let end = at + u32::from_be_bytes(bytes[at - 8..at - 4].try_into().unwrap()) as usize - 8;
+        bytes[at + (end - at) / 2..end].fill(0xff);
+        std::fs::write(&path, bytes).unwrap();
+        let film = open(&path, &options).unwrap();
+        let mut stream = film.frames(None, &options).unwrap();
+        let read: Vec<_> = stream.by_ref().collect();
+        let good = read.iter().filter(|frame| frame.is_ok()).count();
+        assert!((1..=12).contains(&good), "{good}");
+        assert_eq!(read[0].as_ref().unwrap(), &whole[0]);
+        let told = stream
+            .complaint()
+            .map(str::to_owned)
+            .or(read.iter().find_map(|f| Some(f.as_ref().err()?.to_string())));
+        println!("{good} frames, {told:?}");
+        assert!(told.is_some_and(|told| told.contains("damaged") || told.contains("ffmpeg")));
+        // Without ffmpeg, what was read before can still be taken.
+        let lonely = Options { ffmpeg: Path::new("/no/such/ffmpeg"), ..options };
+        let refusal = film.frames(None, &lonely).unwrap().find_map(Result::err);
+        println!("{refusal:?}");
+    }
+}

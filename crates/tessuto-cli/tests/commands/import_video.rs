@@ -166,6 +166,41 @@ fn masks_follow_the_frames_over_a_gap() {
 }
 
 #[test]
+fn masks_of_another_rate_are_paired_by_their_times_or_refused() {
+    let Some(clips) = Clips::new() else { return };
+    clips.pattern("12", 12, "-c:v ffv1", "film.mkv");
+    // White grows with the number of the mask.
+    let white = |rate: usize, count: usize, to: &str| {
+        let grown = format!(
+            "-f lavfi -i color=black:s=64x64:r={rate} -frames:v {count} -vf format=gray,geq=lum=255*lt(X\\,4+2*N) -c:v ffv1"
+        );
+        clips.make(&grown, &[to]);
+    };
+    let width = |n: usize| {
+        let (mask, _) = read_mask(&clips.path(&format!("out/masks/mask_{n:03}.png"))).unwrap();
+        mask.data[..64].iter().filter(|v| **v > 0.5).count()
+    };
+    white(24, 24, "twice.mkv");
+    let imported = clips.imported("film.mkv", &["--masks", "twice.mkv"]);
+    assert!(
+        imported.text.contains("24 masks for 12 frames of the same length; paired by their time stamps"),
+        "{}",
+        imported.text
+    );
+    assert_eq!([0, 1, 5, 11].map(width), [4, 8, 24, 48]);
+    // As many as frames, whatever their stamps: one by one.
+    white(30, 12, "each.mkv");
+    clips.imported("film.mkv", &["--masks", "each.mkv"]);
+    assert_eq!([0, 1, 5, 11].map(width), [4, 6, 14, 26]);
+    white(24, 8, "short.mkv");
+    clips.refused(
+        "film.mkv",
+        &["--masks", "short.mkv"],
+        &["short.mkv", "8 masks in 0.33 s", "12 frames in 1.00 s"],
+    );
+}
+
+#[test]
 fn raw_streams_do_not_tell_their_rate() {
     let Some(clips) = Clips::new() else { return };
     clips.pattern("60", 24, "-c:v mjpeg -f mjpeg", "raw.mjpeg");

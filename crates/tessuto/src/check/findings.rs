@@ -34,6 +34,8 @@ struct Glance {
     mask: MaskShape,
     /// Whether it shows what the frame before shows.
     repeats: bool,
+    /// How much it differs from it.
+    change: Option<f64>,
 }
 
 impl Glance {
@@ -45,9 +47,10 @@ impl Glance {
             _ => n.checked_sub(1).map(|before| scene.frames.frame(before)).transpose()?,
         };
         let mask = MaskShape::of(&frame.mask);
-        let repeats = before.is_some_and(|before| repeats::is_repeated(&before, &frame));
+        let repeats = before.as_ref().is_some_and(|before| repeats::is_repeated(before, &frame));
+        let change = before.and_then(|before| repeats::difference(&before, &frame));
         *last = Some((n, frame));
-        Ok(Self { mask, repeats })
+        Ok(Self { mask, repeats, change })
     }
 }
 
@@ -132,8 +135,27 @@ fn motion(scene: &Scene, looked_at: &[Glance]) -> Finding {
             let detail = format!("{} frames repeat the one before, first frame {frame}", repeats.len());
             doubt("motion", detail, "remove repeated frames and correct fps, or the fabric stops and jumps")
         }
-        None => ok("motion", "no frame repeats the one before".into()),
+        None => copies(scene, looked_at),
     }
+}
+
+/// What compression left of copies.
+fn copies(scene: &Scene, looked_at: &[Glance]) -> Finding {
+    let changes: Vec<Option<f64>> = looked_at.iter().map(|glance| glance.change).collect();
+    let Some(found) = repeats::copies(&changes) else {
+        return ok("motion", "no frame repeats the one before".into());
+    };
+    let (count, every, first) = (found.count, found.every, scene.first_frame + found.first);
+    let detail = format!(
+        "{count} frames hardly differ from the one before, every {every} frames from frame {first}: copies, as of film whose rate was raised"
+    );
+    let hint = match every {
+        2 => "import every second frame (stride 2), at half the rate, or the film as the camera wrote it",
+        _ => {
+            "import the film as the camera wrote it, or at its own rate: copies make the fabric stop and jump"
+        }
+    };
+    doubt("motion", detail, hint)
 }
 
 fn intrinsics(scene: &Scene) -> Finding {

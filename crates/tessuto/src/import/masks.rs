@@ -167,7 +167,10 @@ fn from_video(
         Kind::Video(colour) => Some(colour.as_ref()),
         Kind::Images(_) => None,
     };
-    let video = Video::masks(path, &settings.ffmpeg, colour)?;
+    let video = Video::masks(path, &settings.ffmpeg, colour, notes)?;
+    if let Kind::Images(images) = &source.kind {
+        video.expect_one_each(images.len())?;
+    }
     let mut stream = video.stream(wanted.last().map(|n| n + 1), &settings.ffmpeg)?;
     let mut count = 0;
     let chosen =

@@ -20,6 +20,8 @@ const VARIED: f64 = 1.5;
 const LAPSE: f64 = 0.9;
 /// Stamps of a rate so far below what was meant `[fraction]` are worth a note.
 const DIM: f64 = 0.05;
+/// Rates and lengths of two films that differ by less `[fraction]` are the same but for a frame too many.
+const ALIKE: f64 = 0.1;
 /// Most frames, stored or after resampling.
 const MAX_FRAMES: usize = 1_000_000;
 /// Most frames that a note names.
@@ -143,7 +145,12 @@ impl Video {
     ///
     /// # Errors
     /// As [`probe`](Self::probe).
-    pub fn masks(path: &Path, ffmpeg: &Path, colour: Option<&Video>) -> Result<Self> {
+    pub fn masks(
+        path: &Path,
+        ffmpeg: &Path,
+        colour: Option<&Video>,
+        notes: &mut Vec<String>,
+    ) -> Result<Self> {
         let reading = Reading { ffmpeg, fps: None, rate: None, end: None };
         let masks = Self::every_frame(path, reading)?;
         let Some(colour) = colour else { return Ok(masks) };
@@ -160,10 +167,65 @@ impl Video {
             let chosen = colour.chosen.clone().unwrap_or_else(every).iter().map(|k| k / per_mask).collect();
             return Ok(Self { chosen: Some(chosen), fps: colour.fps, ..masks });
         }
+        let other_rate = if colour.chosen.is_none() { masks.other_rate(colour)? } else { None };
+        if let Some(fps) = other_rate {
+            notes.push(format!(
+                "{}: {own} masks for {} frames of the same length; paired by their time stamps",
+                masks.place,
+                colour.moments()
+            ));
+            return Self::probe(path, Reading { fps: Some(fps), ..reading }, &mut Vec::new());
+        }
         if colour.chosen.is_none() || !is_stamped {
             return Ok(masks);
         }
         Self::probe(path, Reading { fps: Some(colour.fps), ..reading }, &mut Vec::new())
+    }
+
+    /// Refuses masks that are far more than `frames`, images that do not tell when they were taken.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with both counts.
+    pub fn expect_one_each(&self, frames: usize) -> Result<()> {
+        let masks = self.moments();
+        if masks as f64 <= (1.0 + ALIKE) * frames as f64 + 1.0 {
+            return Ok(());
+        }
+        Err(Error::input(
+            &self.place,
+            format!("holds {masks} masks for {frames} images: which belongs to which is not told"),
+            "make one mask for each image, in their order",
+        ))
+    }
+
+    /// The rate of the frames of `colour`, if these masks have another one and last as long.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if they have another rate and last longer or shorter.
+    fn other_rate(&self, colour: &Video) -> Result<Option<f64>> {
+        let interval = |video: &Self| {
+            let moments = video.film.stream.moments();
+            let last = moments.last().copied().filter(|last| *last > 0.0)?;
+            Some((last / (moments.len() - 1) as f64, moments.len()))
+        };
+        let (Some((own, masks)), Some((other, frames))) = (interval(self), interval(colour)) else {
+            return Ok(None);
+        };
+        let alike = |a: f64, b: f64| (a / b - 1.0).abs() < ALIKE;
+        if alike(own, other) {
+            return Ok(None);
+        }
+        let [lasts, film] = [own * masks as f64, other * frames as f64];
+        if alike(lasts, film) {
+            return Ok(Some(1.0 / other));
+        }
+        Err(Error::input(
+            &self.place,
+            format!(
+                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: which belongs to which is not told"
+            ),
+            "make one mask for each frame of the film, in its order",
+        ))
     }
 
     /// Width over height of a pixel.
