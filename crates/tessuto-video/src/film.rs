@@ -122,11 +122,8 @@ fn here(path: &Path, stream: Stream, options: &Options) -> Result<Film, Refusal>
 pub(crate) fn by_programs(path: &Path, options: &Options, refused: Option<Refused>) -> Result<Film, Refusal> {
     let look = ffprobe::look(path, Programs::beside(options.ffmpeg), options);
     let look = look.map_err(|refusal| match &refused {
-        Some(refused) if refusal.lacks_program => {
-            let what = format!("{refused}; so it {}", refusal.what);
-            Refusal { what, ..refusal }
-        }
-        _ => refusal,
+        Some(refused) => behind(refused, refusal),
+        None => refusal,
     })?;
     let mut notes = look.notes;
     if let Some(Refused::Damaged(what)) = refused {
@@ -134,6 +131,15 @@ pub(crate) fn by_programs(path: &Path, options: &Options, refused: Option<Refuse
     }
     let (path, backend) = (path.to_path_buf(), Backend::Ffmpeg(look.programs));
     Ok(Film { stream: look.stream, stored: look.stored, notes, path, backend })
+}
+
+/// A missing program is needed for what is `refused` here.
+pub(crate) fn behind(refused: &Refused, refusal: Refusal) -> Refusal {
+    let refused = refused.to_string();
+    match refusal.lacks_program && !refusal.what.contains(&refused) {
+        true => Refusal { what: format!("{refused}; so it {}", refusal.what), ..refusal },
+        false => refusal,
+    }
 }
 
 /// Names and values of the metadata of a video file and of its tracks; `None` where it cannot be read.
@@ -244,5 +250,11 @@ mod tests {
         let lonely = Options { ffmpeg: Path::new("/no/such/ffmpeg"), ..options };
         let refusal = film.frames(None, &lonely).unwrap().find_map(Result::err);
         println!("{refusal:?}");
+        let refusal = refusal.expect("there is no such program");
+        assert!(
+            refusal.what.contains("is damaged") && refusal.what.contains("needs the program ffmpeg"),
+            "{refusal}"
+        );
+        assert!(refusal.part.is_some_and(|part| part.start == 0 && part.end > 0));
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::ffmpeg::Decoder;
-use crate::film::{Backend, Frame, Options, by_programs};
+use crate::film::{Backend, Frame, Options, behind, by_programs};
 use crate::native::{self, Native, Refused};
 use crate::refusal::Refusal;
 use crate::stream::Stream;
@@ -91,10 +91,14 @@ impl Frames {
         let (max_side, max_bytes, max_frames) = self.bounds;
         let ffmpeg = self.ffmpeg.clone();
         let options = Options { ffmpeg: &ffmpeg, max_side, max_bytes, max_frames, end: self.end };
+        // What was read before can still be taken.
         let part = (self.given > 0).then_some(0..self.given);
-        let film = by_programs(&self.path, &options, Some(refused.clone()))
-            .map_err(|refusal| if refusal.part.is_none() { Refusal { part, ..refusal } } else { refusal })?;
-        let mut rest = film.frames(self.end, &options)?;
+        let told = |refusal: Refusal| {
+            let part = refusal.part.clone().or(part.clone());
+            Refusal { part, ..behind(refused, refusal) }
+        };
+        let film = by_programs(&self.path, &options, Some(refused.clone())).map_err(&told)?;
+        let mut rest = film.frames(self.end, &options).map_err(&told)?;
         for frame in rest.by_ref().take(self.given) {
             frame?;
         }
