@@ -50,6 +50,7 @@ fn way(remedy: &Remedy) -> String {
         | Remedy::AllowGaps
         | Remedy::Downscale
         | Remedy::Intrinsics
+        | Remedy::Import(_)
         | Remedy::CameraId => format!("the program's `tessuto import`, {remedy}"),
     }
 }
