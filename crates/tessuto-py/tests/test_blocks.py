@@ -136,15 +136,15 @@ def test_direct_light_and_its_adjoint() -> None:
 def test_what_does_not_go_together_is_refused() -> None:
     cloth, (x, v, constant, dynamic) = simulated()
     vertices, faces, uv = grid(4, 3)
-    with pytest.raises(ValueError, match=r"x has shape \[5, 3\], expected \[12, 3\]"):
+    with pytest.raises(ValueError, match=r"x: has shape \[5, 3\], expected \[12, 3\]"):
         tessuto.rollout(cloth, x[:5], None, constant, dynamic, *STIFFNESS, **STEP)
-    with pytest.raises(ValueError, match="expected .* of 12 vertices"):
+    with pytest.raises(ValueError, match=r"dynamic: has shape .*, expected .*, 12, 3\]"):
         tessuto.rollout(cloth, x, v, constant, dynamic[:, :3], *STIFFNESS, **STEP)
     with pytest.raises(ValueError, match="stretch is not one finite stiffness"):
         tessuto.rollout(cloth, x, v, constant, dynamic, -1.0, 1e-3, 1e-3, **STEP)
     with pytest.raises(ValueError, match="dt is 0"):
         tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, dt=0.0)
-    with pytest.raises(ValueError, match="integrator is 'euler'"):
+    with pytest.raises(ValueError, match="integrator: is 'euler'"):
         tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, dt=0.01, integrator="euler")
     with pytest.raises(tessuto.NumericalError, match="frame 1.*vertex 3.*position .NaN") as caught:
         tessuto.rollout(cloth, np.where(np.arange(12)[:, None] == 3, np.nan, x), v, constant, dynamic, *STIFFNESS, **STEP)

@@ -77,7 +77,7 @@ fn main() {
         results[match result {
             Ok(()) => 0,
             Err(Refused::NotHandled(_)) => 1,
-            Err(Refused::Damaged(_) | Refused::TooLarge(_)) => 2,
+            Err(Refused::Damaged(_) | Refused::TooLarge(_) | Refused::Changed(_)) => 2,
             Err(Refused::Unreadable(_)) => 3,
         }] += 1;
         slowest = slowest.max((began.elapsed(), number));

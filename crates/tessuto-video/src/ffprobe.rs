@@ -8,6 +8,7 @@ use serde::Deserialize;
 use crate::capture;
 use crate::ffmpeg::Programs;
 use crate::film::Options;
+use crate::frames::OTHER_PART;
 use crate::refusal::Refusal;
 use crate::stream::{Fields, Matrix, Stream, Transfer};
 
@@ -27,8 +28,7 @@ const ENTRIES: &str = "library_version=name,major,minor:format=format_name:forma
      sample_aspect_ratio,color_range,color_space,color_transfer,time_base,bits_per_raw_sample:stream_tags:\
      stream_disposition=default,attached_pic:stream_side_data=rotation:packet=stream_index,pts,dts,flags";
 /// What is asked of decoded frames.
-const FRAME_ENTRIES: &str =
-    "frame=best_effort_timestamp,width,height,pix_fmt,interlaced_frame,top_field_first";
+const FRAME_ENTRIES: &str = "frame=best_effort_timestamp,width,height,pix_fmt,interlaced_frame,top_field_first:frame_side_data=rotation";
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
@@ -82,7 +82,7 @@ struct Disposition {
     attached_pic: u8,
 }
 
-#[derive(Deserialize, Default)]
+#[derive(Deserialize, Default, Debug)]
 #[serde(default)]
 struct SideData {
     rotation: Option<f64>,
@@ -122,6 +122,7 @@ struct Shown {
     pix_fmt: String,
     interlaced_frame: u8,
     top_field_first: u8,
+    side_data_list: Vec<SideData>,
 }
 
 /// Names and values of the metadata of the file at `path` and of its tracks.
@@ -297,10 +298,13 @@ fn decoded(path: &Path, programs: &Programs, count: usize, options: &Options) ->
 /// Where frames change their size or pixel format: the number of the first other one, and the refusal.
 fn change(frames: &[Shown]) -> Option<(usize, Refusal)> {
     let head = frames.first()?;
-    let kind = |f: &Shown| (f.width, f.height, f.pix_fmt.clone());
+    let turn = |f: &Shown| f.side_data_list.iter().find_map(|data| data.rotation).unwrap_or(0.0);
+    let kind = |f: &Shown| (f.width, f.height, f.pix_fmt.clone(), turn(f).to_bits());
     let at = frames.iter().position(|frame| kind(frame) != kind(head))?;
     let other = &frames[at];
-    let what = if (head.width, head.height) == (other.width, other.height) {
+    let what = if turn(head) != turn(other) {
+        format!("changes its rotation at frame {at}: {}° before, {}° from there on", turn(head), turn(other))
+    } else if (head.width, head.height) == (other.width, other.height) {
         format!(
             "changes its pixel format at frame {at}: {} before, {} from there on",
             head.pix_fmt, other.pix_fmt
@@ -312,13 +316,7 @@ fn change(frames: &[Shown]) -> Option<(usize, Refusal)> {
         )
     };
     let part = Some(0..at);
-    Some((
-        at,
-        Refusal {
-            part,
-            ..Refusal::new(what, "take the frames before, or cut it there and take the other part")
-        },
-    ))
+    Some((at, Refusal { part, ..Refusal::new(what, OTHER_PART) }))
 }
 
 /// Whether the film changes its size, by decoding all of it.
@@ -450,6 +448,10 @@ mod tests {
         assert!(change(&[frame(320, "yuv420p"), frame(320, "yuv420p")]).is_none());
         let (at, refusal) = change(&[frame(320, "yuv420p"), frame(240, "yuv420p")]).unwrap();
         assert!(at == 1 && refusal.what.contains("at frame 1: 320×320 pixels before, 240×320"), "{refusal}");
+        let turned =
+            Shown { side_data_list: vec![SideData { rotation: Some(-90.0) }], ..frame(320, "yuv420p") };
+        let (_, refusal) = change(&[frame(320, "yuv420p"), turned]).unwrap();
+        assert!(refusal.what.contains("rotation at frame 1: 0° before, -90°"), "{refusal}");
         assert!(
             change(&[frame(8, "yuv420p"), frame(8, "yuv422p")])
                 .unwrap()

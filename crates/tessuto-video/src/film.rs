@@ -223,6 +223,35 @@ mod tests {
     }
 
     #[test]
+    fn a_pixel_format_that_changes_is_refused_with_the_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = options();
+        if clip(folder.path(), 4).is_none() {
+            return;
+        }
+        let make = |arguments: &str| {
+            let status = Command::new("ffmpeg")
+                .current_dir(folder.path())
+                .args("-v error -nostdin -y".split(' '))
+                .args(arguments.split(' '))
+                .status();
+            assert!(status.unwrap().success(), "{arguments}");
+        };
+        make("-i clip.mp4 -c:v libx264 -bf 0 -pix_fmt yuv420p -f h264 a.h264");
+        make("-i clip.mp4 -c:v libx264 -bf 0 -pix_fmt yuv422p -f h264 b.h264");
+        let part = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+        std::fs::write(folder.path().join("ab.h264"), [part("a.h264"), part("b.h264")].concat()).unwrap();
+        make("-framerate 30 -i ab.h264 -c copy ab.mp4");
+        let refusal = open(&folder.path().join("ab.mp4"), &options)
+            .and_then(|film| film.frames(None, &options)?.find_map(Result::err).map_or(Ok(film), Err))
+            .map(|_| ())
+            .unwrap_err();
+        println!("{refusal:?}");
+        assert!(refusal.what.contains("changes its pixel format at frame 4"), "{refusal}");
+        assert_eq!(refusal.part, Some(0..4));
+    }
+
+    #[test]
     fn what_is_damaged_amid_the_film_is_left_to_ffmpeg_with_a_note() {
         let folder = tempfile::tempdir().unwrap();
         let options = options();

@@ -9,6 +9,9 @@ use crate::refusal::Refusal;
 use crate::stream::Stream;
 use crate::turn::turned;
 
+/// The way out of a film whose frames change.
+pub(crate) const OTHER_PART: &str = "take the frames before, or cut it there and take the other part";
+
 /// Frames, one after the other.
 pub struct Frames {
     source: Source,
@@ -79,6 +82,11 @@ impl Frames {
     fn next_here(&mut self, native: &mut Native) -> Option<Result<Frame, Refusal>> {
         match native.next_rgb()? {
             Ok(rgb) => Some(Ok(turned(Frame { size: self.size, rgb }, self.turn))),
+            Err(Refused::Changed(what)) => {
+                let what = format!("changes its pixel format at frame {}: {what}", self.given);
+                let part = (self.given > 0).then_some(0..self.given);
+                Some(Err(Refusal { part, ..Refusal::new(what, OTHER_PART) }))
+            }
             Err(refused) => Some(match self.go_on(&refused) {
                 Ok(frame) => return frame.map(Ok),
                 Err(refusal) => Err(refusal),

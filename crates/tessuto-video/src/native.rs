@@ -26,6 +26,7 @@ pub struct Native {
     film: Film,
     colours: Colours,
     limits: Limits,
+    chroma: Option<Chroma>,
     given: usize,
     over: bool,
 }
@@ -120,7 +121,7 @@ fn stream(codec: Codec, times: Vec<f64>, format: &Format, container: Colour) -> 
 impl Native {
     fn new(stream: Stream, format: &Format, film: Film, limits: Limits) -> Native {
         let colours = Colours::new(stream.matrix, stream.full_range, stream.bits, format.siting);
-        Native { stream, film, colours, limits, given: 0, over: false }
+        Native { stream, film, colours, limits, chroma: None, given: 0, over: false }
     }
 
     /// What the container says of the film.
@@ -146,7 +147,15 @@ impl Native {
         });
         let Some(frame) = frame else { return damaged("the decoder gave up") };
         let Some(frame) = frame? else { return Ok(None) };
-        if frame.size != self.stream.size || frame.bits != self.stream.bits {
+        let kept = *self.chroma.get_or_insert(frame.chroma);
+        if frame.size == self.stream.size && (frame.chroma, frame.bits) != (kept, self.stream.bits) {
+            let before = format!("{kept:?} of {} bits before", self.stream.bits);
+            return Err(Refused::Changed(format!(
+                "{before}, {:?} of {} bits from there on",
+                frame.chroma, frame.bits
+            )));
+        }
+        if frame.size != self.stream.size {
             let [[a, b], [c, d]] = [self.stream.size, frame.size];
             return not_handled(format!("frames that change within the film ({a}×{b} px, then {c}×{d} px)"));
         }

@@ -9,6 +9,8 @@ pub enum Refused {
     NotHandled(String),
     /// Contradicts itself or ends early; another program would guess.
     Damaged(String),
+    /// Its frames have another pixel format from one on; both are named.
+    Changed(String),
     /// Takes more than the [`Limits`](crate::native::Limits) allow.
     TooLarge(String),
     /// The system does not give its bytes.
@@ -20,6 +22,7 @@ impl fmt::Display for Refused {
         match self {
             Refused::NotHandled(what) => write!(f, "is not decoded here: {what}"),
             Refused::Damaged(what) => write!(f, "is damaged: {what}"),
+            Refused::Changed(what) => write!(f, "changes its pixel format: {what}"),
             Refused::TooLarge(what) => write!(f, "is too large: {what}"),
             Refused::Unreadable(what) => write!(f, "cannot be read: {what}"),
         }
