@@ -149,7 +149,7 @@ def test_what_does_not_go_together_is_refused() -> None:
     with pytest.raises(tessuto.NumericalError, match="frame 1.*vertex 3.*position .NaN") as caught:
         tessuto.rollout(cloth, np.where(np.arange(12)[:, None] == 3, np.nan, x), v, constant, dynamic, *STIFFNESS, **STEP)
     assert caught.value.remedy.startswith("check the forces")
-    with pytest.raises(ValueError, match="grad_motion: has shape"):
+    with pytest.raises(ValueError, match=r"grad_motion:? has shape"):
         tessuto.rollout_vjp(tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, **STEP)[1], x[None])
     with pytest.raises(ValueError, match=r"face 0 is \[0, 1, 99\]"):
         tessuto.Cloth(vertices, [[0, 1, 99]])
