@@ -70,12 +70,12 @@ impl Frames {
     }
 
     /// What the decoder complained of without giving up, once all frames are read.
-    pub fn complaint(&self) -> Option<&str> {
-        let of_program = match &self.source {
-            Source::Ffmpeg(decoder) => decoder.complaint(),
+    pub fn complaint(&self) -> Option<String> {
+        let of_program = || match &self.source {
+            Source::Ffmpeg(decoder) => decoder.complaint().map(|said| format!("ffmpeg complains: {said}")),
             _ => None,
         };
-        self.complaint.as_deref().or(of_program)
+        self.complaint.clone().or_else(of_program)
     }
 
     /// The frame of the film decoded here, or ffmpeg in its place from the frame on that is refused here.
@@ -111,7 +111,7 @@ impl Frames {
             frame?;
         }
         if matches!(refused, Refused::Damaged(_)) {
-            self.complaint = Some(refused.to_string());
+            self.complaint = Some(format!("the film {refused}; ffmpeg reads the rest"));
         }
         self.source = rest.source;
         self.next().transpose()

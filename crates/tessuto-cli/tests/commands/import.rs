@@ -281,7 +281,7 @@ fn frames_that_cannot_be_used() {
 }
 
 /// A camera file of this name and text, read.
-fn camera_file(name: &str, text: &str) -> tessuto::Result<Calibration> {
+pub(super) fn camera_file(name: &str, text: &str) -> tessuto::Result<Calibration> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     std::fs::write(&path, text).unwrap();

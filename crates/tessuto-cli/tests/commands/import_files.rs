@@ -8,9 +8,9 @@ use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use serde_json::Value;
 use tempfile::TempDir;
 use tessuto::Image;
-use tessuto::import::{Calibration, read_calibration};
 use tessuto::io::image::{read, read_mask, write_png};
 
+use super::import::camera_file;
 use crate::missing::not_tested;
 use crate::scene_maker::{SIZE, colour, fabric, mask};
 
@@ -458,14 +458,6 @@ fn a_video_of_masks_in_colours_is_refused() {
         status == Some(3) && text.contains("masks.mkv, frame 0: the mask is empty (3 of 3 masks are)"),
         "{text}"
     );
-}
-
-/// A camera file of this name and text, read.
-fn camera_file(name: &str, text: &str) -> tessuto::Result<Calibration> {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join(name);
-    std::fs::write(&path, text).unwrap();
-    read_calibration(&path, None)
 }
 
 #[test]

@@ -14,6 +14,19 @@ const LONGEST: usize = 6;
 /// So many of them are no chance.
 const LEAST: usize = 4;
 
+/// Colours of the pixels that are fabric alone in both frames, which have one size.
+fn common<'a>(a: &'a Frame, b: &'a Frame) -> impl Iterator<Item = (&'a [f32], &'a [f32])> {
+    let masks = a.mask.data.iter().zip(&b.mask.data);
+    let pixels = masks.zip(a.rgb.data.chunks_exact(3).zip(b.rgb.data.chunks_exact(3)));
+    pixels.filter(|((m, n), _)| **m >= WHOLE && **n >= WHOLE).map(|(_, colours)| colours)
+}
+
+/// Whether `count` pixels are more than half of the fabric in either frame.
+fn is_most(count: usize, a: &Frame, b: &Frame) -> bool {
+    let whole = |frame: &Frame| frame.mask.data.iter().filter(|m| **m >= WHOLE).count();
+    2 * count > whole(a).max(whole(b))
+}
+
 /// Whether `b` shows what `a` shows. Their masks may differ, as a segmenter is not as sure each time: where both are fabric alone the
 /// colours decide. Of a fabric without any pattern the borders count as well.
 pub(super) fn is_repeated(a: &Frame, b: &Frame) -> bool {
@@ -23,23 +36,18 @@ pub(super) fn is_repeated(a: &Frame, b: &Frame) -> bool {
     if a.rgb.data.len() != b.rgb.data.len() {
         return false;
     }
-    let whole = |frame: &Frame| frame.mask.data.iter().filter(|m| **m >= WHOLE).count();
-    let (mut common, mut low, mut high) = (0, [f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-    let masks = a.mask.data.iter().zip(&b.mask.data);
-    for ((m, n), (p, q)) in masks.zip(a.rgb.data.chunks_exact(3).zip(b.rgb.data.chunks_exact(3))) {
-        if *m < WHOLE || *n < WHOLE {
-            continue;
-        }
+    let (mut count, mut low, mut high) = (0, [f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
+    for (p, q) in common(a, b) {
         if p != q {
             return false;
         }
-        common += 1;
+        count += 1;
         for (c, v) in p.iter().enumerate() {
             (low[c], high[c]) = (low[c].min(*v), high[c].max(*v));
         }
     }
     let has_pattern = low.iter().zip(high).any(|(low, high)| high - low > ALIKE);
-    has_pattern && 2 * common > whole(a).max(whole(b))
+    has_pattern && is_most(count, a, b)
 }
 
 /// Mean difference of colours where both frames are fabric alone `[of 1]`; `None` where that is less than half of either.
@@ -47,15 +55,12 @@ pub(super) fn difference(a: &Frame, b: &Frame) -> Option<f64> {
     if a.rgb.data.len() != b.rgb.data.len() {
         return None;
     }
-    let whole = |frame: &Frame| frame.mask.data.iter().filter(|m| **m >= WHOLE).count();
-    let masks = a.mask.data.iter().zip(&b.mask.data);
-    let pixels = masks.zip(a.rgb.data.chunks_exact(3).zip(b.rgb.data.chunks_exact(3)));
-    let (mut sum, mut common) = (0.0, 0);
-    for (_, (p, q)) in pixels.filter(|((m, n), _)| **m >= WHOLE && **n >= WHOLE) {
+    let (mut sum, mut count) = (0.0, 0);
+    for (p, q) in common(a, b) {
         sum += p.iter().zip(q).map(|(p, q)| f64::from((p - q).abs())).sum::<f64>();
-        common += 1;
+        count += 1;
     }
-    (2 * common > whole(a).max(whole(b))).then(|| sum / (3 * common) as f64)
+    is_most(count, a, b).then(|| sum / (3 * count) as f64)
 }
 
 /// Copies at even distances, as film has whose rate was raised by a program.

@@ -274,7 +274,7 @@ impl Video {
     pub fn empty(&self) -> Error {
         Error::input(
             &self.place,
-            "holds no frame that ffmpeg can decode",
+            "holds no frame that can be decoded",
             "play it to see whether it is whole; copy it again",
         )
     }
@@ -409,7 +409,7 @@ impl Stream {
     /// What ffmpeg complained of without giving up.
     pub fn complaints(&mut self) -> Option<String> {
         let first = self.frames.complaint()?;
-        Some(format!("{}: ffmpeg complains, frames may be damaged: {first}", self.place))
+        Some(format!("{}: frames may be damaged: {first}", self.place))
     }
 
     fn decode(&mut self) -> Option<Result<Raw>> {
