@@ -148,6 +148,9 @@ try {
   check("four corners, in their order, where they were clicked", kept.length === 4 && off <= scale, `off by ${off.toFixed(2)} px of the clip`);
   const { clicks, keys, entries } = page;
 
+  const place = await page.evaluate(`(r => [r.x, r.y, r.width])(document.querySelector("#outline").getBoundingClientRect())`);
+  check("the picture has stayed where it was", place.every((v, k) => v === [canvas.x, canvas.y, canvas.width][k]), `${place}`);
+
   // Beside the way: a wrong point, dragged, nudged and undone.
   const [x, y] = inWindow(kept.map(p => [p.x, p.y])[2]);
   await page.drag([x, y], [x - 40, y - 30]);

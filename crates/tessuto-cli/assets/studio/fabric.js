@@ -38,7 +38,7 @@ export const fabric = studio => {
     byId("size-note").hidden = wrong === undefined;
     byId("size-note").textContent = `“${wrong}” is no length: write a number such as 55 or 55.5`;
     const count = drawing.corners();
-    byId("outline-hint").textContent = count === 0 ? "Click its four corners." : count < 4 ? `${4 - count} more.` : "Is the side marked “width” the one you measured as width? If not, click “Next side is the width”.";
+    byId("outline-hint").textContent = count === 0 ? "Click its four corners." : count < 4 ? `${4 - count} more.` : "Is “width” on the side you measured as width? If not, click “Next side is the width”.";
     const running = studio.state.work.job?.running;
     next.disabled = Boolean(lack || running);
     next.textContent = lack ?? (studio.state.work.scene ? "Make the masks anew" : "Make the masks");
