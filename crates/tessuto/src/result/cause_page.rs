@@ -178,6 +178,7 @@ fn rows(saved: &Folder, found: &Found) -> Vec<CauseRow> {
             plain("that none of these explains", sizes.residual, "m/s²"),
             plain("that leads exactly to what was found, besides", sizes.correction, "m/s²"),
             plain("distance of the motion without that", 1e3 * sizes.beside, "mm"),
+            plain("largest distance of a replay by all forces", 1e3 * sizes.replay, "mm"),
         ]);
     }
     rows

@@ -185,9 +185,10 @@ fn work(
     let found = reconstruct(scene, &run.settings, session)?;
     observer.borrow_mut().motion(&found.motion, &found.texture.to_image());
     let of_causes = found.causes.as_ref().and_then(|causes| causes.found.doubt());
+    let of_replay = found.causes.as_ref().and_then(|causes| causes.sizes.doubt());
     let informed = found.causes.as_ref().map(|causes| causes.found.informed_stiffness());
     let of_stiffness = stiffness_doubt(&run.settings, &found.parameters.log_stiffness, informed);
-    for doubt in of_causes.into_iter().chain(of_stiffness) {
+    for doubt in of_causes.into_iter().chain(of_replay).chain(of_stiffness) {
         observer.borrow_mut().warning(&doubt);
         warnings.push(doubt);
     }

@@ -4,6 +4,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Found, Parts};
+use crate::error::Warning;
 use crate::mesh::{Mesh, Positions};
 use crate::sim::per_width::{PerWidth, per_width};
 use crate::sim::{Cloth, Stiffness};
@@ -45,6 +46,22 @@ pub struct Sizes {
     /// Distance of the motion without the correction from the one with it, of all vertices `[m]`; likewise.
     #[serde(default)]
     pub beside: f64,
+    /// Largest distance of the motion that all forces make from the one that is told, where compressed cloth buckles another way under them
+    /// than it was found `[m]`; 0 where they make the motion that is told, and in results of earlier versions.
+    #[serde(default)]
+    pub replay: f64,
+}
+
+impl Sizes {
+    /// Why the forces do not make the motion that is told, if they do not.
+    pub fn doubt(&self) -> Option<Warning> {
+        let mm = 1e3 * self.replay;
+        let found = format!(
+            "under its forces the cloth buckles another way than it was found: a replay is up to {mm:.1} mm beside the motion"
+        );
+        let hint = "take the motion from motion.npy, which is as it was found";
+        (self.replay > 0.0).then(|| Warning::new("causes", found, hint))
+    }
 }
 
 impl Explained {
@@ -89,6 +106,7 @@ impl Explained {
             residual: rms(&parts.residual, Some(false)),
             correction: rms(&parts.correction, Some(false)),
             beside: rms(&apart, None),
+            replay: 0.0,
         };
         let per_width = per_width(cloth, template, found.causes.stiffness(), frames);
         Self { found, parts, sizes, led, per_width }

@@ -149,8 +149,12 @@ impl Begun<'_> {
         let (guided, parts, led) = follow::follow(&cut, dynamics, &causes, (found, deviations), settings);
         advance(PARTS);
         let parameters = Parameters::of_springs(causes.causes.log_stiffness(), guided.accelerations);
-        let explained = Explained::new((&cut, template), causes, parts, (&guided.frames, led), *fps);
-        Explanation { parameters, explained, frames: guided.frames, failure: guided.failure }
+        // Compressed cloth may buckle another way than it was found, whatever the forces.
+        let off = follow::beside(&guided.frames, found, deviations).filter(|_| guided.failure.is_none());
+        let frames = if off.is_some() { found.to_vec() } else { guided.frames };
+        let mut explained = Explained::new((&cut, template), causes, parts, (&frames, led), *fps);
+        explained.sizes.replay = off.unwrap_or(0.0);
+        Explanation { parameters, explained, frames, failure: guided.failure }
     }
 }
 

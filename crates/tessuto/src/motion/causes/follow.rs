@@ -90,6 +90,19 @@ pub(super) fn astray(guided: &Guided, frames: &[Positions]) -> bool {
     guided.failure.is_some() || guided.frames.iter().zip(frames).any(|pair| squares(pair) > limit)
 }
 
+/// Largest distance of a `made` motion from the `found` one, both [N, V] `[m]`, if any vertex is farther from it than its deviation, shape
+/// [N, V] `[m]`: it is another motion then than the one that was found, as far as that is known.
+pub(super) fn beside(made: &[Positions], found: &[Positions], deviations: &[Vec<f64>]) -> Option<f64> {
+    let pairs = made.iter().flatten().zip(found.iter().flatten()).zip(deviations.iter().flatten());
+    let (mut largest, mut known) = (0.0, true);
+    for ((made, found), deviation) in pairs {
+        let off = made.distance(*found);
+        largest = f64::max(largest, off);
+        known &= off <= *deviation;
+    }
+    (!known).then_some(largest)
+}
+
 /// Leads `cloth`, moved by what was `found`, along `paths`, one shape per step, by a lead of strength `lead` [1/s²]; as [`Guide::exact`] says.
 pub(super) fn lead_along(
     cloth: &Cloth,
@@ -235,6 +248,19 @@ mod tests {
         );
         assert!(stretched < motion && corrected > 10.0 * stretched, "what is stiff is corrected");
         assert!(off > 1e-4, "without the correction springs shorten the sheet again");
+    }
+
+    #[test]
+    fn a_motion_farther_from_what_was_found_than_that_is_known_is_another_one() {
+        let found = vec![vec![DVec3::ZERO; 3]; 4];
+        let mut deviations = vec![vec![1e-3; 3]; 4];
+        deviations[0] = vec![0.0; 3];
+        let off = |by: f64| {
+            let mut made = found.clone();
+            made[2][1].z = by;
+            beside(&made, &found, &deviations)
+        };
+        assert_eq!([off(0.0), off(0.9e-3), off(1.1e-3)], [None, None, Some(1.1e-3)]);
     }
 
     #[test]

@@ -124,7 +124,8 @@ pub struct Explanation {
     pub parameters: Parameters,
     /// What they are of.
     pub explained: Explained,
-    /// The motion that these make, shape [N, V] `[m]`: the one that was found, to a few hundredths of a millimetre.
+    /// The motion that these make, shape [N, V] `[m]`: the one that was found, to a few hundredths of a millimetre; where compressed cloth
+    /// buckles another way under them ([`Sizes::replay`]), the one that was found.
     pub frames: Vec<Positions>,
     /// Where the simulation failed, forces are zero from then on.
     pub failure: Option<Error>,

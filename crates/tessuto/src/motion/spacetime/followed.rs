@@ -36,7 +36,7 @@ impl Problem<'_> {
     }
 
     /// Spread of the accelerations that a motion like `frames` asks for `[m/s²]`.
-    fn acceleration_spread(&self, frames: &[Positions]) -> f64 {
+    pub(super) fn acceleration_spread(&self, frames: &[Positions]) -> f64 {
         let components = 3 * self.cloth.vertex_count() * frames.len().saturating_sub(2);
         let squares = 2.0 * acceleration::value(frames, self.scene.fps.powi(4));
         let root_mean_square = (squares / components.max(1) as f64).sqrt();

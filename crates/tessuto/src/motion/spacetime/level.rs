@@ -114,10 +114,11 @@ impl LevelSearch<'_, '_> {
         self.asked.bent.apply(&mut self.priors.signed_bend);
     }
 
-    /// Expects the accelerations of the motion `made` from now on.
-    pub fn expect(&mut self, made: &[Positions]) {
+    /// Expects the accelerations of the motion `made` from now on, about which those of `found` tell the spread.
+    pub fn expect(&mut self, found: &[Positions], made: &[Positions]) {
         self.expected = made.to_vec();
-        self.acceleration_weight = self.problem.weight_of(self.problem.settings.acceleration_along);
+        let spread = self.problem.acceleration_spread(&self.departure(found));
+        self.acceleration_weight = self.problem.weight_of(spread);
     }
 
     /// `frames` less a motion of the accelerations that are expected: what the acceleration term is of.

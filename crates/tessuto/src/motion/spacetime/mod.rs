@@ -79,7 +79,7 @@
 //! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]).
 //!
 //! Once the causes of the motion are known, `along` goes on at the finest level: accelerations are then expected to be those that the causes
-//! make, about which they spread less.
+//! make, and spread about these as the motion found before does.
 //!
 //! How far the result may be off is estimated from the same system and from how badly each frame matches ([`deviation`]).
 

@@ -87,7 +87,7 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
         let way = DVec3::new(1e-3, -2e-3, 3e-3) * (n * n) as f64;
         scene.template.positions.iter().map(|x| *x + way * (1.0 + 5.0 * x.x)).collect()
     };
-    search.expect(&(0..FRAMES).map(swing).collect::<Vec<_>>());
+    search.expect(&frames, &(0..FRAMES).map(swing).collect::<Vec<_>>());
     // As if the sheet were in front of itself here and there.
     let every = |k: usize, count: usize| (0..count).map(|i| i % k == 0).collect();
     let fold = |edge: &InnerEdge| FoldPoint {

@@ -28,8 +28,6 @@ settings! {
         /// Spread σ of the acceleration of a vertex while the sheet is first followed; larger is weaker. After that it is the clip's own, a tenth of
         /// this at least.
         acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");
-        /// The same about the acceleration that its causes make, once these are known; larger is weaker.
-        acceleration_along: f64 = 2.0, number(1e-4..=1e6, "m/s²");
         /// Noise σ of the colour of one pixel of the finest level, all channels together, of a sheet of 160 px. Larger is weaker.
         colour: f64 = 0.0273861, number(1e-6..=1e3, "sRGB");
         /// Colours that differ by more than so many spreads σ count less and less; larger is stricter.
