@@ -1,6 +1,6 @@
-//! Time of decoding against ffmpeg's one thread: `against_ffmpeg [SIZE] [SECONDS]`.
+//! Time of decoding against ffmpeg's one thread: `against_ffmpeg [SIZE] [SECONDS] [NOISE]`.
 //!
-//! Clips of many kinds are made by ffmpeg (1280×720 and 3 s by default) and decoded by both, planes compared byte by byte; then the
+//! Clips of many kinds are made by ffmpeg (1280×720, 3 s and noise of strength 12 by default) and decoded by both, planes compared byte by byte; then the
 //! colours of some against those of ffmpeg.
 
 #[path = "../tests/clips/mod.rs"]
@@ -102,20 +102,24 @@ fn main() {
     let mut arguments = std::env::args().skip(1);
     let size = arguments.next().unwrap_or("1280x720".into());
     let seconds = arguments.next().unwrap_or("3".into());
+    let noise: u8 =
+        arguments.next().map_or(clips::MUCH_NOISE, |n| n.parse().expect("the strength of the noise"));
     let folder = tempfile::tempdir().unwrap();
     println!(
-        "| clip ({size}) | frames | same bytes | here [ms/frame] | ffmpeg, one thread [ms/frame] | ratio |"
+        "| clip ({size}, noise {noise}) | Mbit/s | frames | same bytes | here [ms/frame] | ffmpeg, one thread [ms/frame] | ratio |"
     );
-    println!("|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|");
     for kind in clips::KINDS.iter().filter(|k| TIMED.contains(&k.name)) {
-        let path = clips::make(folder.path(), kind, &size, &seconds);
+        let path = clips::make_of(folder.path(), kind, &size, &seconds, noise);
+        let bits = std::fs::metadata(&path).unwrap().len() as f64 * 8.0;
         let (here, frames, same) = ours(&path);
         let there = theirs(&path);
         let each = |time: Duration| time.as_secs_f64() * 1e3 / frames as f64;
         let ratio = here.as_secs_f64() / there.as_secs_f64();
         println!(
-            "| {} | {frames} | {same} | {:.2} | {:.2} | {ratio:.2} |",
+            "| {} | {:.0} | {frames} | {same} | {:.2} | {:.2} | {ratio:.2} |",
             kind.name,
+            1e-6 * bits / (frames as f64 / 30.0),
             each(here),
             each(there)
         );

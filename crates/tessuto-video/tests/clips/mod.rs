@@ -96,10 +96,18 @@ pub fn ffmpeg(arguments: &[&str]) -> Vec<u8> {
     out.stdout
 }
 
-/// Makes the clip of a kind, `seconds` long and of `size` before its own filters.
+/// Strength of the noise of a camera in bad light, for which most bits of a clip are spent then.
+pub const MUCH_NOISE: u8 = 12;
+
+/// Makes the clip of a kind, `seconds` long and of `size` before its own filters, with much noise.
 pub fn make(folder: &Path, kind: &Kind, size: &str, seconds: &str) -> PathBuf {
+    make_of(folder, kind, size, seconds, MUCH_NOISE)
+}
+
+/// The same with noise of a strength of its own.
+pub fn make_of(folder: &Path, kind: &Kind, size: &str, seconds: &str, noise: u8) -> PathBuf {
     let path = folder.join(kind.name);
-    let source = format!("testsrc2=s={size}:r=30:d={seconds},noise=alls=12:allf=t,format=yuv420p");
+    let source = format!("testsrc2=s={size}:r=30:d={seconds},noise=alls={noise}:allf=t,format=yuv420p");
     let mut arguments = vec!["-f", "lavfi", "-i", &source];
     let own: Vec<&str> = kind.arguments.split(' ').collect();
     arguments.extend(&own);
