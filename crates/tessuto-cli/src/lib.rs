@@ -49,7 +49,7 @@ use clap::{Parser, Subcommand};
 
 use crate::say::aside;
 
-/// Recover the 3D motion of a fabric from one video, its stiffness and what moves it, its texture, material and light.
+/// From one video of a piece of fabric: its motion in 3D, physics, texture, material and light.
 #[derive(Parser)]
 #[command(
     name = "tessuto",
@@ -57,11 +57,19 @@ use crate::say::aside;
     about,
     arg_required_else_help = true,
     after_help = "\
-Example:
-  tessuto import clip.mp4 scenes/curtain --masks masks/ --fov 63 --template curtain.obj
-  tessuto reconstruct scenes/curtain --out results/curtain
+Start with:
+  tessuto demo
+  tessuto studio clip.mp4
 
-Every number comes with its standard deviation. What a clip does not show is assumed, and the result says so."
+Or by commands:
+  tessuto import clip.mp4 scenes/towel --fov 63 \\
+    --outline \"312,208 930,215 941,640 305,622\"
+  tessuto template scenes/towel --flat 70x50cm \\
+    --corners 312,208 930,215 941,640 305,622
+  tessuto reconstruct scenes/towel --out results/towel
+
+Estimates come with standard deviations. Parameters that the clip does not constrain \
+keep their prior, and the result says so."
 )]
 struct Arguments {
     #[command(subcommand)]

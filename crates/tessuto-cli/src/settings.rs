@@ -13,13 +13,14 @@ use crate::say::{self, say};
 /// List the settings: key, default, range, unit, meaning.
 #[derive(Args)]
 #[command(after_help = "\
-Change them with `tessuto reconstruct SCENE --set KEY=VALUE`, or many with `--config FILE`.
-A spread (σ) is how much of something is normal: the larger it is, the weaker the term.
-
 Examples:
   tessuto settings spacetime
   tessuto settings rate
-  tessuto settings --json --preset saft")]
+  tessuto settings --json --preset saft
+
+Change one with `tessuto reconstruct SCENE --set KEY=VALUE`, many with `--config FILE`. \
+A spread σ is the size that is normal for a term: a larger spread makes the term \
+weaker.")]
 pub struct Arguments {
     /// Only settings whose key contains this.
     filter: Option<String>,
