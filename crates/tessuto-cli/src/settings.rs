@@ -83,7 +83,7 @@ fn markdown() -> String {
 Made by `tessuto settings --markdown`; a test compares. Change a setting with `--set KEY=VALUE`, which may be repeated,
 or many with `--config FILE`: `config.json` of a result, or a file such as `{\"texture\": {\"size\": 256}}`.
 
-A spread (σ) is how much of something is normal: a term with spread σ contributes ½ (residual/σ)², so the larger it is,
+A spread σ is the normal size of a residual: a term with spread σ contributes ½ (residual/σ)², so the larger it is,
 the weaker the term. Units are in brackets; pure numbers and counts have none.
 ",
     );

@@ -126,7 +126,7 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
         out.push(finding(
             level,
             detail,
-            "leave only the fabric white, as import can (largest_piece): other pieces are taken for cloth",
+            "leave only the fabric white, as import can (largest_piece): other pieces are treated as cloth",
         ));
     }
     out.extend(made(scene));

@@ -193,7 +193,7 @@ impl Video {
         }
         Err(Error::input(
             &self.place,
-            format!("holds {masks} masks for {frames} images: which belongs to which is not told"),
+            format!("holds {masks} masks for {frames} images: nothing shows which mask belongs to which"),
             "make one mask for each image, in their order",
         ))
     }
@@ -222,7 +222,7 @@ impl Video {
         Err(Error::input(
             &self.place,
             format!(
-                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: which belongs to which is not told"
+                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: nothing shows which mask belongs to which"
             ),
             "make one mask for each frame of the film, in its order",
         ))
@@ -350,7 +350,7 @@ fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
     if moments.is_empty() {
         return Err(Error::input(
             place,
-            "has no time stamps, as a raw stream of a codec has none: its frame rate is not told",
+            "has no time stamps, as a raw stream of a codec has none: its frame rate is not known",
             hint("give the rate at which its frames were filmed"),
         ));
     }

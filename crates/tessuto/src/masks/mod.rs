@@ -84,7 +84,7 @@ pub struct Made {
 /// that were changed since, are not replaced.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
+/// [`Error::Usage`](crate::Error::Usage) if it is not known where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
 /// naming the frame; [`Error::Output`](crate::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
     let (clip, origin) = (colour_files(folder)?, refuse::Origin::of(folder));

@@ -132,7 +132,7 @@ impl CauseFile {
         {
             return Err(Error::input(
                 folder.join("parameters.json").display().to_string(),
-                "the causes are not those of this mesh",
+                "the physics is that of another mesh",
                 super::UNCHANGED,
             ));
         }

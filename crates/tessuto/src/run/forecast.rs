@@ -71,7 +71,7 @@ pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
         return Err(Error::input(
             place(),
             problem,
-            "fit the first part of the scene, and leave frames to be foretold",
+            "fit the first part of the scene, and leave frames to predict",
         ));
     }
     let further = all - fit;

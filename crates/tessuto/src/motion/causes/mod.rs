@@ -93,12 +93,12 @@ impl Found {
     pub fn doubt(&self) -> Option<Warning> {
         let why = match self.misfit > DOUBTED {
             true => format!(
-                "what they make is {:.1} deviations from the motion: something else holds or moves the fabric",
+                "the simulated motion is {:.1} standard deviations off: something else holds or moves the fabric",
                 self.misfit
             ),
-            false => "the fabric moves too little to tell them".into(),
+            false => "the fabric moves too little to constrain them".into(),
         };
-        let found = format!("stiffness, gravity and air are assumed, not found; {why}");
+        let found = format!("stiffness, gravity and air keep their prior and are not measured; {why}");
         let hint = "name what holds it as \"held\" in scene.json, or film it moving freely";
         (self.spread == self.prior).then(|| Warning::new("causes", found, hint))
     }
