@@ -150,7 +150,7 @@ impl Forecast {
         out
     }
 
-    /// As curves, a picture in SVG of its own size.
+    /// As curves, an image in SVG of its own size.
     pub fn svg(&self) -> String {
         const SIZE: [f64; 2] = [720.0, 420.0];
         const EDGE: [f64; 2] = [60.0, 40.0];

@@ -35,7 +35,7 @@ use crate::scene::Scene;
 use crate::session::{Checkpoints, Session, identity};
 use crate::template::irregular::of_scene;
 
-/// Stage that makes the pictures of the frames and measures them.
+/// Stage that makes the images of the frames and measures them.
 const PICTURES: &str = "pictures";
 /// The same, with changed motions meanwhile.
 const REPLAYS: &str = "pictures, changed replays";
@@ -198,7 +198,7 @@ fn work(
     let folder = &folder;
     result::write_motion(folder, scene, &run, &found)?;
 
-    // Pictures and metrics, and meanwhile what the page lets one play: simulations hardly share their work among threads.
+    // Images and metrics, and meanwhile what the page lets one play: simulations hardly share their work among threads.
     let fit = run.settings.causes.fit;
     session.begin(if fit { REPLAYS } else { PICTURES });
     let pictures = || {

@@ -1,6 +1,6 @@
 //! The quantities that a frame is judged by, and from where on they are wrong.
 //!
-//! The limits say where a reconstruction is no longer what the video shows or what cloth does. Those of the picture were
+//! The limits say where a reconstruction is no longer what the video shows or what cloth does. Those of the image were
 //! set on made-up clips of 48 to 160 pixels (`tools/stress.py --scenes 200`), such that most frames whose vertices are off by
 //! 15 mm of a sheet of 0.5 m are told and few others, and on recordings of which the error is known, whose folds are finer than
 //! the mesh. That a high 99th percentile of strain is doubtful but does not lose a frame was decided after seeing one recording

@@ -23,7 +23,7 @@ pub fn geman_mcclure(sq_u: f64, tail: f64) -> (f64, f64) {
     (0.5 * ratio * sq_u, ratio * ratio)
 }
 
-/// What a residual of the pictures is told in, and from where on it is an outlier.
+/// What a residual of the images is told in, and from where on it is an outlier.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
     /// Spread σ, in the residual's unit.
