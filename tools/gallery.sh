@@ -19,6 +19,7 @@ if [[ "${1:-}" == --work ]]; then
     work=$2; shift 2
 fi
 all=(wind hands paper occluded blurred filmed)
+pages=(hands paper)
 names=("${@:-}")
 [[ -n "${names[0]}" ]] || names=("${all[@]}")
 
@@ -38,7 +39,7 @@ fi
 # The options of `tessuto synth` that make a scene.
 options() {
     case $1 in
-        wind) echo --air --wind 4 --frames 30 --size 320 --seed 3 ;;
+        wind) echo --air --wind 4 --fps 30 --frames 30 --size 320 --seed 3 ;;
         hands) echo --hands --frames 30 --size 256 --seed 1 ;;
         paper) echo --paper --frames 30 --size 256 --seed 5 ;;
         occluded) echo --occluders=2 --frames 30 --size 256 --seed 6 ;;
@@ -100,7 +101,7 @@ loop() {
     shift 3
     for folder; do
         inputs+=(-framerate 20 -pattern_type glob -i "$folder/*.png")
-        filter+="[$n]scale=$side:$side:flags=area,tpad=stop_mode=clone:stop=8[p$n];"
+        filter+="[$n]scale=$side:$side:flags=area:force_original_aspect_ratio=decrease,pad=$side:$side:-1:-1,tpad=stop_mode=clone:stop=8[p$n];"
         labels+="[p$n]"
         n=$((n + 1))
     done
@@ -118,7 +119,7 @@ done
 [[ "${names[*]}" == "${all[*]}" ]] || exit 0
 
 echo "== pages"
-for name in wind hands; do
+for name in "${pages[@]}"; do
     cp "results/$name/report.html" "$root/docs/gallery/$name.html"
 done
 
@@ -141,5 +142,13 @@ PYTHON
 [[ -e relit/manifest.json ]] ||
     "$program" render results/wind --camera 20,5 --environment environment.hdr --size 320x320 --samples 64 --out relit
 [[ -e results/calm/manifest.json ]] || "$program" simulate results/wind --air still --out results/calm
-[[ -e calm/manifest.json ]] || "$program" render results/calm --camera 55,10 --size 320x320 --samples 32 --out calm
+[[ -e calm/manifest.json ]] || "$program" render results/calm --camera "$(side wind)" --size 320x320 --samples 32 --out calm
 loop "$root/docs/front.webp" 300 60 scenes/wind/rgbs side/wind relit calm
+
+echo "== docs/gallery.md"
+{
+    for name in "${all[@]}"; do
+        printf '%s\t%s\t%s\n' "$name" "$(options "$name")" "$(how "$name")"
+    done
+} | python3 "$root/tools/gallery.py" "${pages[@]}" > "$root/docs/gallery.md"
+du -ch "$root"/docs/front.webp "$root"/docs/gallery/* | tail -1

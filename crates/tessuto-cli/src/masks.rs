@@ -105,7 +105,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 impl Source {
-    /// The request that these options make, but for the empty place.
+    /// The request that these options make, without the plate.
     pub fn request(&self) -> Request {
         Request {
             outline: self.outline.clone().map(|p| p.0),

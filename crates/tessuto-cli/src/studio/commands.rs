@@ -258,7 +258,7 @@ fn forced(mut command: Command, force: bool) -> Command {
     command
 }
 
-/// A name that is not taken for an option.
+/// A name that cannot be read as an option.
 fn argument(name: &str) -> String {
     if name.starts_with('-') { format!("./{name}") } else { name.to_owned() }
 }
