@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::names::{Parts, alike, changing, gap};
 use crate::error::Result;
 
-/// A pause of so many usual ones is a gap.
+/// A pause of this many usual ones is a gap.
 const GAP: f64 = 1.6;
 /// A rate is a whole number but for its clock, as a fraction of it.
 const CLOCK: f64 = 2e-3;

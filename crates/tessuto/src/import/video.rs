@@ -14,9 +14,9 @@ const SAME: f64 = 0.002;
 const OTHER: f64 = 0.01;
 /// Phones film at this rate `[1/s]` or a lower one, and in dim light at still lower ones with true stamps: no slow motion.
 const ORDINARY: f64 = 30.5;
-/// Where stamps vary, a camera that filmed at so many times their mean rate filmed slow motion.
+/// Where stamps vary, a camera that filmed at this many times their mean rate filmed slow motion.
 const VARIED: f64 = 1.5;
-/// A camera that filmed at less than so many times the rate of the stamps filmed a time lapse.
+/// A camera that filmed at less than this many times the rate of the stamps filmed a time lapse.
 const LAPSE: f64 = 0.9;
 /// Stamps of a rate so far below what was meant `[fraction]` are worth a note.
 const DIM: f64 = 0.05;

@@ -80,7 +80,7 @@ pub struct Made {
 
 /// Makes the masks of the scene in `folder`: begins with the outline or mask that is given, now or before, else with the
 /// projection of the scene's template. Writes `masks/`, masks.json, masks.html, and
-/// plate.png where a plate is given. `progress` is told the fraction that is done. Masks that tessuto did not write, or
+/// plate.png where a plate is given. `progress` receives the fraction that is done. Masks that tessuto did not write, or
 /// that were changed since, are not replaced.
 ///
 /// # Errors

@@ -114,7 +114,7 @@ pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
 }
 
 impl Forecast {
-    /// As text: errors so many frames ahead, and their mean, in millimetres.
+    /// As text: errors this many frames ahead, and their mean, in millimetres.
     pub fn table(&self) -> String {
         let count = self.predictions.first().map_or(0, |p| p.errors.len());
         let mut out = format!("{:<24}", "frames ahead");

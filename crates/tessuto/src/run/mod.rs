@@ -1,7 +1,7 @@
 //! The whole run: from a scene folder to a finished result folder.
 //!
 //! [`run`] loads the scene, reconstructs, writes, estimates material and light, exports, makes the page and puts the
-//! folder in its place. An [`Observer`] is told of everything meanwhile. [`appearance`](mod@appearance) does the same for
+//! folder in its place. An [`Observer`] hears of every step. [`appearance`](mod@appearance) does the same for
 //! material and light of a motion that is known, [`mod@evaluate`] compares with the truth, [`replay`] simulates again.
 
 pub mod appearance;

@@ -38,7 +38,7 @@ pub(super) struct Shot {
 }
 
 /// The images of `frames` of `motion`, as `camera` sees them. Without `pictures` there is one per frame, which has its number;
-/// else so many, from 0, over which the frames are spread.
+/// else this many, from 0, over which the frames are spread.
 ///
 /// # Errors
 /// [`Error::Usage`] for a view straight from above or below, and for a turntable from the recording camera.

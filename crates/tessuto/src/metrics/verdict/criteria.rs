@@ -18,7 +18,7 @@
 //! | standard deviation of the positions, of the sheet's size, times ⁴√((u + 0.5 %) / 1 %) of the part u of the mask, at most 1 %, that the mesh leaves uncovered | 1.96 % | 5 % | chosen on made-up frames (seeds 223 to 241); of those of eight other seeds (251 to 283) it and the other quantities tell 93 % of the ones off by 15 mm of 0.5 m and 4.5 % of the others |
 //!
 //! Where a print is to be seen it tells whether the mesh is too large, and what is drawn outside the mask may be hidden by something
-//! in front. Where there is none, only the silhouette can tell. The PSNR of the colours is told but not judged: the recovered
+//! in front. Where there is none, only the silhouette can tell. The PSNR of the colours is reported but not judged: the recovered
 //! texture holds the first frame's light, and where the light on the cloth changes, the true motion has a PSNR that falls by 30 dB.
 
 use super::State;

@@ -54,8 +54,8 @@ const INFORMED: f64 = 0.4;
 /// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for something else.
 const UNLIKELY: f64 = 2.0;
 
-/// Where the motion that the causes make is off by more than so many σ, root mean square, something else
-/// holds or moves the cloth, and nothing is told.
+/// Where the motion that the causes make is off by more than this many σ, root mean square, something else
+/// holds or moves the cloth, and nothing is reported as informed.
 const DOUBTED: f64 = 1.6;
 
 /// What was found.
@@ -73,7 +73,7 @@ pub struct Found {
     pub held: Vec<usize>,
     /// Lengths of the edges without load `[m]`: a fold smaller than a cell hides some of it in the template.
     pub rest_lengths: Vec<f64>,
-    /// By how many σ, a little more than the positions' deviations, the model is off, root mean square.
+    /// RMS residual in units of 1.2 times the positions' standard deviations.
     pub misfit: f64,
 }
 

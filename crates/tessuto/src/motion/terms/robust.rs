@@ -1,7 +1,7 @@
 //! Robust kernels: what is far off counts as an outlier.
 //!
 //! A residual r of spread σ is told in spreads, u = r/σ. Both kernels c(u; τ) are ½ u² as long as u is small against the tail τ, so that a
-//! residual of one σ costs ½; beyond so many spreads they grow less and less:
+//! residual of one σ costs ½; beyond this many spreads they grow less and less:
 //!
 //! | kernel | c(u; τ) | weight c'(u)/u | far beyond τ |
 //! |---|---|---|---|
