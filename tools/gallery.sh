@@ -52,7 +52,7 @@ options() {
 how() {
     case $1 in
         wind) ;;
-        hands | blurred) echo --no-appearance ;;
+        hands) echo --no-appearance ;;
         *) echo --preset motion --no-appearance ;;
     esac
 }

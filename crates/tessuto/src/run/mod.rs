@@ -36,9 +36,9 @@ use crate::session::{Checkpoints, Session, identity};
 use crate::template::irregular::of_scene;
 
 /// Stage that makes the images of the frames and measures them.
-const PICTURES: &str = "pictures";
-/// The same, with changed motions meanwhile.
-const REPLAYS: &str = "pictures, changed replays";
+const IMAGES: &str = "images";
+/// The same, and simulates the changed motions.
+const REPLAYS: &str = "images, changed replays";
 
 /// What to do.
 #[derive(Debug, Clone)]
@@ -85,7 +85,7 @@ impl RunOptions {
             }
         }
         let fit = self.config.causes.fit;
-        stages.push(if fit { stage(REPLAYS, 14.0) } else { stage(PICTURES, 6.0) });
+        stages.push(if fit { stage(REPLAYS, 14.0) } else { stage(IMAGES, 6.0) });
         if self.appearance {
             stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
         }
@@ -200,7 +200,7 @@ fn work(
 
     // Images and metrics, and meanwhile what the page lets one play: simulations hardly share their work among threads.
     let fit = run.settings.causes.fit;
-    session.begin(if fit { REPLAYS } else { PICTURES });
+    session.begin(if fit { REPLAYS } else { IMAGES });
     let pictures = || {
         let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
         let context = result::Context {
