@@ -42,8 +42,8 @@ options() {
         wind) echo --air --wind 4 --fps 30 --frames 30 --size 320 --seed 3 ;;
         hands) echo --hands --frames 30 --size 256 --seed 1 ;;
         paper) echo --paper --frames 30 --size 256 --seed 5 ;;
-        occluded) echo --occluders=2 --frames 30 --size 256 --seed 6 ;;
-        blurred) echo --hands --blur --fps 25 --frames 24 --size 256 --seed 8 ;;
+        occluded) echo --occluders=2 --grid 15x15 --frames 24 --size 240 --seed 6 ;;
+        blurred) echo --hands --blur --grid 15x15 --fps 25 --frames 24 --size 240 --seed 8 ;;
         filmed) echo --paper --frames 30 --size 480 ;;
         *) echo "no scene $1: ${all[*]}" >&2; exit 2 ;;
     esac
