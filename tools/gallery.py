@@ -12,7 +12,7 @@ TITLES = {
     "wind": ("In the wind", "Moving air presses on a hanging cloth. Stiffness, gravity and air are estimated with the motion."),
     "hands": ("In two hands", "Two hands hold the cloth near its upper corners, carry, turn and shake it."),
     "paper": ("Paper", "A sheet that bends and does not stretch."),
-    "occluded": ("Behind things", "Two opaque things move in front of the cloth. Masks leave them out, and the hidden part is inferred."),
+    "occluded": ("Hands in front", "Two hands pass in front of the cloth. The masks leave them out; the hidden part follows from the rest."),
     "blurred": ("Blurred", "Hands again, at 25 frames a second with an open shutter half of the time."),
     "filmed": (
         "As filmed",
@@ -44,9 +44,8 @@ def main():
     pages = sys.argv[1:]
     print("""# Gallery
 
-Made by `tools/gallery.sh`: left the video, right the recovered sheet from the side, at a third to half of its speed. All six clips are synthetic, so their
-truth is known and their errors are exact; each takes a minute or so on two idle cores. Errors on clips by other simulators and on a real recording are in
-[accuracy.md](accuracy.md).
+Made by `tools/gallery.sh`: the video on the left, the recovered sheet from the side on the right, both slowed down. All six clips are synthetic, so their
+truth is known and their errors are exact. Errors on clips by other simulators and on a real recording are in [accuracy.md](accuracy.md).
 
 | scene | frames | held still | vertex error | frames found, doubtful, lost |
 |---|---|---|---|---|""")
@@ -61,15 +60,15 @@ truth is known and their errors are exact; each takes a minute or so on two idle
     print("""
 *Held still* is the error of a program that does nothing. Two finished report pages: """ + " and ".join(
         f"[{TITLES[name][0].lower()}](gallery/{name}.html)" for name in pages
-    ) + """. Each is one file without links;
-GitHub shows its source, so download it and open it in a browser.""")
+    ) + """.
+Each is one file without links. GitHub shows its source: download it and open it in a browser.""")
     for name, synth, reconstruct in rows:
         title, text = TITLES[name]
         print(f"\n## {title}\n\n{text}\n\n![{title}: the video, and the recovered sheet from the side](gallery/{name}.webp)\n\n```sh")
         if name == "filmed":
             print("tessuto demo --clip trial                 # its README has the corners, the size and the camera")
             print('tessuto import trial/clip.mp4 scenes/filmed --outline "$CORNERS" --fx "$FX"')
-            print('tessuto template scenes/filmed --flat 50x50cm --corners "$CORNERS"')
+            print('tessuto template scenes/filmed --flat 50x50cm --grid 21x21 --corners "$CORNERS"')
         else:
             print(f"tessuto synth scenes/{name} {synth}")
         print(" ".join(f"tessuto reconstruct scenes/{name} {reconstruct} --out results/{name}".split()) + "\n```")

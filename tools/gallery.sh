@@ -82,7 +82,7 @@ make_scene() {
 # Reconstructs it, and renders what was found from the side; prints nothing where that is done.
 make_result() {
     local name=$1
-    [[ -e results/$name/manifest.json ]] || "$program" reconstruct "scenes/$name" $(how "$name") --out "results/$name" --resume
+    [[ -e results/$name/manifest.json ]] || "$program" reconstruct "scenes/$name" $(how "$name") --out "results/$name"
     [[ -e side/$name/manifest.json ]] ||
         "$program" render "results/$name" --camera "$(side "$name")" --size 320x320 --samples 32 --out "side/$name"
 }
@@ -131,8 +131,8 @@ width, height, rows = 64, 32, bytearray()
 for j in range(height):
     for i in range(width):
         up, across = math.pi * (0.5 - (j + 0.5) / height), 2 * math.pi * ((i + 0.5) / width - 0.5)
-        away = math.acos(math.sin(up) * math.sin(0.35) + math.cos(up) * math.cos(0.35) * math.cos(across + 1.1))
-        sun, sky = 14 * math.exp(-((away / 0.35) ** 2)), 0.12 + 0.1 * max(math.sin(up), 0)
+        away = math.acos(math.sin(up) * math.sin(0.35) + math.cos(up) * math.cos(0.35) * math.cos(across + 2.4))
+        sun, sky = 11 * math.exp(-((away / 0.35) ** 2)), 0.12 + 0.1 * max(math.sin(up), 0)
         colour = [sun + 0.6 * sky, 0.62 * sun + 0.8 * sky, 0.3 * sun + 1.3 * sky]
         mantissa, exponent = math.frexp(max(colour))
         rows += bytes([*(int(c * 256 / 2**exponent) for c in colour), exponent + 128])
