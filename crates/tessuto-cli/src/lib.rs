@@ -107,7 +107,10 @@ enum Command {
 /// Says where an earlier folder was kept because somebody put files into it while it was being replaced.
 fn say_kept(kept: Option<std::path::PathBuf>) {
     if let Some(folder) = kept {
-        aside!("note: new files appeared in the earlier folder while it was being replaced; it is kept as {}", folder.display());
+        aside!(
+            "note: new files appeared in the earlier folder while it was being replaced; it is kept as {}",
+            folder.display()
+        );
     }
 }
 

@@ -53,8 +53,9 @@ mod tests {
     fn paragraphs_are_filled_and_examples_keep_their_lines() {
         let long = "word ".repeat(20);
         let page = format!("a\n.SH EXTRA\nExamples:\n  tessuto {long}\n\n{long}\n.SH VERSION\nv1\n");
-        let expected =
-            format!("a\n.SH NOTES\n.nf\nExamples:\n  tessuto {long}\n\n.fi\n{long}\n.nf\n.fi\n.SH VERSION\nv1\n");
+        let expected = format!(
+            "a\n.SH NOTES\n.nf\nExamples:\n  tessuto {long}\n\n.fi\n{long}\n.nf\n.fi\n.SH VERSION\nv1\n"
+        );
         assert_eq!(with_notes(&page), expected);
         assert_eq!(with_notes("a\n"), "a\n");
     }

@@ -352,7 +352,10 @@ mod tests {
             ..form.clone()
         };
         let told = of(&work, &frontal, &Step::Prepare).unwrap_err();
-        assert!(told.contains("do not determine the focal length") && told.contains("give the camera"), "{told}");
+        assert!(
+            told.contains("do not determine the focal length") && told.contains("give the camera"),
+            "{told}"
+        );
         let tilted = Form {
             outline: points([[149.4, 105.1], [440.1, 21.9], [516.7, 395.4], [259.6, 347.5]]),
             size: Some([0.5, 0.5]),

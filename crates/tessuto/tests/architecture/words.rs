@@ -90,8 +90,25 @@ fn strings_are_found_as_they_stand() {
 
 /// Words and phrases that CONTRIBUTING.md retires, in small letters.
 const RETIRED: [&str; 19] = [
-    "heed", "heeds", "heeded", "told", "foretold", "foretell", "meanwhile", "so many", "what is left of", "taken for", "but for",
-    "of before", "as the last time", "trajectory", "picture", "pictures", "share of", "shares of", "contour",
+    "heed",
+    "heeds",
+    "heeded",
+    "told",
+    "foretold",
+    "foretell",
+    "meanwhile",
+    "so many",
+    "what is left of",
+    "taken for",
+    "but for",
+    "of before",
+    "as the last time",
+    "trajectory",
+    "picture",
+    "pictures",
+    "share of",
+    "shares of",
+    "contour",
 ];
 /// Documents of today. The lists of sources, crates, thresholds and figures have rows in their own style; the logs stay as they were written.
 const DOCUMENTS: [&str; 18] = [
@@ -156,9 +173,12 @@ fn documents_keep_to_the_words() {
 fn messages_and_help_keep_to_the_words() {
     let mut files = Vec::new();
     super::sources(&super::root().join("crates/tessuto-cli/src"), &mut files);
-    let program = files.iter().map(|path| (path.display().to_string(), std::fs::read_to_string(path).unwrap()));
+    let program =
+        files.iter().map(|path| (path.display().to_string(), std::fs::read_to_string(path).unwrap()));
     let mut wrong = Vec::new();
-    for (path, text) in super::library().into_iter().chain(program).filter(|(path, _)| !path.ends_with("tests.rs")) {
+    for (path, text) in
+        super::library().into_iter().chain(program).filter(|(path, _)| !path.ends_with("tests.rs"))
+    {
         let mut said = strings(&text);
         // The program's documentation is its help.
         let comments = text.lines().filter_map(|line| line.trim_start().strip_prefix("/// "));
@@ -177,6 +197,8 @@ fn messages_and_help_keep_to_the_words() {
 fn retired_words_are_found_in_prose_alone() {
     assert_eq!(retired("It is told,\nbut for\n  one."), ["told", "but for"]);
     assert_eq!(retired("Pictures: a share of each"), ["pictures", "share of"]);
-    assert!(retired("`told` --picture pictures/a.png {told}: they share a lot; in so far as many").is_empty());
+    assert!(
+        retired("`told` --picture pictures/a.png {told}: they share a lot; in so far as many").is_empty()
+    );
     assert_eq!(prose("a\n```\ntold\n```\nb\n## Words\ntold"), "a\n\nb");
 }
