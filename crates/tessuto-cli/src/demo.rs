@@ -96,7 +96,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         "open {}: motion, wind, and the same cloth in still air or ten times stiffer",
         quoted(&result.join("report.html"))
     );
-    say!("next:  tessuto simulate {} --set bend=0.01 --out stiffer", quoted(&result));
+    say!("next:  tessuto simulate {} --scale bend=2 --out stiffer", quoted(&result));
     say!("yours: tessuto import CLIP.mp4 scenes/mine --fov 65 --outline \"X,Y X,Y X,Y X,Y\"");
     Ok(())
 }
@@ -114,7 +114,7 @@ fn physics(causes: &CauseMetrics) -> Vec<String> {
     if let (Some(bend), Some(shear), Some(gravity)) = (causes.bend, causes.shear, causes.gravity) {
         let factor = |log10: f64| 10f64.powf(log10);
         lines.push(format!(
-            "bend stiffness was found to {:.2} of the true one, shear stiffness to {:.2}, gravity within {:.1}°",
+            "bend stiffness is {:.2} times the true one, shear stiffness {:.2} times, gravity is within {:.1}°",
             factor(bend.log10),
             factor(shear.log10),
             gravity.degrees
