@@ -15,13 +15,14 @@ use crate::watch::{self, Watch};
 /// Estimate material maps and environment map of a scene whose motion is known, and re-render its frames.
 #[derive(Args)]
 #[command(after_help = "\
-Writes into RESULT: material/ (maps, environment map, and a note on their conventions) and rerendered/ (frames,
-differences from the video, psnr.csv).
-
 Examples:
   tessuto appearance scenes/curtain results/curtain
   tessuto appearance scenes/curtain results/curtain --motion gt
-  tessuto appearance scenes/curtain results/curtain --set appearance.steps=2000")]
+  tessuto appearance scenes/curtain results/curtain --set appearance.steps=2000
+
+Writes two folders into RESULT: material/ with maps, environment map and a note on \
+their conventions; rerendered/ with frames, their differences from the video and \
+psnr.csv.")]
 pub struct Arguments {
     /// Scene folder: scene.json, template.obj, rgbs/, masks/.
     scene: PathBuf,

@@ -13,13 +13,13 @@ use crate::findings::table;
 use crate::remedy::make_template;
 use crate::say::{self, say};
 
-/// Check a scene before computing on it: a table of findings, exit status 3 if one is an error.
+/// Check a scene before reconstruction: prints findings, with exit status 3 if one is an error.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene folder (holds scene.json, template.obj, rgbs/, masks/).
     scene: PathBuf,
     /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges (cyan),
-    /// to this PNG file. An earlier such image is replaced, nothing else is.
+    /// to this PNG file. Only an earlier such image is replaced.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 }

@@ -17,16 +17,18 @@ use crate::threads::Threads;
 use crate::watch::{self, Watch};
 use crate::{remedy, repeat};
 
-/// Speed of the wind [m/s]: the sheet swings by a third of its width, and so tells what it is made of.
+/// Speed of the wind [m/s]: the sheet swings by a third of its width, which constrains its stiffness.
 const WIND: f64 = 3.0;
 
-/// See it work: make a small scene, recover motion and stiffness from the video alone, compare them with the truth.
+/// Make a small scene, recover motion and physics from its video alone, and compare them with the truth.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
   tessuto demo
   tessuto demo --out /tmp/demo --seed 3
-  tessuto demo --clip trial            (a clip as a phone films it, to try the whole way with)")]
+
+  # a clip as a phone films it, to try every step on
+  tessuto demo --clip trial")]
 pub struct Arguments {
     /// Folder for scene and result.
     #[arg(long, value_name = "DIR", default_value = "tessuto-out/demo")]
@@ -34,7 +36,7 @@ pub struct Arguments {
     /// Replace an earlier demonstration there.
     #[arg(long)]
     force: bool,
-    /// Only make a clip with surroundings, noise and compression, and a README of corners, size and camera, in this new folder.
+    /// Only make a clip with surroundings, noise and compression in this new folder, with corners, size and camera in a README.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "force"])]
     clip: Option<PathBuf>,
     #[command(flatten)]
@@ -94,7 +96,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         "open {}: motion, wind, and the same cloth in still air or ten times stiffer",
         quoted(&result.join("report.html"))
     );
-    say!("next:  tessuto simulate {} --set bend=0.01 --out stiffer", quoted(&result));
+    say!("next:  tessuto simulate {} --scale bend=2 --out stiffer", quoted(&result));
     say!("yours: tessuto import CLIP.mp4 scenes/mine --fov 65 --outline \"X,Y X,Y X,Y X,Y\"");
     Ok(())
 }
@@ -112,7 +114,7 @@ fn physics(causes: &CauseMetrics) -> Vec<String> {
     if let (Some(bend), Some(shear), Some(gravity)) = (causes.bend, causes.shear, causes.gravity) {
         let factor = |log10: f64| 10f64.powf(log10);
         lines.push(format!(
-            "bend stiffness was found to {:.2} of the true one, shear stiffness to {:.2}, gravity within {:.1}°",
+            "bend stiffness is {:.2} times the true one, shear stiffness {:.2} times, gravity is within {:.1}°",
             factor(bend.log10),
             factor(shear.log10),
             gravity.degrees

@@ -18,14 +18,16 @@ Examples:
   tessuto export results/curtain --to glb --without-lost --force
 
 Formats:
-  glb   animated mesh with a morph target per frame, normals, uv, material (y up)
+  glb   animated mesh, a morph target per frame, normals, uv, material (y up)
   usd   text: points as time samples, UsdPreviewSurface, camera (y up)
   obj   one file per frame, with material (y up)
   ply   one binary file per frame, with normals and uv (y up)
   pc2   point cache, and the mesh it belongs to (y up)
-  npz   motion, faces, uv, camera, forces, parameters (camera axes: x right, y down, z forward)
-  rrd   recording for rerun: video, camera, mesh and texture over time (camera axes);
-        in builds with --features full")]
+  npz   motion, faces, uv, camera, forces, parameters (camera axes)
+  rrd   recording for rerun: video, camera, mesh and texture (camera axes); in
+        builds with --features full
+
+Camera axes are x right, y down, z forward.")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,

@@ -10,17 +10,19 @@ use crate::say;
 /// How many fabrics are named.
 const NAMED: usize = 5;
 
-/// Tell a result's stiffnesses per width, and which measured fabrics bend alike.
+/// Print a result's stiffnesses per width, and the measured fabrics that bend alike.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Needs a result whose causes were searched (preset default). A video tells stiffness in proportion to the area density only, so that fabrics are
-compared by bending length, the cube root of D/(density × gravity).
-
-The table is comma-separated, with the columns density[kg.m-2], linear warp[SI*1e9] and linear weft[SI*1e9] (bending stiffness in
-1e-9 N·m) that published measurements of fabrics have.
-
 Example:
-  tessuto fabric results/curtain --table fabrics.csv")]
+  tessuto fabric results/curtain --table fabrics.csv
+
+Needs a result with estimated physics (preset default). A video shows stiffness only \
+in proportion to area density. Fabrics are therefore compared by bending length, \
+the cube root of D/(density × gravity).
+
+The table is comma-separated. It has the columns of published measurements: \
+density[kg.m-2], linear warp[SI*1e9] and linear weft[SI*1e9], the bending stiffness \
+in 1e-9 N·m.")]
 pub struct Arguments {
     /// Result folder.
     result: PathBuf,

@@ -19,15 +19,17 @@ use crate::threads::Threads;
 use crate::watch::Watch;
 use crate::{remedy, repeat};
 
-/// Find a motion's causes from the first part of a clip, foretell the rest, and compare with the truth.
+/// Estimate physics from the first part of a clip, predict the rest, and compare with the truth.
 #[derive(Args)]
 #[command(after_help = "\
-Writes DIR/fit, the result of the first part, and DIR/forecast: forecast.txt, forecast.csv, forecast.json and forecast.svg. A fit
-that is there already is taken. The forecast stands beside four that need less: the same with the stiffnesses that were assumed
-before, with the last residual going on, the last shape held still, and going straight on.
-
 Example:
-  tessuto forecast scenes/curtain --fit 0.7 --out forecast")]
+  tessuto forecast scenes/curtain --fit 0.7 --out forecast
+
+Writes DIR/fit, the result of the first part, and DIR/forecast: forecast.txt, \
+forecast.csv, forecast.json and forecast.svg. An existing fit is used again.
+
+The forecast is compared with four simpler ones: with the prior's stiffnesses, with \
+the last residual held, with the last shape held still, and in a straight line.")]
 pub struct Arguments {
     /// Scene folder with ground truth.
     scene: PathBuf,

@@ -13,7 +13,7 @@ use crate::ffmpeg::ffmpeg;
 #[command(next_help_heading = "Camera")]
 pub struct Lens {
     /// Camera file: nerfstudio transforms.json, COLMAP cameras.txt, or an OpenCV calibration (YAML, JSON); or `estimate`:
-    /// to be found by `template --flat` from the corners of the sheet, assumed until then [default: what the video says].
+    /// found later by `template --flat` from the corners of the sheet [default: what the video says].
     #[arg(long, value_name = "FILE|estimate", conflicts_with_all = ["fx", "fov"])]
     camera: Option<PathBuf>,
     /// Which camera of a COLMAP file that holds several.

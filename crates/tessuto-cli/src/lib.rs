@@ -49,7 +49,7 @@ use clap::{Parser, Subcommand};
 
 use crate::say::aside;
 
-/// Recover the 3D motion of a fabric from one video, its stiffness and what moves it, its texture, material and light.
+/// From one video of a piece of fabric: its motion in 3D, physics, texture, material and light.
 #[derive(Parser)]
 #[command(
     name = "tessuto",
@@ -57,11 +57,19 @@ use crate::say::aside;
     about,
     arg_required_else_help = true,
     after_help = "\
-Example:
-  tessuto import clip.mp4 scenes/curtain --masks masks/ --fov 63 --template curtain.obj
-  tessuto reconstruct scenes/curtain --out results/curtain
+Start with:
+  tessuto demo
+  tessuto studio clip.mp4
 
-Every number comes with its standard deviation. What a clip does not show is assumed, and the result says so."
+Or by commands:
+  tessuto import clip.mp4 scenes/towel --fov 63 \\
+    --outline \"312,208 930,215 941,640 305,622\"
+  tessuto template scenes/towel --flat 70x50cm \\
+    --corners 312,208 930,215 941,640 305,622
+  tessuto reconstruct scenes/towel --out results/towel
+
+Estimates come with standard deviations. Parameters that the clip does not constrain \
+keep their prior, and the result says so."
 )]
 struct Arguments {
     #[command(subcommand)]
@@ -99,7 +107,10 @@ enum Command {
 /// Says where an earlier folder was kept because somebody put files into it while it was being replaced.
 fn say_kept(kept: Option<std::path::PathBuf>) {
     if let Some(folder) = kept {
-        aside!("note: files came into the earlier folder meanwhile; it is kept as {}", folder.display());
+        aside!(
+            "note: new files appeared in the earlier folder while it was being replaced; it is kept as {}",
+            folder.display()
+        );
     }
 }
 
@@ -151,5 +162,65 @@ fn tell(told: &clap::Error) -> u8 {
         // A full disk, not a reader that has gone.
         Err(error) if !told.use_stderr() && error.kind() != ErrorKind::BrokenPipe => 5,
         _ => u8::try_from(told.exit_code()).unwrap_or(2),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory as _;
+
+    use super::*;
+
+    /// Of the narrowest terminal that the help is written for.
+    const COLUMNS: usize = 80;
+
+    /// The program with all that clap adds to it.
+    fn program() -> clap::Command {
+        let mut program = Arguments::command();
+        program.build();
+        program
+    }
+
+    #[test]
+    fn only_the_terminal_breaks_the_lines_of_the_help() {
+        let program = program();
+        let (mut seen, mut wrong) = (0, Vec::new());
+        for command in std::iter::once(&program).chain(program.get_subcommands()) {
+            let text = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+            let lines: Vec<&str> = text.lines().collect();
+            for (k, line) in lines.iter().enumerate() {
+                // A paragraph is one line, however long. Commands and tables are indented, and fit.
+                let ends = lines.get(k + 1).is_none_or(|next| next.is_empty());
+                let listed = line.starts_with("  ") || line.ends_with(':') || line.is_empty();
+                if !(listed && line.chars().count() <= COLUMNS || ends && !line.starts_with(' ')) {
+                    wrong.push(format!("{}: {line}", command.get_name()));
+                }
+                seen += 1;
+            }
+        }
+        assert!(seen > 100, "only {seen} lines");
+        assert!(wrong.is_empty(), "{wrong:#?}");
+    }
+
+    #[test]
+    fn commands_in_the_documents_exist() {
+        let program = program();
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+        let mut seen = 0;
+        for document in ["README.md", "llms.txt", "docs/tutorial.md", "docs/studio.md", "docs/gallery.md"] {
+            let text = std::fs::read_to_string(root.join(document)).unwrap();
+            for line in text.lines().filter_map(|line| line.strip_prefix("tessuto ")) {
+                let mut words = line.split('#').next().unwrap_or_default().split_whitespace();
+                let name = words.next().unwrap_or_default();
+                let command = program.find_subcommand(name).unwrap_or_else(|| panic!("{document}: {line}"));
+                for option in words.filter_map(|word| word.strip_prefix("--")) {
+                    let option = option.split('=').next();
+                    let known = command.get_arguments().any(|argument| argument.get_long() == option);
+                    assert!(known, "{document}: {option:?} in: {line}");
+                }
+                seen += 1;
+            }
+        }
+        assert!(seen > 20, "only {seen} commands");
     }
 }

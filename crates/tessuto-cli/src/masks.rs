@@ -17,15 +17,25 @@ use crate::values::{Places, Polygon};
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  tessuto masks scenes/towel --outline 312,208 930,215 941,640 305,622 --plate empty.mp4
-  tessuto masks scenes/towel                          (where the template is; or as the last time)
-  tessuto masks scenes/towel --outside 17:610,230 --inside 17:400,300 21:410,305
-  tessuto masks scenes/towel --forget                             (again, without the places of before)
+  tessuto masks scenes/towel --plate empty.mp4 \\
+    --outline 312,208 930,215 941,640 305,622
 
-The camera must stand still. Corners are column,row in pixels of the scene's first frame, in order around the fabric;
-more of them where its border bends; without them the template's projection counts. Writes masks/, masks.json (what
-they were made from, the confidence in each) and masks.html, the page to check them on, into the scene. Outline, plate
-and places are kept for the next time.")]
+  # start from the template, or repeat the last call
+  tessuto masks scenes/towel
+
+  # mend masks by clicks: frame:column,row
+  tessuto masks scenes/towel --outside 17:610,230 --inside 17:400,300 21:410,305
+
+  # again, without the earlier clicks
+  tessuto masks scenes/towel --forget
+
+The camera must stand still. Corners are column,row in pixels of the scene's first \
+frame, in order around the fabric; give more than four where the border bends. \
+Without corners the template's projection is used.
+
+Writes masks/, masks.json (inputs, and a confidence for every mask) and masks.html, \
+the page to check them on, into the scene. The next call starts from the same \
+outline, plate and clicks.")]
 pub struct Arguments {
     /// Scene folder (holds scene.json, rgbs/).
     scene: PathBuf,
@@ -34,13 +44,13 @@ pub struct Arguments {
     /// Mask of the first frame, instead of its outline.
     #[arg(long, value_name = "FILE", conflicts_with = "outline")]
     first: Option<PathBuf>,
-    /// Places where fabric is, by frame; added to those of before.
+    /// Clicks on fabric, by frame; added to earlier clicks.
     #[arg(long, value_name = "FRAME:X,Y ...", value_parser = crate::values::places)]
     inside: Vec<Places>,
-    /// Places where no fabric is, by frame; added to those of before.
+    /// Clicks beside the fabric, by frame; added to earlier clicks.
     #[arg(long, value_name = "FRAME:X,Y ...", value_parser = crate::values::places)]
     outside: Vec<Places>,
-    /// Forget the places of before.
+    /// Forget earlier clicks.
     #[arg(long)]
     forget: bool,
     #[command(flatten)]
@@ -53,7 +63,7 @@ pub struct Source {
     /// Corners of the fabric in the first frame [px], in order around it, such as "312,208 930,215 941,640 305,622".
     #[arg(long, value_name = "X,Y ...", value_parser = crate::values::polygon, allow_hyphen_values = true)]
     pub outline: Option<Polygon>,
-    /// Image, or a second of film, of the place without the fabric, by the same camera.
+    /// Image, or a second of film, of the scene without the fabric, by the same camera.
     #[arg(long, value_name = "FILE")]
     pub plate: Option<PathBuf>,
     /// Keep only the largest piece of each mask.
@@ -66,8 +76,8 @@ pub struct Source {
 /// Which object of a mask is the fabric, for the commands that read masks.
 #[derive(Args)]
 pub struct Choice {
-    /// Of masks that hold several objects, the one that is the fabric: its label (palette index or grey value; of colours
-    /// without a palette its number in the list that the message gives), or its colour, such as 128,0,0 or #800000.
+    /// Where masks hold several objects, the one that is the fabric: its label (palette index, grey value, or number in
+    /// the list that the message gives), or its colour, such as 128,0,0 or #800000.
     #[arg(long, value_name = "N|COLOUR")]
     pub object: Option<Object>,
 }
@@ -95,7 +105,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
 }
 
 impl Source {
-    /// The request that these options make, but for the empty place.
+    /// The request that these options make, without the plate.
     pub fn request(&self) -> Request {
         Request {
             outline: self.outline.clone().map(|p| p.0),

@@ -119,7 +119,7 @@ impl Progress {
         if total > 0.0 { (before + of_stage * present) / total } else { 0.0 }
     }
 
-    /// A guess that grows within its stage was wrong before and may be now: nothing is told then, until it is less again.
+    /// A guess that grows within its stage was wrong before and may be now: it is not shown until it is less again.
     fn sinking(&mut self, left: Option<f64>) -> Option<f64> {
         let left = left.filter(|left| *left <= self.guessed)?;
         self.guessed = left;

@@ -16,13 +16,13 @@ use crate::say::{aside, say};
 use crate::threads::Threads;
 use crate::watch::{self, Watch};
 
-/// Recover motion and texture from a scene folder, with forces and stiffnesses that replay it.
+/// Recover motion, physics, texture, material and light from a scene folder.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
   tessuto reconstruct scenes/curtain
   tessuto reconstruct scenes/curtain --preset saft --out results/curtain-saft
-  tessuto reconstruct scenes/curtain --frames 0..20 --set spacetime.resolution=200
+  tessuto reconstruct scenes/curtain --frames 0..20 --set spacetime.iterations=5
   tessuto reconstruct scenes/curtain --live
   tessuto reconstruct scenes/curtain --rerun curtain.rrd")]
 pub struct Arguments {
@@ -31,7 +31,7 @@ pub struct Arguments {
     /// Result folder [default: tessuto-out/<name of the scene folder>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Settings to start from: `default`; `motion`, the same shapes without what moved them; or the published methods `saft`, `phi-sft` and `pg-sft`.
+    /// Settings to start from: `default`; `motion`, the same search without physics; or the published methods `saft`, `phi-sft` and `pg-sft`.
     #[arg(long, value_parser = crate::frames::preset, default_value = "default")]
     preset: Preset,
     /// Settings to start from instead: config.json of a result, or settings alone as JSON.
@@ -53,7 +53,7 @@ pub struct Arguments {
     /// Motion only; material and light are not estimated.
     #[arg(long)]
     no_appearance: bool,
-    /// Replace an earlier result that nobody changed since.
+    /// Replace an earlier result that was not changed since.
     #[arg(long)]
     force: bool,
     /// Resume an interrupted run of the same command. The result is the same, byte for byte.
@@ -68,7 +68,7 @@ pub struct Arguments {
     /// Write a recording for the rerun viewer while the run goes on.
     ///
     /// It holds the video, the camera, the losses of every step and the recovered motion; it can be opened at any time.
-    /// An earlier recording by tessuto is replaced, nothing else is. The result is the same with and
+    /// Only an earlier recording by tessuto is replaced. The result is the same with and
     /// without. Needs a build with `--features full`.
     #[arg(long, value_name = "FILE.rrd")]
     rerun: Option<PathBuf>,

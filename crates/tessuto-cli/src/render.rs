@@ -14,16 +14,21 @@ use crate::{values, video};
 /// Render a recovered fabric from another viewpoint, under another environment map, plain or as depth.
 #[derive(Args)]
 #[command(after_help = "\
-Writes one image per frame, named by its number (frame_000.png …), and, where the program ffmpeg is installed
-(or named by TESSUTO_FFMPEG), video.mp4.
-
 Examples:
-  tessuto render results/curtain                               from 45° to the left
+  # from 45° to the left
+  tessuto render results/curtain
   tessuto render results/curtain --camera 20,35 --size 1280x720
   tessuto render results/curtain --camera original --environment studio.hdr
   tessuto render results/curtain --look depth --frames 0..10 --out depth
-  tessuto render results/curtain --camera 0,15 --turn camera --frames 0..1 --pictures 72 --out turntable
-  tessuto render results/curtain --camera original --turn light --environment studio.hdr --out relit")]
+
+  # a turntable
+  tessuto render results/curtain --camera 0,15 --turn camera --frames 0..1 \\
+    --pictures 72 --out turntable
+  tessuto render results/curtain --camera original --turn light \\
+    --environment studio.hdr --out relit
+
+Writes one image per frame, named by its number (frame_000.png …), and video.mp4 where \
+ffmpeg is installed (or named by TESSUTO_FFMPEG).")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
@@ -44,11 +49,11 @@ pub struct Arguments {
     /// Frames A to B − 1, counted from the result's first.
     #[arg(long, value_name = "A..B", value_parser = crate::frames::parse)]
     frames: Option<std::ops::Range<usize>>,
-    /// Goes once around the fabric in the course of the pictures.
+    /// Go once around the fabric in the course of the images.
     #[arg(long, value_enum)]
     turn: Option<Around>,
-    /// How many pictures the frames are spread over [default: one for each]. Of one frame and many pictures comes a turntable of
-    /// a fabric that stands still.
+    /// Number of images that the frames are spread over [default: one each]. One frame and many images make a turntable of
+    /// a fabric at rest.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pictures: Option<u32>,
     /// Light samples per pixel, rounded up to a multiple of 8.
@@ -57,7 +62,7 @@ pub struct Arguments {
     /// Folder to write [default: RESULT/views/LOOK].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Replace earlier views that nobody changed since.
+    /// Replace earlier views that were not changed since.
     #[arg(long)]
     force: bool,
     #[command(flatten)]

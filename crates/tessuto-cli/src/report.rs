@@ -13,7 +13,7 @@ use crate::watch::tell_verdict;
 /// Rebuild the page of a result: report.html, one self-contained file that needs no network.
 #[derive(Args)]
 #[command(after_help = "\
-Examples:
+Example:
   tessuto report results/curtain")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.

@@ -13,13 +13,14 @@ use crate::say::{self, say};
 /// List the settings: key, default, range, unit, meaning.
 #[derive(Args)]
 #[command(after_help = "\
-Change them with `tessuto reconstruct SCENE --set KEY=VALUE`, or many with `--config FILE`.
-A spread (σ) is how much of something is normal: the larger it is, the weaker the term.
-
 Examples:
   tessuto settings spacetime
   tessuto settings rate
-  tessuto settings --json --preset saft")]
+  tessuto settings --json --preset saft
+
+Change one with `tessuto reconstruct SCENE --set KEY=VALUE`, many with `--config FILE`. \
+A spread σ is the size that is normal for a term: a larger spread makes the term \
+weaker.")]
 pub struct Arguments {
     /// Only settings whose key contains this.
     filter: Option<String>,
@@ -82,7 +83,7 @@ fn markdown() -> String {
 Made by `tessuto settings --markdown`; a test compares. Change a setting with `--set KEY=VALUE`, which may be repeated,
 or many with `--config FILE`: `config.json` of a result, or a file such as `{\"texture\": {\"size\": 256}}`.
 
-A spread (σ) is how much of something is normal: a term with spread σ contributes ½ (residual/σ)², so the larger it is,
+A spread σ is the normal size of a residual: a term with spread σ contributes ½ (residual/σ)², so the larger it is,
 the weaker the term. Units are in brackets; pure numbers and counts have none.
 ",
     );

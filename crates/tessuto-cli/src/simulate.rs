@@ -12,39 +12,47 @@ use tessuto::{Error, io};
 use crate::repeat;
 use crate::say::say;
 
-/// Replay a recovered motion from its parameters and forces alone, or with changed ones.
+/// Simulate a result again: as found, or with another stiffness, wind, gravity or hold.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  tessuto simulate results/curtain                       the same motion, compared with motion.npy
-  tessuto simulate results/curtain --set bend=0.01 --out results/stiffer
-  tessuto simulate results/curtain --continue 20 --air still --out calm.npy     20 more frames, without wind
-  tessuto simulate results/curtain --scale bend=10,shear=2 --out stiffer.npy
+  # the same motion, compared with motion.npy
+  tessuto simulate results/curtain
+
+  # twice as stiff
+  tessuto simulate results/curtain --scale bend=2 --out results/stiffer
+
+  # 20 more frames, without wind
+  tessuto simulate results/curtain --continue 20 --air still --out calm.npy
   tessuto simulate results/curtain --hold release --out falling.npy
 
-A folder at --out becomes a result that render, export and report take. With --continue, other air and other holds begin
-where the clip ends; without it, in the first frame. --continue, --air, --hold, --gravity and --scale need a result
-whose causes were searched (preset default). Of others the forces hold the cloth where the video shows it, without gravity or a pin.")]
+A folder at --out becomes a result that render, export and report read. With \
+--continue, changes to air and hold begin where the clip ends; without it, in the first \
+frame.
+
+--continue, --air, --hold, --gravity and --scale need a result with estimated physics \
+(preset default). Other results have no separate causes: their forces include gravity \
+and whatever holds the cloth.")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
-    /// Change a property of the cloth: of springs stretch [N/m], bend [J/rad²] or shear [J/rad²]; of the preset phi-sft warp,
+    /// Set a property of the cloth: stretch [N/m], bend [J/rad²] or shear [J/rad²]; with the preset phi-sft warp,
     /// weft, shear [N/m], bend [J] or poisson. May be repeated.
     #[arg(long = "set", value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Scale the dynamic forces by this factor.
     #[arg(long, default_value_t = 1.0, value_name = "SCALE")]
     forces: f64,
-    /// Frames to go on after the clip; the last wind holds, what is held stays.
+    /// Frames to add after the clip, with the last wind and held vertices at rest.
     #[arg(long = "continue", default_value_t = 0, value_name = "FRAMES")]
     further: usize,
     /// The wind: as found, still, or a factor such as 0.5.
     #[arg(long, default_value = "found", value_name = "found|still|FACTOR")]
     air: String,
-    /// What becomes of the vertices that are held.
+    /// The held vertices.
     #[arg(long, value_enum, default_value_t = Held::Found)]
     hold: Held,
-    /// Factors on stretch, bend and shear stiffness and on the drag of the air.
+    /// Factors on stretch, bend and shear stiffness, and on the drag of the air.
     #[arg(long, value_name = "KEY=FACTOR,…", value_delimiter = ',')]
     scale: Vec<String>,
     /// Gravity as found, or none.
@@ -53,7 +61,7 @@ pub struct Arguments {
     /// Result folder to write; or, if it ends in .npy, the motion alone, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
     #[arg(long, value_name = "DIR|FILE.npy")]
     out: Option<PathBuf>,
-    /// Replace the array, or the result that nobody changed since, at --out.
+    /// Replace the array at --out, or a result there that was not changed since.
     #[arg(long)]
     force: bool,
 }

@@ -11,12 +11,15 @@ use crate::ffmpeg::ffmpeg;
 use crate::say::say;
 use crate::threads::Threads;
 
-/// Write frames of a video as images, numbered as `import` numbers them: to choose a part, and to read off corners.
+/// Write frames of a video as images, numbered as by `import`: to choose a part and to read off corners.
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  tessuto frames clip.mp4 look --side 480            (every frame, small)
-  tessuto frames clip.mp4 first --frames 30..31      (the frame that import --frames 30..90 starts with)")]
+  # every frame, small
+  tessuto frames clip.mp4 look --side 480
+
+  # the frame that import --frames 30..90 starts with
+  tessuto frames clip.mp4 first --frames 30..31")]
 pub struct Arguments {
     /// Video file.
     clip: PathBuf,
@@ -31,10 +34,10 @@ pub struct Arguments {
     /// Frames per second, where the video is to be resampled.
     #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     fps: Option<f64>,
-    /// Frames per second at which its frames were filmed, one after the other, whatever its time stamps say.
+    /// Frames per second at which the video was filmed; overrules its time stamps.
     #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     rate: Option<f64>,
-    /// Replace earlier images of tessuto's that nobody changed.
+    /// Replace earlier images by tessuto that were not changed since.
     #[arg(long)]
     force: bool,
     #[command(flatten)]

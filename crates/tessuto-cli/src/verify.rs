@@ -10,8 +10,8 @@ use crate::say::say;
 /// Check that a folder tessuto wrote (result, scene, views) is complete and unchanged.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Compares every file with its size and SHA-256 in manifest.json, which is written last. Files that are not in it are named but
-are no fault.")]
+Compares the size and SHA-256 of every file with manifest.json, which is written last. \
+Files that the manifest does not list are named, but are not an error.")]
 pub struct Arguments {
     /// Result, scene or folder of views.
     result: PathBuf,

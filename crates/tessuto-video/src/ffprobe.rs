@@ -241,7 +241,7 @@ fn expect_size(path: &Path, track: &Track, programs: &Programs, options: &Option
     expect_declared_size(path, &track.index.to_string(), programs, options)?;
     Err(Refusal::new(
         format!(
-            "does not tell the size of its frames, or they take more than {} bytes each",
+            "does not state the size of its frames, or they take more than {} bytes each",
             options.max_bytes
         ),
         "play it to see whether it is whole; make it smaller, e.g. ffmpeg -i IN -vf scale=1920:-2 OUT.mp4",

@@ -1,5 +1,5 @@
 //! Recover a fabric's 3D motion, texture, material and light from one ordinary video, on the CPU, the same bytes
-//! every time; with effective forces and stiffnesses that replay it.
+//! every time; with the stiffness, forces and standard deviations of an estimate of its physics.
 //!
 //! A scene is a folder of frames, masks, a camera and the fabric's shape in the first frame, made by
 //! [`import`] and [`template`] or from scratch by [`synth`]. [`run::run`] goes from there to a result folder, as the

@@ -159,7 +159,7 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
         let clock = (scene.fps, &dynamics);
         let begun = causes::begin(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
         if let Some(made) = begun.motion(&frames) {
-            // What was found before stays where it explains the pictures better.
+            // What was found before stays where it explains the images better.
             let along = problem.along(frames.clone(), &made);
             frames = problem.by_pictures(frames, along);
         }

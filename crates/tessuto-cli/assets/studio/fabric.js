@@ -6,7 +6,7 @@ import { outline } from "./outline.js";
 const PHONE = 65;
 const UNITS = { mm: 1e-3, cm: 1e-2, m: 1 };
 const NOTES = {
-  auto: "Taken from the clip if it tells its lens, else from the four corners of the sheet, which must be tilted for that.",
+  auto: "Taken from the clip if it names its lens, else from the four corners of the sheet, which must then be tilted.",
   guess: "A guess for a phone's main camera: the distance may be off by a fifth, the shape by much less.",
   fov: "A phone's main camera sees 50 to 70 degrees along the longer side.",
   focal: "Pixels of the clip; the centre of the first pixel is 0.",

@@ -18,14 +18,15 @@ use attempt::{End, Run, attempt};
 /// Run several methods on several scenes and print their errors, times and memory beside the published figures.
 #[derive(Args)]
 #[command(after_help = "\
-Writes DIR/SCENE/METHOD, the result folders, and DIR/comparison: compare.txt, compare.csv and compare.html, with all results side by
-side. The same command goes on where it was stopped; what is finished is not computed again. A run that fails does not
-stop the others.
-
 Examples:
   tessuto compare scenes/curtain scenes/flag --out comparison
   tessuto compare scenes/R1 --methods saft --ablations --out table7
-  tessuto compare scenes/R1 --methods default,saft --frames 0..16 --out quick")]
+  tessuto compare scenes/R1 --methods default,saft --frames 0..16 --out quick
+
+Writes the result folders, DIR/SCENE/METHOD, and DIR/comparison: compare.txt, \
+compare.csv and compare.html, the page with all results side by side. The same command \
+resumes where it was stopped and skips finished runs. A failed run does not stop the \
+others.")]
 pub struct Arguments {
     /// Scene folders.
     #[arg(required = true)]

@@ -24,7 +24,7 @@ pub struct Request {
 /// Why a body is not read.
 #[derive(Debug, PartialEq, Eq)]
 pub enum BodyError {
-    /// Its length is not told.
+    /// Its length is missing.
     NoLength,
     /// It is longer than it may be.
     TooLong,

@@ -13,14 +13,14 @@ pub struct Response {
     kind: &'static str,
     headers: Vec<(&'static str, String)>,
     body: Body,
-    /// Whether the body is left out, though its length is told: the answer to HEAD.
+    /// Whether the body is left out, though its length is stated: the answer to HEAD.
     head_only: bool,
 }
 
 enum Body {
     Text(Arc<String>),
     Static(&'static str),
-    /// So many bytes of a file.
+    /// This many bytes of a file.
     File(File, u64),
 }
 

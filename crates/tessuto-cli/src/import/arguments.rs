@@ -12,17 +12,27 @@ use crate::threads::Threads;
 #[derive(Args)]
 #[command(after_help = "\
 Examples:
-  tessuto import clip.mp4 scenes/towel --fov 63 --outline \"312,208 930,215 941,640 305,622\"
-  tessuto import clip.mp4 scenes/curtain --masks masks.mp4 --fov 63 --template curtain.obj
-  tessuto import frames/ scenes/flag --fps 25 --alpha --camera colmap/cameras.txt --downscale 2
-  tessuto import clip.mov scenes/towel --masks masks/ --camera calibration.yml --frames 120..180
-  tessuto template scenes/towel --flat 0.7x0.5m --from-mask     (if there is no template yet)
+  tessuto import clip.mp4 scenes/towel --fov 63 \\
+    --outline \"312,208 930,215 941,640 305,622\"
+  tessuto import clip.mp4 scenes/curtain --masks masks.mp4 --fov 63 \\
+    --template curtain.obj
+  tessuto import frames/ scenes/flag --fps 25 --alpha \\
+    --camera colmap/cameras.txt --downscale 2
+  tessuto import clip.mov scenes/towel --masks masks/ \\
+    --camera calibration.yml --frames 120..180
 
-With --outline the masks are made from the clip, as tessuto masks makes them; its corners are in pixels of the scene's
-first frame. H.264 and HEVC in MP4, MOV and MKV are decoded here,
-other videos by ffmpeg, found in the search path or by the variable TESSUTO_FFMPEG. White in a mask
-is fabric, or the transparency where the colour is one, or an object (--object chooses one of several); masks pair with
-frames by name, else by number; a video of masks pairs frame by frame. Images named by their times tell their frame rate.")]
+  # afterwards, if there is no template yet
+  tessuto template scenes/towel --flat 0.7x0.5m --from-mask
+
+With --outline the masks are made from the clip, as by tessuto masks. Its corners are \
+in pixels of the scene's first frame.
+
+H.264 and HEVC in MP4, MOV and MKV need no other program. Other videos need ffmpeg, in \
+the search path or named by TESSUTO_FFMPEG.
+
+White in a mask is fabric. So is the opaque part of a cut-out, or the object chosen by \
+--object. Masks pair with frames by name, else by number; a video of masks pairs frame \
+by frame. Images named by their times give the frame rate.")]
 pub struct Arguments {
     /// Video file, or folder of PNG or JPEG images.
     pub input: PathBuf,
@@ -42,11 +52,11 @@ pub struct Arguments {
     /// The fabric in the first frame: OBJ, PLY or glTF, camera axes, metres, with uv.
     #[arg(long, value_name = "FILE")]
     pub template: Option<PathBuf>,
-    /// Frames per second; required for images, but for names that tell times. A video of another rate is resampled.
+    /// Frames per second; required for images unless their names are times. A video of another rate is resampled.
     #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     pub fps: Option<f64>,
-    /// Frames per second at which the frames of a video were filmed, one after the other, whatever its time stamps say: of a raw
-    /// stream, which has none, or of slow motion. Of interlaced film those stored, of which each becomes two.
+    /// Frames per second at which the video was filmed; overrules its time stamps. For raw streams, which have none, and
+    /// slow motion. Interlaced film: frames as stored, before each becomes two.
     #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     pub rate: Option<f64>,
     /// Only frames A to B − 1 of the input.
@@ -61,7 +71,7 @@ pub struct Arguments {
     /// Treat numbered images with gaps as evenly spaced in time.
     #[arg(long)]
     pub allow_gaps: bool,
-    /// Replace a scene that tessuto wrote and nobody changed; its template is kept where no other is given.
+    /// Replace a scene by tessuto that was not changed since; keeps its template unless another is given.
     #[arg(long)]
     pub force: bool,
     #[command(flatten)]

@@ -217,7 +217,7 @@ fn is_estimated(work: &Work, form: &Form) -> bool {
     form.clip.is_some() && form.camera == Camera::Auto && !told()
 }
 
-/// Refuses corners that do not tell the focal length, before minutes are spent on masks. Of the scene's pixels, as the command
+/// Refuses corners that do not determine the focal length, before minutes are spent on masks. Of the scene's pixels, as the command
 /// for the template sees them.
 fn tells_focal_length(
     work: &Work,
@@ -231,7 +231,7 @@ fn tells_focal_length(
     let corners = corners.map(|c| form.in_scene(c).into());
     focal::estimate(size.into(), corners, [width, height], CLICK)
         .map(|_| ())
-        .map_err(|error| format!("the clip does not tell its camera; {error}"))
+        .map_err(|error| format!("the clip does not name its camera; {error}"))
 }
 
 fn camera(camera: &Camera, estimated: bool) -> Command {
@@ -258,7 +258,7 @@ fn forced(mut command: Command, force: bool) -> Command {
     command
 }
 
-/// A name that is not taken for an option.
+/// A name that cannot be read as an option.
 fn argument(name: &str) -> String {
     if name.starts_with('-') { format!("./{name}") } else { name.to_owned() }
 }
@@ -352,7 +352,10 @@ mod tests {
             ..form.clone()
         };
         let told = of(&work, &frontal, &Step::Prepare).unwrap_err();
-        assert!(told.contains("do not tell the focal length") && told.contains("give the camera"), "{told}");
+        assert!(
+            told.contains("do not determine the focal length") && told.contains("give the camera"),
+            "{told}"
+        );
         let tilted = Form {
             outline: points([[149.4, 105.1], [440.1, 21.9], [516.7, 395.4], [259.6, 347.5]]),
             size: Some([0.5, 0.5]),

@@ -29,7 +29,7 @@ pub struct Entry {
     pub changed: u64,
 }
 
-/// Whether a file of this name is taken for a video.
+/// Whether a file of this name is treated as a video.
 pub fn is_video(name: &str) -> bool {
     let ending = Path::new(name).extension().map(|e| e.to_string_lossy().to_lowercase());
     ending.is_some_and(|e| VIDEOS.contains(&e.as_str()))

@@ -18,7 +18,7 @@ pub struct Form {
     pub frames: Option<[usize; 2]>,
     /// Frames per second at which the clip was filmed, where its own time stamps do not tell [1/s].
     pub rate: Option<f64>,
-    /// Every so many frames one is used.
+    /// Every this many frames one is used.
     pub stride: usize,
     /// Pixels of the clip, in each direction, that become one.
     pub downscale: usize,

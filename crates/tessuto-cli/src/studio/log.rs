@@ -6,10 +6,10 @@ use std::path::Path;
 
 use serde::Serialize;
 
-/// So many bytes of a log's end are read.
+/// This many bytes of a log's end are read.
 const TAIL: u64 = 64 << 10;
 
-/// What a log tells.
+/// What a log says.
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub struct News {
     /// The latest command.

@@ -37,8 +37,9 @@ Examples:
   tessuto studio scenes/curtain --port 8080 --no-browser
   tessuto studio --dir ~/films
 
-Everything is kept in the project folder: closing the browser or ending the program loses nothing. Each step shows the
-command that does the same. Only this machine can reach the page, and only with the address that is printed.")]
+Everything is kept in the project folder: closing the browser or ending the program \
+loses nothing. Each step shows the command that does the same. Only this machine can \
+reach the page, and only with the address that is printed.")]
 pub struct Arguments {
     /// What to begin with, in the project folder: a video, a scene folder or a result folder.
     start: Option<PathBuf>,

@@ -54,7 +54,7 @@ impl Studio {
     }
 
     fn work(&self, request: &Request) -> Result<Work<'_>, Refused> {
-        let name = request.query("work").ok_or_else(|| bad("which work is not told"))?;
+        let name = request.query("work").ok_or_else(|| bad("the query names no work"))?;
         Work::new(&self.project, &name).ok_or_else(|| bad(&format!("{name} is not in the project")))
     }
 }
@@ -161,7 +161,7 @@ fn body<T: DeserializeOwned>(request: &mut Request, stream: &mut impl Read) -> R
         Ok(())
     });
     took.map_err(|e| match e {
-        BodyError::NoLength => ("411 Length Required", "the length is not told".to_owned()),
+        BodyError::NoLength => ("411 Length Required", "the request has no length".to_owned()),
         BodyError::TooLong => ("413 Content Too Large", "that is too long".to_owned()),
         BodyError::Stalled => ("408 Request Timeout", "the request broke off".to_owned()),
     })?

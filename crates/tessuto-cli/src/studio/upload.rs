@@ -58,7 +58,9 @@ pub fn receive(
             .and_then(|()| file.sync_all())
             .and_then(|()| publish(&partial, &folder, name))
             .map_err(failed),
-        Err(BodyError::NoLength) => refuse("411 Length Required", "the length of the clip is not told"),
+        Err(BodyError::NoLength) => {
+            refuse("411 Length Required", "the request does not give the length of the clip")
+        }
         Err(BodyError::TooLong) => {
             refuse("413 Content Too Large", "the clip is larger than 8 GB: cut it first")
         }

@@ -21,7 +21,9 @@ Examples:
   tessuto synth scenes/canvas --grid 25x31 --size 640 --bend 1e-3
   tessuto synth scenes/carried --hands --blur --fps 15
   tessuto synth scenes/sheet --paper --occluders
-  tessuto synth scenes/physics --air --hands --frames 40        with all causes of the motion as truth")]
+
+  # with the true physics, for evaluate to compare with
+  tessuto synth scenes/physics --air --hands --frames 40")]
 pub struct Arguments {
     /// Scene folder to write.
     pub out: PathBuf,
@@ -40,11 +42,11 @@ pub struct Arguments {
     /// Two hands carry, turn and shake the cloth; gt/physics.json names the vertices they hold.
     #[arg(long)]
     hands: bool,
-    /// A flat sheet of paper, bent about turning axes without being stretched; knows no wind and no stiffness.
+    /// A flat sheet of paper, bent about turning axes without stretch; has no wind and no stiffness.
     #[arg(long, conflicts_with_all = ["hands", "wind", "stretch", "bend", "shear"])]
     paper: bool,
-    /// The wind is moving air that presses on the sheet, and gravity is tilted against the camera: everything that moves the sheet is written
-    /// to gt/physics.json, what would have come of other causes to gt/calm.npy and gt/stiffer.npy.
+    /// The wind is moving air that presses on the sheet, and gravity is tilted against the camera. The true physics is written
+    /// to gt/physics.json, the same cloth in still air and ten times stiffer to gt/calm.npy and gt/stiffer.npy.
     #[arg(long, conflicts_with = "paper")]
     air: bool,
     /// Strength of the gust [m/s²], with --air of the wind [m/s] [default: 9, with --hands 2, with --air 1].
@@ -65,10 +67,10 @@ pub struct Arguments {
     /// Frames per second; the motion in time stays the same.
     #[arg(long, default_value_t = Settings::default().fps)]
     fps: f64,
-    /// Motion blur: how long the shutter is open, as a fraction of the time from frame to frame [0.5 where no number is given].
+    /// Motion blur: how long the shutter is open, as a fraction of the time from frame to frame [0.5 if not given].
     #[arg(long, value_name = "FRACTION", num_args = 0..=1, require_equals = true, default_missing_value = "0.5")]
     blur: Option<f64>,
-    /// Opaque things, each of about a tenth of the cloth, that move in front of it [1 where no number is given]; masks exclude them.
+    /// Number of opaque things, each about a tenth of the cloth, that move in front of it [1 if not given]; masks exclude them.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
     occluders: Option<usize>,
     /// Masks show the whole cloth, with what is hidden behind occluders.
@@ -77,7 +79,7 @@ pub struct Arguments {
     /// Seed of texture, wind, mesh and all that is drawn at random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Replace a scene folder that tessuto wrote and nobody changed since.
+    /// Replace a scene folder by tessuto that was not changed since.
     #[arg(long)]
     pub force: bool,
 }

@@ -14,17 +14,26 @@ use crate::values::{self, Pair};
 #[command(after_help = "\
 Examples:
   tessuto template scenes/towel --flat 70x50cm --from-mask
-  tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622
-  tessuto template scenes/towel --flat 0.7x0.5m --corners 312,208 930,215 941,640 305,622 --camera estimate
-  tessuto template scenes/flag --depth capture/ --from-mask        (Stray Scanner, Polycam; or a depth map)
-  tessuto template scenes/flag --depth first.png --depth-scale 0.00025 --from-mask
+  tessuto template scenes/towel --flat 0.7x0.5m \\
+    --corners 312,208 930,215 941,640 305,622 --camera estimate
+
+  # depth of Stray Scanner or Polycam, or a depth map
+  tessuto template scenes/flag --depth capture/ --from-mask
+  tessuto template scenes/flag --depth first.png --depth-scale 0.00025 \\
+    --from-mask
+
+  # any mesh: as a grid, as triangles, with other axes and units
   tessuto template scenes/flag --remesh 32 --from flag.glb
   tessuto template scenes/flag --remesh 400 --irregular --force
   tessuto template scenes/flag --flip yz --scale 0.001 --force
-  tessuto template first.png --mask mask.png --fov 63 --flat 70x50cm --from-mask --out towel.obj
 
-The size is width along the upper side times height, as measured on the fabric laid flat. Corners are clockwise from
-the upper left, as seen in the image. tessuto check SCENE --picture check.png shows the template on the first frame.")]
+  # for an image, without a scene
+  tessuto template first.png --mask mask.png --fov 63 --flat 70x50cm \\
+    --from-mask --out towel.obj
+
+The size is width along the upper side times height, measured on the fabric laid flat. \
+Corners are clockwise from the upper left as seen in the image. tessuto check SCENE \
+--picture check.png shows the template on the first frame.")]
 pub struct Arguments {
     /// Scene folder; or an image of the fabric, with --mask, a camera and --out.
     pub target: PathBuf,
@@ -32,11 +41,11 @@ pub struct Arguments {
     #[arg(long, value_name = "WxH", value_parser = values::lengths, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
     pub flat: Option<Pair>,
     /// A depth map of the first frame: PNG of 16 bits in mm, .npy or OpenEXR (channel Z, depth, V, Y or the only one)
-    /// in m; or the folder of a capture of Stray Scanner or of Polycam's raw data, which brings its camera.
+    /// in m; or a capture folder of Stray Scanner or of Polycam's raw data, with its camera.
     #[arg(long, value_name = "FILE|DIR", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth: Option<PathBuf>,
-    /// What a unit of the depth map is [m]: 0.00025 of a RealSense L515, 0.0001 of a D405, 0.0002 of TUM RGB-D
-    /// [default: 0.001 of whole numbers, else 1].
+    /// Unit of the depth map [m]: 0.00025 for a RealSense L515, 0.0001 for a D405, 0.0002 for TUM RGB-D
+    /// [default: 0.001 for integers, else 1].
     #[arg(long, value_name = "METRES", value_parser = values::positive, allow_negative_numbers = true, requires = "depth", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth_scale: Option<f64>,
     /// The camera of the colour images recorded with the depth map (JSON as apps write it) [default: the scene's].
@@ -57,7 +66,7 @@ pub struct Arguments {
     /// Re-sample a mesh as a regular grid of quads: vertices along the longer side, or columns x rows.
     #[arg(long, value_name = "N|CxR", value_parser = values::resolution)]
     pub remesh: Option<Resolution>,
-    /// Re-sample it as triangles that lie irregularly instead; --remesh says of how many vertices in all, such as 400.
+    /// Re-sample it as irregular triangles instead; --remesh then gives the number of vertices, such as 400.
     #[arg(long, requires = "remesh")]
     pub irregular: bool,
     /// The mesh to start from: OBJ, PLY or glTF [default: the scene's template.obj].
@@ -69,7 +78,7 @@ pub struct Arguments {
     /// Negate these coordinates, such as yz.
     #[arg(long, value_name = "AXES", value_parser = values::axes)]
     pub flip: Option<[bool; 3]>,
-    /// Swap two coordinates before that, such as xy.
+    /// Swap two coordinates before --flip, such as xy.
     #[arg(long, value_name = "AXES", value_parser = values::axes)]
     pub swap: Option<[bool; 3]>,
     /// Merge vertices that lie at the same place, or within this part of the mesh's size.

@@ -64,7 +64,7 @@ pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) ->
     match unit.told {
         true => say!("a unit of the depth map is {}", unit.name()),
         false => say!(
-            "a unit of the depth map is taken for {}; --depth-scale METRES says another one",
+            "a unit of the depth map is assumed to be {}; --depth-scale METRES sets another one",
             unit.name()
         ),
     }

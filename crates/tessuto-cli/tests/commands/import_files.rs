@@ -367,7 +367,7 @@ fn names_that_are_times_tell_the_rate() {
         read(&files.path("out/rgbs/rgb_004.png")).unwrap(),
         read(&files.path("frames").join(&frames[4])).unwrap()
     );
-    assert!(files.imported(&[]).contains("the names tell 30 images per second, but 25 were given"));
+    assert!(files.imported(&[]).contains("the names give 30 images per second, but 25 were given"));
     std::fs::remove_file(files.path("frames").join(&frames[2])).unwrap();
     files.refused(&["--no-fps"], &["gap: frame_1699999.934.png is followed by frame_1700000.0.png"]);
 }

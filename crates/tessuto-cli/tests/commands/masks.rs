@@ -145,7 +145,7 @@ fn from_four_corners_to_masks_and_a_template() {
     for name in ["masks.json", "template.json"] {
         std::fs::remove_file(clip.path("scene").join(name)).unwrap();
     }
-    clip.refused(&["masks", "@scene"], &["nothing tells where the fabric of", "--outline"]);
+    clip.refused(&["masks", "@scene"], &["it is not known where the fabric of", "--outline"]);
 }
 
 #[test]

@@ -50,7 +50,7 @@ fn causes_are_compared_with_the_truth_and_foretell() {
         r#"{"key":"let_go""#,
         r#"{"key":"residual""#,
         "What moved it",
-        "Shares of the forces",
+        "Forces as fractions",
         r#""stacked":true"#,
     ] {
         assert!(page.contains(part), "{part} is missing");

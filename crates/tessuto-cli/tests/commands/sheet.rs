@@ -100,7 +100,7 @@ fn the_corners_of_a_tilted_sheet_tell_the_camera() {
 fn a_sheet_seen_from_the_front_does_not_and_a_guess_is_doubted() {
     let (folder, corners) = scene([0.0, 0.02], 1.0);
     let (status, text) = tessuto(&flat(&folder, &corners, &["--camera", "estimate"]));
-    assert!(status == Some(3) && text.contains("do not tell the focal length"), "{text}");
+    assert!(status == Some(3) && text.contains("do not determine the focal length"), "{text}");
     assert!(
         !folder.path().join("template.obj").exists()
             && json(&folder.path().join("scene.json"))["fx"] == 400.0

@@ -162,7 +162,7 @@ fn a_depth_map_of_another_unit_is_doubted_until_the_unit_is_told() {
     let file = scene.path("l515.png").display().to_string();
     let options = ["--depth", &file, "--from-mask", "--grid", "5"];
     let (status, said) = template(&scene, &options);
-    assert!(status == Some(0) && said.contains("a unit of the depth map is taken for 1 mm"), "{said}");
+    assert!(status == Some(0) && said.contains("a unit of the depth map is assumed to be 1 mm"), "{said}");
     assert!(said.contains("warning: the sheet has a diagonal of 4.") && said.contains("at 8.00 m"), "{said}");
     assert!(said.contains("at 2.00 m with 0.25 mm (RealSense L515)"), "{said}");
     let (_, said) = tessuto(&["check", scene.folder().to_str().unwrap()]);

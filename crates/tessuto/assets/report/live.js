@@ -45,7 +45,7 @@
         const news = await answer.json();
         if (news.finished) return location.reload();
         show(news);
-        if (news.ended) return end("ended; the terminal tells why");
+        if (news.ended) return end("ended; the terminal says why");
       }
     } catch {
       if (++failures > 3) return end("the program has ended");

@@ -1,4 +1,4 @@
-//! Scale and tint of the albedo, which pictures of a diffuse surface tell only together with the light's.
+//! Scale and tint of the albedo, which images of a diffuse surface tell only together with the light's.
 //!
 //! What is known beforehand: most fabrics have parts that are hardly dyed and reflect about 0.7 of the light (bleached
 //! cotton 0.8, raw cotton 0.65), others are dyed all over, darker and of any hue; light is more or less tinted, and
@@ -19,7 +19,7 @@ const KINDS: [Kind; 2] = [
     Kind { probability: 0.7, albedo: 0.7, spread: 0.15, tint: 0.05 },
     Kind { probability: 0.3, albedo: 0.25, spread: 0.7, tint: 0.6 },
 ];
-/// Irradiance over π of cloth in pictures whose brightest value is 1, and the standard deviation of its logarithm.
+/// Irradiance over π of cloth in images whose brightest value is 1, and the standard deviation of its logarithm.
 const LIGHT: f64 = 0.6;
 const LIGHT_SPREAD: f64 = 0.5;
 /// Standard deviation, per channel, of the logarithm of the light's tint.
@@ -75,7 +75,7 @@ pub(super) fn expected(seen: [f64; 3]) -> AlbedoScale {
     let tint = logs.map(|l| l - mean);
     let tint_square: f64 = tint.iter().map(|t| t * t).sum();
     let brightness = (seen.iter().sum::<f64>() / 3.0).ln() - LIGHT.ln();
-    // Of each kind: log albedo and its variance, share of the tint and its variance, evidence.
+    // Of each kind: log albedo and its variance, fraction of the tint and its variance, evidence.
     let given = KINDS.map(|kind| {
         let (light, cloth) = (LIGHT_SPREAD.powi(2), kind.spread.powi(2));
         let off = brightness - kind.albedo.ln();

@@ -7,7 +7,7 @@ use super::regions::{MOST, clusters};
 
 /// Metallic from which on a texel has a say in what its metal's colour is.
 const METAL: f32 = 0.25;
-/// Tints that are nearer than this to the mean of all, or to each other, are one metal at first, in shares of the sum of the sRGB channels:
+/// Tints that are nearer than this to the mean of all, or to each other, are one metal at first, in fractions of the sum of the sRGB channels:
 /// gold is 0.1 to 0.16 from silver, and what is wrong by the light 0.05 from what is right.
 const APART: f32 = 0.1;
 /// A texel that is no metal.

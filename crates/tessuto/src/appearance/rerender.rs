@@ -66,7 +66,7 @@ pub fn rerender(
 /// Pixels around one on the outline that may tell what lies behind: those of the square of this radius.
 const BESIDE: usize = 2;
 
-/// Adds to the pixels of `drawn` that are covered in part, their share of what `video` shows in pixels nearby that are not
+/// Adds to the pixels of `drawn` that are covered in part, their fraction of what `video` shows in pixels nearby that are not
 /// covered at all, in linear light.
 fn fill_outline(drawn: &mut Image, coverage: &[f32], video: &Image) {
     let (width, height) = (drawn.width, drawn.height);

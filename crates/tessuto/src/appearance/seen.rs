@@ -19,7 +19,7 @@ pub struct Seen {
     pub texels: Vec<f32>,
     /// Frames that show each vertex, shape `[V]`.
     pub vertices: Vec<f32>,
-    /// Share of the pixels of all frames that face each direction, shape [[`DIRECTION_ROWS`], 2·[`DIRECTION_ROWS`]], as an
+    /// Fraction of the pixels of all frames that face each direction, shape [[`DIRECTION_ROWS`], 2·[`DIRECTION_ROWS`]], as an
     /// [`EnvironmentMap`]; shadows are not looked at.
     pub directions: Vec<f32>,
 }

@@ -24,8 +24,8 @@ impl MapPrior {
 settings! {
     /// How material and light are found.
     pub struct AppearanceSettings {
-        /// What keeps the maps from following noise: neighbouring texels are drawn to each other, or the maps are what an
-        /// untrained convolutional decoder puts out.
+        /// Prior that keeps the maps from following noise: smoothness of neighbouring texels, or the output of an untrained
+        /// convolutional decoder.
         prior: MapPrior = MapPrior::Smooth, choice(MapPrior::NAMES);
         /// Width and height of the maps, over the part of uv space that the template uses.
         map_size: usize = 512, number(2.0..=8192.0, "texel");
@@ -54,7 +54,7 @@ settings! {
         grey_until: f64 = 0.4, number(0.0..=1.0, "");
         /// Fraction of the steps from which on the light has its full colour.
         colour_from: f64 = 0.6, number(0.0..=1.0, "");
-        /// Radiance from every direction that the light starts with, before scale and tint are led to what is known of fabrics.
+        /// Initial radiance from every direction, before scale and tint are led to those of known fabrics.
         light_start: f64 = 1.5, number(1e-3..=1e3, "linear");
         /// Roughness that the maps start with.
         roughness_start: f64 = 0.7, number(0.3..=1.0, "");
@@ -70,7 +70,7 @@ settings! {
         /// Weight of metal's mean squared difference from the mean colour of metal of similar tint: nearly all that metal shows is
         /// the light.
         metal_colour_pull: f64 = 0.1, number(0.0..=1e3, "");
-        /// Weight of the mean squared difference from roughness_start: where no highlight tells, roughness stays there.
+        /// Weight of the mean squared difference from roughness_start: without highlights roughness stays there.
         roughness_pull: f64 = 1e-3, number(0.0..=1e3, "");
         /// Fraction of the steps from which on patches with large errors count less; 1: all count alike to the end.
         reweight_from: f64 = 0.6, number(0.0..=1.0, "");

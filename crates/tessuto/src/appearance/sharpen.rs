@@ -145,7 +145,7 @@ mod tests {
         material
     }
 
-    /// Sharpens maps of one colour by pictures of `truth`, a bent sheet under light from a side, in many frames; returns the
+    /// Sharpens maps of one colour by images of `truth`, a bent sheet under light from a side, in many frames; returns the
     /// root mean square of the error of the diffuse map before and after, and what the mean is off after.
     fn sharpened(truth: &Material, passes: usize) -> [f64; 3] {
         let mut mesh = grid(9, 9, DVec2::splat(0.4), 0.6);

@@ -9,10 +9,10 @@ use crate::scene::Scene;
 
 /// The largest piece of a mask holds less than this: error, and warning.
 const LARGEST: [f64; 2] = [0.5, 0.998];
-/// Share of a mask that is grey, neither black nor white: error, and warning. Soft edges of cloth of a hundred pixels are a
-/// few percent, a sheet that is blurred by its own width is half grey, a picture in place of a mask is all of it.
+/// Fraction of a mask that is grey, neither black nor white: error, and warning. Soft edges of cloth of a hundred pixels are a
+/// few percent, a sheet that is blurred by its own width is half grey, an image in place of a mask is all of it.
 const GREY: [f64; 2] = [0.8, 0.25];
-/// Share of holes that is doubtful.
+/// Fraction of holes that is doubtful.
 const HOLES: f64 = 0.01;
 
 /// Shape of one mask.
@@ -22,11 +22,11 @@ pub(super) struct MaskShape {
     pixels: usize,
     /// Pieces that hang together, along sides or corners.
     pieces: usize,
-    /// Share of the fabric's pixels that the largest piece has.
+    /// Fraction of the fabric's pixels that the largest piece has.
     largest: f64,
-    /// Pixels of the holes, as a share of the fabric's.
+    /// Pixels of the holes, as a fraction of the fabric's.
     holes: f64,
-    /// Pixels from 5 % to 95 %, as a share of those above 5 %.
+    /// Pixels from 5 % to 95 %, as a fraction of those above 5 %.
     grey: f64,
 }
 
@@ -126,7 +126,7 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
         out.push(finding(
             level,
             detail,
-            "leave only the fabric white, as import can (largest_piece): other pieces are taken for cloth",
+            "leave only the fabric white, as import can (largest_piece): other pieces are treated as cloth",
         ));
     }
     out.extend(made(scene));

@@ -11,7 +11,7 @@ const ALIKE: f32 = 3.0 / 255.0;
 const QUIET: f64 = 0.25;
 /// Longest distance from copy to copy: film of 24 frames a second at 30 has one in five.
 const LONGEST: usize = 6;
-/// So many of them are no chance.
+/// This many of them are no chance.
 const LEAST: usize = 4;
 
 /// Colours of the pixels that are fabric alone in both frames, which have one size.

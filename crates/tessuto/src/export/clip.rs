@@ -129,7 +129,7 @@ impl Clip {
     pub fn without_lost(self) -> Result<Self> {
         let place = format!("result {}", self.name);
         if self.verdicts.is_empty() {
-            let problem = "holds no verdicts on its frames: metrics.json does not tell which are lost";
+            let problem = "holds no verdicts on its frames: metrics.json does not say which are lost";
             let hint = "export all frames, or reconstruct the scene again, which judges them";
             return Err(Error::input(place, problem, hint));
         }

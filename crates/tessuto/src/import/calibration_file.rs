@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::io::read_text;
 
 /// Reads nerfstudio's transforms.json, COLMAP's cameras.txt (or the folder that holds it) or a calibration of
-/// OpenCV in YAML or JSON, told apart by their content. `camera_id` chooses one of several COLMAP cameras.
+/// OpenCV in YAML or JSON, distinguished by their content. `camera_id` chooses one of several COLMAP cameras.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file, and an unknown camera model by its name.

@@ -108,7 +108,7 @@ fn given(path: &Path) -> Result<Calibration> {
         return Err(Error::input(
             path.display().to_string(),
             "does not say for which size of image it is",
-            "name the capture's folder, whose depth maps tell",
+            "name the capture's folder, whose depth maps are numbered",
         ));
     }
     let json = path.extension().is_some_and(|e| e == "json");

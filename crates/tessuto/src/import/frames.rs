@@ -51,7 +51,7 @@ impl Source {
         let told = times::order(&mut images, input, settings.allow_gaps, given, notes)?;
         let Some(fps) = given.or(told) else {
             return Err(Error::usage(
-                "images do not tell their frame rate",
+                "images have no frame rate",
                 Hint::from("give the frames per second of the recording, before frames are left out")
                     .with(Remedy::Fps),
             ));

@@ -110,7 +110,7 @@ pub fn expect_files(paths: &[Option<&Path>]) -> Result<()> {
     paths.iter().flatten().try_for_each(|path| crate::io::expect_file(path))
 }
 
-/// Writes the scene `name` into the existing, empty `folder`; `progress` is told what has just been written.
+/// Writes the scene `name` into the existing, empty `folder`; `progress` receives what has just been written.
 ///
 /// # Errors
 /// [`Error::Usage`], [`Error::Input`], [`Error::Output`].

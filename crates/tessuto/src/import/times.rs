@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::names::{Parts, alike, changing, gap};
 use crate::error::Result;
 
-/// A pause of so many usual ones is a gap.
+/// A pause of this many usual ones is a gap.
 const GAP: f64 = 1.6;
 /// A rate is a whole number but for its clock, as a fraction of it.
 const CLOCK: f64 = 2e-3;
@@ -58,11 +58,11 @@ pub(super) fn order(
     let shown = (rate * 1e3).round() / 1e3;
     match given {
         Some(fps) if (fps - rate).abs() > OTHER_RATE * fps => {
-            notes.push(format!("{place}: the names tell {shown} images per second, but {fps} were given"));
+            notes.push(format!("{place}: the names give {shown} images per second, but {fps} were given"));
         }
         Some(_) => {}
         None => notes.push(format!(
-            "{place}: the names tell the times: {shown} images per second, {:.1} to {:.1} ms apart, taken as evenly spaced",
+            "{place}: the names are times: {shown} images per second, {:.1} to {:.1} ms apart, taken as evenly spaced",
             1e3 * least,
             1e3 * most
         )),

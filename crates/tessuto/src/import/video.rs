@@ -14,9 +14,9 @@ const SAME: f64 = 0.002;
 const OTHER: f64 = 0.01;
 /// Phones film at this rate `[1/s]` or a lower one, and in dim light at still lower ones with true stamps: no slow motion.
 const ORDINARY: f64 = 30.5;
-/// Where stamps vary, a camera that filmed at so many times their mean rate filmed slow motion.
+/// Where stamps vary, a camera that filmed at this many times their mean rate filmed slow motion.
 const VARIED: f64 = 1.5;
-/// A camera that filmed at less than so many times the rate of the stamps filmed a time lapse.
+/// A camera that filmed at less than this many times the rate of the stamps filmed a time lapse.
 const LAPSE: f64 = 0.9;
 /// Stamps of a rate so far below what was meant `[fraction]` are worth a note.
 const DIM: f64 = 0.05;
@@ -193,7 +193,7 @@ impl Video {
         }
         Err(Error::input(
             &self.place,
-            format!("holds {masks} masks for {frames} images: which belongs to which is not told"),
+            format!("holds {masks} masks for {frames} images: nothing shows which mask belongs to which"),
             "make one mask for each image, in their order",
         ))
     }
@@ -222,7 +222,7 @@ impl Video {
         Err(Error::input(
             &self.place,
             format!(
-                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: which belongs to which is not told"
+                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: nothing shows which mask belongs to which"
             ),
             "make one mask for each frame of the film, in its order",
         ))
@@ -350,7 +350,7 @@ fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
     if moments.is_empty() {
         return Err(Error::input(
             place,
-            "has no time stamps, as a raw stream of a codec has none: its frame rate is not told",
+            "has no time stamps, as a raw stream of a codec has none: its frame rate is not known",
             hint("give the rate at which its frames were filmed"),
         ));
     }

@@ -199,7 +199,7 @@ mod tests {
         }
         write_channels(&path, &[("R", red), ("G", half), ("B", half)]);
         let message = DepthMap::read(&path, None).unwrap_err().to_string();
-        assert!(message.contains("is a picture: its channels R, G differ"), "{message}");
+        assert!(message.contains("is a colour image: its channels R, G differ"), "{message}");
     }
 
     #[test]

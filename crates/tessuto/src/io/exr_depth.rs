@@ -46,7 +46,7 @@ pub(super) fn read_depth(bytes: &[u8]) -> Result<Channel, String> {
     let red = own == "R" || own.ends_with(".R");
     let channel = decode(bytes, own)?;
     if red {
-        // A picture is no depth map: its red, taken for metres, would be believed.
+        // A colour image is no depth map: its red would pass for metres.
         let stem = own.strip_suffix('R').unwrap_or_default();
         for other in ["G", "B"].map(|letter| format!("{stem}{letter}")) {
             if all.iter().any(|(p, c)| p == part && *c == other) {
@@ -54,7 +54,7 @@ pub(super) fn read_depth(bytes: &[u8]) -> Result<Channel, String> {
                 let same = |(a, b): (&f64, &f64)| a == b || *b == 0.0 || a.is_nan() && b.is_nan();
                 if !channel.values.iter().zip(&other.values).all(same) {
                     return Err(format!(
-                        "is a picture: its channels {own}, {} differ, and none is called Z",
+                        "is a colour image: its channels {own}, {} differ, and none is called Z",
                         other.name
                     ));
                 }

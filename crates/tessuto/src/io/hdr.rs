@@ -1,4 +1,4 @@
-//! Images of linear radiance: OpenEXR (half or float RGB) and Radiance .hdr, told apart by their
+//! Images of linear radiance: OpenEXR (half or float RGB) and Radiance .hdr, distinguished by their
 //! content, to linear float images, and EXR back. Colours are linear Rec.709; nothing is encoded.
 
 use std::io::Cursor;

@@ -1,4 +1,4 @@
-//! PNG and JPEG files, told apart by their content, to float images and back.
+//! PNG and JPEG files, distinguished by their content, to float images and back.
 //!
 //! Every bit depth and colour type is read: 16 bits keep their precision, grey becomes RGB, palettes
 //! are resolved, alpha is dropped. Nothing is decoded before its size is known to be acceptable.

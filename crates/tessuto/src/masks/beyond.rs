@@ -7,18 +7,18 @@ use super::segment::{CERTAIN, Mark};
 
 /// So far beyond the drawn outline `[px]` clicks may be wrong.
 const BEYOND: f32 = 2.5;
-/// The fabric must have moved so far across an outline `[px]`, or nothing can be told.
+/// The fabric must have moved so far across an outline `[px]`, or nothing can be decided.
 const MOVED: f32 = 3.0;
-/// Within so many frames.
+/// Within this many frames.
 pub(super) const FRAMES: usize = 16;
-/// Every so many pixels of the outline are looked at.
+/// Step along the outline between the places that are looked at `[px]`.
 const STRIDE: usize = 3;
 /// The outline has stayed where it is nearer to where it was than to where the motion has led by this factor.
 const NEARER: f32 = 0.5;
-/// Places of the outline so near count, as a fraction of the fabric's size and at least `[px]`; so many are needed.
+/// Places of the outline so near count, as a fraction of the fabric's size and at least `[px]`; this many are needed.
 const AROUND: (f32, f32) = (0.08, 12.0);
 const LEAST: usize = 5;
-/// One mark every so many pixels, either way.
+/// Step between the marks `[px]`, either way.
 const GRID: usize = 4;
 
 /// A place of the first frame's outline: how often it has stayed, of the times that can be told.

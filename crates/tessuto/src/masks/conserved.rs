@@ -6,11 +6,11 @@ use rayon::prelude::*;
 use super::region::Field;
 use super::track::Tracked;
 
-/// It is followed for so many frames, ahead and back.
+/// It is followed for this many frames, ahead and back.
 const FRAMES: usize = 8;
 /// So far outside of the outline, as a fraction of the fabric's size and of the way that was followed, it is outside.
 const OUTSIDE: (f32, f32) = (0.012, 0.3);
-/// Every so many pixels are followed, either way.
+/// Step between the pixels that are followed, either way.
 const STRIDE: usize = 3;
 /// Fabric that turns is followed badly near its outline: what is told counts less and less where its image grows or shrinks by
 /// more than this fraction meanwhile, and by so much more not at all.

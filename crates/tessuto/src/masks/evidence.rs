@@ -36,7 +36,7 @@ pub(super) struct Known<'a> {
     pub frame: &'a Colours,
     /// Signed distance `[px]` to the predicted outline, positive inside.
     pub prior: &'a Field,
-    /// Farther from it than this `[px]`, inside and outside, the prediction is taken for true.
+    /// Farther from it than this `[px]`, inside and outside, the prediction is treated as true.
     pub band: [f32; 2],
     pub plate: &'a Plate,
     /// Colour of the fabric expected at pixels: frames before and after, moved along.

@@ -80,11 +80,11 @@ pub struct Made {
 
 /// Makes the masks of the scene in `folder`: begins with the outline or mask that is given, now or before, else with the
 /// projection of the scene's template. Writes `masks/`, masks.json, masks.html, and
-/// plate.png where a plate is given. `progress` is told the fraction that is done. Masks that tessuto did not write, or
+/// plate.png where a plate is given. `progress` receives the fraction that is done. Masks that tessuto did not write, or
 /// that were changed since, are not replaced.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
+/// [`Error::Usage`](crate::Error::Usage) if it is not known where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
 /// naming the frame; [`Error::Output`](crate::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
     let (clip, origin) = (colour_files(folder)?, refuse::Origin::of(folder));

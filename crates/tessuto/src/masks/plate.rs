@@ -9,7 +9,7 @@ use crate::camera::Rect;
 
 /// Frames whose colours are looked at for one pixel.
 const LOOKS: usize = 24;
-/// From so many looks on a colour is sure.
+/// From this many looks on a colour is sure.
 const SURE: f32 = 3.0;
 
 /// The background plate.

@@ -11,7 +11,7 @@ use super::region::{Field, Region};
 const SMOOTH: (f32, f32) = (3.0, 0.08);
 /// What it costs to leave the prediction by the whole band.
 const PREDICTION: f32 = 1.2;
-/// Capacities are whole numbers: so many to one.
+/// Capacities are whole numbers: this many to one.
 const UNIT: f32 = 256.0;
 /// Radius around a click that is certain `[px]`.
 pub(super) const CERTAIN: f32 = 3.0;

@@ -48,7 +48,10 @@ fn projection(folder: &Path) -> Result<Vec<bool>> {
     if !path.is_file() {
         let hint = Hint::from("give the fabric's corners in the first frame, in order around it")
             .with(Remedy::Outline);
-        return Err(Error::usage(format!("nothing tells where the fabric of {} is", folder.display()), hint));
+        return Err(Error::usage(
+            format!("it is not known where the fabric of {} is", folder.display()),
+            hint,
+        ));
     }
     let first = scene::first_frame(folder)?;
     let mut mesh = obj::read(&path)?;

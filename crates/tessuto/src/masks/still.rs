@@ -7,11 +7,11 @@ use super::frames::Frames;
 use super::region::{Field, index};
 use super::track::Tracked;
 
-/// The fabric must have moved so far across the outline `[px]`, or nothing can be told.
+/// The fabric must have moved so far across the outline `[px]`, or nothing can be decided.
 const MOVED: f32 = 3.0;
-/// Within so many frames, ahead or back.
+/// Within this many frames, ahead or back.
 const FRAMES: usize = 16;
-/// Every so many pixels of the outline are looked at.
+/// Step along the outline between the places that are looked at `[px]`.
 const STRIDE: usize = 3;
 /// How near the outline of the other frame is to where it was `[px]`, and how far at least from where the motion has led.
 const STAYED: [f32; 2] = [1.0, 2.0];
@@ -20,7 +20,7 @@ const OFTEN: f64 = 0.5;
 const NEAR: f32 = 1.6;
 /// What is so near to the border of the image `[px]` leaves it; that is another matter.
 const BORDER: f32 = 8.0;
-/// What deceives one frame deceives those around: means over so many before and after.
+/// What deceives one frame deceives those around: means over this many before and after.
 const AROUND: usize = 5;
 
 /// How much of every frame's mask is wrong at least, as a fraction: where the outline stands still, so far as the fabric moves

@@ -20,7 +20,7 @@ const NEXT: [f32; 2] = [0.04, 0.04];
 const AGAIN: [[f32; 2]; 2] = [[0.08, 0.08], [0.05, 0.05]];
 /// The narrowest band `[px]`.
 const NARROWEST: f32 = 6.0;
-/// Nearer to the outline nothing is taken for background `[px]`.
+/// Nearer to the outline nothing is treated as background `[px]`.
 const MARGIN: f32 = 3.0;
 /// Pieces and holes smaller than these fractions of the fabric are none.
 const CRUMBS: f64 = 0.02;
@@ -62,7 +62,7 @@ struct Tracker<'a> {
     clicked: [Vec<[f32; 3]>; 2],
 }
 
-/// Finds the fabric in all frames. `progress` is told the fraction that is done. The number of the frame in which
+/// Finds the fabric in all frames. `progress` receives the fraction that is done. The number of the frame in which
 /// nothing is left of it, where that happens.
 pub(super) fn track(
     frames: &Frames,

@@ -47,7 +47,7 @@ fn cut(
     let bounds = |f: fn(DVec3, DVec3) -> DVec3| vertices.iter().map(|&v| positions[v as usize]).reduce(f);
     let extent = bounds(DVec3::max).zip(bounds(DVec3::min)).map_or(DVec3::ZERO, |(high, low)| high - low);
     let axis = extent.max_position();
-    // Equal coordinates are told apart by the vertex, so that the order never depends on the sort.
+    // Equal coordinates are distinguished by the vertex, so that the order never depends on the sort.
     vertices.sort_by(|&a, &b| {
         let [pa, pb] = [a, b].map(|v| positions[v as usize][axis]);
         pa.total_cmp(&pb).then(a.cmp(&b))

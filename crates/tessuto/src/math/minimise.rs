@@ -5,7 +5,7 @@
 //! one place, [`Policy::iterate`], by the values alone, not by what the system promised. Nothing but the point and λ goes from one
 //! iteration to the next, so a search that was stopped goes on from these to the same bytes.
 
-/// An objective that is taken for quadratic near a point.
+/// An objective that is treated as quadratic near a point.
 pub trait Model {
     /// What is looked for.
     type Point;
@@ -88,7 +88,7 @@ impl Policy {
         Outcome { value, ended: *lambda > self.most }
     }
 
-    /// So many iterations at most; the value that they end with.
+    /// This many iterations at most; the value that they end with.
     pub fn minimise<M: Model>(&self, model: &mut M, point: &mut M::Point, iterations: usize) -> f64 {
         let (mut lambda, mut value) = (self.lambda, f64::INFINITY);
         for _ in 0..iterations {

@@ -187,7 +187,7 @@ impl CauseMetrics {
             rows.push(("held", h.right.to_string(), meaning));
         }
         if let Some(u) = self.unexplained {
-            let meaning = "root mean square of what no cause explains over that of the motion";
+            let meaning = "root mean square of the residual force over that of the motion";
             rows.push(("unexplained", format!("{u:.1} ×"), meaning.to_owned()));
         }
         let foretold = [

@@ -28,7 +28,7 @@ pub struct MapMetrics {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse_ssim: Option<f64>,
     /// PSNR `[dB]` of the diffuse map, sRGB-encoded, after the best factor per channel in linear space:
-    /// brightness of light and cloth cannot be told apart.
+    /// brightness of light and cloth cannot be distinguished.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub diffuse_psnr_scaled: Option<f64>,
     /// SSIM of the same.

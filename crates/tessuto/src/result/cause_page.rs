@@ -113,7 +113,7 @@ pub(super) fn shares(saved: &Folder, forces: &Forces) -> Option<Chart> {
         values: (0..=intervals).map(|n| part(n, k)).collect(),
     };
     Some(Chart {
-        title: "Shares of the forces, of the sum of their sizes over the vertices".to_owned(),
+        title: "Forces as fractions of the sum of their sizes over the vertices".to_owned(),
         x_label: "frame".to_owned(),
         unit: "%".to_owned(),
         by_frame: true,

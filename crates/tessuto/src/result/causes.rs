@@ -132,7 +132,7 @@ impl CauseFile {
         {
             return Err(Error::input(
                 folder.join("parameters.json").display().to_string(),
-                "the causes are not those of this mesh",
+                "the physics is that of another mesh",
                 super::UNCHANGED,
             ));
         }
@@ -163,7 +163,7 @@ impl CauseFile {
     }
 }
 
-/// Writes forces.npz, `gravity`, `air`, `friction`, `hold`, `residual` and `correction` [N − 1, V, 3] m/s² of so many `vertices`,
+/// Writes forces.npz, `gravity`, `air`, `friction`, `hold`, `residual` and `correction` [N − 1, V, 3] m/s² of this many `vertices`,
 /// `rest_lengths.npy`, one for each edge, m, and the motion without the correction.
 pub(super) fn write_forces(folder: &Path, explained: &Explained, vertices: usize) -> Result<()> {
     let parts = &explained.parts;

@@ -67,7 +67,7 @@ pub(super) fn read(saved: &Folder, frames: usize) -> Result<Vec<Replay>> {
     let (mut out, mut size) = (Vec::new(), 0);
     let beside = saved.sizes.map_or(0.0, |sizes| 1e3 * sizes.beside);
     let by_causes = format!(
-        "What the causes and the unexplained force make of the clip: {beside:.1} mm beside what was found."
+        "The clip simulated with the estimated physics and the residual force: {beside:.1} mm from the found motion."
     );
     let replays = std::iter::once(("by_causes", "by its causes", by_causes, 0, LED.to_owned())).chain(
         changes(saved.fps).map(|change| {

@@ -47,7 +47,7 @@ pub fn compare_causes(scene: &Path, truth: Option<&Motion>, result: &Folder) -> 
     let path = gt.join("physics.json");
     let known = if path.is_file() {
         let text = io::read_text(&path)?;
-        let hint = "correct the file, or delete it: nothing is then known of causes";
+        let hint = "correct the file, or delete it: physics is then not compared";
         serde_json::from_str(&text)
             .map_err(|e| Error::input(path.display().to_string(), e.to_string(), hint))?
     } else if calm.is_some() || stiffer.is_some() || result.sizes.is_some() {

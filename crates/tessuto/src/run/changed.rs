@@ -7,7 +7,7 @@ use crate::motion::causes::{Changes, Otherwise, cut_cloth};
 use crate::result::{Folder, changes};
 
 /// Writes changed/ into `result`, if it has causes: one motion of each of the changes that the page lets one play, as `replay` makes it. One
-/// that fails is left out and told of.
+/// that fails is left out and reported.
 ///
 /// # Errors
 /// [`Error::Input`] for a damaged result; [`Error::Output`].

@@ -15,7 +15,7 @@ use crate::template::irregular::of_scene;
 use super::causes::compare_causes;
 
 /// Compares `result`, a result folder or a .npy file of a motion, shape [N, V, 3] `[m]`, with the truth of the scene in
-/// `scene_folder`, in `frames` of the scene: the result's, or all of a file's, where `None`. `warn` is told what is odd about
+/// `scene_folder`, in `frames` of the scene: the result's, or all of a file's, where `None`. `warn` receives what is odd about
 /// the scene.
 ///
 /// # Errors

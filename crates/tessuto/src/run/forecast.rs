@@ -71,7 +71,7 @@ pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
         return Err(Error::input(
             place(),
             problem,
-            "fit the first part of the scene, and leave frames to be foretold",
+            "fit the first part of the scene, and leave frames to predict",
         ));
     }
     let further = all - fit;
@@ -114,7 +114,7 @@ pub fn forecast(scene: &Scene, fitted: &Folder, seed: u64) -> Result<Forecast> {
 }
 
 impl Forecast {
-    /// As text: errors so many frames ahead, and their mean, in millimetres.
+    /// As text: errors this many frames ahead, and their mean, in millimetres.
     pub fn table(&self) -> String {
         let count = self.predictions.first().map_or(0, |p| p.errors.len());
         let mut out = format!("{:<24}", "frames ahead");
@@ -150,7 +150,7 @@ impl Forecast {
         out
     }
 
-    /// As curves, a picture in SVG of its own size.
+    /// As curves, an image in SVG of its own size.
     pub fn svg(&self) -> String {
         const SIZE: [f64; 2] = [720.0, 420.0];
         const EDGE: [f64; 2] = [60.0, 40.0];

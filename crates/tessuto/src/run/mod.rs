@@ -1,7 +1,7 @@
 //! The whole run: from a scene folder to a finished result folder.
 //!
 //! [`run`] loads the scene, reconstructs, writes, estimates material and light, exports, makes the page and puts the
-//! folder in its place. An [`Observer`] is told of everything meanwhile. [`appearance`](mod@appearance) does the same for
+//! folder in its place. An [`Observer`] hears of every step. [`appearance`](mod@appearance) does the same for
 //! material and light of a motion that is known, [`mod@evaluate`] compares with the truth, [`replay`] simulates again.
 
 pub mod appearance;
@@ -35,10 +35,10 @@ use crate::scene::Scene;
 use crate::session::{Checkpoints, Session, identity};
 use crate::template::irregular::of_scene;
 
-/// Stage that makes the pictures of the frames and measures them.
-const PICTURES: &str = "pictures";
-/// The same, with changed motions meanwhile.
-const REPLAYS: &str = "pictures, changed replays";
+/// Stage that makes the images of the frames and measures them.
+const IMAGES: &str = "images";
+/// The same, and simulates the changed motions.
+const REPLAYS: &str = "images, changed replays";
 
 /// What to do.
 #[derive(Debug, Clone)]
@@ -85,7 +85,7 @@ impl RunOptions {
             }
         }
         let fit = self.config.causes.fit;
-        stages.push(if fit { stage(REPLAYS, 14.0) } else { stage(PICTURES, 6.0) });
+        stages.push(if fit { stage(REPLAYS, 14.0) } else { stage(IMAGES, 6.0) });
         if self.appearance {
             stages.extend([stage(appearance::FIT, 60.0), stage(appearance::RERENDER, 10.0)]);
         }
@@ -199,9 +199,9 @@ fn work(
     let folder = &folder;
     result::write_motion(folder, scene, &run, &found)?;
 
-    // Pictures and metrics, and meanwhile what the page lets one play: simulations hardly share their work among threads.
+    // Images and metrics, and meanwhile what the page lets one play: simulations hardly share their work among threads.
     let fit = run.settings.causes.fit;
-    session.begin(if fit { REPLAYS } else { PICTURES });
+    session.begin(if fit { REPLAYS } else { IMAGES });
     let pictures = || {
         let evaluation = evaluate(scene, &found.motion, run.settings.seed)?;
         let context = result::Context {

@@ -72,5 +72,8 @@ impl session::Observer for Shared<'_, '_> {
 
 /// The note on an earlier folder that was not removed.
 pub(super) fn kept_aside(folder: &Path) -> String {
-    format!("files came into the earlier folder meanwhile; it is kept as {}", folder.display())
+    format!(
+        "new files appeared in the earlier folder while it was being replaced; it is kept as {}",
+        folder.display()
+    )
 }

@@ -24,7 +24,7 @@ use crate::mesh::Positions;
 /// Name of the part of a checkpoint that holds the steps so far.
 const HISTORY: &str = "history";
 
-/// Is told of a computation's progress.
+/// Hears of a computation's progress.
 pub trait Observer {
     /// A stage begins.
     fn stage(&mut self, _name: &str) {}
@@ -42,7 +42,7 @@ pub trait Observer {
     fn step(&mut self, epoch: &Epoch, motion: &[Positions]) -> Result<()>;
 }
 
-/// A closure that is told of steps only.
+/// A closure that hears of steps only.
 struct Steps<F>(F);
 
 impl<F: FnMut(&Epoch, &[Positions]) -> Result<()>> Observer for Steps<F> {

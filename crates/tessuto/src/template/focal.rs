@@ -109,7 +109,7 @@ pub fn estimate(
                 |f| format!("{:.0} to {:.0} px explain them", f.interval[0], f.interval[1]),
             );
             Err(refusal(
-                format!("the corners do not tell the focal length: {known} within {precision} px"),
+                format!("the corners do not determine the focal length: {known} within {precision} px"),
                 "the sheet is seen too much from the front: use a frame in which it is tilted by 30° or more and near the camera",
             ))
         }
@@ -201,7 +201,7 @@ mod tests {
     fn a_sheet_seen_from_the_front_is_refused() {
         for tilt in [0.0, 0.03] {
             let told = estimate(SIZE, seen([tilt, 0.0], 1.5), IMAGE, 1.0).unwrap_err().to_string();
-            assert!(told.contains("do not tell the focal length") && told.contains("tilted"), "{told}");
+            assert!(told.contains("do not determine the focal length") && told.contains("tilted"), "{told}");
         }
         let mut bent = seen([0.5, -0.6], 1.0);
         bent[2] += DVec2::new(90.0, -70.0);

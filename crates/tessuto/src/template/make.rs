@@ -119,7 +119,7 @@ pub struct Changes {
 pub enum Resample {
     /// A regular grid of quads.
     Grid(Resolution),
-    /// Triangles that lie irregularly, of so many vertices in all.
+    /// Triangles that lie irregularly, of this many vertices in all.
     Irregular(usize),
 }
 

@@ -1,4 +1,4 @@
-//! The pictures of a film: which frame each shows, from where, under which turn of the light.
+//! The images of a film: which frame each shows, from where, under which turn of the light.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -26,7 +26,7 @@ pub enum Turn {
     Light,
 }
 
-/// One picture.
+/// One image.
 pub(super) struct Shot {
     /// Its number.
     pub number: usize,
@@ -37,8 +37,8 @@ pub(super) struct Shot {
     pub light: f64,
 }
 
-/// The pictures of `frames` of `motion`, as `camera` sees them. Without `pictures` there is one per frame, which has its number;
-/// else so many, from 0, over which the frames are spread.
+/// The images of `frames` of `motion`, as `camera` sees them. Without `pictures` there is one per frame, which has its number;
+/// else this many, from 0, over which the frames are spread.
 ///
 /// # Errors
 /// [`Error::Usage`] for a view straight from above or below, and for a turntable from the recording camera.

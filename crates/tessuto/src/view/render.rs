@@ -68,7 +68,7 @@ pub struct RenderOptions {
     pub frames: Option<Range<usize>>,
     /// What goes once around the fabric meanwhile.
     pub turn: Option<Turn>,
-    /// How many pictures the frames are spread over, in place of one each.
+    /// How many images the frames are spread over, in place of one each.
     pub pictures: Option<usize>,
     /// Light samples per pixel, rounded up to a multiple of 8.
     pub samples: usize,
@@ -90,7 +90,7 @@ pub struct Rendered {
 }
 
 /// Renders `result` into the folder `out`, RESULT/views/LOOK if it is not given: `frame_000.png` …, named by the number of
-/// the frame, or of the picture where their number is given. `progress` hears of every picture; `finish`, given the folder and the
+/// the frame, or of the image where their number is given. `progress` hears of every image; `finish`, given the folder and the
 /// first number, may add to it what comes of all of them, such as a video.
 ///
 /// # Errors
@@ -174,12 +174,12 @@ fn light(result: &Folder, options: &RenderOptions) -> Result<EnvironmentMap> {
     Ok(EnvironmentMap { width: light.width, height: light.height, texels })
 }
 
-/// Draws pictures of one look.
+/// Draws images of one look.
 struct Painter<'a> {
     mesh: &'a Mesh,
     rasterizer: Rasterizer,
     drawing: Drawing<'a>,
-    /// The light as the last picture had it: turn, viewpoint, and what directions are drawn from.
+    /// The light as the last image had it: turn, viewpoint, and what directions are drawn from.
     lit: Option<(f64, Viewpoint, EnvironmentSampler)>,
 }
 
@@ -191,7 +191,7 @@ enum Drawing<'a> {
 }
 
 impl Painter<'_> {
-    /// The picture of `shot`, whose frame has its vertices at `positions`.
+    /// The image of `shot`, whose frame has its vertices at `positions`.
     fn draw(&mut self, shot: &Shot, positions: &Positions) -> Image {
         let camera = &shot.viewpoint.camera;
         let geometry = || Geometry::new(self.mesh, std::slice::from_ref(positions));

@@ -1,4 +1,5 @@
-//! The library's messages name causes and fields; the program's options and commands are the program's own.
+//! The library's messages name causes and fields; the program's options and commands are the program's own. Documents, help and messages keep to
+//! the words of CONTRIBUTING.md.
 
 /// What may name a command of the program, and why.
 const ALLOWED: [(&str, &str); 6] = [
@@ -85,4 +86,119 @@ fn strings_are_found_as_they_stand() {
     let commands = ["check".to_owned()];
     assert!(names_the_program("use --fps", &commands) && names_the_program("`tessuto check`", &commands));
     assert!(!names_the_program("a -- b, of tessuto's", &commands));
+}
+
+/// Words and phrases that CONTRIBUTING.md retires, in small letters.
+const RETIRED: [&str; 19] = [
+    "heed",
+    "heeds",
+    "heeded",
+    "told",
+    "foretold",
+    "foretell",
+    "meanwhile",
+    "so many",
+    "what is left of",
+    "taken for",
+    "but for",
+    "of before",
+    "as the last time",
+    "trajectory",
+    "picture",
+    "pictures",
+    "share of",
+    "shares of",
+    "contour",
+];
+/// Documents of today. The lists of sources, crates, thresholds and figures have rows in their own style; the logs stay as they were written.
+const DOCUMENTS: [&str; 18] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "SECURITY.md",
+    "llms.txt",
+    "docs/exit-codes.md",
+    "docs/formats.md",
+    "docs/gallery.md",
+    "docs/limits.md",
+    "docs/reliability.md",
+    "docs/result-folder.md",
+    "docs/settings.md",
+    "docs/studio.md",
+    "docs/tutorial.md",
+    "workflow/README.md",
+    "crates/tessuto-py/README.md",
+    "docs/experiments/methods.md",
+];
+
+/// The retired words in `text`; those in code spans, options, placeholders and paths do not count.
+fn retired(text: &str) -> Vec<&'static str> {
+    let mut prose = String::from(" ");
+    for (k, part) in text.split('`').enumerate() {
+        prose.push_str(if k % 2 == 0 { part } else { "code" });
+    }
+    let outside = |word: &str| !word.contains(['/', '{', '_']) && !word.starts_with("--");
+    let words = prose.split_whitespace().filter(|word| outside(word));
+    let bare = |word: &str| word.trim_matches(|c: char| !c.is_alphanumeric()).to_lowercase();
+    let line = format!(" {} ", words.map(bare).collect::<Vec<_>>().join(" "));
+    RETIRED.into_iter().filter(|word| line.contains(&format!(" {word} "))).collect()
+}
+
+/// A document without its blocks of code, its table of words and its examples of style.
+fn prose(document: &str) -> String {
+    let outside_of_code = document.split("```").step_by(2).collect::<String>();
+    match outside_of_code.split_once("\n## Words\n") {
+        Some((before, _)) => before.to_owned(),
+        None => outside_of_code,
+    }
+}
+
+#[test]
+fn documents_keep_to_the_words() {
+    let mut wrong = Vec::new();
+    for document in DOCUMENTS {
+        let text = std::fs::read_to_string(super::root().join(document)).unwrap();
+        for paragraph in prose(&text).split("\n\n").flat_map(|p| p.split("\n|")) {
+            let found = retired(paragraph);
+            if !found.is_empty() {
+                wrong.push(format!("{document}: {found:?} in: {paragraph}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "see the words and rules of CONTRIBUTING.md: {wrong:#?}");
+}
+
+#[test]
+fn messages_and_help_keep_to_the_words() {
+    let mut files = Vec::new();
+    super::sources(&super::root().join("crates/tessuto-cli/src"), &mut files);
+    let program =
+        files.iter().map(|path| (path.display().to_string(), std::fs::read_to_string(path).unwrap()));
+    let mut wrong = Vec::new();
+    for (path, text) in
+        super::library().into_iter().chain(program).filter(|(path, _)| !path.ends_with("tests.rs"))
+    {
+        let mut said = strings(&text);
+        // The program's documentation is its help.
+        let comments = text.lines().filter_map(|line| line.trim_start().strip_prefix("/// "));
+        said.extend(comments.filter(|_| path.contains("tessuto-cli")).map(str::to_owned));
+        for text in said.iter().filter(|text| text.contains(' ')) {
+            let found = retired(text);
+            if !found.is_empty() {
+                wrong.push(format!("{path}: {found:?} in: {text}"));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "see the words and rules of CONTRIBUTING.md: {wrong:#?}");
+}
+
+#[test]
+fn retired_words_are_found_in_prose_alone() {
+    assert_eq!(retired("It is told,\nbut for\n  one."), ["told", "but for"]);
+    assert_eq!(retired("Pictures: a share of each"), ["pictures", "share of"]);
+    assert!(
+        retired("`told` --picture pictures/a.png {told}: they share a lot; in so far as many").is_empty()
+    );
+    assert_eq!(prose("a\n```\ntold\n```\nb\n## Words\ntold"), "a\n\nb");
 }

@@ -1,4 +1,4 @@
-//! Meshes of other programs for use as a template: OBJ, PLY and glTF, told apart by their content.
+//! Meshes of other programs for use as a template: OBJ, PLY and glTF, distinguished by their content.
 //!
 //! glTF and PLY split vertices where texture coordinates differ; such vertices are merged again, or the
 //! fabric would come apart there.

@@ -67,7 +67,7 @@ fn dictionary(scanner: &mut Scanner) -> Result<Header, String> {
     if !scanner.0.trim().is_empty() {
         return Err(format!("its header goes on after the dictionary, {}", scanner.here()));
     }
-    let missing = |key: &str| format!("its header does not tell \"{key}\"");
+    let missing = |key: &str| format!("its header has no \"{key}\"");
     Ok(Header {
         descr: descr.ok_or_else(|| missing("descr"))?,
         fortran_order: fortran_order.ok_or_else(|| missing("fortran_order"))?,
@@ -179,7 +179,7 @@ mod tests {
     #[test]
     fn broken_headers_are_named() {
         for (text, fragment) in [
-            ("{'descr': '<f4', 'shape': (2, 3), }", "does not tell \"fortran_order\""),
+            ("{'descr': '<f4', 'shape': (2, 3), }", "has no \"fortran_order\""),
             ("{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (2,), }", "needs a string"),
             ("{'descr': '<f4', 'fortran_order': [[[[], 'shape': (2,), }", "needs True or False"),
             ("{'descr': '<f4', 'fortran_order': False, 'shape': (-2,), }", "needs a length"),

@@ -22,7 +22,7 @@ use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness}
 
 /// Unknowns whose derivatives are solved for at a time: a solve is bound by reading the factor.
 const TOGETHER: usize = 8;
-/// Newton's method ends after so many iterations.
+/// Newton's method ends after this many iterations.
 const NEWTON_LIMIT: usize = 12;
 
 /// A cloth under way.

@@ -322,7 +322,7 @@ mod tests {
         assert_eq!(found.held, [0, 3, 6]);
         assert!(found.prior.down <= KNOWN_TILT && found.causes.down.angle_between(down) < 3.0 * KNOWN_TILT);
 
-        // Held by its lower corners no causes make it move like that, and nothing is told.
+        // Held by its lower corners no causes make it move like that, and nothing is reported as informed.
         let known = Known { held: Some(vec![42, 48]), ..Known::default() };
         let found = find((&mesh, &known, &views), &frames, Some(&deviations), (50.0, &dynamics), &brief);
         println!("held wrongly: misfit {:.2}", found.misfit);

@@ -16,7 +16,7 @@ const STILL: f64 = 0.2;
 /// The same of the movement about its mean, where what keeps so still does not hold the sheet: what is found of a pin is unsure, too, and may
 /// be off in the same way in all frames but the template's.
 const STILL_ENOUGH: [f64; 3] = [0.2, 0.3, 0.45];
-/// Movement of the sheet, as a fraction of its distance, below which nothing is told: a tenth of a pixel of most cameras. Where pins are not
+/// Movement of the sheet, as a fraction of its distance, below which nothing is informed: a tenth of a pixel of most cameras. Where pins are not
 /// found among so small movements, the causes' misfit says so.
 const LEAST: f64 = 1e-4;
 

@@ -54,8 +54,8 @@ const INFORMED: f64 = 0.4;
 /// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for something else.
 const UNLIKELY: f64 = 2.0;
 
-/// Where the motion that the causes make is off by more than so many σ, root mean square, something else
-/// holds or moves the cloth, and nothing is told.
+/// Where the motion that the causes make is off by more than this many σ, root mean square, something else
+/// holds or moves the cloth, and nothing is reported as informed.
 const DOUBTED: f64 = 1.6;
 
 /// What was found.
@@ -73,7 +73,7 @@ pub struct Found {
     pub held: Vec<usize>,
     /// Lengths of the edges without load `[m]`: a fold smaller than a cell hides some of it in the template.
     pub rest_lengths: Vec<f64>,
-    /// By how many σ, a little more than the positions' deviations, the model is off, root mean square.
+    /// RMS residual in units of 1.2 times the positions' standard deviations.
     pub misfit: f64,
 }
 
@@ -93,12 +93,12 @@ impl Found {
     pub fn doubt(&self) -> Option<Warning> {
         let why = match self.misfit > DOUBTED {
             true => format!(
-                "what they make is {:.1} deviations from the motion: something else holds or moves the fabric",
+                "the simulated motion is {:.1} standard deviations off: something else holds or moves the fabric",
                 self.misfit
             ),
-            false => "the fabric moves too little to tell them".into(),
+            false => "the fabric moves too little to constrain them".into(),
         };
-        let found = format!("stiffness, gravity and air are assumed, not found; {why}");
+        let found = format!("stiffness, gravity and air keep their prior and are not measured; {why}");
         let hint = "name what holds it as \"held\" in scene.json, or film it moving freely";
         (self.spread == self.prior).then(|| Warning::new("causes", found, hint))
     }

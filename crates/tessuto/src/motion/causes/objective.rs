@@ -7,7 +7,7 @@ use super::forces::{Causes, FIRST, LENGTHS, Spread};
 use crate::camera::Viewpoint;
 use crate::mesh::Positions;
 
-/// Residuals beyond so many standard deviations count little.
+/// Residuals beyond this many standard deviations count little.
 const TAIL: f64 = 3.0;
 /// Deviation across the view ray, as a fraction of that along it, which is nearly the whole.
 const ACROSS: f64 = 0.2;

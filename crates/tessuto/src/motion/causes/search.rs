@@ -89,7 +89,7 @@ impl<'a> Search<'a> {
         Ok(Self { objective, state })
     }
 
-    /// After so many iterations at most.
+    /// After this many iterations at most.
     pub fn run(mut self, iterations: usize) -> Fit {
         self.objective.linearised = iterations + 1;
         POLICY.minimise(&mut self.objective, &mut self.state, iterations);

@@ -1,4 +1,4 @@
-//! Accelerations of a known trajectory: the cloth is simulated with every vertex tied to its target by a
+//! Accelerations of a known motion: the cloth is simulated with every vertex tied to its target by a
 //! spring, and the springs' pull is the external force.
 //!
 //! Each sub-step minimises Φ(x) + ½ κ ‖x − x*‖² with the incremental potential Φ of

@@ -10,7 +10,7 @@ use crate::video::{COVERED, Frame};
 pub struct Level {
     /// How the frame is seen, in pixels of this level.
     pub view: Viewpoint,
-    /// sRGB colour and share of fabric, shape [height, width, 4].
+    /// sRGB colour and fraction of fabric, shape [height, width, 4].
     texels: Vec<[f32; 4]>,
 }
 

@@ -13,7 +13,7 @@ use crate::camera::Viewpoint;
 use crate::mesh::Mesh;
 use crate::sim::Cloth;
 
-/// Beyond a point of an outline by so many pixels nothing of the sheet is seen.
+/// Beyond a point of an outline by this many pixels nothing of the sheet is seen.
 const BEYOND: f64 = 1.5;
 /// Distance between the points of folds `[px]`.
 const SPACING: f64 = 2.0;

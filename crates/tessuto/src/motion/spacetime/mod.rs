@@ -60,7 +60,7 @@
 //! from the best path forward, and all that comes after heeds them.
 //!
 //! `track` finds a pool of starts frame by frame, with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
-//! Levenberg's damping, from each of them. What they become tells how the cloth of this clip bends and how much is to be made of its pictures: with that the
+//! Levenberg's damping, from each of them. What they become tells how the cloth of this clip bends and how much is to be made of its images: with that the
 //! sheet is followed again, forward and backward (`again`), E lowered from what is found then, too, and at last from the best path through all. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
 //! many minima: a sheet that is allowed to crumple does so wherever the start is off. So both keep lengths, shear and
 //! bending close to least squares at first (spreads of strain and shear times `start_spread`, that of signed bending times

@@ -47,7 +47,7 @@ pub struct Colour<'a> {
     /// Part of its area in the first frame that every triangle fills in this one, shape `[T]`; empty: all. Held fixed.
     pub shares: &'a [f64],
     /// Pixels of `level` that count as the worst of differences, ½ τ², in the value: those that mask or mesh cover alone. None while steps are taken,
-    /// as they have no slope; where motions are compared, or leaving the picture would pay.
+    /// as they have no slope; where motions are compared, or leaving the image would pay.
     pub uncovered: f64,
 }
 

@@ -153,7 +153,7 @@ impl FrameTerms<'_> {
         self.list().iter().map(|term| term.value(x)).sum()
     }
 
-    /// Sum of the terms that compare with the pictures.
+    /// Sum of the terms that compare with the images.
     pub fn of_pictures(&self, x: &[DVec3]) -> f64 {
         self.colour.value(x) + self.outline.value(x) + self.shading.value(x)
     }

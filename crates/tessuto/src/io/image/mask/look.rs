@@ -7,7 +7,7 @@ use ::image::DynamicImage;
 
 /// Most colours of a file that are kept; of more those that cover most.
 const KEPT: usize = 256;
-/// No more colours than this are told apart.
+/// No more colours than this are distinguished.
 const TOLD_APART: usize = 1 << 16;
 /// Channels that differ by more `[of 255]` are a colour, and no grey that compression has tinted.
 const VIVID: u8 = 48;

@@ -49,7 +49,7 @@ use crate::session::Session;
 const SAMPLES: usize = 16;
 /// Factor of the geometric mean.
 const FACTOR: f64 = 5.4;
-/// A mesh of so many vertices is fine, and the power of their share of it by which coarser ones count.
+/// A mesh of so many vertices is fine, and the power of their fraction of it by which coarser ones count.
 const FINE: usize = 200;
 const COARSE_POWER: f64 = 0.3;
 /// Frames to either side over which the size of the deviations is averaged.
