@@ -7,7 +7,6 @@ use ::image::{DynamicImage, ImageDecoder as _, ImageFormat, ImageReader, RgbImag
 
 use super::*;
 use crate::camera::Rect;
-use crate::io::image::encode_png_bytes;
 use crate::io::jpeg;
 use crate::io::rgb8::Rgb8;
 use crate::math::rng::Rng;
@@ -130,7 +129,7 @@ fn written_png_has_the_twins_bytes() {
     let mut rng = Rng::new(7, 0);
     let all = images(&mut rng, 57, 31);
     for (image, channels) in [(&all[0], 1), (&all[2], 3)] {
-        let bytes = encode_png_bytes(image.as_bytes(), [57, 31], channels);
+        let bytes = png::encode(image.as_bytes(), [57, 31], channels);
         assert!(bytes == written(image, ImageFormat::Png), "{channels}");
     }
 }
