@@ -1,7 +1,7 @@
 //! JPEG of a part of an image, shrunk to a largest side.
 //!
-//! Source: ITU-T T.81 (1992), *Digital compression and coding of continuous-tone still images*: the baseline process with the tables
-//! of its Annex K, all channels at full size; JFIF 1.02 for the colours.
+//! Source: ITU-T T.81 (1992), *Digital compression and coding of continuous-tone still images*: the baseline process
+//! with the tables of its Annex K, all channels at full size; JFIF 1.02 for the colours.
 
 use std::f64::consts::PI;
 use std::sync::LazyLock;
@@ -105,7 +105,7 @@ fn blocks(image: &Rgb8, left: usize, top: usize) -> [[f32; 64]; 3] {
     out
 }
 
-/// The waves of the discrete cosine transform: row k has the eight values of the k-th; then the same with rows as columns.
+/// The waves of the discrete cosine transform: row k has the eight values of the k-th; then rows as columns.
 static COSINES: LazyLock<[[[f32; 8]; 8]; 2]> = LazyLock::new(|| {
     let value = |k: usize, x: usize| {
         let size = if k == 0 { 8f64.recip().sqrt() } else { 0.5 };

@@ -1,5 +1,5 @@
-//! What the crates of the formats leave to whoever reads an image: which format it is, bounds before anything is decoded,
-//! numbers of every depth, and which way up it is.
+//! What the crates of the formats leave to whoever reads an image: which format it is, bounds before anything is
+//! decoded, numbers of every depth, and which way up it is.
 
 pub(super) mod exr;
 pub(super) mod jpeg;

@@ -4,8 +4,8 @@ use super::{Pixels, Samples};
 
 /// The number, 1 to 8, that an Exif block tells; `None` if it tells nothing that is understood.
 ///
-/// Source: *Exchangeable image file format for digital still cameras*, 2.32: tag 0x112 of the first directory, one number of
-/// 16 bits.
+/// Source: *Exchangeable image file format for digital still cameras*, 2.32: tag 0x112 of the first directory, one
+/// number of 16 bits.
 pub(super) fn of_exif(exif: &[u8]) -> Option<u8> {
     let little = match exif.get(..4)? {
         b"II*\0" => true,

@@ -70,7 +70,7 @@ impl Pixels {
         })
     }
 
-    /// The largest luminance, and the largest that a pixel can have. Of coloured images it is rounded to a whole number.
+    /// The largest luminance, and the largest that a pixel can have. Of coloured images it is rounded.
     pub fn largest(&self) -> (f32, f32) {
         match &self.samples {
             Samples::Bytes(data) => (brightest(data, self.channels), 255.0),

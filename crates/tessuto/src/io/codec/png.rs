@@ -18,8 +18,8 @@ pub(in crate::io) fn stored(bytes: &[u8], most: u64) -> Result<Pixels, Refusal> 
     Ok(read(bytes, most)?.0)
 }
 
-/// The pixels of `bytes`, and how the camera was held: few bits and palettes become 8 bits and colours. The decoder's own
-/// buffers take at most twice `most`.
+/// The pixels of `bytes`, and how the camera was held: few bits and palettes become 8 bits and colours. The decoder's
+/// own buffers take at most twice `most`.
 fn read(bytes: &[u8], most: u64) -> Result<(Pixels, u8), Refusal> {
     let limits = Limits { bytes: usize::try_from(2 * most).unwrap_or(usize::MAX) };
     let mut decoder = Decoder::new_with_limits(Cursor::new(bytes), limits);

@@ -184,7 +184,7 @@ impl Child {
 }
 
 impl Front {
-    /// Eliminates the own columns; `update` is set to what they leave (lower triangle). `work` holds a panel's rows.
+    /// Eliminates the own columns; `update` is set to what they leave (lower triangle).
     fn factorize<T: Scalar>(
         &self,
         own: &mut [T],
@@ -232,8 +232,8 @@ struct Panel<'a, T> {
 }
 
 impl<T: Scalar> Panel<'_, T> {
-    /// Takes L D Lᵀ of these columns from the next ones of a matrix of `rows`, whose row 0 is row `skip` here: columns `at` and
-    /// later ones, of which it ends with `end`, from row `at` on; from zeros if they are FRESH.
+    /// Takes L D Lᵀ of these columns from the next ones of a matrix of `rows`, whose row 0 is row `skip` here: columns
+    /// `at` and later ones, which end with `end`, from row `at` on; from zeros if they are FRESH.
     fn take<const FRESH: bool>(
         &self,
         [to, work]: [&mut [T]; 2],

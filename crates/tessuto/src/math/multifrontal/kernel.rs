@@ -1,10 +1,10 @@
 //! The inner loops of elimination: products of tall matrices, columns first, a few columns of the result at a time.
 //!
-//! A tile of the result, two registers high and [`WIDTH`] columns wide, stays in registers while its sum is made; every element is the
-//! same sum in the same order wherever in a tile it lies. Fused multiply-add where the target has it.
+//! A tile of the result, two registers high and [`WIDTH`] columns wide, stays in registers while its sum is made; every
+//! element is the same sum in the same order wherever in a tile it lies. Fused multiply-add where the target has it.
 //!
-//! Source: Goto and van de Geijn, *Anatomy of high-performance matrix multiplication*, 2008; without its copies of the tall
-//! factor: that is no larger than a cache of the second level.
+//! Source: Goto and van de Geijn, *Anatomy of high-performance matrix multiplication*, 2008; without its copies of the
+//! tall factor, which made nothing faster.
 
 use super::Scalar;
 
@@ -14,8 +14,8 @@ pub(super) const WIDTH: usize = 6;
 /// Fewer rows are left to the smaller tiles.
 const TALL: usize = 16;
 
-/// Takes the product of `a` (columns of `lda`) and `b` (a row for each of these columns) from the rows `first..end` of `c` (N columns of
-/// `ldc`, of which more may follow); from zero if these are FRESH. Row 0 of `a` is that of `c`.
+/// Takes the product of `a` (columns of `lda`) and `b` (a row for each of these columns) from the rows `first..end` of
+/// `c` (N columns of `ldc`, of which more may follow); from zero if these are FRESH. Row 0 of `a` is that of `c`.
 pub(super) fn subtract_product<T: Scalar, const N: usize, const FRESH: bool>(
     c: &mut [T],
     ldc: usize,
@@ -78,8 +78,9 @@ fn products<T: Scalar, const N: usize>(a: &[T], lda: usize, b: &[[T; N]]) -> [[T
     sums
 }
 
-/// Eliminates the N columns that `columns` (of `height`) begins with, whose first diagonal element is in row `first`, among themselves: L below
-/// the diagonal, D on it. `None` at a pivot that is zero, not finite or, if it has to be `definite`, negative.
+/// Eliminates the N columns that `columns` (of `height`) begins with, whose first diagonal element is in row `first`,
+/// among themselves: L below the diagonal, D on it. `None` at a pivot that is zero, not finite or, if it has to be
+/// `definite`, negative.
 pub(super) fn eliminate_columns<T: Scalar, const N: usize>(
     columns: &mut [T],
     height: usize,

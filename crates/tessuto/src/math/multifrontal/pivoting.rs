@@ -1,8 +1,8 @@
-//! L B Lᵀ with pivots chosen among a front's own rows: for the rare matrices that elimination in the given order spoils. Plain
-//! loops, one thread.
+//! L B Lᵀ with pivots chosen among a front's own rows: for the rare matrices that elimination in the given order spoils.
+//! Plain loops, one thread.
 //!
-//! Source: Bunch and Kaufman, *Some stable methods for calculating inertia and solving symmetric linear systems*, 1977, on the
-//! dense front; Duff and Reid (see above) restrict pivots so. B has blocks of one or two rows.
+//! Source: Bunch and Kaufman, *Some stable methods for calculating inertia and solving symmetric linear systems*, 1977,
+//! on the dense front; Duff and Reid (see above) restrict pivots so. B has blocks of one or two rows.
 
 use super::Fronts;
 

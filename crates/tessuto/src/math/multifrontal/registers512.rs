@@ -1,5 +1,5 @@
-//! Tiles of twice the height, for processors with registers of 512 bits (AVX-512): found out when the program runs. Every element is the same
-//! sum in the same order as without.
+//! Tiles of twice the height, for processors with registers of 512 bits (AVX-512): found out when the program runs.
+//! Every element is the same sum in the same order as without.
 
 use pulp::{Simd, WithSimd};
 
