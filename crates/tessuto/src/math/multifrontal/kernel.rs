@@ -140,3 +140,45 @@ pub(super) fn eliminate_columns<T: Scalar, const N: usize>(
     }
     Some(())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::rng::Rng;
+
+    fn same_bits<T: Scalar + std::fmt::Debug, const N: usize, const FRESH: bool>() {
+        let mut rng = Rng::new(3, 0);
+        for (rows, depth) in [(1, 1), (3, 4), (7, 2), (8, 3), (15, 5), (16, 1), (33, 9), (64, 20), (101, 33)]
+        {
+            let mut numbers = |count| -> Vec<T> { (0..count).map(|_| T::from_f64(rng.normal())).collect() };
+            let (a, b, before) = (numbers(rows * depth), numbers(N * depth), numbers(rows * (N + 1)));
+            let b = b.as_chunks::<N>().0;
+            for first in [0, rows / 2, rows - 1] {
+                let mut c = before.clone();
+                subtract_product::<T, N, FRESH>(&mut c, rows, [first, rows], &a, rows, b);
+                for (column, (found, before)) in c.chunks(rows).zip(before.chunks(rows)).enumerate() {
+                    for row in 0..rows {
+                        let products = b.iter().enumerate().map(|(p, b)| (a[p * rows + row], b));
+                        let start = if FRESH { T::ZERO } else { before[row] };
+                        let expected = match row >= first && column < N {
+                            true => {
+                                start - products.fold(T::ZERO, |sum, (a, b)| a.multiply_add(b[column], sum))
+                            }
+                            false => before[row],
+                        };
+                        assert_eq!(found[row], expected, "{rows} rows from {first}, {depth} deep");
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn tiles_of_every_height_have_the_bits_of_a_plain_sum() {
+        same_bits::<f64, WIDTH, false>();
+        same_bits::<f64, WIDTH, true>();
+        same_bits::<f64, 3, false>();
+        same_bits::<f32, WIDTH, false>();
+        same_bits::<f32, 3, true>();
+    }
+}
