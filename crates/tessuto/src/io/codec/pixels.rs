@@ -11,7 +11,7 @@ pub enum Samples {
 
 impl Samples {
     /// How many there are.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         match self {
             Self::Bytes(data) => data.len(),
             Self::Words(data) => data.len(),
@@ -35,7 +35,7 @@ pub(crate) struct Pixels {
 impl Pixels {
     /// Whether the last channel is opacity.
     pub fn has_alpha(&self) -> bool {
-        self.channels % 2 == 0
+        self.channels.is_multiple_of(2)
     }
 
     /// What the image is, in short: `L8`, `La8`, `Rgb8`, `Rgba8` or those of 16 bits.

@@ -16,7 +16,7 @@ impl Fronts {
             let columns = front.own_values(values).chunks_exact(front.height().max(1)).enumerate();
             // Later columns first: a row is replaced when its own comes.
             for (j, column) in columns.rev() {
-                if !(column[j] >= 0.0) {
+                if column[j] < 0.0 || column[j].is_nan() {
                     return None;
                 }
                 let scaled = own[j] * column[j].sqrt();
