@@ -29,8 +29,8 @@ pub fn check_result(py: Python<'_>, folder: PathBuf) -> PyResult<(f64, usize)> {
 #[pyfunction]
 pub fn read_image(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray3<u8>>> {
     let image = py.detach(|| io::image::read_bytes(&path)).into_python(py)?;
-    let [w, h] = [image.width() as usize, image.height() as usize];
-    arrays::shaped(py, image.into_raw(), [h, w, 3])
+    let [h, w] = [image.height, image.width];
+    arrays::shaped(py, image.data, [h, w, 3])
 }
 
 type PyMesh<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>, Vec<Vec<u32>>, Vec<Vec<u32>>);

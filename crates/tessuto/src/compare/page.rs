@@ -3,13 +3,12 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use ::image::RgbImage;
-
 use super::table::{failures, shown};
 use super::{Entry, Table, csv, tables, text};
 use crate::camera::{Camera, Viewpoint};
 use crate::error::Result;
 use crate::image::Image;
+use crate::io::rgb8::Rgb8;
 use crate::io::scene::{LoadOptions, load};
 use crate::io::{self, atomic_write};
 use crate::mesh::Positions;
@@ -223,7 +222,7 @@ fn depth_difference(
     image
 }
 
-fn to_rgb(image: &Image) -> RgbImage {
+fn to_rgb(image: &Image) -> Rgb8 {
     let bytes = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-    RgbImage::from_raw(image.width as u32, image.height as u32, bytes).expect("three channels")
+    Rgb8::new([image.width, image.height], bytes)
 }

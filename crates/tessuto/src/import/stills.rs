@@ -12,6 +12,7 @@ use super::video::{Raw, Reading, Video};
 use super::{Focal, camera_of};
 use crate::camera::Rect;
 use crate::error::{Error, Result};
+use crate::io::rgb8::Rgb8;
 use crate::io::{atomic_write, image, jpeg};
 
 /// Quality of frames that are made smaller, in percent.
@@ -97,6 +98,6 @@ fn encoded(frame: Raw, side: Option<u32>) -> (&'static str, Vec<u8>) {
     let [width, height] = frame.size;
     let Some(side) = side else { return ("png", image::encode_png_bytes(&frame.rgb, frame.size, 3)) };
     let whole = Rect { x0: 0, y0: 0, x1: width, y1: height };
-    let pixels = ::image::RgbImage::from_raw(width as u32, height as u32, frame.rgb);
-    ("jpg", jpeg::encode_part(&pixels.expect("three bytes a pixel"), whole, side, QUALITY))
+    let pixels = Rgb8::new([width, height], frame.rgb);
+    ("jpg", jpeg::encode_part(&pixels, whole, side, QUALITY))
 }

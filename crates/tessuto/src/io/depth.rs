@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use ::image::{DynamicImage, ImageFormat};
-
+use super::codec::{self, Format, Pixels, Refusal, Samples};
 use super::depth_unit::Unit;
-use super::{exr_depth, hdr, image, npy, read_bounded};
+use super::{exr_depth, hdr, npy, read_bounded};
 use crate::error::{Error, Hint, Remedy, Result};
 
 /// Largest file read `[bytes]`.
@@ -87,20 +86,19 @@ fn raw(path: &Path) -> Result<std::result::Result<Raw, String>> {
         return Ok(of_array(&bytes));
     }
     let plain = |width, height, values, usual| Raw { width, height, values, usual, channel: None };
-    Ok(match ::image::guess_format(&bytes) {
-        Ok(ImageFormat::Png) => {
-            let decoder = image::decoder(&bytes, ImageFormat::Png, MAX_BYTES);
-            match decoder.and_then(DynamicImage::from_decoder) {
-                Ok(DynamicImage::ImageLuma16(map)) => {
-                    let [width, height] = [map.width(), map.height()].map(|n| n as usize);
-                    let values = map.into_raw().into_iter().map(|v| whole(f64::from(v))).collect();
-                    Ok(plain(width, height, values, 1e-3))
-                }
-                Ok(other) => Err(format!("is an image of {:?}, no depth map of 16 bits", other.color())),
-                Err(e) => Err(format!("cannot be decoded: {e}")),
+    Ok(match Format::of(&bytes) {
+        Some(Format::Png) => match codec::png::stored(&bytes, MAX_BYTES) {
+            Ok(Pixels { width, height, channels: 1, samples: Samples::Words(map) }) => {
+                let values = map.into_iter().map(|v| whole(f64::from(v))).collect();
+                Ok(plain(width, height, values, 1e-3))
             }
-        }
-        Ok(ImageFormat::OpenExr) => exr_depth::read_depth(&bytes).map(|found| {
+            Ok(other) => Err(format!("is an image of {}, no depth map of 16 bits", other.kind())),
+            Err(Refusal::Broken(problem)) => Err(format!("cannot be decoded: {problem}")),
+            Err(Refusal::Large { size: [width, height], bytes }) => {
+                Err(format!("{width}×{height} pixels take {bytes} bytes; at most {MAX_BYTES} are read"))
+            }
+        },
+        Some(Format::OpenExr) => exr_depth::read_depth(&bytes).map(|found| {
             let exr_depth::Channel { width, height, values, name } = found;
             Raw { channel: Some(name), ..plain(width, height, values, 1.0) }
         }),
@@ -133,6 +131,7 @@ fn whole(value: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::io::image;
 
     #[test]
     fn millimetres_and_metres_come_out_alike() {

@@ -1,14 +1,11 @@
 //! Images of linear radiance: OpenEXR (half or float RGB) and Radiance .hdr, distinguished by their
 //! content, to linear float images, and EXR back. Colours are linear Rec.709; nothing is encoded.
 
-use std::io::Cursor;
 use std::path::Path;
 
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat};
-
+use super::codec::{Format, Refusal, exr, radiance};
 use crate::error::{Error, Result};
 use crate::image::Image;
-use crate::io::image::decoder;
 use crate::io::{atomic_write, read_bounded};
 
 /// Largest file, and largest decoded image `[bytes]`: 8192×4096 pixels of 4 floats have 512 MiB.
@@ -38,37 +35,33 @@ pub fn read_linear(path: &Path) -> Result<Image> {
             "give an OpenEXR file with channels R, G, B, or a Radiance .hdr file",
         )
     };
-    let format = match ::image::guess_format(&bytes) {
-        Ok(format @ (ImageFormat::OpenExr | ImageFormat::Hdr)) => format,
-        _ => return Err(broken("is neither OpenEXR nor Radiance .hdr".to_owned())),
-    };
+    let format = Format::of(&bytes).filter(|format| matches!(format, Format::OpenExr | Format::Radiance));
+    let format = format.ok_or_else(|| broken("is neither OpenEXR nor Radiance .hdr".to_owned()))?;
     if let Some([width, height]) = huge_tile(&bytes) {
         return Err(broken(format!("has tiles of {width}×{height} pixels; {MAX_TILE} a side are read")));
     }
-    let factors = if format == ImageFormat::Hdr { multiplied(&bytes).map_err(broken)? } else { [1.0; 3] };
-    let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
-    let decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
-    let (width, height) = decoder.dimensions();
     let most = most(bytes.len());
-    if decoder.total_bytes() > most {
-        return Err(Error::input(
+    let (factors, decoded) = match format {
+        Format::Radiance => (multiplied(&bytes).map_err(broken)?, radiance::decode(&bytes, most)),
+        _ => ([1.0; 3], exr::decode(&bytes, most)),
+    };
+    let ([width, height], mut data) = decoded.map_err(|refusal| match refusal {
+        Refusal::Broken(problem) => broken(format!("cannot be decoded: {problem}")),
+        Refusal::Large { size: [width, height], bytes: decoded } => Error::input(
             path.display().to_string(),
             format!(
-                "{width}×{height} pixels take {} bytes; at most {most} are read from a file of {}",
-                decoder.total_bytes(),
+                "{width}×{height} pixels take {decoded} bytes; at most {most} are read from a file of {}",
                 bytes.len()
             ),
             "scale the image down; 1024×512 pixels are plenty for a light",
-        ));
-    }
-    let dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    let mut data = dynamic.into_rgb32f().into_raw();
+        ),
+    })?;
     if factors != [1.0; 3] {
         for (k, value) in data.iter_mut().enumerate() {
             *value = (f64::from(*value) / factors[k % 3]) as f32;
         }
     }
-    Ok(Image { width: width as usize, height: height as usize, channels: 3, data })
+    Ok(Image { width, height, channels: 3, data })
 }
 
 /// Most bytes that are decoded from a file of `length`.
@@ -178,17 +171,9 @@ pub(crate) fn check_environment(image: &Image, place: &str) -> Result<()> {
 /// [`Error::Output`].
 pub fn write_exr(path: &Path, image: &Image) -> Result<()> {
     assert_eq!(image.channels, 3, "EXR files are written with the channels R, G, B");
-    let mut exr = Cursor::new(Vec::new());
-    ::image::write_buffer_with_format(
-        &mut exr,
-        bytemuck::cast_slice(&image.data),
-        image.width as u32,
-        image.height as u32,
-        ExtendedColorType::Rgb32F,
-        ImageFormat::OpenExr,
-    )
-    .map_err(|e| Error::Output { path: path.to_path_buf(), source: std::io::Error::other(e) })?;
-    atomic_write(path, exr.get_ref())
+    let bytes = exr::encode(&image.data, [image.width, image.height])
+        .map_err(|e| Error::Output { path: path.to_path_buf(), source: std::io::Error::other(e) })?;
+    atomic_write(path, &bytes)
 }
 
 #[cfg(test)]

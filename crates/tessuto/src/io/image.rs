@@ -5,36 +5,27 @@
 
 pub mod mask;
 
-use std::io::{Cursor, Read as _};
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-use ::image::metadata::Orientation;
-use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits};
-
+use super::codec::{self, Format, Pixels, Refusal};
+use super::rgb8::Rgb8;
 use crate::camera::Rect;
 use crate::error::{Error, Result};
 use crate::image::Image;
 use crate::io::{atomic_write, read_bounded};
 
-/// Largest width and height `[px]`.
-pub(crate) const MAX_SIDE: usize = 16_384;
+pub(crate) use super::codec::MAX_SIDE;
+pub use super::codec::Samples;
+
 /// Largest file, and largest decoded image `[bytes]`.
 pub(crate) const MAX_BYTES: u64 = 256 << 20;
-
-/// The numbers of an image.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Samples {
-    /// 0 to 255.
-    Bytes(Vec<u8>),
-    /// 0 to 65535.
-    Words(Vec<u16>),
-}
 
 /// A decoded image that has not been converted to floats yet.
 #[derive(Clone)]
 pub(crate) struct ImageFile {
     path: PathBuf,
-    dynamic: DynamicImage,
+    pixels: Pixels,
     /// Whether a reader that knows nothing of orientation and transparency sees the same image.
     pub plain: bool,
     /// What was unusual about the file, for a warning.
@@ -55,8 +46,9 @@ pub fn read(path: &Path) -> Result<Image> {
 }
 
 /// sRGB-encoded colour as bytes.
-pub fn read_bytes(path: &Path) -> Result<::image::RgbImage> {
-    Ok(open(path)?.dynamic.into_rgb8())
+pub fn read_bytes(path: &Path) -> Result<Rgb8> {
+    let pixels = open(path)?.pixels;
+    Ok(Rgb8::new([pixels.width, pixels.height], pixels.into_rgb8()))
 }
 
 /// A mask in [0, 1], shape [height, width, 1], and a warning where its values were unusual: [`mask::read`]
@@ -72,9 +64,9 @@ pub fn read_grey(path: &Path) -> Result<Image> {
 }
 
 /// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
-pub(crate) fn rgb8(image: &Image) -> ::image::RgbImage {
+pub(crate) fn rgb8(image: &Image) -> Rgb8 {
     let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
-    ::image::RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
+    Rgb8::new([image.width, image.height], values)
 }
 
 /// Writes an image of 1 or 3 channels as 8-bit PNG; values are clamped to [0, 1] and rounded.
@@ -107,16 +99,8 @@ pub(crate) fn encode_png(image: &Image) -> Vec<u8> {
 }
 
 /// The bytes of an 8-bit PNG of `pixels`, shape [height, width, channels] with 1 or 3 channels.
-pub(crate) fn encode_png_bytes(pixels: &[u8], [width, height]: [usize; 2], channels: usize) -> Vec<u8> {
-    let color = match channels {
-        1 => ExtendedColorType::L8,
-        3 => ExtendedColorType::Rgb8,
-        n => panic!("an image of {n} channels cannot be written as PNG"),
-    };
-    let mut png = Cursor::new(Vec::new());
-    ::image::write_buffer_with_format(&mut png, pixels, width as u32, height as u32, color, ImageFormat::Png)
-        .expect("a vector takes every byte");
-    png.into_inner()
+pub(crate) fn encode_png_bytes(pixels: &[u8], size: [usize; 2], channels: usize) -> Vec<u8> {
+    codec::png::encode(pixels, size, channels)
 }
 
 /// Width and height of an image as [`read`] gives it `[px]`.
@@ -136,42 +120,34 @@ pub(crate) fn open(path: &Path) -> Result<ImageFile> {
         )
     };
     let mut notes = Vec::new();
-    let format = match ::image::guess_format(&bytes) {
-        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => return Err(broken("is neither PNG nor JPEG".into())),
+    let Some(format @ (Format::Png | Format::Jpeg)) = Format::of(&bytes) else {
+        return Err(broken("is neither PNG nor JPEG".into()));
     };
-    if ImageFormat::from_path(path).ok() != Some(format) {
+    if !path.extension().is_some_and(|ending| format.has_ending(&ending.to_string_lossy())) {
         notes.push("the file name's ending does not say what the file is");
     }
-    if format == ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
+    let lossy = format == Format::Jpeg;
+    if lossy && !jpeg_is_complete(&bytes) {
         return Err(broken("is a truncated JPEG: its end marker is missing".into()));
     }
-
-    let undecodable = |e: ::image::ImageError| broken(format!("cannot be decoded: {e}"));
-    let mut decoder = decoder(&bytes, format, MAX_BYTES).map_err(undecodable)?;
-    // The limits bind the decoder's own buffers only, so look at the result's size before asking for it.
-    if decoder.total_bytes() > MAX_BYTES {
-        let (w, h) = decoder.dimensions();
-        let problem =
-            format!("{w}×{h} pixels take {} bytes; at most {MAX_BYTES} are read", decoder.total_bytes());
-        return Err(Error::input(
+    let decoded = codec::decode(&bytes, format, MAX_BYTES).map_err(|refusal| match refusal {
+        Refusal::Broken(problem) => broken(format!("cannot be decoded: {problem}")),
+        Refusal::Large { size: [width, height], bytes } => Error::input(
             path.display().to_string(),
-            problem,
+            format!("{width}×{height} pixels take {bytes} bytes; at most {MAX_BYTES} are read"),
             "scale the images and the camera down",
-        ));
+        ),
+    })?;
+    let pixels = decoded.pixels;
+    if decoded.inks {
+        notes.push("CMYK was converted to RGB without a colour profile");
     }
-    match decoder.original_color_type() {
-        ExtendedColorType::Cmyk8 => notes.push("CMYK was converted to RGB without a colour profile"),
-        _ if decoder.color_type().has_alpha() => notes.push(ALPHA_IGNORED),
-        _ => {}
+    if pixels.has_alpha() {
+        notes.push(ALPHA_IGNORED);
     }
-    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let plain = orientation == Orientation::NoTransforms && !decoder.color_type().has_alpha();
-    let mut dynamic = DynamicImage::from_decoder(decoder).map_err(undecodable)?;
-    dynamic.apply_orientation(orientation);
-    let lossy = format == ImageFormat::Jpeg;
+    let plain = !decoded.turned && !pixels.has_alpha();
     let palette = if lossy { None } else { palette(&bytes) };
-    Ok(ImageFile { path: path.to_path_buf(), dynamic, plain, notes, lossy, palette })
+    Ok(ImageFile { path: path.to_path_buf(), pixels, plain, notes, lossy, palette })
 }
 
 /// The palette of a PNG file that has one; the pixels' own colours are the decoder's.
@@ -191,46 +167,15 @@ fn palette(bytes: &[u8]) -> Option<Vec<[u8; 3]>> {
     }
 }
 
-/// The decoder of `bytes` in `format`, for at most [`MAX_SIDE`] pixels a side. Its own buffers take at most twice
-/// `most_bytes`; the caller must hold its `total_bytes` against a bound of the result before asking for it.
-pub(super) fn decoder(
-    bytes: &[u8],
-    format: ImageFormat,
-    most_bytes: u64,
-) -> ImageResult<impl ImageDecoder + '_> {
-    let mut limits = Limits::default();
-    limits.max_image_width = Some(MAX_SIDE as u32);
-    limits.max_image_height = Some(MAX_SIDE as u32);
-    limits.max_alloc = Some(2 * most_bytes);
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    reader.limits(limits);
-    reader.into_decoder()
-}
-
 impl ImageFile {
     /// The image of `samples`, shape [height, width, channels] with 1 or 3 channels, whose messages call it `place`; `None`
     /// if there are not that many samples.
     pub fn held(place: &str, [width, height]: [usize; 2], channels: usize, samples: Samples) -> Option<Self> {
-        let (w, h) = (u32::try_from(width).ok()?, u32::try_from(height).ok()?);
-        let dynamic = match (samples, channels) {
-            (Samples::Bytes(data), 1) => ::image::GrayImage::from_raw(w, h, data)?.into(),
-            (Samples::Bytes(data), 3) => ::image::RgbImage::from_raw(w, h, data)?.into(),
-            (Samples::Words(data), 1) => {
-                DynamicImage::ImageLuma16(::image::ImageBuffer::from_raw(w, h, data)?)
-            }
-            (Samples::Words(data), 3) => {
-                DynamicImage::ImageRgb16(::image::ImageBuffer::from_raw(w, h, data)?)
-            }
-            _ => return None,
-        };
-        Some(Self {
-            path: place.into(),
-            dynamic,
-            plain: true,
-            notes: Vec::new(),
-            lossy: false,
-            palette: None,
-        })
+        if !matches!(channels, 1 | 3) || samples.len() != width.checked_mul(height)?.checked_mul(channels)? {
+            return None;
+        }
+        let pixels = Pixels { width, height, channels, samples };
+        Some(Self { path: place.into(), pixels, plain: true, notes: Vec::new(), lossy: false, palette: None })
     }
 
     /// The file, or what stands for it in messages.
@@ -240,7 +185,7 @@ impl ImageFile {
 
     /// The whole image.
     pub fn full(&self) -> Rect {
-        Rect { x0: 0, y0: 0, x1: self.dynamic.width() as usize, y1: self.dynamic.height() as usize }
+        Rect { x0: 0, y0: 0, x1: self.pixels.width, y1: self.pixels.height }
     }
 
     /// Error unless the image has this size `[px]`.
@@ -262,14 +207,14 @@ impl ImageFile {
     }
 
     /// Its pixels.
-    pub fn dynamic(&self) -> &DynamicImage {
-        &self.dynamic
+    pub fn pixels(&self) -> &Pixels {
+        &self.pixels
     }
 
     /// Luminance of `region` over the largest value of the format, as a mask, shape [height, width, 1].
     pub fn luminance(&mut self, region: Rect) -> Image {
         let mask = grey(self.floats(region, false));
-        let (largest, full_scale) = self.largest();
+        let (largest, full_scale) = self.pixels.largest();
         if largest > 0.0 && largest < full_scale / 2.0 {
             self.notes.push("the mask's brightest value is below half of white");
         }
@@ -278,56 +223,28 @@ impl ImageFile {
 
     /// The largest luminance in the file [of 255].
     pub fn brightest_luminance(&self) -> f32 {
-        let (largest, full_scale) = self.largest();
+        let (largest, full_scale) = self.pixels.largest();
         255.0 * largest / full_scale
     }
 
     /// 8-bit colour, shape [height, width, 3].
     pub fn into_rgb8(self) -> Vec<u8> {
-        self.dynamic.into_rgb8().into_raw()
+        self.pixels.into_rgb8()
     }
 
     /// Opacity in [0, 1], shape [height, width, 1], where the image has any.
     pub fn alpha(&self) -> Option<Image> {
-        let color = self.dynamic.color();
-        if !color.has_alpha() {
-            return None;
-        }
         let full = self.full();
-        let rgba = self.dynamic.to_rgba16();
-        let data = rgba.pixels().map(|p| f32::from(p.0[3]) / 65_535.0).collect();
+        let data = self.pixels.alpha()?;
         Some(Image { width: full.x1, height: full.y1, channels: 1, data })
-    }
-
-    /// The largest value in the file, and the largest its format can hold.
-    fn largest(&self) -> (f32, f32) {
-        match &self.dynamic {
-            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_) => (1.0, 1.0),
-            d if d.color().bytes_per_pixel() > d.color().channel_count() => {
-                let largest = d.to_luma16().iter().copied().max();
-                (f32::from(largest.unwrap_or(0)), 65_535.0)
-            }
-            // Masks are mostly grey; only the others need a copy.
-            DynamicImage::ImageLuma8(grey) => (f32::from(grey.iter().copied().max().unwrap_or(0)), 255.0),
-            d => (f32::from(d.to_luma8().iter().copied().max().unwrap_or(0)), 255.0),
-        }
     }
 
     /// `region` in [0, 1]; grey images have 1 channel unless `spread` asks for 3.
     fn floats(&self, region: Rect, spread: bool) -> Image {
-        let width = self.dynamic.width() as usize;
-        let channels = usize::from(self.dynamic.color().channel_count());
-        let source = Layout { width, channels, region, spread };
-        match &self.dynamic {
-            DynamicImage::ImageLuma8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
-            DynamicImage::ImageLumaA8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
-            DynamicImage::ImageRgb8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
-            DynamicImage::ImageRgba8(p) => source.cut(p.as_raw(), |v| f32::from(v) / 255.0),
-            DynamicImage::ImageLuma16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
-            DynamicImage::ImageLumaA16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
-            DynamicImage::ImageRgb16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
-            DynamicImage::ImageRgba16(p) => source.cut(p.as_raw(), |v| f32::from(v) / 65_535.0),
-            other => Layout { channels: 3, ..source }.cut(other.to_rgb32f().as_raw(), |v| v),
+        let source = Layout { width: self.pixels.width, channels: self.pixels.channels, region, spread };
+        match &self.pixels.samples {
+            Samples::Bytes(values) => source.cut(values, |v| f32::from(v) / 255.0),
+            Samples::Words(values) => source.cut(values, |v| f32::from(v) / 65_535.0),
         }
     }
 }

@@ -1,15 +1,18 @@
 //! Files in and out: scenes, images, meshes, arrays. Every file is written through [`atomic_write`].
 
 mod atomic;
+mod codec;
 pub mod depth;
 pub mod depth_unit;
 mod exr_depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;
+mod jpeg_tables;
 pub mod model;
 pub mod npy;
 pub mod obj;
+pub mod rgb8;
 pub mod scene;
 pub(crate) mod table;
 pub(crate) mod text;

@@ -1,6 +1,5 @@
 //! The video and the drawn frames as small JPEG images that fit into a number of bytes.
 
-use ::image::RgbImage;
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -8,6 +7,7 @@ use super::embed::base64;
 use crate::camera::{Camera, Rect};
 use crate::error::Result;
 use crate::io::jpeg;
+use crate::io::rgb8::Rgb8;
 
 /// Largest side `[px]` and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [
@@ -29,7 +29,7 @@ const SAMPLES: usize = 5;
 const BLACK: u8 = 8;
 
 /// Gives the image of frame n (from 0), at the size of the others.
-pub type Load<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
+pub type Load<'a> = Box<dyn Fn(usize) -> Result<Rgb8> + Sync + 'a>;
 
 /// One way to see the frames.
 pub struct Source<'a> {
@@ -90,7 +90,7 @@ impl Film {
         let spread = |k: usize| k * (frame_count - 1) / (count - 1).max(1);
         let pairs: Vec<(usize, usize)> =
             (0..sources.len()).flat_map(|s| (0..count).map(move |k| (s, spread(k)))).collect();
-        let samples: Vec<RgbImage> =
+        let samples: Vec<Rgb8> =
             pairs.par_iter().map(|(s, n)| (sources[*s].load)(*n)).collect::<Result<_>>()?;
         let region = region(&samples, camera, shown);
         let fits = |(side, quality): &(u32, u8)| {
@@ -131,11 +131,11 @@ fn encode(
 }
 
 /// The part of the images that is not black in any of `samples`, with `shown` and a margin.
-fn region(samples: &[RgbImage], camera: &Camera, shown: Option<Rect>) -> Rect {
+fn region(samples: &[Rgb8], camera: &Camera, shown: Option<Rect>) -> Rect {
     let (width, height) = (camera.width, camera.height);
     let bright = samples.iter().flat_map(|image| {
-        let pixels = image.enumerate_pixels().filter(|(_, _, pixel)| pixel.0.iter().any(|v| *v > BLACK));
-        pixels.map(|(x, y, _)| (x as usize, y as usize))
+        let pixels = image.pixels().filter(|(_, _, colour)| colour.iter().any(|v| *v > BLACK));
+        pixels.map(|(x, y, _)| (x, y))
     });
     match Rect::around(bright).into_iter().chain(shown).reduce(Rect::union) {
         Some(view) => view.padded(view.width().max(view.height()) / 16 + 4, [width, height]),
@@ -150,20 +150,20 @@ mod tests {
     use super::*;
 
     /// Noise in a square whose left border is at column `x`, black around it.
-    fn frame(x: u32) -> RgbImage {
-        let mut rng = crate::math::rng::Rng::new(u64::from(x), 0);
-        RgbImage::from_fn(400, 300, |i, j| {
+    fn frame(x: usize) -> Rgb8 {
+        let mut rng = crate::math::rng::Rng::new(x as u64, 0);
+        Rgb8::from_fn([400, 300], |i, j| {
             let inside = (x..x + 100).contains(&i) && (50..150).contains(&j);
             let bright =
                 |v: DVec3| v.abs().to_array().map(|c| if inside { (c * 99.0) as u8 + 50 } else { 0 });
-            ::image::Rgb(bright(rng.vector()))
+            bright(rng.vector())
         })
     }
 
     #[test]
     fn film_keeps_to_its_budget_and_to_the_fabric() {
         let camera = Camera { fx: 500.0, fy: 500.0, cx: 200.0, cy: 150.0, width: 400, height: 300 };
-        let source = || Source { key: "a", label: "", load: Box::new(|n| Ok(frame(100 + 4 * n as u32))) };
+        let source = || Source { key: "a", label: "", load: Box::new(|n| Ok(frame(100 + 4 * n))) };
         let film = |budget| Film::new(&[source(), source()], 6, &camera, None, budget).unwrap();
         let bytes = |f: &Film| f.layers.iter().flat_map(|l| &l.frames).map(String::len).sum::<usize>();
         let (large, small) = (film(1 << 20), film(80_000));

@@ -6,8 +6,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::io::rgb8::Rgb8;
 use crate::io::{self, jpeg};
-
 use crate::mesh::{Mesh, Positions};
 use crate::pbr::EnvironmentMap;
 use crate::report::{LightData, chosen_frames, embed};
@@ -39,15 +39,14 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
         (255.0 * crate::image::srgb::encode(x / (1.0 + x)).clamp(0.0, 1.0)).round() as u8
     };
     let bytes = shown.data.iter().map(tone).collect();
-    let mut image =
-        ::image::RgbImage::from_raw(shown.width as u32, shown.height as u32, bytes).expect("three channels");
+    let mut image = Rgb8::new([shown.width, shown.height], bytes);
     let seen = observed(mesh, motion);
-    let (width, height) = image.dimensions();
-    for (x, y, pixel) in image.enumerate_pixels_mut() {
-        let (column, row) = (x as usize * 2 * ROWS / width as usize, y as usize * ROWS / height as usize);
-        let stripe = (u64::from(x) + u64::from(y)) * 48 / u64::from(height);
+    let (width, height) = (image.width, image.height);
+    for (x, y, colour) in image.pixels_mut() {
+        let (column, row) = (x * 2 * ROWS / width, y * ROWS / height);
+        let stripe = (x + y) * 48 / height;
         if !seen[row * 2 * ROWS + column] && stripe.is_multiple_of(2) {
-            pixel.0 = pixel.0.map(|v| (0.4 * f32::from(v) + 0.6 * 245.0) as u8);
+            *colour = colour.map(|v| (0.4 * f32::from(v) + 0.6 * 245.0) as u8);
         }
     }
     Ok(Some(LightData {

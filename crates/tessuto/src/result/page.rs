@@ -9,6 +9,7 @@ use super::UNCHANGED;
 use super::{Folder, cause_page, curves, light};
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
+use crate::io::rgb8::Rgb8;
 use crate::io::{self, jpeg};
 use crate::mesh::Positions;
 use crate::metrics::{self, Evaluation, Verdict};
@@ -224,7 +225,7 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
     ];
     let read = |(key, label, file): &(&'static str, &'static str, &str)| {
         let mut image = io::image::read_bytes(&folder.join(file))?;
-        let size = [image.height() as usize, image.width() as usize];
+        let size = [image.height, image.width];
         let seen = match *key {
             "texture" => io::npy::read_if_there(&folder.join("seen_texels.npy"), &size)?,
             _ => None,
@@ -232,23 +233,23 @@ fn maps(folder: &Path, window: Window) -> Result<Vec<Map>> {
         if let Some(seen) = seen {
             hatch(&mut image, &seen);
         }
-        let [x, y, width, height] = window.pixels(image.width(), image.height());
-        let image = ::image::imageops::crop_imm(&image, x, y, width, height).to_image();
-        let scale = (f64::from(MAP_SIDE) / f64::from(width.max(height))).min(1.0);
-        let side = |s: u32| ((f64::from(s) * scale).round() as u32).max(1);
-        let small = ::image::imageops::thumbnail(&image, side(width), side(height));
-        Ok(Map { key, label, image: embed::base64(&jpeg::encode(&small, light::MAP_QUALITY)) })
+        let [x, y, width, height] =
+            window.pixels(image.width as u32, image.height as u32).map(|v| v as usize);
+        let (x0, y0) = (x.min(image.width - 1), y.min(image.height - 1));
+        let (x1, y1) = ((x + width).min(image.width), (y + height).min(image.height));
+        let part = Rect { x0, y0, x1, y1 };
+        let small = jpeg::encode_part(&image, part, MAP_SIDE, light::MAP_QUALITY);
+        Ok(Map { key, label, image: embed::base64(&small) })
     };
     all.par_iter().filter(|(_, _, file)| folder.join(file).is_file()).map(read).collect()
 }
 
 /// Strikes out the pixels of which `seen` holds 0.
-fn hatch(image: &mut ::image::RgbImage, seen: &[f64]) {
-    let width = image.width();
-    let spacing = (width / 64).max(4);
-    for ((x, y, pixel), seen) in image.enumerate_pixels_mut().zip(seen) {
+fn hatch(image: &mut Rgb8, seen: &[f64]) {
+    let spacing = (image.width / 64).max(4);
+    for ((x, y, colour), seen) in image.pixels_mut().zip(seen) {
         if *seen == 0.0 && (x + y) % spacing < spacing / 2 {
-            pixel.0 = pixel.0.map(|v| (0.4 * f32::from(v) + 0.6 * 245.0) as u8);
+            *colour = colour.map(|v| (0.4 * f32::from(v) + 0.6 * 245.0) as u8);
         }
     }
 }
@@ -264,8 +265,7 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
     if !observed.is_file() {
         return Ok(Film::default());
     }
-    let size = io::image::read_bytes(&observed)?.dimensions();
-    let size = [size.0 as usize, size.1 as usize];
+    let size = io::image::size(&observed)?;
     let crop = saved.crop;
     let camera = saved.camera.cropped(crop);
     let shown = in_sight(motion, &camera);
@@ -284,9 +284,9 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
 }
 
 /// An image of size `size`, or that part of a whole frame.
-fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage> {
+fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<Rgb8> {
     let image = io::image::read_bytes(&path)?;
-    let [width, height] = [image.width() as usize, image.height() as usize];
+    let [width, height] = [image.width, image.height];
     if [width, height] == size {
         return Ok(image);
     }
@@ -297,8 +297,7 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<::image::RgbImage
             UNCHANGED,
         ));
     }
-    let [x, y, w, h] = [crop.x0, crop.y0, size[0], size[1]].map(|v| v as u32);
-    Ok(::image::imageops::crop_imm(&image, x, y, w, h).to_image())
+    Ok(image.cropped(crop))
 }
 
 /// The pixels that the moving fabric comes over; None if it is never in sight.

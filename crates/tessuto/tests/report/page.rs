@@ -3,8 +3,8 @@
 use std::process::Command;
 
 use glam::{DVec2, DVec3};
-use image::RgbImage;
 use tessuto::io::jpeg;
+use tessuto::io::rgb8::Rgb8;
 use tessuto::mesh::grid;
 use tessuto::metrics::{Evaluation, FrameAgreement, FrameMetrics, FrameVerdict, Metrics, State, judge};
 use tessuto::report::causes::{CauseRow, CauseSpread, ForceArrows, Replay};
@@ -178,16 +178,15 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
     };
     // A checked cloth with some grain, on black.
     let image = |shift: u32| {
-        RgbImage::from_fn(size as u32, size as u32, |x, y| {
+        Rgb8::from_fn([size, size], |x, y| {
+            let [x, y] = [x as u32, y as u32];
             let inside = |v: u32| (size as u32 / 4..3 * size as u32 / 4).contains(&v);
             let grain =
                 (x.wrapping_mul(2_654_435_761) ^ y.wrapping_mul(40_503).wrapping_add(shift * 977)) >> 3;
             let check = if ((x + shift) / 20 + y / 20).is_multiple_of(2) { 150 } else { 60 };
             match inside(x) && inside(y) {
-                true => {
-                    image::Rgb([check + (grain % 32) as u8, 200 - check / 2, check / 2 + (grain % 24) as u8])
-                }
-                false => image::Rgb([0; 3]),
+                true => [check + (grain % 32) as u8, 200 - check / 2, check / 2 + (grain % 24) as u8],
+                false => [0; 3],
             }
         })
     };

@@ -1,12 +1,11 @@
 //! What a recording shows besides the motion, taken from a scene or from a result.
 
-use ::image::RgbImage;
-
 use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::export::Clip;
 use crate::image::Image;
 use crate::io::image::rgb8;
+use crate::io::rgb8::Rgb8;
 use crate::io::{self, jpeg};
 use crate::mesh::{Mesh, Positions};
 use crate::scene::Scene;
@@ -36,7 +35,7 @@ pub struct Subject<'a> {
 }
 
 /// Gives the image of a frame.
-pub type FrameImage<'a> = Box<dyn Fn(usize) -> Result<RgbImage> + Sync + 'a>;
+pub type FrameImage<'a> = Box<dyn Fn(usize) -> Result<Rgb8> + Sync + 'a>;
 
 impl<'a> Subject<'a> {
     /// The video and the template of `scene`.
@@ -82,8 +81,7 @@ impl<'a> Subject<'a> {
     /// Frame `n` as JPEG, small.
     pub(super) fn encoded(&self, image: &FrameImage, camera: &Camera, n: usize) -> Result<Vec<u8>> {
         let rgb = image(n)?;
-        let (found, expected) =
-            ([rgb.width() as usize, rgb.height() as usize], [camera.width, camera.height]);
+        let (found, expected) = ([rgb.width, rgb.height], [camera.width, camera.height]);
         if found != expected {
             return Err(Error::input(
                 format!("frame {}", self.first_frame + n),
@@ -146,5 +144,5 @@ impl Corners {
 
 /// The bytes of an image, shape [height, width, 3].
 pub(super) fn rgb_bytes(image: &Image) -> Vec<u8> {
-    rgb8(image).into_raw()
+    rgb8(image).data
 }

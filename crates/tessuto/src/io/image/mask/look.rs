@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::{BTreeMap, HashMap};
 
-use ::image::DynamicImage;
+use crate::io::codec::{Pixels, Samples};
 
 /// Most colours of a file that are kept; of more those that cover most.
 const KEPT: usize = 256;
@@ -40,8 +40,7 @@ pub(super) struct Parts {
 }
 
 /// Colour and opacity of `image`.
-pub(super) fn parts(image: &DynamicImage) -> Parts {
-    let width = image.width() as usize;
+pub(super) fn parts(image: &Pixels) -> Parts {
     let grey = |v: u8| u32::from(v) * 0x01_0101;
     let deep = |v: u16| DEEP | u32::from(v);
     let packed = |p: &[u8]| u32::from_be_bytes([0, p[0], p[1], p[2]]);
@@ -51,31 +50,20 @@ pub(super) fn parts(image: &DynamicImage) -> Parts {
         false => u32::from_be_bytes([0, (p[0] >> 8) as u8, (p[1] >> 8) as u8, (p[2] >> 8) as u8]),
     };
     let high = |v: u16| (v >> 8) as u8;
-    let (colours, alpha) = match image {
-        DynamicImage::ImageLuma8(p) => (p.as_raw().iter().map(|v| grey(*v)).collect(), None),
-        DynamicImage::ImageLumaA8(p) => {
-            let pixels = p.as_raw().chunks_exact(2);
-            (pixels.clone().map(|p| grey(p[0])).collect(), Some(pixels.map(|p| p[1]).collect()))
+    let n = image.channels;
+    let (colours, alpha): (_, Option<Vec<u8>>) = match &image.samples {
+        Samples::Bytes(data) => {
+            let pixels = data.chunks_exact(n);
+            let alpha = image.has_alpha().then(|| pixels.clone().map(|p| p[n - 1]).collect());
+            (if n < 3 { pixels.map(|p| grey(p[0])).collect() } else { pixels.map(packed).collect() }, alpha)
         }
-        DynamicImage::ImageRgb8(p) => (p.as_raw().chunks_exact(3).map(packed).collect(), None),
-        DynamicImage::ImageLuma16(p) => (p.as_raw().iter().map(|v| deep(*v)).collect(), None),
-        DynamicImage::ImageLumaA16(p) => {
-            let pixels = p.as_raw().chunks_exact(2);
-            (pixels.clone().map(|p| deep(p[0])).collect(), Some(pixels.map(|p| high(p[1])).collect()))
-        }
-        DynamicImage::ImageRgb16(p) => (p.as_raw().chunks_exact(3).map(wide).collect(), None),
-        DynamicImage::ImageRgba16(p) => {
-            let pixels = p.as_raw().chunks_exact(4);
-            (pixels.clone().map(wide).collect(), Some(pixels.map(|p| high(p[3])).collect()))
-        }
-        other => {
-            let rgba = other.to_rgba8();
-            let pixels = rgba.as_raw().chunks_exact(4);
-            let alpha = other.color().has_alpha().then(|| pixels.clone().map(|p| p[3]).collect());
-            (pixels.map(packed).collect(), alpha)
+        Samples::Words(data) => {
+            let pixels = data.chunks_exact(n);
+            let alpha = image.has_alpha().then(|| pixels.clone().map(|p| high(p[n - 1])).collect());
+            (if n < 3 { pixels.map(|p| deep(p[0])).collect() } else { pixels.map(wide).collect() }, alpha)
         }
     };
-    Parts { width, colours, alpha }
+    Parts { width: image.width, colours, alpha }
 }
 
 impl Parts {

@@ -76,7 +76,7 @@ pub(crate) fn empty(path: &Path, brightest: f32, part: &str, reading: &Reading, 
 impl ImageFile {
     /// What the file holds, for [`understand`].
     pub(crate) fn look(&self) -> Look {
-        Look::of(&parts(self.dynamic()), self.palette.clone(), self.lossy)
+        Look::of(&parts(self.pixels()), self.palette.clone(), self.lossy)
     }
 
     /// The brightest value of the file [of 255], of which `mask` was made; of its transparency, where that is the mask.
@@ -92,7 +92,7 @@ impl ImageFile {
         if reading.is_luminance() {
             return self.luminance(region);
         }
-        let parts = parts(self.dynamic());
+        let parts = parts(self.pixels());
         if parts.alpha.is_some() && reading.plane != Plane::Colour {
             self.notes.retain(|note| *note != crate::io::image::ALPHA_IGNORED);
         }
