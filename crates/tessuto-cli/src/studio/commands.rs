@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use tessuto::export::Format;
 use tessuto::template::focal;
 use tessuto::text::quoted;
 
@@ -15,8 +16,6 @@ const PREVIEW_SIDE: &str = "480";
 const CHECKPOINT: &str = "10";
 /// How well a click is known, as `template --camera estimate` has it [px].
 const CLICK: f64 = 1.0;
-/// The formats that may be exported.
-const FORMATS: [&str; 6] = ["glb", "usd", "obj", "ply", "pc2", "npz"];
 
 /// What a button does.
 #[derive(Debug, Clone, Deserialize)]
@@ -118,8 +117,9 @@ pub fn of(work: &Work, form: &Form, step: &Step) -> Result<Vec<Command>, String>
         }
         Step::Reconstruct => Ok(vec![reconstruct(work, form)]),
         Step::Export { formats } => {
-            if formats.is_empty() || !formats.iter().all(|f| FORMATS.contains(&f.as_str())) {
-                return Err(format!("choose formats among {}", FORMATS.join(", ")));
+            let built: Vec<_> = Format::built().map(Format::key).collect();
+            if formats.is_empty() || !formats.iter().all(|f| built.contains(&f.as_str())) {
+                return Err(format!("choose formats among {}", built.join(", ")));
             }
             Ok(vec![vec![
                 "export".into(),

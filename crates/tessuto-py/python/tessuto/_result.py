@@ -23,6 +23,9 @@ from ._arrays import Float32, Float64, PathLike, UInt8
 from ._errors import Error, SceneWarning
 from ._scene import Camera, Scene
 
+FORMATS: dict[str, str] = dict(_native.formats())
+"""What `export` can write: the name of each format, and what it holds."""
+
 
 class Result:
     """What a reconstruction left: a folder (docs/result-folder.md), and its arrays.
@@ -334,7 +337,7 @@ def export(
 
     Args:
         result: A result.
-        to: Formats among "glb", "usd", "obj", "ply", "pc2", "npz": one, or several.
+        to: One of the keys of `tessuto.FORMATS`, or several, such as ["glb", "npz"].
         out: Folder to write to; `export` in the result's where None.
         without_lost: Leave out the frames whose verdict is "lost".
         replace: Replace earlier exports.
