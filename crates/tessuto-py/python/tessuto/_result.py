@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import tempfile
-import warnings
 import weakref
 from collections.abc import Sequence
 from functools import cached_property
@@ -20,7 +19,7 @@ import numpy.typing as npt
 
 from . import _native
 from ._arrays import Float32, Float64, PathLike, UInt8
-from ._errors import Error, SceneWarning
+from ._errors import Error, warn
 from ._scene import Camera, Scene
 
 FORMATS: dict[str, str] = dict(_native.formats())
@@ -50,6 +49,10 @@ class Result:
             # A temporary folder vanishes with this object.
             weakref.finalize(self, shutil.rmtree, home, ignore_errors=True)
         self.fps, self._vertex_count = _native.check_result(os.fspath(path))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Opened again where it is, which must still be there."""
+        return _reopened, (self.path, self.failure)
 
     def _array(self, name: str) -> Float32:
         array: Float32 = np.load(self.path / name, mmap_mode="r")
@@ -188,6 +191,10 @@ class Result:
         return f'<iframe title="tessuto report" srcdoc="{text}" style="width: 100%; height: 42em; border: 0"></iframe>'
 
 
+def _reopened(path: Path, failure: Optional[Error]) -> Result:
+    return Result(path, failure=failure)
+
+
 def open(path: PathLike) -> Result:
     """Open the result in the folder `path`.
 
@@ -205,10 +212,6 @@ def place_of(result: Union[Result, PathLike]) -> Path:
 def read_image(path: PathLike) -> UInt8:
     """8-bit sRGB colour of a PNG or JPEG file, [h, w, 3]."""
     return _native.read_image(os.fspath(path))
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, SceneWarning, stacklevel=3)
 
 
 def evaluate(
@@ -239,7 +242,7 @@ def evaluate(
         if isinstance(scene, Scene):
             text = _native.evaluate_scene(scene._native, os.fspath(path), seed)
         else:
-            text = _native.evaluate(os.fspath(scene), os.fspath(path), frames, seed, _warn)
+            text = _native.evaluate(os.fspath(scene), os.fspath(path), frames, seed, warn)
     evaluation: dict[str, Any] = json.loads(text)
     return evaluation
 
