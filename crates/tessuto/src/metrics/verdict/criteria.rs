@@ -22,6 +22,7 @@
 //! texture holds the first frame's light, and where the light on the cloth changes, the true motion has a PSNR that falls by 30 dB.
 
 use super::State;
+use super::words::SILHOUETTE;
 use crate::metrics::agreement::FrameAgreement;
 
 /// Correlations of the prints below this are doubtful.
@@ -51,7 +52,7 @@ pub(super) const CRITERIA: [Criterion; 8] = [
     Criterion {
         limits: [0.10, 0.25],
         cost: |f, _| f.silhouette.filter(|_| f.correlation.is_none()).map(|v| 1.0 - v),
-        words: |cost| format!("silhouette {:.2}", 1.0 - cost),
+        words: |cost| format!("{SILHOUETTE} {:.0} %", 100.0 * (1.0 - cost)),
     },
     Criterion {
         limits: [1.0 - CORRELATION, 0.60],

@@ -4,7 +4,7 @@
 //! summary.json the [`Verdict`].
 
 pub mod criteria;
-mod words;
+pub mod words;
 
 use std::fmt;
 
