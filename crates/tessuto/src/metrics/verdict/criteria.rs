@@ -22,7 +22,7 @@
 //! texture holds the first frame's light, and where the light on the cloth changes, the true motion has a PSNR that falls by 30 dB.
 
 use super::State;
-use super::words::SILHOUETTE;
+use super::names::SILHOUETTE;
 use crate::metrics::agreement::FrameAgreement;
 
 /// Correlations of the prints below this are doubtful.

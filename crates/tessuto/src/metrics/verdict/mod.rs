@@ -4,7 +4,8 @@
 //! summary.json the [`Verdict`].
 
 pub mod criteria;
-pub mod words;
+pub mod names;
+mod words;
 
 use std::fmt;
 

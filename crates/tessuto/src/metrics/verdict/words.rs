@@ -1,18 +1,12 @@
 //! A verdict in words.
 
 use super::criteria::CRITERIA;
+use super::names::{SILHOUETTE, TEXTURED};
 use super::{State, Verdict};
 use crate::metrics::agreement::FrameAgreement;
 
 /// Most stretches of frames that a sentence names.
 const NAMED: usize = 8;
-
-/// What the overlap of the silhouettes with the masks is called, wherever it is told.
-pub const SILHOUETTE: &str = "silhouette overlap";
-/// The likeness of the colours to the video, of the recovered texture in the first frame's light.
-pub const TEXTURED: &str = "colours by the texture";
-/// The same with material and light.
-pub const LIT: &str = "colours re-rendered";
 
 /// Of a clip whose frames are all found.
 pub(super) fn praise(v: &Verdict) -> String {
