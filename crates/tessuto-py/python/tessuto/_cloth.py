@@ -175,7 +175,8 @@ def cloth_step(
         _stepping(dt, damping, integrator, tolerance, newton_limit),
     )
     stiffness = _kept(stretch, bend, shear)
-    options = {"dt": dt, "damping": damping, "integrator": integrator, "tolerance": tolerance, "newton_limit": newton_limit}
+    options: dict[str, Any] = {"dt": dt, "damping": damping, "integrator": integrator}
+    options |= {"tolerance": tolerance, "newton_limit": newton_limit}
     made = (cloth, (*_kept(x, v, acceleration), *stiffness), options)
     return native[0], native[1], StepTape(native[2], (stiffness[0], stiffness[1], stiffness[2]), made)
 
@@ -277,7 +278,7 @@ def rollout(
         _stepping(dt, damping, integrator, tolerance, newton_limit),
     )
     stiffness = _kept(stretch, bend, shear)
-    options = {"dt": dt, "substeps": substeps, "parts": parts, "damping": damping}
+    options: dict[str, Any] = {"dt": dt, "substeps": substeps, "parts": parts, "damping": damping}
     options |= {"integrator": integrator, "tolerance": tolerance, "newton_limit": newton_limit}
     made = (cloth, (*_kept(x, v, constant, dynamic), *stiffness), options)
     return native[0], RolloutTape(native[1], (stiffness[0], stiffness[1], stiffness[2]), np.ndim(dynamic) == 2, made)
