@@ -58,7 +58,9 @@ fn page(path: &Path) -> tessuto::Result<PathBuf> {
         let known = path.file_name().is_some_and(|name| PAGES.iter().any(|page| name == *page));
         match known {
             true => Ok(path.to_path_buf()),
-            false => refused("is not a page of tessuto", format!("the pages are {}; or {give}", PAGES.join(", "))),
+            false => {
+                refused("is not a page of tessuto", format!("the pages are {}; or {give}", PAGES.join(", ")))
+            }
         }
     } else if unfinished {
         let hint = "wait for the command that writes it, or give that command again with --resume";

@@ -100,11 +100,13 @@ fn folders(work: &Work, folder: &str) -> Vec<Value> {
     };
     let mut names: Vec<String> = entries.flatten().filter_map(named).collect();
     names.sort();
-    let counted = |name: &String| json!({
-        "name": format!("{folder}/{name}"),
-        "files": files(work, &format!("{folder}/{name}")).len(),
-        "use": use_of(name),
-    });
+    let counted = |name: &String| {
+        json!({
+            "name": format!("{folder}/{name}"),
+            "files": files(work, &format!("{folder}/{name}")).len(),
+            "use": use_of(name),
+        })
+    };
     names.iter().map(counted).collect()
 }
 

@@ -42,7 +42,10 @@ fn the_page_of_a_folder_is_found() {
 #[test]
 fn what_is_no_result_is_refused_with_the_way_out() {
     let home = tempfile::tempdir().unwrap();
-    put(home.path(), &["it's a scene/scene.json", "bare/motion.npy", "bare/parameters.json", "other/notes.html"]);
+    put(
+        home.path(),
+        &["it's a scene/scene.json", "bare/motion.npy", "bare/parameters.json", "other/notes.html"],
+    );
     fs::create_dir_all(home.path().join("run.partial")).unwrap();
     for (given, parts) in [
         ("it's a scene", [r"is a scene", r"tessuto reconstruct 'it'\''s a scene' --out RESULT"]),

@@ -85,7 +85,8 @@ fn origin(scene: &Scene, mask: &Image) -> Option<Finding> {
     }
     let record = TemplateRecord::read(&scene.folder);
     let known = record.as_ref().map(TemplateRecord::sentence);
-    let bent = misfit.map(|off| format!("no plane rectangle has the corners seen, but one is off by {off:.1} px only"));
+    let bent = misfit
+        .map(|off| format!("no plane rectangle has the corners seen, but one is off by {off:.1} px only"));
     let told: Vec<String> = known.into_iter().chain(bent).collect();
     (!told.is_empty()).then(|| ok("template", told.join("; ")))
 }

@@ -99,7 +99,10 @@ mod tests {
             let key = format.key();
             assert_eq!(key.to_uppercase().parse(), Ok(*format));
             assert!(key.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit()), "{key}");
-            assert!(![format.programs(), format.content()].contains(&"") && !format.row().files.is_empty(), "{key}");
+            assert!(
+                ![format.programs(), format.content()].contains(&"") && !format.row().files.is_empty(),
+                "{key}"
+            );
         }
         let told = "gbl".parse::<Format>().unwrap_err();
         assert!(Format::KNOWN.iter().all(|format| told.contains(format.key())), "{told}");

@@ -1,7 +1,7 @@
 //! NumPy archive: a zip file of .npy files, stored without compression.
 
-use super::row::{Output, Row};
 use super::Clip;
+use super::row::{Output, Row};
 use crate::io::npy::{archive, encode as array};
 use crate::sim::cloth::AREA_DENSITY;
 

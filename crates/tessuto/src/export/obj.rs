@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
+use super::Clip;
 use super::row::{Output, Row};
 use super::sequence::{frame_name, gaps};
-use super::Clip;
 use crate::io::obj;
 use crate::mesh::{Mesh, Positions};
 

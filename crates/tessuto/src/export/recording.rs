@@ -1,7 +1,7 @@
 //! The format `rrd`: a recording for the viewer of rerun, in builds with the feature `rerun`.
 
-use super::row::{Output, Row};
 use super::Clip;
+use super::row::{Output, Row};
 use crate::error::Result;
 
 pub(super) const FORMAT: Row = Row {

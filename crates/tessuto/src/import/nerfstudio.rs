@@ -12,7 +12,9 @@ const KEYS: [&str; 11] = ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3"
 pub(super) const READER: Reader = Reader {
     about: "transforms.json (nerfstudio)",
     endings: &["json"],
-    knows: |file| ["frames", "fl_x", "camera_angle_x"].iter().any(|key| file.json.is_some_and(|f| f.get(key).is_some())),
+    knows: |file| {
+        ["frames", "fl_x", "camera_angle_x"].iter().any(|key| file.json.is_some_and(|f| f.get(key).is_some()))
+    },
     read: |file| parse(file.json.unwrap_or(&Value::Null), file.place),
 };
 

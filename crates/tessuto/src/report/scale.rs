@@ -61,7 +61,12 @@ mod tests {
         assert_eq!(grades(&SILHOUETTES, [0.99, 0.969, 0.9, 0.5]), WORDS);
         assert_eq!(grades(&STRAINS, [0.05, 0.06, 0.5, 0.51]), WORDS);
         assert_eq!(COLOURS.grade(f64::NAN), "poor");
-        assert_eq!(STRAINS.sentence(), "strain, 99 of 100 threads: very good up to 5 %, good up to 15 %, fair up to 50 %");
-        assert!(sentences().contains("colours, PSNR: very good from 30 dB, good from 25 dB, fair from 20 dB"));
+        assert_eq!(
+            STRAINS.sentence(),
+            "strain, 99 of 100 threads: very good up to 5 %, good up to 15 %, fair up to 50 %"
+        );
+        assert!(
+            sentences().contains("colours, PSNR: very good from 30 dB, good from 25 dB, fair from 20 dB")
+        );
     }
 }

@@ -110,12 +110,16 @@ fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Ve
     let strain = verdict.map(|v| v.strain_p99.worst);
     let colours = number(if lit.is_some() { LIT } else { TEXTURED }, lit.or(textured), 1.0, "dB");
     [
-        number(SILHOUETTE, silhouette, 100.0, "%").zip(silhouette).map(|(n, v)| n.graded(&scale::SILHOUETTES, v)),
+        number(SILHOUETTE, silhouette, 100.0, "%")
+            .zip(silhouette)
+            .map(|(n, v)| n.graded(&scale::SILHOUETTES, v)),
         colours.zip(lit.or(textured)).map(|(n, v)| n.graded(&scale::COLOURS, v)),
         number("from the true vertices", mean.vertex, 1e3, "mm"),
         number("from the tracked points", mean.track, 1e3, "mm"),
         number("from the measured depth", mean.depth, 1e3, "mm"),
-        number("strain, 99 of 100 threads", strain, 100.0, "%").zip(strain).map(|(n, v)| n.graded(&scale::STRAINS, v)),
+        number("strain, 99 of 100 threads", strain, 100.0, "%")
+            .zip(strain)
+            .map(|(n, v)| n.graded(&scale::STRAINS, v)),
         number("Chamfer distance", mean.cd1, 1e3, "mm"),
     ]
     .into_iter()
