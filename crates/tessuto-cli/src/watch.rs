@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use tessuto::Warning;
 use tessuto::metrics::QUANTITIES;
-use tessuto::metrics::verdict::names::LIT;
+use tessuto::metrics::names::LIT;
 use tessuto::result::{self, Run, Summary};
 use tessuto::run::{Observer, Outcome, Stage};
 use tessuto::session::{self, Epoch};

@@ -9,7 +9,7 @@ use super::causes::{CauseRow, CauseSpread, bar};
 use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart, scale};
 use crate::error::Result;
 use crate::io;
-use crate::metrics::verdict::names::{LIT, SILHOUETTE, TEXTURED};
+use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
 use crate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
 
 /// Size `[bytes]` that the page keeps to by choosing the size of its images.

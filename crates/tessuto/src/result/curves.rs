@@ -8,7 +8,7 @@ use super::Folder;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::io;
 use crate::mesh::Positions;
-use crate::metrics::verdict::names::{LIT, SILHOUETTE, TEXTURED};
+use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
 use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::report::chart::{Chart, Series, spans_decades};
 use crate::sim::Accelerations;

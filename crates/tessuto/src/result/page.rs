@@ -11,7 +11,7 @@ use crate::camera::{Camera, Rect};
 use crate::error::{Error, Result};
 use crate::io::{self, jpeg};
 use crate::mesh::Positions;
-use crate::metrics::verdict::names::{LIT, SILHOUETTE, TEXTURED};
+use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
 use crate::metrics::{self, Evaluation, Verdict};
 use crate::motion::parameters::Parameters;
 use crate::report::chart;

@@ -22,8 +22,8 @@
 //! texture holds the first frame's light, and where the light on the cloth changes, the true motion has a PSNR that falls by 30 dB.
 
 use super::State;
-use super::names::SILHOUETTE;
 use crate::metrics::agreement::FrameAgreement;
+use crate::metrics::names::SILHOUETTE;
 
 /// Correlations of the prints below this are doubtful.
 pub(crate) const CORRELATION: f64 = 0.60;

@@ -4,7 +4,6 @@
 //! summary.json the [`Verdict`].
 
 pub mod criteria;
-pub mod names;
 mod words;
 
 use std::fmt;

@@ -1,9 +1,9 @@
 //! A verdict in words.
 
 use super::criteria::CRITERIA;
-use super::names::{SILHOUETTE, TEXTURED};
 use super::{State, Verdict};
 use crate::metrics::agreement::FrameAgreement;
+use crate::metrics::names::{SILHOUETTE, TEXTURED};
 
 /// Most stretches of frames that a sentence names.
 const NAMED: usize = 8;
