@@ -5,7 +5,7 @@
 // usage: node tools/check_report.mjs REPORT.html [--shots FOLDER] [--no-truth]
 //
 // Needs `npm install puppeteer-core` where it is run, and Chromium (CHROMIUM=program, default /usr/bin/chromium).
-// --shots also writes pictures of the page at 1280 and 800 px, light and dark. Exit status 0: all passed.
+// --shots also writes pictures of the page at 1280, 800 and 390 px, light and dark. Exit status 0: all passed.
 import { createRequire } from "node:module";
 import { mkdirSync } from "node:fs";
 import { resolve } from "node:path";
@@ -204,13 +204,20 @@ if (causes) {
   check("the table tells which causes are informed", words.includes("informed") || words.includes("not informed"));
 }
 
-for (const width of [1280, 800]) {
+for (const width of [1280, 800, 390]) {
   for (const scheme of ["light", "dark"]) {
     await page.setViewport({ width, height: 900 });
     await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
     await pause(500);
     const [inner, outer] = await page.evaluate(() => [document.documentElement.scrollWidth, document.documentElement.clientWidth]);
     check(`nothing sticks out at ${width} px, ${scheme}`, inner <= outer, `${inner} of ${outer} px`);
+    const seen = await page.evaluate(() => {
+      scrollTo(0, 0);
+      const { top, bottom, height } = document.getElementById("cloth").getBoundingClientRect();
+      const end = document.getElementById("transport").getBoundingClientRect().top;
+      return (Math.min(bottom, end) - Math.max(0, top)) / height;
+    });
+    check(`the fabric is on the first screen at ${width} px, ${scheme}`, seen > 0.8, `${(100 * seen).toFixed(0)} % of its view`);
     if (shots) {
       mkdirSync(shots, { recursive: true });
       await page.evaluate(() => scrollTo(0, 0));

@@ -2,11 +2,12 @@
 // Goes the way of a user through `tessuto studio` in headless Chromium, from a clip to an export by clicks and keys alone:
 // no error in the console, few clicks, the server killed on the way loses nothing, nothing sticks out at 1280 and 800 px.
 //
-// usage: node tools/check_studio.mjs TESSUTO [--shots FOLDER] [--keep FOLDER] [--openings N]
+// usage: node tools/check_studio.mjs TESSUTO [--shots FOLDER] [--keep FOLDER] [--openings N] [--slow N]
 //
 // The clip is made here (`tessuto synth`, ffmpeg). Needs Node 18, Chromium (CHROMIUM=program, default /usr/bin/chromium) and
 // ffmpeg (TESSUTO_FFMPEG). --shots writes a picture of every step at 1280 px in light; and, named after their looks, at
-// 800 px and in dark. --keep uses that folder and leaves it. Exit status 0: all passed.
+// 800 px and in dark. --keep uses that folder and leaves it. --slow 6 takes a processor that
+// is six times slower for the page. Exit status 0: all passed.
 import { execFileSync, spawn } from "node:child_process";
 import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -76,6 +77,7 @@ const memory = pid => Number(/VmHWM:\s+(\d+)/.exec(readFileSync(`/proc/${pid}/st
 const clip = makeClip(), sheet = measure();
 let { child, address } = await serve();
 const page = await launch();
+if (option("--slow")) await page.send("Emulation.setCPUThrottlingRate", { rate: Number(option("--slow")) });
 let step = 0;
 
 /** A picture of the step as it is now, and whether it fits at both widths in both colours. */

@@ -11,23 +11,7 @@ use crate::say::{aside, say};
 
 /// Write a result for other programs: Blender, Houdini, Unreal, the web, NumPy, rerun.
 #[derive(Args)]
-#[command(after_help = "\
-Examples:
-  tessuto export results/curtain --to glb
-  tessuto export results/curtain --to obj,pc2,npz --out /tmp/curtain
-  tessuto export results/curtain --to glb --without-lost --force
-
-Formats:
-  glb   animated mesh, a morph target per frame, normals, uv, material (y up)
-  usd   text: points as time samples, UsdPreviewSurface, camera (y up)
-  obj   one file per frame, with material (y up)
-  ply   one binary file per frame, with normals and uv (y up)
-  pc2   point cache, and the mesh it belongs to (y up)
-  npz   motion, faces, uv, camera, forces, parameters (camera axes)
-  rrd   recording for rerun: video, camera, mesh and texture (camera axes); in
-        builds with --features full
-
-Camera axes are x right, y down, z forward.")]
+#[command(after_help = help())]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
@@ -46,6 +30,22 @@ pub struct Arguments {
     /// Replace earlier exports. Files that tessuto did not write, or that have changed, are never replaced.
     #[arg(long)]
     force: bool,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  tessuto export results/curtain --to glb
+  tessuto export results/curtain --to obj,pc2,npz --out /tmp/curtain
+  tessuto export results/curtain --to glb --without-lost --force
+
+Formats:";
+
+/// Examples, and the formats that there are.
+fn help() -> String {
+    Format::KNOWN.iter().fold(EXAMPLES.to_owned(), |help, format| {
+        let needs = format.feature().map_or("", |_| ";\n        in builds with --features full");
+        format!("{help}\n  {:<5} {}{needs}", format.key(), format.content())
+    })
 }
 
 /// Runs the command.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use tessuto::Error;
-use tessuto::import::{Calibration, Distortion, Focal, camera_of, read_calibration};
+use tessuto::import::{Calibration, Distortion, Focal, camera_files, camera_of, read_calibration};
 
 use crate::ffmpeg::ffmpeg;
 
@@ -12,9 +12,7 @@ use crate::ffmpeg::ffmpeg;
 #[derive(Args)]
 #[command(next_help_heading = "Camera")]
 pub struct Lens {
-    /// Camera file: nerfstudio transforms.json, COLMAP cameras.txt, or an OpenCV calibration (YAML, JSON); or `estimate`:
-    /// found later by `template --flat` from the corners of the sheet [default: what the video says].
-    #[arg(long, value_name = "FILE|estimate", conflicts_with_all = ["fx", "fov"])]
+    #[arg(long, value_name = "FILE|estimate", conflicts_with_all = ["fx", "fov"], help = camera_help())]
     camera: Option<PathBuf>,
     /// Which camera of a COLMAP file that holds several.
     #[arg(long, value_name = "N", requires = "camera")]
@@ -43,6 +41,15 @@ pub struct Lens {
         conflicts_with = "camera"
     )]
     distortion: Vec<f64>,
+}
+
+/// The files that `--camera` takes.
+fn camera_help() -> String {
+    format!(
+        "Camera file: {}; or `estimate`: to be found by `template --flat` from the corners of the sheet, assumed until then \
+         [default: what the video says]",
+        camera_files()
+    )
 }
 
 impl Lens {

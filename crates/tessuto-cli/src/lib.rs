@@ -1,6 +1,7 @@
 //! The program `tessuto` as one function: one subcommand, one file.
 
 mod appearance;
+mod browser;
 mod check;
 mod clip;
 mod compare;
@@ -40,6 +41,7 @@ mod threads;
 mod values;
 mod verify;
 mod video;
+mod view;
 mod watch;
 
 use std::ffi::OsString;
@@ -87,6 +89,7 @@ enum Command {
     Check(check::Arguments),
     Reconstruct(reconstruct::Arguments),
     Appearance(appearance::Arguments),
+    View(view::Arguments),
     Report(report::Arguments),
     Render(render::Arguments),
     Export(export::Arguments),
@@ -129,6 +132,7 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Command::Check(arguments) => check::run(&arguments),
         Command::Reconstruct(arguments) => reconstruct::run(&arguments),
         Command::Appearance(arguments) => appearance::run(&arguments),
+        Command::View(arguments) => view::run(&arguments),
         Command::Report(arguments) => report::run(&arguments),
         Command::Render(arguments) => render::run(&arguments),
         Command::Export(arguments) => export::run(&arguments),

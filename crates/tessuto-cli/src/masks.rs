@@ -99,7 +99,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let scene = quoted(&arguments.scene);
     match arguments.scene.join("template.obj").is_file() {
         true => say!("next: tessuto check {scene} --picture check.png"),
-        false => crate::remedy::make_template(&scene).iter().for_each(|c| say!("next: {c}")),
+        false => crate::remedy::make_template(&arguments.scene).iter().for_each(|c| say!("next: {c}")),
     }
     Ok(())
 }

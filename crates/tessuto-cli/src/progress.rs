@@ -48,7 +48,7 @@ pub struct Progress {
     /// Part of the run that was done when this program began with it.
     before: Option<f64>,
     last_line: Option<Instant>,
-    /// The shortest time that was guessed within the stage [s].
+    /// The shortest time that was told within the stage [s].
     guessed: f64,
 }
 
@@ -96,8 +96,8 @@ impl Progress {
         let fraction = self.fraction(done as f64 / of.max(1) as f64);
         let before = *self.before.get_or_insert(fraction);
         let left = time_left(fraction - before, 1.0 - fraction, self.started.elapsed());
-        let left = self.sinking(left);
-        let text = self.text(done, of, left);
+        let left = self.told(left);
+        let text = self.text(done, of, &left);
         if let Some(bar) = &self.bar {
             bar.set_position((1000.0 * fraction) as u64);
             bar.set_message(text);
@@ -119,17 +119,18 @@ impl Progress {
         if total > 0.0 { (before + of_stage * present) / total } else { 0.0 }
     }
 
-    /// A guess that grows within its stage was wrong before and may be now: it is not shown until it is less again.
-    fn sinking(&mut self, left: Option<f64>) -> Option<f64> {
-        let left = left.filter(|left| *left <= self.guessed)?;
-        self.guessed = left;
-        Some(left)
+    /// A guess in words. One that has grown within its stage was wrong before and may be now: it is told as less sure, until it is
+    /// less than ever again.
+    fn told(&mut self, left: Option<f64>) -> String {
+        let Some(left) = left else { return String::new() };
+        let word = if left <= self.guessed { "about" } else { "perhaps" };
+        self.guessed = self.guessed.min(left);
+        format!(", {word} {} left", duration(left))
     }
 
-    fn text(&self, done: usize, of: usize, left: Option<f64>) -> String {
+    fn text(&self, done: usize, of: usize, left: &str) -> String {
         let name = self.stages.get(self.current).map_or("", |stage| stage.name);
         let steps = if of > 0 { format!(" {done}/{of}") } else { String::new() };
-        let left = left.map_or_else(String::new, |seconds| format!(", about {} left", duration(seconds)));
         format!("stage {} of {}, {name}{steps}{left}", self.current + 1, self.stages.len())
     }
 
@@ -245,22 +246,26 @@ mod tests {
         let mut progress = Progress::new(false);
         // The longest names of stages with steps, and of those without.
         progress.stages = vec![stage("material and light", 1.0), stage("forces and stiffnesses", 3.0)];
-        let text = progress.text(99_999, 99_999, Some(3000.0));
-        assert_eq!(text, "stage 1 of 2, material and light 99999/99999, about 50 min left");
+        progress.guessed = 60.0;
+        let left = progress.told(Some(3000.0));
+        let text = progress.text(99_999, 99_999, &left);
+        assert_eq!(text, "stage 1 of 2, material and light 99999/99999, perhaps 50 min left");
         // The bar and a space come before.
         assert!(15 + text.chars().count() < 80, "{}", text.len());
         progress.current = 1;
         assert!((progress.fraction(0.5) - 2.5 / 4.0).abs() < 1e-12);
-        let text = progress.text(0, 0, Some(3000.0));
-        assert_eq!(text, "stage 2 of 2, forces and stiffnesses, about 50 min left");
+        let text = progress.text(0, 0, &left);
+        assert_eq!(text, "stage 2 of 2, forces and stiffnesses, perhaps 50 min left");
         assert!(15 + text.chars().count() < 80);
     }
 
     #[test]
-    fn a_time_left_that_grows_is_not_told() {
+    fn a_time_left_that_grows_is_told_as_less_sure() {
         let mut progress = Progress::new(false);
-        let told = [None, Some(60.0), Some(90.0), Some(61.0), Some(40.0)].map(|left| progress.sinking(left));
-        assert_eq!(told, [None, Some(60.0), None, None, Some(40.0)]);
+        let told = [None, Some(50.0), Some(90.0), Some(51.0), Some(40.0)].map(|left| progress.told(left));
+        let words =
+            ["", ", about 50 s left", ", perhaps 2 min left", ", perhaps 55 s left", ", about 40 s left"];
+        assert_eq!(told, words);
     }
 
     #[test]

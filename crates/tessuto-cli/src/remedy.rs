@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use tessuto::masks::Record;
 use tessuto::text::quoted;
 use tessuto::{Hint, Remedy, Repair, Warning};
 
@@ -65,7 +66,7 @@ fn options(remedy: &Remedy) -> String {
                 .into()
         }
         Remedy::CameraId => "--camera-id".into(),
-        Remedy::MakeTemplate(folder) => make_template(&quoted(folder)).join(", or "),
+        Remedy::MakeTemplate(folder) => make_template(folder).join(", or "),
         Remedy::Remesh => "tessuto template SCENE --remesh 32 --from MESH".into(),
         Remedy::Regrid => "tessuto template SCENE --remesh 32 --force".into(),
         Remedy::Weld => "--weld".into(),
@@ -86,10 +87,27 @@ pub fn make_masks(scene: &str) -> String {
     format!("tessuto masks {scene} --outline \"X,Y X,Y X,Y X,Y\"")
 }
 
-/// The two commands that make a template: a flat rectangle from its size, or any mesh.
-pub fn make_template(scene: &str) -> [String; 2] {
-    ["--flat WIDTHxHEIGHTm --from-mask", "--remesh 32 --from MESH.obj"]
+/// The two commands that make a template in the scene `folder`: a flat rectangle from its size, or any mesh.
+pub fn make_template(folder: &Path) -> [String; 2] {
+    let corners = corners_of(folder).map_or_else(|| "--from-mask".to_owned(), |c| format!("--corners {c}"));
+    let scene = quoted(folder);
+    [format!("--flat WIDTHxHEIGHTm {corners}"), "--remesh 32 --from MESH.obj".to_owned()]
         .map(|options| format!("tessuto template {scene} {options}"))
+}
+
+/// The corners of the outline that the masks in `folder` were made from, clockwise from the upper left, as they are typed; `None` where it
+/// has not four. They are the fabric's own, where those found in a mask are a guess.
+fn corners_of(folder: &Path) -> Option<String> {
+    let outline = Record::read(folder).ok().flatten()?.outline?;
+    let mut corners: [[f64; 2]; 4] = outline.try_into().ok()?;
+    let cross = |k: usize| corners[k][0] * corners[(k + 1) % 4][1] - corners[k][1] * corners[(k + 1) % 4][0];
+    // Rows go down: clockwise is positive.
+    if (0..4).map(cross).sum::<f64>() < 0.0 {
+        corners.reverse();
+    }
+    let first = (0..4).min_by(|a, b| corners[*a].iter().sum::<f64>().total_cmp(&corners[*b].iter().sum()))?;
+    corners.rotate_left(first);
+    Some(corners.map(|[x, y]| format!("{x},{y}")).join(" "))
 }
 
 fn repair_template(repair: &Repair) -> String {
@@ -110,6 +128,27 @@ fn repair_template(repair: &Repair) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn four_corners_of_an_outline_are_those_of_the_template() {
+        let folder = tempfile::tempdir().unwrap();
+        let put = |outline: &str| {
+            let text = format!(
+                r#"{{"format": "masks of tessuto 1", "outline": {outline}, "plate": null, "clicks": [], "largest_piece": false,
+                "noise": 1.0, "frames": [], "notes": []}}"#
+            );
+            std::fs::write(folder.path().join("masks.json"), text).unwrap();
+            let [flat, mesh] = make_template(folder.path());
+            assert!(mesh.ends_with("--remesh 32 --from MESH.obj"));
+            flat.split_once("WIDTHxHEIGHTm ").unwrap().1.to_owned()
+        };
+        let clockwise = "--corners 3,2.5 9,2 9,6 3,6";
+        assert_eq!(put("[[3, 2.5], [9, 2], [9, 6], [3, 6]]"), clockwise);
+        assert_eq!(put("[[9, 6], [9, 2], [3, 2.5], [3, 6]]"), clockwise);
+        for other in ["null", "[[3, 2], [9, 2], [9, 6]]", "[[3, 2], [6, 1], [9, 2], [9, 6], [3, 6]]"] {
+            assert_eq!(put(other), "--from-mask", "{other}");
+        }
+    }
 
     #[test]
     fn errors_and_warnings_end_with_options() {

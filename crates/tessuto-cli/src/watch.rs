@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use tessuto::Warning;
 use tessuto::metrics::QUANTITIES;
+use tessuto::metrics::names::LIT;
 use tessuto::result::{self, Run, Summary};
 use tessuto::run::{Observer, Outcome, Stage};
 use tessuto::session::{self, Epoch};
@@ -169,7 +170,7 @@ pub fn tell_verdict(summary: &Summary, out: &Path) {
 
 /// Says how well material and light explain the video, and how long that took.
 pub fn tell_appearance(psnr: f64, timings: &[(String, f64)]) {
-    say!("{:<16} {psnr:.2} dB", "re-rendered PSNR");
+    say!("{LIT:<16} {psnr:.2} dB");
     for (stage, seconds) in timings.iter().rev().take(2).rev() {
         say!("{stage:<18} {seconds:.0} s");
     }

@@ -33,7 +33,9 @@ mod _native {
         light::{LitPoints, direct_light, direct_light_vjp},
         program::main,
         raster::{Rasterizer, Rendered, rasterize},
-        result::{check_result, evaluate, evaluate_scene, export, read_image, read_mesh, render, simulate},
+        result::{
+            check_result, evaluate, evaluate_scene, export, formats, read_image, read_mesh, render, simulate,
+        },
         run::reconstruct,
         scene::Scene,
         version,

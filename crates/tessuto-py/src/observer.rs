@@ -87,8 +87,7 @@ impl Observer for Listener {
     fn warning(&mut self, warning: &Warning) {
         let text = remedy::warning(warning);
         let told = Python::attach(|py| {
-            let class = py.import("tessuto._errors")?.getattr("SceneWarning")?;
-            py.import("warnings")?.call_method1("warn", (text, class, 3))?;
+            py.import("tessuto._errors")?.call_method1("warn", (text,))?;
             Ok(())
         });
         if let Err(error) = told {

@@ -149,6 +149,12 @@ pub fn render(
     py.detach(work).into_python(py).map(|rendered| rendered.folder)
 }
 
+/// Key and content of every format that this build can write.
+#[pyfunction]
+pub fn formats() -> Vec<(&'static str, &'static str)> {
+    Format::built().map(|format| (format.key(), format.content())).collect()
+}
+
 /// Exports `result`; the files written.
 #[pyfunction]
 pub fn export(

@@ -215,3 +215,37 @@ def test_a_cloth_goes_to_another_process() -> None:
     again = pickle.loads(pickle.dumps(cloth))
     one, other = (tessuto.rollout(c, x, v, constant, dynamic, *STIFFNESS, **STEP)[0] for c in (cloth, again))
     assert np.array_equal(one, other)
+
+
+def test_tapes_go_to_another_process() -> None:
+    cloth, (x, v, constant, dynamic) = simulated()
+    weights = np.random.default_rng(3).standard_normal((len(dynamic) + 1, *x.shape))
+    tape = tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, **STEP)[1]
+    expected = tessuto.rollout_vjp(tape, weights)
+    of_step = tessuto.cloth_step(cloth, x, v, dynamic[0], *STIFFNESS, **STEP)[2]
+    expected_of_step = tessuto.cloth_step_vjp(of_step, weights[0], weights[1])
+    # What was given changes; what was made of it does not.
+    for array in (x, v, constant, dynamic):
+        array += 1.0
+    again, step_again = pickle.loads(pickle.dumps((tape, of_step)))
+    found: list[Any] = [tessuto.rollout_vjp(again, weights), tessuto.cloth_step_vjp(step_again, weights[0], weights[1])]
+    wanted: list[Any] = [expected, expected_of_step]
+    for before, after in zip(wanted, found):
+        assert all(np.array_equal(np.asarray(one), np.asarray(other)) for one, other in zip(before, after))
+
+
+def test_images_and_points_go_to_another_process() -> None:
+    positions, faces, uv = grid(4, 4)
+    texture = np.random.default_rng(3).random((8, 8, 3))
+    rasterizer = tessuto.Rasterizer(faces, uv)
+    rgba, _, tape = tessuto.rasterize(rasterizer, CAMERA, positions, texture)
+    expected = tessuto.rasterize_vjp(tape, np.ones_like(rgba))
+    seen = tessuto.DirectLight(CAMERA, positions, faces, uv)
+    given = (positions.copy(), texture.copy())
+    for array in (positions, texture):
+        array += 1.0
+    moved = pickle.loads(pickle.dumps((rasterizer, tape, seen)))
+    assert np.array_equal(tessuto.rasterize(moved[0], CAMERA, *given)[0], rgba)
+    for one, other in zip(expected, tessuto.rasterize_vjp(moved[1], np.ones_like(rgba))):
+        assert np.array_equal(np.asarray(one), np.asarray(other))
+    assert np.array_equal(seen.pixels, moved[2].pixels) and np.array_equal(seen.positions, moved[2].positions)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import _thread
 import json
+import pickle
 import signal
 import subprocess
 import sys
@@ -227,6 +228,36 @@ def test_warnings_of_a_scene_are_pythons(scene_folder: Path, tmp_path: Path) -> 
         warnings.simplefilter("error", tessuto.SceneWarning)
         with pytest.raises(tessuto.SceneWarning, match="intrinsics"):
             tessuto.reconstruct(loaded, tmp_path / "out", settings=SETTINGS)
+
+
+def test_a_warning_stands_at_the_line_that_asked(scene_folder: Path, tmp_path: Path) -> None:
+    import shutil
+
+    from tessuto._errors import warn
+
+    with pytest.warns(tessuto.SceneWarning) as caught:
+        warn("odd")
+    assert caught[0].filename == __file__
+    shutil.copytree(scene_folder, tmp_path / "odd")
+    said = json.loads((tmp_path / "odd/scene.json").read_text())
+    said["fy"] *= 1.3
+    (tmp_path / "odd/scene.json").write_text(json.dumps(said))
+    with pytest.warns(tessuto.SceneWarning, match="intrinsics") as caught:
+        tessuto.reconstruct(tmp_path / "odd", tmp_path / "out", settings=SETTINGS, appearance=False)
+    assert {warning.filename for warning in caught} == {__file__}
+
+
+def test_a_result_goes_to_another_process(result: tessuto.Result) -> None:
+    again = pickle.loads(pickle.dumps(result))
+    assert isinstance(again, tessuto.Result) and again.path == result.path
+    assert np.array_equal(again.motion, result.motion)
+
+
+def test_the_formats_are_those_of_the_program(result: tessuto.Result, tmp_path: Path) -> None:
+    told = program("export", "--help").stdout
+    assert "glb" in tessuto.FORMATS and all(key in told for key in tessuto.FORMATS)
+    files = tessuto.export(result, list(tessuto.FORMATS), tmp_path / "all")
+    assert len(files) >= len(tessuto.FORMATS)
 
 
 def test_the_program_is_on_the_path() -> None:

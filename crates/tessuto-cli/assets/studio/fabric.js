@@ -41,7 +41,8 @@ export const fabric = studio => {
     byId("outline-hint").textContent = count === 0 ? "Click its four corners." : count < 4 ? `${4 - count} more.` : "Is “width” on the side you measured as width? If not, click “Next side is the width”.";
     const running = studio.state.work.job?.running;
     next.disabled = Boolean(lack || running);
-    next.textContent = lack ?? (studio.state.work.scene ? "Make the masks anew" : "Make the masks");
+    const makes = studio.form?.masks ? "Take the masks" : "Make the masks";
+    next.textContent = lack ?? (studio.state.work.scene ? `${makes} anew` : makes);
   };
 
   const guessed = () => camera.value === "fov" && studio.form?.camera.guess;
@@ -93,8 +94,17 @@ export const fabric = studio => {
     byId("fy").value = form.camera.fy ?? "";
     [byId("cx").value, byId("cy").value] = form.camera.centre ?? ["", ""];
     byId("camera-file").value = form.camera.file ?? "";
+    byId("masks-file").value = form.masks ?? "";
+    byId("object").value = form.object ?? "";
+    byId("masks-box").open = Boolean(form.masks);
     showCamera();
     drawing.set(form.outline);
+  };
+
+  const keepMasks = () => {
+    const [masks, object] = ["masks-file", "object"].map(id => byId(id).value.trim().replace(/\/+$/, "") || null);
+    studio.change({ masks, object: masks ? object : null });
+    tell();
   };
 
   /** The first frame: of the clip as it will be imported, or of the scene. */
@@ -128,6 +138,7 @@ export const fabric = studio => {
   unit.addEventListener("change", keepSize);
   camera.addEventListener("change", keepCamera);
   for (const id of ["fov", "fx", "fy", "cx", "cy", "camera-file"]) byId(id).addEventListener("input", keepCamera);
+  for (const id of ["masks-file", "object"]) byId(id).addEventListener("input", keepMasks);
   byId("undo").addEventListener("click", drawing.undo);
   byId("clear").addEventListener("click", drawing.clear);
   byId("turn").addEventListener("click", drawing.turn);
@@ -138,6 +149,11 @@ export const fabric = studio => {
 
   return {
     enter: drawing.draw,
+    /** The masks hold several objects. */
+    askObject() {
+      byId("masks-box").open = true;
+      byId("object").focus();
+    },
     /** The lens could not be found out. */
     askLens() {
       byId("camera-guess").hidden = false;

@@ -2,25 +2,27 @@
 import { byId, fileUrl } from "./api.js";
 
 const size = bytes => bytes < 1e5 ? `${(bytes / 1e3).toFixed(1)} kB` : `${(bytes / 1e6).toFixed(1)} MB`;
-/** What a file is for, by the end of its name. */
-const USES = [
-  ["_blender.py", "sets up Blender: fabric, camera, video behind, light"], ["_blender_cloth.py", "settings for Blender's cloth simulation"],
-  ["_pc2.obj", "the mesh that the point cache moves"], ["_textures", "texture and maps of the USD file"], ["_obj", "one mesh a frame"],
-  [".glb", "moving mesh with texture: Blender, web, phones"], [".usda", "moving mesh with camera and light: Houdini, Unreal"],
-  [".pc2", "point cache: Blender, Maya, Cinema 4D"], [".npz", "arrays for NumPy"],
-];
-const use = name => USES.find(([end]) => name.endsWith(end))?.[1] ?? "";
 const TITLES = { found: "The fabric is found", doubtful: "Found, with doubts", lost: "Lost in places" };
 
 export const result = studio => {
   const report = byId("report");
   let address = "", listed = "";
-  for (const button of document.querySelectorAll("[data-format]")) {
-    button.addEventListener("click", () => studio.run({ step: "export", formats: [button.dataset.format] }).catch(studio.alarm));
-  }
+  /** A button for every format that the program can write; the first is the usual one. */
+  const offer = formats => {
+    const button = ({ key, programs }, k) => {
+      const button = document.createElement("button");
+      button.dataset.format = key;
+      button.className = k === 0 ? "primary" : "";
+      button.textContent = `${programs} (${key.toUpperCase()})`;
+      button.addEventListener("click", () => studio.run({ step: "export", formats: [key] }).catch(studio.alarm));
+      return button;
+    };
+    byId("exports").append(...formats.map(button));
+  };
 
   return {
-    update({ work }) {
+    update({ work, formats }) {
+      if (!document.querySelector("[data-format]")) offer(formats);
       const there = work.result !== null && work.result !== undefined;
       const verdict = work.summary?.verdict;
       byId("verdict").textContent = TITLES[verdict?.state] ?? (there ? "Result" : "No result yet");
@@ -37,9 +39,9 @@ export const result = studio => {
       const files = JSON.stringify([work.exports, work.export_folders]);
       if (files === listed) return;
       listed = files;
-      const row = (head, text, name) => {
+      const row = (head, text, use) => {
         const item = document.createElement("li"), note = document.createElement("small");
-        note.textContent = use(name);
+        note.textContent = use ?? "";
         item.append(head, ` ${text}`, note);
         return item;
       };
@@ -48,10 +50,10 @@ export const result = studio => {
         const link = document.createElement("a"), name = last(file.name);
         link.href = `${fileUrl(file.name)}&download=1`;
         link.download = link.textContent = name;
-        return row(link, size(file.bytes), name);
+        return row(link, size(file.bytes), file.use);
       }), ...work.export_folders.map(folder => {
         const name = last(folder.name);
-        return row(`${name}/`, folder.files === 1 ? "1 file" : `${folder.files} files`, name);
+        return row(`${name}/`, folder.files === 1 ? "1 file" : `${folder.files} files`, folder.use);
       }));
     },
   };

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use serde::Deserialize;
+use tessuto::export::Format;
 use tessuto::template::focal;
 use tessuto::text::quoted;
 
@@ -15,8 +16,6 @@ const PREVIEW_SIDE: &str = "480";
 const CHECKPOINT: &str = "10";
 /// How well a click is known, as `template --camera estimate` has it [px].
 const CLICK: f64 = 1.0;
-/// The formats that may be exported.
-const FORMATS: [&str; 6] = ["glb", "usd", "obj", "ply", "pc2", "npz"];
 
 /// What a button does.
 #[derive(Debug, Clone, Deserialize)]
@@ -118,8 +117,9 @@ pub fn of(work: &Work, form: &Form, step: &Step) -> Result<Vec<Command>, String>
         }
         Step::Reconstruct => Ok(vec![reconstruct(work, form)]),
         Step::Export { formats } => {
-            if formats.is_empty() || !formats.iter().all(|f| FORMATS.contains(&f.as_str())) {
-                return Err(format!("choose formats among {}", FORMATS.join(", ")));
+            let built: Vec<_> = Format::built().map(Format::key).collect();
+            if formats.is_empty() || !formats.iter().all(|f| built.contains(&f.as_str())) {
+                return Err(format!("choose formats among {}", built.join(", ")));
             }
             Ok(vec![vec![
                 "export".into(),
@@ -164,7 +164,13 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
                 import.extend([option.into(), value.to_string()]);
             }
         }
-        import.extend(["--outline".into(), outline.join(" ")]);
+        match &form.masks {
+            Some(masks) => {
+                import.extend(["--masks".into(), argument(masks)]);
+                import.extend(form.object.iter().flat_map(|object| ["--object".to_owned(), object.clone()]));
+            }
+            None => import.extend(["--outline".into(), outline.join(" ")]),
+        }
         import.extend(form.plate.iter().flat_map(|plate| ["--plate".to_owned(), argument(plate)]));
         import.extend(camera(&form.camera, estimated));
         commands.push(forced(import, work.has(&format!("{}/scene.json", work.scene()))));
@@ -328,6 +334,23 @@ mod tests {
                 .unwrap_err()
                 .contains("four corners")
         );
+    }
+
+    #[test]
+    fn masks_of_another_program_take_the_place_of_the_outline() {
+        let folder = tempfile::tempdir().unwrap();
+        let project = Project::open(folder.path()).unwrap();
+        let work = Work::new(&project, "scenes/a").unwrap();
+        let masks = |object: Option<&str>| {
+            let form = Form { masks: Some("my masks".into()), object: object.map(Into::into), ..form() };
+            of(&work, &form, &Step::Prepare).map(|commands| shown(&commands[0]))
+        };
+        let import = masks(None).unwrap();
+        assert!(import.contains(" --masks 'my masks' --fx") && !import.contains("--outline"), "{import}");
+        assert!(masks(Some("128,0,0")).unwrap().contains(" --masks 'my masks' --object 128,0,0 --fx"));
+        for wrong in ["", "-1", "3 --force", "12345678901234567"] {
+            assert!(masks(Some(wrong)).unwrap_err().contains("object"), "{wrong}");
+        }
     }
 
     #[test]

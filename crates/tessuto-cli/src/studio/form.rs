@@ -7,6 +7,8 @@ use super::place::is_name;
 
 /// Most points of an outline.
 const MOST_POINTS: usize = 400;
+/// Longest name of an object of masks [bytes].
+const LONGEST_OBJECT: usize = 16;
 
 /// All that is entered before something runs.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,6 +34,10 @@ pub struct Form {
     pub camera: Camera,
     /// A photo or video of the place without the fabric, by its name in the project.
     pub plate: Option<String>,
+    /// Masks that another program made, a folder or a video by its name in the project; without them they are made from the outline.
+    pub masks: Option<String>,
+    /// The fabric among several objects of those masks, as `--object` takes it.
+    pub object: Option<String>,
     /// Whether material and light are estimated too.
     pub appearance: bool,
 }
@@ -87,6 +93,8 @@ impl Default for Form {
             unit: Unit::Cm,
             camera: Camera::Auto,
             plate: None,
+            masks: None,
+            object: None,
             appearance: true,
         }
     }
@@ -110,7 +118,13 @@ impl Form {
         demand(finite, "a point of the outline is far outside of the image")?;
         let size = self.size.is_none_or(|[w, h]| [w, h].iter().all(|v| (1e-4..1e3).contains(v)));
         demand(size, "width and height of the sheet must be lengths above 0.1 mm")?;
-        let names = [&self.clip, &self.plate];
+        let object = |text: &String| {
+            let known = |c: char| c.is_ascii_alphanumeric() || ",#".contains(c);
+            (1..=LONGEST_OBJECT).contains(&text.len()) && text.chars().all(known)
+        };
+        let told = self.object.as_ref().is_none_or(object);
+        demand(told, "an object of the masks is a number, or a colour such as 128,0,0 or #800000")?;
+        let names = [&self.clip, &self.plate, &self.masks];
         demand(names.into_iter().flatten().all(|name| is_name(name)), "a file lies outside of the project")?;
         match &self.camera {
             Camera::Auto => Ok(()),

@@ -2,7 +2,6 @@
 //! everything else is in the project folder, and all work is done by the commands of this very program.
 
 mod assets;
-mod browser;
 mod commands;
 mod entries;
 mod form;
@@ -21,6 +20,7 @@ use std::sync::Arc;
 
 use clap::Args;
 
+use crate::browser;
 use crate::http::{Gate, Listener, Request, Seat};
 use crate::say::{aside, say};
 use place::Project;
@@ -66,7 +66,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     say!("  at {address}");
     aside!("  Ctrl-C ends it; what is done is kept in the folder");
     if !arguments.no_browser {
-        browser::open(&address);
+        // The address is printed: without a browser it is opened by hand.
+        let _ = browser::open(&address);
     }
     listener.serve(move |stream, seat| serve(stream, seat, &studio));
     Ok(())

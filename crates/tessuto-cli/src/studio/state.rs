@@ -4,6 +4,7 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use serde_json::{Value, json};
+use tessuto::export::{Format, use_of};
 
 use super::commands::{self, Step};
 use super::log::{self, News};
@@ -18,6 +19,7 @@ pub fn state(studio: &Studio, work: Option<&Work>) -> Value {
     json!({
         "project": project.root().display().to_string(),
         "start": studio.start,
+        "formats": Format::built().map(|f| json!({ "key": f.key(), "programs": f.programs() })).collect::<Vec<_>>(),
         "busy": busy.map(|job| json!({ "work": job.work, "step": job.step })),
         "entries": if work.is_none() { json!(entries::list(project)) } else { Value::Null },
         "work": work.map(|work| of(studio, work)),
@@ -85,7 +87,7 @@ fn files(work: &Work, folder: &str) -> Vec<Value> {
     files.sort();
     files
         .into_iter()
-        .map(|(name, bytes)| json!({ "name": format!("{folder}/{name}"), "bytes": bytes }))
+        .map(|(name, bytes)| json!({ "name": format!("{folder}/{name}"), "bytes": bytes, "use": use_of(&name) }))
         .collect()
 }
 
@@ -98,7 +100,13 @@ fn folders(work: &Work, folder: &str) -> Vec<Value> {
     };
     let mut names: Vec<String> = entries.flatten().filter_map(named).collect();
     names.sort();
-    let counted = |name: &String| json!({ "name": format!("{folder}/{name}"), "files": files(work, &format!("{folder}/{name}")).len() });
+    let counted = |name: &String| {
+        json!({
+            "name": format!("{folder}/{name}"),
+            "files": files(work, &format!("{folder}/{name}")).len(),
+            "use": use_of(name),
+        })
+    };
     names.iter().map(counted).collect()
 }
 

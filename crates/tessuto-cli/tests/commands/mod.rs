@@ -26,3 +26,4 @@ mod studio;
 mod template;
 mod template_files;
 mod verdict;
+mod view;

@@ -60,7 +60,8 @@ fn page_is_made_from_the_result_alone_and_gains_the_maps() {
         r#"id="map-roughness""#,
         r#""radiance":""#,
         r#""key":"rerendered""#,
-        "PSNR of the re-rendered frames",
+        "Colours, PSNR",
+        "colours re-rendered",
         "material and light",
     ] {
         assert!(second.contains(part), "{part} is missing");

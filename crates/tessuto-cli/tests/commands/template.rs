@@ -85,18 +85,19 @@ fn check_repeats_that_the_rectangle_did_not_fit() {
     // Upper corners nearer to each other, as of fabric that sags between two hands.
     let told = make(["4.0,5.5", "19.0,5.5"]);
     let off = told.split("no plane rectangle fits (off by ").nth(1).unwrap().split(' ').next().unwrap();
-    let repeated = format!("made of a rectangle, but no plane one has the corners seen: off by {off} px");
-    let warned = |scene: &TinyScene| {
+    // Nearer than clicks are told: no reason for a warning, but it is said.
+    let repeated = format!("no plane rectangle has the corners seen, but one is off by {off} px only");
+    let noted = |scene: &TinyScene| {
         let (status, text) = checked(scene);
-        assert_eq!(status, Some(0), "{text}");
-        text.contains("warning template") && text.contains(&repeated) && text.contains("--remesh 32 --from")
+        assert!(status == Some(0) && text.contains("0 warnings"), "{text}");
+        text.split_whitespace().collect::<Vec<_>>().join(" ").contains(&repeated)
     };
-    assert!(warned(&scene), "{told}");
+    assert!(noted(&scene), "{told}");
     // Also after repairs, but no longer once another template is there.
     assert_eq!(run(&scene, &["--weld", "--force"]).0, Some(0));
-    assert!(warned(&scene));
+    assert!(noted(&scene));
     make(["3.5,5.5", "19.5,5.5"]);
-    assert!(!warned(&scene));
+    assert!(!noted(&scene));
 }
 
 #[test]

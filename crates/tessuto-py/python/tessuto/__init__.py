@@ -39,7 +39,7 @@ from ._errors import (  # noqa: E402
 from ._light import DirectLight, DirectLightGradients, direct_light, direct_light_vjp  # noqa: E402
 from ._native import version as _version  # noqa: E402
 from ._raster import RasterGradients, Rasterizer, rasterize, rasterize_vjp  # noqa: E402
-from ._result import Result, evaluate, export, open, read_image, render, simulate  # noqa: E402
+from ._result import FORMATS, Result, evaluate, export, open, read_image, render, simulate  # noqa: E402
 from ._run import Step, appearance, reconstruct  # noqa: E402
 from ._scene import Camera, Scene  # noqa: E402
 
@@ -51,6 +51,7 @@ __all__ = [
     "DirectLight",
     "DirectLightGradients",
     "Error",
+    "FORMATS",
     "InputError",
     "InterruptedError",
     "NumericalError",

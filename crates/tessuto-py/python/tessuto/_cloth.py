@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Optional, Union
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Optional, Union
 
 import numpy as np
 
@@ -100,11 +101,24 @@ def _stepping(dt: float, damping: float, integrator: str, tolerance: float, newt
     return _Stepping(float(dt), float(damping), linearized, float(tolerance), int(newton_limit))
 
 
+def _kept(*values: Any) -> tuple[Any, ...]:
+    """Values that stay what they are, whatever becomes of arrays that were given."""
+    return tuple(np.array(value) if isinstance(value, (np.ndarray, Sequence)) else value for value in values)
+
+
 class StepTape(NamedTuple):
-    """What the adjoint of a step needs."""
+    """What the adjoint of a step needs. Pickled, it is what the step was made of, which is done again."""
 
     native: _native.ClothStep
     stiffness: tuple[Stiffness, Stiffness, Stiffness]
+    made: tuple[Any, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _step_again, self.made
+
+
+def _step_again(cloth: Cloth, given: tuple[Any, ...], options: dict[str, Any]) -> StepTape:
+    return cloth_step(cloth, *given, **options)[2]
 
 
 class StepGradients(NamedTuple):
@@ -160,7 +174,11 @@ def cloth_step(
         _of_springs(cloth, stretch, bend, shear),
         _stepping(dt, damping, integrator, tolerance, newton_limit),
     )
-    return native[0], native[1], StepTape(native[2], (stretch, bend, shear))
+    stiffness = _kept(stretch, bend, shear)
+    options: dict[str, Any] = {"dt": dt, "damping": damping, "integrator": integrator}
+    options |= {"tolerance": tolerance, "newton_limit": newton_limit}
+    made = (cloth, (*_kept(x, v, acceleration), *stiffness), options)
+    return native[0], native[1], StepTape(native[2], (stiffness[0], stiffness[1], stiffness[2]), made)
 
 
 def cloth_step_vjp(tape: StepTape, grad_x: ArrayLike, grad_v: ArrayLike) -> StepGradients:
@@ -171,12 +189,20 @@ def cloth_step_vjp(tape: StepTape, grad_x: ArrayLike, grad_v: ArrayLike) -> Step
 
 
 class RolloutTape(NamedTuple):
-    """What the adjoint of a rollout needs."""
+    """What the adjoint of a rollout needs. Pickled, it is what the rollout was made of, which is done again."""
 
     native: _native.Rollout
     stiffness: tuple[Stiffness, Stiffness, Stiffness]
     #: Whether `dynamic` was the same for all vertices.
-    uniform: bool = False
+    uniform: bool
+    made: tuple[Any, ...]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _rollout_again, self.made
+
+
+def _rollout_again(cloth: Cloth, given: tuple[Any, ...], options: dict[str, Any]) -> RolloutTape:
+    return rollout(cloth, *given, **options)[1]
 
 
 class RolloutGradients(NamedTuple):
@@ -251,7 +277,11 @@ def rollout(
         int(substeps),
         _stepping(dt, damping, integrator, tolerance, newton_limit),
     )
-    return native[0], RolloutTape(native[1], (stretch, bend, shear), np.ndim(dynamic) == 2)
+    stiffness = _kept(stretch, bend, shear)
+    options: dict[str, Any] = {"dt": dt, "substeps": substeps, "parts": parts, "damping": damping}
+    options |= {"integrator": integrator, "tolerance": tolerance, "newton_limit": newton_limit}
+    made = (cloth, (*_kept(x, v, constant, dynamic), *stiffness), options)
+    return native[0], RolloutTape(native[1], (stiffness[0], stiffness[1], stiffness[2]), np.ndim(dynamic) == 2, made)
 
 
 def rollout_vjp(tape: RolloutTape, grad_motion: ArrayLike) -> RolloutGradients:

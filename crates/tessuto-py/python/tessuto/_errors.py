@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
+
 
 class Error(Exception):
     """Whatever tessuto refuses or fails at.
@@ -65,3 +68,12 @@ class InterruptedError(Error):
 
 class SceneWarning(UserWarning):
     """Something doubtful about a scene or a result that does not stand in the way."""
+
+
+def warn(text: str) -> None:
+    """Warn at the line outside of this package that led here, however deep it lies below it."""
+    package = __name__.split(".", maxsplit=1)[0]
+    frame, level = sys._getframe(), 1
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".", maxsplit=1)[0] == package:
+        frame, level = frame.f_back, level + 1
+    warnings.warn(text, SceneWarning, stacklevel=level)

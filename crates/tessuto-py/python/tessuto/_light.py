@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Optional
+from typing import Any, NamedTuple, Optional
+
+import numpy as np
 
 from . import _native
 from ._arrays import ArrayLike, Faces, Float32, UInt32, corners, optional_corners, shaped, shaped_singles
@@ -29,13 +31,13 @@ class DirectLight:
         uv_faces: Optional[Faces] = None,
     ) -> None:
         self.camera = camera
-        self._native = _native.LitPoints(
-            camera._intrinsics(),
-            shaped("positions", positions, "V", 3),
-            shaped("uv", uv, "U", 2),
-            corners(faces),
-            optional_corners(uv_faces),
-        )
+        # Arrays that were given may change; what was made of them does not.
+        places, coordinates = np.array(shaped("positions", positions, "V", 3)), np.array(shaped("uv", uv, "U", 2))
+        self._made = (camera, places, corners(faces), coordinates, optional_corners(uv_faces))
+        self._native = _native.LitPoints(camera._intrinsics(), places, coordinates, self._made[2], self._made[4])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return DirectLight, self._made
 
     @property
     def pixels(self) -> UInt32:

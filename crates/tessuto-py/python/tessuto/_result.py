@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import tempfile
-import warnings
 import weakref
 from collections.abc import Sequence
 from functools import cached_property
@@ -20,8 +19,11 @@ import numpy.typing as npt
 
 from . import _native
 from ._arrays import Float32, Float64, PathLike, UInt8
-from ._errors import Error, SceneWarning
+from ._errors import Error, warn
 from ._scene import Camera, Scene
+
+FORMATS: dict[str, str] = dict(_native.formats())
+"""What `export` can write: the name of each format, and what it holds."""
 
 
 class Result:
@@ -47,6 +49,10 @@ class Result:
             # A temporary folder vanishes with this object.
             weakref.finalize(self, shutil.rmtree, home, ignore_errors=True)
         self.fps, self._vertex_count = _native.check_result(os.fspath(path))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Opened again where it is, which must still be there."""
+        return _reopened, (self.path, self.failure)
 
     def _array(self, name: str) -> Float32:
         array: Float32 = np.load(self.path / name, mmap_mode="r")
@@ -185,6 +191,10 @@ class Result:
         return f'<iframe title="tessuto report" srcdoc="{text}" style="width: 100%; height: 42em; border: 0"></iframe>'
 
 
+def _reopened(path: Path, failure: Optional[Error]) -> Result:
+    return Result(path, failure=failure)
+
+
 def open(path: PathLike) -> Result:
     """Open the result in the folder `path`.
 
@@ -202,10 +212,6 @@ def place_of(result: Union[Result, PathLike]) -> Path:
 def read_image(path: PathLike) -> UInt8:
     """8-bit sRGB colour of a PNG or JPEG file, [h, w, 3]."""
     return _native.read_image(os.fspath(path))
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, SceneWarning, stacklevel=3)
 
 
 def evaluate(
@@ -236,7 +242,7 @@ def evaluate(
         if isinstance(scene, Scene):
             text = _native.evaluate_scene(scene._native, os.fspath(path), seed)
         else:
-            text = _native.evaluate(os.fspath(scene), os.fspath(path), frames, seed, _warn)
+            text = _native.evaluate(os.fspath(scene), os.fspath(path), frames, seed, warn)
     evaluation: dict[str, Any] = json.loads(text)
     return evaluation
 
@@ -334,7 +340,7 @@ def export(
 
     Args:
         result: A result.
-        to: Formats among "glb", "usd", "obj", "ply", "pc2", "npz": one, or several.
+        to: One of the keys of `tessuto.FORMATS`, or several, such as ["glb", "npz"].
         out: Folder to write to; `export` in the result's where None.
         without_lost: Leave out the frames whose verdict is "lost".
         replace: Replace earlier exports.

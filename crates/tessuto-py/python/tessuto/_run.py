@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 import tempfile
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any, Callable, Optional, Union
 
 from . import _native
 from ._arrays import PathLike
-from ._errors import SceneWarning
+from ._errors import warn
 from ._result import Result, place_of
 from ._scene import Scene, scene_of
 
@@ -66,7 +65,10 @@ class _Bar:
     """Progress by tqdm."""
 
     def __init__(self) -> None:
-        from tqdm.auto import tqdm
+        try:
+            from tqdm.auto import tqdm
+        except ModuleNotFoundError as error:
+            raise ModuleNotFoundError(f"{error}: pip install tessuto[progress]", name=error.name) from None
 
         self.bar = tqdm(total=1.0, bar_format="{l_bar}{bar}| {elapsed}<{remaining} {desc}")
         self.done = 0.0
@@ -174,7 +176,7 @@ def reconstruct(
         if bar is not None:
             bar.close()
     if failure is not None:
-        warnings.warn(str(failure), SceneWarning, stacklevel=2)
+        warn(str(failure))
     return Result(folder, failure=failure, home=home)
 
 

@@ -69,8 +69,8 @@ pub(super) fn of_template(scene: &Scene, mask: &Image, covered: &[bool], iou: f6
 /// What is known of the template's making. Loading doubts a rectangle that does not fit.
 fn origin(scene: &Scene, mask: &Image) -> Option<Finding> {
     let size = (mask.data.iter().filter(|m| **m >= 0.5).count().max(1) as f64).sqrt();
-    if let Some(off) = template_misfit(&scene.folder.join("template.obj")).filter(|off| *off > MISFIT * size)
-    {
+    let misfit = template_misfit(&scene.folder.join("template.obj"));
+    if let Some(off) = misfit.filter(|off| *off > MISFIT * size) {
         let detail = format!(
             "made of a rectangle that is off by {off:.1} px, {:.0} % of the fabric's size: it is not the fabric's",
             100.0 * off / size
@@ -83,7 +83,12 @@ fn origin(scene: &Scene, mask: &Image) -> Option<Finding> {
             hint: Some(hint.into()),
         });
     }
-    Some(ok("template", TemplateRecord::read(&scene.folder)?.sentence()))
+    let record = TemplateRecord::read(&scene.folder);
+    let known = record.as_ref().map(TemplateRecord::sentence);
+    let bent = misfit
+        .map(|off| format!("no plane rectangle has the corners seen, but one is off by {off:.1} px only"));
+    let told: Vec<String> = known.into_iter().chain(bent).collect();
+    (!told.is_empty()).then(|| ok("template", told.join("; ")))
 }
 
 /// The findings and what loading already doubted, which replaces the good word on the same topic.

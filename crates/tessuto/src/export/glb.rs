@@ -11,6 +11,7 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use super::Clip;
+use super::row::{Output, Row};
 use crate::image::Image;
 use crate::io::image::encode_png;
 
@@ -101,8 +102,19 @@ impl Corners {
     }
 }
 
+/// The row of the format.
+pub(super) const FORMAT: Row = Row {
+    key: "glb",
+    programs: "Blender, web",
+    content: "animated mesh with a morph target per frame, normals, uv, material (y up)",
+    files: &[(".glb", "moving mesh with texture: Blender, web, phones")],
+    feature: None,
+    for_blender: true,
+    outputs: |clip| Ok(vec![Output::File(format!("{}.glb", clip.name), encode(clip))]),
+};
+
 /// The file.
-pub(super) fn encode(clip: &Clip) -> Vec<u8> {
+fn encode(clip: &Clip) -> Vec<u8> {
     encode_segments(clip, MAX_TARGETS)
 }
 

@@ -11,9 +11,14 @@
 mod blender;
 mod clip;
 mod cloth_preset;
+mod format;
 mod glb;
 mod npz;
+mod obj;
 mod pc2;
+mod ply;
+mod recording;
+mod row;
 #[cfg(feature = "rerun")]
 pub mod rrd;
 mod sequence;
@@ -26,72 +31,21 @@ use crate::error::{Error, Result};
 use crate::io::atomic_write;
 use crate::output::{FolderKind, OutputFolder, manifest};
 pub use clip::{Clip, Material};
+pub use format::Format;
+use row::Output;
 
-/// A kind of output.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Format {
-    /// glTF 2.0, binary: one mesh with a morph target per frame.
-    Glb,
-    /// USD as text: points as time samples, material, camera.
-    Usd,
-    /// One OBJ file per frame.
-    Obj,
-    /// One binary PLY file per frame.
-    Ply,
-    /// Point cache, with the mesh it belongs to as OBJ.
-    Pc2,
-    /// NumPy archive of motion, faces, uv, camera, forces and parameters, in the camera frame.
-    Npz,
-    /// Recording for the viewer of rerun: video, camera, mesh and texture over time, in the camera frame. Needs the cargo
-    /// feature `rerun`.
-    Rrd,
-}
+/// What goes with GLB and USD: ends of names, and what each file is for.
+const COMPANIONS: [(&str, &str); 3] = [
+    ("_blender.py", "sets up Blender: fabric, camera, video behind, light"),
+    ("_blender_cloth.py", "settings for Blender's cloth simulation"),
+    ("_environment.exr", "the light that was found"),
+];
 
-impl Format {
-    const KNOWN: [Self; 7] = [Self::Glb, Self::Usd, Self::Obj, Self::Ply, Self::Pc2, Self::Npz, Self::Rrd];
-    /// All that this build can write.
-    pub const ALL: &[Self] = match Self::KNOWN.split_last() {
-        Some((_, without_rrd)) if !cfg!(feature = "rerun") => without_rrd,
-        _ => &Self::KNOWN,
-    };
-
-    /// What `--to` calls it.
-    pub fn key(self) -> &'static str {
-        match self {
-            Self::Glb => "glb",
-            Self::Usd => "usd",
-            Self::Obj => "obj",
-            Self::Ply => "ply",
-            Self::Pc2 => "pc2",
-            Self::Npz => "npz",
-            Self::Rrd => "rrd",
-        }
-    }
-}
-
-impl std::str::FromStr for Format {
-    type Err = String;
-
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        Self::KNOWN
-            .into_iter()
-            .find(|f| f.key() == text.to_ascii_lowercase())
-            .ok_or_else(|| format!("the formats are: {}", Self::KNOWN.map(Self::key).join(", ")))
-    }
-}
-
-/// What one format leaves in the target folder: a file, or a folder of files. Appears whole or not at all.
-enum Output {
-    File(String, Vec<u8>),
-    Folder(String, Vec<(String, Vec<u8>)>),
-}
-
-impl Output {
-    fn name(&self) -> &str {
-        match self {
-            Self::File(name, _) | Self::Folder(name, _) => name,
-        }
-    }
+/// What an exported file or folder is for, by the end of its `name`; `None` of what no format leaves.
+pub fn use_of(name: &str) -> Option<&'static str> {
+    let of_formats = Format::KNOWN.iter().flat_map(|format| format.row().files);
+    let ends = of_formats.chain(&COMPANIONS).filter(|(end, _)| name.ends_with(end));
+    ends.max_by_key(|(end, _)| end.len()).map(|(_, used)| *used)
 }
 
 /// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written. The manifest of
@@ -108,9 +62,9 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
     formats.dedup();
     let mut outputs = Vec::new();
     for format in &formats {
-        outputs.extend(files(clip, *format)?);
+        outputs.extend((format.row().outputs)(clip)?);
     }
-    if formats.iter().any(|format| [Format::Glb, Format::Usd].contains(format)) {
+    if formats.iter().any(|format| format.row().for_blender) {
         outputs.extend(companions(clip, folder));
     }
     manifest::check_parts(&outputs.iter().map(|o| folder.join(o.name())).collect::<Vec<_>>(), force)?;
@@ -123,29 +77,6 @@ pub fn export(clip: &Clip, formats: &[Format], folder: &Path, force: bool) -> Re
         manifest::record_or_begin(folder, FolderKind::Export, &names)?;
     }
     Ok(paths)
-}
-
-fn files(clip: &Clip, format: Format) -> Result<Vec<Output>> {
-    let name = &clip.name;
-    Ok(match format {
-        Format::Glb => vec![Output::File(format!("{name}.glb"), glb::encode(clip))],
-        Format::Usd => {
-            let textures = format!("{name}_textures");
-            let text = usd::encode(clip, &textures);
-            vec![Output::Folder(textures, clip.material.files()), Output::File(format!("{name}.usda"), text)]
-        }
-        Format::Obj => vec![Output::Folder(format!("{name}_obj"), sequence::obj(clip))],
-        Format::Ply => vec![Output::Folder(format!("{name}_ply"), sequence::ply(clip))],
-        Format::Pc2 => vec![
-            Output::File(format!("{name}_pc2.obj"), sequence::still(clip)),
-            Output::File(format!("{name}.pc2"), pc2::encode(clip)),
-        ],
-        Format::Npz => vec![Output::File(format!("{name}.npz"), npz::encode(clip))],
-        #[cfg(feature = "rerun")]
-        Format::Rrd => vec![Output::File(format!("{name}.rrd"), rrd::encode(clip)?)],
-        #[cfg(not(feature = "rerun"))]
-        Format::Rrd => return Err(Error::left_out("format rrd", "rerun")),
-    })
 }
 
 /// What several formats share. Whatever formats follow each other, it is the same.
@@ -178,4 +109,25 @@ fn write(folder: &Path, output: Output) -> Result<PathBuf> {
 
 fn failed(path: &Path, source: std::io::Error) -> Error {
     Error::Output { path: path.to_path_buf(), source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_longest_end_of_a_name_tells_what_a_file_is_for() {
+        for (name, part) in [
+            ("a.glb", "web"),
+            ("a_pc2.obj", "point cache moves"),
+            ("a.pc2", "Maya"),
+            ("a_obj", "one mesh a frame"),
+            ("a_blender.py", "sets up Blender"),
+            ("a_blender_cloth.py", "cloth simulation"),
+            ("results/a/export/a_environment.exr", "light"),
+        ] {
+            assert!(use_of(name).unwrap().contains(part), "{name}");
+        }
+        assert!(["manifest.json", "a.obj", "glb"].iter().all(|name| use_of(name).is_none()));
+    }
 }

@@ -1,8 +1,20 @@
 //! NumPy archive: a zip file of .npy files, stored without compression.
 
 use super::Clip;
+use super::row::{Output, Row};
 use crate::io::npy::{archive, encode as array};
 use crate::sim::cloth::AREA_DENSITY;
+
+/// The row of the format.
+pub(super) const FORMAT: Row = Row {
+    key: "npz",
+    programs: "NumPy",
+    content: "motion, faces, uv, camera, forces, parameters (camera axes: x right, y down, z forward)",
+    files: &[(".npz", "arrays for NumPy")],
+    feature: None,
+    for_blender: false,
+    outputs: |clip| Ok(vec![Output::File(format!("{}.npz", clip.name), encode(clip))]),
+};
 
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
 ///
@@ -10,7 +22,7 @@ use crate::sim::cloth::AREA_DENSITY;
 /// `face_uvs` [Σ face_sizes], `fps`, `first_frame`, `camera` [fx, fy, cx, cy, width, height], the properties of the elastic
 /// model (`stretch`, `bend`, `shear` of springs), `area_density`, `constant_force` `[3]`, `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`; where there is air `wind` `[3]` (velocity); where they are known
 /// `seen_vertices` `[V]` (frames that show each), `seen_texels` [S, S] (pixels) and `seen_directions` [24, 48] (fraction of the pixels that face each).
-pub(super) fn encode(clip: &Clip) -> Vec<u8> {
+fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
     let vectors = |motion: &[crate::Positions]| -> Vec<f32> {
         motion.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect()

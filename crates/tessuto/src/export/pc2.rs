@@ -1,11 +1,31 @@
 //! Point cache, version 2 of PC2: what Blender's Mesh Cache modifier and 3ds Max read.
 
-use super::Clip;
+use super::row::{Output, Row};
+use super::{Clip, obj};
 use crate::mesh::Positions;
+
+/// The row of the format.
+pub(super) const FORMAT: Row = Row {
+    key: "pc2",
+    programs: "Point cache",
+    content: "point cache, and the mesh it belongs to (y up)",
+    files: &[
+        (".pc2", "point cache: Blender, Maya, Cinema 4D"),
+        ("_pc2.obj", "the mesh that the point cache moves"),
+    ],
+    feature: None,
+    for_blender: false,
+    outputs: |clip| {
+        Ok(vec![
+            Output::File(format!("{}_pc2.obj", clip.name), obj::still(clip)),
+            Output::File(format!("{}.pc2", clip.name), encode(clip)),
+        ])
+    },
+};
 
 /// Header and positions `[m]`, y up, frame after frame, little-endian. A cache has a sample in every frame: one that was left out
 /// lies on the straight line between its neighbours in time, before the first and after the last it is as these are.
-pub(super) fn encode(clip: &Clip) -> Vec<u8> {
+fn encode(clip: &Clip) -> Vec<u8> {
     let mut out = b"POINTCACHE2\0".to_vec();
     out.extend(1i32.to_le_bytes());
     out.extend((clip.mesh.positions.len() as i32).to_le_bytes());

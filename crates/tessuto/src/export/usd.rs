@@ -8,13 +8,35 @@ use std::fmt::Write as _;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::row::{Output, Row};
 use super::{Clip, usd_fabric};
 
 /// Width of the camera's film [tenths of a metre, as USD counts it]: that of 35 mm film.
 const FILM_WIDTH: f64 = 0.36;
 
+/// The row of the format.
+pub(super) const FORMAT: Row = Row {
+    key: "usd",
+    programs: "Houdini, Unreal",
+    content: "text: points as time samples, UsdPreviewSurface, camera (y up)",
+    files: &[
+        (".usda", "moving mesh with camera and light: Houdini, Unreal"),
+        ("_textures", "texture and maps of the USD file"),
+    ],
+    feature: None,
+    for_blender: true,
+    outputs: |clip| {
+        let textures = format!("{}_textures", clip.name);
+        let text = encode(clip, &textures);
+        Ok(vec![
+            Output::Folder(textures, clip.material.files()),
+            Output::File(format!("{}.usda", clip.name), text),
+        ])
+    },
+};
+
 /// The file; its images lie in the folder `textures` beside it.
-pub(super) fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
+fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
     let (name, last, fps) = (&clip.name, clip.frame_count - 1, clip.fps);
     let left_out = clip.left_out();
     let remark = if left_out.is_empty() {

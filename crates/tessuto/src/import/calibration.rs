@@ -25,6 +25,27 @@ pub struct Calibration {
     pub notes: Vec<String>,
 }
 
+/// A camera file as text, and as JSON where it is that.
+pub(super) struct Contents<'a> {
+    pub text: &'a str,
+    pub json: Option<&'a serde_json::Value>,
+    /// Names the file in messages.
+    pub place: &'a str,
+    /// Which of several cameras.
+    pub camera_id: Option<u32>,
+}
+
+/// A kind of camera file: each is a row in the file that reads it.
+pub(super) struct Reader {
+    /// Names of the files and the program that writes them, for messages.
+    pub about: &'static str,
+    /// Ends of the files' names, in lower case.
+    pub endings: &'static [&'static str],
+    /// Whether a file of such a name is of this kind.
+    pub knows: fn(&Contents) -> bool,
+    pub read: fn(&Contents) -> Result<Calibration>,
+}
+
 /// A focal length, as it is stated.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Focal {

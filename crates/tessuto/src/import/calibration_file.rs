@@ -2,13 +2,21 @@
 
 use std::path::Path;
 
-use super::calibration::Calibration;
+use super::calibration::{Calibration, Contents, Reader};
 use super::{colmap, nerfstudio, opencv};
 use crate::error::{Error, Result};
 use crate::io::read_text;
 
+/// The kinds of camera files; of a file that several of them have a name for, the first that knows it reads it.
+const READERS: [&Reader; 3] = [&nerfstudio::READER, &colmap::READER, &opencv::READER];
+
+/// The camera files that are read, in words.
+pub fn camera_files() -> String {
+    READERS.map(|reader| reader.about).join(", ")
+}
+
 /// Reads nerfstudio's transforms.json, COLMAP's cameras.txt (or the folder that holds it) or a calibration of
-/// OpenCV in YAML or JSON, distinguished by their content. `camera_id` chooses one of several COLMAP cameras.
+/// OpenCV in YAML or JSON, distinguished by their names and contents. `camera_id` chooses one of several COLMAP cameras.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file, and an unknown camera model by its name.
@@ -25,24 +33,21 @@ pub fn read_calibration(path: &Path, camera_id: Option<u32>) -> Result<Calibrati
     }
     let text = &read_text(path)?;
     let ending = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-    match ending.as_str() {
-        "txt" => colmap::parse(text, &place, camera_id),
-        "yml" | "yaml" => opencv::parse_yaml(text, &place),
-        "json" => {
-            let value: serde_json::Value = serde_json::from_str(text).map_err(|e| {
-                Error::input(
-                    format!("{place}:{}", e.line()),
-                    format!("is not valid JSON: {e}"),
-                    "correct this line",
-                )
-            })?;
-            let nerfstudio = ["frames", "fl_x", "camera_angle_x"].iter().any(|key| value.get(key).is_some());
-            if nerfstudio { nerfstudio::parse(&value, &place) } else { opencv::parse_json(&value, &place) }
-        }
-        _ => Err(Error::input(
+    let json: Option<serde_json::Value> = match ending.as_str() {
+        "json" => Some(serde_json::from_str(text).map_err(|e| {
+            let line = format!("{place}:{}", e.line());
+            Error::input(line, format!("is not valid JSON: {e}"), "correct this line")
+        })?),
+        _ => None,
+    };
+    let contents = Contents { text, json: json.as_ref(), place: &place, camera_id };
+    let mut named = READERS.iter().filter(|reader| reader.endings.contains(&ending.as_str()));
+    match named.find(|reader| (reader.knows)(&contents)) {
+        Some(reader) => (reader.read)(&contents),
+        None => Err(Error::input(
             place,
             format!("has the ending \"{ending}\""),
-            "camera files are transforms.json (nerfstudio), cameras.txt (COLMAP), .yml, .yaml or .json (OpenCV)",
+            format!("camera files are {}", camera_files()),
         )),
     }
 }

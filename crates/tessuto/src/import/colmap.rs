@@ -1,14 +1,22 @@
 //! COLMAP's cameras.txt: `CAMERA_ID MODEL WIDTH HEIGHT PARAMS…`, one camera a line.
 
-use super::calibration::{Calibration, Focal};
+use super::calibration::{Calibration, Focal, Reader};
 use super::lens::Distortion;
 use crate::error::{Error, Hint, Remedy, Result};
 
 /// Cameras that a message names at most.
 const LISTED: usize = 5;
 
+/// The kind of file.
+pub(super) const READER: Reader = Reader {
+    about: "cameras.txt (COLMAP)",
+    endings: &["txt"],
+    knows: |_| true,
+    read: |file| parse(file.text, file.place, file.camera_id),
+};
+
 /// The camera in `text`; the only one, or the one of `camera_id`.
-pub(super) fn parse(text: &str, place: &str, camera_id: Option<u32>) -> Result<Calibration> {
+fn parse(text: &str, place: &str, camera_id: Option<u32>) -> Result<Calibration> {
     let lines = text.lines().enumerate().map(|(k, l)| (k + 1, l.trim()));
     let cameras: Vec<(usize, Vec<&str>)> = lines
         .filter(|(_, l)| !l.is_empty() && !l.starts_with('#'))

@@ -35,7 +35,7 @@ use frames::Source;
 use stage::Stage;
 
 pub use calibration::{Calibration, Focal};
-pub use calibration_file::read_calibration;
+pub use calibration_file::{camera_files, read_calibration};
 pub use depth::{Captured, read_depth};
 pub use empty::empty_place;
 pub use lens::Distortion;

@@ -2,14 +2,24 @@
 
 use serde_json::Value;
 
-use super::calibration::{Calibration, Focal};
+use super::calibration::{Calibration, Focal, Reader};
 use super::lens::Distortion;
 use crate::error::{Error, Result};
 
 const KEYS: [&str; 11] = ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "p1", "p2"];
 
+/// The kind of file.
+pub(super) const READER: Reader = Reader {
+    about: "transforms.json (nerfstudio)",
+    endings: &["json"],
+    knows: |file| {
+        ["frames", "fl_x", "camera_angle_x"].iter().any(|key| file.json.is_some_and(|f| f.get(key).is_some()))
+    },
+    read: |file| parse(file.json.unwrap_or(&Value::Null), file.place),
+};
+
 /// The camera in `file`.
-pub(super) fn parse(file: &Value, place: &str) -> Result<Calibration> {
+fn parse(file: &Value, place: &str) -> Result<Calibration> {
     let frames = file["frames"].as_array().map_or(&[][..], Vec::as_slice);
     let model = text(file, frames, "camera_model");
     let said = |v: &Value| v["is_fisheye"].as_bool().unwrap_or(v["is_fisheye"].as_i64() == Some(1));

@@ -4,7 +4,7 @@ use serde_json::{Map, Value};
 use yaml_rust2::parser::{Event, Parser};
 use yaml_rust2::{ScanError, Yaml, YamlLoader};
 
-use super::calibration::{Calibration, Focal};
+use super::calibration::{Calibration, Focal, Reader};
 use super::lens::Distortion;
 use super::matrix;
 use crate::error::{Error, Hint, Remedy, Result};
@@ -56,8 +56,19 @@ const COEFFICIENTS: [&str; 10] = [
     "distortion",
 ];
 
+/// The kind of file.
+pub(super) const READER: Reader = Reader {
+    about: ".yml, .yaml or .json (OpenCV)",
+    endings: &["yml", "yaml", "json"],
+    knows: |_| true,
+    read: |file| match file.json {
+        Some(json) => parse_json(json, file.place),
+        None => parse_yaml(file.text, file.place),
+    },
+};
+
 /// The camera in a YAML text; the header `%YAML:1.0` of OpenCV is not YAML and skipped.
-pub(super) fn parse_yaml(text: &str, place: &str) -> Result<Calibration> {
+fn parse_yaml(text: &str, place: &str) -> Result<Calibration> {
     let body: String = text
         .lines()
         .map(|l| if l.starts_with("%YAML") { "\n".to_owned() } else { format!("{l}\n") })
@@ -114,7 +125,7 @@ fn to_json(yaml: &Yaml) -> Value {
 }
 
 /// The camera in a JSON value; of Kalibr's chains the first one.
-pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
+fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
     if file["cam0"].is_object() {
         let mut found = parse_json(&file["cam0"], place)?;
         if file["cam1"].is_object() {

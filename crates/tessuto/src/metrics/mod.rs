@@ -10,6 +10,7 @@ pub mod chamfer;
 pub mod depth;
 mod frame;
 pub mod maps;
+pub mod names;
 pub mod published;
 mod resample;
 pub(crate) mod similarity;

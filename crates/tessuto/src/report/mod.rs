@@ -11,6 +11,7 @@ pub(crate) mod images;
 mod kind;
 mod legend;
 pub mod page;
+pub mod scale;
 pub(crate) mod sheet;
 
 pub use causes::CauseData;
@@ -18,6 +19,7 @@ pub use chart::Chart;
 pub use embed::{EmbeddedMotion, Field, Surface};
 pub use film::Film;
 pub use images::{FrameImages, Kind, Ranges, Scales, measured_depth_image};
+pub use scale::Scale;
 pub use sheet::{chosen_frames, contact_sheet};
 
 use crate::camera::Camera;
@@ -120,12 +122,23 @@ pub struct KeyNumber {
     pub value: String,
     /// Its unit; may be empty.
     pub unit: String,
+    /// How good it is, in a word, where there is a scale for it.
+    pub grade: Option<&'static str>,
+    /// That scale, in words.
+    pub scale: String,
 }
 
 impl KeyNumber {
     /// From its three texts.
     pub fn new(label: impl Into<String>, value: impl Into<String>, unit: impl Into<String>) -> Self {
-        Self { label: label.into(), value: value.into(), unit: unit.into() }
+        let (grade, scale) = (None, String::new());
+        Self { label: label.into(), value: value.into(), unit: unit.into(), grade, scale }
+    }
+
+    /// The same, with what `scale` says of its `value`, in the scale's unit.
+    #[must_use]
+    pub fn graded(self, scale: &Scale, value: f64) -> Self {
+        Self { grade: Some(scale.grade(value)), scale: scale.sentence(), ..self }
     }
 }
 

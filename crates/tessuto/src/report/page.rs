@@ -6,9 +6,10 @@ use askama::Template;
 use serde::Serialize;
 
 use super::causes::{CauseRow, CauseSpread, bar};
-use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart};
+use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart, scale};
 use crate::error::Result;
 use crate::io;
+use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
 use crate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
 
 /// Size `[bytes]` that the page keeps to by choosing the size of its images.
@@ -53,6 +54,8 @@ struct Page<'a> {
     more_doubts: usize,
     /// How many warnings there are, and of what.
     warned: String,
+    /// What is good of the numbers.
+    scales: String,
     errors: Vec<Row>,
     /// Name, time, fraction of the longest in percent.
     timings: Vec<(String, String, String)>,
@@ -170,6 +173,7 @@ fn page(data: &ReportData) -> Page<'_> {
         doubts,
         more_doubts,
         warned: warned(&data.warnings),
+        scales: scale::sentences(),
         parameters: data.parameters.iter().map(parameter_row).collect(),
         causes: data.causes.iter().flat_map(|causes| &causes.rows).map(cause_line).collect(),
         has_published: errors.iter().any(|e| e.name.contains("published")),
@@ -269,23 +273,23 @@ fn agreement_rows(verdict: &Verdict, evaluation: Option<&Evaluation>) -> Vec<Row
     };
     let v = verdict;
     let mut rows = Vec::new();
-    let silhouette = "silhouette, intersection over union with the mask";
-    rows.extend(v.silhouette.map(|o| row(silhouette, &o, "", 1.0, 3)));
+    let noted = |row: Row, note: &str| Row { note: note.to_owned(), ..row };
+    let silhouette = |o| noted(row(SILHOUETTE, &o, "%", 100.0, 1), "intersection over union with the mask");
+    rows.extend(v.silhouette.map(silhouette));
     rows.extend(v.uncovered.map(|o| row("part of the mask that is not covered", &o, "%", 100.0, 1)));
-    rows.extend(v.psnr.map(|o| {
-        row("colours, PSNR of the recovered texture (in the first frame's light)", &o, "dB", 1.0, 1)
-    }));
+    let textured = |o| noted(row(TEXTURED, &o, "dB", 1.0, 1), "PSNR, in the first frame's light");
+    rows.extend(v.psnr.map(textured));
     let lit = evaluation.and_then(|e| e.maps.as_ref()).and_then(|m| m.frames_psnr);
     rows.extend(lit.map(|value| Row {
-        name: "colours, PSNR re-rendered with material and light".to_owned(),
+        name: LIT.to_owned(),
         value: format!("{value:.1}"),
         unit: "dB".to_owned(),
-        note: String::new(),
+        note: "PSNR, with material and light".to_owned(),
         worst: None,
     }));
     rows.extend(v.correlation.map(|o| row("texture, correlation with the video", &o, "", 1.0, 2)));
     rows.push(row("strain of the threads, mean", &v.strain_mean, "%", 100.0, 1));
-    rows.push(row("strain, 99 of 100 threads less than", &v.strain_p99, "%", 100.0, 1));
+    rows.push(row("strain, 99 of 100 threads", &v.strain_p99, "%", 100.0, 1));
     rows.push(row("strain, largest", &v.strain_max, "%", 100.0, 0));
     rows.push(row("creased edges", &v.creased, "%", 100.0, 1));
     rows.push(row("area in flipped triangles", &v.flipped, "%", 100.0, 1));

@@ -8,6 +8,7 @@ use super::Folder;
 use crate::error::{Error, Hint, Remedy, Result};
 use crate::io;
 use crate::mesh::Positions;
+use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
 use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::report::chart::{Chart, Series, spans_decades};
 use crate::sim::Accelerations;
@@ -43,16 +44,16 @@ pub(super) fn over_frames(
     let measured = agreement.len() == motion.len();
     if measured {
         let silhouette = of(&|f| f.silhouette.map(|v| 100.0 * v));
-        charts.push(chart("Silhouette, intersection over union", "%", vec![("silhouette", silhouette)]));
+        charts.push(chart("Silhouette overlap", "%", vec![(SILHOUETTE, silhouette)]));
     }
     let mut colours = Vec::new();
     let lit = read_psnr(&saved.path().join("rerendered/psnr.csv"))?.filter(|p| p.len() == motion.len());
-    colours.extend(lit.map(|psnr| ("material and light", psnr)));
+    colours.extend(lit.map(|psnr| (LIT, psnr)));
     if measured {
-        colours.push(("recovered texture", of(&|f| f.psnr)));
+        colours.push((TEXTURED, of(&|f| f.psnr)));
     }
     if !colours.is_empty() {
-        charts.push(chart("PSNR of the re-rendered frames", "dB", colours));
+        charts.push(chart("Colours, PSNR", "dB", colours));
     }
     let strains: Vec<[f64; 2]> = if measured {
         agreement.iter().map(|f| [f.strain_mean, f.strain_p99]).collect()

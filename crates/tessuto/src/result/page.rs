@@ -12,11 +12,13 @@ use crate::error::{Error, Result};
 use crate::io::rgb8::Rgb8;
 use crate::io::{self, jpeg};
 use crate::mesh::Positions;
+use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
 use crate::metrics::{self, Evaluation, Verdict};
 use crate::motion::parameters::Parameters;
 use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
+use crate::report::scale;
 use crate::report::{
     CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
 };
@@ -107,13 +109,18 @@ fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Ve
     let silhouette = verdict.and_then(|v| v.silhouette).map(|o| o.mean);
     let textured = verdict.and_then(|v| v.psnr).map(|o| o.mean);
     let strain = verdict.map(|v| v.strain_p99.worst);
+    let colours = number(if lit.is_some() { LIT } else { TEXTURED }, lit.or(textured), 1.0, "dB");
     [
-        number("silhouette", silhouette, 100.0, "%"),
-        number("colours, PSNR", lit.or(textured), 1.0, "dB"),
+        number(SILHOUETTE, silhouette, 100.0, "%")
+            .zip(silhouette)
+            .map(|(n, v)| n.graded(&scale::SILHOUETTES, v)),
+        colours.zip(lit.or(textured)).map(|(n, v)| n.graded(&scale::COLOURS, v)),
         number("from the true vertices", mean.vertex, 1e3, "mm"),
         number("from the tracked points", mean.track, 1e3, "mm"),
         number("from the measured depth", mean.depth, 1e3, "mm"),
-        number("strain, 99 of 100 threads", strain, 100.0, "%"),
+        number("strain, 99 of 100 threads", strain, 100.0, "%")
+            .zip(strain)
+            .map(|(n, v)| n.graded(&scale::STRAINS, v)),
         number("Chamfer distance", mean.cd1, 1e3, "mm"),
     ]
     .into_iter()

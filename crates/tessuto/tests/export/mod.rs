@@ -1,6 +1,7 @@
 //! Results for other programs.
 
 mod blender;
+mod documented;
 mod fabric;
 mod files;
 mod gaps;

@@ -11,6 +11,8 @@ use crate::mesh::Mesh;
 
 const BEFORE: &str = "# made of a rectangle, but no plane one has these corners: off by ";
 const AFTER: &str = " px";
+/// As far as this `[px]` corners are clicked or found beside the fabric's own: no reason to doubt its size or shape.
+const NEAR: f64 = 2.0;
 /// Longest comment read `[bytes]`.
 const LONGEST: u64 = 256;
 
@@ -39,7 +41,7 @@ pub fn template_misfit(path: &Path) -> Option<f64> {
 
 /// The doubt about a template in `path` whose rectangle did not fit.
 pub(super) fn warning(path: &Path) -> Option<Warning> {
-    let off = template_misfit(path)?;
+    let off = template_misfit(path).filter(|off| *off >= NEAR)?;
     let found = format!("made of a rectangle, but no plane one has the corners seen: off by {off:.1} px");
     let hint = "the fabric is bent in this frame, or its size or corners are wrong: depths may be off by centimetres; \
                 measure the size, begin with a frame in which the fabric is flat, or give a mesh of it";
@@ -56,10 +58,10 @@ mod tests {
         let path = folder.path().join("template.obj");
         assert_eq!(template_misfit(&path), None);
         let mesh = crate::mesh::grid(3, 4, glam::DVec2::ONE, 1.5);
-        for misfit in [Some(6.8), None] {
+        for (misfit, doubted) in [(Some(6.8), true), (Some(2.0), true), (Some(1.9), false), (None, false)] {
             write_template(&path, &mesh, misfit).unwrap();
             assert_eq!(template_misfit(&path), misfit);
-            assert_eq!(warning(&path).is_some(), misfit.is_some());
+            assert_eq!(warning(&path).is_some(), doubted, "{misfit:?}");
             assert_eq!(obj::read(&path).unwrap(), mesh);
         }
         // What others wrote says nothing, and is no error.

@@ -23,6 +23,7 @@
 
 use super::State;
 use crate::metrics::agreement::FrameAgreement;
+use crate::metrics::names::SILHOUETTE;
 
 /// Correlations of the prints below this are doubtful.
 pub(crate) const CORRELATION: f64 = 0.60;
@@ -51,7 +52,7 @@ pub(super) const CRITERIA: [Criterion; 8] = [
     Criterion {
         limits: [0.10, 0.25],
         cost: |f, _| f.silhouette.filter(|_| f.correlation.is_none()).map(|v| 1.0 - v),
-        words: |cost| format!("silhouette {:.2}", 1.0 - cost),
+        words: |cost| format!("{SILHOUETTE} {:.0} %", 100.0 * (1.0 - cost)),
     },
     Criterion {
         limits: [1.0 - CORRELATION, 0.60],

@@ -36,7 +36,7 @@ fn a_good_clip_is_praised_with_its_worst_frames() {
     assert!(verdict.doubtful.is_empty() && verdict.lost.is_empty() && verdict.warning().is_none());
     assert_eq!(
         verdict.sentence,
-        "found: silhouette 0.983 (worst 0.982 in frame 29), colours 28.1 dB (worst 27.1 in frame 29), \
+        "found: silhouette overlap 98.3 % (worst 98.2 % in frame 29), colours by the texture 28.1 dB (worst 27.1 in frame 29), \
          99 of 100 threads strained by at most 4.0 % (frame 10)"
     );
     assert!(frames.iter().all(|f| f.state == State::Found && f.reason.is_empty()));
@@ -49,8 +49,8 @@ fn every_criterion_is_heard_and_names_its_frames() {
     let cases: [(Spoil, State, &str); 16] = [
         (|f| f.uncovered = Some(0.07), State::Doubtful, "7 % of the mask not covered"),
         (|f| f.uncovered = Some(1.0), State::Lost, "100 % of the mask not covered"),
-        (|f| (f.correlation, f.silhouette) = (None, Some(0.89)), State::Doubtful, "silhouette 0.89"),
-        (|f| (f.correlation, f.silhouette) = (None, Some(0.0)), State::Lost, "silhouette 0.00"),
+        (|f| (f.correlation, f.silhouette) = (None, Some(0.89)), State::Doubtful, "silhouette overlap 89 %"),
+        (|f| (f.correlation, f.silhouette) = (None, Some(0.0)), State::Lost, "silhouette overlap 0 %"),
         (|f| f.correlation = Some(0.55), State::Doubtful, "texture displaced, correlation 0.55"),
         (|f| f.correlation = Some(-0.1), State::Lost, "texture displaced, correlation -0.10"),
         (|f| f.strain_p99 = 0.51, State::Doubtful, "1 thread in 100 strained by 51 % or more"),

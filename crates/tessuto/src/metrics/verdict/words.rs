@@ -3,6 +3,7 @@
 use super::criteria::CRITERIA;
 use super::{State, Verdict};
 use crate::metrics::agreement::FrameAgreement;
+use crate::metrics::names::{SILHOUETTE, TEXTURED};
 
 /// Most stretches of frames that a sentence names.
 const NAMED: usize = 8;
@@ -11,10 +12,15 @@ const NAMED: usize = 8;
 pub(super) fn praise(v: &Verdict) -> String {
     let mut parts = Vec::new();
     if let Some(s) = v.silhouette {
-        parts.push(format!("silhouette {:.3} (worst {:.3} in frame {})", s.mean, s.worst, s.frame));
+        parts.push(format!(
+            "{SILHOUETTE} {:.1} % (worst {:.1} % in frame {})",
+            100.0 * s.mean,
+            100.0 * s.worst,
+            s.frame
+        ));
     }
     if let Some(p) = v.psnr {
-        parts.push(format!("colours {:.1} dB (worst {:.1} in frame {})", p.mean, p.worst, p.frame));
+        parts.push(format!("{TEXTURED} {:.1} dB (worst {:.1} in frame {})", p.mean, p.worst, p.frame));
     }
     let s = v.strain_p99;
     parts.push(format!("99 of 100 threads strained by at most {:.1} % (frame {})", 100.0 * s.worst, s.frame));

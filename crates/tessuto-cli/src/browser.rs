@@ -1,9 +1,11 @@
 //! The user's browser.
 
+use std::ffi::OsStr;
 use std::process::{Command, Stdio};
 
-/// Asks the system to show `address`; the address is printed too, so a system without a browser is no fault.
-pub fn open(address: &str) {
+/// Asks the system to show `address`, a URL or a file; whether it could be asked. Whoever calls prints the address too, so a
+/// system without a browser is no fault.
+pub fn open(address: impl AsRef<OsStr>) -> bool {
     let program = if cfg!(target_os = "macos") {
         "open"
     } else if cfg!(windows) {
@@ -11,13 +13,12 @@ pub fn open(address: &str) {
     } else {
         // Without a screen xdg-open would start a browser in the terminal.
         if std::env::var_os("DISPLAY").or_else(|| std::env::var_os("WAYLAND_DISPLAY")).is_none() {
-            return;
+            return false;
         }
         "xdg-open"
     };
     let mut command = Command::new(program);
     command.arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-    if let Ok(mut child) = command.spawn() {
-        std::thread::spawn(move || child.wait());
-    }
+    let child = command.spawn();
+    child.map(|mut child| std::thread::spawn(move || child.wait())).is_ok()
 }
