@@ -17,7 +17,7 @@ impl Rgb8 {
     /// The image of `data`.
     ///
     /// # Panics
-    /// If that are not three bytes a pixel.
+    /// Unless there are three bytes for every pixel.
     pub fn new([width, height]: [usize; 2], data: Vec<u8>) -> Self {
         assert_eq!(data.len(), 3 * width * height, "an image of {width}×{height} pixels");
         Self { width, height, data }

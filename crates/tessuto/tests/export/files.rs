@@ -161,7 +161,7 @@ fn usd_is_the_text_it_should_be() {
 fn sequences_and_caches_hold_every_frame() {
     let (clip, folder) = (clip(false), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
-    export(&clip, Format::ALL, folder.path(), false).unwrap();
+    export(&clip, &Format::built().collect::<Vec<_>>(), folder.path(), false).unwrap();
     for n in 0..FRAMES {
         let mesh: Mesh = io::obj::read(&at(&format!("cloth_obj/cloth_{:04}.obj", n + 7))).unwrap();
         let found: Vec<f32> = mesh.positions.iter().flat_map(|p| p.as_vec3().to_array()).collect();
@@ -216,10 +216,11 @@ fn nothing_is_replaced_without_force() {
     let target = folder.path().join("out");
     std::fs::create_dir(&target).unwrap();
     std::fs::write(target.join("cloth.glb"), b"mine").unwrap();
-    let error = export(&clip, Format::ALL, &target, false).unwrap_err();
+    let all: Vec<Format> = Format::built().collect();
+    let error = export(&clip, &all, &target, false).unwrap_err();
     assert_eq!(error.exit_code(), 3);
     assert!(error.to_string().contains("cloth.glb"), "{error}");
-    assert_eq!(export(&clip, Format::ALL, &target, true).unwrap_err().exit_code(), 3, "it is not tessuto's");
+    assert_eq!(export(&clip, &all, &target, true).unwrap_err().exit_code(), 3, "it is not tessuto's");
     let entries = |folder: &Path| std::fs::read_dir(folder).unwrap().count();
     assert_eq!((entries(&target), std::fs::read(target.join("cloth.glb")).unwrap()), (1, b"mine".to_vec()));
 

@@ -10,7 +10,7 @@ use crate::support::scene_maker::{FRAMES, TinyScene};
 fn recording(tiny: &TinyScene) -> Recording {
     let frame = |n: usize| {
         let image = read_bytes(&tiny.path(&format!("rgbs/rgb_{n:03}.png"))).unwrap();
-        Samples::Bytes(image.into_raw())
+        Samples::Bytes(image.data)
     };
     // Words of 16 bits say the same.
     let mask = |n: usize| {
