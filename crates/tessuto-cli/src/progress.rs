@@ -48,7 +48,7 @@ pub struct Progress {
     /// Part of the run that was done when this program began with it.
     before: Option<f64>,
     last_line: Option<Instant>,
-    /// The shortest time that was told within the stage [s].
+    /// The shortest time that was shown within the stage [s].
     guessed: f64,
 }
 
@@ -119,7 +119,7 @@ impl Progress {
         if total > 0.0 { (before + of_stage * present) / total } else { 0.0 }
     }
 
-    /// A guess in words. One that has grown within its stage was wrong before and may be now: it is told as less sure, until it is
+    /// A guess in words. One that has grown within its stage was wrong before and may be now: it is shown as less sure, until it is
     /// less than ever again.
     fn told(&mut self, left: Option<f64>) -> String {
         let Some(left) = left else { return String::new() };

@@ -8,7 +8,6 @@ mod exr_depth;
 pub mod hdr;
 pub mod image;
 pub mod jpeg;
-mod jpeg_tables;
 pub mod model;
 pub mod npy;
 pub mod obj;

@@ -108,6 +108,19 @@ impl BlockPattern {
         )
     }
 
+    /// The lower triangle, or the `upper` one, in scalar compressed columns.
+    pub(super) fn scalar_columns(&self, upper: bool) -> ScalarColumns {
+        let entries = (0..self.vertex_count).flat_map(|vertex| self.entries(vertex)).enumerate();
+        let mut sorted: Vec<([usize; 2], usize)> = entries
+            .map(|(value, [row, column])| (if upper { [row, column] } else { [column, row] }, value))
+            .collect();
+        sorted.sort_unstable();
+        let starts =
+            (0..=3 * self.vertex_count).map(|c| sorted.partition_point(|(at, _)| at[0] < c)).collect();
+        let rows = sorted.iter().map(|(at, _)| at[1]).collect();
+        ScalarColumns { starts, rows, values: sorted.iter().map(|(_, value)| *value).collect() }
+    }
+
     /// Copies a field of vectors into the order of the matrix, to every `stride`-th place.
     pub(super) fn gather(&self, field: &[DVec3], out: &mut [f64], stride: usize) {
         for (value, &rank) in field.iter().zip(&self.rank) {
@@ -123,6 +136,14 @@ impl BlockPattern {
             *value = DVec3::from_array([0, 1, 2].map(|k| values[(start + k) * stride]));
         }
     }
+}
+
+/// A pattern's scalar columns: where each begins, then the end; rows; and which of a [`BlockMatrix`]'s values they are.
+#[derive(Debug)]
+pub(super) struct ScalarColumns {
+    pub starts: Vec<usize>,
+    pub rows: Vec<usize>,
+    pub values: Vec<usize>,
 }
 
 /// Symmetric adjacency lists without repetitions.

@@ -1,19 +1,21 @@
 //! The factorisation: fronts are filled, eliminated, and leave an update to their parents.
 
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::ldlt::factor::{
+    LdltRegularization, cholesky_in_place, cholesky_in_place_scratch,
+};
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
+use faer::{Accum, MatMut, Par, Spec};
 use rayon::prelude::*;
 
-use super::kernel::{WIDTH, eliminate_columns, subtract_product};
 use super::{Child, Front, Fronts, Scalar};
 
-/// Columns that are eliminated before what they leave is taken from the others: as many as stay in a cache.
-const PANEL: usize = 16 * WIDTH;
-/// Scalars of a vertex: what is left of a front's columns is a multiple of these.
-const VERTEX: usize = 3;
 /// Halves with fewer flops than this are eliminated one after the other: handing one over would cost more.
 const PARALLEL_FLOPS: f64 = 1e6;
 
 /// Numbers of working memory of a subtree: its update, then what the halves take or, when they are done, their
-/// updates and a few rows.
+/// updates and a copy of the own columns.
 pub(super) fn work_len(front: &Front, halves: &[&Front]) -> usize {
     let update = front.update().pow(2);
     let (halves_work, halves_end) = match halves {
@@ -24,7 +26,7 @@ pub(super) fn work_len(front: &Front, halves: &[&Front]) -> usize {
             (a.work.max(second + b.work), second + b.update().pow(2))
         }
     };
-    update + halves_work.max(halves_end + WIDTH * front.width().min(PANEL))
+    update + halves_work.max(halves_end + front.update() * front.width())
 }
 
 /// Where the second half's working memory begins: behind all of the first's if both run at a time, else behind the
@@ -72,10 +74,10 @@ impl Fronts {
     ) -> Option<()> {
         let front = &self.fronts[index];
         let (subtrees, own) = values.split_at_mut(front.values[1] - front.values[0]);
-        own.fill(T::ZERO);
+        own.fill(T::zero_impl());
         let columns = front.matrix[0]..front.matrix[1];
         for (place, value) in self.places[columns.clone()].iter().zip(&matrix[columns]) {
-            own[*place as usize] = T::from_f64(*value);
+            own[*place as usize] = T::from_f64_impl(*value);
         }
         let (update, work) = work.split_at_mut(front.update().pow(2));
         let mut second = 0;
@@ -106,7 +108,7 @@ impl Fronts {
         for (child, at) in front.children.iter().zip([0, second]) {
             child.add_to_own(&updates[at..], side(child), own, front.height());
         }
-        front.factorize(own, update, rest, definite)?;
+        front.factorize(own, update, &mut rest[..front.update() * front.width()], definite)?;
         for (child, at) in front.children.iter().zip([0, second]) {
             child.add_to_update(&updates[at..], side(child), update, front);
         }
@@ -143,7 +145,7 @@ impl Fronts {
 
 impl Child {
     /// Adds the columns of this child's `update` (lower triangle) that are own vertices of the parent.
-    pub(super) fn add_to_own<T: Scalar>(&self, update: &[T], side: usize, own: &mut [T], height: usize) {
+    fn add_to_own<T: Scalar>(&self, update: &[T], side: usize, own: &mut [T], height: usize) {
         for first in 0..self.own_runs {
             let run = self.runs[first];
             for c in 0..run.len {
@@ -154,13 +156,7 @@ impl Child {
     }
 
     /// Adds the other columns.
-    pub(super) fn add_to_update<T: Scalar>(
-        &self,
-        update: &[T],
-        side: usize,
-        target: &mut [T],
-        parent: &Front,
-    ) {
+    fn add_to_update<T: Scalar>(&self, update: &[T], side: usize, target: &mut [T], parent: &Front) {
         let (skip, height) = (parent.width(), parent.update());
         for first in self.own_runs..self.runs.len() {
             let run = self.runs[first];
@@ -175,7 +171,7 @@ impl Child {
     fn add_column<T: Scalar>(&self, column: &[T], first: usize, c: usize, skip: usize, target: &mut [T]) {
         let mut add = |from: usize, to: usize, len: usize| {
             let target = target[to - skip..][..len].iter_mut();
-            target.zip(&column[from..][..len]).for_each(|(t, v)| *t += *v);
+            target.zip(&column[from..][..len]).for_each(|(t, v)| *t += v);
         };
         let run = self.runs[first];
         add(run.from + c, run.to + c, run.len - c);
@@ -189,79 +185,38 @@ impl Front {
         &self,
         own: &mut [T],
         update: &mut [T],
-        work: &mut [T],
+        scaled: &mut [T],
         definite: bool,
     ) -> Option<()> {
-        let (k, n, height) = (self.width(), self.update(), self.height());
-        if k == 0 {
-            update.fill(T::ZERO);
+        let (k, n) = (self.width(), self.update());
+        let l = MatMut::from_column_major_slice_mut(own, self.height(), k);
+        let (mut top, mut bottom) = l.split_at_row_mut(k);
+        // A few kilobytes, beside dense work of the third power.
+        let mut memory = MemBuffer::new(cholesky_in_place_scratch::<T>(k, Par::Seq, Spec::default()));
+        let stack = MemStack::new(&mut memory);
+        let plain = LdltRegularization::default();
+        cholesky_in_place(top.as_mut(), plain, Par::Seq, stack, Spec::default()).ok()?;
+        if definite && !(0..k).all(|j| top[(j, j)] > T::zero_impl()) {
+            return None;
         }
-        for first in (0..k).step_by(PANEL) {
-            let end = (first + PANEL).min(k);
-            for at in (first..end).step_by(WIDTH) {
-                let (columns, later) = own[first * height..].split_at_mut((at - first) * height);
-                Panel { columns, height, first }.take::<false>([later, work], height, 0, [at, end]);
-                match end - at {
-                    WIDTH.. => eliminate_columns::<T, WIDTH>(later, height, at, definite)?,
-                    _ => eliminate_columns::<T, VERTEX>(later, height, at, definite)?,
-                }
-            }
-            let (columns, later) = own[first * height..].split_at_mut((end - first) * height);
-            let panel = Panel { columns, height, first };
-            for at in (end..k).step_by(WIDTH) {
-                panel.take::<false>([&mut later[(at - end) * height..], work], height, 0, [at, k]);
-            }
-            for at in (0..n).step_by(WIDTH) {
-                let to = [&mut update[at * n..], &mut *work];
-                match first {
-                    0 => panel.take::<true>(to, n, k, [at, n]),
-                    _ => panel.take::<false>(to, n, k, [at, n]),
-                }
-            }
+        solve_unit_lower_triangular_in_place(top.as_ref(), bottom.as_mut().transpose_mut(), Par::Seq);
+        let mut scaled = MatMut::from_column_major_slice_mut(scaled, n, k);
+        scaled.copy_from(bottom.as_ref());
+        for j in 0..k {
+            let inverse = T::one_impl() / top[(j, j)];
+            bottom.as_mut().col_mut(j).iter_mut().for_each(|l| *l *= inverse);
         }
+        triangular::matmul(
+            MatMut::from_column_major_slice_mut(update, n, n),
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            scaled.as_ref(),
+            BlockStructure::Rectangular,
+            bottom.as_ref().transpose(),
+            BlockStructure::Rectangular,
+            -T::one_impl(),
+            Par::Seq,
+        );
         Some(())
-    }
-}
-
-/// Columns that are done.
-struct Panel<'a, T> {
-    columns: &'a [T],
-    height: usize,
-    /// Row of the first pivot.
-    first: usize,
-}
-
-impl<T: Scalar> Panel<'_, T> {
-    /// Takes L D Lᵀ of these columns from the next ones of a matrix of `rows`, whose row 0 is row `skip` here: columns
-    /// `at` and later ones, which end with `end`, from row `at` on; from zeros if they are FRESH.
-    fn take<const FRESH: bool>(
-        &self,
-        [to, work]: [&mut [T]; 2],
-        rows: usize,
-        skip: usize,
-        [at, end]: [usize; 2],
-    ) {
-        match end - at {
-            WIDTH.. => self.take_columns::<WIDTH, FRESH>(to, work, rows, skip, at),
-            _ => self.take_columns::<VERTEX, FRESH>(to, work, rows, skip, at),
-        }
-    }
-
-    fn take_columns<const N: usize, const FRESH: bool>(
-        &self,
-        to: &mut [T],
-        work: &mut [T],
-        rows: usize,
-        skip: usize,
-        at: usize,
-    ) {
-        let height = self.height;
-        let factor = &mut work.as_chunks_mut::<N>().0[..self.columns.len() / height];
-        for (p, (factor, column)) in factor.iter_mut().zip(self.columns.chunks_exact(height)).enumerate() {
-            let pivot = column[self.first + p];
-            *factor = std::array::from_fn(|c| pivot * column[skip + at + c]);
-        }
-        let a = self.columns.get(skip..).unwrap_or(&[]);
-        subtract_product::<T, N, FRESH>(to, rows, [at, rows], a, height, factor);
     }
 }

@@ -4,22 +4,37 @@
 //! Eliminating the own vertices leaves an update of the boundary, which is added into the parent's front. Halves are
 //! independent and run in parallel; every number is computed by the same operations in the same order on
 //! any number of threads. Source: Duff and Reid, "The multifrontal solution of indefinite sparse symmetric
-//! linear equations", 1983.
+//! linear equations", 1983; the dense kernels are faer's.
 
 mod eliminate;
-mod kernel;
-mod many;
-mod pivoting;
-mod registers512;
 mod root;
-mod scalar;
 mod single;
 mod solve;
 
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, SubAssign};
+
+use faer::MatRef;
+use faer::traits::RealField;
+
 use super::block_matrix::BlockPattern;
 use super::dissection::Part;
-pub use pivoting::Pivoted;
-use scalar::Scalar;
+
+/// Numbers that a factor is made of.
+pub trait Scalar:
+    RealField
+    + Copy
+    + Add<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
+    + DivAssign
+    + Mul<Output = Self>
+    + Div<Output = Self>
+{
+}
+
+impl Scalar for f32 {}
+impl Scalar for f64 {}
 
 /// Positions of one front. Vertices are counted in elimination order; sizes in scalars are three times those in vertices.
 ///
@@ -97,6 +112,11 @@ impl Front {
                 self.own + at.expect("coupled vertices are in the boundary")
             }
         }
+    }
+
+    /// The front's columns.
+    fn columns<'a, T>(&self, values: &'a [T]) -> MatRef<'a, T> {
+        MatRef::from_column_major_slice(self.own_values(values), self.height(), self.width())
     }
 
     /// The values of the front's columns.

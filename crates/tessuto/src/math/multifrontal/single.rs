@@ -27,7 +27,7 @@ pub(super) fn down<T: Scalar>(columns: &[T], height: usize, x: &mut [T], boundar
         let (own, later) = x[3 * vertex..].split_at_mut(3);
         let [a, b, c] = below(columns, height, 3 * vertex);
         let rows = later.len();
-        let mut sums = [[T::ZERO; LANES]; 3];
+        let mut sums = [[T::zero_impl(); LANES]; 3];
         add_products(&mut sums, [a, b, c].map(|column| &column[3..][..rows]), later);
         add_products(&mut sums, [a, b, c].map(|column| &column[3 + rows..]), boundary);
         let [sum_a, sum_b, sum_c] = sums.map(sum);
