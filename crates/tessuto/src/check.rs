@@ -12,11 +12,11 @@ mod repeats;
 
 use std::path::Path;
 
-use crate::error::{Error, Hint, Result, Warning};
-use crate::image::Image;
 use crate::io::scene::{LoadOptions, Loaded, attempt};
 use crate::raster::coverage::{overlap, template_coverage};
-use crate::scene::Scene;
+use tessuto_core::error::{Error, Hint, Result, Warning};
+use tessuto_core::image::Image;
+use tessuto_core::scene::Scene;
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::appearance::{AppearanceSettings, MapPrior};
-use crate::error::{Error, Result, Warning};
 use crate::io::read_bounded;
 use crate::io::text::decode;
 use crate::motion::causes::CauseSettings;
@@ -16,9 +15,10 @@ use crate::motion::parameters::{Dynamics, StiffnessRange};
 use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
-use crate::settings::{Setting, Settings, Values, ordered, settings, text};
 use crate::sim::{Integrator, Model, StepSettings};
-use crate::text::nearest_key;
+use tessuto_core::error::{Error, Result, Warning};
+use tessuto_core::settings::{Setting, Settings, Values, ordered, settings, text};
+use tessuto_core::text::nearest_key;
 
 mod preset;
 

@@ -62,54 +62,42 @@
 //! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
 
 pub mod appearance;
-mod camera;
 pub mod check;
 pub mod compare;
 pub mod config;
 #[cfg(feature = "decoder")]
 pub mod decoder;
-mod error;
 pub mod export;
-mod image;
 pub mod import;
 pub mod io;
 pub mod masks;
-#[doc(hidden)]
-pub mod math;
-pub mod mesh;
 pub mod metrics;
 pub mod motion;
-mod optim;
 #[doc(hidden)]
 pub mod output;
 pub mod pbr;
-pub mod processor;
 pub mod raster;
 mod reconstruct;
 #[doc(hidden)]
 pub mod report;
 pub mod result;
 pub mod run;
-mod scene;
 pub mod session;
-pub mod settings;
 pub mod sim;
 pub mod synth;
 pub mod template;
-#[doc(hidden)]
-pub mod text;
 #[cfg(feature = "decoder")]
 pub mod training;
-mod video;
 pub mod view;
 
-pub use glam;
+pub use tessuto_core::glam;
+#[doc(hidden)]
+pub use tessuto_core::{math, processor, text};
+pub use tessuto_core::{mesh, settings};
 
-pub use camera::{Camera, Pose, Rect, Viewpoint};
 pub use config::Config;
-pub use error::{Error, Hint, Remedy, Repair, Result, Warning};
-pub use image::Image;
-pub use mesh::{Mesh, Motion, Positions};
 pub use reconstruct::{Reconstruction, reconstruct, simulate};
-pub use scene::{Known, Scene, Tracks, Truth};
-pub use video::{Frame, Video};
+pub use tessuto_core::{
+    Camera, Error, Frame, Hint, Image, Known, Mesh, Motion, Pose, Positions, Rect, Remedy, Repair, Result,
+    Scene, Tracks, Truth, Video, Viewpoint, Warning,
+};

@@ -1,8 +1,6 @@
 //! The main path: video in, motion, stiffnesses, forces and texture out.
 
 use crate::config::{Config, Method};
-use crate::error::{Error, Result};
-use crate::mesh::{Motion, Positions};
 use crate::motion::causes::{self, Explained};
 use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
 use crate::motion::inverse::stiffness::fit_material;
@@ -12,9 +10,11 @@ use crate::motion::rollout::compared::Compared;
 use crate::motion::spacetime;
 use crate::motion::texture::{Window, fit_texture};
 use crate::raster::{Rasterizer, Texture};
-use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state};
 use crate::sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Motion, Positions};
+use tessuto_core::scene::Scene;
 
 /// What a video tells about the fabric.
 #[derive(Debug)]

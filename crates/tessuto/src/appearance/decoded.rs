@@ -2,7 +2,7 @@
 
 use super::texels::{Factors, LIMITS, MapState, Maps, other_maps};
 use crate::decoder::{Decoder, DecoderConfig};
-use crate::error::Result;
+use tessuto_core::error::Result;
 
 /// Steps that bring the decoder to the maps it starts from; they cost no rendering.
 const WARM_UP: usize = 100;

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::optim::Adam;
 use crate::pbr::EnvironmentMap;
+use tessuto_core::optim::Adam;
 
 /// Radiance on the fine grid is the bilinear interpolation of exp(parameters), partly made grey, times a tint.
 #[derive(Clone, Serialize, Deserialize)]
@@ -142,8 +142,8 @@ fn resample(coarse: usize, fine: usize, mut f: impl FnMut(usize, usize, f64)) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn a_uniform_sky_stays_uniform_at_any_size() {

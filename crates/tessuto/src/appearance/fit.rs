@@ -14,14 +14,14 @@ use super::texels::{MapState, Maps, TexelPrior, Texels};
 use super::{AppearanceSettings, MapPrior, Window};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderConfig;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::image::srgb;
-use crate::math::rng::mix32;
-use crate::mesh::Motion;
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate};
 use crate::raster::Rasterizer;
-use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state, named};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::image::srgb;
+use tessuto_core::math::rng::mix32;
+use tessuto_core::mesh::Motion;
+use tessuto_core::scene::Scene;
 
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;

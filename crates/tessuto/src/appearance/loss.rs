@@ -1,6 +1,6 @@
 //! Squared difference of sRGB colours from two noisy estimates of the linear colour.
 
-use crate::image::srgb;
+use tessuto_core::image::srgb;
 
 /// Observed values from here on are as bright as the camera can tell.
 pub(super) const SATURATED: f32 = 0.998;

@@ -28,7 +28,7 @@ pub(super) fn metals(diffuse: &[f64], metallic: &[f32]) -> Vec<u8> {
 
 /// Red against green, both against blue, whatever the brightness.
 fn tint(linear: [f32; 3]) -> [f32; 3] {
-    let [r, g, b] = linear.map(|l| crate::image::srgb::encode(l.clamp(0.0, 1.0)));
+    let [r, g, b] = linear.map(|l| tessuto_core::image::srgb::encode(l.clamp(0.0, 1.0)));
     let sum = (r + g + b).max(1e-3);
     [(r - g) / sum, ((r + g) / 2.0 - b) / sum, 0.0]
 }
@@ -63,8 +63,8 @@ pub(super) fn add_gradient(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn gold_bright_or_dull_is_one_metal_and_silver_another() {

@@ -1,13 +1,13 @@
 //! What the pixels of all frames see, and their colours.
 
 use super::Window;
-use crate::error::Result;
-use crate::image::Image;
-use crate::math::rng::mix32;
-use crate::mesh::Positions;
 use crate::pbr::{Geometry, SurfacePoint, visible_points};
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::scene::Scene;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::math::rng::mix32;
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
 
 /// Pixels of all frames that certainly show cloth.
 pub(super) struct Observations {

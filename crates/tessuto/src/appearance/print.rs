@@ -14,12 +14,12 @@ use super::observations::inside;
 use super::seen::{Seen, directions};
 use super::splat::Splat;
 use super::window::Window;
-use crate::error::Result;
-use crate::image::srgb;
-use crate::mesh::Positions;
 use crate::pbr::barycentrics;
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::scene::Scene;
+use tessuto_core::error::Result;
+use tessuto_core::image::srgb;
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
 
 /// Frames whose pixels are held at once.
 const TOGETHER: usize = 4;
@@ -211,10 +211,10 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::camera::{Camera, Rect};
-    use crate::image::Image;
-    use crate::mesh::grid;
-    use crate::video::Frame;
+    use tessuto_core::camera::{Camera, Rect};
+    use tessuto_core::image::Image;
+    use tessuto_core::mesh::grid;
+    use tessuto_core::video::Frame;
 
     /// A sheet with a print, lit less and less, whose right half the first frame does not show.
     fn scene() -> (Scene, Vec<Positions>, Texture) {
@@ -256,7 +256,7 @@ mod tests {
             template,
             frames: frames.into(),
             known: Default::default(),
-            truth: crate::scene::Truth::default(),
+            truth: tessuto_core::scene::Truth::default(),
         };
         (scene, motion, print)
     }

@@ -45,7 +45,7 @@ pub(super) fn clusters(colours: &[[f32; 3]], apart: f32) -> Vec<u8> {
 
 /// Brightness, red against green, both against blue, of the sRGB colour.
 fn opponent(linear: [f32; 3]) -> [f32; 3] {
-    let [r, g, b] = linear.map(|l| crate::image::srgb::encode(l.clamp(0.0, 1.0)));
+    let [r, g, b] = linear.map(|l| tessuto_core::image::srgb::encode(l.clamp(0.0, 1.0)));
     [BRIGHTNESS * (r + g + b) / 3.0, r - g, (r + g) / 2.0 - b]
 }
 

@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use super::read_material;
-use crate::camera::Viewpoint;
-use crate::error::Result;
-use crate::mesh::{Mesh, Positions};
 use crate::metrics::maps::{self, MapMetrics};
 use crate::metrics::similarity::{best_scale, psnr, scaled};
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::Rasterizer;
-use crate::scene::Scene;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::error::Result;
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_core::scene::Scene;
 
 /// Frames that are compared, spread over the motion.
 const FRAMES: usize = 3;
@@ -19,7 +19,7 @@ const SAMPLES_PER_PIXEL: usize = 32;
 /// [`maps::evaluate`], and where the scene has true maps the PSNR of relit frames of `motion`, shape [N, V].
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) naming the file.
+/// [`Error::Input`](tessuto_core::Error::Input) naming the file.
 pub fn evaluate(scene: &Scene, result: &Path, motion: &[Positions]) -> Result<Option<MapMetrics>> {
     let Some(mut metrics) = maps::evaluate(scene, result)? else { return Ok(None) };
     let (estimate, truth) = (result.join("material"), scene.folder.join("gt/material"));
@@ -93,8 +93,8 @@ pub fn studio() -> EnvironmentMap {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::mesh::grid;
+    use tessuto_core::camera::Camera;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn the_true_maps_are_perfect_and_a_factor_is_forgiven() {

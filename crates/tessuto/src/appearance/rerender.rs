@@ -3,13 +3,13 @@
 //! The cloth is drawn on black, but for the pixels that its outline crosses: what the cloth leaves of them shows what the video
 //! shows beside the cloth, as it does in the camera.
 
-use crate::error::Result;
-use crate::image::{Image, srgb};
-use crate::mesh::Positions;
 use crate::metrics::masked_psnr;
 use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::scene::Scene;
+use tessuto_core::error::Result;
+use tessuto_core::image::{Image, srgb};
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
 
 /// A re-rendered frame.
 #[derive(Debug, Clone)]

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::Result;
-use crate::settings::{ordered, settings};
+use tessuto_core::error::Result;
+use tessuto_core::settings::{ordered, settings};
 
 /// What keeps the maps from following noise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -87,7 +87,7 @@ impl AppearanceSettings {
     /// Checks what several settings must be together; ranges are the table's.
     ///
     /// # Errors
-    /// [`Error::Usage`](crate::Error::Usage) naming both settings.
+    /// [`Error::Usage`](tessuto_core::Error::Usage) naming both settings.
     pub fn check_order(&self) -> Result<()> {
         ordered(
             "appearance.light_coarsest",

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::regions::MOST;
-use crate::optim::Adam;
+use tessuto_core::optim::Adam;
 
 /// Limits of roughness and metallic.
 pub(super) const LIMITS: [[f64; 2]; 2] = [[0.3, 1.0], [0.0, 1.0]];
@@ -100,8 +100,8 @@ impl Surfaces {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn gradient_of_the_surfaces_prior_matches_differences() {

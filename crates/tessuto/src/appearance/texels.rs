@@ -9,9 +9,9 @@ use super::regions::regions;
 use super::surfaces::{self, SurfacePrior, Surfaces};
 #[cfg(feature = "decoder")]
 use crate::decoder::DecoderState;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::optim::Adam;
 use crate::pbr::CHANNELS;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::optim::Adam;
 
 /// Limits of the channels: diffuse, roughness, metallic.
 pub(super) const LIMITS: [[f64; 2]; CHANNELS] =
@@ -190,8 +190,8 @@ fn add_variation_gradient(size: usize, plane: &[f64], weight: f64, gradient: &mu
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn gradient_of_the_variation_matches_differences() {

@@ -1,7 +1,7 @@
 //! The part of uv space that the template uses: maps are estimated on it alone, at their full resolution.
 
-use crate::mesh::Mesh;
 use crate::pbr::{CHANNELS, Material};
+use tessuto_core::mesh::Mesh;
 
 /// Largest side of a written map `[texel]`.
 const LARGEST: usize = 2048;
@@ -81,7 +81,7 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::mesh::grid;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn spread_maps_look_up_what_the_window_holds() {

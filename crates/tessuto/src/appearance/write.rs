@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::Appearance;
-use crate::error::Result;
-use crate::image::Image;
-use crate::image::srgb;
 use crate::io::{self, atomic_write};
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::image::srgb;
 
 /// What a reader of the maps needs to know.
 const NOTE: &str = "\
@@ -28,7 +28,7 @@ scale.json       what the brightness of diffuse.png and of the light rests on: t
 /// Writes maps, light and a note about them into the existing `folder`.
 ///
 /// # Errors
-/// [`Error::Output`](crate::Error::Output).
+/// [`Error::Output`](tessuto_core::Error::Output).
 pub fn write_material(folder: &Path, appearance: &Appearance) -> Result<()> {
     let material = appearance.maps();
     let (width, height) = (material.width, material.height);

@@ -16,9 +16,9 @@ pub use record::Record;
 pub use table::{Table, csv, tables, text};
 
 use crate::config::{Config, Preset};
-use crate::error::{Error, Result};
 use crate::metrics::Metrics;
 use crate::result::Folder;
+use tessuto_core::error::{Error, Result};
 
 /// A method: a preset, with changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

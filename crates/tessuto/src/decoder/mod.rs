@@ -10,9 +10,9 @@ mod network;
 
 use serde::{Deserialize, Serialize};
 
-use crate::math::rng::Rng;
 use blend::Blend;
 use network::{Graph, Network};
+use tessuto_core::math::rng::Rng;
 
 /// Channels of the maps: diffuse 3, roughness 1, metallic 1.
 pub const CHANNELS: usize = 5;
@@ -161,7 +161,7 @@ pub struct DecoderState {
     adam: Adam,
 }
 
-/// Adam in single precision (Kingma and Ba 2015, alg. 1). Not [`optim::Adam`](crate::optim::Adam): the weights are f32, a
+/// Adam in single precision (Kingma and Ba 2015, alg. 1). Not [`optim::Adam`](tessuto_core::optim::Adam): the weights are f32, a
 /// million of them, with decay rates of their own; its f64 would double what a checkpoint holds.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Adam {

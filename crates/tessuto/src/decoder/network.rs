@@ -6,7 +6,7 @@ use burn::tensor::ops::{ConvOptions, ConvTransposeOptions};
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::{CHANNELS, DecoderConfig};
-use crate::math::rng::Rng;
+use tessuto_core::math::rng::Rng;
 
 /// Slope of the rectifiers for negative values.
 const SLOPE: f64 = 0.2;

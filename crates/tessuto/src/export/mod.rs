@@ -22,10 +22,10 @@ mod usd_fabric;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
 use crate::io::atomic_write;
 use crate::output::{FolderKind, OutputFolder, manifest};
 pub use clip::{Clip, Material};
+use tessuto_core::error::{Error, Result};
 
 /// A kind of output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

@@ -1,7 +1,7 @@
 //! Point cache, version 2 of PC2: what Blender's Mesh Cache modifier and 3ds Max read.
 
 use super::Clip;
-use crate::mesh::Positions;
+use tessuto_core::mesh::Positions;
 
 /// Header and positions `[m]`, y up, frame after frame, little-endian. A cache has a sample in every frame: one that was left out
 /// lies on the straight line between its neighbours in time, before the first and after the last it is as these are.

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::Clip;
 use crate::io::obj;
-use crate::mesh::{Mesh, Positions};
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// Files of the OBJ sequence: meshes, material, image.
 pub(super) fn obj(clip: &Clip) -> Vec<(String, Vec<u8>)> {

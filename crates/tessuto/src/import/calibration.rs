@@ -1,8 +1,8 @@
 //! What is known of the camera before the size of the frames is: from options or a calibration file.
 
 use super::lens::Distortion;
-use crate::camera::Camera;
-use crate::error::{Error, Result};
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Result};
 
 /// Intrinsics of a lens, in pixels of images of `size`; the centre of pixel (column i, row j) is at (i, j).
 #[derive(Debug, Clone, PartialEq)]

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::calibration::Calibration;
 use super::{colmap, nerfstudio, opencv};
-use crate::error::{Error, Result};
 use crate::io::read_text;
+use tessuto_core::error::{Error, Result};
 
 /// Reads nerfstudio's transforms.json, COLMAP's cameras.txt (or the folder that holds it) or a calibration of
 /// OpenCV in YAML or JSON, told apart by their content. `camera_id` chooses one of several COLMAP cameras.

@@ -2,7 +2,7 @@
 
 use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Cameras that a message names at most.
 const LISTED: usize = 5;

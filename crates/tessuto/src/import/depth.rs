@@ -13,10 +13,10 @@ use serde_json::Value;
 
 use super::calibration::{Calibration, Focal};
 use super::{matrix, read_calibration};
-use crate::error::{Error, Result};
 use crate::io::depth::DepthMap;
 use crate::io::table::Table;
 use crate::io::{image, read_text};
+use tessuto_core::error::{Error, Result};
 
 /// Widths of the colour images that phones record with depth `[px]`.
 const WIDTHS: [usize; 9] = [640, 960, 1024, 1280, 1440, 1920, 2016, 3840, 4032];

@@ -5,9 +5,9 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::video::{Reading, Video};
-use crate::error::Result;
-use crate::image::Image;
 use crate::io::{expect_file, image};
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
 
 /// Most frames of a film that are held; of longer ones every second, fourth, … counts.
 const HELD: usize = 24;
@@ -18,7 +18,7 @@ const READ: usize = 600;
 /// whoever walks through is not seen.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) if it is neither.
+/// [`Error::Input`](tessuto_core::Error::Input) if it is neither.
 pub fn empty_place(path: &Path, ffmpeg: &Path) -> Result<Image> {
     expect_file(path)?;
     let is_image = path

@@ -8,8 +8,8 @@ use rayon::prelude::*;
 use super::stage::{Colours, Stage};
 use super::video::{Reading, Video};
 use super::{Settings, names, times};
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::{expect_file, image};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// The input, before anything of it is decoded.
 pub(super) struct Source {

@@ -3,8 +3,8 @@
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::camera::Camera;
-use crate::error::{Error, Result};
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Result};
 
 /// Distortion of Brown and Conrady, as OpenCV has it: a point (x, y) of the plane z = 1 is seen at
 ///

@@ -11,11 +11,11 @@ use super::names::name;
 use super::stage::{Colours, Stage};
 use super::video::Video;
 use super::{Masks, Settings, pairing};
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::image::Image;
 use crate::io::mask::{self, Reading};
 use crate::io::{expect_file, image};
-use crate::video::COVERED;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::image::Image;
+use tessuto_core::video::COVERED;
 
 /// Compression leaves traces of this size [fraction of white] in black and white.
 const TRACES: f32 = 0.1;

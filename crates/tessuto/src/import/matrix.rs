@@ -1,6 +1,6 @@
 //! Camera matrices of nine numbers, by rows or by columns.
 
-use crate::error::{Error, Result};
+use tessuto_core::error::{Error, Result};
 
 /// A last row or column is 0 0 1 within this.
 const EXACT: f64 = 1e-6;

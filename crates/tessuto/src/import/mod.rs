@@ -26,13 +26,13 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
-use crate::camera::Camera;
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::mask::Object;
 use crate::io::scene::write_manifest;
 use crate::io::{model, obj};
 use frames::Source;
 use stage::Stage;
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::read_calibration;

@@ -4,7 +4,7 @@ use std::cmp::Ordering;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 const ENDINGS: [&str; 3] = ["png", "jpg", "jpeg"];
 /// Images that other programs write and this one does not read.

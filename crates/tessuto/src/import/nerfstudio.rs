@@ -4,7 +4,7 @@ use serde_json::Value;
 
 use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
-use crate::error::{Error, Result};
+use tessuto_core::error::{Error, Result};
 
 const KEYS: [&str; 11] = ["fl_x", "fl_y", "cx", "cy", "w", "h", "k1", "k2", "k3", "p1", "p2"];
 

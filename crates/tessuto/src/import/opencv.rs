@@ -7,7 +7,7 @@ use yaml_rust2::{ScanError, Yaml, YamlLoader};
 use super::calibration::{Calibration, Focal};
 use super::lens::Distortion;
 use super::matrix;
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 const MATRIX: [&str; 10] = [
     "camera_matrix",

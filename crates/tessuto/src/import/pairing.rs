@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::frames::Kind;
 use super::names::{bare, list, name, numbers, twice};
 use super::times::are_times;
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Names in a message at most.
 const NAMED: usize = 5;

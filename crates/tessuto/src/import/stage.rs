@@ -10,11 +10,11 @@ use super::lens::Undistortion;
 use super::names::name;
 use super::video::Raw;
 use super::{Calibration, Masks, Settings};
-use crate::camera::Camera;
-use crate::error::{Error, Result};
-use crate::image::Image;
 use crate::io::{atomic_write, image};
 use crate::masks::keep_largest_piece;
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
 
 /// What all images go through.
 pub(super) struct Stage<'a> {

@@ -10,9 +10,9 @@ use serde_json::json;
 use super::frames::in_order;
 use super::video::{Raw, Reading, Video};
 use super::{Focal, camera_of};
-use crate::camera::Rect;
-use crate::error::{Error, Result};
 use crate::io::{atomic_write, image, jpeg};
+use tessuto_core::camera::Rect;
+use tessuto_core::error::{Error, Result};
 
 /// Quality of frames that are made smaller, in percent.
 const QUALITY: u8 = 82;

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::scene::TemplateRecord;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Files of a scene that outlive its being imported anew.
 pub const CARRIED_OVER: [&str; 2] = ["template.obj", TemplateRecord::NAME];

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::names::{Parts, alike, changing, gap};
-use crate::error::Result;
+use tessuto_core::error::Result;
 
 /// A pause of so many usual ones is a gap.
 const GAP: f64 = 1.6;
@@ -28,7 +28,7 @@ pub(super) struct Times {
 /// Orders `images` by the times in their names, if that is what their numbers are, and tells the frame rate.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) of a gap, unless `allow_gaps`.
+/// [`Error::Input`](tessuto_core::Error::Input) of a gap, unless `allow_gaps`.
 pub(super) fn order(
     images: &mut [PathBuf],
     folder: &Path,

@@ -5,8 +5,8 @@ use std::path::Path;
 use tessuto_video::rate::{Course, Late, Pace, nearest, pace};
 use tessuto_video::{Fields, Film, Frames, Options, Refusal, Stream as Said, Transfer};
 
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image::{MAX_BYTES, MAX_SIDE};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// A rate so close to that of the film `[fraction]` is the same but for rounding: 30 instead of 29.97.
 const SAME: f64 = 0.002;

@@ -6,7 +6,7 @@ use ::image::{DynamicImage, ImageFormat};
 
 use super::depth_unit::Unit;
 use super::{exr_depth, hdr, image, npy, read_bounded};
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Largest file read `[bytes]`.
 const MAX_BYTES: u64 = 1 << 30;
@@ -146,7 +146,7 @@ mod tests {
         let metres: Vec<f32> = mm.iter().map(|v| f32::from(*v) / 1000.0).collect();
         npy::write(&at("b.npy"), &[4, 5], &metres).unwrap();
         let data = metres.iter().flat_map(|v| [*v; 3]).collect();
-        hdr::write_exr(&at("c.exr"), &crate::image::Image { width: 5, height: 4, channels: 3, data })
+        hdr::write_exr(&at("c.exr"), &tessuto_core::image::Image { width: 5, height: 4, channels: 3, data })
             .unwrap();
         for name in ["a.png", "b.npy", "c.exr"] {
             let map = DepthMap::read(&at(name), None).unwrap();
@@ -156,7 +156,7 @@ mod tests {
         // Metres where millimetres belong, and images that are none.
         npy::write(&at("d.npy"), &[4, 5], &metres.iter().map(|v| v * 1000.0).collect::<Vec<f32>>()).unwrap();
         assert!(DepthMap::read(&at("d.npy"), None).unwrap_err().to_string().contains("the unit is another"));
-        image::write_png(&at("e.png"), &crate::image::Image::new(5, 4, 3)).unwrap();
+        image::write_png(&at("e.png"), &tessuto_core::image::Image::new(5, 4, 3)).unwrap();
         assert!(
             DepthMap::read(&at("e.png"), None).unwrap_err().to_string().contains("no depth map of 16 bits")
         );

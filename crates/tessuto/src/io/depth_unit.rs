@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use crate::mesh::diagonal;
+use tessuto_core::mesh::diagonal;
 
 /// Units of common sensors and data sets `[m]`.
 const COMMON: [(f64, &str); 6] = [

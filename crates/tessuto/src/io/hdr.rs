@@ -6,10 +6,10 @@ use std::path::Path;
 
 use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat};
 
-use crate::error::{Error, Result};
-use crate::image::Image;
 use crate::io::image::decoder;
 use crate::io::{atomic_write, read_bounded};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
 
 /// Largest file, and largest decoded image `[bytes]`: 8192×4096 pixels of 4 floats have 512 MiB.
 const MAX_BYTES: u64 = 640 << 20;

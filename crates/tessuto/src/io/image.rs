@@ -11,10 +11,10 @@ use std::path::{Path, PathBuf};
 use ::image::metadata::Orientation;
 use ::image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, ImageResult, Limits};
 
-use crate::camera::Rect;
-use crate::error::{Error, Result};
-use crate::image::Image;
 use crate::io::{atomic_write, read_bounded};
+use tessuto_core::camera::Rect;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
 
 /// Largest width and height `[px]`.
 pub(crate) const MAX_SIDE: usize = 16_384;

@@ -4,7 +4,7 @@ use ::image::RgbImage;
 use ::image::codecs::jpeg::JpegEncoder;
 use ::image::imageops::{crop_imm, thumbnail};
 
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// Size `[px]` of `region` with sides of at most `side`, never enlarged.
 pub fn fitted(region: Rect, side: u32) -> [u32; 2] {

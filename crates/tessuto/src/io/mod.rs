@@ -21,7 +21,7 @@ pub use text::read_text;
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
+use tessuto_core::error::{Error, Result};
 
 /// Refuses pipes, devices and sockets, which cannot be read twice, or never end.
 pub(crate) fn expect_file(path: &Path) -> Result<()> {

@@ -6,10 +6,10 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::text::without_mark;
 use crate::io::{atomic_write, read_bounded};
-use crate::mesh::{Face, Mesh};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::mesh::{Face, Mesh};
 
 /// Most vertices, texture coordinates and faces read, each.
 const MAX_COUNT: usize = 5_000_000;

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use super::text::read_text;
-use crate::error::{Error, Result};
+use tessuto_core::error::{Error, Result};
 
 /// A row that is not empty.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::read_bounded;
-use crate::error::{Error, Result};
+use tessuto_core::error::{Error, Result};
 
 /// Largest text file `[bytes]`.
 const MAX_TEXT: u64 = 256 << 20;

@@ -89,7 +89,7 @@ fn stayed([x, y]: [f32; 2], distances: &[Field], flows: &[Flow]) -> Option<f32> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Rect;
+    use tessuto_core::camera::Rect;
 
     /// Marks of a square that moves by 2 px a frame to the left, and reaches beyond the drawn outline by a block that stands
     /// still or goes along.

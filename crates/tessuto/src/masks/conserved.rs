@@ -102,10 +102,10 @@ impl Extent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Rect;
     use crate::masks::flow::Flow;
     use crate::masks::plate::Plate;
     use crate::masks::region::Region;
+    use tessuto_core::camera::Rect;
 
     /// A square that moves by 2 px a frame, to whose mask something is added in frames 12 to 15.
     #[test]

@@ -252,7 +252,7 @@ impl Graph {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     /// Arcs and terminals of a graph.
     type Plain = (Vec<(usize, usize, i32)>, Vec<i32>);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::frames::{Colours, squared};
 use super::plate::Plate;
 use super::region::Field;
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// Standard deviation `[grey levels]` of colours around a sample of their surface; the noise is added.
 const KERNEL: f32 = 7.0;

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::{page, record};
-use crate::error::{Error, Result};
-use crate::image::Image;
 use crate::io::{atomic_write, image};
 use crate::output::manifest::{check_parts, record_or_begin};
 use crate::output::{FolderKind, OutputFolder};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
 
 /// The given plate, as it is kept.
 pub(super) const PLATE: &str = "plate.png";

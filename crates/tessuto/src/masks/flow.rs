@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::frames::Colours;
 use super::region::{Field, Region};
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// Windows are 2·RADIUS + 1 wide `[px]` at every level of the pyramid.
 const RADIUS: usize = 6;

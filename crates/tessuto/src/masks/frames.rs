@@ -5,9 +5,9 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::region::Region;
-use crate::error::{Error, Result};
 use crate::io::image;
 use crate::io::scene::ColourFiles;
+use tessuto_core::error::{Error, Result};
 
 /// Frames are shrunk until the fabric is about this large `[px]`, the square root of its area: outlines are found to a
 /// fraction of a pixel, and work grows with the square.

@@ -30,15 +30,15 @@ use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
-use crate::camera::Rect;
-use crate::error::Result;
-use crate::image::Image;
 use crate::io::mask::Object;
 use crate::io::scene::colour_files;
 use frames::Frames;
 pub use record::{Click, Frame, Record};
 use region::{Field, Region};
 use segment::Mark;
+use tessuto_core::camera::Rect;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
 use track::{Given, Tracked, track};
 
 /// What the masks are to be made from; what is not given is taken from the [`Record`] of an earlier time.
@@ -84,8 +84,8 @@ pub struct Made {
 /// that were changed since, are not replaced.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](crate::Error::Input) if the clip is none that masks can be made of,
-/// naming the frame; [`Error::Output`](crate::Error::Output).
+/// [`Error::Usage`](tessuto_core::Error::Usage) if nothing tells where the fabric is; [`Error::Input`](tessuto_core::Error::Input) if the clip is none that masks can be made of,
+/// naming the frame; [`Error::Output`](tessuto_core::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
     let (clip, origin) = (colour_files(folder)?, refuse::Origin::of(folder));
     let mut record = Record::read(folder)?.unwrap_or_else(Record::new);

@@ -7,8 +7,8 @@ use askama::Template;
 
 use super::record::Record;
 use super::region::Field;
-use crate::error::{Error, Result};
 use crate::io::scene::ColourFiles;
+use tessuto_core::error::{Error, Result};
 
 /// Name of the file.
 pub(super) const NAME: &str = "masks.html";
@@ -100,7 +100,7 @@ pub(super) fn outline(coverage: &Field, factor: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Rect;
+    use tessuto_core::camera::Rect;
 
     #[test]
     fn the_outline_of_one_pixel_is_a_diamond_around_it() {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::frames::{Colours, Frames};
 use super::region::{Field, index};
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// Frames whose colours are looked at for one pixel.
 const LOOKS: usize = 24;

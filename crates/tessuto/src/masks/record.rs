@@ -5,8 +5,8 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::judge::Judgement;
-use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_text};
+use tessuto_core::error::{Error, Result};
 
 /// Name of the file.
 pub(super) const NAME: &str = "masks.json";

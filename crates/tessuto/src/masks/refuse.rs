@@ -8,7 +8,7 @@ use super::record::Click;
 use super::region::Region;
 use super::steady::{movement, steadiness};
 use super::track::Tracked;
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// The fewest pixels of fabric.
 pub(super) const FEWEST: usize = 400;

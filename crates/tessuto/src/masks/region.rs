@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// A set of pixels; those outside of `rect` are not in it.
 #[derive(Debug, Clone, PartialEq)]
@@ -224,7 +224,7 @@ fn squared_distance(inside: &[bool], width: usize, target: bool) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn distances_are_those_of_the_plain_twin() {

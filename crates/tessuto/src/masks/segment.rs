@@ -126,7 +126,7 @@ fn signed(strength: i32, distance: f32) -> i32 {
 }
 
 /// Pixels of the rectangle around a click.
-fn certain(rect: crate::camera::Rect, mark: Mark) -> Vec<usize> {
+fn certain(rect: tessuto_core::camera::Rect, mark: Mark) -> Vec<usize> {
     let mut pixels = Vec::new();
     for y in rect.y0..rect.y1 {
         if (y as f32 - mark.at[1]).abs() > CERTAIN {

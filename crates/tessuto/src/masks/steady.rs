@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::flow::shift;
 use super::frames::Frames;
 use super::region::Region;
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// A pixel that differs by more `[grey levels]` shows something else.
 const ELSE: f32 = 24.0;

@@ -120,10 +120,10 @@ fn led(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Rect;
     use crate::masks::flow::Flow;
     use crate::masks::plate::Plate;
     use crate::masks::region::Region;
+    use tessuto_core::camera::Rect;
 
     /// Fractions that stand still, of a square that moves by 2 px a frame, with or without something behind it that is taken
     /// for a part of it.

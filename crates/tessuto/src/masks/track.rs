@@ -10,7 +10,7 @@ use super::frames::{Colours, Frames};
 use super::plate::Plate;
 use super::region::{Field, Region};
 use super::segment::{Mark, impose, segment};
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// Half width of the band in which the outline is looked for, inside and outside, as fractions of the fabric's size: of
 /// the outline that was drawn, once it has been found, from frame to frame, and each time all frames are gone through.

@@ -6,9 +6,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::similarity::{local_correlation, masked_psnr};
-use crate::image::Image;
-use crate::mesh::{Mesh, triangle_area};
-use crate::video::{COVERED, Frame};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::{Mesh, triangle_area};
+use tessuto_core::video::{COVERED, Frame};
 
 /// Normals of neighbouring triangles farther apart than this make a crease: cos 120°.
 const CREASE: f64 = -0.5;
@@ -210,7 +210,7 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
+    use tessuto_core::mesh::grid;
 
     /// A frame whose mask is columns `from..to` of a 20×10 image, all of it of one grey.
     fn columns(from: usize, to: usize, grey: f32) -> Frame {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::mesh::Positions;
+use tessuto_core::mesh::Positions;
 
 /// What is known of a scene's causes; keys that are not there are not known.
 #[derive(Debug, Clone, Default, Deserialize)]

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::boxes::{Bounds, BoxTree};
-use crate::math::rng::Rng;
-use crate::mesh::triangle_area;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::triangle_area;
 
 /// `count` points, uniform in area, on the surface of `triangles`. Positions `[count]`.
 ///

@@ -3,7 +3,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::{Camera, Viewpoint};
+use tessuto_core::camera::{Camera, Viewpoint};
 
 /// Depth difference δ `[m]`: mean |z_mesh − z| over the measured points whose pixel the mesh covers;
 /// None if it covers none.
@@ -90,9 +90,9 @@ fn draw(corners: [DVec3; 3], pixels: &[(i64, i64)], camera: &Camera, nearest: &m
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Pose;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
+    use tessuto_core::camera::Pose;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn a_world_moved_with_its_camera_has_the_same_depths() {

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::{Inputs, Metrics, chamfer, depth, published, surface, tracked};
-use crate::math::rng::Rng;
-use crate::mesh::Positions;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::Positions;
 
 /// Errors of `positions` `[m]`, shape `[V]`, against frame `index` of the truth, and those of its tracked points `[m]`.
 pub(super) fn measure(

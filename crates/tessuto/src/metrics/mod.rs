@@ -32,10 +32,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::camera::Viewpoint;
-use crate::error::Result;
-use crate::mesh::{Mesh, Motion};
-use crate::scene::{Scene, Truth};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::error::Result;
+use tessuto_core::mesh::{Mesh, Motion};
+use tessuto_core::scene::{Scene, Truth};
 
 /// What a motion is compared with.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! Images at another size.
 
-use crate::image::Image;
+use tessuto_core::image::Image;
 
 /// `image` at `width`×`height` `[px]` by cubic convolution (Keys 1981, a = −½); where it shrinks, the
 /// kernel is stretched by the same factor, so that nothing is skipped. Values stay in [0, 1].

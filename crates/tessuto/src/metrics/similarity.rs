@@ -1,6 +1,6 @@
 //! Image similarity: PSNR, SSIM and correlation.
 
-use crate::image::{Image, srgb};
+use tessuto_core::image::{Image, srgb};
 
 /// Peak signal-to-noise ratio `[dB]` of values in [0, 1]: −10 log10 mean (a − b)², at most 120.
 pub fn psnr(a: &[f32], b: &[f32]) -> f64 {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::scene::Tracks;
+use tessuto_core::scene::Tracks;
 
 /// Mean, 90 % quantile and largest of some distances `[m]`.
 #[derive(Debug, Clone, Copy, PartialEq)]

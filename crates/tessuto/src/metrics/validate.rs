@@ -5,9 +5,9 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::Inputs;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::mesh::Motion;
-use crate::scene::Tracks;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::mesh::Motion;
+use tessuto_core::scene::Tracks;
 
 /// Refuses a truth that does not belong to `motion`, is none or is none of the frames `range`.
 pub(super) fn validate(inputs: &Inputs, motion: &Motion, range: &Range<usize>) -> Result<()> {

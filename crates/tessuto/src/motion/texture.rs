@@ -5,15 +5,15 @@ use std::slice::from_ref;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::camera::Viewpoint;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::math::finite;
-use crate::mesh::Positions;
-use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::session::{Epoch, Session, named};
-use crate::settings::settings;
-use crate::video::Frame;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::math::finite;
+use tessuto_core::mesh::Positions;
+use tessuto_core::optim::{Adam, GradientClip};
+use tessuto_core::settings::settings;
+use tessuto_core::video::Frame;
 
 use super::rollout::losses::{LOSS_FLOOR, LossWeights, image_loss};
 
@@ -197,8 +197,8 @@ fn add_smoothness(texels: &[f64], size: usize, weight: f64, gradient: &mut [f64]
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn a_lookup_in_the_window_is_one_in_the_whole_map() {

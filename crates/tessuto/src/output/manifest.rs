@@ -10,9 +10,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::{atomic_write, read_text};
-use crate::text::hex;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::text::hex;
 
 /// Name of the file.
 pub(super) const NAME: &str = "manifest.json";

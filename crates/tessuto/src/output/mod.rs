@@ -11,9 +11,9 @@ pub mod manifest;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
 pub use manifest::FolderKind;
 use manifest::{Stranger, WORKING};
+use tessuto_core::error::{Error, Result};
 
 /// A folder under construction.
 #[derive(Debug)]

@@ -6,7 +6,7 @@ use super::gradient_sums::GradientSums;
 use super::material::CHANNELS;
 use super::shader::Numbers;
 use super::{RadianceEstimate, Shader, SurfacePoint};
-use crate::math::rng::mix32;
+use tessuto_core::math::rng::mix32;
 
 /// Parts into which points are divided, whatever the number of threads: each has sums of its own, which are then
 /// added in their order.

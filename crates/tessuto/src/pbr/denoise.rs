@@ -104,7 +104,7 @@ impl<'a> Gate<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     /// A plane in two halves, the right one far behind, with noise on the light.
     fn plane(width: usize) -> Vec<Option<Lit>> {

@@ -2,7 +2,9 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
+
+use tessuto_core::camera::Viewpoint;
 
 /// Radiance that arrives from each direction, constant within a texel. Texel (column i, row j) has its centre
 /// at lon = ((i + ½)/W − ½)·2π, lat = (½ − (j + ½)/H)·π, and the direction to the light is
@@ -46,10 +48,29 @@ impl EnvironmentMap {
         let edge = |j: usize| (PI * j as f64 / self.height as f64).cos();
         2.0 * PI / self.width as f64 * (edge(row) - edge(row + 1))
     }
+
+    /// The map in the frame of the camera of `view`, each texel the mean of four directions of the old one.
+    pub fn seen_from(&self, view: &Viewpoint) -> Self {
+        let turned = view.camera_from_world.map(|pose| pose.rotation).filter(|r| *r != DMat3::IDENTITY);
+        let Some(rotation) = turned else { return self.clone() };
+        let fine = Self::uniform(2 * self.width, 2 * self.height, [0.0; 3]);
+        let back = rotation.transpose();
+        let mut turned = Self::uniform(self.width, self.height, [0.0; 3]);
+        for row in 0..fine.height {
+            for column in 0..fine.width {
+                let from = self.texels[self.texel_of(back * fine.direction(column, row))];
+                let texel = &mut turned.texels[row / 2 * self.width + column / 2];
+                texel.iter_mut().zip(from).for_each(|(t, f)| *t += 0.25 * f);
+            }
+        }
+        turned
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use tessuto_core::camera::Camera;
+
     use super::*;
 
     #[test]
@@ -65,5 +86,26 @@ mod tests {
         assert!(e.direction(12, 4).x > 0.9, "the quarter to the right is +x");
         let total: f64 = (0..8).map(|row| 16.0 * e.solid_angle(row)).sum();
         assert!((total - 4.0 * PI).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_light_turns_with_the_camera() {
+        let mut map = EnvironmentMap::uniform(64, 32, [0.0; 3]);
+        let up = map.texel_of(-DVec3::Y + 1e-3 * DVec3::Z);
+        let right = map.texel_of(DVec3::X);
+        map.texels[up] = [7.0; 3];
+        map.texels[right] = [5.0; 3];
+        let camera = Camera { fx: 500.0, fy: 480.0, cx: 330.0, cy: 230.0, width: 640, height: 480 };
+        let motion = [vec![DVec3::new(-0.3, -0.2, 1.0), DVec3::new(0.3, 0.2, 1.0)]];
+        let view = Viewpoint::about(&motion, camera, 90f64.to_radians(), 0.0).unwrap();
+        let turned = map.seen_from(&view);
+        // From the left border, looking to the right: what was at the right is ahead.
+        let ahead = turned.texels[turned.texel_of(DVec3::new(0.05, 0.05, 1.0).normalize())];
+        let power = |e: &EnvironmentMap| -> f64 {
+            let rows = e.texels.chunks_exact(e.width).enumerate();
+            rows.map(|(r, t)| t.iter().map(|t| f64::from(t[0])).sum::<f64>() * e.solid_angle(r)).sum()
+        };
+        assert!(ahead[0] > 0.5, "{ahead:?}");
+        assert!((power(&turned) / power(&map) - 1.0).abs() < 0.3);
     }
 }

@@ -7,8 +7,8 @@ use wide::f32x8;
 use super::bvh::Bvh;
 use super::horizon::{Horizon, SECTORS, Sectors, horizon};
 use super::surface::SurfacePoint;
-use crate::camera::Viewpoint;
-use crate::mesh::{Mesh, Positions};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// One triangle in one frame, on the side that the camera sees.
 #[derive(Debug, Clone, Copy)]

@@ -6,7 +6,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 use super::{EnvironmentMap, Material, SurfacePoint};
-use crate::math::rng::Rng;
+use tessuto_core::math::rng::Rng;
 
 /// BRDF f(o, i) [1/sr] of `texel` = (diffuse `[3]`, roughness, metallic) for unit vectors to viewer and light and the
 /// unit normal. Formulas: [`super::brdf`].

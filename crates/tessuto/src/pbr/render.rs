@@ -5,12 +5,12 @@ use rayon::prelude::*;
 use super::denoise::{Lit, RADIUS, denoise};
 use super::shader::{LANES, Numbers};
 use super::{EnvironmentSampler, Geometry, Material, RadianceEstimate, Shader, visible_points};
-use crate::camera::Viewpoint;
-use crate::image::Image;
-use crate::image::srgb;
-use crate::math::rng::mix32;
-use crate::mesh::Positions;
 use crate::raster::{Rasterizer, Rendering};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::image::Image;
+use tessuto_core::image::srgb;
+use tessuto_core::math::rng::mix32;
+use tessuto_core::mesh::Positions;
 
 /// What an image shows.
 #[derive(Debug, Clone, Copy)]

@@ -7,7 +7,7 @@ use super::brdf::{Brdf, Eval};
 use super::gradient_sums::GradientSums;
 use super::material::Footprint;
 use super::{EnvironmentSampler, Geometry, Material, SurfacePoint};
-use crate::math::rng::mix32;
+use tessuto_core::math::rng::mix32;
 
 /// Directions in a bundle. Samples are taken in bundles of this many, each with one direction from the light and one
 /// from the BRDF.

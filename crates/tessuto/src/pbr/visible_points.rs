@@ -4,9 +4,9 @@ use glam::{DVec2, DVec3};
 
 use super::Geometry;
 use super::surface::{SurfacePoint, barycentrics};
-use crate::camera::Viewpoint;
-use crate::mesh::vertex_normals;
 use crate::raster::{Rasterizer, Rendering, Texture};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::vertex_normals;
 
 /// The points that those pixels of `view` see of frame `frame` of `geometry` with vertices at `positions` `[m]` for which
 /// `wanted` says so, with their pixel indices, in the order of rows.
@@ -61,9 +61,9 @@ mod tests {
     use std::slice::from_ref;
 
     use super::*;
-    use crate::camera::{Camera, Pose};
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
+    use tessuto_core::camera::{Camera, Pose};
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn a_cloth_moved_with_its_camera_is_seen_at_the_same_points() {

@@ -1,7 +1,7 @@
 //! Triangles sorted into fixed bands of rows, the units of parallel work.
 
 use super::projected::Projected;
-use crate::camera::Rect;
+use tessuto_core::camera::Rect;
 
 /// Rows per band. A band is always handled by one thread from its first row to its last, and results
 /// of bands are summed in their order, so that the number of threads changes nothing. 16 rows keep the

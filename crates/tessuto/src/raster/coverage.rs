@@ -4,10 +4,10 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::{Camera, Viewpoint};
-use crate::error::Repair;
-use crate::image::Image;
-use crate::mesh::Mesh;
+use tessuto_core::camera::{Camera, Viewpoint};
+use tessuto_core::error::Repair;
+use tessuto_core::image::Image;
+use tessuto_core::mesh::Mesh;
 
 /// A variant of the axes whose overlap is this much larger than the template's own is named.
 pub(crate) const VARIANT_GAIN: f64 = 0.2;
@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn a_grid_covers_the_expected_pixels() {
         // 0.4 m × 0.2 m at 1 m with 100 px focal length: columns 10..=50, rows 20..=40, edges included.
-        let mesh = crate::mesh::grid(5, 3, DVec2::new(0.4, 0.2), 1.0);
+        let mesh = tessuto_core::mesh::grid(5, 3, DVec2::new(0.4, 0.2), 1.0);
         let camera = Camera { fx: 100.0, fy: 100.0, cx: 30.0, cy: 30.0, width: 64, height: 64 };
         let covered = template_coverage(&mesh, &mesh.positions, camera);
         assert_eq!(covered.iter().filter(|c| **c).count(), 41 * 21);
@@ -153,7 +153,7 @@ mod tests {
 
     #[test]
     fn flipped_template_is_named() {
-        let mut mesh = crate::mesh::grid(5, 3, DVec2::new(0.2, 0.2), 1.0);
+        let mut mesh = tessuto_core::mesh::grid(5, 3, DVec2::new(0.2, 0.2), 1.0);
         mesh.positions.iter_mut().for_each(|p| *p += DVec3::new(0.05, 0.2, 0.0));
         let camera = Camera { fx: 100.0, fy: 100.0, cx: 32.0, cy: 32.0, width: 64, height: 64 };
         let covered = template_coverage(&mesh, &mesh.positions, camera);

@@ -33,8 +33,8 @@
 use glam::{DVec2, DVec3, Vec4};
 use rayon::prelude::*;
 
-use crate::camera::{Camera, Rect, Viewpoint};
-use crate::mesh::Mesh;
+use tessuto_core::camera::{Camera, Rect, Viewpoint};
+use tessuto_core::mesh::Mesh;
 
 mod adjacency;
 mod bins;

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::Camera;
+use tessuto_core::camera::Camera;
 
 /// Triangles that reach nearer than this `[m]` to the camera's plane are not drawn: rays through a
 /// triangle that crosses the plane z = 0 do not describe it.

@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3};
 
 use super::{NEAR, Rasterizer};
-use crate::camera::{Camera, Viewpoint};
+use tessuto_core::camera::{Camera, Viewpoint};
 
 /// Texture with f64 texels; see [`super::Texture`].
 #[derive(Debug, Clone)]

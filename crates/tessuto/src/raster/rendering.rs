@@ -3,8 +3,8 @@
 use super::bins::Bins;
 use super::blend::Blend;
 use super::projected::{Projected, Rays};
-use crate::camera::Rect;
-use crate::image::Image;
+use tessuto_core::camera::Rect;
+use tessuto_core::image::Image;
 
 /// Image of a mesh over black, [`render`](super::Rasterizer::render)'s result. Its memory is used
 /// again by the next rendering into it.

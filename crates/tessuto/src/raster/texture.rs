@@ -2,7 +2,7 @@
 
 use glam::{DVec2, Vec4};
 
-use crate::image::Image;
+use tessuto_core::image::Image;
 
 /// Image on the surface. Row 0 is v = 1: the point (u, v) lies at texel coordinates
 /// x = u·width − ½, y = (1 − v)·height − ½, whole numbers being texel centres. Outside the outermost

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::embed::base64;
-use crate::camera::{Camera, Rect};
-use crate::error::Result;
 use crate::io::jpeg;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::Result;
 
 /// Largest side `[px]` and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [
@@ -151,7 +151,7 @@ mod tests {
 
     /// Noise in a square whose left border is at column `x`, black around it.
     fn frame(x: u32) -> RgbImage {
-        let mut rng = crate::math::rng::Rng::new(u64::from(x), 0);
+        let mut rng = tessuto_core::math::rng::Rng::new(u64::from(x), 0);
         RgbImage::from_fn(400, 300, |i, j| {
             let inside = (x..x + 100).contains(&i) && (50..150).contains(&j);
             let bright =

@@ -20,8 +20,8 @@ pub use film::Film;
 pub use images::{FrameImages, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
 
-use crate::camera::Camera;
 use crate::metrics::{Evaluation, FrameVerdict, Verdict};
+use tessuto_core::camera::Camera;
 
 /// Everything the page says.
 #[derive(Debug, Clone, Default)]

@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::causes::{CauseRow, CauseSpread, bar};
 use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart};
-use crate::error::Result;
 use crate::io;
 use crate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
+use tessuto_core::error::Result;
 
 /// Size `[bytes]` that the page keeps to by choosing the size of its images.
 pub const BUDGET: usize = 14 << 20;
@@ -124,7 +124,7 @@ fn significant(value: f64) -> String {
 /// Writes the page to `path`.
 ///
 /// # Errors
-/// [`Error::Output`](crate::Error::Output).
+/// [`Error::Output`](tessuto_core::Error::Output).
 pub fn write(path: &Path, data: &ReportData) -> Result<()> {
     io::atomic_write(path, render(data).as_bytes())
 }

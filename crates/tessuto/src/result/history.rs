@@ -6,8 +6,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::error::{Error, Result};
 use crate::session::Epoch;
+use tessuto_core::error::{Error, Result};
 
 /// The two kinds of columns.
 const LOSS: &str = "loss.";

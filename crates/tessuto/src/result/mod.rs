@@ -52,17 +52,17 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::appearance::{DIRECTION_ROWS, Seen, gather};
-use crate::camera::{Camera, Rect};
 use crate::config::{Config, DynamicsSettings};
-use crate::error::{Error, Result};
 use crate::io;
-use crate::mesh::Motion;
 use crate::metrics::{Evaluation, judge_frames};
 use crate::motion::causes::Explained;
 use crate::motion::parameters::{Parameters, StiffnessRange};
 use crate::reconstruct::Reconstruction;
-use crate::scene::Scene;
 use crate::sim::Model;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Motion;
+use tessuto_core::scene::Scene;
 
 /// Which run it was.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -7,10 +7,7 @@ use rayon::prelude::*;
 
 use super::UNCHANGED;
 use super::{Folder, cause_page, curves, light};
-use crate::camera::{Camera, Rect};
-use crate::error::{Error, Result};
 use crate::io::{self, jpeg};
-use crate::mesh::Positions;
 use crate::metrics::{self, Evaluation, Verdict};
 use crate::motion::parameters::Parameters;
 use crate::report::chart;
@@ -20,6 +17,9 @@ use crate::report::{
     CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
 };
 use crate::sim::cloth::AREA_DENSITY;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Positions;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;

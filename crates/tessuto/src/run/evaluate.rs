@@ -4,13 +4,13 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::appearance;
-use crate::error::{Error, Hint, Remedy, Result, Warning};
 use crate::io::npy;
 use crate::io::scene::{LoadOptions, Loaded, load};
-use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation, Inputs};
 use crate::result::{self, Folder};
 use crate::template::irregular::of_scene;
+use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
+use tessuto_core::mesh::Motion;
 
 use super::causes::compare_causes;
 

@@ -23,17 +23,17 @@ pub use observer::{Observer, Silent, Stage};
 
 use crate::check;
 use crate::config::{Config, Method};
-use crate::error::{Error, Result, Warning};
 use crate::export::{Clip, Format, export};
 use crate::io::scene::{LoadOptions, Loaded, load};
-use crate::mesh::Motion;
 use crate::metrics::{self, Evaluation};
 use crate::output::{FolderKind, OutputFolder};
 use crate::reconstruct::reconstruct;
 use crate::result::{self, Run, Summary};
-use crate::scene::Scene;
 use crate::session::{Checkpoints, Session, identity};
 use crate::template::irregular::of_scene;
+use tessuto_core::error::{Error, Result, Warning};
+use tessuto_core::mesh::Motion;
+use tessuto_core::scene::Scene;
 
 /// Stage that makes the pictures of the frames and measures them.
 const PICTURES: &str = "pictures";

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::{atomic_write, read_bounded};
-use crate::text::hex;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::text::hex;
 
 /// Says what the file is, and in which layout.
 const FORMAT: &str = "tessuto checkpoint 1";

@@ -2,9 +2,9 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::error::Result;
-use crate::scene::Scene;
-use crate::text::hex;
+use tessuto_core::error::Result;
+use tessuto_core::scene::Scene;
+use tessuto_core::text::hex;
 
 /// SHA-256 of everything that is computed with: `settings` as text, the camera, the template and all pixels.
 ///

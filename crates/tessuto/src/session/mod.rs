@@ -18,8 +18,8 @@ pub use checkpoint::{Checkpoints, Found};
 pub use epoch::{Epoch, Name, named};
 pub use identity::identity;
 
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::mesh::Positions;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::mesh::Positions;
 
 /// Name of the part of a checkpoint that holds the steps so far.
 const HISTORY: &str = "history";

@@ -8,7 +8,7 @@
 use glam::DVec3;
 
 use super::cloth::{AREA_DENSITY, Cloth};
-use crate::mesh::Positions;
+use tessuto_core::mesh::Positions;
 
 /// Density of air [kg/m³].
 const DENSITY: f64 = 1.2;
@@ -85,9 +85,9 @@ impl<'a> Air<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn a_flat_sheet_feels_the_wind_across_it_alone() {

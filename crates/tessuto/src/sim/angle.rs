@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::math::scalar::{Scalar, Vector, dot, scale, subtract};
-use crate::math::{hyper_dual, outer};
+use tessuto_core::math::scalar::{Scalar, Vector, dot, scale, subtract};
+use tessuto_core::math::{hyper_dual, outer};
 
 /// Keeps the derivative of arccos finite: angles run from arccos(1 − ε) = 8.1° to 171.9°.
 const EPSILON: f64 = 0.01;
@@ -197,7 +197,7 @@ fn gauss_newton(f: &Frame, stiffness: f64) -> Hessian {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     /// dᵀ H d for d = (du, dw).
     fn form(h: &Hessian, du: DVec3, dw: DVec3) -> f64 {

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use super::continuum::Continuum;
 use super::stiffness::{Energy, HessianKind, Stiffness};
 use super::{angle, lattice::Lattice, stretch};
-use crate::math::block_matrix::{BlockMatrix, BlockPattern, Columns};
-use crate::math::factor::Analysis;
-use crate::mesh::{Mesh, triangle_area};
+use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns};
+use tessuto_core::math::factor::Analysis;
+use tessuto_core::mesh::{Mesh, triangle_area};
 
 /// Area density ρ [kg/m²]. Only force per mass can be seen in a video, so its value sets a scale only.
 pub const AREA_DENSITY: f64 = 0.1;

@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::hinge::{self, Bent, Hinge};
 use super::membrane::{self, Coefficients, Membrane, Strained, by_corners};
 use super::stiffness::{Energy, HessianKind, Stiffness};
-use crate::math::block_matrix::{BlockMatrix, BlockPattern, Columns, Place};
-use crate::math::lanes::{LANES, Lanes, each_matrix, each_vector, gather, in_lanes};
-use crate::math::scalar::{Matrix, Real, Vector, scale as scaled};
+use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns, Place};
+use tessuto_core::math::lanes::{LANES, Lanes, each_matrix, each_vector, gather, in_lanes};
+use tessuto_core::math::scalar::{Matrix, Real, Vector, scale as scaled};
 
 /// Elements of one parallel task; fewer cost more to hand over than to do.
 const TASK: usize = 500;
@@ -250,9 +250,9 @@ mod tests {
     use glam::{DMat3, DVec2};
 
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
     use crate::sim::{Cloth, Fabric};
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn four_elements_at_a_time_are_as_one_by_one() {

@@ -12,9 +12,9 @@ use super::continuum::Continuum;
 use super::hinge::Hinge;
 use super::membrane::{Coefficients, Membrane};
 use super::stiffness::Stiffness;
-use crate::math::block_matrix::BlockPattern;
-use crate::math::factor::Analysis;
-use crate::mesh::Mesh;
+use tessuto_core::math::block_matrix::BlockPattern;
+use tessuto_core::math::factor::Analysis;
+use tessuto_core::mesh::Mesh;
 
 /// Elastic properties of a homogeneous fabric.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::cloth::Cloth;
-use crate::mesh::{Mesh, SEAM, vertex_uvs};
+use tessuto_core::mesh::{Mesh, SEAM, vertex_uvs};
 
 /// The panel is believed where lengths measured in it are off by less than this, root mean square relative to the template's.
 const BELIEVED: f64 = 0.1;

@@ -75,8 +75,8 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn friction_is_the_moment_against_the_change_of_angles() {

@@ -19,9 +19,9 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::math::hyper_dual;
-use crate::math::lanes::{LANES, Lanes, gather, vectors};
-use crate::math::scalar::{
+use tessuto_core::math::hyper_dual;
+use tessuto_core::math::lanes::{LANES, Lanes, gather, vectors};
+use tessuto_core::math::scalar::{
     Matrix, Real, Scalar, TINY, Vector, add, cross, dot, form, negated, negative, outer, scale, scaled,
     subtract, sum, transposed,
 };

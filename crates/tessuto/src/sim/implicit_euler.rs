@@ -12,12 +12,12 @@ use glam::DVec3;
 use super::cloth::Cloth;
 use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
 use super::stiffness::{HessianKind, Stiffness};
-use crate::error::{Error, Result};
-use crate::math::block_matrix::BlockMatrix;
-use crate::math::conjugate_gradients::{End, Measure, conjugate_gradients};
-use crate::math::dot;
-use crate::math::factor::{Factor, Scratch};
-use crate::mesh::Positions;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::math::block_matrix::BlockMatrix;
+use tessuto_core::math::conjugate_gradients::{End, Measure, conjugate_gradients};
+use tessuto_core::math::dot;
+use tessuto_core::math::factor::{Factor, Scratch};
+use tessuto_core::mesh::Positions;
 
 /// Fraction of the decrease promised by the slope that a step must reach (Armijo).
 const SUFFICIENT_DECREASE: f64 = 1e-4;
@@ -312,9 +312,9 @@ fn solve_near(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
     use crate::sim::{Fabric, Integrator};
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     const FABRIC: Fabric = Fabric { warp: 300.0, weft: 200.0, poisson: 0.2, shear: 20.0, bend: 1e-5 };
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::mesh::{Mesh, boundary_edges};
+use tessuto_core::mesh::{Mesh, boundary_edges};
 
 /// Fewest vertices along either side.
 const SHORTEST: usize = 3;
@@ -76,8 +76,8 @@ impl Lattice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Face, grid};
     use glam::DVec2;
+    use tessuto_core::mesh::{Face, grid};
 
     #[test]
     fn a_shuffled_grid_is_found() {

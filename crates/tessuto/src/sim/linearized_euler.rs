@@ -10,8 +10,8 @@ use glam::DVec3;
 use super::cloth::Cloth;
 use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
 use super::stiffness::{HessianKind, Stiffness};
-use crate::error::{Error, Result};
-use crate::math::factor::{Factor, Scratch};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::math::factor::{Factor, Scratch};
 
 /// One step; see the module for the formulas and [`super::step::step`] for the arguments.
 pub fn step(

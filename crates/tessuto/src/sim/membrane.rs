@@ -12,9 +12,9 @@
 
 use glam::{DMat2, DVec2, DVec3};
 
-use crate::math::hyper_dual;
-use crate::math::lanes::{LANES, Lanes, gather, vectors};
-use crate::math::scalar::{
+use tessuto_core::math::hyper_dual;
+use tessuto_core::math::lanes::{LANES, Lanes, gather, vectors};
+use tessuto_core::math::scalar::{
     Matrix, Real, Scalar, TINY, Vector, add, diagonal, dot, negated, negative, outer, scale, scaled,
     subtract, sum, transposed,
 };
@@ -257,7 +257,7 @@ fn tension<T: Real>([s11, s22, s12]: [T; 3]) -> [T; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn tension_is_the_nearest_matrix_without_pressure() {

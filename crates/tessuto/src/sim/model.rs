@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::cloth::Cloth;
 use super::fabric::Fabric;
 use super::stiffness::Stiffness;
-use crate::mesh::Mesh;
+use tessuto_core::mesh::Mesh;
 
 /// How the cloth resists.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]

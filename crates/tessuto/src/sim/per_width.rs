@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::angle::angle;
 use super::cloth::{AREA_DENSITY, Cloth, arms};
 use super::flat::panel;
-use crate::mesh::{Mesh, Positions};
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// An edge or pair lies along a direction if it leaves it by less than this part of its length.
 const ALONG: f64 = 0.5;
@@ -114,10 +114,10 @@ fn angle_of(secant: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::factor::Scratch;
-    use crate::mesh::grid;
     use crate::sim::{Integrator, State, StepSettings, Stiffness, TiedCloth};
     use glam::DVec2;
+    use tessuto_core::math::factor::Scratch;
+    use tessuto_core::mesh::grid;
 
     const K: [f64; 3] = [80.0, 2e-3, 3e-4];
 

@@ -7,9 +7,9 @@ use super::state::{State, StepGradients, StepSettings, StepTape};
 use super::step::{step, step_vjp};
 use super::stiffness::Stiffness;
 use super::wind::{add_wind, add_wind_vjp};
-use crate::error::Result;
-use crate::math::factor::Scratch;
-use crate::mesh::Positions;
+use tessuto_core::error::Result;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::mesh::Positions;
 
 /// Factors are kept for the adjoint while they fit into this many bytes; beyond, they are made again.
 const FACTOR_MEMORY: usize = 700 << 20;
@@ -68,7 +68,7 @@ pub struct Rollout {
 /// Simulates `frame_count` frames of `substeps` sub-steps each.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] from the integrator, with the frame.
+/// [`tessuto_core::Error::Numerical`] from the integrator, with the frame.
 pub fn rollout(
     cloth: &Cloth,
     settings: &StepSettings,
@@ -192,10 +192,10 @@ impl Accelerations {
     }
 }
 
-fn at_frame(error: crate::Error, frame: usize) -> crate::Error {
+fn at_frame(error: tessuto_core::Error, frame: usize) -> tessuto_core::Error {
     match error {
-        crate::Error::Numerical { place, problem, hint } => {
-            crate::Error::numerical(format!("frame {frame}, {place}"), problem, hint)
+        tessuto_core::Error::Numerical { place, problem, hint } => {
+            tessuto_core::Error::numerical(format!("frame {frame}, {place}"), problem, hint)
         }
         other => other,
     }

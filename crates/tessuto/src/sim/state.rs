@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::cloth::Cloth;
 use super::stiffness::Stiffness;
-use crate::error::{Error, Result};
-use crate::math::factor::{Factor, Scratch};
-use crate::mesh::Positions;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::math::factor::{Factor, Scratch};
+use tessuto_core::mesh::Positions;
 
 /// Time integrator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

@@ -6,13 +6,13 @@ use super::cloth::Cloth;
 use super::state::{Integrator, State, StepGradients, StepSettings, StepTape};
 use super::stiffness::Stiffness;
 use super::{implicit_euler, linearized_euler, surrogate};
-use crate::error::Result;
-use crate::math::factor::Scratch;
+use tessuto_core::error::Result;
+use tessuto_core::math::factor::Scratch;
 
 /// Takes one sub-step under external `acceleration` [m/s²], shape `[V]`.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] if the result is not finite; [`crate::Error::Input`] if the integrator cannot take the cloth.
+/// [`tessuto_core::Error::Numerical`] if the result is not finite; [`tessuto_core::Error::Input`] if the integrator cannot take the cloth.
 pub fn step(
     cloth: &Cloth,
     settings: &StepSettings,

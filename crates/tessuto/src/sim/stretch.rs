@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::math::scalar::{Scalar, Vector, dot, scale};
-use crate::math::{hyper_dual, outer};
+use tessuto_core::math::scalar::{Scalar, Vector, dot, scale};
+use tessuto_core::math::{hyper_dual, outer};
 
 /// Lengths below this `[m]` are taken as this, so that directions stay finite.
 const LENGTH_FLOOR: f64 = 1e-9;

@@ -11,9 +11,9 @@ use super::cloth::Cloth;
 use super::state::{State, StepSettings, StepTape};
 use super::step::step;
 use super::stiffness::Stiffness;
-use crate::error::Result;
-use crate::math::factor::Scratch;
-use crate::mesh::Positions;
+use tessuto_core::error::Result;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::mesh::Positions;
 
 /// A cloth with tied vertices, ready for steps of one length.
 #[derive(Debug)]
@@ -43,7 +43,7 @@ impl TiedCloth {
     /// [`step`] under external `acceleration` [m/s²] with the vertices tied to `targets` `[m]`, shape `[V]` each.
     ///
     /// # Errors
-    /// [`crate::Error::Numerical`] if the result is not finite.
+    /// [`tessuto_core::Error::Numerical`] if the result is not finite.
     pub fn step(
         &self,
         stiffness: &Stiffness,
@@ -69,9 +69,9 @@ impl TiedCloth {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use crate::sim::Integrator;
     use glam::DVec2;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn held_vertices_stay_and_the_rest_hangs_from_them() {

@@ -10,7 +10,7 @@ use glam::DVec3;
 
 use super::cloth::Cloth;
 use super::state::State;
-use crate::mesh::Positions;
+use tessuto_core::mesh::Positions;
 
 /// Density of air [kg/m³].
 const DENSITY: f64 = 1.2;
@@ -68,11 +68,11 @@ pub(super) fn add_wind_vjp(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
-    use crate::math::{dot, flat, vectors};
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::math::{dot, flat, vectors};
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn a_flat_sheet_feels_the_pressure_on_its_area() {
@@ -102,7 +102,7 @@ mod tests {
         let zeros = || vec![DVec3::ZERO; 20];
         let (mut by_x, mut by_v) = (zeros(), zeros());
         let by_wind = add_wind_vjp(&cloth, &state, wind, &grad, [&mut by_x, &mut by_v]);
-        let report = |name: &str, worst: crate::math::gradient_check::Worst| {
+        let report = |name: &str, worst: tessuto_core::math::gradient_check::Worst| {
             println!("{name}: {worst:?}");
             assert!(worst.relative_error < 1e-6 && worst.analytic.abs() > 1e-3, "{name}: {worst:?}");
         };

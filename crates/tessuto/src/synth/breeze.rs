@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::DVec3;
 
-use crate::math::rng::Rng;
+use tessuto_core::math::rng::Rng;
 
 /// Drag coefficient of the sheet.
 pub const DRAG: f64 = 1.1;

@@ -7,9 +7,9 @@ use super::gust::{Hanging, Otherwise, swing};
 use super::lattice::lattice;
 use super::settings::Settings;
 use super::sheet;
-use crate::error::Result;
-use crate::mesh::Positions;
 use crate::sim::cloth::AREA_DENSITY;
+use tessuto_core::error::Result;
+use tessuto_core::mesh::Positions;
 
 /// Frames after the clip in which the air is still and the hands stay.
 const CALM: usize = 20;
@@ -50,7 +50,7 @@ pub struct Futures {
 /// What would have come otherwise.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] from the simulation.
+/// [`tessuto_core::Error::Numerical`] from the simulation.
 pub fn futures(settings: &Settings) -> Result<Futures> {
     let sharp = Settings { blur: 0.0, ..settings.clone() };
     let calm = swing(&sharp, Otherwise { bend: 1.0, calm: CALM })?;

@@ -11,12 +11,12 @@ use super::lattice::{MeshKind, lattice};
 use super::settings::{Mover, Settings};
 use super::sheet::{self, GRAVITY, SIZE, SLACK, Tilt};
 use super::trajectory::{Clock, STEP, Trajectory};
-use crate::error::Result;
-use crate::math::factor::Scratch;
-use crate::math::rng::Rng;
-use crate::mesh::{Mesh, Positions};
 use crate::sim::air::Air;
 use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness, TiedCloth};
+use tessuto_core::error::Result;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// Stiffness of the springs that hold the pinned vertices [N/m].
 const PIN: f64 = 1e4;
@@ -46,7 +46,7 @@ impl Otherwise {
 /// The cloth and its motion: in the wind alone, or also carried by hands.
 ///
 /// # Errors
-/// [`crate::Error::Numerical`] from the simulation.
+/// [`tessuto_core::Error::Numerical`] from the simulation.
 pub fn simulate(settings: &Settings) -> Result<Trajectory> {
     swing(settings, Otherwise::NOTHING)
 }

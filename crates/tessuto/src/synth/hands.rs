@@ -6,8 +6,8 @@ use glam::{DQuat, DVec2, DVec3};
 
 use super::settings::{Mover, Settings};
 use super::sheet::{self, Tilt};
-use crate::math::rng::Rng;
-use crate::mesh::Mesh;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::Mesh;
 
 /// Fastest that a hand moves [m/s].
 const TOP_SPEED: f64 = 1.0;

@@ -2,8 +2,8 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::math::rng::Rng;
-use crate::mesh::{Face, Mesh, grid};
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::{Face, Mesh, grid};
 
 /// How the cloth is divided into faces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

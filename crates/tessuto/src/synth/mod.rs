@@ -22,16 +22,16 @@ use std::path::PathBuf;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::camera::Rect;
-use crate::error::Result;
-use crate::mesh::{Mesh, Motion, Positions};
 use crate::raster::{Rasterizer, Rendering, Texture};
-use crate::scene::{Scene, Truth};
-use crate::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use occluder::{Behind, Occluder};
 pub use settings::{Mover, Settings};
 pub use sheet::SIZE as SHEET;
 pub use surroundings::filmed;
+use tessuto_core::camera::Rect;
+use tessuto_core::error::Result;
+use tessuto_core::mesh::{Mesh, Motion, Positions};
+use tessuto_core::scene::{Scene, Truth};
+use tessuto_core::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use trajectory::Trajectory;
 use view::{Studio, View, exposed};
 
@@ -43,7 +43,7 @@ const MOST_SHAPES: usize = 33;
 /// Makes a scene in memory, its truth included. The same settings make the same scene.
 ///
 /// # Errors
-/// [`Error::Usage`](crate::Error::Usage) for settings out of range; [`Error::Numerical`](crate::Error::Numerical) from the
+/// [`Error::Usage`](tessuto_core::Error::Usage) for settings out of range; [`Error::Numerical`](tessuto_core::Error::Numerical) from the
 /// simulation.
 pub fn make(settings: &Settings) -> Result<Scene> {
     scene(settings, |view| view.frame)

@@ -4,8 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::Camera;
-use crate::math::rng::Rng;
+use tessuto_core::camera::Camera;
+use tessuto_core::math::rng::Rng;
 
 /// Part of the sheet's area that one thing covers, from and to.
 const SHARE: [f64; 2] = [0.08, 0.12];

@@ -18,8 +18,8 @@ use super::lattice::lattice;
 use super::settings::{Mover, Settings};
 use super::sheet::{self, SIZE};
 use super::trajectory::{Clock, STEP, Trajectory};
-use crate::math::rng::Rng;
-use crate::mesh::Positions;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::Positions;
 
 /// Largest curvature at the sheet's middle [1/m].
 const CURVATURE: f64 = 6.5;
@@ -163,8 +163,8 @@ pub fn bend(settings: &Settings) -> Trajectory {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use crate::synth::lattice::MeshKind;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn it_starts_flat_and_keeps_its_lengths_but_for_the_chords_of_the_bend() {

@@ -1,7 +1,7 @@
 //! What a synthetic scene is made of.
 
-use crate::camera::Camera;
-use crate::error::{Error, Result};
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Result};
 
 use super::lattice::MeshKind;
 

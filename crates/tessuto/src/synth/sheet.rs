@@ -3,7 +3,7 @@
 use glam::{DQuat, DVec2, DVec3};
 
 use super::settings::Mover;
-use crate::math::rng::Rng;
+use tessuto_core::math::rng::Rng;
 
 /// Width and height `[m]`.
 pub const SIZE: DVec2 = DVec2::new(0.5, 0.5);

@@ -3,10 +3,10 @@
 use rayon::prelude::*;
 
 use super::texture::Lattice;
-use crate::error::Result;
-use crate::image::Image;
-use crate::math::rng::Rng;
-use crate::scene::Scene;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::scene::Scene;
 
 /// Standard deviation of the sensor's noise, sRGB in [0, 1]: that of a phone's video in a room.
 const NOISE: f32 = 0.012;

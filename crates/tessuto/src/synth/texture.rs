@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use crate::image::Image;
-use crate::math::rng::Rng;
+use tessuto_core::image::Image;
+use tessuto_core::math::rng::Rng;
 
 /// Colours of the motifs, sRGB.
 const INKS: [[f32; 3]; 8] = [

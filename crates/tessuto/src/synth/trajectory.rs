@@ -1,6 +1,6 @@
 //! A sheet's motion between the frames.
 
-use crate::mesh::{Mesh, Positions};
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// Longest time between two shapes `[s]`, and longest time step of a simulation.
 pub const STEP: f64 = 5e-3;
@@ -78,7 +78,7 @@ mod tests {
     use glam::{DVec2, DVec3};
 
     use super::*;
-    use crate::mesh::grid;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn frames_are_steps_and_between_them_it_is_linear() {

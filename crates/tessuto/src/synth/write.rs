@@ -6,9 +6,9 @@ use serde_json::json;
 
 use super::causes;
 use super::settings::{Mover, Settings};
-use crate::error::{Error, Result};
 use crate::io;
-use crate::scene::Scene;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::scene::Scene;
 
 /// Who wrote a scene, in the notes of its scene.json.
 const GENERATOR: &str = "tessuto synth";

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::mesh::Mesh;
+use tessuto_core::mesh::Mesh;
 
 /// What is done to a mesh, in this order: axes swapped, axes negated, scaled.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,8 +8,8 @@
 use glam::DVec2;
 
 use super::rectangle::{check_order, fit};
-use crate::camera::Camera;
-use crate::error::{Error, Result};
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Result};
 
 /// Focal lengths tried, in diagonals of the image: fields of view of 153° to 6° along it.
 const TRIED: [f64; 2] = [0.12, 10.0];
@@ -154,7 +154,7 @@ mod tests {
     use glam::{DMat3, DVec3, EulerRot};
 
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     const IMAGE: [usize; 2] = [1280, 720];
     const SIZE: DVec2 = DVec2::new(0.7, 0.5);

@@ -2,10 +2,10 @@
 
 use glam::DVec2;
 
-use crate::camera::Camera;
-use crate::error::{Error, Hint, Result};
-use crate::image::Image;
-use crate::mesh::Mesh;
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Hint, Result};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::Mesh;
 
 /// Nearer than this `[m]` no camera films cloth.
 pub(crate) const NEAREST: f64 = 0.1;

@@ -5,8 +5,8 @@
 use glam::{DVec2, DVec3};
 
 use super::outline::Outline;
-use crate::camera::Camera;
-use crate::mesh::Mesh;
+use tessuto_core::camera::Camera;
+use tessuto_core::mesh::Mesh;
 
 /// Moves the border of `mesh`, the grid of `columns`×`rows` vertices on the patch between `positions` `[m]` (upper left,
 /// upper right, lower right, lower left), onto the outline between `corners` `[px]`, where these are seen.
@@ -104,15 +104,15 @@ fn side(outline: &Outline, from: DVec2, to: DVec2, count: usize) -> Vec<DVec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Image;
     use crate::template::overlap_with_mask;
     use crate::template::rectangle::{locate, patch};
+    use tessuto_core::image::Image;
 
     #[test]
     fn a_sagging_side_is_followed() {
         let camera = Camera { fx: 700.0, fy: 700.0, cx: 319.5, cy: 239.5, width: 640, height: 480 };
         let size = DVec2::new(0.6, 0.5);
-        let mut truth = crate::mesh::grid(25, 21, size, 1.2);
+        let mut truth = tessuto_core::mesh::grid(25, 21, size, 1.2);
         for p in &mut truth.positions {
             // The upper side sags by 5 cm in its middle, the lower one not at all.
             p.y += 0.05 * (1.0 - (p.x / 0.3).powi(2)) * (0.25 - p.y) / 0.5;

@@ -6,11 +6,11 @@ use std::borrow::Cow;
 use glam::DVec2;
 
 use super::remesh::{Finder, Over, Place, parametrised, size};
-use crate::error::{Error, Result};
-use crate::math::delaunay::delaunay;
-use crate::math::rng::Rng;
-use crate::mesh::{Face, Mesh, Motion};
-use crate::scene::{Known, Scene, Truth};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::math::delaunay::delaunay;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::{Face, Mesh, Motion};
+use tessuto_core::scene::{Known, Scene, Truth};
 
 /// Fewest and most vertices.
 pub const VERTICES: [usize; 2] = [16, 4000];
@@ -136,7 +136,7 @@ fn spread(size: DVec2, count: usize) -> Vec<DVec2> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{boundary_edges, grid, pieces};
+    use tessuto_core::mesh::{boundary_edges, grid, pieces};
 
     fn sheet() -> Mesh {
         let mut mesh = grid(12, 9, DVec2::new(0.5, 0.4), 1.0);

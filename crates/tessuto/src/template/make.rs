@@ -11,11 +11,11 @@ use super::irregular::irregular;
 use super::outline::Outline;
 use super::rectangle::{locate, patch};
 use super::remesh::{Over, Resolution, remesh};
-use crate::camera::Camera;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::image::Image;
 use crate::io::model;
-use crate::mesh::{Mesh, diagonal, weld};
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::{Mesh, diagonal, weld};
 
 /// Where the corners of a rectangle are in the first frame.
 #[derive(Debug, Clone, Copy)]

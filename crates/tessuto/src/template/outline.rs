@@ -2,9 +2,9 @@
 
 use glam::DVec2;
 
-use crate::error::{Error, Result};
-use crate::image::Image;
 use crate::raster::coverage::fill_triangle;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
 
 /// Corners of the convex hull that are compared; more would only cost time.
 const HULL_CORNERS: usize = 48;

@@ -7,10 +7,10 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::camera::Camera;
-use crate::error::{Error, Result};
-use crate::math::minimise::{Model, Policy};
-use crate::mesh::{Mesh, grid};
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::math::minimise::{Model, Policy};
+use tessuto_core::mesh::{Mesh, grid};
 
 /// A rectangle whose corners are this near [fraction of its mean side] to those seen, root mean square, is rigid.
 const RIGID: f64 = 0.004;

@@ -4,10 +4,10 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::outline::widest_quad_indices;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::math::block_matrix::{BlockMatrix, BlockPattern};
-use crate::math::factor::{Analysis, Scratch};
-use crate::mesh::{Mesh, SEAM, edge_uses, grid, pieces, vertex_uvs};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern};
+use tessuto_core::math::factor::{Analysis, Scratch};
+use tessuto_core::mesh::{Mesh, SEAM, edge_uses, grid, pieces, vertex_uvs};
 
 /// Fraction of their bounding box that texture coordinates fill at least to be the grid's own.
 const FULL: f64 = 0.97;
@@ -397,12 +397,12 @@ fn nearest(q: DVec2, [a, b, c]: [DVec2; 3]) -> (f64, [f64; 3]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Face;
     use crate::metrics::surface::distances_squared;
+    use tessuto_core::mesh::Face;
 
     /// A wavy sheet of bad triangles: irregular vertices, diagonals at random.
     fn wavy(turn: f64) -> Mesh {
-        let mut rng = crate::math::rng::Rng::new(3, 0);
+        let mut rng = tessuto_core::math::rng::Rng::new(3, 0);
         let mut mesh = grid(41, 33, DVec2::new(0.5, 0.4), 1.0);
         for k in 0..mesh.positions.len() {
             let (c, r) = (k % 41, k / 41);

@@ -14,13 +14,13 @@ pub mod twin;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::math::rng::Rng;
-use crate::mesh::Positions;
-use crate::optim::Adam;
 use crate::sim::surrogate::network::{layers, weight_count};
 use crate::sim::surrogate::planes::Planes;
 use crate::sim::surrogate::{Descent, ITERATIONS};
 use pool::Subject;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::Positions;
+use tessuto_core::optim::Adam;
 
 /// Largest norm of a gradient.
 const LARGEST_GRADIENT: f64 = 1.0;

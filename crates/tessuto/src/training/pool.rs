@@ -4,9 +4,9 @@ use std::f64::consts::TAU;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use crate::math::rng::Rng;
-use crate::mesh::{Positions, grid};
 use crate::sim::{Cloth, State, Stiffness};
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::{Positions, grid};
 
 /// Rows and columns of the cloths.
 const SIZES: [[usize; 2]; 3] = [[25, 25], [20, 31], [32, 24]];

@@ -116,8 +116,8 @@ fn values(data: TensorData) -> Vec<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
     use crate::sim::surrogate::network::{Network, weight_count};
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn the_plain_network_is_the_same() {

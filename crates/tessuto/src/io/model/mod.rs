@@ -12,8 +12,8 @@ use glam::{DVec2, DVec3};
 
 use super::text::without_mark;
 use super::{obj, read_bounded};
-use crate::error::{Error, Result};
-use crate::mesh::{Face, Mesh, weld};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Face, Mesh, weld};
 
 /// Largest file `[bytes]`.
 const MAX_BYTES: u64 = 1 << 30;

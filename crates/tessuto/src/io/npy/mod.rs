@@ -6,9 +6,9 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use crate::error::{Error, Result};
 use crate::io::{atomic_write, read_bounded, zip};
-use crate::mesh::{Motion, Positions};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Motion, Positions};
 
 /// Largest file read `[bytes]`; 4 GiB is 10,000 frames of 17,000 vertices.
 const MAX_BYTES: u64 = 4 << 30;

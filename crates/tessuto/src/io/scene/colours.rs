@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use super::frames::ENDINGS;
 use super::listing::numbered;
 use super::manifest::Manifest;
-use crate::camera::Camera;
-use crate::error::Result;
+use tessuto_core::camera::Camera;
+use tessuto_core::error::Result;
 
 /// The files of the colour frames, and their camera.
 #[derive(Debug, Clone)]
@@ -22,7 +22,7 @@ pub struct ColourFiles {
 /// Lists the colour frames of the scene in `folder`.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input), as when the scene is loaded.
+/// [`Error::Input`](tessuto_core::Error::Input), as when the scene is loaded.
 pub fn colour_files(folder: &Path) -> Result<ColourFiles> {
     let manifest = Manifest::read(folder)?;
     let numbers = (0..manifest.n_frames, manifest.n_frames);

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use super::frames::{ENDINGS, of_scene};
 use super::listing::numbered;
 use super::manifest::Manifest;
-use crate::camera::Camera;
-use crate::error::Result;
-use crate::image::Image;
 use crate::io::{image, mask};
+use tessuto_core::camera::Camera;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
 
 /// Camera of the first frame, and its mask.
 #[derive(Debug, Clone)]
@@ -24,7 +24,7 @@ pub struct FirstFrame {
 /// Reads camera and first mask of the scene in `folder`.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input), as when the scene is loaded.
+/// [`Error::Input`](tessuto_core::Error::Input), as when the scene is loaded.
 pub fn first_frame(folder: &Path) -> Result<FirstFrame> {
     let manifest = Manifest::read(folder)?;
     let camera = manifest.camera();

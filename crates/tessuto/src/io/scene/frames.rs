@@ -11,12 +11,12 @@ use rayon::prelude::*;
 
 use super::listing::numbered;
 use super::manifest::Manifest;
-use crate::camera::Rect;
-use crate::error::{Error, Hint, Remedy, Result, Warning};
-use crate::image::Image;
 use crate::io::image::{self, ImageFile};
 use crate::io::mask::{self, Look, Reading};
-use crate::video::{COVERED, Frame, PIXEL_BYTES, Video};
+use tessuto_core::camera::Rect;
+use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
+use tessuto_core::image::Image;
+use tessuto_core::video::{COVERED, Frame, PIXEL_BYTES, Video};
 
 /// Most memory `[bytes]` that one frame may take.
 const MAX_FRAME_BYTES: usize = 1 << 30;

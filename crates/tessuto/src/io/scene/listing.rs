@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::inside;
-use crate::error::{Error, Hint, Remedy, Result, Warning};
+use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 
 /// The files `sub`/`prefix`N.`ending` for every N of `range`, any zero padding. A missing or twofold
 /// number is an error; files numbered `n_frames` or more give a warning.

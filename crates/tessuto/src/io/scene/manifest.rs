@@ -6,13 +6,13 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
-use crate::camera::{Camera, Rect};
-use crate::error::{Error, Hint, Remedy, Result};
 use crate::io::image::MAX_SIDE;
 use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
-use crate::scene::Known;
-use crate::text::edits;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::scene::Known;
+use tessuto_core::text::edits;
 
 const KNOWN: [&str; 14] = [
     "name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "gravity", "held",

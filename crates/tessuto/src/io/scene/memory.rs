@@ -6,11 +6,11 @@ use std::sync::Arc;
 use super::frames::{self, Source, Sources};
 use super::manifest::{Manifest, Units};
 use super::{Loaded, intrinsics_warnings, template};
-use crate::camera::{Camera, Rect};
-use crate::error::{Error, Result};
 use crate::io::image::{ImageFile, Samples};
-use crate::mesh::Mesh;
-use crate::scene::{Scene, Truth};
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Mesh;
+use tessuto_core::scene::{Scene, Truth};
 
 /// A video, its masks and what was filmed, in memory.
 #[derive(Debug, Clone)]

@@ -22,10 +22,6 @@ mod truth;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Hint, Remedy, Result, Warning};
-use crate::mesh::Mesh;
-use crate::scene::{Known, Scene};
-use crate::video::HELD_BYTES;
 pub use colours::{ColourFiles, colour_files};
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
@@ -33,6 +29,10 @@ pub use manifest::{replace_camera, write_manifest};
 pub use memory::{Recording, assemble};
 pub use record::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};
 pub use rectangle::{template_misfit, write_template};
+use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
+use tessuto_core::mesh::Mesh;
+use tessuto_core::scene::{Known, Scene};
+use tessuto_core::video::HELD_BYTES;
 
 /// A standard deviation of the focal length above this fraction is doubted.
 const CAMERA_DOUBTED: f64 = 0.1;

@@ -6,10 +6,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::{Error, Result};
 use crate::io::depth_unit::Unit;
 use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
+use tessuto_core::error::{Error, Result};
 
 /// What a template was made of.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

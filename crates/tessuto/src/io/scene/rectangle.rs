@@ -5,9 +5,9 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use crate::error::{Hint, Remedy, Result, Warning};
 use crate::io::{atomic_write, obj};
-use crate::mesh::Mesh;
+use tessuto_core::error::{Hint, Remedy, Result, Warning};
+use tessuto_core::mesh::Mesh;
 
 const BEFORE: &str = "# made of a rectangle, but no plane one has these corners: off by ";
 const AFTER: &str = " px";
@@ -18,7 +18,7 @@ const LONGEST: u64 = 256;
 /// the template was made of one that does not fit.
 ///
 /// # Errors
-/// [`Error::Output`](crate::Error::Output).
+/// [`Error::Output`](tessuto_core::Error::Output).
 pub fn write_template(path: &Path, mesh: &Mesh, misfit: Option<f64>) -> Result<()> {
     let comment = misfit.map_or_else(String::new, |off| format!("{BEFORE}{off:.1}{AFTER}\n"));
     atomic_write(path, (comment + &obj::encode(mesh, None)).as_bytes())
@@ -55,7 +55,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("template.obj");
         assert_eq!(template_misfit(&path), None);
-        let mesh = crate::mesh::grid(3, 4, glam::DVec2::ONE, 1.5);
+        let mesh = tessuto_core::mesh::grid(3, 4, glam::DVec2::ONE, 1.5);
         for misfit in [Some(6.8), None] {
             write_template(&path, &mesh, misfit).unwrap();
             assert_eq!(template_misfit(&path), misfit);

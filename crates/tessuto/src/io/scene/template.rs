@@ -7,12 +7,12 @@ use glam::DVec3;
 use super::inside;
 use super::manifest::{Manifest, Units};
 use super::rectangle;
-use crate::error::{Error, Hint, Remedy, Repair, Result, Warning};
-use crate::image::Image;
 use crate::io::obj;
-use crate::mesh::{Mesh, diagonal, edge_uses, pieces, pinched, triangle_area};
 use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
-use crate::scene::Scene;
+use tessuto_core::error::{Error, Hint, Remedy, Repair, Result, Warning};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::{Mesh, diagonal, edge_uses, pieces, pinched, triangle_area};
+use tessuto_core::scene::Scene;
 
 /// Sizes of cloth taken seriously: length of the bounding box's diagonal `[m]`.
 pub(crate) const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;

@@ -15,11 +15,11 @@ use glam::DVec3;
 
 use super::inside;
 use super::manifest::Manifest;
-use crate::error::{Error, Result};
 use crate::io::npy::{self, Array};
 use crate::io::{read_bounded, zip};
-use crate::mesh::Mesh;
-use crate::scene::Tracks;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Mesh;
+use tessuto_core::scene::Tracks;
 
 /// Largest file read `[bytes]`.
 const MAX_BYTES: u64 = 1 << 30;

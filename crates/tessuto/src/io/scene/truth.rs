@@ -9,10 +9,10 @@ use super::inside;
 use super::listing::some_numbered;
 use super::manifest::Manifest;
 use super::tracks;
-use crate::error::{Error, Result};
 use crate::io::npy;
-use crate::mesh::{Mesh, Motion, Positions};
-use crate::scene::Truth;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Mesh, Motion, Positions};
+use tessuto_core::scene::Truth;
 
 /// Reads the truth of the frames `range`, scaled to metres. Files that cannot be used add to `errors`.
 pub(crate) fn read(

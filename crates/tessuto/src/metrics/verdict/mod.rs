@@ -12,8 +12,8 @@ use serde::{Deserialize, Serialize};
 
 use self::criteria::CRITERIA;
 use super::agreement::FrameAgreement;
-use crate::error::{Hint, Remedy, Warning};
-use crate::mesh::Mesh;
+use tessuto_core::error::{Hint, Remedy, Warning};
+use tessuto_core::mesh::Mesh;
 
 /// How far a frame is to be trusted; the later, the worse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]

@@ -2,7 +2,7 @@ use super::*;
 
 /// A sheet of 0.5 m × 0.5 m.
 fn sheet() -> Mesh {
-    crate::mesh::grid(3, 3, glam::DVec2::splat(0.5), 1.0)
+    tessuto_core::mesh::grid(3, 3, glam::DVec2::splat(0.5), 1.0)
 }
 
 fn good(frame: usize) -> FrameAgreement {
@@ -130,7 +130,7 @@ fn plain_cloth_changed_light_and_things_in_front_are_no_fault() {
 #[test]
 fn uncertainty_is_measured_against_the_size_of_the_sheet() {
     let frame = [FrameAgreement { deviation: Some(0.02), ..good(0) }];
-    let large = crate::mesh::grid(3, 3, glam::DVec2::splat(2.0), 1.0);
+    let large = tessuto_core::mesh::grid(3, 3, glam::DVec2::splat(2.0), 1.0);
     let state = |mesh: &Mesh| judge_frames(&frame, mesh)[0].state;
     assert_eq!((state(&sheet()), state(&large)), (State::Doubtful, State::Found));
 }

@@ -8,10 +8,10 @@ use super::follow::lead_along;
 use super::guide::{Guide, Guided, guide_from};
 use super::parts::{air, held_ties};
 use super::task::HOLD;
-use crate::mesh::Positions;
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
 use crate::sim::{Cloth, State};
+use tessuto_core::mesh::Positions;
 
 /// How a motion shall go otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -206,11 +206,11 @@ impl<'a> Changes<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use crate::motion::causes::{Causes, Knots, Spread};
     use crate::motion::parameters::StiffnessRange;
     use crate::sim::{Integrator, Model, StepSettings};
     use glam::DVec2;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn what_was_missing_goes_on_after_the_clip_where_no_causes_are_told() {

@@ -11,14 +11,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::forces::{Causes, FIRST, GRAVITY, Knots, LENGTHS};
-use crate::error::Result;
-use crate::math::factor::Scratch;
-use crate::mesh::Positions;
 use crate::sim::air::Air;
 use crate::sim::implicit_euler::{hessian, step_near};
 use crate::sim::step::in_pool;
 use crate::sim::stretch;
 use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
+use tessuto_core::error::Result;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::mesh::Positions;
 
 /// Unknowns whose derivatives are solved for at a time: a solve is bound by reading the factor.
 const TOGETHER: usize = 8;
@@ -119,7 +119,7 @@ impl Drive<'_> {
     /// Simulates under `causes`, with derivatives if they are asked for; `near` are the positions of a similar run after every step.
     ///
     /// # Errors
-    /// [`crate::Error::Numerical`] from a step.
+    /// [`tessuto_core::Error::Numerical`] from a step.
     pub fn run(&self, causes: &Causes, with_tangents: bool, near: &[Positions]) -> Result<Trajectory> {
         in_pool(|| self.run_here(causes, with_tangents, near))
     }
@@ -318,9 +318,9 @@ impl Taken<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn tangents_are_differences_of_trajectories() {

@@ -4,11 +4,11 @@ use super::forces::{Causes, Spread};
 use super::search::{Attempt, Fit};
 use super::task::{COARSE, FINE, Sheet, Task};
 use super::{CauseSettings, DOUBTED, Explained, Explanation, Found, cut_cloth, follow, grips};
-use crate::camera::Viewpoint;
-use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::{Dynamics, Parameters};
-use crate::scene::Known;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_core::scene::Known;
 
 /// Iterations for everything that may hold the cloth.
 const TRIED: usize = 1;
@@ -220,11 +220,11 @@ mod tests {
     use super::super::held::held_vertices;
     use super::super::task::{HOLD, KNOWN_TILT, ways};
     use super::*;
-    use crate::camera::Camera;
-    use crate::mesh::grid;
     use crate::motion::parameters::StiffnessRange;
     use crate::sim::{Cloth, Integrator, StepSettings};
     use glam::{DVec2, DVec3};
+    use tessuto_core::camera::Camera;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn a_hanging_sheet_that_is_shaken_gives_back_its_causes() {

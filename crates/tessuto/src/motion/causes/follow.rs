@@ -11,10 +11,10 @@ use glam::DVec3;
 use super::guide::{Guide, Guided, guide};
 use super::parts::{air, held_ties};
 use super::{CauseSettings, Found, Parts};
-use crate::mesh::Positions;
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
 use crate::sim::{Cloth, State};
+use tessuto_core::mesh::Positions;
 
 /// Strength of the ties of held vertices [1/s²]: the whole weight that hangs from two corners takes them 0.1 mm from their paths.
 const HELD: f64 = 1e8;
@@ -131,11 +131,11 @@ fn tied_along(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::{Mesh, grid};
     use crate::motion::causes::{Causes, Knots, Spread};
     use crate::motion::parameters::StiffnessRange;
     use crate::sim::{Integrator, Model, StepSettings};
     use glam::DVec2;
+    use tessuto_core::mesh::{Mesh, grid};
 
     /// A sheet in folds that hangs from two corners.
     fn hanging() -> (Mesh, Cloth, Dynamics, Found) {

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::held::border_loop;
 use super::search::Attempt;
-use crate::mesh::Mesh;
+use tessuto_core::mesh::Mesh;
 
 /// Vertices that a hand holds beside its middle.
 const BESIDE: isize = 1;
@@ -192,8 +192,8 @@ fn held_by(border: &[usize], grips: &[Grip]) -> Vec<usize> {
 mod tests {
     use super::super::forces::Causes;
     use super::*;
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn grips_are_stretches_of_the_border() {

@@ -9,12 +9,12 @@
 use glam::DVec3;
 
 use super::lead::Lead;
-use crate::error::Error;
-use crate::math::factor::Scratch;
-use crate::mesh::Positions;
 use crate::motion::parameters::Dynamics;
 use crate::sim::step::step;
 use crate::sim::{Accelerations, Cloth, State, StepSettings, Stiffness, TiedCloth};
+use tessuto_core::error::Error;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::mesh::Positions;
 
 /// How far a tied step's solution may be off `[m]`: the pull is what the ties make of it.
 const ROUGH: f64 = 1e-6;
@@ -178,10 +178,10 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use crate::motion::inverse::accelerations::interpolated;
     use crate::sim::{Integrator, RolloutInputs, StepSettings, rollout};
     use glam::DVec2;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn the_forces_lead_along_the_tied_motion_and_stiff_ties_reach_the_targets() {

@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 
 use glam::{DVec2, DVec3};
 
-use crate::camera::Viewpoint;
-use crate::mesh::{Mesh, Positions};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// A vertex is still if it moves by less than this fraction of the median movement.
 const STILL: f64 = 0.2;
@@ -159,9 +159,9 @@ fn upper_corners(x: &[DVec3], border: &[usize], centre: DVec3, down: DVec3) -> V
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Camera, Pose};
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
+    use tessuto_core::camera::{Camera, Pose};
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     const CAMERA: Camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: 1, height: 1 };
 

@@ -10,10 +10,10 @@
 
 use glam::DVec3;
 
-use crate::math::factor::{Factor, Scratch};
-use crate::mesh::Positions;
 use crate::sim::stiffness::HessianKind;
 use crate::sim::{Cloth, State, Stiffness};
+use tessuto_core::math::factor::{Factor, Scratch};
+use tessuto_core::mesh::Positions;
 
 /// κ.
 const COMPLIANCE: f64 = 1000.0;
@@ -81,9 +81,9 @@ impl Lead<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::dot;
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::math::dot;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn the_pull_is_that_of_springs_but_where_the_sheet_is_stiff() {

@@ -1,6 +1,6 @@
 //! How long the edges are.
 
-use crate::mesh::{Mesh, Positions};
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// Of all frames, the fraction in which an edge is shorter than the length that counts.
 const QUANTILE: f64 = 0.9;
@@ -24,8 +24,8 @@ pub fn rest_lengths(template: &Mesh, found: &[Positions]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use glam::{DVec2, DVec3};
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn only_what_opens_for_long_is_longer() {

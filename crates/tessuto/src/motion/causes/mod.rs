@@ -44,10 +44,10 @@ pub use forces::{Causes, GRAVITY, Knots, Spread};
 pub use parts::Parts;
 pub use settings::CauseSettings;
 
-use crate::error::{Error, Warning};
-use crate::mesh::{Mesh, Positions};
 use crate::motion::parameters::Parameters;
 use crate::sim::Cloth;
+use tessuto_core::error::{Error, Warning};
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// A number is informed if its standard deviation is less than this fraction of what it was without the video.
 const INFORMED: f64 = 0.4;

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use super::drive::Trajectory;
 use super::forces::{Causes, FIRST, LENGTHS, Spread};
-use crate::camera::Viewpoint;
-use crate::mesh::Positions;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::Positions;
 
 /// Residuals beyond so many standard deviations count little.
 const TAIL: f64 = 3.0;
@@ -176,8 +176,8 @@ impl Prior {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::{Camera, Pose};
-    use crate::math::rng::Rng;
+    use tessuto_core::camera::{Camera, Pose};
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn gradients_are_differences_of_values() {

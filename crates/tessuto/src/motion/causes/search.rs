@@ -3,10 +3,10 @@
 use super::drive::{Drive, Trajectory};
 use super::forces::{Causes, Spread};
 use super::objective::{Data, Prior, System};
-use crate::error::Result;
-use crate::math::minimise::{Model, Policy};
-use crate::math::root::Root;
-use crate::mesh::Positions;
+use tessuto_core::error::Result;
+use tessuto_core::math::minimise::{Model, Policy};
+use tessuto_core::math::root::Root;
+use tessuto_core::mesh::Positions;
 
 /// Bounds of the drag coefficient, and of the internal friction [J·s/rad²].
 const DRAGS: [f64; 2] = [0.05, 20.0];
@@ -75,7 +75,7 @@ impl<'a> Search<'a> {
     /// Begins from `causes`; `near` are the positions after every step of a similar run.
     ///
     /// # Errors
-    /// [`crate::Error::Numerical`] where the cloth cannot be simulated with these.
+    /// [`tessuto_core::Error::Numerical`] where the cloth cannot be simulated with these.
     pub fn new(
         drive: &'a Drive<'a>,
         data: &'a Data<'a>,

@@ -1,6 +1,6 @@
 //! Settings of the search for causes.
 
-use crate::settings::settings;
+use tessuto_core::settings::settings;
 
 /// Resistance of an edge to shortening, as a fraction of that to lengthening: coarse edges shorten as the cloth wrinkles below them.
 pub const COMPRESSION: f64 = 0.05;

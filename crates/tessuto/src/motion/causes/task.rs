@@ -9,13 +9,13 @@ use super::lengths::rest_lengths;
 use super::objective::{Data, Prior};
 use super::search::Search;
 use super::{CauseSettings, Found, cut_cloth};
-use crate::camera::Viewpoint;
-use crate::mesh::{Mesh, Positions};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
-use crate::scene::Known;
 use crate::sim::cloth::Edge;
 use crate::sim::{Cloth, panel};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_core::scene::Known;
 
 /// Deviation of positions of which nothing better is known `[m]`.
 const UNKNOWN: f64 = 0.01;

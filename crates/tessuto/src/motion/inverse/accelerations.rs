@@ -10,12 +10,12 @@
 use glam::DVec3;
 
 use super::super::parameters::Dynamics;
-use crate::error::Error;
-use crate::math::factor::Scratch;
-use crate::mesh::Positions;
-use crate::settings::settings;
 use crate::sim::step::step;
 use crate::sim::{Accelerations, Cloth, State, Stiffness, TiedCloth};
+use tessuto_core::error::Error;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::mesh::Positions;
+use tessuto_core::settings::settings;
 
 settings! {
     /// Settings of the tied simulation.
@@ -106,9 +106,9 @@ fn mean_acceleration(cloth: &Cloth, targets: &[Positions], h: f64, damping: f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use crate::sim::{Integrator, RolloutInputs, StepSettings, rollout};
     use glam::DVec2;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn the_forces_lead_along_the_tied_motion_and_stiff_ties_reach_the_targets() {

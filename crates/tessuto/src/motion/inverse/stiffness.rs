@@ -13,9 +13,9 @@
 use glam::DVec3;
 
 use super::super::parameters::Dynamics;
-use crate::mesh::Positions;
-use crate::settings::settings;
 use crate::sim::{Cloth, Stiffness};
+use tessuto_core::mesh::Positions;
+use tessuto_core::settings::settings;
 
 settings! {
     /// Settings of the material fit.
@@ -78,7 +78,7 @@ fn gram(cloth: &Cloth, dynamics: &Dynamics, motion: &[Positions]) -> [[f64; 4]; 
         for i in 0..4 {
             sums[i] += fields[i].iter().copied().sum::<DVec3>();
             for j in 0..4 {
-                products[i][j] += crate::math::dot(&fields[i], &fields[j]);
+                products[i][j] += tessuto_core::math::dot(&fields[i], &fields[j]);
             }
         }
     }
@@ -108,10 +108,10 @@ fn golden_section(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use crate::motion::parameters::StiffnessRange;
     use crate::sim::{Accelerations, Integrator, RolloutInputs, State, StepSettings, rollout};
     use glam::DVec2;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn a_free_motion_gives_back_the_stiffnesses_that_made_it() {

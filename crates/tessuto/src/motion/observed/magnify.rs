@@ -3,8 +3,8 @@
 use image::imageops::{FilterType, resize};
 use image::{ImageBuffer, Rgba};
 
-use crate::image::Image;
-use crate::video::Frame;
+use tessuto_core::image::Image;
+use tessuto_core::video::Frame;
 
 /// Least coverage that colours are divided by.
 const LEAST_COVERAGE: f32 = 1e-3;
@@ -36,8 +36,8 @@ pub fn magnified(frame: &Frame, factor: usize) -> Frame {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
     use glam::DVec2;
+    use tessuto_core::camera::Camera;
 
     #[test]
     fn smooth_colours_stay_where_they_are() {

@@ -8,12 +8,12 @@ pub mod pyramid;
 pub mod samples;
 pub mod silhouette;
 
-use crate::camera::{Camera, Viewpoint};
-use crate::error::Result;
-use crate::scene::Scene;
 use magnify::magnified;
 use outline_distance::OutlineDistance;
 use pyramid::{Level, pyramid};
+use tessuto_core::camera::{Camera, Viewpoint};
+use tessuto_core::error::Result;
+use tessuto_core::scene::Scene;
 
 /// Most bytes that colours and what is computed from them may take, and that outlines may take.
 const COLOUR_MEMORY: usize = 3 << 30;

@@ -2,8 +2,8 @@
 
 use glam::DVec2;
 
-use crate::image::Image;
-use crate::video::COVERED;
+use tessuto_core::image::Image;
+use tessuto_core::video::COVERED;
 
 /// Signed distance `[px]` to the outline of a mask: positive on the fabric. Constant where there is no outline.
 #[derive(Debug, Clone)]
@@ -120,7 +120,7 @@ impl Hull {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn distance_agrees_with_brute_force() {

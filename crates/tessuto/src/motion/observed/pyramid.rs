@@ -2,8 +2,8 @@
 
 use glam::DVec2;
 
-use crate::camera::Viewpoint;
-use crate::video::{COVERED, Frame};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::video::{COVERED, Frame};
 
 /// One level: colours averaged over the fabric only, so that the background never bleeds in.
 #[derive(Debug, Clone)]
@@ -161,9 +161,9 @@ fn blurred(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::image::Image;
-    use crate::math::rng::Rng;
+    use tessuto_core::camera::Camera;
+    use tessuto_core::image::Image;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn slopes_are_those_of_the_bilinear_colours() {

@@ -6,8 +6,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::pyramid::Level;
-use crate::camera::Viewpoint;
-use crate::mesh::{Mesh, boundary_edges};
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::{Mesh, boundary_edges};
 
 /// A point of a triangle.
 #[derive(Debug, Clone, Copy)]
@@ -152,12 +152,12 @@ pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], view: &Viewpoint, spaci
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
     use glam::DVec2;
+    use tessuto_core::camera::Camera;
 
     #[test]
     fn points_share_out_the_area_and_the_boundary() {
-        let mesh = crate::mesh::grid(4, 3, DVec2::new(0.3, 0.2), 1.0);
+        let mesh = tessuto_core::mesh::grid(4, 3, DVec2::new(0.3, 0.2), 1.0);
         let camera = Camera { fx: 200.0, fy: 200.0, cx: 50.0, cy: 50.0, width: 100, height: 100 };
         let view = Viewpoint::from(camera);
         let points = interior_points(&mesh, &mesh.positions, &view, 2.0);

@@ -6,10 +6,10 @@
 
 use std::ops::Range;
 
-use crate::error::Result;
-use crate::image::Image;
 use crate::motion::observed::outline_distance::distance;
-use crate::scene::Scene;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::scene::Scene;
 
 /// The pixels that are compared, as runs of their indices.
 #[derive(Debug, Clone)]

@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::camera::Viewpoint;
-use crate::mesh::Positions;
-use crate::settings::settings;
 use crate::sim::Accelerations;
-use crate::video::Frame;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::Positions;
+use tessuto_core::settings::settings;
+use tessuto_core::video::Frame;
 
 settings! {
     /// Weights of the losses.

@@ -11,21 +11,21 @@ mod guard;
 pub(crate) mod losses;
 
 use super::parameters::{Dynamics, Parameters};
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::math::{finite, flat, vectors};
-use crate::mesh::Positions;
-use crate::optim::{Adam, GradientClip};
 use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
-use crate::scene::Scene;
 use crate::session::{Epoch, Session, foreign_state, named};
-use crate::settings::settings;
 use crate::sim::{
     Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
 };
-use crate::video::Frame;
 use compared::Compared;
 use guard::DivergenceGuard;
 use losses::{LOSS_FLOOR, LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::math::{finite, flat, vectors};
+use tessuto_core::mesh::Positions;
+use tessuto_core::optim::{Adam, GradientClip};
+use tessuto_core::scene::Scene;
+use tessuto_core::settings::settings;
+use tessuto_core::video::Frame;
 
 settings! {
     /// Settings of the rollout fit.

@@ -3,8 +3,8 @@
 
 use glam::DVec3;
 
-use crate::math::dot;
-use crate::mesh::Positions;
+use tessuto_core::math::dot;
+use tessuto_core::mesh::Positions;
 
 /// Diagonal of DᵀD in the middle of the clip.
 pub const DIAGONAL: f64 = 6.0;
@@ -43,7 +43,7 @@ pub fn of_three([a, b, c]: [&Positions; 3], weight: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn the_transpose_is_one_and_its_diagonal_is_six() {

@@ -9,8 +9,8 @@ use rayon::prelude::*;
 use super::noise::Asked;
 use super::track::{Follower, Start};
 use super::{LevelSearch, Positions, Problem};
-use crate::error::Result;
 use crate::session::foreign_state;
+use tessuto_core::error::Result;
 
 /// Directions of time and kinds of start: each finds waves that the others miss.
 const COURSES: [(bool, Start); 4] =
@@ -24,7 +24,7 @@ impl Problem<'_> {
     /// with `followers`, which are handed to `report` after every frame, with the objective of the first of them. Where one is lost it keeps the frames of `best`.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] for followers that are not of this clip; what `report` returns.
+    /// [`tessuto_core::Error::Input`] for followers that are not of this clip; what `report` returns.
     pub(super) fn follow_again(
         &self,
         best: &[Positions],

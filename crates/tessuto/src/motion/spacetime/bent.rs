@@ -12,8 +12,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::{Positions, Problem};
-use crate::math::median::median;
 use crate::motion::terms::signed_bend::SignedBend;
+use tessuto_core::math::median::median;
 
 /// Bounds of the spread, relative to the setting's.
 const BOUNDS: [f64; 2] = [0.25, 10.0];

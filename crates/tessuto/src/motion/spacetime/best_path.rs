@@ -119,10 +119,10 @@ fn best_sides(sides: &[Vec<Positions>], values: &[Vec<f64>], kappa: f64) -> Vec<
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
     use crate::motion::spacetime::proof::scene;
     use crate::sim::Cloth;
     use glam::DVec3;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn the_path_is_the_best_of_all() {

@@ -132,11 +132,11 @@ fn normal_equations(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::camera::Camera;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::camera::Camera;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     const NOISE: Noise = Noise { sigma: 0.03, tail: 3.3 };
 

@@ -5,12 +5,12 @@ use rayon::prelude::*;
 
 use super::acceleration::{self, second_differences, second_differences_transposed};
 use super::{LevelSearch, Positions};
-use crate::math::conjugate_gradients::{Measure, conjugate_gradients};
-use crate::math::factor::Scratch;
-use crate::math::minimise::{Model, Policy};
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::{FrameSystem, TERMS};
 use crate::sim::Cloth;
+use tessuto_core::math::conjugate_gradients::{Measure, conjugate_gradients};
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::math::minimise::{Model, Policy};
 
 /// Damping is relative to the acceleration term.
 pub(super) const POLICY: Policy =

@@ -14,11 +14,11 @@ use rayon::prelude::*;
 
 use super::gain::{Around, GAIN_FITS};
 use super::{LevelSearch, Positions, Problem};
-use crate::math::root::Root;
-use crate::mesh::vertex_normals;
 use crate::motion::terms::Term;
 use crate::motion::terms::robust::Noise;
 use crate::motion::terms::shading::{HARMONICS, Light, Seen, harmonics};
+use tessuto_core::math::root::Root;
+use tessuto_core::mesh::vertex_normals;
 
 /// Reweighted least squares, for the light and for what whole frames are brighter by.
 const FITS: usize = 8;
@@ -211,10 +211,10 @@ mod tests {
     use super::super::proof::scene;
     use super::super::{Problem, SpacetimeSettings};
     use super::*;
-    use crate::math::rng::Rng;
     use crate::motion::terms::shading::brightness;
     use crate::motion::terms::{FrameSystem, Term};
     use crate::sim::Cloth;
+    use tessuto_core::math::rng::Rng;
 
     /// The light of a sheet that bends, one frame of which is darker as a whole, and a part of which lies in shadow.
     #[test]

@@ -5,14 +5,14 @@ use glam::DVec3;
 use super::gain::Around;
 use super::proof::{disturbed, gradient_error, of_images, scene, system_of};
 use super::{LevelSearch, Positions, Problem, SpacetimeSettings};
-use crate::camera::Pose;
-use crate::math::rng::Rng;
-use crate::mesh::Mesh;
 use crate::motion::observed::Observed;
 use crate::motion::terms::Term;
 use crate::motion::terms::shading::HARMONICS;
-use crate::scene::Scene;
 use crate::sim::Cloth;
+use tessuto_core::camera::Pose;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::Mesh;
+use tessuto_core::scene::Scene;
 
 /// Calls `test` with searches in a clip whose camera is at the origin and in the same one moved, which has that pose, and with `frames` of both.
 fn with_both(

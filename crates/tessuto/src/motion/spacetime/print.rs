@@ -53,7 +53,7 @@ mod tests {
     fn a_plain_sheet_has_no_print() {
         let settings = Settings { frames: 2, size: 160, grid: [9, 9], ..Settings::default() };
         let mut scene = make(&settings).unwrap();
-        let part = |scene: &crate::Scene| {
+        let part = |scene: &tessuto_core::Scene| {
             let cloth = Cloth::new(&scene.template);
             let problem = Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap();
             problem.print[problem.observed.range[0]]

@@ -4,19 +4,19 @@ use glam::DVec3;
 
 use super::joint::JointSystem;
 use super::{LevelSearch, Problem, SpacetimeSettings, acceleration};
-use crate::camera::{Camera, Rect};
-use crate::image::Image;
-use crate::math::gradient_check::{Worst, check, check_coarse};
-use crate::math::rng::Rng;
-use crate::math::{dot, flat, vectors};
-use crate::mesh::{Mesh, Positions, grid};
 use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::samples::EdgePoint;
 use crate::motion::observed::silhouette::{FoldPoint, InnerEdge};
 use crate::motion::terms::{FrameSystem, FrameTerms, Function, Term};
-use crate::scene::{Scene, Truth};
 use crate::sim::Cloth;
-use crate::video::{Frame, Video};
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::image::Image;
+use tessuto_core::math::gradient_check::{Worst, check, check_coarse};
+use tessuto_core::math::rng::Rng;
+use tessuto_core::math::{dot, flat, vectors};
+use tessuto_core::mesh::{Mesh, Positions, grid};
+use tessuto_core::scene::{Scene, Truth};
+use tessuto_core::video::{Frame, Video};
 
 const SIZE: usize = 96;
 const FRAMES: usize = 4;

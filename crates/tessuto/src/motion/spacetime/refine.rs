@@ -7,9 +7,9 @@ use super::best_path::Pool;
 use super::joint::{Joint, POLICY};
 use super::noise::Asked;
 use super::{Fitted, Positions, Problem, diverged};
-use crate::error::{Error, Result};
 use crate::motion::terms::TERMS;
 use crate::session::{Epoch, Session, foreign_state, named};
+use tessuto_core::error::{Error, Result};
 
 /// Part of the iterations over which the priors go from the start's to their own.
 const ANNEALED: f64 = 0.7;
@@ -51,7 +51,7 @@ impl Problem<'_> {
     /// If the objective is no longer finite, the positions before that are returned with the failure.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     pub fn refine(&self, pool: &mut Pool, session: &mut Session) -> Result<Fitted> {
         let (first, several) = (pool.motions.len(), !pool.agreed);
         let rounds = Rounds { first, all: if several { first + AGAIN + 1 } else { first } };

@@ -1,6 +1,6 @@
 //! Settings of the search for all frames' positions.
 
-use crate::settings::settings;
+use tessuto_core::settings::settings;
 
 settings! {
     /// Strictness of every term. A residual of one spread σ costs ½: the larger σ, the weaker the term.

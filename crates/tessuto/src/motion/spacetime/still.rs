@@ -1,9 +1,9 @@
 //! Which vertices stand still: an edge that is fixed does not move in the image.
 
 use super::{Positions, Problem};
-use crate::camera::Viewpoint;
-use crate::math::median::median;
-use crate::mesh::boundary_edges;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::math::median::median;
+use tessuto_core::mesh::boundary_edges;
 
 /// A vertex stands still that moves by less than this part of how far half of the vertices do, and by fewer pixels of the finest level.
 const STILL: [f64; 2] = [0.25, 1.0];

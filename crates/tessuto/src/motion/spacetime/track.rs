@@ -5,13 +5,13 @@ use serde::{Deserialize, Serialize};
 
 use super::best_path::Pool;
 use super::{LevelSearch, Positions, Problem, SpacetimeSettings, diverged};
-use crate::error::{Error, Result};
-use crate::math::factor::Scratch;
-use crate::math::minimise::{Model, Policy};
 use crate::motion::terms::FrameSystem;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::shear::{FEW, MANY};
 use crate::session::{Epoch, Session, foreign_state, named};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::math::minimise::{Model, Policy};
 
 /// How loose the priors of a follower are at the finest level; at coarser ones they are looser, in equal ratios.
 #[derive(Debug, Clone, Copy)]
@@ -91,7 +91,7 @@ impl Problem<'_> {
     /// failure is returned with them.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     pub fn track(&mut self, session: &mut Session) -> Result<(Pool, Option<Error>)> {
         let given = self.settings.shear_smooth;
         let mut tracked: Tracked = session.restore("track")?.unwrap_or_else(|| self.start(given));

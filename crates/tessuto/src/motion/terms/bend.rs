@@ -8,9 +8,9 @@
 use glam::DVec3;
 
 use super::{FrameSystem, Term};
-use crate::mesh::Mesh;
 use crate::sim::angle;
 use crate::sim::cloth::{AngleSpring, Cloth, arms};
+use tessuto_core::mesh::Mesh;
 
 /// Number of arms along a sheet whose spreads are as they are told.
 const NOMINAL_ARMS: f64 = 24.0;
@@ -73,8 +73,8 @@ impl Term for Bend<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn arms_of_a_24th_of_the_sheet_are_nominal() {

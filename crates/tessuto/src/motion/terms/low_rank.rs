@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use crate::math::dot;
-use crate::math::factor::{Factor, Scratch};
-use crate::math::root::Root;
-use crate::mesh::Positions;
 use crate::sim::Cloth;
+use tessuto_core::math::dot;
+use tessuto_core::math::factor::{Factor, Scratch};
+use tessuto_core::math::root::Root;
+use tessuto_core::mesh::Positions;
 
 use super::FrameSystem;
 
@@ -115,10 +115,10 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
     use crate::motion::terms::Term;
     use crate::motion::terms::shear::{MANY, Shear};
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn the_factor_solves_the_matrix_with_its_correction() {

@@ -17,8 +17,6 @@ pub mod strain;
 
 use glam::{DMat3, DVec3};
 
-use crate::math::block_matrix::BlockMatrix;
-use crate::mesh::Positions;
 use crate::sim::Cloth;
 use bend::Bend;
 use colour::Colour;
@@ -29,6 +27,8 @@ use shear::Shear;
 use signed_bend::SignedBend;
 use still::Still;
 use strain::Strain;
+use tessuto_core::math::block_matrix::BlockMatrix;
+use tessuto_core::mesh::Positions;
 
 /// A function of the positions of a frame.
 #[cfg(test)]

@@ -9,11 +9,11 @@ use glam::DVec3;
 
 use super::robust::Noise;
 use super::{FrameSystem, Term, outer};
-use crate::camera::Viewpoint;
 use crate::motion::observed::outline_distance::OutlineDistance;
 use crate::motion::observed::samples::EdgePoint;
 use crate::motion::observed::silhouette::FoldPoint;
 use crate::sim::Cloth;
+use tessuto_core::camera::Viewpoint;
 
 /// See the module.
 pub struct Outline<'a> {

@@ -20,10 +20,10 @@ use rayon::prelude::*;
 use super::low_rank::LowRank;
 use super::robust::cauchy;
 use super::{FrameSystem, Term};
-use crate::math::root::Root;
-use crate::mesh::{Mesh, Positions, SEAM, vertex_uvs};
 use crate::sim::angle;
 use crate::sim::cloth::{AngleSpring, Cloth, arms};
+use tessuto_core::math::root::Root;
+use tessuto_core::mesh::{Mesh, Positions, SEAM, vertex_uvs};
 
 /// Number of modes of a sheet that hardly shears.
 pub const FEW: usize = 4;
@@ -227,8 +227,8 @@ impl Term for Shear<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     fn sheet() -> Mesh {
         grid(8, 7, DVec2::new(0.14, 0.12), 1.0)
@@ -298,7 +298,7 @@ mod tests {
                     term.value(&x.iter().zip(&direction).map(|(x, d)| *x + *d * s).collect::<Vec<_>>())
                 };
                 let difference = (at(1e-6) - at(-1e-6)) / 2e-6;
-                let slope = crate::math::dot(&system.gradient, &direction);
+                let slope = tessuto_core::math::dot(&system.gradient, &direction);
                 assert!(slope.abs() > 1.0, "{slope}");
                 worst = worst.max((slope - difference).abs() / slope.abs());
             }

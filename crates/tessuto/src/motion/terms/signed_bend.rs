@@ -14,9 +14,9 @@ use glam::DVec3;
 use super::bend::arm_lengths;
 use super::robust::cauchy;
 use super::{FrameSystem, Term, outer};
-use crate::mesh::{Mesh, Positions};
 use crate::sim::Cloth;
 use crate::sim::cloth::AngleSpring;
+use tessuto_core::mesh::{Mesh, Positions};
 
 /// See the module.
 #[derive(Clone)]
@@ -137,10 +137,10 @@ fn height(spring: &AngleSpring, x: &[DVec3], normals: &[DVec3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::dot;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
     use glam::DVec2;
+    use tessuto_core::math::dot;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     fn bent(sign: f64) -> Positions {
         let mesh = grid(6, 5, DVec2::new(0.1, 0.08), 1.0);

@@ -7,14 +7,14 @@ use super::frames::{Frame, add_frame_vjp, frame};
 use super::network::{INPUTS, Network, OUTPUTS, Tape};
 use super::planes::{Float, Planes};
 use super::smoother::{Smoother, along_laplacian};
-use crate::math::dot;
-use crate::math::factor::Scratch;
-use crate::mesh::Positions;
 use crate::sim::cloth::{AREA_DENSITY, Cloth};
 use crate::sim::implicit_euler::hessian;
 use crate::sim::lattice::Lattice;
 use crate::sim::stiffness::{HessianKind, Stiffness};
 use crate::sim::stretch;
+use tessuto_core::math::dot;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::mesh::Positions;
 
 /// A residual below this fraction of the spacing is none.
 const FLOOR: f64 = 1e-9;

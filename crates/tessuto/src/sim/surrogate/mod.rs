@@ -28,9 +28,9 @@ use super::cloth::Cloth;
 use super::lattice::Lattice;
 use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
 use super::stiffness::Stiffness;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::math::factor::Scratch;
-use crate::mesh::Positions;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::mesh::Positions;
 
 /// How often the network moves the shape.
 pub const ITERATIONS: usize = 2;
@@ -151,11 +151,11 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::math::gradient_check::{Worst, check, check_coarse};
-    use crate::math::rng::Rng;
-    use crate::math::{dot, flat, vectors};
-    use crate::mesh::grid;
     use crate::sim::{Accelerations, Integrator, RolloutInputs, rollout, rollout_vjp};
+    use tessuto_core::math::gradient_check::{Worst, check, check_coarse};
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::math::{dot, flat, vectors};
+    use tessuto_core::mesh::grid;
 
     const SETTINGS: StepSettings = StepSettings {
         integrator: Integrator::Surrogate,

@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::planes::{Float, Kernel, Planes};
-use crate::error::{Error, Result};
+use tessuto_core::error::{Error, Result};
 
 /// Channels of the inputs.
 pub const INPUTS: usize = 16;
@@ -216,8 +216,8 @@ pub fn trained() -> &'static Network<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::gradient_check::check;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::gradient_check::check;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn the_adjoint_is_differences() {

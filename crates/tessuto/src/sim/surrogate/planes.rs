@@ -275,7 +275,7 @@ fn add_run<T: Float, const BLOCK: usize, const COUNT: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     fn random(rows: usize, columns: usize, channels: usize, seed: u64) -> Planes<f64> {
         let mut rng = Rng::new(seed, 0);

@@ -88,8 +88,8 @@ pub fn along_laplacian(cloth: &Cloth, a: &[DVec3], b: &[DVec3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
-    use crate::mesh::grid;
+    use tessuto_core::math::rng::Rng;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn it_solves() {

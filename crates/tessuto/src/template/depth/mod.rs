@@ -10,11 +10,11 @@ use super::make::CornersFrom;
 use super::outline::Outline;
 use super::rectangle::{check_order, patch};
 use super::remesh::Resolution;
-use crate::camera::Camera;
-use crate::error::{Error, Result};
-use crate::image::Image;
 use crate::io::depth::DepthMap;
-use crate::mesh::Mesh;
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::Mesh;
 
 /// Longest side of the part of a map that is solved for `[px]`; finer maps are made coarser by medians.
 const SIDE: usize = 160;
@@ -127,7 +127,7 @@ fn surface_of(
         let clamp = |v: f64, n: usize| v.round().clamp(0.0, (n - 1) as f64) as usize;
         (clamp(p.x, map.width), clamp(p.y, map.height))
     });
-    let around = crate::camera::Rect::around(pixels.chain(corner_pixels)).expect("four corners");
+    let around = tessuto_core::camera::Rect::around(pixels.chain(corner_pixels)).expect("four corners");
     let around = around.padded(MARGIN, [map.width, map.height]);
     let factor = around.width().max(around.height()).div_ceil(SIDE);
     let usable = |x: usize, y: usize| {

@@ -121,7 +121,7 @@ pub(super) fn noise(measured: &[f64], width: usize) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::rng::Rng;
+    use tessuto_core::math::rng::Rng;
 
     #[test]
     fn noise_holes_and_flying_pixels_go_the_fold_stays() {

@@ -6,7 +6,7 @@
 use super::choice::Object;
 use super::look::{Colours, Count, Look, Plane, colour_of, grey_of, is_black, luminance};
 use super::objects::{Candidate, chosen};
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Most colours that labels have.
 const LABELS: usize = 64;

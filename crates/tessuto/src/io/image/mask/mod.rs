@@ -11,10 +11,10 @@ mod objects;
 
 use std::path::Path;
 
-use crate::camera::Rect;
-use crate::error::{Error, Hint, Result};
-use crate::image::Image;
 use crate::io::image::{ImageFile, open};
+use tessuto_core::camera::Rect;
+use tessuto_core::error::{Error, Hint, Result};
+use tessuto_core::image::Image;
 
 pub use choice::Object;
 pub(crate) use decide::{Reading, understand};
@@ -53,7 +53,7 @@ fn read_so(path: &Path, object: Option<&Object>) -> Result<(Image, Option<String
 /// Those of [`read`]; [`Error::Input`] naming the file of an empty mask.
 pub fn read_fabric(path: &Path, object: Option<&Object>) -> Result<(Image, Option<String>)> {
     let (mask, note, reading, brightest) = read_so(path, object)?;
-    if mask.data.iter().all(|v| *v < crate::video::COVERED) {
+    if mask.data.iter().all(|v| *v < tessuto_core::video::COVERED) {
         let hint = Hint::from("give a mask in which the fabric is white");
         return Err(empty(path, brightest, "", &reading, hint));
     }

@@ -1,7 +1,7 @@
 //! The objects of a mask: their list, and the one that is asked for.
 
 use super::choice::Object;
-use crate::error::{Error, Hint, Remedy, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Objects that a message names at most.
 const LISTED: usize = 8;

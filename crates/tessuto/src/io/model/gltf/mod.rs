@@ -14,9 +14,9 @@ use glam::{DMat4, DQuat, DVec2, DVec3};
 use serde_json::Value;
 
 use super::{MAX_BYTES, MAX_COUNT, Model, Split};
-use crate::error::{Error, Result};
 use crate::io::read_bounded;
-use crate::text::from_base64;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::text::from_base64;
 
 /// Deepest nesting of nodes.
 const MAX_DEPTH: usize = 64;

@@ -134,9 +134,9 @@ mod tests {
 
     use super::super::parse;
     use super::*;
-    use crate::error::Result;
     use crate::io::model::Model;
-    use crate::text::base64;
+    use tessuto_core::error::Result;
+    use tessuto_core::text::base64;
 
     /// A triangle with uv; two morph targets, of which the second is sparse; weights of two joints. One view for each
     /// accessor.

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use self::body::Body;
 use super::{MAX_COUNT, Model, Split};
-use crate::error::{Error, Result};
+use tessuto_core::error::{Error, Result};
 
 /// A row of the element `vertex`.
 #[derive(Clone)]

@@ -1,10 +1,10 @@
 //! How badly a frame's positions match what they should: what the deviations are scaled by.
 
 use super::super::LevelSearch;
-use crate::mesh::Positions;
 use crate::motion::terms::Term;
 use crate::motion::terms::colour::PointColours;
 use crate::motion::terms::shear::FEW;
+use tessuto_core::mesh::Positions;
 
 /// Distance `[px]` below which outlines cannot be told apart.
 const OUTLINE_FLOOR: f64 = 0.1;

@@ -40,10 +40,10 @@ use super::best_path::Pool;
 use super::gain::GAIN_FITS;
 use super::joint::JointSystem;
 use super::{LevelSearch, Problem};
-use crate::error::Result;
-use crate::mesh::Positions;
 use crate::motion::terms::FrameSystem;
 use crate::session::Session;
+use tessuto_core::error::Result;
+use tessuto_core::mesh::Positions;
 
 /// Samples of the posterior.
 const SAMPLES: usize = 16;
@@ -68,7 +68,7 @@ impl Problem<'_> {
     /// the trace of its 3×3 covariance. Shape [N, V]; zero in frame 0, which is given.
     ///
     /// # Errors
-    /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     ///
     /// # Panics
     /// If the best path of the pool has another shape than `frames`.

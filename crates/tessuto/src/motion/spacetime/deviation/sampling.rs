@@ -12,12 +12,12 @@ use serde::{Deserialize, Serialize};
 
 use super::super::acceleration::second_differences_transposed;
 use super::super::joint::JointSystem;
-use crate::error::Result;
-use crate::math::factor::Scratch;
-use crate::math::rng::Rng;
-use crate::mesh::Positions;
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::session::{Epoch, Session, foreign_state, named};
+use tessuto_core::error::Result;
+use tessuto_core::math::factor::Scratch;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::Positions;
 
 /// What every number of the diagonal of a frame's matrix is larger by when its root is taken [1/m²], as where the video shows nothing of
 /// a frame the matrix has no root; ten times as much each time that this is not enough. The samples are that much larger than H⁻¹ says
@@ -48,7 +48,7 @@ impl JointSystem<'_> {
     /// standard error between √(2/(3 count)) and √(2/count). Shape [N−1, V].
     ///
     /// # Errors
-    /// [`crate::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
     pub fn variances(&self, count: usize, seed: u64, session: &mut Session) -> Result<Vec<Vec<f64>>> {
         let (frames, vertices) = (self.systems.len(), self.cloth.vertex_count());
         let start = || Drawn { count: 0, squares: vec![vec![0.0; vertices]; frames] };

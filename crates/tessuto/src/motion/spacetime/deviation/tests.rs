@@ -3,19 +3,19 @@
 use glam::{DVec2, DVec3};
 
 use super::*;
-use crate::camera::{Camera, Rect};
-use crate::error::Error;
-use crate::image::Image;
-use crate::math::rng::Rng;
-use crate::mesh::{Mesh, grid};
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::terms::Term;
 use crate::motion::terms::shear::Shear;
 use crate::motion::terms::strain::Strain;
-use crate::scene::{Scene, Truth};
 use crate::session::Checkpoints;
 use crate::sim::Cloth;
-use crate::video::{Frame, Video};
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::Error;
+use tessuto_core::image::Image;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::{Mesh, grid};
+use tessuto_core::scene::{Scene, Truth};
+use tessuto_core::video::{Frame, Video};
 
 const KAPPA: f64 = 1e3;
 

@@ -16,7 +16,7 @@ const FAR: f64 = 1e4;
 
 /// The triangles over `points`, each with [`DVec2::perp_dot`] of its sides above 0, ascending. Points at the same place make
 /// triangles without area, or are left out.
-pub(crate) fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
+pub fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
     let high = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
     let (middle, size) = ((low + high) / 2.0, FAR * (high - low).max_element());

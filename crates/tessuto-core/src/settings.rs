@@ -100,7 +100,7 @@ impl Setting {
 ///
 /// # Errors
 /// [`Error::Usage`] naming both.
-pub(crate) fn ordered(low: &str, a: f64, high: &str, b: f64) -> Result<()> {
+pub fn ordered(low: &str, a: f64, high: &str, b: f64) -> Result<()> {
     if a <= b {
         return Ok(());
     }
@@ -108,7 +108,7 @@ pub(crate) fn ordered(low: &str, a: f64, high: &str, b: f64) -> Result<()> {
 }
 
 /// A value as `--set` takes it.
-pub(crate) fn text(value: &Value) -> String {
+pub fn text(value: &Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
@@ -119,34 +119,34 @@ pub trait Settings {
 }
 
 /// What stands below a key: one setting, or those of a struct; keys are relative to it.
-pub(crate) type Below = Vec<Setting>;
+pub type Below = Vec<Setting>;
 
 fn one(values: Values) -> Below {
     vec![Setting { key: String::new(), meaning: String::new(), values }]
 }
 
 /// A number in `range`.
-pub(crate) fn number(range: RangeInclusive<f64>, unit: &'static str) -> Below {
+pub fn number(range: RangeInclusive<f64>, unit: &'static str) -> Below {
     one(Values::Number { range, unit })
 }
 
 /// One of `words`.
-pub(crate) fn choice(words: &'static [&'static str]) -> Below {
+pub fn choice(words: &'static [&'static str]) -> Below {
     one(Values::Choice(words))
 }
 
 /// Yes or no.
-pub(crate) fn flag() -> Below {
+pub fn flag() -> Below {
     one(Values::Flag)
 }
 
 /// The settings of `S`.
-pub(crate) fn group<S: Settings>() -> Below {
+pub fn group<S: Settings>() -> Below {
     S::settings()
 }
 
 /// Puts `below` under `key`; what has no meaning of its own takes that of `documentation`.
-pub(crate) fn under(key: &str, documentation: &[&str], below: Below) -> Vec<Setting> {
+pub fn under(key: &str, documentation: &[&str], below: Below) -> Vec<Setting> {
     let words = documentation.iter().map(|line| line.trim()).collect::<Vec<_>>().join(" ");
     let meaning = words.trim_end_matches('.').to_owned();
     below
@@ -161,6 +161,7 @@ pub(crate) fn under(key: &str, documentation: &[&str], below: Below) -> Vec<Sett
 
 /// Declares a struct of settings. A field is `name: type = default, values;` with a doc comment that says what it does
 /// and `values` one of [`number`], [`choice`], [`flag`] and [`group`].
+#[macro_export]
 macro_rules! settings {
     (
         $(#[$attribute:meta])*
@@ -196,7 +197,7 @@ macro_rules! settings {
     };
 }
 
-pub(crate) use settings;
+pub use settings;
 
 #[cfg(test)]
 mod tests {

@@ -9,15 +9,14 @@ use glam::{DVec2, DVec3};
 
 pub use attributes::{SEAM, vertex_normals, vertex_uvs};
 pub use motion::Motion;
-pub use topology::pieces;
-pub(crate) use topology::{boundary_edges, edge_uses, pinched};
+pub use topology::{EdgeUse, boundary_edges, edge_uses, pieces, pinched};
 pub use weld::weld;
 
 /// Vertex positions `[m]` of one moment, camera frame, shape `[V]`.
 pub type Positions = Vec<DVec3>;
 
 /// Diagonal of the bounding box `[m]`.
-pub(crate) fn diagonal(positions: &[DVec3]) -> f64 {
+pub fn diagonal(positions: &[DVec3]) -> f64 {
     let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
     let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
     (high - low).length()
@@ -92,7 +91,8 @@ impl Mesh {
 }
 
 /// Area `[m²]` of one triangle.
-pub(crate) fn triangle_area(positions: &[DVec3], [a, b, c]: [u32; 3]) -> f64 {
+#[inline]
+pub fn triangle_area(positions: &[DVec3], [a, b, c]: [u32; 3]) -> f64 {
     let (a, b, c) = (positions[a as usize], positions[b as usize], positions[c as usize]);
     0.5 * (b - a).cross(c - a).length()
 }

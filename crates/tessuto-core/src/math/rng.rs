@@ -12,6 +12,7 @@ pub struct Rng {
 
 impl Rng {
     /// Stream number `stream` of the family named by `seed`.
+    #[inline]
     pub fn new(seed: u64, stream: u64) -> Self {
         let mut rng = Self { state: 0, increment: (stream << 1) | 1 };
         rng.next_u32();
@@ -21,6 +22,7 @@ impl Rng {
     }
 
     /// Uniform over all 32-bit numbers.
+    #[inline]
     pub fn next_u32(&mut self) -> u32 {
         let old = self.state;
         self.state = old.wrapping_mul(6364136223846793005).wrapping_add(self.increment);
@@ -29,24 +31,28 @@ impl Rng {
     }
 
     /// Uniform in [0, 1), 53 random bits.
+    #[inline]
     pub fn uniform(&mut self) -> f64 {
         let bits = (u64::from(self.next_u32()) << 21) ^ (u64::from(self.next_u32()) >> 11);
         (bits & ((1 << 53) - 1)) as f64 / (1u64 << 53) as f64
     }
 
     /// Uniform in [−1, 1).
+    #[inline]
     pub fn signed(&mut self) -> f64 {
         2.0 * self.uniform() - 1.0
     }
 
     /// Normally distributed, mean 0, variance 1: one of the two numbers of Box and Muller (1958, "A Note on the Generation of
     /// Random Normal Deviates").
+    #[inline]
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();
         radius * (std::f64::consts::TAU * self.uniform()).cos()
     }
 
     /// Each component uniform in [−1, 1).
+    #[inline]
     pub fn vector(&mut self) -> DVec3 {
         DVec3::new(self.signed(), self.signed(), self.signed())
     }
@@ -56,7 +62,7 @@ impl Rng {
 /// one half: random numbers by position instead of by sequence (Wellons 2018, "Prospecting for Hash
 /// Functions", lowbias32).
 #[inline]
-pub(crate) fn mix32(mut x: u32) -> u32 {
+pub fn mix32(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);
     x ^= x >> 15;

@@ -1,4 +1,4 @@
-//! A scene in memory: what was filmed, by which camera, of which cloth. Loading is in [`crate::io`].
+//! A scene in memory: what was filmed, by which camera, of which cloth. Loading is in the crate `tessuto-estimate`.
 
 mod tracks;
 

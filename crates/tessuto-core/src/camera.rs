@@ -1,6 +1,7 @@
 //! Pinhole camera in the OpenCV frame: x right, y down, z forward, metres; the camera is the origin. Where it stands in the world tells a
 //! [`Viewpoint`].
 
+mod around;
 mod viewpoint;
 
 use glam::{DVec2, DVec3};
@@ -66,11 +67,13 @@ impl Rect {
     }
 
     /// Width `[px]`.
+    #[inline]
     pub fn width(&self) -> usize {
         self.x1 - self.x0
     }
 
     /// Height `[px]`.
+    #[inline]
     pub fn height(&self) -> usize {
         self.y1 - self.y0
     }
@@ -78,17 +81,20 @@ impl Rect {
 
 impl Camera {
     /// Pixel position of a point `p` `[m]` in front of the camera: u = fx·x/z + cx, v = fy·y/z + cy.
+    #[inline]
     pub fn project(&self, p: DVec3) -> DVec2 {
         DVec2::new(self.fx * p.x / p.z + self.cx, self.fy * p.y / p.z + self.cy)
     }
 
     /// Derivatives of u and v of [`project`](Self::project) by the point `p` [px/m].
+    #[inline]
     pub fn projection_rows(&self, p: DVec3) -> [DVec3; 2] {
         let (a, b) = (self.fx / p.z, self.fy / p.z);
         [DVec3::new(a, 0.0, -a * p.x / p.z), DVec3::new(0.0, b, -b * p.y / p.z)]
     }
 
     /// Direction, with z = 1, of the ray through pixel position `p_pixel`.
+    #[inline]
     pub fn ray(&self, p_pixel: DVec2) -> DVec3 {
         DVec3::new((p_pixel.x - self.cx) / self.fx, (p_pixel.y - self.cy) / self.fy, 1.0)
     }

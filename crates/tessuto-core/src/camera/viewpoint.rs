@@ -15,16 +15,16 @@ pub struct Pose {
     pub translation: DVec3,
 }
 
-#[cfg(test)]
 impl Pose {
-    /// Some pose, up to a metre off.
-    pub(crate) fn random(rng: &mut crate::math::rng::Rng) -> Self {
+    /// Some pose, up to a metre off, for tests.
+    #[doc(hidden)]
+    pub fn random(rng: &mut crate::math::rng::Rng) -> Self {
         let turn = glam::DQuat::from_axis_angle(rng.vector().normalize(), 3.0 * rng.signed());
         Self { rotation: DMat3::from_quat(turn), translation: rng.vector() }
     }
 
     /// The point of the world that lies at `p_camera` in the camera's frame.
-    pub(crate) fn in_world(&self, p_camera: DVec3) -> DVec3 {
+    pub fn in_world(&self, p_camera: DVec3) -> DVec3 {
         self.rotation.transpose() * (p_camera - self.translation)
     }
 }
@@ -62,6 +62,7 @@ impl From<&Self> for Viewpoint {
 impl Viewpoint {
     /// From the same place, in another image of it.
     #[must_use]
+    #[inline]
     pub fn with_camera(&self, camera: Camera) -> Self {
         Self { camera, ..*self }
     }
@@ -127,11 +128,13 @@ impl Viewpoint {
     }
 
     /// Direction of the ray through pixel position `p_pixel`, of depth 1.
+    #[inline]
     pub fn ray(&self, p_pixel: DVec2) -> DVec3 {
         self.turned_to_world(self.camera.ray(p_pixel))
     }
 
     /// Where the camera is `[m]`.
+    #[inline]
     pub fn eye(&self) -> DVec3 {
         match &self.camera_from_world {
             None => DVec3::ZERO,

@@ -20,66 +20,66 @@ pub struct Hint {
 /// What to change. Not `non_exhaustive`: a program that gives remedies other names should fail to build where it lacks one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Remedy {
-    /// Allow to replace what is there: [`RunOptions::replace`](crate::run::RunOptions::replace), or the argument `replace`.
+    /// Allow to replace what is there: `RunOptions::replace`, or the argument `replace`.
     Replace,
-    /// Start afresh: not [`RunOptions::resume`](crate::run::RunOptions::resume).
+    /// Start afresh: not `RunOptions::resume`.
     NoResume,
-    /// Take a part of the video, these frames if some are named: [`LoadOptions::frames`](crate::io::scene::LoadOptions::frames),
-    /// [`import::Settings::frames`](crate::import::Settings::frames).
+    /// Take a part of the video, these frames if some are named: `LoadOptions::frames`,
+    /// `import::Settings::frames`.
     Frames(Option<Range<usize>>),
-    /// Look at the scene: [`check_folder`](crate::check::check_folder).
+    /// Look at the scene: `check_folder`.
     Check,
-    /// Estimate material and light: [`run::appearance::run`](crate::run::appearance::run()).
+    /// Estimate material and light: `run::appearance::run`.
     Appearance,
-    /// Take the true motion: [`MotionSource`](crate::run::appearance::MotionSource).
+    /// Take the true motion: `MotionSource`.
     TrueMotion,
-    /// A setting and its value: [`Config::set`](crate::Config::set).
+    /// A setting and its value: `Config::set`.
     Set(&'static str),
     /// Build with this feature of the crate.
     Feature(String),
-    /// [`import::Settings::fps`](crate::import::Settings::fps).
+    /// `import::Settings::fps`.
     Fps,
-    /// [`import::Settings::rate`](crate::import::Settings::rate).
+    /// `import::Settings::rate`.
     Rate,
-    /// [`import::Settings::masks`](crate::import::Settings::masks).
+    /// `import::Settings::masks`.
     Masks,
-    /// Choose one object of masks that hold several: [`import::Settings::object`](crate::import::Settings::object),
-    /// [`masks::Request::object`](crate::masks::Request::object).
+    /// Choose one object of masks that hold several: `import::Settings::object`,
+    /// `masks::Request::object`.
     Object,
-    /// Use every so many frames, of these: [`import::Settings::stride`](crate::import::Settings::stride).
+    /// Use every so many frames, of these: `import::Settings::stride`.
     Stride(Range<usize>, usize),
-    /// Corners of the fabric in the first frame: [`masks::Request::outline`](crate::masks::Request::outline).
+    /// Corners of the fabric in the first frame: `masks::Request::outline`.
     Outline,
-    /// The place without the fabric: [`masks::Request::plate`](crate::masks::Request::plate).
+    /// The place without the fabric: `masks::Request::plate`.
     Plate,
-    /// Make the masks of the scene in this folder from its frames: [`masks::make`](crate::masks::make).
+    /// Make the masks of the scene in this folder from its frames: `masks::make`.
     MakeMasks(PathBuf),
     /// Make a scene of this video or image.
     Import(PathBuf),
-    /// [`import::Settings::allow_gaps`](crate::import::Settings::allow_gaps).
+    /// `import::Settings::allow_gaps`.
     AllowGaps,
-    /// [`import::Settings::downscale`](crate::import::Settings::downscale).
+    /// `import::Settings::downscale`.
     Downscale,
-    /// [`import::Settings::calibration`](crate::import::Settings::calibration), of these intrinsics.
+    /// `import::Settings::calibration`, of these intrinsics.
     Intrinsics,
-    /// Estimate the focal length from the corners of a flat sheet: [`template::focal`](crate::template::focal).
+    /// Estimate the focal length from the corners of a flat sheet: `template::focal`.
     EstimateCamera,
-    /// Which camera [`read_calibration`](crate::import::read_calibration) shall take.
+    /// Which camera `read_calibration` shall take.
     CameraId,
-    /// Make the template of the scene in this folder: [`template::make`](crate::template::make).
+    /// Make the template of the scene in this folder: `template::make`.
     MakeTemplate(PathBuf),
     /// Re-sample the mesh with new texture coordinates:
-    /// [`Changes::remesh`](crate::template::make::Changes::remesh).
+    /// `Changes::remesh`.
     Remesh,
-    /// Re-sample the template of the scene as a grid: [`Resample::Grid`](crate::template::make::Resample::Grid).
+    /// Re-sample the template of the scene as a grid: `Resample::Grid`.
     Regrid,
-    /// Merge vertices that touch: [`Changes::weld`](crate::template::make::Changes::weld).
+    /// Merge vertices that touch: `Changes::weld`.
     Weld,
-    /// What a unit of the depth map is: [`read_depth`](crate::import::read_depth).
+    /// What a unit of the depth map is: `read_depth`.
     DepthScale,
-    /// Export without the frames that are lost: [`Clip::without_lost`](crate::export::Clip::without_lost).
+    /// Export without the frames that are lost: `Clip::without_lost`.
     WithoutLost,
-    /// Repair the template of a scene: [`Changes`](crate::template::make::Changes).
+    /// Repair the template of a scene: `Changes`.
     RepairTemplate(Repair),
 }
 
@@ -200,7 +200,8 @@ pub struct Warning {
 }
 
 impl Warning {
-    pub(crate) fn new(topic: &str, found: impl Into<String>, hint: impl Into<Hint>) -> Self {
+    /// A warning of one word, what was found, and what to do about it.
+    pub fn new(topic: &str, found: impl Into<String>, hint: impl Into<Hint>) -> Self {
         Self { topic: topic.to_owned(), found: found.into(), hint: Some(hint.into()) }
     }
 }

@@ -31,6 +31,7 @@ impl HyperDual {
 impl Add for HyperDual {
     type Output = Self;
 
+    #[inline]
     fn add(self, o: Self) -> Self {
         Self { value: self.value + o.value, a: self.a + o.a, b: self.b + o.b, ab: self.ab + o.ab }
     }
@@ -39,6 +40,7 @@ impl Add for HyperDual {
 impl Sub for HyperDual {
     type Output = Self;
 
+    #[inline]
     fn sub(self, o: Self) -> Self {
         Self { value: self.value - o.value, a: self.a - o.a, b: self.b - o.b, ab: self.ab - o.ab }
     }
@@ -47,6 +49,7 @@ impl Sub for HyperDual {
 impl Neg for HyperDual {
     type Output = Self;
 
+    #[inline]
     fn neg(self) -> Self {
         Self { value: -self.value, a: -self.a, b: -self.b, ab: -self.ab }
     }
@@ -55,6 +58,7 @@ impl Neg for HyperDual {
 impl Mul for HyperDual {
     type Output = Self;
 
+    #[inline]
     fn mul(self, o: Self) -> Self {
         Self {
             value: self.value * o.value,
@@ -66,26 +70,31 @@ impl Mul for HyperDual {
 }
 
 impl Scalar for HyperDual {
+    #[inline]
     fn constant(value: f64) -> Self {
         Self { value, a: 0.0, b: 0.0, ab: 0.0 }
     }
 
+    #[inline]
     fn sqrt(self) -> Self {
         let root = self.value.sqrt();
         self.chain(root, 0.5 / root, -0.25 / (root * self.value))
     }
 
+    #[inline]
     fn recip(self) -> Self {
         let r = 1.0 / self.value;
         self.chain(r, -r * r, 2.0 * r * r * r)
     }
 
+    #[inline]
     fn acos(self) -> Self {
         let q = 1.0 / (1.0 - self.value * self.value);
         let root = q.sqrt();
         self.chain(self.value.acos(), -root, -self.value * q * root)
     }
 
+    #[inline]
     fn atan2(self, x: Self) -> Self {
         // d atan2 = (x dy − y dx)/(x² + y²), and once more along the other direction.
         let y = self;
@@ -103,11 +112,13 @@ impl Scalar for HyperDual {
 }
 
 /// x + ε₁ a + ε₂ b.
+#[inline]
 pub fn lift(x: glam::DVec3, a: glam::DVec3, b: glam::DVec3) -> Vector<HyperDual> {
     [0, 1, 2].map(|i| HyperDual { value: x[i], a: a[i], b: b[i], ab: 0.0 })
 }
 
 /// The ε₁ε₂ part.
+#[inline]
 pub fn mixed(x: Vector<HyperDual>) -> glam::DVec3 {
     glam::DVec3::new(x[0].ab, x[1].ab, x[2].ab)
 }

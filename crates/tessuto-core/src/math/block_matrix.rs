@@ -79,6 +79,7 @@ impl BlockPattern {
     }
 
     /// Number of block rows.
+    #[inline]
     pub fn vertex_count(&self) -> usize {
         self.vertex_count
     }
@@ -197,6 +198,7 @@ pub struct Span {
 
 impl Span {
     /// Whether anything that couples just these vertices can be in these columns.
+    #[inline]
     pub fn holds_any(&self, pattern: &BlockPattern, vertices: &[u32]) -> bool {
         vertices.iter().any(|&v| (self.start..self.end).contains(&(pattern.diagonal[v as usize] as usize)))
     }
@@ -212,17 +214,20 @@ pub struct Columns<'a> {
 
 impl Columns<'_> {
     /// Which they are.
+    #[inline]
     pub fn span(&self) -> Span {
         Span { start: self.start, end: self.start + self.values.len() }
     }
 
     /// [`BlockMatrix::add_diagonal`].
+    #[inline]
     pub fn add_diagonal(&mut self, pattern: &BlockPattern, vertex: usize, block: &DMat3) {
         let [a, b, c] = block.to_cols_array_2d();
         self.add(pattern.diagonal[vertex], [a[0], a[1], a[2], b[1], b[2], c[2]]);
     }
 
     /// [`BlockMatrix::add_pair`].
+    #[inline]
     pub fn add_pair(&mut self, pattern: &BlockPattern, pair: usize, block: &DMat3) {
         let slot = &pattern.pairs[pair];
         let block = if slot.transposed { &block.transpose() } else { block };
@@ -230,6 +235,7 @@ impl Columns<'_> {
     }
 
     /// Adds `block` at `place`.
+    #[inline]
     pub fn add_block(&mut self, pattern: &BlockPattern, place: Place, block: &DMat3) {
         match place {
             Place::Vertex(vertex) => self.add_diagonal(pattern, vertex as usize, block),
@@ -238,6 +244,7 @@ impl Columns<'_> {
     }
 
     /// Adds to the values from `index` on, where these are among the columns.
+    #[inline]
     fn add<const N: usize>(&mut self, index: u32, terms: [f64; N]) {
         let values = (index as usize).checked_sub(self.start).and_then(|at| self.values.get_mut(at..at + N));
         if let Some(values) = values {
@@ -270,6 +277,7 @@ impl BlockMatrix {
     }
 
     /// All of its columns.
+    #[inline]
     pub fn whole(&mut self) -> Columns<'_> {
         Columns { start: 0, values: &mut self.values }
     }
@@ -283,11 +291,13 @@ impl BlockMatrix {
     }
 
     /// Adds the symmetric `block` to the diagonal block of `vertex`.
+    #[inline]
     pub fn add_diagonal(&mut self, pattern: &BlockPattern, vertex: usize, block: &DMat3) {
         self.whole().add_diagonal(pattern, vertex, block);
     }
 
     /// Adds `block` at (i, j), and its transpose at (j, i), where (i, j) is the pattern's pair `pair`.
+    #[inline]
     pub fn add_pair(&mut self, pattern: &BlockPattern, pair: usize, block: &DMat3) {
         self.whole().add_pair(pattern, pair, block);
     }

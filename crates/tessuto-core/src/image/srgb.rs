@@ -3,11 +3,13 @@
 macro_rules! curve {
     ($decode:ident, $encode:ident, $float:ty) => {
         /// Linear value of an sRGB-encoded one.
+        #[inline]
         pub fn $decode(s: $float) -> $float {
             if s <= 0.040_45 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) }
         }
 
         /// sRGB encoding of a linear value; goes on above 1.
+        #[inline]
         pub fn $encode(l: $float) -> $float {
             if l <= 0.003_130_8 { 12.92 * l } else { 1.055 * l.powf(1.0 / 2.4) - 0.055 }
         }
@@ -18,6 +20,7 @@ curve!(decode, encode, f32);
 curve!(decode_f64, encode_f64, f64);
 
 /// Derivative of [`encode`].
+#[inline]
 pub fn encode_slope(l: f32) -> f32 {
     if l <= 0.003_130_8 { 12.92 } else { 1.055 / 2.4 * l.powf(1.0 / 2.4 - 1.0) }
 }

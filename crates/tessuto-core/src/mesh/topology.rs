@@ -6,7 +6,7 @@ use super::Mesh;
 
 /// How the faces along an edge run through it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(crate) struct EdgeUse {
+pub struct EdgeUse {
     /// Faces that go from the smaller vertex to the larger one.
     pub ascending: usize,
     /// Faces that go the other way.
@@ -21,7 +21,7 @@ impl EdgeUse {
 }
 
 /// The faces along every polygon edge, by its vertices `[smaller, larger]`.
-pub(crate) fn edge_uses(mesh: &Mesh) -> BTreeMap<[u32; 2], EdgeUse> {
+pub fn edge_uses(mesh: &Mesh) -> BTreeMap<[u32; 2], EdgeUse> {
     let mut uses = BTreeMap::<[u32; 2], EdgeUse>::new();
     for face in &mesh.faces {
         for (k, &a) in face.vertices.iter().enumerate() {
@@ -34,7 +34,7 @@ pub(crate) fn edge_uses(mesh: &Mesh) -> BTreeMap<[u32; 2], EdgeUse> {
 }
 
 /// Edges of one face only, as `[smaller, larger]`, in ascending order.
-pub(crate) fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
+pub fn boundary_edges(mesh: &Mesh) -> Vec<[u32; 2]> {
     edge_uses(mesh).into_iter().filter(|(_, found)| found.faces() == 1).map(|(edge, _)| edge).collect()
 }
 
@@ -64,7 +64,7 @@ pub fn pieces(mesh: &Mesh) -> Vec<usize> {
 }
 
 /// Vertices at which faces meet that share no edge there, as at the tip of two cones; ascending.
-pub(crate) fn pinched(mesh: &Mesh) -> Vec<u32> {
+pub fn pinched(mesh: &Mesh) -> Vec<u32> {
     // Per vertex, the neighbours along the two edges of each of its faces.
     let mut around: Vec<Vec<[u32; 2]>> = vec![Vec::new(); mesh.positions.len()];
     for face in &mesh.faces {

@@ -2,10 +2,9 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::camera::{Camera, Pose, Viewpoint};
+use super::{Camera, Pose, Viewpoint};
 use crate::error::{Error, Result};
 use crate::mesh::Positions;
-use crate::pbr::EnvironmentMap;
 
 /// Margin around the fabric, as a fraction of the image.
 const MARGIN: f64 = 0.05;
@@ -45,7 +44,8 @@ impl Viewpoint {
     }
 
     /// Views about the middle of one `motion`, all as far from it as the farthest.
-    pub(super) fn at_one_distance(views: Vec<Self>, motion: &[Positions]) -> Vec<Self> {
+    #[must_use]
+    pub fn at_one_distance(views: Vec<Self>, motion: &[Positions]) -> Vec<Self> {
         let middle = middle(motion);
         let distance = |view: &Self| view.depth(middle);
         let farthest = views.iter().map(distance).fold(0.0, f64::max);
@@ -75,23 +75,6 @@ impl Viewpoint {
             height,
         };
         self.with_camera(camera)
-    }
-
-    /// `environment` in this camera's frame, each texel the mean of four directions of the old one.
-    pub fn environment(&self, environment: &EnvironmentMap) -> EnvironmentMap {
-        let turned = self.camera_from_world.map(|pose| pose.rotation).filter(|r| *r != DMat3::IDENTITY);
-        let Some(rotation) = turned else { return environment.clone() };
-        let fine = EnvironmentMap::uniform(2 * environment.width, 2 * environment.height, [0.0; 3]);
-        let back = rotation.transpose();
-        let mut turned = EnvironmentMap::uniform(environment.width, environment.height, [0.0; 3]);
-        for row in 0..fine.height {
-            for column in 0..fine.width {
-                let from = environment.texels[environment.texel_of(back * fine.direction(column, row))];
-                let texel = &mut turned.texels[row / 2 * environment.width + column / 2];
-                texel.iter_mut().zip(from).for_each(|(t, f)| *t += 0.25 * f);
-            }
-        }
-        turned
     }
 }
 
@@ -146,25 +129,6 @@ mod tests {
         assert!(x[0].z < x[1].z && x[0].x < x[1].x, "{x:?}");
         assert!((view.camera_from_world.unwrap().rotation.determinant() - 1.0).abs() < 1e-12);
         assert!(Viewpoint::about(&motion(), CAMERA, 0.0, 2.0).is_err());
-    }
-
-    #[test]
-    fn the_light_turns_with_the_camera() {
-        let mut map = EnvironmentMap::uniform(64, 32, [0.0; 3]);
-        let up = map.texel_of(-DVec3::Y + 1e-3 * DVec3::Z);
-        let right = map.texel_of(DVec3::X);
-        map.texels[up] = [7.0; 3];
-        map.texels[right] = [5.0; 3];
-        let view = Viewpoint::about(&motion(), CAMERA, 90f64.to_radians(), 0.0).unwrap();
-        let turned = view.environment(&map);
-        // From the left border, looking to the right: what was at the right is ahead.
-        let ahead = turned.texels[turned.texel_of(DVec3::new(0.05, 0.05, 1.0).normalize())];
-        let power = |e: &EnvironmentMap| -> f64 {
-            let rows = e.texels.chunks_exact(e.width).enumerate();
-            rows.map(|(r, t)| t.iter().map(|t| f64::from(t[0])).sum::<f64>() * e.solid_angle(r)).sum()
-        };
-        assert!(ahead[0] > 0.5, "{ahead:?}");
-        assert!((power(&turned) / power(&map) - 1.0).abs() < 0.3);
     }
 
     #[test]

@@ -1,33 +1,36 @@
 //! Domain-free numerics: random streams, sparse symmetric systems, gradient checks.
 
 pub mod block_matrix;
-pub(crate) mod conjugate_gradients;
-pub(crate) mod delaunay;
+pub mod conjugate_gradients;
+pub mod delaunay;
 mod dissection;
 pub mod factor;
 pub mod gradient_check;
-pub(crate) mod hyper_dual;
-pub(crate) mod lanes;
+pub mod hyper_dual;
+pub mod lanes;
 pub mod median;
-pub(crate) mod minimise;
+pub mod minimise;
 mod multifrontal;
 pub mod rng;
 pub mod root;
-pub(crate) mod scalar;
+pub mod scalar;
 
 use glam::{DMat3, DVec3};
 
 /// Dot product of two fields of vectors.
+#[inline]
 pub fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }
 
 /// a bᵀ.
+#[inline]
 pub fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
 /// The 3·V numbers of a field of vectors.
+#[inline]
 pub fn flat(field: &[DVec3]) -> &[f64] {
     bytemuck::cast_slice(field)
 }
@@ -38,6 +41,7 @@ pub fn vectors(numbers: &[f64]) -> Vec<DVec3> {
 }
 
 /// Whether every number is finite.
+#[inline]
 pub fn finite(numbers: &[f64]) -> bool {
     numbers.iter().all(|x| x.is_finite())
 }

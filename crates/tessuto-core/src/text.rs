@@ -8,7 +8,7 @@ const CLOSE: usize = 3;
 const LONGEST: usize = 64;
 
 /// Fewest insertions, deletions and replacements of characters that turn `a` into `b`, upper and lower case alike.
-pub(crate) fn edits(a: &str, b: &str) -> usize {
+pub fn edits(a: &str, b: &str) -> usize {
     let a: String = a.chars().take(LONGEST).collect();
     strsim::levenshtein(&a.to_lowercase(), &b.to_lowercase())
 }
@@ -24,7 +24,7 @@ const SYNONYMS: [(&str, &str); 5] = [
 
 /// The key of `known` that was probably meant by `key`: the one with the fewest edits to it, or between their parts after
 /// the last dot, whatever stands before them; `None` if no key is close.
-pub(crate) fn nearest_key<'a>(key: &str, known: &'a [String]) -> Option<&'a str> {
+pub fn nearest_key<'a>(key: &str, known: &'a [String]) -> Option<&'a str> {
     let (section, last) = key.rsplit_once('.').unwrap_or(("", key));
     let last = SYNONYMS.iter().find(|(word, _)| *word == last).map_or(last, |(_, name)| name);
     // A third of a word, or it is another one; of two equal words, the one of the section that was named.
@@ -46,7 +46,7 @@ pub(crate) fn nearest_key<'a>(key: &str, known: &'a [String]) -> Option<&'a str>
 }
 
 /// Lower-case hexadecimal.
-pub(crate) fn hex(bytes: &[u8]) -> String {
+pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|b| format!("{b:02x}")).collect()
 }
 
@@ -63,7 +63,7 @@ pub fn base64(bytes: &[u8]) -> String {
 }
 
 /// The bytes behind [`base64`]; `None` if a character is foreign.
-pub(crate) fn from_base64(text: &str) -> Option<Vec<u8>> {
+pub fn from_base64(text: &str) -> Option<Vec<u8>> {
     let digit = |c: u8| match c {
         b'A'..=b'Z' => Some(c - b'A'),
         b'a'..=b'z' => Some(c - b'a' + 26),

@@ -1,6 +1,6 @@
 //! Float images in memory, and the sRGB transfer curve.
 
-pub(crate) mod srgb;
+pub mod srgb;
 
 /// Interleaved float image; row 0 is the top.
 #[derive(Debug, Clone, PartialEq)]
@@ -22,12 +22,14 @@ impl Image {
     }
 
     /// The values of pixel (column `x`, row `y`), shape `[channels]`.
+    #[inline]
     pub fn pixel(&self, x: usize, y: usize) -> &[f32] {
         let start = (y * self.width + x) * self.channels;
         &self.data[start..start + self.channels]
     }
 
     /// The values of pixel (column `x`, row `y`), shape `[channels]`.
+    #[inline]
     pub fn pixel_mut(&mut self, x: usize, y: usize) -> &mut [f32] {
         let start = (y * self.width + x) * self.channels;
         &mut self.data[start..start + self.channels]
