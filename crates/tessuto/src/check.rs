@@ -13,10 +13,10 @@ mod repeats;
 use std::path::Path;
 
 use crate::io::scene::{LoadOptions, Loaded, attempt};
-use crate::raster::coverage::{overlap, template_coverage};
 use tessuto_core::error::{Error, Hint, Result, Warning};
 use tessuto_core::image::Image;
 use tessuto_core::scene::Scene;
+use tessuto_render::raster::coverage::{overlap, template_coverage};
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

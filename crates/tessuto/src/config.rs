@@ -15,10 +15,10 @@ use crate::motion::parameters::{Dynamics, StiffnessRange};
 use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
-use crate::sim::{Integrator, Model, StepSettings};
 use tessuto_core::error::{Error, Result, Warning};
 use tessuto_core::settings::{Setting, Settings, Values, ordered, settings, text};
 use tessuto_core::text::nearest_key;
+use tessuto_sim::{Integrator, Model, StepSettings};
 
 mod preset;
 

@@ -65,8 +65,6 @@ pub mod appearance;
 pub mod check;
 pub mod compare;
 pub mod config;
-#[cfg(feature = "decoder")]
-pub mod decoder;
 pub mod export;
 pub mod import;
 pub mod io;
@@ -75,25 +73,27 @@ pub mod metrics;
 pub mod motion;
 #[doc(hidden)]
 pub mod output;
-pub mod pbr;
-pub mod raster;
 mod reconstruct;
 #[doc(hidden)]
 pub mod report;
 pub mod result;
 pub mod run;
 pub mod session;
-pub mod sim;
 pub mod synth;
 pub mod template;
-#[cfg(feature = "decoder")]
-pub mod training;
 pub mod view;
 
 pub use tessuto_core::glam;
 #[doc(hidden)]
 pub use tessuto_core::{math, processor, text};
 pub use tessuto_core::{mesh, settings};
+#[cfg(feature = "decoder")]
+pub use tessuto_render::decoder;
+pub use tessuto_render::{pbr, raster};
+#[doc(inline)]
+pub use tessuto_sim as sim;
+#[cfg(feature = "decoder")]
+pub use tessuto_sim::training;
 
 pub use config::Config;
 pub use reconstruct::{Reconstruction, reconstruct, simulate};

@@ -9,12 +9,12 @@ use crate::motion::rollout::RolloutFit;
 use crate::motion::rollout::compared::Compared;
 use crate::motion::spacetime;
 use crate::motion::texture::{Window, fit_texture};
-use crate::raster::{Rasterizer, Texture};
 use crate::session::{Epoch, Session, foreign_state};
-use crate::sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Motion, Positions};
 use tessuto_core::scene::Scene;
+use tessuto_render::raster::{Rasterizer, Texture};
+use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 
 /// What a video tells about the fabric.
 #[derive(Debug)]

@@ -1,8 +1,8 @@
 //! Material maps as an untrained decoder's output: its weights are the parameters, its structure is the prior.
 
 use super::texels::{Factors, LIMITS, MapState, Maps, other_maps};
-use crate::decoder::{Decoder, DecoderConfig};
 use tessuto_core::error::Result;
+use tessuto_render::decoder::{Decoder, DecoderConfig};
 
 /// Steps that bring the decoder to the maps it starts from; they cost no rendering.
 const WARM_UP: usize = 100;

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::pbr::EnvironmentMap;
 use tessuto_core::optim::Adam;
+use tessuto_render::pbr::EnvironmentMap;
 
 /// Radiance on the fine grid is the bilinear interpolation of exp(parameters), partly made grey, times a tint.
 #[derive(Clone, Serialize, Deserialize)]

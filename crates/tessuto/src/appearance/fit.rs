@@ -12,16 +12,18 @@ use super::splat::Splat;
 use super::surfaces::SurfacePrior;
 use super::texels::{MapState, Maps, TexelPrior, Texels};
 use super::{AppearanceSettings, MapPrior, Window};
-#[cfg(feature = "decoder")]
-use crate::decoder::DecoderConfig;
-use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate};
-use crate::raster::Rasterizer;
 use crate::session::{Epoch, Session, foreign_state, named};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::srgb;
 use tessuto_core::math::rng::mix32;
 use tessuto_core::mesh::Motion;
 use tessuto_core::scene::Scene;
+#[cfg(feature = "decoder")]
+use tessuto_render::decoder::DecoderConfig;
+use tessuto_render::pbr::{
+    EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate,
+};
+use tessuto_render::raster::Rasterizer;
 
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;

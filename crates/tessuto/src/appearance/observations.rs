@@ -1,13 +1,13 @@
 //! What the pixels of all frames see, and their colours.
 
 use super::Window;
-use crate::pbr::{Geometry, SurfacePoint, visible_points};
-use crate::raster::{Rasterizer, Rendering, Texture};
 use tessuto_core::error::Result;
 use tessuto_core::image::Image;
 use tessuto_core::math::rng::mix32;
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
+use tessuto_render::pbr::{Geometry, SurfacePoint, visible_points};
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// Pixels of all frames that certainly show cloth.
 pub(super) struct Observations {

@@ -14,12 +14,12 @@ use super::observations::inside;
 use super::seen::{Seen, directions};
 use super::splat::Splat;
 use super::window::Window;
-use crate::pbr::barycentrics;
-use crate::raster::{Rasterizer, Rendering, Texture};
 use tessuto_core::error::Result;
 use tessuto_core::image::srgb;
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
+use tessuto_render::pbr::barycentrics;
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// Frames whose pixels are held at once.
 const TOGETHER: usize = 4;

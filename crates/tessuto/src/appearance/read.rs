@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use crate::io;
-use crate::pbr::Material;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::srgb;
+use tessuto_render::pbr::Material;
 
 /// The maps in `folder`, as [`write_material`](super::write_material) leaves them; those of other programs may have
 /// any size, the same for all three.
@@ -39,9 +39,9 @@ pub fn read_material(folder: &Path) -> Result<Material> {
 mod tests {
     use super::*;
     use crate::appearance::{Appearance, Window, write_material};
-    use crate::pbr::EnvironmentMap;
     use tessuto_core::image::Image;
     use tessuto_core::mesh::grid;
+    use tessuto_render::pbr::EnvironmentMap;
 
     #[test]
     fn maps_are_read_as_they_were_written() {

@@ -5,12 +5,14 @@ use std::path::Path;
 use super::read_material;
 use crate::metrics::maps::{self, MapMetrics};
 use crate::metrics::similarity::{best_scale, psnr, scaled};
-use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
-use crate::raster::Rasterizer;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::Result;
 use tessuto_core::mesh::{Mesh, Positions};
 use tessuto_core::scene::Scene;
+use tessuto_render::pbr::{
+    EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame,
+};
+use tessuto_render::raster::Rasterizer;
 
 /// Frames that are compared, spread over the motion.
 const FRAMES: usize = 3;

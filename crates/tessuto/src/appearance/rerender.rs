@@ -4,12 +4,14 @@
 //! shows beside the cloth, as it does in the camera.
 
 use crate::metrics::masked_psnr;
-use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
-use crate::raster::{Rasterizer, Rendering, Texture};
 use tessuto_core::error::Result;
 use tessuto_core::image::{Image, srgb};
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
+use tessuto_render::pbr::{
+    EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame,
+};
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// A re-rendered frame.
 #[derive(Debug, Clone)]

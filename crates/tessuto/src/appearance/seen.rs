@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::pbr::EnvironmentMap;
+use tessuto_render::pbr::EnvironmentMap;
 
 /// Rows of the map of directions; it has twice as many columns.
 pub const DIRECTION_ROWS: usize = 24;

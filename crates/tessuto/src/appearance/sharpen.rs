@@ -13,8 +13,8 @@ use super::loss::SATURATED;
 use super::observations::Observations;
 use super::patch_weights::PatchWeights;
 use super::texels::LIMITS;
-use crate::pbr::{Footprint, Material, Shader, SurfacePoint, radiance_by_diffuse};
 use tessuto_core::image::srgb;
+use tessuto_render::pbr::{Footprint, Material, Shader, SurfacePoint, radiance_by_diffuse};
 
 /// Points whose light is estimated at once.
 const TOGETHER: usize = 1 << 18;
@@ -126,11 +126,11 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, radiance, visible_points};
-    use crate::raster::{Rasterizer, Rendering};
     use tessuto_core::camera::Camera;
     use tessuto_core::math::rng::Rng;
     use tessuto_core::mesh::grid;
+    use tessuto_render::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, radiance, visible_points};
+    use tessuto_render::raster::{Rasterizer, Rendering};
 
     const SIZE: usize = 32;
     const TEXELS: usize = SIZE * SIZE;

@@ -1,6 +1,6 @@
 //! Colours of points, gathered on a map.
 
-use crate::pbr::Footprint;
+use tessuto_render::pbr::Footprint;
 
 /// Weighted colours, spread over the four texels around each point.
 pub(super) struct Splat {

@@ -7,11 +7,11 @@ use super::albedo_scale::HIGHEST;
 use super::metal_colour;
 use super::regions::regions;
 use super::surfaces::{self, SurfacePrior, Surfaces};
-#[cfg(feature = "decoder")]
-use crate::decoder::DecoderState;
-use crate::pbr::CHANNELS;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::optim::Adam;
+#[cfg(feature = "decoder")]
+use tessuto_render::decoder::DecoderState;
+use tessuto_render::pbr::CHANNELS;
 
 /// Limits of the channels: diffuse, roughness, metallic.
 pub(super) const LIMITS: [[f64; 2]; CHANNELS] =

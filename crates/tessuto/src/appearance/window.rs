@@ -1,7 +1,7 @@
 //! The part of uv space that the template uses: maps are estimated on it alone, at their full resolution.
 
-use crate::pbr::{CHANNELS, Material};
 use tessuto_core::mesh::Mesh;
+use tessuto_render::pbr::{CHANNELS, Material};
 
 /// Largest side of a written map `[texel]`.
 const LARGEST: usize = 2048;

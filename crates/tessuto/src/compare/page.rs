@@ -10,8 +10,6 @@ use super::{Entry, Table, csv, tables, text};
 use crate::io::scene::{LoadOptions, load};
 use crate::io::{self, atomic_write};
 use crate::output::{FolderKind, OutputFolder};
-use crate::pbr::Geometry;
-use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::report::colour::diverging;
 use crate::report::film::{Film, Source};
 use crate::report::images::measured_depth_image;
@@ -23,6 +21,8 @@ use tessuto_core::error::Result;
 use tessuto_core::image::Image;
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
+use tessuto_render::pbr::Geometry;
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// Base64 of all images of a scene together, at most `[bytes]`.
 const BUDGET: usize = 9 << 20;

@@ -261,7 +261,7 @@ fn read_material(folder: &Path, name: &str) -> Result<Material> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::sim::Accelerations;
+    use tessuto_sim::Accelerations;
 
     /// One frame of `mesh`, grey.
     pub(in super::super) fn clip(mesh: Mesh) -> Clip {
@@ -282,7 +282,7 @@ pub(super) mod tests {
             environment: None,
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
-                model: crate::sim::Model::Springs,
+                model: tessuto_sim::Model::Springs,
                 log_stiffness: vec![2.0, -3.0, -4.0],
                 accelerations: Accelerations { constant: DVec3::Y, ..Accelerations::zeros(1, 1, 0) },
             },

@@ -2,7 +2,7 @@
 
 use super::Clip;
 use crate::io::npy::{archive, encode as array};
-use crate::sim::cloth::AREA_DENSITY;
+use tessuto_sim::cloth::AREA_DENSITY;
 
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
 ///

@@ -11,9 +11,9 @@ use super::region::Region;
 use super::{EmptyPlace, Request, files, refuse};
 use crate::io::scene::{self, ColourFiles};
 use crate::io::{image, mask, obj};
-use crate::raster::coverage::template_coverage;
 use tessuto_core::camera::Rect;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_render::raster::coverage::template_coverage;
 
 /// Where the fabric is in the first frame, and whether that is rough.
 pub(super) fn first_frame(

@@ -11,12 +11,12 @@ use serde::{Deserialize, Serialize};
 use super::resample::bicubic;
 use super::similarity::{best_scale, correlation, masked_psnr, psnr, scaled, ssim, taken};
 use crate::io;
-use crate::raster::coverage::fill_triangle;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::Scene;
 use tessuto_core::video::COVERED;
+use tessuto_render::raster::coverage::fill_triangle;
 
 /// Likeness of maps and frames to the truth. What cannot be compared is absent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]

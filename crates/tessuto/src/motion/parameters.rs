@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::sim::{Accelerations, Cloth, Model, Property, StepSettings, Stiffness};
+use tessuto_sim::{Accelerations, Cloth, Model, Property, StepSettings, Stiffness};
 
 /// One uniform stiffness: start and bounds as log10.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

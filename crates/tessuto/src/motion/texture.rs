@@ -5,7 +5,6 @@ use std::slice::from_ref;
 use glam::DVec2;
 use rayon::prelude::*;
 
-use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::session::{Epoch, Session, named};
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
@@ -14,6 +13,7 @@ use tessuto_core::mesh::Positions;
 use tessuto_core::optim::{Adam, GradientClip};
 use tessuto_core::settings::settings;
 use tessuto_core::video::Frame;
+use tessuto_render::raster::{Gradients, Rasterizer, Rendering, Texture};
 
 use super::rollout::losses::{LOSS_FLOOR, LossWeights, image_loss};
 

@@ -8,10 +8,10 @@ use crate::motion::causes::{Found, cut_cloth};
 use crate::report::causes::{CauseData, CauseRow, CauseSpread, ForceArrows, known};
 use crate::report::chart::{Chart, Series};
 use crate::report::{EmbeddedMotion, embed};
-use crate::sim::cloth::AREA_DENSITY;
-use crate::sim::per_width::{PerWidth, bending_length};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Positions;
+use tessuto_sim::cloth::AREA_DENSITY;
+use tessuto_sim::per_width::{PerWidth, bending_length};
 
 /// Vertices with arrows, besides those that are held, at most.
 const SITES: usize = 300;

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::{Quantity, quantity};
 use crate::io;
 use crate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
-use crate::sim::per_width::PerWidth;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_sim::per_width::PerWidth;
 
 /// Gravity.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -8,9 +8,9 @@ use super::Folder;
 use crate::io;
 use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::report::chart::{Chart, Series, spans_decades};
-use crate::sim::Accelerations;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::mesh::Positions;
+use tessuto_sim::Accelerations;
 
 /// What the motion and the other files of a result tell of each frame. Results of older versions have no
 /// `agreement`; their strain is measured anew.

@@ -12,13 +12,13 @@ use crate::io;
 use crate::metrics::Evaluation;
 use crate::motion::causes::{Found, Sizes};
 use crate::motion::parameters::Parameters;
-use crate::pbr::Material;
 use crate::session::Epoch;
-use crate::sim::Accelerations;
-use crate::sim::per_width::PerWidth;
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Motion};
+use tessuto_render::pbr::Material;
+use tessuto_sim::Accelerations;
+use tessuto_sim::per_width::PerWidth;
 
 /// See the module. What a simulation needs is read at once.
 #[derive(Debug)]

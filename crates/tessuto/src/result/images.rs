@@ -6,7 +6,6 @@ use super::shutter;
 use crate::io;
 use crate::metrics::verdict::criteria::CORRELATION;
 use crate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
-use crate::raster::{Rasterizer, Rendering};
 use crate::reconstruct::Reconstruction;
 use crate::report::images::{FrameImages, Ranges, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
@@ -16,6 +15,7 @@ use tessuto_core::image::Image;
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
 use tessuto_core::video::Frame;
+use tessuto_render::raster::{Rasterizer, Rendering};
 
 /// A vertex farther behind the nearest surface `[m]` is hidden.
 const HIDDEN: f64 = 0.01;

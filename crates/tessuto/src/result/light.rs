@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use crate::io::{self, jpeg};
 use tessuto_core::error::Result;
 
-use crate::pbr::EnvironmentMap;
 use crate::report::{LightData, chosen_frames, embed};
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_render::pbr::EnvironmentMap;
 
 /// JPEG quality of maps and of the light.
 pub(super) const MAP_QUALITY: u8 = 86;

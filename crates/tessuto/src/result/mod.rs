@@ -58,11 +58,11 @@ use crate::metrics::{Evaluation, judge_frames};
 use crate::motion::causes::Explained;
 use crate::motion::parameters::{Parameters, StiffnessRange};
 use crate::reconstruct::Reconstruction;
-use crate::sim::Model;
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Motion;
 use tessuto_core::scene::Scene;
+use tessuto_sim::Model;
 
 /// Which run it was.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -287,7 +287,7 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
         dynamic_parts: p.accelerations.entries_per_frame,
         wind: p.accelerations.wind.map(|wind| quantity(wind.to_array(), "m/s")),
-        area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
+        area_density: quantity(tessuto_sim::cloth::AREA_DENSITY, "kg/m^2"),
         frame_rate: quantity(scene.fps, "1/s"),
         camera,
         crop,

@@ -16,10 +16,10 @@ use crate::report::film::{Film, Load, Source};
 use crate::report::{
     CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
 };
-use crate::sim::cloth::AREA_DENSITY;
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Positions;
+use tessuto_sim::cloth::AREA_DENSITY;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;

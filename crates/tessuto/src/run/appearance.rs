@@ -12,8 +12,6 @@ use crate::config::{Config, Preset};
 use crate::io;
 use crate::io::scene::{LoadOptions, Loaded, load};
 use crate::output::{FolderKind, OutputFolder, manifest};
-use crate::pbr::Geometry;
-use crate::raster::Rasterizer;
 use crate::result::{self, Run};
 use crate::session::Session;
 use crate::template::irregular::of_scene;
@@ -21,6 +19,8 @@ use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::mesh::Motion;
 use tessuto_core::scene::Scene;
+use tessuto_render::pbr::Geometry;
+use tessuto_render::raster::Rasterizer;
 
 /// Stages as they are announced.
 pub(super) const FIT: &str = "material and light";

@@ -7,9 +7,9 @@ use super::gust::{Hanging, Otherwise, swing};
 use super::lattice::lattice;
 use super::settings::Settings;
 use super::sheet;
-use crate::sim::cloth::AREA_DENSITY;
 use tessuto_core::error::Result;
 use tessuto_core::mesh::Positions;
+use tessuto_sim::cloth::AREA_DENSITY;
 
 /// Frames after the clip in which the air is still and the hands stay.
 const CALM: usize = 20;

@@ -11,12 +11,12 @@ use super::lattice::{MeshKind, lattice};
 use super::settings::{Mover, Settings};
 use super::sheet::{self, GRAVITY, SIZE, SLACK, Tilt};
 use super::trajectory::{Clock, STEP, Trajectory};
-use crate::sim::air::Air;
-use crate::sim::{Cloth, Integrator, State, StepSettings, Stiffness, TiedCloth};
 use tessuto_core::error::Result;
 use tessuto_core::math::factor::Scratch;
 use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_sim::air::Air;
+use tessuto_sim::{Cloth, Integrator, State, StepSettings, Stiffness, TiedCloth};
 
 /// Stiffness of the springs that hold the pinned vertices [N/m].
 const PIN: f64 = 1e4;

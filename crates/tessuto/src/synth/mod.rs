@@ -22,7 +22,6 @@ use std::path::PathBuf;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::raster::{Rasterizer, Rendering, Texture};
 use occluder::{Behind, Occluder};
 pub use settings::{Mover, Settings};
 pub use sheet::SIZE as SHEET;
@@ -32,6 +31,7 @@ use tessuto_core::error::Result;
 use tessuto_core::mesh::{Mesh, Motion, Positions};
 use tessuto_core::scene::{Scene, Truth};
 use tessuto_core::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 use trajectory::Trajectory;
 use view::{Studio, View, exposed};
 

@@ -2,11 +2,11 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::pbr::barycentrics;
-use crate::raster::{Rasterizer, Rendering};
 use tessuto_core::camera::Camera;
 use tessuto_core::image::Image;
 use tessuto_core::mesh::vertex_normals;
+use tessuto_render::pbr::barycentrics;
+use tessuto_render::raster::{Rasterizer, Rendering};
 
 /// From the cloth to the light: above the camera, to its left.
 const LIGHT: DVec3 = DVec3::new(-0.45, -0.55, -0.70);

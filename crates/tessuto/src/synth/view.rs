@@ -4,11 +4,11 @@ use glam::{DVec2, DVec3};
 
 use super::occluder::Occluder;
 use super::shade;
-use crate::raster::{Rasterizer, Rendering, Texture};
 use tessuto_core::camera::Camera;
 use tessuto_core::image::{Image, srgb};
 use tessuto_core::mesh::Positions;
 use tessuto_core::video::Frame;
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// Images are drawn this much larger and averaged, so that fine texture does not alias.
 const OVERSAMPLING: usize = 2;

@@ -118,7 +118,7 @@ mod tests {
             p.y += 0.05 * (1.0 - (p.x / 0.3).powi(2)) * (0.25 - p.y) / 0.5;
         }
         let whole = Image { width: 640, height: 480, channels: 1, data: vec![1.0; 640 * 480] };
-        let covered = crate::raster::coverage::template_coverage(&truth, &truth.positions, camera);
+        let covered = tessuto_render::raster::coverage::template_coverage(&truth, &truth.positions, camera);
         let mask = Image { data: covered.iter().map(|c| f32::from(u8::from(*c))).collect(), ..whole };
         let outline = Outline::new(&mask, "mask").unwrap();
         let corners = outline.corners();

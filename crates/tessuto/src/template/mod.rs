@@ -19,10 +19,10 @@ pub(crate) mod outline;
 pub(crate) mod rectangle;
 pub mod remesh;
 
-use crate::raster::coverage::{overlap, template_coverage};
 use tessuto_core::camera::Camera;
 use tessuto_core::image::Image;
 use tessuto_core::mesh::Mesh;
+use tessuto_render::raster::coverage::{overlap, template_coverage};
 
 /// Intersection over union of a mesh `[m]`, as `camera` sees it, and a mask of the same size.
 pub fn overlap_with_mask(mesh: &Mesh, camera: &Camera, mask: &Image) -> f64 {

@@ -2,9 +2,9 @@
 
 use glam::DVec2;
 
-use crate::raster::coverage::fill_triangle;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
+use tessuto_render::raster::coverage::fill_triangle;
 
 /// Corners of the convex hull that are compared; more would only cost time.
 const HULL_CORNERS: usize = 48;

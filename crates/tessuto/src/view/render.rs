@@ -7,13 +7,15 @@ use super::film::{Shot, shots, turned};
 use super::{Turn, View, depth_range, draw_depth, draw_shaded, draw_texture};
 use crate::io;
 use crate::output::{FolderKind, OutputFolder, manifest};
-use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
-use crate::raster::{Rasterizer, Texture};
 use crate::result::Folder;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_render::pbr::{
+    EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame,
+};
+use tessuto_render::raster::{Rasterizer, Texture};
 
 /// Fraction of the light samples that are drawn uniformly over the sphere.
 const UNIFORM_FRACTION: f64 = 0.05;

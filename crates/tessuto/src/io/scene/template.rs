@@ -8,11 +8,13 @@ use super::inside;
 use super::manifest::{Manifest, Units};
 use super::rectangle;
 use crate::io::obj;
-use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage};
 use tessuto_core::error::{Error, Hint, Remedy, Repair, Result, Warning};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, diagonal, edge_uses, pieces, pinched, triangle_area};
 use tessuto_core::scene::Scene;
+use tessuto_render::raster::coverage::{
+    VARIANT_GAIN, axis_variants, best_variant, overlap, template_coverage,
+};
 
 /// Sizes of cloth taken seriously: length of the bounding box's diagonal `[m]`.
 pub(crate) const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;

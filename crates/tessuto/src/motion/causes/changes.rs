@@ -10,8 +10,8 @@ use super::parts::{air, held_ties};
 use super::task::HOLD;
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
-use crate::sim::{Cloth, State};
 use tessuto_core::mesh::Positions;
+use tessuto_sim::{Cloth, State};
 
 /// How a motion shall go otherwise.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -208,9 +208,9 @@ mod tests {
     use super::*;
     use crate::motion::causes::{Causes, Knots, Spread};
     use crate::motion::parameters::StiffnessRange;
-    use crate::sim::{Integrator, Model, StepSettings};
     use glam::DVec2;
     use tessuto_core::mesh::grid;
+    use tessuto_sim::{Integrator, Model, StepSettings};
 
     #[test]
     fn what_was_missing_goes_on_after_the_clip_where_no_causes_are_told() {

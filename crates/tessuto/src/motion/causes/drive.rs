@@ -5,20 +5,20 @@
 //!   x' = argmin ½ ‖x − x̄ − H v̄ − H² a‖²_M/H² + ½ ‖x − target‖²_{M κ} + E(x) + ½ c/H ‖θ(x) − θ̄‖²,
 //!   v' = (x' − x̄)/H,
 //!
-//! an implicit Euler step from (x̄, v̄) with other masses and, for internal friction, other springs ([`crate::sim::Cloth::rub`]). Its derivatives follow from the implicit function theorem.
+//! an implicit Euler step from (x̄, v̄) with other masses and, for internal friction, other springs ([`tessuto_sim::Cloth::rub`]). Its derivatives follow from the implicit function theorem.
 
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::forces::{Causes, FIRST, GRAVITY, Knots, LENGTHS};
-use crate::sim::air::Air;
-use crate::sim::implicit_euler::{hessian, step_near};
-use crate::sim::step::in_pool;
-use crate::sim::stretch;
-use crate::sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
 use tessuto_core::error::Result;
 use tessuto_core::math::factor::Scratch;
 use tessuto_core::mesh::Positions;
+use tessuto_sim::air::Air;
+use tessuto_sim::implicit_euler::{hessian, step_near};
+use tessuto_sim::step::in_pool;
+use tessuto_sim::stretch;
+use tessuto_sim::{Cloth, HessianKind, Integrator, State, StepSettings, Stiffness};
 
 /// Unknowns whose derivatives are solved for at a time: a solve is bound by reading the factor.
 const TOGETHER: usize = 8;

@@ -4,9 +4,9 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::{Found, Parts};
-use crate::sim::per_width::{PerWidth, per_width};
-use crate::sim::{Cloth, Stiffness};
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_sim::per_width::{PerWidth, per_width};
+use tessuto_sim::{Cloth, Stiffness};
 
 /// What was found, the accelerations by each cause, and their sizes.
 #[derive(Debug, Clone, PartialEq)]

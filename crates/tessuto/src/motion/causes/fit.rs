@@ -221,10 +221,10 @@ mod tests {
     use super::super::task::{HOLD, KNOWN_TILT, ways};
     use super::*;
     use crate::motion::parameters::StiffnessRange;
-    use crate::sim::{Cloth, Integrator, StepSettings};
     use glam::{DVec2, DVec3};
     use tessuto_core::camera::Camera;
     use tessuto_core::mesh::grid;
+    use tessuto_sim::{Cloth, Integrator, StepSettings};
 
     #[test]
     fn a_hanging_sheet_that_is_shaken_gives_back_its_causes() {
@@ -245,7 +245,7 @@ mod tests {
         let dynamics = Dynamics {
             step,
             substeps: 4,
-            model: crate::sim::Model::Springs,
+            model: tessuto_sim::Model::Springs,
             stiffness: vec![range(200.0), range(1e-3), range(1e-4)],
         };
         let cloth = Cloth::flat(&mesh, 0.05);

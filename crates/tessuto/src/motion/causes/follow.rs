@@ -13,8 +13,8 @@ use super::parts::{air, held_ties};
 use super::{CauseSettings, Found, Parts};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
-use crate::sim::{Cloth, State};
 use tessuto_core::mesh::Positions;
+use tessuto_sim::{Cloth, State};
 
 /// Strength of the ties of held vertices [1/s²]: the whole weight that hangs from two corners takes them 0.1 mm from their paths.
 const HELD: f64 = 1e8;
@@ -133,9 +133,9 @@ mod tests {
     use super::*;
     use crate::motion::causes::{Causes, Knots, Spread};
     use crate::motion::parameters::StiffnessRange;
-    use crate::sim::{Integrator, Model, StepSettings};
     use glam::DVec2;
     use tessuto_core::mesh::{Mesh, grid};
+    use tessuto_sim::{Integrator, Model, StepSettings};
 
     /// A sheet in folds that hangs from two corners.
     fn hanging() -> (Mesh, Cloth, Dynamics, Found) {

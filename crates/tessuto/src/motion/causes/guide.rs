@@ -1,6 +1,6 @@
 //! Leads a cloth along given places, under known accelerations: by ties, and by pulls that leave out what its springs would take up ([`Lead`]).
 //!
-//! Each sub-step minimises Φ(x) + ½ ‖x − x*‖²_{M κ} with the incremental potential Φ of [`crate::sim::implicit_euler`] under the known
+//! Each sub-step minimises Φ(x) + ½ ‖x − x*‖²_{M κ} with the incremental potential Φ of [`tessuto_sim::implicit_euler`] under the known
 //! accelerations alone; at the minimum the tie acts as the acceleration κ (x* − x). Where the accelerations alone must lead along the
 //! same motion, the sub-step is then taken again under all of them without the tie, and the next one starts from where that leads:
 //! compressed cloth may buckle another way than the tied one, and the loop closed over the real state keeps such differences from growing.
@@ -10,11 +10,11 @@ use glam::DVec3;
 
 use super::lead::Lead;
 use crate::motion::parameters::Dynamics;
-use crate::sim::step::step;
-use crate::sim::{Accelerations, Cloth, State, StepSettings, Stiffness, TiedCloth};
 use tessuto_core::error::Error;
 use tessuto_core::math::factor::Scratch;
 use tessuto_core::mesh::Positions;
+use tessuto_sim::step::step;
+use tessuto_sim::{Accelerations, Cloth, State, StepSettings, Stiffness, TiedCloth};
 
 /// How far a tied step's solution may be off `[m]`: the pull is what the ties make of it.
 const ROUGH: f64 = 1e-6;
@@ -179,9 +179,9 @@ pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
 mod tests {
     use super::*;
     use crate::motion::inverse::accelerations::interpolated;
-    use crate::sim::{Integrator, RolloutInputs, StepSettings, rollout};
     use glam::DVec2;
     use tessuto_core::mesh::grid;
+    use tessuto_sim::{Integrator, RolloutInputs, StepSettings, rollout};
 
     #[test]
     fn the_forces_lead_along_the_tied_motion_and_stiff_ties_reach_the_targets() {
@@ -198,7 +198,7 @@ mod tests {
         let dynamics = Dynamics {
             step: settings,
             substeps: 4,
-            model: crate::sim::Model::Springs,
+            model: tessuto_sim::Model::Springs,
             stiffness: vec![range; 3],
         };
         let k = [200.0, 1e-3, 1e-4];

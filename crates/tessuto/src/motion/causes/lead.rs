@@ -10,10 +10,10 @@
 
 use glam::DVec3;
 
-use crate::sim::stiffness::HessianKind;
-use crate::sim::{Cloth, State, Stiffness};
 use tessuto_core::math::factor::{Factor, Scratch};
 use tessuto_core::mesh::Positions;
+use tessuto_sim::stiffness::HessianKind;
+use tessuto_sim::{Cloth, State, Stiffness};
 
 /// κ.
 const COMPLIANCE: f64 = 1000.0;

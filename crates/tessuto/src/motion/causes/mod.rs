@@ -1,7 +1,7 @@
 //! From a motion to its causes: stiffnesses, gravity, air and what holds the cloth.
 //!
-//! For every vertex m a = −∂E/∂x − c θ̇ ∂θ/∂x + m g + air + hold + m D. The cloth is flat as cut ([`crate::sim::Cloth::flat`]), its angles θ
-//! have internal friction c ([`crate::sim::Cloth::rub`]), g has a known size, air acts across the cloth and the wind's velocity w
+//! For every vertex m a = −∂E/∂x − c θ̇ ∂θ/∂x + m g + air + hold + m D. The cloth is flat as cut ([`tessuto_sim::Cloth::flat`]), its angles θ
+//! have internal friction c ([`tessuto_sim::Cloth::rub`]), g has a known size, air acts across the cloth and the wind's velocity w
 //! changes smoothly in time, few vertices are held; D is what is left.
 //!
 //! The unknowns p, ln stiffnesses, the direction of g, ln C_d, ln c, ln of the panel's two lengths and the wind at [`Knots`], make a motion
@@ -45,9 +45,9 @@ pub use parts::Parts;
 pub use settings::CauseSettings;
 
 use crate::motion::parameters::Parameters;
-use crate::sim::Cloth;
 use tessuto_core::error::{Error, Warning};
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_sim::Cloth;
 
 /// A number is informed if its standard deviation is less than this fraction of what it was without the video.
 const INFORMED: f64 = 0.4;

@@ -4,9 +4,9 @@ use glam::DVec3;
 
 use super::Found;
 use super::guide::Guided;
-use crate::sim::air::Air;
-use crate::sim::{Cloth, State};
 use tessuto_core::mesh::Positions;
+use tessuto_sim::air::Air;
+use tessuto_sim::{Cloth, State};
 
 /// What acts on every vertex beside the cloth's own springs, per mass, mean of each frame interval [m/s²], shape [N − 1, V].
 #[derive(Debug, Clone, PartialEq)]

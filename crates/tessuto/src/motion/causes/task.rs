@@ -11,11 +11,11 @@ use super::search::Search;
 use super::{CauseSettings, Found, cut_cloth};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::Dynamics;
-use crate::sim::cloth::Edge;
-use crate::sim::{Cloth, panel};
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::mesh::{Mesh, Positions};
 use tessuto_core::scene::Known;
+use tessuto_sim::cloth::Edge;
+use tessuto_sim::{Cloth, panel};
 
 /// Deviation of positions of which nothing better is known `[m]`.
 const UNKNOWN: f64 = 0.01;

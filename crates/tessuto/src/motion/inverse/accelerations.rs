@@ -2,7 +2,7 @@
 //! spring, and the springs' pull is the external force.
 //!
 //! Each sub-step minimises Φ(x) + ½ κ ‖x − x*‖² with the incremental potential Φ of
-//! [`crate::sim::implicit_euler`] under C alone; at the minimum the tie acts as the acceleration
+//! [`tessuto_sim::implicit_euler`] under C alone; at the minimum the tie acts as the acceleration
 //! D = κ (x* − x)/m. The sub-step is then taken again under C + D without the tie, and the next one starts
 //! from where that leads: compressed cloth may buckle another way than the tied one, and the loop closed over
 //! the real state keeps such differences from growing. Targets between frames lie on Catmull-Rom curves.
@@ -10,12 +10,12 @@
 use glam::DVec3;
 
 use super::super::parameters::Dynamics;
-use crate::sim::step::step;
-use crate::sim::{Accelerations, Cloth, State, Stiffness, TiedCloth};
 use tessuto_core::error::Error;
 use tessuto_core::math::factor::Scratch;
 use tessuto_core::mesh::Positions;
 use tessuto_core::settings::settings;
+use tessuto_sim::step::step;
+use tessuto_sim::{Accelerations, Cloth, State, Stiffness, TiedCloth};
 
 settings! {
     /// Settings of the tied simulation.
@@ -106,9 +106,9 @@ fn mean_acceleration(cloth: &Cloth, targets: &[Positions], h: f64, damping: f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::sim::{Integrator, RolloutInputs, StepSettings, rollout};
     use glam::DVec2;
     use tessuto_core::mesh::grid;
+    use tessuto_sim::{Integrator, RolloutInputs, StepSettings, rollout};
 
     #[test]
     fn the_forces_lead_along_the_tied_motion_and_stiff_ties_reach_the_targets() {
@@ -125,7 +125,7 @@ mod tests {
         let dynamics = Dynamics {
             step: settings,
             substeps: 4,
-            model: crate::sim::Model::Springs,
+            model: tessuto_sim::Model::Springs,
             stiffness: vec![range; 3],
         };
         let k = [200.0, 1e-3, 1e-4];

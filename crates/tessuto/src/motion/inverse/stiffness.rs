@@ -13,9 +13,9 @@
 use glam::DVec3;
 
 use super::super::parameters::Dynamics;
-use crate::sim::{Cloth, Stiffness};
 use tessuto_core::mesh::Positions;
 use tessuto_core::settings::settings;
+use tessuto_sim::{Cloth, Stiffness};
 
 settings! {
     /// Settings of the material fit.
@@ -109,9 +109,9 @@ fn golden_section(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::motion::parameters::StiffnessRange;
-    use crate::sim::{Accelerations, Integrator, RolloutInputs, State, StepSettings, rollout};
     use glam::DVec2;
     use tessuto_core::mesh::grid;
+    use tessuto_sim::{Accelerations, Integrator, RolloutInputs, State, StepSettings, rollout};
 
     #[test]
     fn a_free_motion_gives_back_the_stiffnesses_that_made_it() {
@@ -127,7 +127,7 @@ mod tests {
         let range = |start, low, high| StiffnessRange { start, low, high };
         let stiffness = [range(2.3, 1.0, 3.0), range(-3.0, -4.0, -2.0), range(-4.0, -5.0, -2.0)];
         let dynamics =
-            Dynamics { step, substeps: 1, model: crate::sim::Model::Springs, stiffness: stiffness.to_vec() };
+            Dynamics { step, substeps: 1, model: tessuto_sim::Model::Springs, stiffness: stiffness.to_vec() };
         let truth = [60f64, 3e-3, 4e-4];
         // Bent and stretched at the start, then left alone under gravity.
         let x: Positions = mesh

@@ -7,8 +7,8 @@ use super::outline_distance::OutlineDistance;
 use super::pyramid::Level;
 use super::samples::{EdgePoint, SurfaceSamples};
 use super::silhouette::{FoldPoint, InnerEdge, explained_by, folds, inner};
-use crate::raster::{Rasterizer, Rendering, Texture};
 use tessuto_core::camera::Viewpoint;
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// The mesh, as far as it stays the same.
 pub struct Sheet<'a> {
@@ -147,12 +147,12 @@ mod tests {
     use crate::motion::observed::pyramid::pyramid;
     use crate::motion::observed::samples::boundary_points;
     use crate::motion::observed::silhouette::inner_edges;
-    use crate::sim::Cloth;
     use tessuto_core::camera::{Camera, Pose};
     use tessuto_core::image::Image;
     use tessuto_core::math::rng::Rng;
     use tessuto_core::mesh::{Mesh, grid};
     use tessuto_core::video::Frame;
+    use tessuto_sim::Cloth;
 
     /// Occlusion of a flat sheet of 400 × 200 mm whose part right of 80 mm is turned over, to lie in front of the rest by `nearer` `[m]`, or
     /// behind it, beside the mask of the left part; with its samples and boundary, and the flat positions.

@@ -9,9 +9,9 @@ use glam::{DVec2, DVec3};
 
 use super::outline_distance::OutlineDistance;
 use super::samples::EdgePoint;
-use crate::sim::Cloth;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::mesh::Mesh;
+use tessuto_sim::Cloth;
 
 /// Beyond a point of an outline by so many pixels nothing of the sheet is seen.
 const BEYOND: f64 = 1.5;

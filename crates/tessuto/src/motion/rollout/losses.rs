@@ -4,11 +4,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
-use crate::sim::Accelerations;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::mesh::Positions;
 use tessuto_core::settings::settings;
 use tessuto_core::video::Frame;
+use tessuto_sim::Accelerations;
 
 settings! {
     /// Weights of the losses.

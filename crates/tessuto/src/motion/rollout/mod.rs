@@ -11,11 +11,7 @@ mod guard;
 pub(crate) mod losses;
 
 use super::parameters::{Dynamics, Parameters};
-use crate::raster::{Gradients, Rasterizer, Rendering, Texture};
 use crate::session::{Epoch, Session, foreign_state, named};
-use crate::sim::{
-    Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
-};
 use compared::Compared;
 use guard::DivergenceGuard;
 use losses::{LOSS_FLOOR, LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
@@ -26,6 +22,10 @@ use tessuto_core::optim::{Adam, GradientClip};
 use tessuto_core::scene::Scene;
 use tessuto_core::settings::settings;
 use tessuto_core::video::Frame;
+use tessuto_render::raster::{Gradients, Rasterizer, Rendering, Texture};
+use tessuto_sim::{
+    Accelerations, Cloth, Rollout, RolloutGradients, RolloutInputs, State, Stiffness, rollout, rollout_vjp,
+};
 
 settings! {
     /// Settings of the rollout fit.

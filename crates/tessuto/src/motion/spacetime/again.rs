@@ -115,7 +115,7 @@ mod tests {
 
     use super::super::deviation::tests::{at_the_finest_level, still};
     use super::*;
-    use crate::sim::Cloth;
+    use tessuto_sim::Cloth;
 
     /// How far the farthest vertex is from `right` in any frame `[m]`.
     fn off(frames: &[Positions], right: &Positions) -> f64 {

@@ -24,7 +24,7 @@ mod tests {
     use super::super::proof::scene;
     use super::*;
     use crate::motion::spacetime::SpacetimeSettings;
-    use crate::sim::Cloth;
+    use tessuto_sim::Cloth;
 
     #[test]
     fn accelerations_come_closer_to_the_expected_ones_the_surer_these_are() {

@@ -63,7 +63,7 @@ mod tests {
     use super::super::proof::scene;
     use super::*;
     use crate::motion::terms::Term;
-    use crate::sim::Cloth;
+    use tessuto_sim::Cloth;
 
     #[test]
     fn waves_that_travel_leave_a_flat_shape_at_rest() {

@@ -120,9 +120,9 @@ fn best_sides(sides: &[Vec<Positions>], values: &[Vec<f64>], kappa: f64) -> Vec<
 mod tests {
     use super::*;
     use crate::motion::spacetime::proof::scene;
-    use crate::sim::Cloth;
     use glam::DVec3;
     use tessuto_core::math::rng::Rng;
+    use tessuto_sim::Cloth;
 
     #[test]
     fn the_path_is_the_best_of_all() {

@@ -57,7 +57,7 @@ mod tests {
 
     use super::super::deviation::tests::{at_the_finest_level, still};
     use super::*;
-    use crate::sim::Cloth;
+    use tessuto_sim::Cloth;
 
     #[test]
     fn followers_agree_where_they_found_the_same_and_its_print() {

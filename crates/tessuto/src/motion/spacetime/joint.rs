@@ -7,10 +7,10 @@ use super::acceleration::{self, second_differences, second_differences_transpose
 use super::{LevelSearch, Positions};
 use crate::motion::terms::low_rank::FrameFactor;
 use crate::motion::terms::{FrameSystem, TERMS};
-use crate::sim::Cloth;
 use tessuto_core::math::conjugate_gradients::{Measure, conjugate_gradients};
 use tessuto_core::math::factor::Scratch;
 use tessuto_core::math::minimise::{Model, Policy};
+use tessuto_sim::Cloth;
 
 /// Damping is relative to the acceleration term.
 pub(super) const POLICY: Policy =

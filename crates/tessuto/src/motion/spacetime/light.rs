@@ -213,8 +213,8 @@ mod tests {
     use super::*;
     use crate::motion::terms::shading::brightness;
     use crate::motion::terms::{FrameSystem, Term};
-    use crate::sim::Cloth;
     use tessuto_core::math::rng::Rng;
+    use tessuto_sim::Cloth;
 
     /// The light of a sheet that bends, one frame of which is darker as a whole, and a part of which lies in shadow.
     #[test]

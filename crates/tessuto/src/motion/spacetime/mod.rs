@@ -116,14 +116,14 @@ use super::terms::shading::{HARMONICS, Light};
 use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
-use crate::raster::Rasterizer;
-use crate::sim::Cloth;
 use level::LevelSearch;
 pub use settings::SpacetimeSettings;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::mesh::{Mesh, Positions};
 use tessuto_core::scene::Scene;
+use tessuto_render::raster::Rasterizer;
+use tessuto_sim::Cloth;
 
 /// Positions, shape [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);

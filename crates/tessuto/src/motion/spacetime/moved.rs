@@ -8,11 +8,11 @@ use super::{LevelSearch, Positions, Problem, SpacetimeSettings};
 use crate::motion::observed::Observed;
 use crate::motion::terms::Term;
 use crate::motion::terms::shading::HARMONICS;
-use crate::sim::Cloth;
 use tessuto_core::camera::Pose;
 use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::Scene;
+use tessuto_sim::Cloth;
 
 /// Calls `test` with searches in a clip whose camera is at the origin and in the same one moved, which has that pose, and with `frames` of both.
 fn with_both(

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 use super::bent::Bent;
 use super::{Positions, Problem};
 use crate::motion::terms::Term;
-use crate::sim::cloth::Edge;
 use tessuto_core::math::median::median;
+use tessuto_sim::cloth::Edge;
 
 /// What is left on clips that the settings are chosen on: root mean square difference of colours, all channels together, of half of a pair
 /// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels. That is 1.17 of the settings' `colour` and 1.29
@@ -112,11 +112,11 @@ impl Problem<'_> {
 mod tests {
     use super::super::SpacetimeSettings;
     use super::*;
-    use crate::sim::Cloth;
     use crate::synth::{Settings, make};
     use tessuto_core::math::rng::Rng;
     use tessuto_core::scene::Scene;
     use tessuto_core::video::Frame;
+    use tessuto_sim::Cloth;
 
     fn clip() -> Scene {
         make(&Settings { frames: 5, size: 160, grid: [7, 7], wind: 4.0, seed: 3, ..Settings::default() })

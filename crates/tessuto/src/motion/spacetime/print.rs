@@ -46,8 +46,8 @@ impl Problem<'_> {
 mod tests {
     use super::super::SpacetimeSettings;
     use super::*;
-    use crate::sim::Cloth;
     use crate::synth::{Settings, make};
+    use tessuto_sim::Cloth;
 
     #[test]
     fn a_plain_sheet_has_no_print() {

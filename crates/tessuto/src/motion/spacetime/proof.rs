@@ -8,7 +8,6 @@ use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::samples::EdgePoint;
 use crate::motion::observed::silhouette::{FoldPoint, InnerEdge};
 use crate::motion::terms::{FrameSystem, FrameTerms, Function, Term};
-use crate::sim::Cloth;
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::image::Image;
 use tessuto_core::math::gradient_check::{Worst, check, check_coarse};
@@ -17,6 +16,7 @@ use tessuto_core::math::{dot, flat, vectors};
 use tessuto_core::mesh::{Mesh, Positions, grid};
 use tessuto_core::scene::{Scene, Truth};
 use tessuto_core::video::{Frame, Video};
+use tessuto_sim::Cloth;
 
 const SIZE: usize = 96;
 const FRAMES: usize = 4;

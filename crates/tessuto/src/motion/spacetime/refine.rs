@@ -227,7 +227,7 @@ mod tests {
     use super::super::deviation::tests::{at_the_finest_level, still};
     use super::*;
     use crate::session::Checkpoints;
-    use crate::sim::Cloth;
+    use tessuto_sim::Cloth;
 
     /// `frames` with every vertex moved by `by`, but for the first frame.
     fn aside(frames: &[Positions], by: DVec3) -> Vec<Positions> {

@@ -42,7 +42,7 @@ mod tests {
     use super::super::SpacetimeSettings;
     use super::super::proof::scene;
     use super::*;
-    use crate::sim::Cloth;
+    use tessuto_sim::Cloth;
 
     /// What is found in frames that move vertex `v`, of a grid of 7 columns and 6 rows, by `displacement(column, row)` `[m]`
     /// in the last of them.

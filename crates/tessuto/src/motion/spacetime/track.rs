@@ -321,7 +321,7 @@ mod tests {
     use super::super::SpacetimeSettings;
     use super::super::proof::scene;
     use super::*;
-    use crate::sim::Cloth;
+    use tessuto_sim::Cloth;
 
     #[test]
     fn a_fold_costs_less_from_level_to_level() {

@@ -8,9 +8,9 @@
 use glam::DVec3;
 
 use super::{FrameSystem, Term};
-use crate::sim::angle;
-use crate::sim::cloth::{AngleSpring, Cloth, arms};
 use tessuto_core::mesh::Mesh;
+use tessuto_sim::angle;
+use tessuto_sim::cloth::{AngleSpring, Cloth, arms};
 
 /// Number of arms along a sheet whose spreads are as they are told.
 const NOMINAL_ARMS: f64 = 24.0;

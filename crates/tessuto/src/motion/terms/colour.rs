@@ -14,7 +14,7 @@ use super::robust::Noise;
 use super::{FrameSystem, Term};
 use crate::motion::observed::pyramid::Level;
 use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
-use crate::sim::Cloth;
+use tessuto_sim::Cloth;
 
 /// Colour of every surface point as other frames show it, sRGB; `None` where it was not seen.
 pub type PointColours = Vec<Option<[f32; 3]>>;

@@ -2,11 +2,11 @@
 
 use glam::DVec3;
 
-use crate::sim::Cloth;
 use tessuto_core::math::dot;
 use tessuto_core::math::factor::{Factor, Scratch};
 use tessuto_core::math::root::Root;
 use tessuto_core::mesh::Positions;
+use tessuto_sim::Cloth;
 
 use super::FrameSystem;
 

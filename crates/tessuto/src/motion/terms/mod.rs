@@ -17,7 +17,6 @@ pub mod strain;
 
 use glam::{DMat3, DVec3};
 
-use crate::sim::Cloth;
 use bend::Bend;
 use colour::Colour;
 use low_rank::LowRank;
@@ -29,6 +28,7 @@ use still::Still;
 use strain::Strain;
 use tessuto_core::math::block_matrix::BlockMatrix;
 use tessuto_core::mesh::Positions;
+use tessuto_sim::Cloth;
 
 /// A function of the positions of a frame.
 #[cfg(test)]

@@ -12,8 +12,8 @@ use super::{FrameSystem, Term, outer};
 use crate::motion::observed::outline_distance::OutlineDistance;
 use crate::motion::observed::samples::EdgePoint;
 use crate::motion::observed::silhouette::FoldPoint;
-use crate::sim::Cloth;
 use tessuto_core::camera::Viewpoint;
+use tessuto_sim::Cloth;
 
 /// See the module.
 pub struct Outline<'a> {

@@ -15,7 +15,7 @@ use glam::DVec3;
 
 use super::robust::Noise;
 use super::{FrameSystem, Term, outer};
-use crate::sim::Cloth;
+use tessuto_sim::Cloth;
 
 /// Number of harmonics.
 pub const HARMONICS: usize = 8;

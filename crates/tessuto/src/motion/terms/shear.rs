@@ -20,10 +20,10 @@ use rayon::prelude::*;
 use super::low_rank::LowRank;
 use super::robust::cauchy;
 use super::{FrameSystem, Term};
-use crate::sim::angle;
-use crate::sim::cloth::{AngleSpring, Cloth, arms};
 use tessuto_core::math::root::Root;
 use tessuto_core::mesh::{Mesh, Positions, SEAM, vertex_uvs};
+use tessuto_sim::angle;
+use tessuto_sim::cloth::{AngleSpring, Cloth, arms};
 
 /// Number of modes of a sheet that hardly shears.
 pub const FEW: usize = 4;

@@ -14,9 +14,9 @@ use glam::DVec3;
 use super::bend::arm_lengths;
 use super::robust::cauchy;
 use super::{FrameSystem, Term, outer};
-use crate::sim::Cloth;
-use crate::sim::cloth::AngleSpring;
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_sim::Cloth;
+use tessuto_sim::cloth::AngleSpring;
 
 /// See the module.
 #[derive(Clone)]
@@ -155,7 +155,7 @@ mod tests {
         let prior = SignedBend::new(&cloth, &mesh, 0.05, 3.0);
         assert!(prior.value(&bent(1.0)) < 1e-20);
         assert!(prior.value(&bent(-1.0)) > 1.0);
-        let k = crate::sim::Stiffness::uniform(&cloth, [1.0; 3]);
+        let k = tessuto_sim::Stiffness::uniform(&cloth, [1.0; 3]);
         assert!(cloth.energy(&k, &bent(-1.0)).total() < 1e-20, "the springs do not see it");
     }
 

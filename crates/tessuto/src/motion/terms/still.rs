@@ -8,7 +8,7 @@
 use glam::{DMat3, DVec3};
 
 use super::{FrameSystem, Term};
-use crate::sim::Cloth;
+use tessuto_sim::Cloth;
 
 /// See the module.
 pub struct Still<'a> {

@@ -10,8 +10,8 @@ use glam::DVec3;
 
 use super::robust::cauchy;
 use super::{FrameSystem, Term};
-use crate::sim::cloth::Edge;
-use crate::sim::{Cloth, stretch};
+use tessuto_sim::cloth::Edge;
+use tessuto_sim::{Cloth, stretch};
 
 /// See the module.
 #[derive(Clone)]

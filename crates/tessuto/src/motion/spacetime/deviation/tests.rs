@@ -8,7 +8,6 @@ use crate::motion::terms::Term;
 use crate::motion::terms::shear::Shear;
 use crate::motion::terms::strain::Strain;
 use crate::session::Checkpoints;
-use crate::sim::Cloth;
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::Error;
 use tessuto_core::image::Image;
@@ -16,6 +15,7 @@ use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::{Mesh, grid};
 use tessuto_core::scene::{Scene, Truth};
 use tessuto_core::video::{Frame, Video};
+use tessuto_sim::Cloth;
 
 const KAPPA: f64 = 1e3;
 
