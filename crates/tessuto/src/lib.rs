@@ -52,7 +52,9 @@
 //! # The blocks
 //!
 //! [`sim`], [`raster`] and [`pbr`] are differentiable each by itself: a function f and its adjoint `f_vjp`, which takes the
-//! gradient of a loss by f's results to gradients by its arguments. Each module begins with an example.
+//! gradient of a loss by f's results to gradients by its arguments. Each module begins with an example. They are crates of
+//! their own: [`tessuto_sim`], [`tessuto_render`], on [`tessuto_core`]; the methods are [`tessuto_estimate`]. Here they have shorter
+//! names, and what is not shown here is found there.
 //!
 //! # Conventions
 //!
@@ -61,43 +63,36 @@
 //! pixel (column i, row j) is at (i, j); images hold sRGB-encoded colour in `[0, 1]`; vectors are those of
 //! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
 
-pub mod appearance;
-pub mod check;
-pub mod compare;
-pub mod config;
-pub mod export;
-pub mod import;
-pub mod io;
-pub mod masks;
-pub mod metrics;
-pub mod motion;
 #[doc(hidden)]
-pub mod output;
-mod reconstruct;
+pub mod check;
+#[doc(hidden)]
+pub mod compare;
+pub mod export;
 #[doc(hidden)]
 pub mod report;
 pub mod result;
 pub mod run;
-pub mod session;
-pub mod synth;
-pub mod template;
+#[doc(hidden)]
 pub mod view;
 
 pub use tessuto_core::glam;
-#[doc(hidden)]
-pub use tessuto_core::{math, processor, text};
-pub use tessuto_core::{mesh, settings};
-#[cfg(feature = "decoder")]
-pub use tessuto_render::decoder;
-pub use tessuto_render::{pbr, raster};
 #[doc(inline)]
-pub use tessuto_sim as sim;
-#[cfg(feature = "decoder")]
-pub use tessuto_sim::training;
-
-pub use config::Config;
-pub use reconstruct::{Reconstruction, reconstruct, simulate};
 pub use tessuto_core::{
     Camera, Error, Frame, Hint, Image, Known, Mesh, Motion, Pose, Positions, Rect, Remedy, Repair, Result,
     Scene, Tracks, Truth, Video, Viewpoint, Warning,
 };
+#[doc(hidden)]
+pub use tessuto_core::{math, mesh, processor, settings, text};
+#[doc(inline)]
+pub use tessuto_estimate::{Config, Reconstruction, reconstruct, simulate};
+#[doc(hidden)]
+pub use tessuto_estimate::{appearance, import, masks, motion, output, template};
+pub use tessuto_estimate::{config, io, metrics, session, synth};
+#[doc(hidden)]
+#[cfg(feature = "decoder")]
+pub use tessuto_render::decoder;
+pub use tessuto_render::{pbr, raster};
+pub use tessuto_sim as sim;
+#[doc(hidden)]
+#[cfg(feature = "decoder")]
+pub use tessuto_sim::training;

@@ -7,9 +7,6 @@ use ::image::RgbImage;
 
 use super::table::{failures, shown};
 use super::{Entry, Table, csv, tables, text};
-use crate::io::scene::{LoadOptions, load};
-use crate::io::{self, atomic_write};
-use crate::output::{FolderKind, OutputFolder};
 use crate::report::colour::diverging;
 use crate::report::film::{Film, Source};
 use crate::report::images::measured_depth_image;
@@ -21,6 +18,9 @@ use tessuto_core::error::Result;
 use tessuto_core::image::Image;
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
+use tessuto_estimate::io::scene::{LoadOptions, load};
+use tessuto_estimate::io::{self, atomic_write};
+use tessuto_estimate::output::{FolderKind, OutputFolder};
 use tessuto_render::pbr::Geometry;
 use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 

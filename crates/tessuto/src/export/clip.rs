@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use crate::io;
-use crate::metrics::{FrameVerdict, State};
-use crate::motion::parameters::Parameters;
 use crate::result::{Folder, Measured};
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::{FrameVerdict, State};
+use tessuto_estimate::motion::parameters::Parameters;
 
 /// Largest file of a light that is taken along `[bytes]`.
 const LARGEST_LIGHT: u64 = 256 << 20;

@@ -11,8 +11,8 @@ use glam::Vec3;
 use serde_json::{Value, json};
 
 use super::Clip;
-use crate::io::image::encode_png;
 use tessuto_core::image::Image;
+use tessuto_estimate::io::image::encode_png;
 
 /// Most morph targets of one mesh.
 const MAX_TARGETS: usize = 256;

@@ -22,10 +22,10 @@ mod usd_fabric;
 
 use std::path::{Path, PathBuf};
 
-use crate::io::atomic_write;
-use crate::output::{FolderKind, OutputFolder, manifest};
 pub use clip::{Clip, Material};
 use tessuto_core::error::{Error, Result};
+use tessuto_estimate::io::atomic_write;
+use tessuto_estimate::output::{FolderKind, OutputFolder, manifest};
 
 /// A kind of output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

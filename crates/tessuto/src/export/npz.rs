@@ -1,7 +1,7 @@
 //! NumPy archive: a zip file of .npy files, stored without compression.
 
 use super::Clip;
-use crate::io::npy::{archive, encode as array};
+use tessuto_estimate::io::npy::{archive, encode as array};
 use tessuto_sim::cloth::AREA_DENSITY;
 
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:

@@ -3,8 +3,8 @@
 use rayon::prelude::*;
 
 use super::Clip;
-use crate::io::obj;
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_estimate::io::obj;
 
 /// Files of the OBJ sequence: meshes, material, image.
 pub(super) fn obj(clip: &Clip) -> Vec<(String, Vec<u8>)> {

@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::embed::base64;
-use crate::io::jpeg;
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::Result;
+use tessuto_estimate::io::jpeg;
 
 /// Largest side `[px]` and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [

@@ -20,8 +20,8 @@ pub use film::Film;
 pub use images::{FrameImages, Kind, Ranges, Scales, measured_depth_image};
 pub use sheet::{chosen_frames, contact_sheet};
 
-use crate::metrics::{Evaluation, FrameVerdict, Verdict};
 use tessuto_core::camera::Camera;
+use tessuto_estimate::metrics::{Evaluation, FrameVerdict, Verdict};
 
 /// Everything the page says.
 #[derive(Debug, Clone, Default)]
@@ -132,7 +132,7 @@ impl KeyNumber {
 /// A recovered parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Its name in the [steps](crate::session::Epoch::parameters).
+    /// Its name in the [steps](tessuto_estimate::session::Epoch::parameters).
     pub name: String,
     /// What it is.
     pub label: String,

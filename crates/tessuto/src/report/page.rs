@@ -7,9 +7,9 @@ use serde::Serialize;
 
 use super::causes::{CauseRow, CauseSpread, bar};
 use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart};
-use crate::io;
-use crate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
 use tessuto_core::error::Result;
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
 
 /// Size `[bytes]` that the page keeps to by choosing the size of its images.
 pub const BUDGET: usize = 14 << 20;

@@ -3,13 +3,13 @@
 use glam::DVec3;
 
 use super::{Folder, UNCHANGED, changed};
-use crate::io::{self, npy, zip};
-use crate::motion::causes::{Found, cut_cloth};
 use crate::report::causes::{CauseData, CauseRow, CauseSpread, ForceArrows, known};
 use crate::report::chart::{Chart, Series};
 use crate::report::{EmbeddedMotion, embed};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Positions;
+use tessuto_estimate::io::{self, npy, zip};
+use tessuto_estimate::motion::causes::{Found, cut_cloth};
 use tessuto_sim::cloth::AREA_DENSITY;
 use tessuto_sim::per_width::{PerWidth, bending_length};
 

@@ -5,10 +5,10 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{Quantity, quantity};
-use crate::io;
-use crate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_estimate::io;
+use tessuto_estimate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
 use tessuto_sim::per_width::PerWidth;
 
 /// Gravity.

@@ -3,10 +3,6 @@
 use std::path::Path;
 
 use super::shutter;
-use crate::io;
-use crate::metrics::verdict::criteria::CORRELATION;
-use crate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
-use crate::reconstruct::Reconstruction;
 use crate::report::images::{FrameImages, Ranges, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
 use tessuto_core::camera::Viewpoint;
@@ -15,6 +11,10 @@ use tessuto_core::image::Image;
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
 use tessuto_core::video::Frame;
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::verdict::criteria::CORRELATION;
+use tessuto_estimate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
+use tessuto_estimate::reconstruct::Reconstruction;
 use tessuto_render::raster::{Rasterizer, Rendering};
 
 /// A vertex farther behind the nearest surface `[m]` is hidden.

@@ -5,8 +5,8 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::io::{self, jpeg};
 use tessuto_core::error::Result;
+use tessuto_estimate::io::{self, jpeg};
 
 use crate::report::{LightData, chosen_frames, embed};
 use tessuto_core::mesh::{Mesh, Positions};

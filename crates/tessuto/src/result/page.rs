@@ -7,9 +7,6 @@ use rayon::prelude::*;
 
 use super::UNCHANGED;
 use super::{Folder, cause_page, curves, light};
-use crate::io::{self, jpeg};
-use crate::metrics::{self, Evaluation, Verdict};
-use crate::motion::parameters::Parameters;
 use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
@@ -19,6 +16,9 @@ use crate::report::{
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Positions;
+use tessuto_estimate::io::{self, jpeg};
+use tessuto_estimate::metrics::{self, Evaluation, Verdict};
+use tessuto_estimate::motion::parameters::Parameters;
 use tessuto_sim::cloth::AREA_DENSITY;
 
 /// Bytes that the film may have however large the rest is.

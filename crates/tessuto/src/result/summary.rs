@@ -14,7 +14,7 @@
 //! warnings         remarks on input and result
 //! ```
 //!
-//! The verdict needs no truth; its limits are in [`crate::metrics::verdict`], the verdict on every frame is
+//! The verdict needs no truth; its limits are in [`tessuto_estimate::metrics::verdict`], the verdict on every frame is
 //! in metrics.json under `verdicts`, its numbers under `agreement`. Only `seconds` differs from run to run.
 
 use std::path::Path;
@@ -22,9 +22,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{Folder, read_json, write_json};
-use crate::metrics::{Verdict, judge};
 use tessuto_core::error::Result;
 use tessuto_core::error::Warning;
+use tessuto_estimate::metrics::{Verdict, judge};
 
 const NAME: &str = "summary.json";
 

@@ -7,18 +7,18 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::observer::{Observer, Shared, Stage, kept_aside};
-use crate::appearance::{self, AppearanceSettings};
-use crate::config::{Config, Preset};
-use crate::io;
-use crate::io::scene::{LoadOptions, Loaded, load};
-use crate::output::{FolderKind, OutputFolder, manifest};
 use crate::result::{self, Run};
-use crate::session::Session;
-use crate::template::irregular::of_scene;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::mesh::Motion;
 use tessuto_core::scene::Scene;
+use tessuto_estimate::appearance::{self, AppearanceSettings};
+use tessuto_estimate::config::{Config, Preset};
+use tessuto_estimate::io;
+use tessuto_estimate::io::scene::{LoadOptions, Loaded, load};
+use tessuto_estimate::output::{FolderKind, OutputFolder, manifest};
+use tessuto_estimate::session::Session;
+use tessuto_estimate::template::irregular::of_scene;
 use tessuto_render::pbr::Geometry;
 use tessuto_render::raster::Rasterizer;
 

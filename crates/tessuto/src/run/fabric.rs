@@ -5,10 +5,10 @@
 
 use std::path::Path;
 
-use crate::io::table::Table;
 use crate::result::Folder;
 pub use crate::result::Measured;
 use tessuto_core::error::{Error, Result};
+use tessuto_estimate::io::table::Table;
 use tessuto_sim::per_width::PerWidth;
 pub use tessuto_sim::per_width::bending_length;
 

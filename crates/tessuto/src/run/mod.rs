@@ -22,18 +22,18 @@ use observer::Shared;
 pub use observer::{Observer, Silent, Stage};
 
 use crate::check;
-use crate::config::{Config, Method};
 use crate::export::{Clip, Format, export};
-use crate::io::scene::{LoadOptions, Loaded, load};
-use crate::metrics::{self, Evaluation};
-use crate::output::{FolderKind, OutputFolder};
-use crate::reconstruct::reconstruct;
 use crate::result::{self, Run, Summary};
-use crate::session::{Checkpoints, Session, identity};
-use crate::template::irregular::of_scene;
 use tessuto_core::error::{Error, Result, Warning};
 use tessuto_core::mesh::Motion;
 use tessuto_core::scene::Scene;
+use tessuto_estimate::config::{Config, Method};
+use tessuto_estimate::io::scene::{LoadOptions, Loaded, load};
+use tessuto_estimate::metrics::{self, Evaluation};
+use tessuto_estimate::output::{FolderKind, OutputFolder};
+use tessuto_estimate::reconstruct::reconstruct;
+use tessuto_estimate::session::{Checkpoints, Session, identity};
+use tessuto_estimate::template::irregular::of_scene;
 
 /// Stage that makes the pictures of the frames and measures them.
 const PICTURES: &str = "pictures";

@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 
 use super::film::{Shot, shots, turned};
 use super::{Turn, View, depth_range, draw_depth, draw_shaded, draw_texture};
-use crate::io;
-use crate::output::{FolderKind, OutputFolder, manifest};
 use crate::result::Folder;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_estimate::io;
+use tessuto_estimate::output::{FolderKind, OutputFolder, manifest};
 use tessuto_render::pbr::{
     EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame,
 };

@@ -3,13 +3,13 @@
 use ::image::RgbImage;
 
 use crate::export::Clip;
-use crate::io::image::rgb8;
-use crate::io::{self, jpeg};
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, Positions};
 use tessuto_core::scene::Scene;
+use tessuto_estimate::io::image::rgb8;
+use tessuto_estimate::io::{self, jpeg};
 
 /// Largest side `[px]` and quality of the images: some 40 kB each.
 const SIDE: u32 = 640;

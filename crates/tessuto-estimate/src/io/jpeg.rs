@@ -14,7 +14,7 @@ pub fn fitted(region: Rect, side: u32) -> [u32; 2] {
 }
 
 /// The part `region` of `image` as JPEG, with sides of at most `side` `[px]`.
-pub(crate) fn encode_part(image: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
+pub fn encode_part(image: &RgbImage, region: Rect, side: u32, quality: u8) -> Vec<u8> {
     let [x, y, w, h] = [region.x0, region.y0, region.width(), region.height()].map(|v| v as u32);
     let [width, height] = fitted(region, side);
     let cut = crop_imm(image, x, y, w, h);

@@ -163,7 +163,7 @@ impl AgreementMeter {
 }
 
 /// [`local_correlation`] of `rgb`, rendered with `coverage`, with the video, over the pixels that both cover.
-pub(crate) fn print_correlation(rgb: &Image, coverage: &Image, observed: &Frame) -> Option<f64> {
+pub fn print_correlation(rgb: &Image, coverage: &Image, observed: &Frame) -> Option<f64> {
     let common = coverage.data.iter().zip(&observed.mask.data).map(|(a, b)| *a >= COVERED && *b >= COVERED);
     local_correlation(rgb, &observed.rgb, &common.collect::<Vec<bool>>())
 }

@@ -19,7 +19,8 @@ pub(crate) mod tracked;
 mod validate;
 pub mod verdict;
 
-pub(crate) use agreement::print_correlation;
+#[doc(hidden)]
+pub use agreement::print_correlation;
 pub use agreement::{AgreementMeter, FrameAgreement};
 pub use causes::CauseMetrics;
 pub use maps::MapMetrics;

@@ -94,7 +94,7 @@ impl Settings {
     /// These settings after `change`.
     ///
     /// ```
-    /// use tessuto::synth::Settings;
+    /// use tessuto_estimate::synth::Settings;
     ///
     /// let short = Settings::default().with(|s| s.frames = 6);
     /// assert_eq!((short.frames, short.fps), (6, Settings::default().fps));

@@ -17,7 +17,7 @@ use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 
 /// Largest width and height `[px]`.
-pub(crate) const MAX_SIDE: usize = 16_384;
+pub const MAX_SIDE: usize = 16_384;
 /// Largest file, and largest decoded image `[bytes]`.
 pub(crate) const MAX_BYTES: u64 = 256 << 20;
 
@@ -72,7 +72,7 @@ pub fn read_grey(path: &Path) -> Result<Image> {
 }
 
 /// Bytes of an image of 3 channels; values are clamped to [0, 1] and rounded.
-pub(crate) fn rgb8(image: &Image) -> ::image::RgbImage {
+pub fn rgb8(image: &Image) -> ::image::RgbImage {
     let values = image.data.iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
     ::image::RgbImage::from_raw(image.width as u32, image.height as u32, values).expect("three channels")
 }
@@ -101,7 +101,7 @@ pub fn is_marked_png(path: &Path) -> bool {
 }
 
 /// The bytes of an 8-bit PNG of an image of 1 or 3 channels; values are clamped to [0, 1] and rounded.
-pub(crate) fn encode_png(image: &Image) -> Vec<u8> {
+pub fn encode_png(image: &Image) -> Vec<u8> {
     let bytes: Vec<u8> = image.data.iter().map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8).collect();
     encode_png_bytes(&bytes, [image.width, image.height], image.channels)
 }

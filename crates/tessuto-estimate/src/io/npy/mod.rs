@@ -38,7 +38,7 @@ pub fn read(path: &Path) -> Result<Array> {
 ///
 /// # Errors
 /// As [`read`], and for another shape.
-pub(crate) fn read_if_there(path: &Path, shape: &[usize]) -> Result<Option<Vec<f64>>> {
+pub fn read_if_there(path: &Path, shape: &[usize]) -> Result<Option<Vec<f64>>> {
     if !path.is_file() {
         return Ok(None);
     }
@@ -52,7 +52,7 @@ pub(crate) fn read_if_there(path: &Path, shape: &[usize]) -> Result<Option<Vec<f
 
 /// The array in the .npy file of these `bytes`, of floats or, if they are welcome, of `integers` (up to 2⁵³ exactly); or
 /// what is wrong with it.
-pub(crate) fn decode(bytes: &[u8], integers: bool) -> std::result::Result<Array, String> {
+pub fn decode(bytes: &[u8], integers: bool) -> std::result::Result<Array, String> {
     let (header, rest) = header::read(bytes)
         .map_err(|e| format!("is not a readable .npy file of {} bytes: {e}", bytes.len()))?;
     let (order, kind) = header.descr.split_at_checked(1).unwrap_or_default();

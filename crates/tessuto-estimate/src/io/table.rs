@@ -10,7 +10,7 @@ use tessuto_core::error::{Error, Result};
 
 /// A row that is not empty.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Row {
+pub struct Row {
     /// Its first line in the file, from 1.
     pub line: usize,
     /// Cells without quotes and spaces around them.
@@ -19,7 +19,7 @@ pub(crate) struct Row {
 
 /// A table of text.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Table {
+pub struct Table {
     place: String,
     separator: char,
     /// Rows, the heading first.

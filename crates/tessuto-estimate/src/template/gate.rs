@@ -8,10 +8,10 @@ use tessuto_core::image::Image;
 use tessuto_core::mesh::Mesh;
 
 /// Nearer than this `[m]` no camera films cloth.
-pub(crate) const NEAREST: f64 = 0.1;
+pub const NEAREST: f64 = 0.1;
 /// A rectangle whose corners are farther than this from those seen [fraction of its mean side in the image] is not that
 /// of the fabric, however it bends: R1, a bent sheet, is off by 1.6 %.
-pub(crate) const MISFIT: f64 = 0.05;
+pub const MISFIT: f64 = 0.05;
 /// Least overlap with the mask, as when a scene is loaded.
 const OVERLAP: f64 = 0.3;
 

@@ -15,7 +15,8 @@ mod manifest;
 mod memory;
 mod record;
 mod rectangle;
-pub(crate) mod template;
+#[doc(hidden)]
+pub mod template;
 mod tracks;
 mod truth;
 
@@ -72,7 +73,8 @@ pub fn load(folder: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// All that can be said of a folder.
-pub(crate) struct Attempt {
+#[doc(hidden)]
+pub struct Attempt {
     /// The scene, if its frames are readable; it may still have errors.
     pub loaded: Option<Loaded>,
     /// The template cannot be read: `loaded` has one without vertices in its place.
@@ -82,7 +84,8 @@ pub(crate) struct Attempt {
 }
 
 /// Reads as much of the scene in `folder` as can be read.
-pub(crate) fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
+#[doc(hidden)]
+pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let start = Manifest::read(folder).and_then(|m| Ok((frame_range(&m, options)?, m)));
     let (range, manifest) = match start {
         Ok(start) => start,

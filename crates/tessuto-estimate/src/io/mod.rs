@@ -11,9 +11,11 @@ pub mod model;
 pub mod npy;
 pub mod obj;
 pub mod scene;
-pub(crate) mod table;
+#[doc(hidden)]
+pub mod table;
 pub(crate) mod text;
-pub(crate) mod zip;
+#[doc(hidden)]
+pub mod zip;
 
 pub use atomic::atomic_write;
 pub use image::mask;
@@ -30,7 +32,11 @@ pub(crate) fn expect_file(path: &Path) -> Result<()> {
 }
 
 /// The whole file at `path`, refused above `limit` bytes.
-pub(crate) fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
+///
+/// # Errors
+/// [`Error::Input`] naming the file.
+#[doc(hidden)]
+pub fn read_bounded(path: &Path, limit: u64) -> Result<Vec<u8>> {
     let unreadable = |source: std::io::Error| {
         Error::input(
             path.display().to_string(),

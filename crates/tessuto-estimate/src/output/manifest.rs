@@ -127,7 +127,7 @@ pub fn record(paths: &[impl AsRef<Path>]) -> Result<()> {
 ///
 /// # Errors
 /// As [`record`]; [`Error::Input`] if the folder has a manifest.json of another program.
-pub(crate) fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Result<()> {
+pub fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -> Result<()> {
     check_manifest(folder)?;
     let real = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
     if real.ancestors().any(|around| around.join(WORKING[0]).is_file()) {
@@ -144,7 +144,7 @@ pub(crate) fn record_or_begin(folder: &Path, kind: FolderKind, names: &[&str]) -
 ///
 /// # Errors
 /// [`Error::Input`].
-pub(crate) fn check_manifest(folder: &Path) -> Result<()> {
+pub fn check_manifest(folder: &Path) -> Result<()> {
     if known(folder).is_none() && folder.join(NAME).symlink_metadata().is_ok() {
         return Err(refusal(&folder.join(NAME), &Stranger::not_ours(NAME)));
     }

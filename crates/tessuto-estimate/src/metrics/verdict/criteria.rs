@@ -25,7 +25,7 @@ use super::State;
 use crate::metrics::agreement::FrameAgreement;
 
 /// Correlations of the prints below this are doubtful.
-pub(crate) const CORRELATION: f64 = 0.60;
+pub const CORRELATION: f64 = 0.60;
 
 /// What a deviation counts where this part of the mask is uncovered: a sheet that covers all of it is surer. 1 at half a percent.
 fn uncovering(part: Option<f64>) -> f64 {
