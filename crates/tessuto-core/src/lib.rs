@@ -8,7 +8,7 @@
 //! - [`Error`]: what is wrong, where, and the way out.
 //!
 //! ```
-//! use tessuto_core::glam::{DMat3, DVec2, DVec3};
+//! use tessuto_core::glam::{DMat3, DVec2};
 //! use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern};
 //! use tessuto_core::math::factor::{Analysis, Scratch};
 //! use tessuto_core::{Camera, Viewpoint, mesh};

@@ -38,8 +38,7 @@ pub mod metrics;
 pub mod motion;
 #[doc(hidden)]
 pub mod output;
-#[doc(hidden)]
-pub mod reconstruct;
+mod reconstruct;
 pub mod session;
 pub mod synth;
 pub mod template;

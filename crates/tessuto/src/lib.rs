@@ -75,6 +75,7 @@ pub mod run;
 #[doc(hidden)]
 pub mod view;
 
+#[doc(no_inline)]
 pub use tessuto_core::glam;
 #[doc(inline)]
 pub use tessuto_core::{
@@ -87,11 +88,14 @@ pub use tessuto_core::{math, mesh, processor, settings, text};
 pub use tessuto_estimate::{Config, Reconstruction, reconstruct, simulate};
 #[doc(hidden)]
 pub use tessuto_estimate::{appearance, import, masks, motion, output, template};
+#[doc(no_inline)]
 pub use tessuto_estimate::{config, io, metrics, session, synth};
 #[doc(hidden)]
 #[cfg(feature = "decoder")]
 pub use tessuto_render::decoder;
+#[doc(no_inline)]
 pub use tessuto_render::{pbr, raster};
+#[doc(no_inline)]
 pub use tessuto_sim as sim;
 #[doc(hidden)]
 #[cfg(feature = "decoder")]

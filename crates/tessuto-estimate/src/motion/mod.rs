@@ -8,9 +8,11 @@
 
 pub mod causes;
 pub(crate) mod inverse;
+#[doc(hidden)]
 pub mod observed;
 pub mod parameters;
 pub mod rollout;
 pub mod spacetime;
+#[doc(hidden)]
 pub mod terms;
 pub mod texture;

@@ -11,10 +11,10 @@ use tessuto_core::image::Image;
 use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
 use tessuto_core::video::Frame;
+use tessuto_estimate::Reconstruction;
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::verdict::criteria::CORRELATION;
 use tessuto_estimate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
-use tessuto_estimate::reconstruct::Reconstruction;
 use tessuto_render::raster::{Rasterizer, Rendering};
 
 /// A vertex farther behind the nearest surface `[m]` is hidden.

@@ -55,13 +55,13 @@ use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Motion;
 use tessuto_core::scene::Scene;
+use tessuto_estimate::Reconstruction;
 use tessuto_estimate::appearance::{DIRECTION_ROWS, Seen, gather};
 use tessuto_estimate::config::{Config, DynamicsSettings};
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::{Evaluation, judge_frames};
 use tessuto_estimate::motion::causes::Explained;
 use tessuto_estimate::motion::parameters::{Parameters, StiffnessRange};
-use tessuto_estimate::reconstruct::Reconstruction;
 use tessuto_sim::Model;
 
 /// Which run it was.

@@ -8,9 +8,12 @@ pub mod appearance;
 mod causes;
 mod changed;
 pub mod evaluate;
+#[doc(hidden)]
 pub mod fabric;
+#[doc(hidden)]
 pub mod forecast;
 mod observer;
+#[doc(hidden)]
 pub mod replay;
 
 use std::cell::RefCell;
@@ -31,7 +34,7 @@ use tessuto_estimate::config::{Config, Method};
 use tessuto_estimate::io::scene::{LoadOptions, Loaded, load};
 use tessuto_estimate::metrics::{self, Evaluation};
 use tessuto_estimate::output::{FolderKind, OutputFolder};
-use tessuto_estimate::reconstruct::reconstruct;
+use tessuto_estimate::reconstruct;
 use tessuto_estimate::session::{Checkpoints, Session, identity};
 use tessuto_estimate::template::irregular::of_scene;
 

@@ -8,7 +8,7 @@ use tessuto_core::mesh::Motion;
 use tessuto_estimate::motion::causes::{self, Otherwise};
 use tessuto_estimate::motion::parameters::Parameters;
 use tessuto_estimate::output::OutputFolder;
-use tessuto_estimate::reconstruct::simulate;
+use tessuto_estimate::simulate;
 
 /// What shall be different.
 #[derive(Debug, Clone, PartialEq)]
