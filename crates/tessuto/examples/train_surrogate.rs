@@ -1,7 +1,7 @@
 //! Trains the surrogate of a simulation step and writes its weights. The same numbers make the same bytes on the same machine.
 //!
 //! ```sh
-//! cargo run --release -p tessuto --features decoder --example train_surrogate -- out=crates/tessuto/assets/surrogate/weights.f32
+//! cargo run --release -p tessuto --features decoder --example train_surrogate -- out=crates/tessuto-sim/assets/surrogate/weights.f32
 //! cargo run --release -p tessuto --features decoder --example train_surrogate -- steps=3 batch=2 pool=2
 //! ```
 

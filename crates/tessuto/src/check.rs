@@ -1,6 +1,6 @@
 //! Pre-flight check: what to know about a scene before spending hours on it.
 //!
-//! A check fails where [loading](crate::io::scene::load) fails, and where masks or template cannot be those of one piece of
+//! A check fails where [loading](tessuto_estimate::io::scene::load) fails, and where masks or template cannot be those of one piece of
 //! fabric; it names every error it can reach, measures what may be wrong without being an error, and draws the template
 //! over frame 0.
 
@@ -12,11 +12,11 @@ mod repeats;
 
 use std::path::Path;
 
-use crate::error::{Error, Hint, Result, Warning};
-use crate::image::Image;
-use crate::io::scene::{LoadOptions, Loaded, attempt};
-use crate::raster::coverage::{overlap, template_coverage};
-use crate::scene::Scene;
+use tessuto_core::error::{Error, Hint, Result, Warning};
+use tessuto_core::image::Image;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::io::scene::{LoadOptions, Loaded, attempt};
+use tessuto_render::raster::coverage::{overlap, template_coverage};
 
 /// How bad a finding is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

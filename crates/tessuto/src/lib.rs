@@ -52,7 +52,9 @@
 //! # The blocks
 //!
 //! [`sim`], [`raster`] and [`pbr`] are differentiable each by itself: a function f and its adjoint `f_vjp`, which takes the
-//! gradient of a loss by f's results to gradients by its arguments. Each module begins with an example.
+//! gradient of a loss by f's results to gradients by its arguments. Each module begins with an example. They are crates of
+//! their own: [`tessuto_sim`], [`tessuto_render`], on [`tessuto_core`]; the methods are [`tessuto_estimate`]. Here they have shorter
+//! names, and what is not shown here is found there.
 //!
 //! # Conventions
 //!
@@ -61,55 +63,40 @@
 //! pixel (column i, row j) is at (i, j); images hold sRGB-encoded colour in `[0, 1]`; vectors are those of
 //! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
 
-pub mod appearance;
-mod camera;
+#[doc(hidden)]
 pub mod check;
+#[doc(hidden)]
 pub mod compare;
-pub mod config;
-#[cfg(feature = "decoder")]
-pub mod decoder;
-mod error;
 pub mod export;
-mod image;
-pub mod import;
-pub mod io;
-pub mod masks;
-#[doc(hidden)]
-pub mod math;
-pub mod mesh;
-pub mod metrics;
-pub mod motion;
-mod optim;
-#[doc(hidden)]
-pub mod output;
-pub mod pbr;
-pub mod processor;
-pub mod raster;
-mod reconstruct;
 #[doc(hidden)]
 pub mod report;
 pub mod result;
 pub mod run;
-mod scene;
-pub mod session;
-pub mod settings;
-pub mod sim;
-pub mod synth;
-pub mod template;
 #[doc(hidden)]
-pub mod text;
-#[cfg(feature = "decoder")]
-pub mod training;
-mod video;
 pub mod view;
 
-pub use glam;
-
-pub use camera::{Camera, Pose, Rect, Viewpoint};
-pub use config::Config;
-pub use error::{Error, Hint, Remedy, Repair, Result, Warning};
-pub use image::Image;
-pub use mesh::{Mesh, Motion, Positions};
-pub use reconstruct::{Reconstruction, reconstruct, simulate};
-pub use scene::{Known, Scene, Tracks, Truth};
-pub use video::{Frame, Video};
+#[doc(no_inline)]
+pub use tessuto_core::glam;
+#[doc(inline)]
+pub use tessuto_core::{
+    Camera, Error, Frame, Hint, Image, Known, Mesh, Motion, Pose, Positions, Rect, Remedy, Repair, Result,
+    Scene, Tracks, Truth, Video, Viewpoint, Warning,
+};
+#[doc(hidden)]
+pub use tessuto_core::{math, mesh, processor, settings, text};
+#[doc(inline)]
+pub use tessuto_estimate::{Config, Reconstruction, reconstruct, simulate};
+#[doc(hidden)]
+pub use tessuto_estimate::{appearance, import, masks, motion, output, template};
+#[doc(no_inline)]
+pub use tessuto_estimate::{config, io, metrics, session, synth};
+#[doc(hidden)]
+#[cfg(feature = "decoder")]
+pub use tessuto_render::decoder;
+#[doc(no_inline)]
+pub use tessuto_render::{pbr, raster};
+#[doc(no_inline)]
+pub use tessuto_sim as sim;
+#[doc(hidden)]
+#[cfg(feature = "decoder")]
+pub use tessuto_sim::training;

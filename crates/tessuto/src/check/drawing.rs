@@ -2,10 +2,10 @@
 
 use glam::DVec2;
 
-use crate::error::Result;
-use crate::image::Image;
-use crate::scene::Scene;
-use crate::video::Frame;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::scene::Scene;
+use tessuto_core::video::Frame;
 
 const TEMPLATE: [f32; 3] = [0.0, 0.9, 1.0];
 const OUTLINE: [f32; 3] = [1.0, 0.85, 0.0];

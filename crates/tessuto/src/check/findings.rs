@@ -4,16 +4,16 @@ use std::borrow::Cow;
 
 use super::masks::{self, MaskShape};
 use super::{Finding, Level, outline, repeats};
-use crate::error::{Hint, Remedy, Repair, Result, Warning};
-use crate::image::Image;
-use crate::io::depth_unit::Unit;
-use crate::io::scene::template::DIAGONAL;
-use crate::io::scene::{TemplateRecord, template_misfit};
-use crate::mesh::diagonal;
-use crate::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
-use crate::scene::Scene;
-use crate::template::gate::{MISFIT, NEAREST};
-use crate::video::Frame;
+use tessuto_core::error::{Hint, Remedy, Repair, Result, Warning};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::diagonal;
+use tessuto_core::scene::Scene;
+use tessuto_core::video::Frame;
+use tessuto_estimate::io::depth_unit::Unit;
+use tessuto_estimate::io::scene::template::DIAGONAL;
+use tessuto_estimate::io::scene::{TemplateRecord, template_misfit};
+use tessuto_estimate::template::gate::{MISFIT, NEAREST};
+use tessuto_render::raster::coverage::{VARIANT_GAIN, axis_variants, best_variant, fill_triangle};
 
 /// Columns and rows of the raster on which overlapping uv is measured.
 const UV_RASTER: usize = 512;

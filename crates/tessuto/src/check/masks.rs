@@ -1,11 +1,11 @@
 //! What is wrong with masks: pieces, holes, greys, and sizes that jump.
 
 use super::{Finding, Level};
-use crate::error::Hint;
-use crate::image::Image;
-use crate::masks::Record;
-use crate::mesh::pieces;
-use crate::scene::Scene;
+use tessuto_core::error::Hint;
+use tessuto_core::image::Image;
+use tessuto_core::mesh::pieces;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::masks::Record;
 
 /// The largest piece of a mask holds less than this: error, and warning.
 const LARGEST: [f64; 2] = [0.5, 0.998];

@@ -3,11 +3,11 @@
 use glam::DVec2;
 
 use super::{Finding, Level};
-use crate::error::{Hint, Remedy};
-use crate::image::Image;
-use crate::motion::observed::outline_distance::OutlineDistance;
-use crate::scene::Scene;
-use crate::video::COVERED;
+use tessuto_core::error::{Hint, Remedy};
+use tessuto_core::image::Image;
+use tessuto_core::scene::Scene;
+use tessuto_core::video::COVERED;
+use tessuto_estimate::motion::observed::outline_distance::OutlineDistance;
 
 /// Outlines farther apart than this fraction of the fabric's size (the square root of its area in the image) are doubtful.
 /// That of R1, a real recording with a measured template, is 0.5 %, those of rendered scenes are below 0.1 %.

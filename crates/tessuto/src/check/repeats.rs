@@ -1,6 +1,6 @@
 //! Frames that show once more what the frame before shows.
 
-use crate::video::Frame;
+use tessuto_core::video::Frame;
 
 /// Fraction of a pixel from which on its colour is the fabric's alone.
 const WHOLE: f32 = 0.999;
@@ -96,7 +96,7 @@ pub(super) fn copies(changes: &[Option<f64>]) -> Option<Copies> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::image::Image;
+    use tessuto_core::image::Image;
 
     /// Stripes moved by `shift` columns, seen in the columns from `from` on.
     fn frame(shift: usize, from: usize, contrast: f32) -> Frame {

@@ -15,10 +15,10 @@ pub use published::{PUBLISHED, Printed};
 pub use record::Record;
 pub use table::{Table, csv, tables, text};
 
-use crate::config::{Config, Preset};
-use crate::error::{Error, Result};
-use crate::metrics::Metrics;
 use crate::result::Folder;
+use tessuto_core::error::{Error, Result};
+use tessuto_estimate::config::{Config, Preset};
+use tessuto_estimate::metrics::Metrics;
 
 /// A method: a preset, with changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

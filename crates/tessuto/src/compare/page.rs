@@ -5,23 +5,23 @@ use std::path::Path;
 
 use super::table::{failures, shown};
 use super::{Entry, Table, csv, tables, text};
-use crate::camera::{Camera, Viewpoint};
-use crate::error::Result;
-use crate::image::Image;
-use crate::io::rgb8::Rgb8;
-use crate::io::scene::{LoadOptions, load};
-use crate::io::{self, atomic_write};
-use crate::mesh::Positions;
-use crate::output::{FolderKind, OutputFolder};
-use crate::pbr::Geometry;
-use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::report::colour::diverging;
 use crate::report::film::{Film, Source};
 use crate::report::images::measured_depth_image;
 use crate::report::page::script_safe;
 use crate::result::Folder;
-use crate::scene::Scene;
 use crate::view::{draw_shaded, draw_texture};
+use tessuto_core::camera::{Camera, Viewpoint};
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::io::rgb8::Rgb8;
+use tessuto_estimate::io::scene::{LoadOptions, load};
+use tessuto_estimate::io::{self, atomic_write};
+use tessuto_estimate::output::{FolderKind, OutputFolder};
+use tessuto_render::pbr::Geometry;
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// Base64 of all images of a scene together, at most `[bytes]`.
 const BUDGET: usize = 9 << 20;
@@ -45,8 +45,8 @@ struct Shown<'a> {
 /// Writes `compare.txt`, `compare.csv` and `compare.html` of `entries` into the folder `out`, in place of earlier ones; the text.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) if `out` holds anything but unchanged tables of tessuto's, or for results that cannot be read;
-/// [`Error::Output`](crate::Error::Output).
+/// [`Error::Input`](tessuto_core::Error::Input) if `out` holds anything but unchanged tables of tessuto's, or for results that cannot be read;
+/// [`Error::Output`](tessuto_core::Error::Output).
 pub fn write_page(out: &Path, entries: &[Entry]) -> Result<String> {
     let output = OutputFolder::prepare(out, FolderKind::Comparison, true)?;
     let tables = tables(entries);

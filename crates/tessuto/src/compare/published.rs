@@ -9,7 +9,7 @@ const SCENES: [&str; 9] = ["R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8", "R9"]
 /// A row of a printed table.
 #[derive(Debug, Clone, Copy)]
 pub struct Printed {
-    /// Key of the quantity, as in [`crate::metrics::QUANTITIES`].
+    /// Key of the quantity, as in [`tessuto_estimate::metrics::QUANTITIES`].
     pub quantity: &'static str,
     /// Key of the ablation that it is of; `None` for whole methods.
     pub ablation: Option<&'static str>,

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
-use crate::io::{atomic_write, read_bounded};
+use tessuto_core::error::{Error, Result};
+use tessuto_estimate::io::{atomic_write, read_bounded};
 
 /// Largest file of a record `[bytes]`.
 const LARGEST: u64 = 1 << 20;

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use super::{Entry, PUBLISHED};
-use crate::metrics::QUANTITIES;
+use tessuto_estimate::metrics::QUANTITIES;
 
 /// Digits of a value in a text table.
 const WIDTH: usize = 10;

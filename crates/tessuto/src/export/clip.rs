@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 
-use crate::camera::{Camera, Rect};
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::image::Image;
-use crate::io;
-use crate::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
-use crate::metrics::{FrameVerdict, State};
-use crate::motion::parameters::Parameters;
 use crate::result::{Folder, Measured};
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::{FrameVerdict, State};
+use tessuto_estimate::motion::parameters::Parameters;
 
 /// Largest file of a light that is taken along `[bytes]`.
 const LARGEST_LIGHT: u64 = 256 << 20;
@@ -261,7 +261,7 @@ fn read_material(folder: &Path, name: &str) -> Result<Material> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::sim::Accelerations;
+    use tessuto_sim::Accelerations;
 
     /// One frame of `mesh`, grey.
     pub(in super::super) fn clip(mesh: Mesh) -> Clip {
@@ -282,7 +282,7 @@ pub(super) mod tests {
             environment: None,
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
             parameters: Parameters {
-                model: crate::sim::Model::Springs,
+                model: tessuto_sim::Model::Springs,
                 log_stiffness: vec![2.0, -3.0, -4.0],
                 accelerations: Accelerations { constant: DVec3::Y, ..Accelerations::zeros(1, 1, 0) },
             },
@@ -303,7 +303,7 @@ pub(super) mod tests {
 
     #[test]
     fn normals_are_unit_and_face_the_side_of_the_winding() {
-        let clip = clip(crate::mesh::grid(4, 3, glam::DVec2::new(0.3, 0.2), 1.0));
+        let clip = clip(tessuto_core::mesh::grid(4, 3, glam::DVec2::new(0.3, 0.2), 1.0));
         // The grid's polygons run counter-clockwise for the camera's axes, which look along +z.
         let expected = {
             let [a, b, c] = clip.mesh.triangles()[0].map(|v| Clip::y_up(&clip.motion[0])[v as usize]);

@@ -12,8 +12,8 @@ use serde_json::{Value, json};
 
 use super::Clip;
 use super::row::{Output, Row};
-use crate::image::Image;
-use crate::io::image::encode_png;
+use tessuto_core::image::Image;
+use tessuto_estimate::io::image::encode_png;
 
 /// Most morph targets of one mesh.
 const MAX_TARGETS: usize = 256;
@@ -294,11 +294,11 @@ fn container(gltf: &Value, mut binary: Vec<u8>) -> Vec<u8> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::Motion;
+    use tessuto_core::mesh::Motion;
 
     #[test]
     fn a_long_clip_is_cut_into_segments_that_share_a_frame() {
-        let mesh = crate::mesh::grid(3, 2, glam::DVec2::new(0.2, 0.1), 1.0);
+        let mesh = tessuto_core::mesh::grid(3, 2, glam::DVec2::new(0.2, 0.1), 1.0);
         let moved = |n: usize| mesh.positions.iter().map(|p| *p + glam::DVec3::Z * 0.01 * n as f64).collect();
         let clip = Clip {
             motion: Motion::new((0..6).map(moved).collect()).unwrap(),

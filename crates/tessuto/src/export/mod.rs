@@ -27,12 +27,12 @@ mod usd_fabric;
 
 use std::path::{Path, PathBuf};
 
-use crate::error::{Error, Result};
-use crate::io::atomic_write;
-use crate::output::{FolderKind, OutputFolder, manifest};
 pub use clip::{Clip, Material};
 pub use format::Format;
 use row::Output;
+use tessuto_core::error::{Error, Result};
+use tessuto_estimate::io::atomic_write;
+use tessuto_estimate::output::{FolderKind, OutputFolder, manifest};
 
 /// What goes with GLB and USD: ends of names, and what each file is for.
 const COMPANIONS: [(&str, &str); 3] = [

@@ -2,8 +2,8 @@
 
 use super::Clip;
 use super::row::{Output, Row};
-use crate::io::npy::{archive, encode as array};
-use crate::sim::cloth::AREA_DENSITY;
+use tessuto_estimate::io::npy::{archive, encode as array};
+use tessuto_sim::cloth::AREA_DENSITY;
 
 /// The row of the format.
 pub(super) const FORMAT: Row = Row {
@@ -24,14 +24,14 @@ pub(super) const FORMAT: Row = Row {
 /// `seen_vertices` `[V]` (frames that show each), `seen_texels` [S, S] (pixels) and `seen_directions` [24, 48] (fraction of the pixels that face each).
 fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
-    let vectors = |motion: &[crate::Positions]| -> Vec<f32> {
+    let vectors = |motion: &[tessuto_core::Positions]| -> Vec<f32> {
         motion.iter().flatten().flat_map(|p| p.as_vec3().to_array()).collect()
     };
     let (frames, vertices) = (clip.motion.len(), mesh.positions.len());
     let triples = |t: Vec<[u32; 3]>| array(&[t.len(), 3], &t.concat());
     let uv: Vec<f64> = mesh.uvs.iter().flat_map(|uv| uv.to_array()).collect();
     let sizes: Vec<u32> = mesh.faces.iter().map(|f| f.vertices.len() as u32).collect();
-    let corners = |of: fn(&crate::mesh::Face) -> &Vec<u32>| -> Vec<u32> {
+    let corners = |of: fn(&tessuto_core::mesh::Face) -> &Vec<u32>| -> Vec<u32> {
         mesh.faces.iter().flat_map(of).copied().collect()
     };
     let (face_vertices, face_uvs) = (corners(|f| &f.vertices), corners(|f| &f.uvs));

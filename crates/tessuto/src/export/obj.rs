@@ -5,8 +5,8 @@ use rayon::prelude::*;
 use super::Clip;
 use super::row::{Output, Row};
 use super::sequence::{frame_name, gaps};
-use crate::io::obj;
-use crate::mesh::{Mesh, Positions};
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_estimate::io::obj;
 
 /// The row of the format.
 pub(super) const FORMAT: Row = Row {

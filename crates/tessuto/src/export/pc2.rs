@@ -2,7 +2,7 @@
 
 use super::row::{Output, Row};
 use super::{Clip, obj};
-use crate::mesh::Positions;
+use tessuto_core::mesh::Positions;
 
 /// The row of the format.
 pub(super) const FORMAT: Row = Row {

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::Clip;
 use super::row::{Output, Row};
 use super::sequence::{frame_name, gaps};
-use crate::mesh::Positions;
+use tessuto_core::mesh::Positions;
 
 /// The row of the format.
 pub(super) const FORMAT: Row = Row {

@@ -2,7 +2,7 @@
 
 use super::Clip;
 use super::row::{Output, Row};
-use crate::error::Result;
+use tessuto_core::error::Result;
 
 pub(super) const FORMAT: Row = Row {
     key: "rrd",
@@ -21,5 +21,5 @@ fn outputs(clip: &Clip) -> Result<Vec<Output>> {
 
 #[cfg(not(feature = "rerun"))]
 fn outputs(_: &Clip) -> Result<Vec<Output>> {
-    Err(crate::Error::left_out("format rrd", "rerun"))
+    Err(tessuto_core::Error::left_out("format rrd", "rerun"))
 }

@@ -1,7 +1,7 @@
 //! A row of the table of formats.
 
 use super::Clip;
-use crate::error::Result;
+use tessuto_core::error::Result;
 
 /// What a format is, and how it is written.
 pub(super) struct Row {

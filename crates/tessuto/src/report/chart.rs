@@ -3,8 +3,8 @@
 use serde::Serialize;
 
 use super::Parameter;
-use crate::metrics::{Evaluation, FrameMetrics, QUANTITIES};
-use crate::session::{Epoch, Name};
+use tessuto_estimate::metrics::{Evaluation, FrameMetrics, QUANTITIES};
+use tessuto_estimate::session::{Epoch, Name};
 
 /// One line of a chart.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -171,7 +171,7 @@ fn series(rows: &[Epoch], pick: impl Fn(&Epoch) -> &Vec<(Name, f64)>) -> Vec<Ser
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::named;
+    use tessuto_estimate::session::named;
 
     #[test]
     fn stages_have_charts_of_their_own_and_missing_values_are_gaps() {

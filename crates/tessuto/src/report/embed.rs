@@ -4,8 +4,8 @@
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::mesh::{Mesh, Positions};
-pub use crate::text::base64;
+use tessuto_core::mesh::{Mesh, Positions};
+pub use tessuto_core::text::base64;
 
 /// base64 of numbers, least significant byte first.
 pub(crate) fn base64_of<T: bytemuck::NoUninit>(numbers: &[T]) -> String {
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn embedded_positions_are_as_near_as_stated() {
-        let mut rng = crate::math::rng::Rng::new(3, 0);
+        let mut rng = tessuto_core::math::rng::Rng::new(3, 0);
         let shapes: Vec<Positions> =
             (0..3).map(|_| (0..50).map(|_| rng.vector() * 0.4 + DVec3::Z * 1.3).collect()).collect();
         let motion = EmbeddedMotion::new(&shapes);
@@ -243,7 +243,7 @@ mod tests {
 
     #[test]
     fn window_keeps_texels_under_their_coordinates() {
-        let mut mesh = crate::mesh::grid(3, 2, glam::DVec2::ONE, 1.0);
+        let mut mesh = tessuto_core::mesh::grid(3, 2, glam::DVec2::ONE, 1.0);
         mesh.uvs.iter_mut().for_each(|uv| *uv = *uv * 0.25 + glam::DVec2::new(0.5, 0.125));
         let window = Window::of(&mesh);
         let [x, y, w, h] = window.pixels(512, 512);
@@ -259,7 +259,7 @@ mod tests {
 
     #[test]
     fn seams_split_corners_not_vertices() {
-        let mut mesh = crate::mesh::grid(3, 2, glam::DVec2::ONE, 1.0);
+        let mut mesh = tessuto_core::mesh::grid(3, 2, glam::DVec2::ONE, 1.0);
         // The right quad gets texture coordinates of its own.
         let first = mesh.uvs.len() as u32;
         let own: Vec<_> = mesh.faces[1].uvs.iter().map(|uv| mesh.uvs[*uv as usize]).collect();

@@ -4,10 +4,10 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::embed::base64;
-use crate::camera::{Camera, Rect};
-use crate::error::Result;
-use crate::io::jpeg;
-use crate::io::rgb8::Rgb8;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::Result;
+use tessuto_estimate::io::jpeg;
+use tessuto_estimate::io::rgb8::Rgb8;
 
 /// Largest side `[px]` and JPEG quality, best first.
 const CHOICES: [(u32, u8); 11] = [
@@ -151,7 +151,7 @@ mod tests {
 
     /// Noise in a square whose left border is at column `x`, black around it.
     fn frame(x: usize) -> Rgb8 {
-        let mut rng = crate::math::rng::Rng::new(x as u64, 0);
+        let mut rng = tessuto_core::math::rng::Rng::new(x as u64, 0);
         Rgb8::from_fn([400, 300], |i, j| {
             let inside = (x..x + 100).contains(&i) && (50..150).contains(&j);
             let bright =

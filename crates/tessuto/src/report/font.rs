@@ -1,7 +1,7 @@
 //! Letters of 5×7 pixels, to write into images without a font file.
 
 use super::colour::Colour;
-use crate::image::Image;
+use tessuto_core::image::Image;
 
 /// Distance `[px]` from one letter to the next, at scale 1.
 pub const ADVANCE: usize = 6;

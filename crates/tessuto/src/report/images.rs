@@ -7,11 +7,11 @@ use glam::{DVec2, DVec3};
 use super::colour::{Colour, NOTHING, UNKNOWN, diverging, heat, mix, sequential};
 pub use super::kind::{Kind, Scales};
 use super::legend::{self, Legend};
-use crate::camera::Viewpoint;
-use crate::error::{Error, Result};
-use crate::image::Image;
-use crate::io;
-use crate::video::Frame;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
+use tessuto_core::video::Frame;
+use tessuto_estimate::io;
 
 /// What the scales must cover of one frame.
 #[derive(Debug, Clone, Copy)]

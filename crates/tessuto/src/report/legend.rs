@@ -3,7 +3,7 @@
 use super::colour::{Colour, diverging, heat, sequential};
 use super::font;
 use super::kind::{Kind, Scales};
-use crate::image::Image;
+use tessuto_core::image::Image;
 
 /// Height `[px]` of the strip at scale 1.
 pub const STRIP: usize = 30;

@@ -22,8 +22,8 @@ pub use images::{FrameImages, Kind, Ranges, Scales, measured_depth_image};
 pub use scale::Scale;
 pub use sheet::{chosen_frames, contact_sheet};
 
-use crate::camera::Camera;
-use crate::metrics::{Evaluation, FrameVerdict, Verdict};
+use tessuto_core::camera::Camera;
+use tessuto_estimate::metrics::{Evaluation, FrameVerdict, Verdict};
 
 /// Everything the page says.
 #[derive(Debug, Clone, Default)]
@@ -145,7 +145,7 @@ impl KeyNumber {
 /// A recovered parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
-    /// Its name in the [steps](crate::session::Epoch::parameters).
+    /// Its name in the [steps](tessuto_estimate::session::Epoch::parameters).
     pub name: String,
     /// What it is.
     pub label: String,

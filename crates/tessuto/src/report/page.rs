@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::causes::{CauseRow, CauseSpread, bar};
 use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart, scale};
-use crate::error::Result;
-use crate::io;
-use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
-use crate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
+use tessuto_core::error::Result;
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
+use tessuto_estimate::metrics::{Evaluation, FrameVerdict, OverFrames, QUANTITIES, State, Verdict};
 
 /// Size `[bytes]` that the page keeps to by choosing the size of its images.
 pub const BUDGET: usize = 14 << 20;
@@ -127,7 +127,7 @@ fn significant(value: f64) -> String {
 /// Writes the page to `path`.
 ///
 /// # Errors
-/// [`Error::Output`](crate::Error::Output).
+/// [`Error::Output`](tessuto_core::Error::Output).
 pub fn write(path: &Path, data: &ReportData) -> Result<()> {
     io::atomic_write(path, render(data).as_bytes())
 }

@@ -4,8 +4,8 @@ use super::colour::Colour;
 use super::font;
 use super::images::{FrameImages, Kind, Scales};
 use super::legend::{self, Legend};
-use crate::camera::Rect;
-use crate::image::Image;
+use tessuto_core::camera::Rect;
+use tessuto_core::image::Image;
 
 const INK: Colour = [0.13, 0.13, 0.13];
 const PAPER: Colour = [1.0, 1.0, 1.0];

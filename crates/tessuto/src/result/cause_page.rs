@@ -3,15 +3,15 @@
 use glam::DVec3;
 
 use super::{Folder, UNCHANGED, changed};
-use crate::error::{Error, Result};
-use crate::io::{self, npy, zip};
-use crate::mesh::Positions;
-use crate::motion::causes::{Found, cut_cloth};
 use crate::report::causes::{CauseData, CauseRow, CauseSpread, ForceArrows, known};
 use crate::report::chart::{Chart, Series};
 use crate::report::{EmbeddedMotion, embed};
-use crate::sim::cloth::AREA_DENSITY;
-use crate::sim::per_width::{PerWidth, bending_length};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Positions;
+use tessuto_estimate::io::{self, npy, zip};
+use tessuto_estimate::motion::causes::{Found, cut_cloth};
+use tessuto_sim::cloth::AREA_DENSITY;
+use tessuto_sim::per_width::{PerWidth, bending_length};
 
 /// Vertices with arrows, besides those that are held, at most.
 const SITES: usize = 300;
@@ -223,7 +223,7 @@ fn listed(numbers: &[usize]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn arrows_stand_all_over_the_sheet_and_where_it_is_held() {

@@ -5,11 +5,11 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{Quantity, quantity};
-use crate::error::{Error, Result};
-use crate::io;
-use crate::mesh::{Mesh, Positions};
-use crate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
-use crate::sim::per_width::PerWidth;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_estimate::io;
+use tessuto_estimate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
+use tessuto_sim::per_width::PerWidth;
 
 /// Gravity.
 #[derive(Debug, Clone, Serialize, Deserialize)]

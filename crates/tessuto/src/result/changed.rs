@@ -2,11 +2,11 @@
 
 use super::Folder;
 use super::causes::LED;
-use crate::error::Result;
-use crate::io;
-use crate::motion::causes::{Hold, Otherwise};
 use crate::report::EmbeddedMotion;
 use crate::report::causes::Replay;
+use tessuto_core::error::Result;
+use tessuto_estimate::io;
+use tessuto_estimate::motion::causes::{Hold, Otherwise};
 
 /// Frames that a changed replay goes on after the clip, at most.
 const FURTHER: usize = 20;

@@ -5,13 +5,13 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::Folder;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::io;
-use crate::mesh::Positions;
-use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
-use crate::metrics::{AgreementMeter, FrameAgreement};
 use crate::report::chart::{Chart, Series, spans_decades};
-use crate::sim::Accelerations;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::mesh::Positions;
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
+use tessuto_estimate::metrics::{AgreementMeter, FrameAgreement};
+use tessuto_sim::Accelerations;
 
 /// What the motion and the other files of a result tell of each frame. Results of older versions have no
 /// `agreement`; their strain is measured anew.

@@ -1,7 +1,7 @@
 //! What a result says of its fabric, whatever the mesh.
 
 use super::Folder;
-use crate::sim::per_width::PerWidth;
+use tessuto_sim::per_width::PerWidth;
 
 /// Stiffnesses per width, and how sure they are.
 #[derive(Debug, Clone, Copy, PartialEq)]

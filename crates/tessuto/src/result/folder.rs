@@ -7,18 +7,18 @@ use glam::DVec3;
 
 use super::causes::CauseFile;
 use super::{Log, ParameterFile, Run, UNCHANGED, history, read_json};
-use crate::appearance;
-use crate::camera::{Camera, Rect};
-use crate::error::{Error, Result};
-use crate::io;
-use crate::mesh::{Mesh, Motion};
-use crate::metrics::Evaluation;
-use crate::motion::causes::{Found, Sizes};
-use crate::motion::parameters::Parameters;
-use crate::pbr::Material;
-use crate::session::Epoch;
-use crate::sim::Accelerations;
-use crate::sim::per_width::PerWidth;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Mesh, Motion};
+use tessuto_estimate::appearance;
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::Evaluation;
+use tessuto_estimate::motion::causes::{Found, Sizes};
+use tessuto_estimate::motion::parameters::Parameters;
+use tessuto_estimate::session::Epoch;
+use tessuto_render::pbr::Material;
+use tessuto_sim::Accelerations;
+use tessuto_sim::per_width::PerWidth;
 
 /// See the module. What a simulation needs is read at once.
 #[derive(Debug)]

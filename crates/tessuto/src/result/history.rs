@@ -6,8 +6,8 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use crate::error::{Error, Result};
-use crate::session::Epoch;
+use tessuto_core::error::{Error, Result};
+use tessuto_estimate::session::Epoch;
 
 /// The two kinds of columns.
 const LOSS: &str = "loss.";
@@ -53,7 +53,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Epoch>> {
     let fail = |line: usize, problem: String| {
         Error::input(format!("{}:{line}", path.display()), problem, "use the file as tessuto wrote it")
     };
-    let text = crate::io::read_text(path)?;
+    let text = tessuto_estimate::io::read_text(path)?;
     let columns: Vec<&str> = text.lines().next().unwrap_or_default().split(',').skip(3).collect();
     let epoch = |(n, line): (usize, &str)| {
         let cells: Vec<&str> = line.split(',').collect();
@@ -80,7 +80,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Epoch>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::session::named;
+    use tessuto_estimate::session::named;
 
     #[test]
     fn steps_are_read_as_they_were_written() {

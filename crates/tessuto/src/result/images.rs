@@ -3,19 +3,19 @@
 use std::path::Path;
 
 use super::shutter;
-use crate::camera::Viewpoint;
-use crate::error::Result;
-use crate::image::Image;
-use crate::io;
-use crate::mesh::Positions;
-use crate::metrics::verdict::criteria::CORRELATION;
-use crate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
-use crate::raster::{Rasterizer, Rendering};
-use crate::reconstruct::Reconstruction;
 use crate::report::images::{FrameImages, Ranges, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
-use crate::scene::Scene;
-use crate::video::Frame;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
+use tessuto_core::video::Frame;
+use tessuto_estimate::Reconstruction;
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::verdict::criteria::CORRELATION;
+use tessuto_estimate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
+use tessuto_render::raster::{Rasterizer, Rendering};
 
 /// A vertex farther behind the nearest surface `[m]` is hidden.
 const HIDDEN: f64 = 0.01;

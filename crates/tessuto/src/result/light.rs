@@ -5,12 +5,12 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::error::Result;
-use crate::io::rgb8::Rgb8;
-use crate::io::{self, jpeg};
-use crate::mesh::{Mesh, Positions};
-use crate::pbr::EnvironmentMap;
 use crate::report::{LightData, chosen_frames, embed};
+use tessuto_core::error::Result;
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_estimate::io::rgb8::Rgb8;
+use tessuto_estimate::io::{self, jpeg};
+use tessuto_render::pbr::EnvironmentMap;
 
 /// JPEG quality of maps and of the light.
 pub(super) const MAP_QUALITY: u8 = 86;
@@ -36,7 +36,7 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
     let mean = shown.data.iter().map(|v| f64::from(*v)).sum::<f64>() / shown.data.len().max(1) as f64;
     let tone = |v: &f32| {
         let x = v / (2.0 * mean.max(1e-9)) as f32;
-        (255.0 * crate::image::srgb::encode(x / (1.0 + x)).clamp(0.0, 1.0)).round() as u8
+        (255.0 * tessuto_core::image::srgb::encode(x / (1.0 + x)).clamp(0.0, 1.0)).round() as u8
     };
     let bytes = shown.data.iter().map(tone).collect();
     let mut image = Rgb8::new([shown.width, shown.height], bytes);
@@ -82,7 +82,7 @@ fn observed(mesh: &Mesh, motion: &[Positions]) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::mesh::grid;
+    use tessuto_core::mesh::grid;
 
     #[test]
     fn a_flat_cloth_tells_of_the_light_behind_the_camera_alone() {

@@ -3,14 +3,14 @@
 use serde::Serialize;
 
 use super::{Run, page};
-use crate::error::Result;
-use crate::io::image::rgb8;
-use crate::mesh::Positions;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Source};
 use crate::report::{ClothData, EmbeddedMotion, ReportData, Surface, chart, page as report};
-use crate::scene::Scene;
-use crate::session::Epoch;
+use tessuto_core::error::Result;
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::io::image::rgb8;
+use tessuto_estimate::session::Epoch;
 
 /// Bytes for the video.
 const FILM_BUDGET: usize = 4 << 20;

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{read_json, write_json};
-use crate::error::Result;
+use tessuto_core::error::Result;
 
 /// Commands, times and warnings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -22,7 +22,7 @@ impl Log {
     /// That of the result in `folder`.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input).
+    /// [`Error::Input`](tessuto_core::Error::Input).
     pub fn read(folder: &Path) -> Result<Self> {
         read_json(&folder.join("log.json"))
     }
@@ -30,7 +30,7 @@ impl Log {
     /// Writes it into `folder`.
     ///
     /// # Errors
-    /// [`Error::Output`](crate::Error::Output).
+    /// [`Error::Output`](tessuto_core::Error::Output).
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_json(&folder.join("log.json"), self)
     }

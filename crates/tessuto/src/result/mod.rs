@@ -13,7 +13,7 @@
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
 //! metrics.json                    every frame's agreement with the video and verdict; errors, where there is truth
 //! texture.png      history.csv    colours from all frames, in the first frame's light
-//! seen_vertices.npy [V], seen_texels.npy [S, S], seen_directions.npy [24, 48] f32  how often each was seen: see [`crate::appearance::Seen`]
+//! seen_vertices.npy [V], seen_texels.npy [S, S], seen_directions.npy [24, 48] f32  how often each was seen: see [`tessuto_estimate::appearance::Seen`]
 //! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
 //! log.json                        commands, times, warnings
 //! pictures/        report.html
@@ -51,18 +51,18 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::appearance::{DIRECTION_ROWS, Seen, gather};
-use crate::camera::{Camera, Rect};
-use crate::config::{Config, DynamicsSettings};
-use crate::error::{Error, Result};
-use crate::io;
-use crate::mesh::Motion;
-use crate::metrics::{Evaluation, judge_frames};
-use crate::motion::causes::Explained;
-use crate::motion::parameters::{Parameters, StiffnessRange};
-use crate::reconstruct::Reconstruction;
-use crate::scene::Scene;
-use crate::sim::Model;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Motion;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::Reconstruction;
+use tessuto_estimate::appearance::{DIRECTION_ROWS, Seen, gather};
+use tessuto_estimate::config::{Config, DynamicsSettings};
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::{Evaluation, judge_frames};
+use tessuto_estimate::motion::causes::Explained;
+use tessuto_estimate::motion::parameters::{Parameters, StiffnessRange};
+use tessuto_sim::Model;
 
 /// Which run it was.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -255,7 +255,7 @@ pub(crate) fn write_metrics(
     motion: &Motion,
     errors: Option<&Evaluation>,
 ) -> Result<()> {
-    let maps = crate::appearance::evaluate(scene, folder, motion)?;
+    let maps = tessuto_estimate::appearance::evaluate(scene, folder, motion)?;
     if errors.is_none() && maps.is_none() {
         return Ok(());
     }
@@ -287,7 +287,7 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
         dynamic_force: quantity("forces.npy".to_owned(), "m/s^2"),
         dynamic_parts: p.accelerations.entries_per_frame,
         wind: p.accelerations.wind.map(|wind| quantity(wind.to_array(), "m/s")),
-        area_density: quantity(crate::sim::cloth::AREA_DENSITY, "kg/m^2"),
+        area_density: quantity(tessuto_sim::cloth::AREA_DENSITY, "kg/m^2"),
         frame_rate: quantity(scene.fps, "1/s"),
         camera,
         crop,

@@ -7,14 +7,6 @@ use rayon::prelude::*;
 
 use super::UNCHANGED;
 use super::{Folder, cause_page, curves, light};
-use crate::camera::{Camera, Rect};
-use crate::error::{Error, Result};
-use crate::io::rgb8::Rgb8;
-use crate::io::{self, jpeg};
-use crate::mesh::Positions;
-use crate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
-use crate::metrics::{self, Evaluation, Verdict};
-use crate::motion::parameters::Parameters;
 use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
@@ -22,7 +14,15 @@ use crate::report::scale;
 use crate::report::{
     CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
 };
-use crate::sim::cloth::AREA_DENSITY;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Positions;
+use tessuto_estimate::io::rgb8::Rgb8;
+use tessuto_estimate::io::{self, jpeg};
+use tessuto_estimate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
+use tessuto_estimate::metrics::{self, Evaluation, Verdict};
+use tessuto_estimate::motion::parameters::Parameters;
+use tessuto_sim::cloth::AREA_DENSITY;
 
 /// Bytes that the film may have however large the rest is.
 const LEAST_FILM: usize = 2 << 20;

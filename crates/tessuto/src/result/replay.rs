@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::{Folder, Log, ParameterFile, parameters_in, read_json, write_json};
-use crate::error::{Error, Result};
-use crate::io;
-use crate::mesh::Motion;
-use crate::motion::parameters::Parameters;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Motion;
+use tessuto_estimate::io;
+use tessuto_estimate::motion::parameters::Parameters;
 
 /// Writes into the existing `folder` what [`Folder::open`] reads: `motion`, the `parameters` that make it, and mesh,
 /// texture, material and settings of `original`. What compares `original` with its video is left out.

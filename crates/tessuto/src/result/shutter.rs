@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use crate::camera::{Camera, Viewpoint};
-use crate::image::{Image, srgb};
-use crate::mesh::Positions;
+use tessuto_core::camera::{Camera, Viewpoint};
+use tessuto_core::image::{Image, srgb};
+use tessuto_core::mesh::Positions;
 
 /// Shapes drawn between the middles of the intervals before and after a frame, and of these, counted from the outer ones, the
 /// first that an exposure of 1, 1/2 and 1/4 of the time from frame to frame takes.

@@ -14,7 +14,7 @@
 //! warnings         remarks on input and result
 //! ```
 //!
-//! The verdict needs no truth; its limits are in [`crate::metrics::verdict`], the verdict on every frame is
+//! The verdict needs no truth; its limits are in [`tessuto_estimate::metrics::verdict`], the verdict on every frame is
 //! in metrics.json under `verdicts`, its numbers under `agreement`. Only `seconds` differs from run to run.
 
 use std::path::Path;
@@ -22,9 +22,9 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use super::{Folder, read_json, write_json};
-use crate::error::Result;
-use crate::error::Warning;
-use crate::metrics::{Verdict, judge};
+use tessuto_core::error::Result;
+use tessuto_core::error::Warning;
+use tessuto_estimate::metrics::{Verdict, judge};
 
 const NAME: &str = "summary.json";
 
@@ -53,7 +53,7 @@ impl Summary {
     /// From the other files of a result.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) naming the file that cannot be used.
+    /// [`Error::Input`](tessuto_core::Error::Input) naming the file that cannot be used.
     pub fn of(folder: &Folder) -> Result<Self> {
         let log = folder.log()?;
         let agreement = folder.metrics()?.map_or(&[][..], |metrics| &metrics.agreement);
@@ -71,7 +71,7 @@ impl Summary {
     /// That of the result in `folder`; None if it has none.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input).
+    /// [`Error::Input`](tessuto_core::Error::Input).
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(NAME);
         if path.is_file() { read_json(&path).map(Some) } else { Ok(None) }
@@ -80,7 +80,7 @@ impl Summary {
     /// Writes it into `folder`.
     ///
     /// # Errors
-    /// [`Error::Output`](crate::Error::Output).
+    /// [`Error::Output`](tessuto_core::Error::Output).
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_json(&folder.join(NAME), self)
     }

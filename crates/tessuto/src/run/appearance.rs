@@ -7,20 +7,20 @@ use std::path::Path;
 use rayon::prelude::*;
 
 use super::observer::{Observer, Shared, Stage, kept_aside};
-use crate::appearance::{self, AppearanceSettings};
-use crate::camera::Viewpoint;
-use crate::config::{Config, Preset};
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::io;
-use crate::io::scene::{LoadOptions, Loaded, load};
-use crate::mesh::Motion;
-use crate::output::{FolderKind, OutputFolder, manifest};
-use crate::pbr::Geometry;
-use crate::raster::Rasterizer;
 use crate::result::{self, Run};
-use crate::scene::Scene;
-use crate::session::Session;
-use crate::template::irregular::of_scene;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::mesh::Motion;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::appearance::{self, AppearanceSettings};
+use tessuto_estimate::config::{Config, Preset};
+use tessuto_estimate::io;
+use tessuto_estimate::io::scene::{LoadOptions, Loaded, load};
+use tessuto_estimate::output::{FolderKind, OutputFolder, manifest};
+use tessuto_estimate::session::Session;
+use tessuto_estimate::template::irregular::of_scene;
+use tessuto_render::pbr::Geometry;
+use tessuto_render::raster::Rasterizer;
 
 /// Stages as they are announced.
 pub(super) const FIT: &str = "material and light";

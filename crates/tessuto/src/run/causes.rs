@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use super::replay::{Changes, replay};
-use crate::error::{Error, Result};
-use crate::io;
-use crate::mesh::{Motion, Positions};
-use crate::metrics::causes::{CauseMetrics, Foretold, Found, KnownCauses, carried_on};
-use crate::motion::causes::{Hold, Otherwise};
 use crate::result::Folder;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Motion, Positions};
+use tessuto_estimate::io;
+use tessuto_estimate::metrics::causes::{CauseMetrics, Foretold, Found, KnownCauses, carried_on};
+use tessuto_estimate::motion::causes::{Hold, Otherwise};
 
 /// Bend stiffness in gt/stiffer.npy over that of the clip.
 const STIFFER: f64 = 10.0;

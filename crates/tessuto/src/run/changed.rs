@@ -1,10 +1,10 @@
 //! What would have been otherwise, simulated before anybody asks.
 
-use crate::error::{Error, Result, Warning};
-use crate::io;
-use crate::mesh::{Motion, Positions};
-use crate::motion::causes::{Changes, Otherwise, cut_cloth};
 use crate::result::{Folder, changes};
+use tessuto_core::error::{Error, Result, Warning};
+use tessuto_core::mesh::{Motion, Positions};
+use tessuto_estimate::io;
+use tessuto_estimate::motion::causes::{Changes, Otherwise, cut_cloth};
 
 /// Writes changed/ into `result`, if it has causes: one motion of each of the changes that the page lets one play, as `replay` makes it. One
 /// that fails is left out and reported.

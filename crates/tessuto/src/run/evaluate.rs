@@ -3,14 +3,14 @@
 use std::ops::Range;
 use std::path::Path;
 
-use crate::appearance;
-use crate::error::{Error, Hint, Remedy, Result, Warning};
-use crate::io::npy;
-use crate::io::scene::{LoadOptions, Loaded, load};
-use crate::mesh::Motion;
-use crate::metrics::{self, Evaluation, Inputs};
 use crate::result::{self, Folder};
-use crate::template::irregular::of_scene;
+use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
+use tessuto_core::mesh::Motion;
+use tessuto_estimate::appearance;
+use tessuto_estimate::io::npy;
+use tessuto_estimate::io::scene::{LoadOptions, Loaded, load};
+use tessuto_estimate::metrics::{self, Evaluation, Inputs};
+use tessuto_estimate::template::irregular::of_scene;
 
 use super::causes::compare_causes;
 

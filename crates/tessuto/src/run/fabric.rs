@@ -5,12 +5,12 @@
 
 use std::path::Path;
 
-use crate::error::{Error, Result};
-use crate::io::table::Table;
 use crate::result::Folder;
 pub use crate::result::Measured;
-use crate::sim::per_width::PerWidth;
-pub use crate::sim::per_width::bending_length;
+use tessuto_core::error::{Error, Result};
+use tessuto_estimate::io::table::Table;
+use tessuto_sim::per_width::PerWidth;
+pub use tessuto_sim::per_width::bending_length;
 
 /// A measured fabric.
 #[derive(Debug, Clone, PartialEq)]

@@ -4,13 +4,13 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
-use crate::error::{Error, Result};
-use crate::mesh::{Motion, Positions};
-use crate::metrics::causes::carried_on;
-use crate::metrics::{self, Inputs};
-use crate::motion::causes::{self, Otherwise};
 use crate::result::Folder;
-use crate::scene::Scene;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::{Motion, Positions};
+use tessuto_core::scene::Scene;
+use tessuto_estimate::metrics::causes::carried_on;
+use tessuto_estimate::metrics::{self, Inputs};
+use tessuto_estimate::motion::causes::{self, Otherwise};
 
 /// Frames ahead of which the table tells.
 pub const HORIZONS: [usize; 4] = [1, 5, 10, 15];

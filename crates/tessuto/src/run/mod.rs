@@ -8,9 +8,12 @@ pub mod appearance;
 mod causes;
 mod changed;
 pub mod evaluate;
+#[doc(hidden)]
 pub mod fabric;
+#[doc(hidden)]
 pub mod forecast;
 mod observer;
+#[doc(hidden)]
 pub mod replay;
 
 use std::cell::RefCell;
@@ -22,18 +25,18 @@ use observer::Shared;
 pub use observer::{Observer, Silent, Stage};
 
 use crate::check;
-use crate::config::{Config, Method};
-use crate::error::{Error, Result, Warning};
 use crate::export::{Clip, Format, export};
-use crate::io::scene::{LoadOptions, Loaded, load};
-use crate::mesh::Motion;
-use crate::metrics::{self, Evaluation};
-use crate::output::{FolderKind, OutputFolder};
-use crate::reconstruct::reconstruct;
 use crate::result::{self, Run, Summary};
-use crate::scene::Scene;
-use crate::session::{Checkpoints, Session, identity};
-use crate::template::irregular::of_scene;
+use tessuto_core::error::{Error, Result, Warning};
+use tessuto_core::mesh::Motion;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::config::{Config, Method};
+use tessuto_estimate::io::scene::{LoadOptions, Loaded, load};
+use tessuto_estimate::metrics::{self, Evaluation};
+use tessuto_estimate::output::{FolderKind, OutputFolder};
+use tessuto_estimate::reconstruct;
+use tessuto_estimate::session::{Checkpoints, Session, identity};
+use tessuto_estimate::template::irregular::of_scene;
 
 /// Stage that makes the images of the frames and measures them.
 const IMAGES: &str = "images";

@@ -3,12 +3,12 @@
 use std::cell::RefCell;
 use std::path::Path;
 
-use crate::error::{Result, Warning};
-use crate::image::Image;
-use crate::mesh::Positions;
 use crate::result::Run;
-use crate::scene::Scene;
-use crate::session::{self, Epoch};
+use tessuto_core::error::{Result, Warning};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
+use tessuto_estimate::session::{self, Epoch};
 
 /// A part of the run.
 #[derive(Debug, Clone, Copy, PartialEq)]

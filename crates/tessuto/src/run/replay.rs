@@ -2,13 +2,13 @@
 
 use std::path::PathBuf;
 
-use crate::error::{Error, Result};
-use crate::mesh::Motion;
-use crate::motion::causes::{self, Otherwise};
-use crate::motion::parameters::Parameters;
-use crate::output::OutputFolder;
-use crate::reconstruct::simulate;
 use crate::result::{self, Folder, Summary};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Motion;
+use tessuto_estimate::motion::causes::{self, Otherwise};
+use tessuto_estimate::motion::parameters::Parameters;
+use tessuto_estimate::output::OutputFolder;
+use tessuto_estimate::simulate;
 
 /// What shall be different.
 #[derive(Debug, Clone, PartialEq)]

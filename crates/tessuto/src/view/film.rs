@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use crate::camera::{Camera, Viewpoint};
-use crate::error::{Error, Result};
-use crate::mesh::Positions;
-use crate::pbr::EnvironmentMap;
+use tessuto_core::camera::{Camera, Viewpoint};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Positions;
+use tessuto_render::pbr::EnvironmentMap;
 
 /// Where it is seen from.
 #[derive(Debug, Clone, Copy, PartialEq)]

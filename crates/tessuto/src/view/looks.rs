@@ -2,13 +2,13 @@
 
 use glam::DVec3;
 
-use crate::camera::Camera;
-use crate::image::Image;
-use crate::image::srgb;
-use crate::mesh::Positions;
-use crate::pbr::{Geometry, visible_points};
-use crate::raster::{Rasterizer, Rendering, Texture};
 use crate::report::colour::sequential;
+use tessuto_core::camera::Camera;
+use tessuto_core::image::Image;
+use tessuto_core::image::srgb;
+use tessuto_core::mesh::Positions;
+use tessuto_render::pbr::{Geometry, visible_points};
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// Fraction of light that reaches a surface seen edge-on.
 const AMBIENT: f32 = 0.2;

@@ -3,7 +3,6 @@
 mod film;
 mod looks;
 mod render;
-mod viewpoint;
 
 pub use film::{Turn, View};
 pub(crate) use looks::{depth_range, draw_depth, draw_shaded, draw_texture};

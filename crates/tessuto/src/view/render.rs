@@ -5,15 +5,17 @@ use std::path::{Path, PathBuf};
 
 use super::film::{Shot, shots, turned};
 use super::{Turn, View, depth_range, draw_depth, draw_shaded, draw_texture};
-use crate::camera::Viewpoint;
-use crate::error::{Error, Hint, Remedy, Result};
-use crate::image::Image;
-use crate::io;
-use crate::mesh::{Mesh, Positions};
-use crate::output::{FolderKind, OutputFolder, manifest};
-use crate::pbr::{EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame};
-use crate::raster::{Rasterizer, Texture};
 use crate::result::Folder;
+use tessuto_core::camera::Viewpoint;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_estimate::io;
+use tessuto_estimate::output::{FolderKind, OutputFolder, manifest};
+use tessuto_render::pbr::{
+    EnvironmentMap, EnvironmentSampler, Geometry, Material, RenderScene, render_frame,
+};
+use tessuto_render::raster::{Rasterizer, Texture};
 
 /// Fraction of the light samples that are drawn uniformly over the sphere.
 const UNIFORM_FRACTION: f64 = 0.05;
@@ -201,7 +203,7 @@ impl Painter<'_> {
                 let same =
                     |(turn, view, _): &(f64, Viewpoint, _)| *turn == shot.light && *view == shot.viewpoint;
                 if !self.lit.as_ref().is_some_and(same) {
-                    let light = shot.viewpoint.environment(&turned(light, shot.light));
+                    let light = turned(light, shot.light).seen_from(&shot.viewpoint);
                     let sampler = EnvironmentSampler::new(&light, UNIFORM_FRACTION);
                     self.lit = Some((shot.light, shot.viewpoint, sampler));
                 }

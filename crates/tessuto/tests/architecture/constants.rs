@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{imports, library, root};
+use super::code::code as code_of;
+use super::{library, root};
 
-const SOURCES: &str = "crates/tessuto/src/";
-/// Where the default method is, below [`SOURCES`]; its tests in files of their own.
+/// Where the default method is, below this; its tests in files of their own.
+const SOURCES: &str = "crates/tessuto-estimate/src/";
 const METHOD: &str =
     "motion/spacetime/ motion/terms/ motion/observed/ motion/causes/ metrics/verdict/ metrics/agreement.rs";
 const TESTS: [&str; 2] = ["/proof.rs", "/tests.rs"];
@@ -15,8 +16,7 @@ const INLINE: &str = "inline";
 
 /// The library's code without tests, by its path from the root of the repository.
 fn code() -> BTreeMap<String, String> {
-    let of_file = |(path, text): (String, String)| (format!("{SOURCES}{path}"), imports::code(&text));
-    library().into_iter().map(of_file).collect()
+    library().into_iter().map(|(path, text)| (path, code_of(&text))).collect()
 }
 
 /// The rows of the table below the heading `title`, without backticks.

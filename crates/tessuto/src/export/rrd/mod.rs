@@ -31,12 +31,12 @@ use std::path::Path;
 use sha2::{Digest, Sha256};
 
 use super::Clip;
-use crate::error::Result;
+use tessuto_core::error::Result;
 
 /// The recording of a finished motion.
 ///
 /// # Errors
-/// [`Error::Input`](crate::Error::Input) naming an image of the result that cannot be used.
+/// [`Error::Input`](tessuto_core::Error::Input) naming an image of the result that cannot be used.
 pub(super) fn encode(clip: &Clip) -> Result<Vec<u8>> {
     let mut hash = Sha256::new();
     hash.update(format!("{} {:?} {:?} {}", clip.version, clip.mesh, clip.camera, clip.fps));

@@ -11,10 +11,10 @@ use super::chunk::{Chunk, Column, Times};
 use super::index::Index;
 use super::subject::{Corners, Subject, rgb_bytes};
 use super::wire::{FRAME, Id, Store};
-use crate::error::{Error, Result};
-use crate::image::Image;
-use crate::mesh::Positions;
-use crate::session::Epoch;
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::Positions;
+use tessuto_estimate::session::Epoch;
 
 /// Curves are written after this many steps, and at the end of a stage: a chunk of one row is mostly metadata.
 const STEPS_TOGETHER: usize = 16;

@@ -1,14 +1,14 @@
 //! What a recording shows besides the motion, taken from a scene or from a result.
 
-use crate::camera::{Camera, Rect};
-use crate::error::{Error, Result};
 use crate::export::Clip;
-use crate::image::Image;
-use crate::io::image::rgb8;
-use crate::io::rgb8::Rgb8;
-use crate::io::{self, jpeg};
-use crate::mesh::{Mesh, Positions};
-use crate::scene::Scene;
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::image::Image;
+use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_core::scene::Scene;
+use tessuto_estimate::io::image::rgb8;
+use tessuto_estimate::io::rgb8::Rgb8;
+use tessuto_estimate::io::{self, jpeg};
 
 /// Largest side `[px]` and quality of the images: some 40 kB each.
 const SIDE: u32 = 640;

@@ -1,0 +1,155 @@
+//! A scene in memory: what was filmed, by which camera, of which cloth. Loading is in the crate `tessuto-estimate`.
+
+mod tracks;
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+use crate::camera::{Camera, Rect, Viewpoint};
+use crate::error::{Error, Result};
+use crate::mesh::{Mesh, Motion};
+use crate::video::Video;
+pub use tracks::Tracks;
+
+/// What is known of the true motion, in all frames or in some; used by evaluation only.
+#[derive(Debug, Clone, Default)]
+pub struct Truth {
+    /// Measured surface points `[m]` per frame, camera frame; no point where nothing was measured.
+    pub points: Option<Vec<Vec<DVec3>>>,
+    /// True positions `[m]` of the template's vertices per frame.
+    pub vertices: Option<Motion>,
+    /// Points of the surface that were followed.
+    pub tracks: Option<Tracks>,
+}
+
+impl Truth {
+    /// Measured points `[m]` of frame `index`, if there are any.
+    pub fn points_in(&self, index: usize) -> Option<&[DVec3]> {
+        self.points.as_ref()?.get(index).map(Vec::as_slice).filter(|points| !points.is_empty())
+    }
+
+    /// Whether anything is known of frame `index`.
+    pub fn knows(&self, index: usize) -> bool {
+        self.points_in(index).is_some()
+            || self.vertices.as_ref().is_some_and(|v| index < v.len())
+            || self.tracks.as_ref().is_some_and(|t| t.points.contains_key(&index))
+    }
+}
+
+/// Everything the reconstruction starts from.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    /// Name from scene.json.
+    pub name: String,
+    /// The folder it was read from.
+    pub folder: PathBuf,
+    /// Frames per second.
+    pub fps: f64,
+    /// Camera of the crop (its principal point is shifted).
+    pub camera: Camera,
+    /// The crop in the full image.
+    pub crop: Rect,
+    /// Full image width and height `[px]`.
+    pub full_size: [usize; 2],
+    /// Index, in the folder, of the first of `frames`.
+    pub first_frame: usize,
+    /// The fabric in frame `first_frame`.
+    pub template: Mesh,
+    /// The video, N frames.
+    pub frames: Video,
+    /// What is known of the causes of its motion.
+    pub known: Known,
+    /// Ground truth, where the folder has it, of the same frames.
+    pub truth: Truth,
+}
+
+/// What scene.json says of the causes of a motion.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Known {
+    /// Direction of gravity in the camera's frame, a unit vector.
+    pub down: Option<DVec3>,
+    /// Vertices of the template that something holds, in ascending order.
+    pub held: Option<Vec<usize>>,
+}
+
+impl Scene {
+    /// The way from a point to a pixel of frame `n`, of the crop. It is the same for all frames: the camera stands at the world's origin.
+    pub fn viewpoint(&self, _n: usize) -> Viewpoint {
+        Viewpoint::from(self.camera)
+    }
+
+    /// The same of every frame, shape `[N]`.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        (0..self.frames.len()).map(|n| self.viewpoint(n)).collect()
+    }
+
+    /// Refuses a scene that cannot be computed on. Folders are checked when they are read; this is for scenes made in
+    /// memory.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming the first thing that is wrong.
+    pub fn check(&self) -> Result<()> {
+        let camera = &self.camera;
+        let fail = |place: String, problem: String, hint: &str| Err(Error::input(place, problem, hint));
+        let intrinsics = [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)];
+        for (key, value) in intrinsics {
+            if !value.is_finite() || (key.starts_with('f') && value <= 0.0) {
+                let hint = "focal lengths are in pixels and above 0, the principal point is in pixels";
+                return fail("camera".into(), format!("{key} is {value}"), hint);
+            }
+        }
+        if !(self.fps.is_finite() && self.fps > 0.0) {
+            return fail("scene".into(), format!("fps is {}", self.fps), "give the frames per second");
+        }
+        if self.frames.is_empty() {
+            return fail("scene".into(), "it has no frames".into(), "give one frame at least");
+        }
+        // Frames that are not held have been checked when they were read.
+        for (k, frame) in self.frames.held().unwrap_or_default().iter().enumerate() {
+            for (what, image, channels) in [("colour", &frame.rgb, 3), ("mask", &frame.mask, 1)] {
+                if [image.width, image.height, image.channels] != [camera.width, camera.height, channels] {
+                    let found = format!("{}×{} px of {} channels", image.width, image.height, image.channels);
+                    let expected = format!("{}×{} px of {channels}", camera.width, camera.height);
+                    let place = format!("frame {}, {what}", self.first_frame + k);
+                    return fail(place, format!("{found}, expected {expected}"), "give all images one size");
+                }
+            }
+        }
+        self.check_template()
+    }
+
+    fn check_template(&self) -> Result<()> {
+        let (mesh, view) = (&self.template, self.viewpoint(0));
+        let fail = |problem: String, hint: &str| Err(Error::input("template", problem, hint));
+        if let Some(k) = mesh.positions.iter().position(|p| !p.is_finite() || view.depth(*p) <= 0.0) {
+            let problem = format!("vertex {k} is {}, not in front of the camera", mesh.positions[k]);
+            return fail(problem, "give camera coordinates in metres: x right, y down, z forward");
+        }
+        if let Some(k) = mesh.uvs.iter().position(|uv| !uv.is_finite()) {
+            return fail(format!("texture coordinate {k} is {}", mesh.uvs[k]), "unwrap the mesh again");
+        }
+        if mesh.faces.is_empty() {
+            return fail("it has no face".into(), "give a mesh with faces");
+        }
+        for (k, face) in mesh.faces.iter().enumerate() {
+            let beyond =
+                |corners: &[u32], count: usize| corners.iter().find(|c| **c as usize >= count).copied();
+            let found = beyond(&face.vertices, mesh.positions.len()).or(beyond(&face.uvs, mesh.uvs.len()));
+            if let Some(index) = found {
+                return fail(
+                    format!("face {k} names corner {index}, which does not exist"),
+                    "correct the face",
+                );
+            }
+            if face.vertices.len() < 3 || face.vertices.len() != face.uvs.len() {
+                let (n, m) = (face.vertices.len(), face.uvs.len());
+                return fail(
+                    format!("face {k} has {n} corners and {m} texture coordinates"),
+                    "correct the face",
+                );
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,77 @@
+//! What the pixels of all frames see, and their colours.
+
+use super::Window;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::math::rng::mix32;
+use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Scene;
+use tessuto_render::pbr::{Geometry, SurfacePoint, visible_points};
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
+
+/// Pixels of all frames that certainly show cloth.
+pub(super) struct Observations {
+    /// Their points on the cloth.
+    pub points: Vec<SurfacePoint>,
+    /// Their sRGB colours.
+    pub colours: Vec<[f32; 3]>,
+}
+
+/// Draws about `most` of the pixels whose 3×3 neighbourhood is cloth both in the video and as rendered. The texture
+/// coordinates of their points are those within `window`.
+///
+/// # Errors
+/// Those of reading the frames.
+pub(super) fn observe(
+    scene: &Scene,
+    rasterizer: &Rasterizer,
+    geometry: &Geometry,
+    motion: &[Positions],
+    window: Window,
+    most: usize,
+    seed: u32,
+) -> Result<Observations> {
+    // Count first: the points of all pixels of a long video would not fit into memory.
+    let blank = Texture::uniform(1, 1, [0.0; 3]);
+    let counts = scene.frames.map(0..motion.len(), Rendering::new, |rendering, n| {
+        let frame = scene.frames.frame(n)?;
+        rasterizer.render(scene.viewpoint(n), &motion[n], &blank, rendering);
+        Ok((0..rendering.triangle.len()).filter(|pixel| inside(&frame.mask, rendering, *pixel)).count())
+    })?;
+    let total: usize = counts.iter().sum();
+    let starts: Vec<usize> =
+        counts.iter().scan(0, |sum, count| Some(std::mem::replace(sum, *sum + count))).collect();
+    let probability = (most as f64 / total.max(1) as f64).min(1.0);
+    let limit = (probability * f64::from(u32::MAX)) as u32;
+    let drawn = |i: usize| probability >= 1.0 || mix32(mix32(seed).wrapping_add(i as u32)) < limit;
+    let frames = scene.frames.map(0..motion.len(), Rendering::new, |rendering, n| {
+        let frame = scene.frames.frame(n)?;
+        let mut next = starts[n];
+        let wanted = |rendering: &Rendering, pixel: usize| {
+            let inside = inside(&frame.mask, rendering, pixel);
+            next += usize::from(inside);
+            inside && drawn(next - 1)
+        };
+        let seen = visible_points(rasterizer, scene.viewpoint(n), geometry, n, &motion[n], rendering, wanted);
+        let observation = |(pixel, mut point): (u32, SurfacePoint)| {
+            point.uv = window.inside(point.uv);
+            let width = scene.camera.width;
+            let rgb = frame.rgb.pixel(pixel as usize % width, pixel as usize / width);
+            (point, [rgb[0], rgb[1], rgb[2]])
+        };
+        Ok(seen.into_iter().map(observation).collect::<Vec<_>>())
+    })?;
+    let (points, colours) = frames.into_iter().flatten().unzip();
+    Ok(Observations { points, colours })
+}
+
+/// Whether the 3×3 pixels around `pixel` are cloth both in `mask` and as rendered.
+pub(super) fn inside(mask: &Image, rendering: &Rendering, pixel: usize) -> bool {
+    let (width, height) = (mask.width, mask.height);
+    let cloth = |x: usize, y: usize| {
+        mask.pixel(x, y)[0] > 0.5 && rendering.triangle[y * width + x] != Rendering::NO_TRIANGLE
+    };
+    let (x, y) = (pixel % width, pixel / width);
+    let border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+    !border && (y - 1..=y + 1).all(|y| (x - 1..=x + 1).all(|x| cloth(x, y)))
+}

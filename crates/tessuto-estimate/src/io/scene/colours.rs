@@ -1,0 +1,31 @@
+//! The colour frames of a scene folder, with or without masks and template.
+
+use std::path::{Path, PathBuf};
+
+use super::frames::ENDINGS;
+use super::listing::numbered;
+use super::manifest::Manifest;
+use tessuto_core::camera::Camera;
+use tessuto_core::error::Result;
+
+/// The files of the colour frames, and their camera.
+#[derive(Debug, Clone)]
+pub struct ColourFiles {
+    /// Camera of the full images.
+    pub camera: Camera,
+    /// Frames per second.
+    pub fps: f64,
+    /// One per frame.
+    pub paths: Vec<PathBuf>,
+}
+
+/// Lists the colour frames of the scene in `folder`.
+///
+/// # Errors
+/// [`Error::Input`](tessuto_core::Error::Input), as when the scene is loaded.
+pub fn colour_files(folder: &Path) -> Result<ColourFiles> {
+    let manifest = Manifest::read(folder)?;
+    let numbers = (0..manifest.n_frames, manifest.n_frames);
+    let paths = numbered(folder, "rgbs", "rgb_", &ENDINGS, numbers, &mut Vec::new())?;
+    Ok(ColourFiles { camera: manifest.camera(), fps: manifest.fps, paths })
+}

@@ -1,0 +1,331 @@
+//! scene.json: strictly read, every value checked; and written.
+
+use std::path::Path;
+
+use glam::DVec3;
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use crate::io::image::MAX_SIDE;
+use crate::io::text::decode;
+use crate::io::{atomic_write, read_bounded};
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::scene::Known;
+use tessuto_core::text::edits;
+
+const KNOWN: [&str; 14] = [
+    "name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "gravity", "held",
+    "notes",
+];
+const EXAMPLE: &str = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}"#;
+/// Most frames a scene may have.
+const MAX_FRAMES: usize = 100_000;
+
+/// What scene.json says.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Manifest {
+    pub name: String,
+    /// Frames per second.
+    pub fps: f64,
+    pub n_frames: usize,
+    width: usize,
+    height: usize,
+    fx: f64,
+    fy: f64,
+    cx: f64,
+    cy: f64,
+    /// The part of the images to keep; the masks decide where it is missing.
+    pub crop: Option<Rect>,
+    #[serde(default)]
+    pub units: Units,
+    /// Which way gravity pulls, in the camera's frame; only its direction counts.
+    pub gravity: Option<[f64; 3]>,
+    /// Vertices of the template that something holds, numbered from 0.
+    pub held: Option<Vec<usize>>,
+    /// Anything; what tessuto reads of it is [`camera_doubt`](Self::camera_doubt).
+    #[serde(default)]
+    notes: Value,
+}
+
+/// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be anything.
+///
+/// # Errors
+/// [`Error::Output`].
+pub fn write_manifest(
+    folder: &Path,
+    name: &str,
+    fps: f64,
+    frames: usize,
+    camera: &Camera,
+    notes: Value,
+) -> Result<()> {
+    let manifest = json!({
+        "name": name,
+        "fps": fps,
+        "n_frames": frames,
+        "width": camera.width,
+        "height": camera.height,
+        "fx": camera.fx,
+        "fy": camera.fy,
+        "cx": camera.cx,
+        "cy": camera.cy,
+        "units": "m",
+        "notes": notes,
+    });
+    let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
+    atomic_write(&folder.join("scene.json"), text.as_bytes())
+}
+
+/// Gives the scene in `folder` another camera, of images of the same size; all else in scene.json stays. `source` says where it
+/// is from, `uncertainty` is the standard deviation of its focal length, as a fraction.
+///
+/// # Errors
+/// [`Error::Input`] if scene.json cannot be used; [`Error::Output`].
+pub fn replace_camera(folder: &Path, camera: &Camera, source: &str, uncertainty: Option<f64>) -> Result<()> {
+    Manifest::read(folder)?;
+    let path = folder.join("scene.json");
+    let place = path.display().to_string();
+    let text = crate::io::read_text(&path)?;
+    let unusable = |problem: String| Error::input(&place, problem, "correct the file");
+    let mut scene: Value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
+        .map_err(|e| unusable(format!("is not valid JSON: {e}")))?;
+    for (key, value) in [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)] {
+        scene[key] = json!(value);
+    }
+    if !scene["notes"].is_object() {
+        let before = scene["notes"].take();
+        scene["notes"] = if before.is_null() { json!({}) } else { json!({ "text": before }) };
+    }
+    scene["notes"]["camera"] = json!({ "source": source, "uncertainty": uncertainty });
+    let text = serde_json::to_string_pretty(&scene).expect("plain data") + "\n";
+    atomic_write(&path, text.as_bytes())
+}
+
+/// Unit of every length in the folder's files.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Deserialize)]
+pub(crate) enum Units {
+    #[default]
+    #[serde(rename = "m")]
+    Metres,
+    #[serde(rename = "cm")]
+    Centimetres,
+    #[serde(rename = "mm")]
+    Millimetres,
+}
+
+impl Units {
+    pub const ALL: [Self; 3] = [Self::Metres, Self::Centimetres, Self::Millimetres];
+
+    /// Metres in one unit.
+    pub fn scale(self) -> f64 {
+        match self {
+            Self::Metres => 1.0,
+            Self::Centimetres => 0.01,
+            Self::Millimetres => 0.001,
+        }
+    }
+
+    /// As written in scene.json.
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::Metres => "m",
+            Self::Centimetres => "cm",
+            Self::Millimetres => "mm",
+        }
+    }
+}
+
+impl Manifest {
+    /// What a scene.json of these values says, lengths in metres.
+    pub fn new(name: String, fps: f64, n_frames: usize, camera: Camera, crop: Option<Rect>) -> Self {
+        let Camera { fx, fy, cx, cy, width, height } = camera;
+        let units = Units::Metres;
+        Self {
+            name,
+            fps,
+            n_frames,
+            width,
+            height,
+            fx,
+            fy,
+            cx,
+            cy,
+            crop,
+            units,
+            gravity: None,
+            held: None,
+            notes: Value::Null,
+        }
+    }
+
+    /// Reads scene.json in `folder`.
+    pub fn read(folder: &Path) -> Result<Self> {
+        if folder.is_file() {
+            let hint = Hint::from("a video becomes a scene first").with(Remedy::Import(folder.to_path_buf()));
+            return Err(Error::input(
+                folder.display().to_string(),
+                "is a file, not the folder of a scene",
+                hint,
+            ));
+        }
+        if !folder.is_dir() {
+            return Err(Error::input(
+                folder.display().to_string(),
+                "is not a folder",
+                "name the scene's folder, which holds scene.json, template.obj, rgbs/ and masks/",
+            ));
+        }
+        let path = folder.join("scene.json");
+        let place = path.display().to_string();
+        if !path.exists() {
+            return Err(Error::input(place, "does not exist", format!("write it there, e.g. {EXAMPLE}")));
+        }
+        let bytes = read_bounded(&super::inside(folder, &path)?, 16 << 20)?;
+        let manifest = parse(&decode(bytes, &place)?, &place)?;
+        manifest.check(&place)?;
+        Ok(manifest)
+    }
+
+    /// Camera of the full image.
+    pub fn camera(&self) -> Camera {
+        Camera { fx: self.fx, fy: self.fy, cx: self.cx, cy: self.cy, width: self.width, height: self.height }
+    }
+
+    /// What it says of causes, for a template of `vertices` vertices; `place` is where it is from.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a vertex that is not there.
+    pub fn known(&self, vertices: usize, place: &str) -> Result<Known> {
+        let mut held = self.held.clone();
+        if let Some(held) = &mut held {
+            held.sort_unstable();
+            held.dedup();
+            if let Some(v) = held.last().filter(|v| **v >= vertices) {
+                let problem = format!("\"held\" names vertex {v} of a template with {vertices}");
+                return Err(Error::input(place, problem, "number vertices from 0, in template.obj's order"));
+            }
+        }
+        Ok(Known { down: self.gravity.map(|g| DVec3::from_array(g).normalize()), held })
+    }
+
+    /// Standard deviation of the focal length, as a fraction of it, where the notes have it.
+    pub fn camera_doubt(&self) -> Option<f64> {
+        self.notes.get("camera")?.get("uncertainty")?.as_f64().filter(|doubt| *doubt > 0.0)
+    }
+
+    /// Refuses values that no video has; `place` is where they are from.
+    pub fn check(&self, place: &str) -> Result<()> {
+        let demand = |ok: bool, key: &str, value: String, hint: &str| {
+            if ok { Ok(()) } else { Err(Error::input(place, format!("\"{key}\" is {value}"), hint)) }
+        };
+        demand(
+            self.fps > 0.0 && self.fps <= 100_000.0,
+            "fps",
+            self.fps.to_string(),
+            "give the frames per second of the video, above 0",
+        )?;
+        demand(
+            (1..=MAX_FRAMES).contains(&self.n_frames),
+            "n_frames",
+            self.n_frames.to_string(),
+            "give the number of frames in rgbs/, 1 to 100000",
+        )?;
+        for (key, side) in [("width", self.width), ("height", self.height)] {
+            let hint = "give the size of the images in pixels, 2 to 16384";
+            demand((2..=MAX_SIDE).contains(&side), key, side.to_string(), hint)?;
+        }
+        for (key, focal) in [("fx", self.fx), ("fy", self.fy)] {
+            let hint = "give the focal length in pixels: width / (2 tan(half the horizontal field of view))";
+            demand(focal > 0.0 && focal <= 1e6, key, focal.to_string(), hint)?;
+        }
+        for (key, centre, side) in [("cx", self.cx, self.width), ("cy", self.cy, self.height)] {
+            let hint = "give the principal point in pixels, near the middle of the image";
+            demand(centre.abs() <= 10.0 * side as f64, key, centre.to_string(), hint)?;
+        }
+        if let Some(gravity) = self.gravity {
+            demand(
+                DVec3::from_array(gravity).try_normalize().is_some(),
+                "gravity",
+                format!("{gravity:?}"),
+                "give its direction in the camera's frame, x to the right, y down, z ahead: [0, 1, 0] for a level camera",
+            )?;
+        }
+        if let Some(held) = &self.held {
+            let hint = "name the vertices of the template that something holds; or leave held out to have them found";
+            demand(!held.is_empty(), "held", "empty".into(), hint)?;
+        }
+        if let Some(Rect { x0, y0, x1, y1 }) = self.crop {
+            demand(
+                x0 < x1 && y0 < y1 && x1 <= self.width && y1 <= self.height,
+                "crop",
+                format!("columns {x0}..{x1}, rows {y0}..{y1} of {}×{}", self.width, self.height),
+                "x0 < x1 ≤ width and y0 < y1 ≤ height; or leave crop out to take it from the masks",
+            )?;
+        }
+        Ok(())
+    }
+}
+
+/// The manifest in `text`; messages name line and nearest key.
+fn parse(text: &str, place: &str) -> Result<Manifest> {
+    let error = match serde_json::from_str::<Manifest>(text) {
+        Ok(manifest) => return Ok(manifest),
+        Err(error) => error,
+    };
+    let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default().trim();
+    let line: String = line.chars().take(80).collect();
+    let message = error.to_string();
+    let message = message.split(" at line ").next().unwrap_or_default();
+    let hint = if message.starts_with("unknown field") {
+        let unknown = message.split('`').nth(1).unwrap_or_default();
+        format!(
+            "did you mean \"{}\"? Known keys: {}; put anything else under \"notes\"",
+            nearest(unknown),
+            KNOWN.join(", ")
+        )
+    } else if message.starts_with("missing field") {
+        format!("add the key, e.g. {EXAMPLE}")
+    } else {
+        "correct this line".to_string()
+    };
+    let message = message.split(", expected one of").next().unwrap_or_default();
+    Err(Error::input(format!("{place}:{}", error.line()), format!("{message}, in: {line}"), hint))
+}
+
+/// The known key with the fewest edits to `key`.
+fn nearest(key: &str) -> &'static str {
+    KNOWN.into_iter().min_by_key(|known| edits(key, known)).unwrap_or("name")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn known_causes_are_read_and_refused_where_they_cannot_be() {
+        let with = |key: &str| EXAMPLE.replacen('{', &format!("{{{key}, "), 1);
+        let read = |key: &str| {
+            let manifest = parse(&with(key), "scene.json")?;
+            manifest.check("scene.json")?;
+            manifest.known(9, "scene.json")
+        };
+        let known = read(r#""gravity": [0, 3, 4], "held": [7, 0, 7]"#).unwrap();
+        assert!(known.down.unwrap().distance(DVec3::new(0.0, 0.6, 0.8)) < 1e-12);
+        assert_eq!(known.held.unwrap(), [0, 7]);
+        assert_eq!(parse(EXAMPLE, "").unwrap().known(9, "").unwrap(), Known::default());
+        for wrong in [r#""gravity": [0, 0, 0]"#, r#""held": []"#, r#""held": [9]"#, r#""held": [-1]"#] {
+            let error = read(wrong).unwrap_err().to_string();
+            assert!(error.contains("gravity") || error.contains("held"), "{error}");
+        }
+    }
+
+    #[test]
+    fn nearest_key_is_the_one_meant() {
+        for (typed, meant) in [("widht", "width"), ("FPS", "fps"), ("frames", "n_frames"), ("unit", "units")]
+        {
+            assert_eq!(nearest(typed), meant);
+        }
+    }
+}

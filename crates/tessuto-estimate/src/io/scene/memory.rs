@@ -1,0 +1,130 @@
+//! A scene from arrays: what [`load`](super::load) makes of a folder, with the same checks.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::frames::{self, Source, Sources};
+use super::manifest::{Manifest, Units};
+use super::{Loaded, intrinsics_warnings, template};
+use crate::io::image::{ImageFile, Samples};
+use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::error::{Error, Result};
+use tessuto_core::mesh::Mesh;
+use tessuto_core::scene::{Scene, Truth};
+
+/// A video, its masks and what was filmed, in memory.
+#[derive(Debug, Clone)]
+pub struct Recording {
+    /// Name of the scene; messages and results call it so.
+    pub name: String,
+    /// Frames per second.
+    pub fps: f64,
+    /// Camera of the whole image.
+    pub camera: Camera,
+    /// The part of the images to keep; the masks decide where it is missing.
+    pub crop: Option<Rect>,
+    /// sRGB-encoded colour of every frame, shape [height, width, 3] each.
+    pub frames: Vec<Samples>,
+    /// Mask of every frame, white where the fabric is, shape [height, width] each.
+    pub masks: Vec<Samples>,
+    /// The fabric in the first frame, camera frame `[m]`.
+    pub template: Mesh,
+    /// What is known of the true motion.
+    pub truth: Truth,
+}
+
+/// The scene that `recording` is: cropped, its background made black, checked as a folder would be.
+///
+/// # Errors
+/// [`Error::Input`] naming the first thing that is wrong, in the order of a folder's.
+pub fn assemble(recording: Recording) -> Result<Loaded> {
+    let Recording { name, fps, camera, crop, frames, masks, template, truth } = recording;
+    let frame_count = frames.len();
+    if masks.len() != frame_count {
+        let problem = format!("{} masks of {frame_count} frames", masks.len());
+        return Err(Error::input("masks", problem, "give one mask per frame"));
+    }
+    let manifest = Manifest::new(name.clone(), fps, frame_count, camera, crop);
+    manifest.check("scene")?;
+    let folder = PathBuf::from(&name);
+    let (mut errors, mut warnings) = (Vec::new(), Vec::new());
+    check_numbers(&template)?;
+    template::check(&template, Units::Metres, (&folder, "template"), None, &mut errors, &mut warnings);
+    if let Some(error) = errors.into_iter().next() {
+        return Err(error);
+    }
+    let size = [camera.width, camera.height];
+    let (colours, masks) = (held("frames", size, 3, frames)?, held("masks", size, 1, masks)?);
+    // They are in memory anyway.
+    let sources = Sources { colours, masks, first: 0, size, crop, held_bytes: usize::MAX };
+    let (crop, frames) = frames::from(sources, &mut warnings)?;
+    let scene = Scene {
+        name,
+        folder,
+        fps,
+        camera: camera.cropped(crop),
+        crop,
+        full_size: size,
+        first_frame: 0,
+        template,
+        frames,
+        known: Default::default(),
+        truth,
+    };
+    scene.check()?;
+    check_truth(&scene)?;
+    intrinsics_warnings(&manifest, &mut warnings);
+    template::check_overlap(&scene, &mut warnings)?;
+    Ok(Loaded { scene, warnings })
+}
+
+fn held(what: &str, size: [usize; 2], channels: usize, images: Vec<Samples>) -> Result<Vec<Source>> {
+    let source = |(n, samples): (usize, Samples)| {
+        let place = format!("{what}[{n}]");
+        let image = ImageFile::held(&place, size, channels, samples).ok_or_else(|| {
+            let [width, height] = size;
+            let problem = format!("is not an image of {width}×{height} px with {channels} channels");
+            Error::input(place.clone(), problem, "give all images the size of the camera's")
+        })?;
+        Ok(Source::Held(Arc::new(image)))
+    };
+    images.into_iter().enumerate().map(source).collect()
+}
+
+/// Refuses numbers that are none and corners that are not there, before anything looks at them.
+fn check_numbers(mesh: &Mesh) -> Result<()> {
+    if let Some(k) = mesh.positions.iter().position(|p| !p.is_finite()) {
+        let problem = format!("vertex {k} is {}", mesh.positions[k]);
+        return Err(Error::input("template", problem, "give finite numbers"));
+    }
+    if let Some(k) = mesh.uvs.iter().position(|uv| !uv.is_finite()) {
+        let problem = format!("texture coordinate {k} is {}", mesh.uvs[k]);
+        return Err(Error::input("template", problem, "unwrap the mesh again"));
+    }
+    let (vertices, uvs) = (mesh.positions.len() as u32, mesh.uvs.len() as u32);
+    let wrong = mesh.faces.iter().position(|face| {
+        let within = |corners: &[u32], count: u32| corners.iter().all(|c| *c < count);
+        face.vertices.len() < 3
+            || face.vertices.len() != face.uvs.len()
+            || !within(&face.vertices, vertices)
+            || !within(&face.uvs, uvs)
+    });
+    let problem = match wrong {
+        Some(k) => format!("face {k} is {:?}, of {vertices} vertices", mesh.faces[k].vertices),
+        None if mesh.faces.is_empty() => "it has no face".to_owned(),
+        None => return Ok(()),
+    };
+    let hint = "give three or more indices of vertices per face, and of as many texture coordinates";
+    Err(Error::input("template", problem, hint))
+}
+
+fn check_truth(scene: &Scene) -> Result<()> {
+    let Some(truth) = &scene.truth.vertices else { return Ok(()) };
+    let found = [truth.len(), truth.vertex_count()];
+    let expected = [scene.frames.len(), scene.template.positions.len()];
+    if found == expected {
+        return Ok(());
+    }
+    let problem = format!("has shape {found:?}, expected {expected:?} and 3");
+    Err(Error::input("truth", problem, "give the position of every vertex in every frame"))
+}

@@ -1,0 +1,173 @@
+//! Masks from the clip itself: the fabric's corners in the first frame are enough.
+//!
+//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own motion
+//! predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not by its colour
+//! (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then every frame again with
+//! both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). What looks wrong is named with
+//! the frame (`judge`, `steady`).
+
+mod beyond;
+mod conserved;
+mod cut;
+mod evidence;
+mod files;
+mod flow;
+mod frames;
+mod judge;
+mod matte;
+mod page;
+mod plate;
+mod record;
+mod refuse;
+mod region;
+mod segment;
+mod start;
+mod steady;
+mod still;
+mod track;
+
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use crate::io::mask::Object;
+use crate::io::scene::colour_files;
+use frames::Frames;
+pub use record::{Click, Frame, Record};
+use region::{Field, Region};
+use segment::Mark;
+use tessuto_core::camera::Rect;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use track::{Given, Tracked, track};
+
+/// What the masks are to be made from; what is not given is taken from the [`Record`] of an earlier time.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Request {
+    /// Corners of the fabric in the first frame (column, row) `[px]`, in order around it; at least three.
+    pub outline: Option<Vec<[f64; 2]>>,
+    /// Mask of the first frame, instead of an outline.
+    pub first: Option<PathBuf>,
+    /// Which of the objects in that mask is the fabric.
+    pub object: Option<Object>,
+    /// The place without the fabric, of the size of the frames.
+    pub plate: Option<EmptyPlace>,
+    /// Places to add to those kept.
+    pub clicks: Vec<Click>,
+    /// Forget the places kept.
+    pub forget: bool,
+    /// Drop all pieces but the largest.
+    pub largest_piece: bool,
+}
+
+/// The place without the fabric, by the same camera.
+#[derive(Debug, Clone, PartialEq)]
+pub enum EmptyPlace {
+    /// A file.
+    File(PathBuf),
+    /// Colours, shape [height, width, 3].
+    Image(Image),
+}
+
+/// Masks that were made.
+#[derive(Debug, Clone)]
+pub struct Made {
+    /// What masks.json says.
+    pub record: Record,
+    /// The files and folders that were written.
+    pub files: Vec<PathBuf>,
+}
+
+/// Makes the masks of the scene in `folder`: begins with the outline or mask that is given, now or before, else with the
+/// projection of the scene's template. Writes `masks/`, masks.json, masks.html, and
+/// plate.png where a plate is given. `progress` receives the fraction that is done. Masks that tessuto did not write, or
+/// that were changed since, are not replaced.
+///
+/// # Errors
+/// [`Error::Usage`](tessuto_core::Error::Usage) if it is not known where the fabric is; [`Error::Input`](tessuto_core::Error::Input) if the clip is none that masks can be made of,
+/// naming the frame; [`Error::Output`](tessuto_core::Error::Output).
+pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
+    let (clip, origin) = (colour_files(folder)?, refuse::Origin::of(folder));
+    let mut record = Record::read(folder)?.unwrap_or_else(Record::new);
+    files::check(folder)?;
+    if request.forget {
+        record.clicks.clear();
+    }
+    record.clicks.extend(&request.clicks);
+    record.largest_piece = request.largest_piece;
+    let size = [clip.camera.width, clip.camera.height];
+    refuse::clicks(&record.clicks, size, clip.paths.len())?;
+    let mut notes = Vec::new();
+    let (first, rough) = start::first_frame(folder, request, &mut record, size, &mut notes)?;
+    let area = first.area() as f64;
+    let frames = Frames::read(&clip, area)?;
+    progress(0.05);
+    let given_plate = start::plate(folder, request, &mut record, &clip, &frames)?;
+    let first = shrunk(&first, &frames);
+    let noise = frames::noise(&frames, &first);
+    record.noise = (f64::from(noise) * 1e3).round() / 1e3;
+    notes.extend(refuse::clip(&frames, &first, noise, origin)?);
+    record.notes = notes;
+    let given = Given {
+        first,
+        rough,
+        plate: given_plate,
+        marks: marks(&record.clicks, &frames),
+        largest_piece: record.largest_piece,
+        noise,
+    };
+    let tracked = track(&frames, &given, &|part| progress(0.1 + 0.8 * part))
+        .map_err(|n| refuse::lost(&clip.paths[n], n, origin))?;
+    refuse::outline(&given.first, &tracked, rough)?;
+    let judgements = judge::judge(&frames, &tracked);
+    let coverage = coverages(&frames, &tracked, noise);
+    let pixels = (frames.size[0] * frames.size[1]) as f64;
+    let areas: Vec<f64> = tracked.regions.iter().map(|r| r.area() as f64 / pixels).collect();
+    record.judged(judgements, &areas);
+    let enlarged = |k: usize| frames::enlarged(&coverage[k], frames.factor, size);
+    let outlines: Vec<String> =
+        (0..coverage.len()).into_par_iter().map(|k| page::outline(&coverage[k], frames.factor)).collect();
+    let page = page::page(&clip, &record, size, &outlines)?;
+    let files = files::write(folder, &record, &page, size, coverage.len(), &enlarged)?;
+    progress(1.0);
+    Ok(Made { record, files })
+}
+
+/// Blackens all of a mask but its largest piece: pixels above 5 % that hang together along sides.
+pub fn keep_largest_piece(mask: &mut Image) {
+    let rect = Rect { x0: 0, y0: 0, x1: mask.width, y1: mask.height };
+    let region = Region { rect, inside: mask.data.iter().map(|v| *v > 0.05).collect() };
+    let mut pieces = region.pieces(true);
+    pieces.sort_by_key(|piece| std::cmp::Reverse(piece.len()));
+    pieces.iter().skip(1).flatten().for_each(|i| mask.data[*i] = 0.0);
+}
+
+/// Soft coverage of every frame.
+fn coverages(frames: &Frames, tracked: &Tracked, noise: f32) -> Vec<Field> {
+    let of = |n: usize| {
+        let region = &tracked.regions[n];
+        let rect = region.bounds().unwrap_or(region.rect).padded(4, frames.size);
+        matte::coverage(&frames.images[n], &region.within(rect), &tracked.plate, noise)
+    };
+    (0..frames.images.len()).into_par_iter().map(of).collect()
+}
+
+/// The region on frames that are smaller.
+fn shrunk(region: &Region, frames: &Frames) -> Region {
+    let [w, h] = frames.size;
+    let rect = Rect { x0: 0, y0: 0, x1: w, y1: h };
+    let half = frames.factor / 2;
+    let inside =
+        (0..w * h).map(|i| region.at((i % w) * frames.factor + half, (i / w) * frames.factor + half));
+    Region { rect, inside: inside.collect() }
+}
+
+/// Clicks, per frame, on frames that may be smaller.
+fn marks(clicks: &[Click], frames: &Frames) -> Vec<Vec<Mark>> {
+    let mut marks = vec![Vec::new(); frames.images.len()];
+    for click in clicks {
+        let at = [click.x, click.y].map(|v| ((v + 0.5) / frames.factor as f64 - 0.5) as f32);
+        marks[click.frame].push(Mark { at, inside: click.inside });
+    }
+    marks
+}

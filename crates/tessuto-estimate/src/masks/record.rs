@@ -1,0 +1,117 @@
+//! masks.json: what the masks of a scene were made from, and how far each can be trusted.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::judge::Judgement;
+use crate::io::{atomic_write, read_text};
+use tessuto_core::error::{Error, Result};
+
+/// Name of the file.
+pub(super) const NAME: &str = "masks.json";
+const FORMAT: &str = "masks of tessuto 1";
+
+/// A place that somebody clicked.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Click {
+    /// Number of the frame.
+    pub frame: usize,
+    /// Column `[px]`.
+    pub x: f64,
+    /// Row `[px]`.
+    pub y: f64,
+    /// Whether fabric is there.
+    pub inside: bool,
+}
+
+/// What is known of the masks of a scene.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    format: String,
+    /// Corners of the fabric in frame 0 `[px]`; none where it was given otherwise.
+    pub outline: Option<Vec<[f64; 2]>>,
+    /// File of the scene with the place without the fabric, where one was given.
+    pub plate: Option<String>,
+    /// In the order in which they were made.
+    pub clicks: Vec<Click>,
+    /// Whether pieces beside the largest were dropped.
+    pub largest_piece: bool,
+    /// Standard deviation of a channel `[0 … 255 of companded colours]` between frames that should be alike.
+    pub noise: f64,
+    /// Of every frame.
+    pub frames: Vec<Frame>,
+    /// What a user should know.
+    pub notes: Vec<String>,
+}
+
+/// What is known of one mask.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Frame {
+    /// Its number.
+    pub frame: usize,
+    /// 0 … 1.
+    pub confidence: f64,
+    /// Fraction of the image.
+    pub area: f64,
+    /// Why it looks wrong, where it does.
+    pub reason: Option<String>,
+}
+
+impl Record {
+    /// Nothing yet.
+    pub(super) fn new() -> Self {
+        Self {
+            format: FORMAT.to_owned(),
+            outline: None,
+            plate: None,
+            clicks: Vec::new(),
+            largest_piece: false,
+            noise: 0.0,
+            frames: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Reads the record of the scene in `folder`; `None` where its masks were not made from the clip.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if there is one that cannot be read.
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(NAME);
+        if path.symlink_metadata().is_err() {
+            return Ok(None);
+        }
+        let damaged = |problem: String| {
+            Error::input(path.display().to_string(), problem, "remove the file, and give the outline again")
+        };
+        let record: Self = serde_json::from_str(&read_text(&path)?).map_err(|e| damaged(e.to_string()))?;
+        if record.format != FORMAT {
+            return Err(damaged(format!("the format is “{}”, not “{FORMAT}”", record.format)));
+        }
+        Ok(Some(record))
+    }
+
+    /// Writes it into `folder`.
+    pub(super) fn write(&self, folder: &Path) -> Result<()> {
+        let text = serde_json::to_string_pretty(self).expect("plain data") + "\n";
+        atomic_write(&folder.join(NAME), text.as_bytes())
+    }
+
+    /// The doubtful frames.
+    pub fn doubtful(&self) -> impl Iterator<Item = &Frame> {
+        self.frames.iter().filter(|f| f.reason.is_some())
+    }
+
+    pub(super) fn judged(&mut self, judgements: Vec<Judgement>, areas: &[f64]) {
+        let all = judgements.into_iter().zip(areas).enumerate();
+        self.frames = all
+            .map(|(frame, (j, area))| Frame {
+                frame,
+                confidence: j.confidence,
+                area: (area * 1e5).round() / 1e5,
+                reason: j.reason,
+            })
+            .collect();
+    }
+}

@@ -1,0 +1,187 @@
+//! What masks cannot be made of, each with its place and the way out.
+
+use std::path::Path;
+
+use super::frames::Frames;
+use super::judge::clearness;
+use super::record::Click;
+use super::region::Region;
+use super::steady::{movement, steadiness};
+use super::track::Tracked;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+
+/// The fewest pixels of fabric.
+pub(super) const FEWEST: usize = 400;
+/// Overlap of what was drawn with what was found, and clear fraction of the outline: below either nothing was found.
+const FOUND: (f64, f64) = (0.6, 0.15);
+/// Fractions of changing pixels inside of the outline and, of the image, elsewhere: it is around the wrong thing.
+const STILL: (f64, f64) = (0.01, 0.02);
+
+/// Which frames of the input the scene's are.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Origin {
+    first: usize,
+    stride: usize,
+}
+
+impl Origin {
+    /// As the import noted it in scene.json; the same numbers where it did not.
+    pub fn of(folder: &Path) -> Self {
+        let text = std::fs::read_to_string(folder.join("scene.json")).unwrap_or_default();
+        let manifest: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
+        let number = |value: &serde_json::Value| value.as_u64().and_then(|v| usize::try_from(v).ok());
+        let notes = &manifest["notes"];
+        Self {
+            first: number(&notes["frames"][0]).unwrap_or(0),
+            stride: number(&notes["stride"]).unwrap_or(1),
+        }
+    }
+
+    /// The first `count` frames of the scene, as numbers of the input.
+    fn before(self, count: usize) -> Remedy {
+        let end = self.first.saturating_add(count.saturating_sub(1).saturating_mul(self.stride)) + 1;
+        Remedy::Frames(Some(self.first..end))
+    }
+}
+
+/// Refuses a polygon that is none.
+pub(super) fn polygon(outline: &[[f64; 2]], [width, height]: [usize; 2]) -> Result<()> {
+    let fail = |problem: String, hint: &str| {
+        Err(Error::usage(format!("the outline {problem}"), Hint::from(hint).with(Remedy::Outline)))
+    };
+    if outline.len() < 3 {
+        return fail(
+            format!("has {} corners", outline.len()),
+            "give three or more, in order around the fabric",
+        );
+    }
+    let far = |p: &&[f64; 2]| {
+        // A click beside the image means its border.
+        let beyond = |v: f64, n: usize| !(v >= -0.1 * n as f64 && v <= 1.1 * n as f64);
+        beyond(p[0], width) || beyond(p[1], height)
+    };
+    if let Some([x, y]) = outline.iter().find(far) {
+        return fail(
+            format!("has a corner at {x},{y}, outside of the {width}×{height} pixels of the frames"),
+            "corners are column,row of the scene's first frame, which import may have made smaller",
+        );
+    }
+    let area = Region::polygon(
+        &outline.iter().map(|p| glam::DVec2::from_array(*p)).collect::<Vec<_>>(),
+        [width, height],
+    )
+    .area();
+    if area < FEWEST {
+        return fail(
+            format!("covers {area} pixels"),
+            "give the corners in order around the fabric, so that no sides cross",
+        );
+    }
+    Ok(())
+}
+
+/// Refuses clicks that no frame has.
+pub(super) fn clicks(clicks: &[Click], [width, height]: [usize; 2], count: usize) -> Result<()> {
+    for Click { frame, x, y, .. } in clicks {
+        if *frame >= count {
+            return Err(Error::usage(
+                format!("a place in frame {frame} of {count} frames"),
+                format!("frames are 0 to {}", count - 1),
+            ));
+        }
+        if !(*x >= 0.0 && *y >= 0.0 && *x < width as f64 && *y < height as f64) {
+            return Err(Error::usage(
+                format!("the place {x},{y} of frame {frame} is outside of {width}×{height} pixels"),
+                "give column,row in pixels of the scene's frames",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Refuses an image of another size.
+pub(super) fn size(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Result<()> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Error::input(
+        path.display().to_string(),
+        format!("is {}×{} pixels, but the frames {}×{}", found[0], found[1], expected[0], expected[1]),
+        "give an image of the scene's frames",
+    ))
+}
+
+/// Refuses a cut and a camera that moves; notes about smaller faults.
+pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) -> Result<Vec<String>> {
+    let found = steadiness(frames, first);
+    if let Some(n) = found.cut {
+        // The fabric is known in frame 0, which the take behind the cut has not, however long it is.
+        return Err(Error::input(
+            format!("frame {n}"),
+            "the whole image changes here: a cut, or a flash",
+            Hint::from("import the take that begins with frame 0, to which the outline belongs; another one needs its own")
+                .with(origin.before(n)),
+        ));
+    }
+    // First: a fabric that is taken for the surroundings looks like a camera that moves.
+    if let Some((inside, Some((at, elsewhere)))) = Some(movement(frames, first, noise))
+        && inside < STILL.0
+        && elsewhere > STILL.1
+    {
+        return Err(Error::input(
+            "frame 0",
+            format!(
+                "nothing moves inside of the outline, but things move around {:.0},{:.0}: the fabric is elsewhere",
+                at[0], at[1]
+            ),
+            Hint::from("give the outline of what moves").with(Remedy::Outline),
+        ));
+    }
+    if let Some((n, shift)) = found.moved {
+        return Err(Error::input(
+            format!("frame {n}"),
+            format!(
+                "the surroundings have moved by {shift:.0} px since frame 0: the camera did not stand still"
+            ),
+            Hint::from("film from a tripod, steady the clip in a video editor, or import the part before")
+                .with(origin.before(n)),
+        ));
+    }
+    let shaken = found.shaken.map(|(n, shift)| {
+        format!(
+            "the surroundings are {shift:.1} px off in frame {n}: the camera shakes; masks and motion suffer"
+        )
+    });
+    Ok(shaken.into_iter().collect())
+}
+
+/// Refuses an outline in which no fabric was found.
+pub(super) fn outline(drawn: &Region, tracked: &Tracked, rough: bool) -> Result<()> {
+    let overlap = drawn.overlap(&tracked.regions[0]);
+    let clear = clearness(&tracked.regions[0], &tracked.evidence[0]);
+    if !rough || (overlap >= FOUND.0 && clear >= FOUND.1) {
+        return Ok(());
+    }
+    Err(Error::input(
+        "frame 0",
+        format!(
+            "no fabric was found in the outline: what was found overlaps it by {:.0} %, and inside and outside differ along {:.0} % of its border",
+            100.0 * overlap,
+            100.0 * clear
+        ),
+        Hint::from(
+            "give corners on the fabric's own border, more of them where it bends, or the empty place",
+        )
+        .with(Remedy::Outline)
+        .with(Remedy::Plate),
+    ))
+}
+
+/// The error of fabric that is gone.
+pub(super) fn lost(path: &Path, n: usize, origin: Origin) -> Error {
+    Error::input(
+        path.display().to_string(),
+        format!("no fabric is left in frame {n}: it has left the image, or was lost"),
+        Hint::from("import the part before, or click where it is").with(origin.before(n.max(1))),
+    )
+}

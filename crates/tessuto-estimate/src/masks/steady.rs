@@ -1,0 +1,123 @@
+//! Whether the clip is what masks can be made of: one take of a camera that stands still.
+
+use rayon::prelude::*;
+
+use super::flow::shift;
+use super::frames::Frames;
+use super::region::Region;
+use tessuto_core::camera::Rect;
+
+/// A pixel that differs by more `[grey levels]` shows something else.
+const ELSE: f32 = 24.0;
+/// Fraction of the surroundings that shows something else from one frame to the next after a cut.
+const CUT: f64 = 0.5;
+/// Shifts of the surroundings `[px]` of an image of 640 columns: doubtful, and too much.
+const SHAKEN: f32 = 1.5;
+const MOVED: f32 = 6.0;
+/// Frames at which the shift is looked at, before the one in which it begins is looked for.
+const LOOKS: usize = 16;
+
+/// What the surroundings of the fabric do.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Steadiness {
+    /// The frame before which everything changes.
+    pub cut: Option<usize>,
+    /// First frame whose surroundings are too far from those of the first, and how far `[px]` of the recording.
+    pub moved: Option<(usize, f32)>,
+    /// The frame with the largest smaller shift that is seen.
+    pub shaken: Option<(usize, f32)>,
+}
+
+/// Looks at what is outside of `fabric`, the region in the first frame.
+pub(super) fn steadiness(frames: &Frames, fabric: &Region) -> Steadiness {
+    let [width, height] = frames.size;
+    let rect = Rect { x0: 0, y0: 0, x1: width, y1: height };
+    let margin = (fabric.area() as f32).sqrt() * 0.15;
+    let near = fabric.signed_distance(rect);
+    let near = Region { rect, inside: near.data.iter().map(|d| *d > -margin).collect() };
+    let changes: Vec<f64> =
+        (1..frames.images.len()).into_par_iter().map(|n| changed(frames, n, &near)).collect();
+    // Everything changes once, not all the time as in a clip of flashing lights.
+    let cut = (0..changes.len()).find(|k| {
+        let around = [k.checked_sub(1), Some(k + 1)];
+        let before_and_after = around.into_iter().flatten().filter_map(|j| changes.get(j));
+        changes[*k] > CUT && before_and_after.into_iter().all(|c| *c < 0.5 * changes[*k])
+    });
+    if let Some(cut) = cut {
+        return Steadiness { cut: Some(cut + 1), ..Steadiness::default() };
+    }
+    let unit = width as f32 / 640.0;
+    let of = |n: usize| Some((n, shift(&frames.images[0], &frames.images[n], &near, rect)?));
+    let last = frames.images.len() - 1;
+    let looked: Vec<usize> =
+        (1..=last).filter(|n| n % last.div_ceil(LOOKS).max(1) == 0 || *n == last).collect();
+    let shifts: Vec<(usize, f32)> = looked.into_par_iter().filter_map(of).collect();
+    let recorded = |(n, s): (usize, f32)| (n, s * frames.factor as f32);
+    let moved = shifts.iter().find(|(_, s)| *s > MOVED * unit).copied();
+    // Frames between two that were looked at.
+    let first = moved.and_then(|(n, _)| {
+        (n.saturating_sub(last / LOOKS).max(1)..=n).filter_map(of).find(|(_, s)| *s > MOVED * unit)
+    });
+    let moved = first.or(moved).map(recorded);
+    let most = shifts.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, s)| *s > SHAKEN * unit);
+    Steadiness { cut: None, moved, shaken: most.map(recorded).filter(|_| moved.is_none()) }
+}
+
+/// Fraction of the surroundings that looks otherwise than in the frame before.
+fn changed(frames: &Frames, n: usize, near: &Region) -> f64 {
+    let [width, height] = frames.size;
+    let (a, b) = (&frames.images[n - 1], &frames.images[n]);
+    let (mut other, mut all) = (0_usize, 0_usize);
+    for y in (0..height).step_by(4) {
+        for x in (0..width).step_by(4).filter(|x| !near.at(*x, y)) {
+            let (p, q) = (a.at(x, y), b.at(x, y));
+            all += 1;
+            other += usize::from((0..3).any(|c| (p[c] - q[c]).abs() > ELSE));
+        }
+    }
+    other as f64 / all.max(1) as f64
+}
+
+/// Where things move: the fraction of the region's pixels that ever change, and the middle of what changes elsewhere, with
+/// the fraction of the image that it is. What changes beside the region is its own border at work, of plain cloth all that is seen
+/// to move, and counts neither way.
+pub(super) fn movement(frames: &Frames, fabric: &Region, noise: f32) -> (f64, Option<([f32; 2], f64)>) {
+    let [width, height] = frames.size;
+    let limit = (8.0 * noise).max(ELSE);
+    let stride = frames.images.len().div_ceil(12).max(1);
+    let beside =
+        fabric.bounds().map(|r| r.padded(r.width().max(r.height()).div_ceil(10).max(4), frames.size));
+    let is_beside =
+        |x: usize, y: usize| beside.is_some_and(|r| (r.x0..r.x1).contains(&x) && (r.y0..r.y1).contains(&y));
+    let rows: Vec<[f64; 6]> = (0..height)
+        .into_par_iter()
+        .step_by(3)
+        .map(|y| {
+            let mut sums = [0.0; 6];
+            for x in (0..width).step_by(3) {
+                let first = frames.images[0].at(x, y);
+                let changes = frames.images.iter().step_by(stride).skip(1).any(|image| {
+                    let now = image.at(x, y);
+                    (0..3).any(|c| (now[c] - first[c]).abs() > limit)
+                });
+                let inside = fabric.at(x, y);
+                let changes = f64::from(u8::from(changes && (inside || !is_beside(x, y))));
+                if inside {
+                    sums[0] += changes;
+                    sums[1] += 1.0;
+                } else {
+                    sums[2] += changes;
+                    sums[3] += 1.0;
+                    sums[4] += changes * x as f64;
+                    sums[5] += changes * y as f64;
+                }
+            }
+            sums
+        })
+        .collect();
+    let mut sums = [0.0; 6];
+    rows.iter().for_each(|row| (0..6).for_each(|k| sums[k] += row[k]));
+    let middle = [sums[4], sums[5]].map(|s| (s / sums[2].max(1.0)) as f32 * frames.factor as f32);
+    let elsewhere = sums[2] / (sums[1] + sums[3]).max(1.0);
+    (sums[0] / sums[1].max(1.0), (sums[2] > 0.0).then_some((middle, elsewhere)))
+}

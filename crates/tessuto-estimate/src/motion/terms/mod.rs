@@ -1,0 +1,167 @@
+//! Terms of the objective of one frame, one in each file.
+//!
+//! A [`Term`] gives its value and, at a point, a gradient and a positive semi-definite second-order system.
+//! [`FrameTerms::list`] is the one list of them: the search sums over it, and so does the test that compares every
+//! term's gradient with finite differences, so that a new term cannot come without proof.
+
+pub mod bend;
+pub mod colour;
+pub mod low_rank;
+pub mod outline;
+pub mod robust;
+pub mod shading;
+pub mod shear;
+pub mod signed_bend;
+pub mod still;
+pub mod strain;
+
+use glam::{DMat3, DVec3};
+
+use bend::Bend;
+use colour::Colour;
+use low_rank::LowRank;
+use outline::Outline;
+use shading::Shading;
+use shear::Shear;
+use signed_bend::SignedBend;
+use still::Still;
+use strain::Strain;
+use tessuto_core::math::block_matrix::BlockMatrix;
+use tessuto_core::mesh::Positions;
+use tessuto_sim::Cloth;
+
+/// A function of the positions of a frame.
+#[cfg(test)]
+pub type Function<'a> = Box<dyn Fn(&[DVec3]) -> f64 + 'a>;
+
+/// One term of the objective of one frame, a function of its positions x `[m]`, shape `[V]`.
+pub trait Term: Sync {
+    /// Its name in the history of losses.
+    fn name(&self) -> &'static str;
+
+    /// The term at `x`.
+    fn value(&self, x: &[DVec3]) -> f64;
+
+    /// Adds ∂/∂x of [`value`](Self::value) and a positive semi-definite stand-in for its second derivative to `system`;
+    /// returns the value. What the derivatives hold fixed is `held`, which their proof alone needs.
+    fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64;
+
+    /// The function that the gradient at `x` belongs to, where that is not [`value`](Self::value) because something
+    /// that depends on the positions is held fixed.
+    #[cfg(test)]
+    fn held<'s>(&'s self, _x: &[DVec3]) -> Option<Function<'s>> {
+        None
+    }
+}
+
+/// Second-order model of one frame's objective: gradient, shape `[V]`, and matrix, shape [3V, 3V].
+pub struct FrameSystem {
+    /// ∂E/∂x.
+    pub gradient: Positions,
+    /// Positive semi-definite stand-in for ∂²E/∂x².
+    pub matrix: BlockMatrix,
+    /// What a term takes off the matrix again.
+    pub low_rank: Option<LowRank>,
+}
+
+impl FrameSystem {
+    /// All zeros.
+    pub fn zeros(cloth: &Cloth) -> Self {
+        Self {
+            gradient: vec![DVec3::ZERO; cloth.vertex_count()],
+            matrix: BlockMatrix::zeros(&cloth.pattern),
+            low_rank: None,
+        }
+    }
+
+    /// Product of the whole matrix with `p`.
+    pub fn multiply(&self, cloth: &Cloth, p: &[DVec3]) -> Positions {
+        let mut out = self.matrix.multiply(&cloth.pattern, p);
+        if let Some(low) = &self.low_rank {
+            low.add_product(p, &mut out);
+        }
+        out
+    }
+}
+
+/// a bᵀ.
+pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+/// The terms that do not depend on the frame.
+#[derive(Clone)]
+pub struct PriorTerms<'a> {
+    /// Lengths of edges.
+    pub strain: Strain<'a>,
+    /// Bending with its sign.
+    pub signed_bend: SignedBend<'a>,
+    /// Bending angles, without sign.
+    pub bend: Bend<'a>,
+    /// Shearing angles.
+    pub shear: Shear<'a>,
+}
+
+/// All terms of one frame at one resolution.
+pub struct FrameTerms<'a> {
+    /// What the cloth is like.
+    pub priors: &'a PriorTerms<'a>,
+    /// Against the colours of other frames.
+    pub colour: Colour<'a>,
+    /// Against the outline of the mask.
+    pub outline: Outline<'a>,
+    /// Against the light.
+    pub shading: Shading<'a>,
+    /// Against where it is fixed.
+    pub still: Still<'a>,
+}
+
+/// Number of terms.
+pub const TERMS: usize = 8;
+
+impl PriorTerms<'_> {
+    /// Closer to least squares: spreads of strain and shear times the first of `spreads`, that of signed bending times the second,
+    /// all tails times `tail`.
+    pub fn loosen(&mut self, spreads: [f64; 2], tail: f64) {
+        self.strain.sigma *= spreads[0];
+        self.shear.sigma *= spreads[0];
+        self.signed_bend.loosen(spreads[1]);
+        for own in [&mut self.strain.tail, &mut self.signed_bend.tail, &mut self.shear.tail] {
+            *own *= tail;
+        }
+    }
+}
+
+impl FrameTerms<'_> {
+    /// The terms, in the order in which they are summed.
+    pub fn list(&self) -> [&dyn Term; TERMS] {
+        let p = self.priors;
+        [
+            &p.strain,
+            &p.signed_bend,
+            &p.bend,
+            &p.shear,
+            &self.colour,
+            &self.outline,
+            &self.shading,
+            &self.still,
+        ]
+    }
+
+    /// Sum of the terms.
+    pub fn value(&self, x: &[DVec3]) -> f64 {
+        self.list().iter().map(|term| term.value(x)).sum()
+    }
+
+    /// Sum of the terms that compare with the images.
+    pub fn of_pictures(&self, x: &[DVec3]) -> f64 {
+        self.colour.value(x) + self.outline.value(x) + self.shading.value(x)
+    }
+
+    /// The value of every term at `x`, and the system of their sum.
+    pub fn linearise(&self, cloth: &Cloth, x: &[DVec3]) -> ([f64; TERMS], FrameSystem) {
+        let mut system = FrameSystem::zeros(cloth);
+        let values = self.list().map(|term| term.add_system(x, &mut system));
+        (values, system)
+    }
+}

@@ -1,0 +1,94 @@
+//! The mesh's outlines, its boundary and its folds, against the outline of the mask:
+//!
+//!   E = Σ_q k L_q ρ(d(π(x_q))/σ; τ),
+//!
+//! over points q of boundary and folds, with the signed distance d `[px]` to the outline, the projection π, the length L_q that q stands for, in
+//! pixels of which each counts as k independent ones, and Geman and McClure's ρ of the noise σ of one pixel of outline and its tail τ.
+
+use glam::DVec3;
+
+use super::robust::Noise;
+use super::{FrameSystem, Term, outer};
+use crate::motion::observed::outline_distance::OutlineDistance;
+use crate::motion::observed::samples::EdgePoint;
+use crate::motion::observed::silhouette::FoldPoint;
+use tessuto_core::camera::Viewpoint;
+use tessuto_sim::Cloth;
+
+/// See the module.
+pub struct Outline<'a> {
+    /// The cloth.
+    pub cloth: &'a Cloth,
+    /// Points of the mesh's boundary.
+    pub boundary: &'a [EdgePoint],
+    /// Whether a point of the boundary is not on the outline; empty if all are. Held fixed.
+    pub inner: &'a [bool],
+    /// Points of folds that are on the outline. Held fixed.
+    pub folds: &'a [FoldPoint],
+    /// Outline of the frame's mask, at level 0.
+    pub distance: &'a OutlineDistance,
+    /// How the frame is seen, in pixels of level 0.
+    pub view: &'a Viewpoint,
+    /// σ of one pixel of outline `[px]`, and τ.
+    pub noise: Noise,
+    /// k: number of independent pixels of outline that one of level 0 counts as.
+    pub weight: f64,
+}
+
+impl Outline<'_> {
+    /// The points that may be on the outline, each with the pair of its end points in the pattern of the systems.
+    fn points(&self) -> impl Iterator<Item = (&EdgePoint, usize)> {
+        let counts = |(index, _): &(usize, &EdgePoint)| self.inner.get(*index) != Some(&true);
+        let boundary = self.boundary.iter().enumerate().filter(counts);
+        let boundary = boundary.map(|(_, point)| (point, self.cloth.edge_pair(point.vertices)));
+        boundary.chain(self.folds.iter().map(|fold| (&fold.point, fold.pair)))
+    }
+
+    /// Mean squared distance to the outline of what may be on it, as the robust term counts it `[px²]`; 0 if nothing may.
+    pub fn mean_square(&self, x: &[DVec3]) -> f64 {
+        let length: f64 = self.points().map(|(point, _)| point.length).sum();
+        let value = if length > 0.0 { self.value(x) / (self.weight * length) } else { 0.0 };
+        2.0 * value * self.noise.sigma.powi(2)
+    }
+
+    /// Distance `[px]` of a point to the outline and its derivative by the point; `None` where it does not count.
+    fn residual(&self, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
+        let p = point.position(x);
+        let (distance, slope) = self.distance.sample(self.view.project_in_front(p)?)?;
+        let [ru, rv] = self.view.projection_rows(p);
+        Some((distance, ru * slope.x + rv * slope.y))
+    }
+}
+
+impl Term for Outline<'_> {
+    fn name(&self) -> &'static str {
+        "outline"
+    }
+
+    fn value(&self, x: &[DVec3]) -> f64 {
+        let of_point = |(point, _): (&EdgePoint, usize)| match self.residual(point, x) {
+            Some((r, _)) => self.weight * point.length * self.noise.geman_mcclure(r * r).0,
+            None => 0.0,
+        };
+        self.points().map(of_point).sum()
+    }
+
+    fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
+        let pattern = &self.cloth.pattern;
+        let mut value = 0.0;
+        for (point, pair) in self.points() {
+            let Some((r, slope)) = self.residual(point, x) else { continue };
+            let (rho, ratio) = self.noise.geman_mcclure(r * r);
+            let weight = self.weight * point.length;
+            let (s, w, q) = (weight * ratio, point.weights, outer(slope, slope));
+            value += weight * rho;
+            for k in 0..2 {
+                let vertex = point.vertices[k] as usize;
+                system.gradient[vertex] += slope * (s * r * w[k]);
+                system.matrix.add_diagonal(pattern, vertex, &(q * (s * w[k] * w[k])));
+            }
+            system.matrix.add_pair(pattern, pair, &(q * (s * w[0] * w[1])));
+        }
+        value
+    }
+}

@@ -1,0 +1,31 @@
+//! What a computation's result depends on, in one number.
+
+use sha2::{Digest, Sha256};
+
+use tessuto_core::error::Result;
+use tessuto_core::scene::Scene;
+use tessuto_core::text::hex;
+
+/// SHA-256 of everything that is computed with: `settings` as text, the camera, the template and all pixels.
+///
+/// # Errors
+/// Those of reading the frames.
+pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
+    let mut hash = Sha256::new();
+    hash.update(settings);
+    hash.update([0]);
+    let template = &scene.template;
+    hash.update(format!("{:?} {:?} {} {}", scene.camera, scene.crop, scene.fps, scene.first_frame));
+    hash.update(bytemuck::cast_slice::<_, u8>(&template.positions));
+    hash.update(bytemuck::cast_slice::<_, u8>(&template.uvs));
+    hash.update(format!("{:?}", template.faces));
+    let frame_hash = |(): &mut (), n| {
+        let frame = scene.frames.frame(n)?;
+        let mut hash = Sha256::new();
+        [&frame.rgb, &frame.mask].iter().for_each(|i| hash.update(bytemuck::cast_slice::<_, u8>(&i.data)));
+        Ok(hash.finalize())
+    };
+    let frames = scene.frames.map(0..scene.frames.len(), || (), frame_hash)?;
+    frames.iter().for_each(|frame| hash.update(frame));
+    Ok(hex(&hash.finalize()))
+}

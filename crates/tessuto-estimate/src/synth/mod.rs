@@ -1,0 +1,151 @@
+//! Synthetic scenes: a textured sheet, moved by wind or by hands or bent like paper, with things in front of it and motion
+//! blur if wanted, rendered and written as a scene folder with complete truth.
+
+pub(crate) mod breeze;
+pub(crate) mod causes;
+pub(crate) mod gust;
+pub(crate) mod hands;
+pub mod lattice;
+pub(crate) mod occluder;
+pub(crate) mod paper;
+pub(crate) mod settings;
+pub(crate) mod shade;
+pub(crate) mod sheet;
+pub(crate) mod surroundings;
+pub(crate) mod texture;
+pub(crate) mod trajectory;
+pub(crate) mod view;
+pub mod write;
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use occluder::{Behind, Occluder};
+pub use settings::{Mover, Settings};
+pub use sheet::SIZE as SHEET;
+pub use surroundings::filmed;
+use tessuto_core::camera::Rect;
+use tessuto_core::error::Result;
+use tessuto_core::mesh::{Mesh, Motion, Positions};
+use tessuto_core::scene::{Scene, Truth};
+use tessuto_core::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
+use tessuto_render::raster::{Rasterizer, Rendering, Texture};
+use trajectory::Trajectory;
+use view::{Studio, View, exposed};
+
+/// Side of the texture `[texel]`.
+const TEXTURE_SIZE: usize = 512;
+/// Most shapes that one blurred frame is made of; odd, so that one is at the frame's time.
+const MOST_SHAPES: usize = 33;
+
+/// Makes a scene in memory, its truth included. The same settings make the same scene.
+///
+/// # Errors
+/// [`Error::Usage`](tessuto_core::Error::Usage) for settings out of range; [`Error::Numerical`](tessuto_core::Error::Numerical) from the
+/// simulation.
+pub fn make(settings: &Settings) -> Result<Scene> {
+    scene(settings, |view| view.frame)
+}
+
+/// As [`make`], but with frames as the camera recorded them: what moves in front of the sheet is in the images outside of
+/// the masks, too.
+///
+/// # Errors
+/// Those of [`make`].
+pub fn film(settings: &Settings) -> Result<Scene> {
+    scene(settings, |View { frame, filmed, .. }| Frame { rgb: filmed.unwrap_or(frame.rgb), mask: frame.mask })
+}
+
+fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + 'static) -> Result<Scene> {
+    settings.validate()?;
+    let trajectory = match settings.mover {
+        Mover::Wind | Mover::Hands => gust::simulate(settings)?,
+        Mover::Paper => paper::bend(settings),
+    };
+    let camera = settings.camera();
+    let mesh = trajectory.mesh.clone();
+    let motion = trajectory.frames.clone();
+    let template = Mesh { positions: motion[0].clone(), ..mesh };
+    let studio = Studio {
+        rasterizer: Rasterizer::new(&template),
+        camera,
+        texture: Texture::from_image(&texture::texture(TEXTURE_SIZE, settings.seed)),
+        shading: settings.shading,
+        occluders: occluders(settings, &template.positions),
+        amodal: settings.amodal,
+    };
+    let exposure = settings.blur / settings.fps;
+    let fps = settings.fps;
+    let draw = move |rendering: &mut Rendering, n: usize| {
+        let shapes = shapes(&trajectory, &studio, n, n as f64 / fps, exposure);
+        exposed(shapes.iter().map(|(time, positions)| studio.view(positions, *time, rendering)))
+    };
+    let held = motion.len() * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
+    let views: Vec<(Option<Frame>, Vec<DVec3>)> = (0..motion.len())
+        .into_par_iter()
+        .map_init(Rendering::new, |rendering, n| {
+            let mut view = draw(rendering, n);
+            let points = std::mem::take(&mut view.points);
+            (held.then(|| frame_of(view)), points)
+        })
+        .collect();
+    let (frames, points): (Vec<_>, _) = views.into_iter().unzip();
+    let again = move |n: usize| Ok(frame_of(draw(&mut Rendering::new(), n)));
+    let frames = match held {
+        true => frames.into_iter().flatten().collect(),
+        false => Video::streamed(motion.len(), camera.width * camera.height, again),
+    };
+    Ok(Scene {
+        name: format!("synthetic cloth {}", settings.seed),
+        folder: PathBuf::new(),
+        fps: settings.fps,
+        camera,
+        crop: Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height },
+        full_size: [camera.width, camera.height],
+        first_frame: 0,
+        template,
+        frames,
+        known: Default::default(),
+        truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?), tracks: None },
+    })
+}
+
+/// What moves in front of the sheet that is at `positions` `[m]` in the first frame.
+fn occluders(settings: &Settings, positions: &Positions) -> Vec<Occluder> {
+    let low = positions.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+    let high = positions.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+    let size = (high - low).truncate();
+    let behind =
+        Behind { centre: 0.5 * (low + high), area: size.element_product(), radius: 0.5 * size.length() };
+    (0..settings.occluders).map(|k| Occluder::new(settings.seed, k, behind)).collect()
+}
+
+/// Times `[s]` and shapes that frame `n` at `time` sees while the shutter is open for `exposure` `[s]`: one for each pixel
+/// that anything moves by, spread evenly about the frame's own.
+fn shapes(
+    trajectory: &Trajectory,
+    studio: &Studio,
+    n: usize,
+    time: f64,
+    exposure: f64,
+) -> Vec<(f64, Positions)> {
+    let own = trajectory.frames[n].clone();
+    if exposure == 0.0 {
+        return vec![(time, own)];
+    }
+    let [before, after] = [-0.5, 0.5].map(|s| trajectory.at(time + s * exposure));
+    let way = |(k, p): (usize, &DVec3)| {
+        let [a, b, c] = [before[k], *p, after[k]].map(|p| studio.camera.project(p));
+        a.distance(b) + b.distance(c)
+    };
+    let sheet = own.iter().enumerate().map(way).fold(0.0, f64::max);
+    let things = studio.occluders.iter().map(|o| o.way(&studio.camera, time, exposure)).fold(0.0, f64::max);
+    let count = (sheet.max(things).ceil() as usize | 1).min(MOST_SHAPES);
+    let shape = |k: usize| {
+        let at = time + ((k as f64 + 0.5) / count as f64 - 0.5) * exposure;
+        if k == count / 2 { (time, own.clone()) } else { (at, trajectory.at(at)) }
+    };
+    (0..count).map(shape).collect()
+}

@@ -1,0 +1,119 @@
+//! What a camera films around a sheet: a room, uneven light, noise. Synthetic scenes are black there; real ones never are.
+
+use rayon::prelude::*;
+
+use super::texture::Lattice;
+use tessuto_core::error::Result;
+use tessuto_core::image::Image;
+use tessuto_core::math::rng::Rng;
+use tessuto_core::scene::Scene;
+
+/// Standard deviation of the sensor's noise, sRGB in [0, 1]: that of a phone's video in a room.
+const NOISE: f32 = 0.012;
+/// Where the floor begins [fraction of the height].
+const FLOOR: f64 = 0.86;
+/// sRGB colours of wall, skirting, floor, frame and picture on the wall.
+const WALL: [f32; 3] = [0.36, 0.40, 0.45];
+const SKIRTING: [f32; 3] = [0.86, 0.85, 0.82];
+const BOARDS: [f32; 3] = [0.50, 0.37, 0.25];
+const FRAME: [f32; 3] = [0.22, 0.16, 0.12];
+const PICTURE: [f32; 3] = [0.45, 0.53, 0.58];
+/// Random streams: of the room, and of frame n from the second on.
+const STREAMS: [u64; 2] = [900, 1000];
+
+/// The frames of `scene` with a room behind the sheet, as a camera records them: sRGB, shape [height, width, 3] each, in
+/// order. The same `seed` makes the same frames.
+///
+/// # Errors
+/// Those of reading the frames.
+pub fn filmed(scene: &Scene, seed: u64) -> Result<Vec<Image>> {
+    let room = room([scene.camera.width, scene.camera.height], seed);
+    (0..scene.frames.len())
+        .into_par_iter()
+        .map(|n| {
+            let frame = scene.frames.frame(n)?;
+            let mut rng = Rng::new(seed, STREAMS[1] + n as u64);
+            let mut image = frame.rgb.clone();
+            for (k, value) in image.data.iter_mut().enumerate() {
+                // The colours of the sheet are weighted with its coverage already.
+                let behind = (1.0 - frame.mask.data[k / 3]) * room.data[k];
+                *value = (*value + behind + NOISE * rng.normal() as f32).clamp(0.0, 1.0);
+            }
+            Ok(image)
+        })
+        .collect()
+}
+
+/// A plastered wall with a picture, a skirting board and a floor of boards, lit from one side.
+fn room([width, height]: [usize; 2], seed: u64) -> Image {
+    let mut rng = Rng::new(seed, STREAMS[0]);
+    let octaves = [(5, 0.5), (37, 0.3), (151, 0.2)].map(|(n, weight)| (Lattice::new(n, &mut rng), weight));
+    let grain = Lattice::new(90, &mut rng);
+    let mut image = Image::new(width, height, 3);
+    for y in 0..height {
+        for x in 0..width {
+            let (u, v) = ((x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64);
+            let plaster: f64 = octaves.iter().map(|(lattice, weight)| weight * lattice.at(u, v)).sum();
+            let (colour, shade) = surface(u, v, plaster, &grain);
+            let light = 1.0 - 0.30 * u + 0.08 * (1.0 - v);
+            for (c, out) in image.pixel_mut(x, y).iter_mut().enumerate() {
+                *out = (colour[c] * (shade * light) as f32).clamp(0.0, 1.0);
+            }
+        }
+    }
+    image
+}
+
+/// Colour of what is at (u, v) of the image, in [0, 1], and how bright it is.
+fn surface(u: f64, v: f64, plaster: f64, grain: &Lattice) -> ([f32; 3], f64) {
+    let inside =
+        |[left, right, top, bottom]: [f64; 4]| (left..right).contains(&u) && (top..bottom).contains(&v);
+    if v >= FLOOR {
+        // Boards run away from the camera; their joints are dark.
+        let board = (u - 0.5) / (v - 0.6) * 3.0;
+        let joint = if board.rem_euclid(1.0) < 0.04 { 0.6 } else { 1.0 };
+        return (
+            BOARDS,
+            joint * (0.75 + 0.4 * grain.at((board * 0.13).rem_euclid(1.0), (7.0 * v).rem_euclid(1.0))),
+        );
+    }
+    if v >= FLOOR - 0.035 {
+        return (SKIRTING, 0.9 + 0.1 * plaster);
+    }
+    match [[0.03, 0.16, 0.10, 0.40], [0.04, 0.15, 0.11, 0.39]].map(inside) {
+        [_, true] => (PICTURE, 0.6 + 0.8 * plaster),
+        [true, false] => (FRAME, 1.0),
+        _ => (WALL, 0.82 + 0.3 * plaster),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synth::{Mover, Settings, make};
+
+    #[test]
+    fn the_sheet_stays_and_around_it_nothing_is_black() {
+        let settings = Settings::default().with(|s| {
+            (s.frames, s.size, s.grid, s.mover) = (2, 64, [5, 5], Mover::Paper);
+        });
+        let scene = make(&settings).unwrap();
+        let frames = filmed(&scene, 3).unwrap();
+        assert_eq!(frames, filmed(&scene, 3).unwrap());
+        assert_ne!(frames[0], filmed(&scene, 4).unwrap()[0]);
+        let plain = scene.frames.frame(1).unwrap();
+        let (mut outside, mut noise, mut count) = (1f32, 0f64, 0);
+        for (k, value) in frames[1].data.iter().enumerate() {
+            match plain.mask.data[k / 3] {
+                0.0 => outside = outside.min(*value),
+                m if m >= 1.0 && (0.1..0.9).contains(&plain.rgb.data[k]) => {
+                    noise += f64::from(value - plain.rgb.data[k]).powi(2);
+                    count += 1;
+                }
+                _ => {}
+            }
+        }
+        let deviation = (noise / f64::from(count)).sqrt();
+        assert!(outside > 0.02 && (deviation / f64::from(NOISE) - 1.0).abs() < 0.2, "{outside} {deviation}");
+    }
+}
