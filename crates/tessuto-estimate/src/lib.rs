@@ -5,7 +5,7 @@
 //! - [`reconstruct()`]: positions of all frames, the forces and stiffness that replay them; [`appearance`]: material and light;
 //! - [`io::scene`], [`synth`], [`import`], [`template`], [`masks`]: scenes from a folder, made up, or from what a camera filmed;
 //! - [`metrics`]: errors against the truth, and without one, how far the result is to be trusted;
-//! - [`config`], [`session`]: all settings; who is told of progress, and checkpoints.
+//! - [`config`], [`session`]: all settings; progress and checkpoints.
 //!
 //! ```
 //! use tessuto_core::Error;

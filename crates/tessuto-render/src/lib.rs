@@ -1,4 +1,4 @@
-//! Differentiable pictures of a triangle mesh on the CPU: two renderers, each a function and its adjoint.
+//! Differentiable images of a triangle mesh on the CPU: two renderers, each a function and its adjoint.
 //!
 //! - [`raster`]: textured triangles with coverage and depth; gradients by positions, also through silhouettes, and by the texture;
 //! - [`pbr`]: direct light of an environment map on a moving cloth with shadows; gradients by material maps and light;
