@@ -45,7 +45,7 @@ fn help() -> String {
     Format::KNOWN.iter().fold(EXAMPLES.to_owned(), |help, format| {
         let needs = format.feature().map_or("", |_| ";\n        in builds with --features full");
         format!("{help}\n  {:<5} {}{needs}", format.key(), format.content())
-    })
+    }) + "\n\nCamera axes are x right, y down, z forward."
 }
 
 /// Runs the command.

@@ -123,7 +123,7 @@ impl Progress {
     /// less than ever again.
     fn told(&mut self, left: Option<f64>) -> String {
         let Some(left) = left else { return String::new() };
-        let word = if left <= self.guessed { "about" } else { "perhaps" };
+        let word = if left <= self.guessed { "about" } else { "maybe" };
         self.guessed = self.guessed.min(left);
         format!(", {word} {} left", duration(left))
     }
@@ -249,13 +249,13 @@ mod tests {
         progress.guessed = 60.0;
         let left = progress.told(Some(3000.0));
         let text = progress.text(99_999, 99_999, &left);
-        assert_eq!(text, "stage 1 of 2, material and light 99999/99999, perhaps 50 min left");
+        assert_eq!(text, "stage 1 of 2, material and light 99999/99999, maybe 50 min left");
         // The bar and a space come before.
         assert!(15 + text.chars().count() < 80, "{}", text.len());
         progress.current = 1;
         assert!((progress.fraction(0.5) - 2.5 / 4.0).abs() < 1e-12);
         let text = progress.text(0, 0, &left);
-        assert_eq!(text, "stage 2 of 2, forces and stiffnesses, perhaps 50 min left");
+        assert_eq!(text, "stage 2 of 2, forces and stiffnesses, maybe 50 min left");
         assert!(15 + text.chars().count() < 80);
     }
 
@@ -263,8 +263,7 @@ mod tests {
     fn a_time_left_that_grows_is_told_as_less_sure() {
         let mut progress = Progress::new(false);
         let told = [None, Some(50.0), Some(90.0), Some(51.0), Some(40.0)].map(|left| progress.told(left));
-        let words =
-            ["", ", about 50 s left", ", perhaps 2 min left", ", perhaps 55 s left", ", about 40 s left"];
+        let words = ["", ", about 50 s left", ", maybe 2 min left", ", maybe 55 s left", ", about 40 s left"];
         assert_eq!(told, words);
     }
 

@@ -20,7 +20,7 @@ const PAGES: [&str; 3] = ["report.html", "compare.html", "masks.html"];
 Examples:
   tessuto view results/curtain
   tessuto view results/curtain/report.html
-  tessuto view scenes/curtain               # the masks that were made from the clip
+  tessuto view scenes/curtain               # its masks, made from the clip
   tessuto view results/curtain --no-browser")]
 pub struct Arguments {
     /// Result folder, scene folder with masks of `tessuto masks`, folder of `tessuto compare`, or the page in one of them.

@@ -10,7 +10,7 @@ export const run = studio => {
   return {
     update({ work }) {
       const job = work.job?.step === "reconstruct" ? work.job : null, running = Boolean(job?.running);
-      const progress = job?.progress ?? "", left = /, (?:about )?((?:perhaps )?[\d.]+ (?:s|min|h)) left/.exec(progress)?.[1], stage = /^stage (\d+ of \d+), ([^,(]*)/.exec(progress);
+      const progress = job?.progress ?? "", left = /, (?:about )?((?:maybe )?[\d.]+ (?:s|min|h)) left/.exec(progress)?.[1], stage = /^stage (\d+ of \d+), ([^,(]*)/.exec(progress);
       byId("run-title").textContent = running ? "Reconstructing" : work.result && job?.ended === "ok" ? "Done" : job || work.interrupted ? "Not finished" : "Ready";
       bar.hidden = !running;
       if (typeof job?.fraction === "number") bar.value = job.fraction;

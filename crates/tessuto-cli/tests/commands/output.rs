@@ -99,6 +99,7 @@ fn help_lists_the_commands_in_the_order_of_the_work() {
         "check",
         "reconstruct",
         "appearance",
+        "view",
         "report",
         "render",
         "export",

@@ -106,7 +106,7 @@ impl Corners {
 pub(super) const FORMAT: Row = Row {
     key: "glb",
     programs: "Blender, web",
-    content: "animated mesh with a morph target per frame, normals, uv, material (y up)",
+    content: "animated mesh, a morph target per frame, normals, uv, material (y up)",
     files: &[(".glb", "moving mesh with texture: Blender, web, phones")],
     feature: None,
     for_blender: true,

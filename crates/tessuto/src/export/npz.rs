@@ -9,7 +9,7 @@ use tessuto_sim::cloth::AREA_DENSITY;
 pub(super) const FORMAT: Row = Row {
     key: "npz",
     programs: "NumPy",
-    content: "motion, faces, uv, camera, forces, parameters (camera axes: x right, y down, z forward)",
+    content: "motion, faces, uv, camera, forces, parameters (camera axes)",
     files: &[(".npz", "arrays for NumPy")],
     feature: None,
     for_blender: false,

@@ -7,7 +7,7 @@ use tessuto_core::error::Result;
 pub(super) const FORMAT: Row = Row {
     key: "rrd",
     programs: "rerun",
-    content: "recording for rerun: video, camera, mesh and texture over time (camera axes)",
+    content: "recording for rerun: video, camera, mesh, texture (camera axes)",
     files: &[(".rrd", "recording for the viewer of rerun")],
     feature: Some(("rerun", cfg!(feature = "rerun"))),
     for_blender: false,

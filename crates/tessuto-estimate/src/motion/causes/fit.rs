@@ -329,7 +329,7 @@ mod tests {
         assert!(found.misfit > DOUBTED && found.spread == found.prior);
         let mut kept = found.causes.ln_stiffness.iter().zip([200f64, 1e-3, 1e-4]);
         assert!(kept.all(|(ln, start)| (ln - start.ln()).abs() < 1e-12));
-        assert!(found.doubt().unwrap().to_string().contains("deviations from the motion"));
+        assert!(found.doubt().unwrap().to_string().contains("standard deviations off"));
     }
 
     #[test]
