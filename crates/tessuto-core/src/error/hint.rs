@@ -46,7 +46,7 @@ pub enum Remedy {
     /// Choose one object of masks that hold several: `import::Settings::object`,
     /// `masks::Request::object`.
     Object,
-    /// Use every N-th of these frames: [`import::Settings::stride`](tessuto_estimate::import::Settings::stride).
+    /// Use every N-th of these frames: `import::Settings::stride`.
     Stride(Range<usize>, usize),
     /// Corners of the fabric in the first frame: `masks::Request::outline`.
     Outline,
