@@ -242,8 +242,9 @@ def test_a_warning_stands_at_the_line_that_asked(scene_folder: Path, tmp_path: P
     said = json.loads((tmp_path / "odd/scene.json").read_text())
     said["fy"] *= 1.3
     (tmp_path / "odd/scene.json").write_text(json.dumps(said))
-    with pytest.warns(tessuto.SceneWarning, match="intrinsics") as caught:
+    with pytest.warns(tessuto.SceneWarning) as caught:
         tessuto.reconstruct(tmp_path / "odd", tmp_path / "out", settings=SETTINGS, appearance=False)
+    assert any("intrinsics" in str(warning.message) for warning in caught)
     assert {warning.filename for warning in caught} == {__file__}
 
 
