@@ -7,7 +7,7 @@
 # --work FOLDER    keeps scenes and results [target/gallery]; what is finished there is not computed again
 # NAME …           only these: wind hands paper occluded blurred filmed [all, then the first picture and the page]
 #
-# Needs ffmpeg with the encoder libwebp_anim, and Python 3. Takes about ten minutes on two cores.
+# Needs ffmpeg with the encoder libwebp_anim, and Python 3. Takes about four minutes on two cores.
 set -euo pipefail
 root=$(cd "$(dirname "$0")/.." && pwd)
 usage() { sed -n '2,11s/^# \{0,1\}//p' "$0" >&2; exit 2; }
@@ -40,7 +40,7 @@ fi
 options() {
     case $1 in
         wind) echo --air --wind 4 --fps 30 --frames 30 --size 320 --seed 3 ;;
-        hands) echo --hands --frames 30 --size 256 --seed 1 ;;
+        hands) echo --hands --grid 15x15 --frames 24 --size 256 --seed 1 ;;
         paper) echo --paper --frames 30 --size 256 --seed 5 ;;
         occluded) echo --occluders=2 --grid 15x15 --frames 24 --size 240 --seed 6 ;;
         blurred) echo --hands --blur --grid 15x15 --fps 25 --frames 24 --size 240 --seed 8 ;;
