@@ -20,7 +20,8 @@ pub fn read(name: &str, bytes: &[u8]) {
     readers::read(reader, bytes);
 }
 
-/// Reads `bytes` as a film and decodes a few frames. Panics of the decoders, which are caught, are no fault; all others end the program.
+/// Reads `bytes` as a film and decodes a few frames. Panics of the decoders, which are caught, are no fault; all
+/// others end the program.
 pub fn film(bytes: &[u8]) {
     static HOOK: Once = Once::new();
     const LIMITS: Limits = Limits { side: 1024, frame_bytes: 4 << 20, frames: 100_000 };

@@ -1,4 +1,5 @@
-//! One sub-step, forward and adjoint, of both elastic models and integrators; a rollout, which `crates/tessuto-py/benchmarks/overhead.py` repeats.
+//! One sub-step, forward and adjoint, of both elastic models and integrators; a rollout, which
+//! `crates/tessuto-py/benchmarks/overhead.py` repeats.
 
 use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use glam::{DVec2, DVec3};

@@ -3,8 +3,8 @@
 use std::ffi::OsStr;
 use std::process::{Command, Stdio};
 
-/// Asks the system to show `address`, a URL or a file; whether it could be asked. Whoever calls prints the address too, so a
-/// system without a browser is no fault.
+/// Asks the system to show `address`, a URL or a file; whether it could be asked. Whoever calls prints the address
+/// too, so a system without a browser is no fault.
 pub fn open(address: impl AsRef<OsStr>) -> bool {
     let program = if cfg!(target_os = "macos") {
         "open"

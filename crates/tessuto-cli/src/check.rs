@@ -18,8 +18,8 @@ use crate::say::{self, say};
 pub struct Arguments {
     /// Scene folder (holds scene.json, template.obj, rgbs/, masks/).
     scene: PathBuf,
-    /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges (cyan),
-    /// to this PNG file. Only an earlier such image is replaced.
+    /// Write first, middle and last frame with the masks' outlines (yellow), the first with the template's edges
+    /// (cyan), to this PNG file. Only an earlier such image is replaced.
     #[arg(long, value_name = "FILE.png")]
     picture: Option<PathBuf>,
 }

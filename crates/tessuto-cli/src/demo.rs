@@ -36,7 +36,8 @@ pub struct Arguments {
     /// Replace an earlier demonstration there.
     #[arg(long)]
     force: bool,
-    /// Only make a clip with surroundings, noise and compression in this new folder, with corners, size and camera in a README.
+    /// Only make a clip with surroundings, noise and compression in this new folder, with corners, size and camera
+    /// in a README.
     #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "force"])]
     clip: Option<PathBuf>,
     #[command(flatten)]

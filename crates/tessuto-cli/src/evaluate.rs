@@ -9,12 +9,14 @@ use tessuto::run::evaluate::evaluate;
 use crate::remedy;
 use crate::say::{self, aside};
 
-/// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, tracked points, maps.
+/// Compare a result with the scene's ground truth: Chamfer and surface distances, depth, vertices, tracked points,
+/// maps.
 #[derive(clap::Args)]
 pub struct Arguments {
     /// Scene folder with gt/points/, gt/vertices.npy or gt/tracks.npz, of all frames or of some.
     scene: PathBuf,
-    /// Result folder (with motion.npy, and material/ if it has maps), or a .npy file of shape [frames, vertices, 3] in metres.
+    /// Result folder (with motion.npy, and material/ if it has maps), or a .npy file of shape [frames, vertices,
+    /// 3] in metres.
     result: PathBuf,
     /// Print JSON instead of a table.
     #[arg(long)]

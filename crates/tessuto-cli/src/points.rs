@@ -5,8 +5,8 @@ use std::ffi::OsString;
 /// Options that take points, and places in frames.
 const OPTIONS: [&str; 4] = ["--outline", "--corners", "--inside", "--outside"];
 
-/// The arguments with the points that follow such an option joined to one value. A word ends the list where it is none: the
-/// next option, or the name of a scene.
+/// The arguments with the points that follow such an option joined to one value. A word ends the list where it is
+/// none: the next option, or the name of a scene.
 pub fn joined(arguments: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut out: Vec<OsString> = Vec::new();
     // How many words of a list the last one is made of; a lone option has none yet.

@@ -119,8 +119,8 @@ impl Progress {
         if total > 0.0 { (before + of_stage * present) / total } else { 0.0 }
     }
 
-    /// A guess in words. One that has grown within its stage was wrong before and may be now: it is shown as less sure, until it is
-    /// less than ever again.
+    /// A guess in words. One that has grown within its stage was wrong before and may be now: it is shown as less
+    /// sure, until it is less than ever again.
     fn told(&mut self, left: Option<f64>) -> String {
         let Some(left) = left else { return String::new() };
         let word = if left <= self.guessed { "about" } else { "maybe" };

@@ -31,7 +31,8 @@ pub struct Arguments {
     /// Result folder [default: tessuto-out/<name of the scene folder>].
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Settings to start from: `default`; `motion`, the same search without physics; or the published methods `saft`, `phi-sft` and `pg-sft`.
+    /// Settings to start from: `default`; `motion`, the same search without physics; or the published methods
+    /// `saft`, `phi-sft` and `pg-sft`.
     #[arg(long, value_parser = crate::frames::preset, default_value = "default")]
     preset: Preset,
     /// Settings to start from instead: config.json of a result, or settings alone as JSON.

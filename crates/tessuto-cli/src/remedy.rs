@@ -95,8 +95,8 @@ pub fn make_template(folder: &Path) -> [String; 2] {
         .map(|options| format!("tessuto template {scene} {options}"))
 }
 
-/// The corners of the outline that the masks in `folder` were made from, clockwise from the upper left, as they are typed; `None` where it
-/// has not four. They are the fabric's own, where those found in a mask are a guess.
+/// The corners of the outline that the masks in `folder` were made from, clockwise from the upper left, as they
+/// are typed; `None` where it has not four. They are the fabric's own, where those found in a mask are a guess.
 fn corners_of(folder: &Path) -> Option<String> {
     let outline = Record::read(folder).ok().flatten()?.outline?;
     let mut corners: [[f64; 2]; 4] = outline.try_into().ok()?;

@@ -52,8 +52,8 @@ pub struct Arguments {
     /// Go once around the fabric in the course of the images.
     #[arg(long, value_enum)]
     turn: Option<Around>,
-    /// Number of images that the frames are spread over [default: one each]. One frame and many images make a turntable of
-    /// a fabric at rest.
+    /// Number of images that the frames are spread over [default: one each]. One frame and many images make a
+    /// turntable of a fabric at rest.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pictures: Option<u32>,
     /// Light samples per pixel, rounded up to a multiple of 8.

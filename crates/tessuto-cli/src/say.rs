@@ -1,8 +1,8 @@
 //! What the program says: results on standard output, news and complaints on standard error.
 //!
 //! Saying something never ends a command: its files are worth more than its last line. A reader that has gone
-//! (`tessuto … | head`) is not a fault. Any other failure of standard output, such as a full disk behind it, is kept and
-//! becomes the program's error at its [`end`].
+//! (`tessuto … | head`) is not a fault. Any other failure of standard output, such as a full disk behind it, is
+//! kept and becomes the program's error at its [`end`].
 
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal as _, Write as _};

@@ -58,7 +58,8 @@ pub struct Arguments {
     /// Gravity as found, or none.
     #[arg(long, value_enum, default_value_t = Gravity::Found)]
     gravity: Gravity,
-    /// Result folder to write; or, if it ends in .npy, the motion alone, [N, V, 3] f32 [default: <RESULT>/simulated.npy].
+    /// Result folder to write; or, if it ends in .npy, the motion alone, [N, V, 3] f32 [default:
+    /// <RESULT>/simulated.npy].
     #[arg(long, value_name = "DIR|FILE.npy")]
     out: Option<PathBuf>,
     /// Replace the array at --out, or a result there that was not changed since.

@@ -23,7 +23,8 @@ Examples:
   tessuto view scenes/curtain               # its masks, made from the clip
   tessuto view results/curtain --no-browser")]
 pub struct Arguments {
-    /// Result folder, scene folder with masks of `tessuto masks`, folder of `tessuto compare`, or the page in one of them.
+    /// Result folder, scene folder with masks of `tessuto masks`, folder of `tessuto compare`, or the page in one
+    /// of them.
     result: PathBuf,
     /// Only print the path of the page.
     #[arg(long)]

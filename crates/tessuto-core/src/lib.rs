@@ -1,10 +1,12 @@
-//! What the crates of [tessuto](https://docs.rs/tessuto) share. Whoever reconstructs fabric depends on `tessuto`; whoever simulates
-//! or renders alone, on `tessuto-sim` or `tessuto-render`, meets these types in their arguments.
+//! What the crates of [tessuto](https://docs.rs/tessuto) share. Whoever reconstructs fabric depends on `tessuto`;
+//! whoever simulates or renders alone, on `tessuto-sim` or `tessuto-render`, meets these types in their arguments.
 //!
-//! - [`Mesh`], [`Motion`] and [`Positions`]: polygons with texture coordinates, and where their vertices are in every frame;
+//! - [`Mesh`], [`Motion`] and [`Positions`]: polygons with texture coordinates, and where their vertices are in
+//!   every frame;
 //! - [`Camera`] and [`Viewpoint`]: from points to pixels and back, with derivatives;
 //! - [`Scene`] and [`Video`]: what was filmed, by which camera, of which cloth;
-//! - [`math`]: sparse symmetric systems of 3×3 blocks, damped Gauss-Newton steps, numbers that carry derivatives, random streams;
+//! - [`math`]: sparse symmetric systems of 3×3 blocks, damped Gauss-Newton steps, numbers that carry derivatives,
+//!   random streams;
 //! - [`Error`]: what is wrong, where, and the way out.
 //!
 //! ```

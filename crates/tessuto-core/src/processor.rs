@@ -1,8 +1,9 @@
-//! Whether this processor has the instructions that this build uses; without them it would end with an illegal instruction.
+//! Whether this processor has the instructions that this build uses; without them it would end with an illegal
+//! instruction.
 //!
-//! Whatever is compiled here may use those instructions itself, also to copy two words. What runs before and after a failed
-//! check must therefore be next to nothing: constant messages, no formatting. `tools/check_old_processor.sh` runs the program on an
-//! emulated processor of 2006.
+//! Whatever is compiled here may use those instructions itself, also to copy two words. What runs before and after
+//! a failed check must therefore be next to nothing: constant messages, no formatting.
+//! `tools/check_old_processor.sh` runs the program on an emulated processor of 2006.
 
 /// What a build can be told to use.
 struct Instructions {
@@ -78,8 +79,8 @@ fn missing(basic: u32, extended: u32, amd: u32) -> Option<&'static str> {
 ///
 /// # Errors
 ///
-/// What the processor lacks and the way out, ready to be shown. On other architectures, and in builds for any x86-64, nothing
-/// is ever missing.
+/// What the processor lacks and the way out, ready to be shown. On other architectures, and in builds for any
+/// x86-64, nothing is ever missing.
 #[inline(never)]
 pub fn check() -> Result<(), &'static str> {
     #[cfg(target_arch = "x86_64")]

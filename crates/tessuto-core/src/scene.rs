@@ -74,7 +74,8 @@ pub struct Known {
 }
 
 impl Scene {
-    /// The way from a point to a pixel of frame `n`, of the crop. It is the same for all frames: the camera stands at the world's origin.
+    /// The way from a point to a pixel of frame `n`, of the crop. It is the same for all frames: the camera stands
+    /// at the world's origin.
     pub fn viewpoint(&self, _n: usize) -> Viewpoint {
         Viewpoint::from(self.camera)
     }

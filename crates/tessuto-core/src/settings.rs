@@ -1,5 +1,5 @@
-//! Settings: each is declared once, with its meaning, default, unit and range, by `settings!`. The struct, its `Default`,
-//! the checks, `--set`, `tessuto settings` and `docs/settings.md` follow from the declaration.
+//! Settings: each is declared once, with its meaning, default, unit and range, by `settings!`. The struct, its
+//! `Default`, the checks, `--set`, `tessuto settings` and `docs/settings.md` follow from the declaration.
 
 use std::ops::RangeInclusive;
 

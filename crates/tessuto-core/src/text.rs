@@ -22,8 +22,8 @@ const SYNONYMS: [(&str, &str); 5] = [
     ("resolution", "size"),
 ];
 
-/// The key of `known` that was probably meant by `key`: the one with the fewest edits to it, or between their parts after
-/// the last dot, whatever stands before them; `None` if no key is close.
+/// The key of `known` that was probably meant by `key`: the one with the fewest edits to it, or between their
+/// parts after the last dot, whatever stands before them; `None` if no key is close.
 pub fn nearest_key<'a>(key: &str, known: &'a [String]) -> Option<&'a str> {
     let (section, last) = key.rsplit_once('.').unwrap_or(("", key));
     let last = SYNONYMS.iter().find(|(word, _)| *word == last).map_or(last, |(_, name)| name);

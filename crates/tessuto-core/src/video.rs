@@ -48,8 +48,8 @@ pub const PIXEL_BYTES: usize = 16;
 const WORKING_BYTES: usize = 60;
 
 impl Video {
-    /// A video of `frame_count` frames of `pixel_count` pixels that `read` makes whenever one is needed. It must make the
-    /// same ones each time.
+    /// A video of `frame_count` frames of `pixel_count` pixels that `read` makes whenever one is needed. It must
+    /// make the same ones each time.
     pub fn streamed(
         frame_count: usize,
         pixel_count: usize,

@@ -80,12 +80,13 @@ settings! {
     pub struct DynamicsSettings {
         /// Time integrator.
         integrator: Integrator = Integrator::ImplicitEuler, choice(Integrator::NAMES);
-        /// How the cloth resists: springs along the edges and between them, or a continuum on any mesh (method = rollout).
+        /// How the cloth resists: springs along the edges and between them, or a continuum on any mesh (method =
+        /// rollout).
         model: Model = Model::Springs, choice(Model::NAMES);
         /// Simulation steps per frame, at least.
         substeps: usize = 4, number(1.0..=64.0, "");
-        /// Longest step `[s]`; slow videos take more steps per frame, at most 64. Compressed cloth can go several ways in a
-        /// long step, and then forces do not lead where they led when they were found.
+        /// Longest step `[s]`; slow videos take more steps per frame, at most 64. Compressed cloth can go several
+        /// ways in a long step, and then forces do not lead where they led when they were found.
         longest_step: f64 = 5e-3, number(1e-5..=1.0, "s");
         /// Factor on the velocity per 5 ms; a longer step takes a power of it.
         damping_per_5ms: f64 = 0.9, number(0.0..=1.0, "");
@@ -171,8 +172,8 @@ settings! {
     pub struct Config {
         /// Where the settings started from.
         preset: Preset = Preset::Default, choice(Preset::NAMES);
-        /// How the motion is found: positions of all frames first and forces afterwards, or forces and stiffnesses through
-        /// simulation and renderer.
+        /// How the motion is found: positions of all frames first and forces afterwards, or forces and stiffnesses
+        /// through simulation and renderer.
         method: Method = Method::Spacetime, choice(Method::NAMES);
         /// Seed of everything random: the samples of the metrics, the pixels that material and light are found from.
         seed: u64 = 0, number(0.0..=LARGEST_SEED, "");
@@ -202,7 +203,8 @@ impl Config {
     pub fn preset(preset: Preset) -> Self {
         let default = Self { preset, ..Self::default() };
         let published = TextureSettings { epochs: 200, ..default.texture };
-        // Where the search by simulation leaves what was published, so as to reach it: see docs/experiments/log/methods.md.
+        // Where the search by simulation leaves what was published, so as to reach it: see
+        // docs/experiments/log/methods.md.
         let steady = RolloutSettings {
             outline_margin: 0.02,
             epochs_per_frame: 8,
@@ -258,8 +260,8 @@ impl Config {
         }
     }
 
-    /// The settings of a file: config.json of a result, or settings alone as JSON, where those that are left out are the
-    /// preset's.
+    /// The settings of a file: config.json of a result, or settings alone as JSON, where those that are left out
+    /// are the preset's.
     ///
     /// # Errors
     /// [`Error::Input`] naming the file; [`Error::Usage`] naming the setting, its value and its range.

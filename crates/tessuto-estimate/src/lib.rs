@@ -1,9 +1,11 @@
-//! From one video of fabric to its 3D motion, material and light: the methods of [tessuto](https://docs.rs/tessuto), and what reads,
-//! makes and measures their scenes. Whoever wants result folders, reports and exports as well depends on `tessuto`, where all of this has the
-//! same names.
+//! From one video of fabric to its 3D motion, material and light: the methods of
+//! [tessuto](https://docs.rs/tessuto), and what reads, makes and measures their scenes. Whoever wants result
+//! folders, reports and exports as well depends on `tessuto`, where all of this has the same names.
 //!
-//! - [`reconstruct()`]: positions of all frames, the forces and stiffness that replay them; [`appearance`]: material and light;
-//! - [`io::scene`], [`synth`], [`import`], [`template`], [`masks`]: scenes from a folder, made up, or from what a camera filmed;
+//! - [`reconstruct()`]: positions of all frames, the forces and stiffness that replay them; [`appearance`]:
+//!   material and light;
+//! - [`io::scene`], [`synth`], [`import`], [`template`], [`masks`]: scenes from a folder, made up, or from what a
+//!   camera filmed;
 //! - [`metrics`]: errors against the truth, and without one, how far the result is to be trusted;
 //! - [`config`], [`session`]: all settings; progress and checkpoints.
 //!

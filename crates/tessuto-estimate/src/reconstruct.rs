@@ -21,8 +21,8 @@ use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 pub struct Reconstruction {
     /// Positions at every frame, shape [N, V]: what was found, and the rollout of `parameters`.
     pub motion: Motion,
-    /// Standard deviation of every vertex in every frame `[m]`, shape [N, V]: the root of the trace of its covariance, see
-    /// [`crate::motion::spacetime`]. `None` from the other method and from a search that failed.
+    /// Standard deviation of every vertex in every frame `[m]`, shape [N, V]: the root of the trace of its
+    /// covariance, see [`crate::motion::spacetime`]. `None` from the other method and from a search that failed.
     pub deviations: Option<Vec<Vec<f64>>>,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
@@ -38,7 +38,8 @@ pub struct Reconstruction {
     pub failure: Option<Error>,
 }
 
-/// Recovers the motion of the fabric in `scene`. Every finished step is reported to `session`, which may hold the state of an interrupted run.
+/// Recovers the motion of the fabric in `scene`. Every finished step is reported to `session`, which may hold the
+/// state of an interrupted run.
 ///
 /// # Errors
 /// [`Error::Input`] for a scene that cannot be computed on; [`Error::Numerical`] if not even a first state is finite;
@@ -136,7 +137,8 @@ fn by_rollout(
     Ok(Found { parameters, deviations: None, causes: None, made: None, failure })
 }
 
-/// The default method: the positions of all frames, then what moves the fabric, and the positions again in the light of that.
+/// The default method: the positions of all frames, then what moves the fabric, and the positions again in the
+/// light of that.
 fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Session) -> Result<Found> {
     let mut problem = spacetime::Problem::new(scene, cloth, config.spacetime.clone())?;
     session.begin("track");

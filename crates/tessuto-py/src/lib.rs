@@ -1,7 +1,7 @@
 //! The Python module `tessuto._native`: what the package in `python/tessuto` is made of.
 //!
-//! Everything here takes and returns plain arrays and words; names, defaults and documentation are the package's. Whatever
-//! takes long runs without Python's lock.
+//! Everything here takes and returns plain arrays and words; names, defaults and documentation are the package's.
+//! Whatever takes long runs without Python's lock.
 
 mod appearance;
 mod arrays;

@@ -1,11 +1,12 @@
 //! Differentiable images of a triangle mesh on the CPU: two renderers, each a function and its adjoint.
 //!
-//! - [`raster`]: textured triangles with coverage and depth; gradients by positions, also through silhouettes, and by the texture;
+//! - [`raster`]: textured triangles with coverage and depth; gradients by positions, also through silhouettes, and
+//!   by the texture;
 //! - [`pbr`]: direct light of an environment map on a moving cloth with shadows; gradients by material maps and light;
 //! - `decoder`, with the cargo feature of this name: material maps as the output of an untrained network.
 //!
-//! Results are the same, bit for bit, for any number of threads. This crate is what [tessuto](https://docs.rs/tessuto) looks at fabric with,
-//! where the modules have the same names.
+//! Results are the same, bit for bit, for any number of threads. This crate is what
+//! [tessuto](https://docs.rs/tessuto) looks at fabric with, where the modules have the same names.
 //!
 //! ```
 //! use tessuto_core::glam::DVec2;

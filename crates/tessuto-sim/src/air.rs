@@ -1,7 +1,8 @@
 //! Air: on every vertex of area A it acts along the normal n with ½ ρ C_d A |u·n| (u·n), u = w − v of wind and vertex.
 //!
-//! Along the sheet air hardly holds it. Per mass that is κ |u·n| (u·n) n, κ = ½ ρ C_d/area density. It is taken from the state before a
-//! step; lest a long step turns the motion around, it falls behind where κ |u·n| h nears 1:
+//! Along the sheet air hardly holds it. Per mass that is κ |u·n| (u·n) n, κ = ½ ρ C_d/area density. It is taken
+//! from the state before a step; lest a long step turns the motion around, it falls behind where κ |u·n| h nears
+//! 1:
 //!
 //!   a = κ s n,   s = (u·n) |u·n|/(1 + q²),   q = κ |u·n| h.
 
@@ -33,8 +34,8 @@ pub struct Air<'a> {
 }
 
 impl<'a> Air<'a> {
-    /// Wind of velocity `wind` [m/s] and drag coefficient `drag` about a cloth at `x` `[m]` with velocities `v` [m/s], for a step of
-    /// length `h` `[s]`.
+    /// Wind of velocity `wind` [m/s] and drag coefficient `drag` about a cloth at `x` `[m]` with velocities `v`
+    /// [m/s], for a step of length `h` `[s]`.
     pub fn new(cloth: &'a Cloth, drag: f64, wind: DVec3, x: &'a [DVec3], v: &[DVec3], h: f64) -> Self {
         let mut normals = vec![DVec3::ZERO; x.len()];
         for t in &cloth.triangles {

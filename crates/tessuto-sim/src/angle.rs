@@ -104,8 +104,9 @@ pub fn hessian_gauss_newton(u: DVec3, w: DVec3, stiffness: f64, _rest_angle: f64
 
 /// A positive semi-definite matrix P ≥ [`hessian`]: a Newton step with it does not overshoot in any direction.
 ///
-/// The Hessian is a sum of squares along the turns of the arms in their plane (by α and β), the arms' way out of the plane
-/// (a, b), and products of an arm's stretching ρ with its turning; P leaves out the negative ones. With E(φ), φ = β − α:
+/// The Hessian is a sum of squares along the turns of the arms in their plane (by α and β), the arms' way out of
+/// the plane (a, b), and products of an arm's stretching ρ with its turning; P leaves out the negative ones. With
+/// E(φ), φ = β − α:
 ///
 ///   E_φφ (δβ − δα)² + E_c (1 − c)/2 (a + b)² − E_c (1 + c)/2 (a − b)² + 2 E_c sin φ (ρ_w δβ − ρ_u δα).
 ///

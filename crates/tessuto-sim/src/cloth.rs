@@ -85,7 +85,8 @@ impl Cloth {
         Self::with_angles_of(template, &template.positions)
     }
 
-    /// The cloth whose edges are at rest in the shape of `template`, its angles in the positions `angles_of`, shape `[V]`.
+    /// The cloth whose edges are at rest in the shape of `template`, its angles in the positions `angles_of`,
+    /// shape `[V]`.
     pub(super) fn with_angles_of(template: &Mesh, angles_of: &[DVec3]) -> Self {
         let x = &template.positions;
         let mut pairs = Vec::new();
@@ -176,7 +177,8 @@ impl Cloth {
         Energy { stretch, bend, shear }
     }
 
-    /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` `[N]`, shape `[V]`, and returns E, which takes little more.
+    /// Adds `scale`·∂E/∂x of [`energy`](Self::energy) to `out` `[N]`, shape `[V]`, and returns E, which takes
+    /// little more.
     pub fn add_gradient(&self, stiffness: &Stiffness, x: &[DVec3], scale: f64, out: &mut [DVec3]) -> f64 {
         if let Some(continuum) = &self.continuum {
             return continuum.add_gradient(stiffness, x, scale, out);
@@ -343,8 +345,8 @@ impl Cloth {
 }
 
 impl Stiffness {
-    /// The same stretch, bend and shear stiffness for every spring of `cloth`; zeros for the elements of a continuum, whose stiffness is
-    /// [`super::fabric::Fabric::stiffness`].
+    /// The same stretch, bend and shear stiffness for every spring of `cloth`; zeros for the elements of a
+    /// continuum, whose stiffness is [`super::fabric::Fabric::stiffness`].
     pub fn uniform(cloth: &Cloth, [stretch, bend, shear]: [f64; 3]) -> Self {
         Self {
             stretch: vec![stretch; cloth.edges.len()],

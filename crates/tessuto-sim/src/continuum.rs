@@ -109,7 +109,8 @@ impl Continuum {
         Hinge::bent_lanes(ks.map(|k| &self.hinges[k]), x, stiffnesses)
     }
 
-    /// Adds the gradients of all elements and returns the sum of their numbers: in two sums, the same bits on one thread and on two.
+    /// Adds the gradients of all elements and returns the sum of their numbers: in two sums, the same bits on one
+    /// thread and on two.
     fn add_of_elements(
         &self,
         out: &mut [DVec3],

@@ -1,5 +1,5 @@
-//! Cloth as a continuum: the second elastic model of [`Cloth`], beside the springs. Integrators, rollouts and their adjoints are the
-//! same.
+//! Cloth as a continuum: the second elastic model of [`Cloth`], beside the springs. Integrators, rollouts and
+//! their adjoints are the same.
 //!
 //! Where φ-SfT uses ARCSim, this has constant coefficients instead of measured tables.
 //! Source: Kairanda et al. 2022, "φ-SfT: Shape-from-Template with a Physics-Based Deformation Model".

@@ -5,13 +5,14 @@ use glam::{DVec2, DVec3};
 use super::cloth::Cloth;
 use tessuto_core::mesh::{Mesh, SEAM, vertex_uvs};
 
-/// The panel is believed where lengths measured in it are off by less than this, root mean square relative to the template's.
+/// The panel is believed where lengths measured in it are off by less than this, root mean square relative to the
+/// template's.
 const BELIEVED: f64 = 0.1;
 
 impl Cloth {
-    /// The cloth of `template` as it was cut: edges with the template's lengths, straight and right-angled as in the flat
-    /// [`panel`]. Edges shorter than that resist with `compression` times their stiffness: cloth wrinkles within a cell.
-    /// Where the texture coordinates are no flat panel, it rests in the template's own folds.
+    /// The cloth of `template` as it was cut: edges with the template's lengths, straight and right-angled as in
+    /// the flat [`panel`]. Edges shorter than that resist with `compression` times their stiffness: cloth wrinkles
+    /// within a cell. Where the texture coordinates are no flat panel, it rests in the template's own folds.
     pub fn flat(template: &Mesh, compression: f64) -> Self {
         let mut cloth = match panel(template) {
             Some(flat) => Self::with_angles_of(template, &flat),
@@ -22,8 +23,9 @@ impl Cloth {
     }
 }
 
-/// The vertices of `template` in the plane, shape `[V]` `[m]`: its texture coordinates, each of the two stretched so that edges come
-/// nearest to the template's lengths. `None` where they do not: a texture with seams or one that is not to scale.
+/// The vertices of `template` in the plane, shape `[V]` `[m]`: its texture coordinates, each of the two stretched
+/// so that edges come nearest to the template's lengths. `None` where they do not: a texture with seams or one
+/// that is not to scale.
 pub fn panel(template: &Mesh) -> Option<Vec<DVec3>> {
     let uvs = vertex_uvs(template, SEAM)?;
     let edges = template.edges();

@@ -1,7 +1,8 @@
 //! Internal friction: bending and shearing cloth costs work that does not come back.
 //!
-//! Every angle θ resists its change with the moment −c θ̇. In an implicit step of length H in which θ comes from θ̄, this is a spring of
-//! stiffness c/H with the rest angle θ̄, and together with the elastic one of stiffness k and rest angle θ₀
+//! Every angle θ resists its change with the moment −c θ̇. In an implicit step of length H in which θ comes from
+//! θ̄, this is a spring of stiffness c/H with the rest angle θ̄, and together with the elastic one of stiffness k
+//! and rest angle θ₀
 //!
 //!   ½ k (θ − θ₀)² + ½ c/H (θ − θ̄)² = ½ (k + c/H) (θ − θ*)² + const,   θ* = (k θ₀ + c/H θ̄)/(k + c/H).
 

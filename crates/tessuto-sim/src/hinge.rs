@@ -2,18 +2,19 @@
 //!
 //!   E = ½ k (θ − θ0)²,   k = B ‖e‖²/A  with the edge e and the area A of both triangles, without load:
 //!
-//! a sheet of bending stiffness B `[J]` has the curvature (θ − θ0) ‖e‖/A all over A. A grid that is rolled up along its lines has
-//! exactly its energy; one of equilateral triangles has an eighth more. θ is counted around e from the first triangle's normal to the
-//! second's.
+//! a sheet of bending stiffness B `[J]` has the curvature (θ − θ0) ‖e‖/A all over A. A grid that is rolled up
+//! along its lines has exactly its energy; one of equilateral triangles has an eighth more. θ is counted around e
+//! from the first triangle's normal to the second's.
 //!
-//! Moving the apex of a triangle along its normal n by δ turns it by δ/h around the edge. From this follow, with the unit edge ê and
-//! the direction t = n × ê of the height h = ‖t·u‖, for the apex u = c ê + h t seen from the edge's first end, with
-//! p = L δu − c δe and L = ‖e‖, of every triangle
+//! Moving the apex of a triangle along its normal n by δ turns it by δ/h around the edge. From this follow, with
+//! the unit edge ê and the direction t = n × ê of the height h = ‖t·u‖, for the apex u = c ê + h t seen from the
+//! edge's first end, with p = L δu − c δe and L = ‖e‖, of every triangle
 //!
 //!   δθ  = n·p/(L h),    δ²θ = −1/(L h) { 2/(L h) (n·p)(t·p) + (n·δe) [2/L (ê·p) + h/L (t·δe)] },
 //!
-//! negative for the first and positive for the second. Both Hessians here are made of these products.
-//! Source: Grinspun, Hirani, Desbrun, Schröder 2003, "Discrete Shells", §3, with a weight of our own; so are the derivatives.
+//! negative for the first and positive for the second. Both Hessians here are made of these products. Source:
+//! Grinspun, Hirani, Desbrun, Schröder 2003, "Discrete Shells", §3, with a weight of our own; so are the
+//! derivatives.
 
 use std::f64::consts::TAU;
 
@@ -166,7 +167,8 @@ impl<T: Real> Bent<T> {
         h
     }
 
-    /// A positive semi-definite upper bound of [`hessian`](Self::hessian): of every product's two squares the positive one.
+    /// A positive semi-definite upper bound of [`hessian`](Self::hessian): of every product's two squares the
+    /// positive one.
     #[inline(always)]
     pub fn hessian_projected(&self) -> Hessian<T> {
         let (mut h, slope, [first, second]) = self.square_of_turn();
@@ -225,7 +227,8 @@ impl<T: Scalar> Hessian<T> {
         [0, side, if side == 1 { 3 } else { 5 }]
     }
 
-    /// `factor` { 2/(L h) (n·p)(t·p) + (n·δe) [2/L (ê·p) + h/L (t·δe)] } as a quadratic form in δe and δ of the apex of `side`.
+    /// `factor` { 2/(L h) (n·p)(t·p) + (n·δe) [2/L (ê·p) + h/L (t·δe)] } as a quadratic form in δe and δ of the
+    /// apex of `side`.
     #[inline(always)]
     fn add_products(&mut self, side: usize, factor: T, s: &Side<T>) {
         let [ee, es, ss] = Self::of_side(side);

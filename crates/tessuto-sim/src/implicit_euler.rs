@@ -29,15 +29,17 @@ const CG_LIMIT: usize = 5;
 const ADJOINT_TOLERANCE: f64 = 1e-20;
 /// As many iterations as take about as long as the adjoint's own factor would.
 const ADJOINT_LIMIT: usize = 12;
-/// Newton's step less than this fraction of the last one: the method converges, and ends where the next one, had it shrunk like this one,
-/// would be less than so much of the tolerance. Springs whose stiffness jumps where they are compressed can make it longer.
+/// Newton's step less than this fraction of the last one: the method converges, and ends where the next one, had
+/// it shrunk like this one, would be less than so much of the tolerance. Springs whose stiffness jumps where they
+/// are compressed can make it longer.
 const SHRINKS: f64 = 0.25;
 const SURELY: f64 = 0.03;
 
 /// The factor of an earlier matrix of a step, as a preconditioner.
 struct Kept {
     factor: Factor,
-    /// Iterations of conjugate gradients that it took for every factor of e by which the residual's square fell; zero: not known.
+    /// Iterations of conjugate gradients that it took for every factor of e by which the residual's square fell;
+    /// zero: not known.
     slowness: f64,
 }
 
@@ -53,7 +55,8 @@ pub fn step(
     step_near(cloth, settings, stiffness, before, acceleration, None, scratch)
 }
 
-/// [`step`] whose search starts from the positions `near`, shape `[V]`, where their potential is less than that of going straight on.
+/// [`step`] whose search starts from the positions `near`, shape `[V]`, where their potential is less than that of
+/// going straight on.
 pub fn step_near(
     cloth: &Cloth,
     settings: &StepSettings,
@@ -81,7 +84,8 @@ pub fn step_near(
     }
     let mut kept: Option<Kept> = None;
     let (mut first_square, mut last) = (None, 0.0);
-    // Whether the next step would be less than the tolerance, were it to shrink like the last one. One by the kept factor alone tells.
+    // Whether the next step would be less than the tolerance, were it to shrink like the last one. One by the kept
+    // factor alone tells.
     let mut nearly = false;
     for _ in 0..settings.newton_limit {
         let chord = kept
@@ -168,13 +172,15 @@ impl Potential<'_> {
         (0.5 * kinetic / sq_h + elastic, gradient)
     }
 
-    /// Solves ∂²Φ s = `gradient`, as far as ∂²Φ is positive. `kept` is the factor of an earlier matrix of this step, if there
-    /// is one, and `chord` its solution, if that is known; afterwards the one to go on with, or none where that did not lead to the end.
+    /// Solves ∂²Φ s = `gradient`, as far as ∂²Φ is positive. `kept` is the factor of an earlier matrix of this
+    /// step, if there is one, and `chord` its solution, if that is known; afterwards the one to go on with, or
+    /// none where that did not lead to the end.
     ///
-    /// The kept factor preconditions conjugate gradients while it is near enough: as long as it promises, by how fast it was the last
-    /// time, to keep within the limit of iterations. What they reached leads downwards in any case. Where the exact matrix H is not
-    /// definite, a projected one P ≥ H is factorised: alone it would take short steps, but conjugate gradients with H lengthen them.
-    /// Factors are rounded, which conjugate gradients make up for at once.
+    /// The kept factor preconditions conjugate gradients while it is near enough: as long as it promises, by how
+    /// fast it was the last time, to keep within the limit of iterations. What they reached leads downwards in any
+    /// case. Where the exact matrix H is not definite, a projected one P ≥ H is factorised: alone it would take
+    /// short steps, but conjugate gradients with H lengthen them. Factors are rounded, which conjugate gradients
+    /// make up for at once.
     fn newton_step(
         &self,
         d: &[DVec3],

@@ -1,12 +1,13 @@
-//! Differentiable cloth simulation: two elastic models, springs and a continuum ([`fabric`]), two implicit integrators, a
-//! network that stands for one ([`surrogate`]), their adjoints.
+//! Differentiable cloth simulation: two elastic models, springs and a continuum ([`fabric`]), two implicit
+//! integrators, a network that stands for one ([`surrogate`]), their adjoints.
 //!
-//! A [`Cloth`] is made from a polygon mesh: its edges are the threads, its parameters a handful of numbers that a loss can be
-//! differentiated by. Sheets hang, fall, slide and flutter in moving [`air`]. Results are the same, bit for bit, for any number of threads.
-//! This crate is what [tessuto](https://docs.rs/tessuto) recovers fabric with, where it is called `tessuto::sim`.
+//! A [`Cloth`] is made from a polygon mesh: its edges are the threads, its parameters a handful of numbers that a
+//! loss can be differentiated by. Sheets hang, fall, slide and flutter in moving [`air`]. Results are the same,
+//! bit for bit, for any number of threads. This crate is what [tessuto](https://docs.rs/tessuto) recovers fabric
+//! with, where it is called `tessuto::sim`.
 //!
-//! [`rollout()`] simulates a clip, [`rollout_vjp`] takes the derivatives of a loss by its positions back to accelerations,
-//! stiffnesses and the initial state:
+//! [`rollout()`] simulates a clip, [`rollout_vjp`] takes the derivatives of a loss by its positions back to
+//! accelerations, stiffnesses and the initial state:
 //!
 //! ```
 //! use tessuto_core::glam::{DVec2, DVec3};

@@ -1,8 +1,8 @@
-//! In-plane elasticity of one triangle: a continuum with the Green strain, stiffer along one direction of the weave than along
-//! the other.
+//! In-plane elasticity of one triangle: a continuum with the Green strain, stiffer along one direction of the
+//! weave than along the other.
 //!
-//! With the deformation gradient F = (f₁ f₂), f₁ along the warp and f₂ along the weft, the strain is E = ½ (FᵀF − I) and the
-//! energy of a triangle of area A
+//! With the deformation gradient F = (f₁ f₂), f₁ along the warp and f₂ along the weft, the strain is E = ½ (FᵀF −
+//! I) and the energy of a triangle of area A
 //!
 //!   A (½ c₁₁ E₁₁² + ½ c₂₂ E₂₂² + c₁₂ E₁₁ E₂₂ + 2 g E₁₂²).
 //!
@@ -52,8 +52,9 @@ pub struct Hessian<T>([Matrix<T>; 3]);
 pub type Weights<T> = [[T; 2]; 2];
 
 impl Membrane {
-    /// The triangle with corners at `x` `[m]` and `uvs` as they are without load. The warp runs along growing u, or along the
-    /// first side where the texture coordinates have no direction. `None` for a triangle without area.
+    /// The triangle with corners at `x` `[m]` and `uvs` as they are without load. The warp runs along growing u,
+    /// or along the first side where the texture coordinates have no direction. `None` for a triangle without
+    /// area.
     pub fn new(vertices: [u32; 3], x: [DVec3; 3], uvs: [DVec2; 3], pairs: [usize; 3]) -> Option<Self> {
         let (p, q) = (x[1] - x[0], x[2] - x[0]);
         let normal = p.cross(q);
@@ -208,7 +209,8 @@ impl<T: Real> Strained<T> {
 }
 
 impl<T: Scalar> Hessian<T> {
-    /// Gives the blocks by the positions to `put`: the diagonal ones of the corners, then those of the membrane's pairs.
+    /// Gives the blocks by the positions to `put`: the diagonal ones of the corners, then those of the membrane's
+    /// pairs.
     #[inline(always)]
     pub fn blocks(&self, [r, s]: Weights<T>, mut put: impl FnMut(usize, &Matrix<T>)) {
         let Self([h11, h12, h22]) = *self;

@@ -1,5 +1,5 @@
-//! The elastic models by name, and of each the one table of the properties that a homogeneous cloth of it has. What is searched, written,
-//! read, shown and changed by name follows from the table.
+//! The elastic models by name, and of each the one table of the properties that a homogeneous cloth of it has.
+//! What is searched, written, read, shown and changed by name follows from the table.
 
 use serde::{Deserialize, Serialize};
 

@@ -4,14 +4,16 @@
 //!
 //!   ½ D κ²,   ½ E ε²,   ½ G γ²,
 //!
-//! with the bending stiffness D [N·m], the membrane stiffness E and the shear stiffness G [N/m]. Springs that lie along the direction do
-//! the same, with the mean ℓ of a bending pair's arms and the length l of an edge:
+//! with the bending stiffness D [N·m], the membrane stiffness E and the shear stiffness G [N/m]. Springs that lie
+//! along the direction do the same, with the mean ℓ of a bending pair's arms and the length l of an edge:
 //!
-//!   D = Σ B s ℓ²/A,   E = Σ Y l²/A,   G = Σ S/A;   on a regular grid of steps a along and b across D = B s a/b, E = Y a/b, G = 4 S/(a b).
+//!   D = Σ B s ℓ²/A, E = Σ Y l²/A, G = Σ S/A; on a regular grid of steps a along and b across D = B s a/b, E = Y
+//!   a/b, G = 4 S/(a b).
 //!
-//! Bending pairs are soft while they are nearly straight: an angle φ has the moment B (θ − θ₀) dθ/dφ = B s φ with θ ≈ √(θ₀² + φ²), θ₀ = 8.1°, and the
-//! secant s(φ) = 1 − θ₀/√(θ₀² + φ²). What counts is its mean over the angles that the cloth has, weighted by φ²: that of the sheet of constant D whose
-//! moments do the same work. All is in proportion to the area density, which is assumed.
+//! Bending pairs are soft while they are nearly straight: an angle φ has the moment B (θ − θ₀) dθ/dφ = B s φ with
+//! θ ≈ √(θ₀² + φ²), θ₀ = 8.1°, and the secant s(φ) = 1 − θ₀/√(θ₀² + φ²). What counts is its mean over the angles
+//! that the cloth has, weighted by φ²: that of the sheet of constant D whose moments do the same work. All is in
+//! proportion to the area density, which is assumed.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -40,8 +42,8 @@ pub struct PerWidth {
     pub area_density: f64,
 }
 
-/// Stiffnesses per width of `cloth`, whose template is `template`, with `stiffness` stretch [N/m], bend and shear [J/rad²], as bent in
-/// `frames`, shape [N, V] `[m]`. `None` where the texture coordinates are no flat panel.
+/// Stiffnesses per width of `cloth`, whose template is `template`, with `stiffness` stretch [N/m], bend and shear
+/// [J/rad²], as bent in `frames`, shape [N, V] `[m]`. `None` where the texture coordinates are no flat panel.
 pub fn per_width(
     cloth: &Cloth,
     template: &Mesh,
@@ -74,8 +76,8 @@ pub fn per_width(
     Some(PerWidth { bending, shear, membrane, bent: angle_of(secant), area_density: AREA_DENSITY })
 }
 
-/// Bending length c = (D/(ρ g))^⅓ `[m]` of a bending stiffness [N·m] at an area density [kg/m²]: that of a strip that bends under its own weight
-/// by a fixed angle, as in BS 3356.
+/// Bending length c = (D/(ρ g))^⅓ `[m]` of a bending stiffness [N·m] at an area density [kg/m²]: that of a strip
+/// that bends under its own weight by a fixed angle, as in BS 3356.
 pub fn bending_length(bending: f64, density: f64) -> f64 {
     const GRAVITY: f64 = 9.81;
     (bending / (density * GRAVITY)).cbrt()
@@ -146,7 +148,8 @@ mod tests {
             let widths = per_width(&cloth, &mesh, K, std::slice::from_ref(&bent)).unwrap();
             // The pairs across are straight and do not count.
             assert!((widths.bent / (curvature * arc) - 1.0).abs() < 0.05, "{}", widths.bent);
-            // The energy of a spring that is soft at first is half of moment times angle for its own secant only nearly.
+            // The energy of a spring that is soft at first is half of moment times angle for its own secant only
+            // nearly.
             let own = widths.bending[axis] * secant(curvature * arc) / secant(widths.bent);
             let moment = moment_of(curvature * arc) * K[1] / arc * [0.015 / 0.01, 0.01 / 0.015][axis] * arc;
             let expected = moment / (curvature * arc);
@@ -243,8 +246,9 @@ mod tests {
         assert!(tip > 0.01 && worst < 0.12, "{tip} {worst}");
     }
 
-    /// How far the end of a heavy elastic strip hangs below its clamp, over how far it reaches out, at Γ = ρ g L³/D: θ″ = −Γ (1 − s) cos θ, θ(0) = 0,
-    /// θ′(1) = 0, by shooting. To this curve all cantilevers fall (Romero et al., "Physical validation of simulators in computer graphics", 2021).
+    /// How far the end of a heavy elastic strip hangs below its clamp, over how far it reaches out, at Γ = ρ g
+    /// L³/D: θ″ = −Γ (1 − s) cos θ, θ(0) = 0, θ′(1) = 0, by shooting. To this curve all cantilevers fall (Romero
+    /// et al., "Physical validation of simulators in computer graphics", 2021).
     fn master_curve(gamma: f64) -> f64 {
         const STEPS: usize = 400;
         let h = 1.0 / STEPS as f64;

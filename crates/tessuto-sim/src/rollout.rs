@@ -178,7 +178,8 @@ impl Accelerations {
         Self { constant: DVec3::ZERO, dynamic, entries_per_frame, wind: None }
     }
 
-    /// Rounds the dynamic part to single precision, as files keep it, so that what they make is made again to the last bit.
+    /// Rounds the dynamic part to single precision, as files keep it, so that what they make is made again to the
+    /// last bit.
     pub fn round(&mut self) {
         self.dynamic.iter_mut().flatten().for_each(|a| *a = a.as_vec3().as_dvec3());
     }

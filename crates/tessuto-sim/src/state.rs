@@ -34,7 +34,8 @@ pub struct StepSettings {
     pub step: f64,
     /// Factor δ on the velocity before each sub-step.
     pub damping: f64,
-    /// Newton's method ends when no coordinate moves by more than this `[m]`, or surely would not in its next iteration.
+    /// Newton's method ends when no coordinate moves by more than this `[m]`, or surely would not in its next
+    /// iteration.
     pub tolerance: f64,
     /// Newton's method ends after this many iterations at the latest.
     pub newton_limit: usize,
@@ -56,7 +57,8 @@ pub struct StepTape {
     pub before: State,
     /// State after the step.
     pub after: State,
-    /// Factor of the step's linear system or, where that was solved for several times, of one near the last; if it was worth keeping.
+    /// Factor of the step's linear system or, where that was solved for several times, of one near the last; if it
+    /// was worth keeping.
     pub factor: Option<Factor>,
     /// Where the cloth would be without elastic forces `[m]`, if the adjoint needs it.
     pub inertial: Option<Positions>,

@@ -12,7 +12,8 @@ use tessuto_core::math::factor::Scratch;
 /// Takes one sub-step under external `acceleration` [m/s²], shape `[V]`.
 ///
 /// # Errors
-/// [`tessuto_core::Error::Numerical`] if the result is not finite; [`tessuto_core::Error::Input`] if the integrator cannot take the cloth.
+/// [`tessuto_core::Error::Numerical`] if the result is not finite; [`tessuto_core::Error::Input`] if the
+/// integrator cannot take the cloth.
 pub fn step(
     cloth: &Cloth,
     settings: &StepSettings,
@@ -55,7 +56,8 @@ pub fn step_vjp(
     });
 }
 
-/// Runs on one of the pool's threads, from which its many short parallel parts start at once: from outside each would have to wake one.
+/// Runs on one of the pool's threads, from which its many short parallel parts start at once: from outside each
+/// would have to wake one.
 pub fn in_pool<T: Send>(run: impl FnOnce() -> T + Send) -> T {
     rayon::scope(|_| run())
 }

@@ -1,7 +1,7 @@
 //! Springs of no length that tie vertices to given points, inside an implicit step.
 //!
-//! A tie of stiffness κ adds ½ κ ‖x − p‖² to the incremental potential Φ of [`super::implicit_euler`]: a second inertia.
-//! The step is that of free cloth with the masses and accelerations
+//! A tie of stiffness κ adds ½ κ ‖x − p‖² to the incremental potential Φ of [`super::implicit_euler`]: a second
+//! inertia. The step is that of free cloth with the masses and accelerations
 //!
 //!   M' = M + h² κ,   M' g' = M g + κ (p − x − h δ v).
 

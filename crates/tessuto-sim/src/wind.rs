@@ -1,10 +1,10 @@
 //! Wind: air that moves past a triangle pushes it along its normal.
 //!
-//! With the area vector N = ½ p × r of the triangle's sides p and r, and the velocity u = w − v of the wind seen from its middle, the
-//! force is ρ |u·N| (u·N)/‖N‖² N: the pressure ρ (u·n)² on its area, from the side where the wind comes from. Along the surface air
-//! hardly holds it. The force is taken from the state before a step.
-//! Source: Narain, Samii, O'Brien 2012, "Adaptive Anisotropic Remeshing for Cloth Simulation" (its program ARCSim, the simulator of
-//! φ-SfT), without friction; the derivatives are ours.
+//! With the area vector N = ½ p × r of the triangle's sides p and r, and the velocity u = w − v of the wind seen
+//! from its middle, the force is ρ |u·N| (u·N)/‖N‖² N: the pressure ρ (u·n)² on its area, from the side where the
+//! wind comes from. Along the surface air hardly holds it. The force is taken from the state before a step.
+//! Source: Narain, Samii, O'Brien 2012, "Adaptive Anisotropic Remeshing for Cloth Simulation" (its program ARCSim,
+//! the simulator of φ-SfT), without friction; the derivatives are ours.
 
 use glam::DVec3;
 
@@ -25,8 +25,8 @@ fn of_triangle(state: &State, wind: DVec3, triangle: [u32; 3]) -> [DVec3; 4] {
     [p, r, 0.5 * p.cross(r), wind - mean]
 }
 
-/// Adds to `out` the accelerations [m/s²], shape `[V]`, by a wind of velocity `wind` [m/s]. A third of a triangle's force acts on each
-/// corner.
+/// Adds to `out` the accelerations [m/s²], shape `[V]`, by a wind of velocity `wind` [m/s]. A third of a
+/// triangle's force acts on each corner.
 pub(super) fn add_wind(cloth: &Cloth, state: &State, wind: DVec3, out: &mut [DVec3]) {
     for t in &cloth.triangles {
         let [_, _, n, u] = of_triangle(state, wind, *t);

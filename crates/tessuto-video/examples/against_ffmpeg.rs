@@ -1,7 +1,7 @@
 //! Time of decoding against ffmpeg's one thread: `against_ffmpeg [SIZE] [SECONDS] [NOISE]`.
 //!
-//! Clips of many kinds are made by ffmpeg (1280×720, 3 s and noise of strength 12 by default) and decoded by both, planes compared byte by byte; then the
-//! colours of some against those of ffmpeg.
+//! Clips of many kinds are made by ffmpeg (1280×720, 3 s and noise of strength 12 by default) and decoded by both,
+//! planes compared byte by byte; then the colours of some against those of ffmpeg.
 
 #[path = "../tests/clips/mod.rs"]
 mod clips;
@@ -29,12 +29,14 @@ const TIMED: [&str; 14] = [
     "hevc_weighted.mp4",
     "stream.hevc",
 ];
-/// ffmpeg's colours in two steps, with 16 bits between, as exact as they can be had; and in one, as it has them if not told otherwise.
+/// ffmpeg's colours in two steps, with 16 bits between, as exact as they can be had; and in one, as it has them if
+/// not told otherwise.
 const EXACT: &str = "scale=flags=accurate_rnd+full_chroma_int+full_chroma_inp+bilinear:in_h_chr_pos=0:in_v_chr_pos=128,format=yuv444p16,\
                      scale=flags=accurate_rnd+full_chroma_int,format=rgb24";
 const PLAIN: &str = "scale";
 
-/// Time that this thread has had of a processor, as Linux counts it, so that other programs do not count; else the clock's.
+/// Time that this thread has had of a processor, as Linux counts it, so that other programs do not count; else the
+/// clock's.
 fn processor() -> Duration {
     static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
     let counted = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap_or_default();

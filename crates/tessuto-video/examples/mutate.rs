@@ -1,8 +1,9 @@
 //! Damaged films by the million: `mutate [COUNT] [FIRST] [EVERY]`.
 //!
-//! Small clips of many kinds, made by ffmpeg, are changed at random and read. Nothing may panic but the decoders, which are not ours
-//! and are caught; nothing may take longer than ten seconds. One input in EVERY (64) is decoded, of the others the container is
-//! read. What fails is printed with its number; `mutate 1 NUMBER` repeats it.
+//! Small clips of many kinds, made by ffmpeg, are changed at random and read. Nothing may panic but the decoders,
+//! which are not ours and are caught; nothing may take longer than ten seconds. One input in EVERY (64) is
+//! decoded, of the others the container is read. What fails is printed with its number; `mutate 1 NUMBER` repeats
+//! it.
 
 #[path = "../tests/clips/mod.rs"]
 mod clips;

@@ -68,8 +68,8 @@ fn short() -> Refused {
     Refused::Damaged("a parameter set ends early".into())
 }
 
-/// Whether a unit is free of what no encoder writes into one: two zeros before 0, 1 or 2, such as holes of zeros that a failing card
-/// leaves. A few zeros behind it are common.
+/// Whether a unit is free of what no encoder writes into one: two zeros before 0, 1 or 2, such as holes of zeros
+/// that a failing card leaves. A few zeros behind it are common.
 pub(crate) fn is_sound(unit: &[u8]) -> bool {
     let end = unit.iter().rposition(|&b| b != 0).map_or(0, |k| k + 1);
     unit.len() - end <= 8 && !unit[..end].windows(3).any(|w| w[0] == 0 && w[1] == 0 && w[2] < 3)

@@ -1,11 +1,11 @@
 //! At which rate a film was filmed, where it is stamped to be played slower or faster.
 //!
-//! Android phones write `com.android.capture.fps` into the metadata of the file, cameras of Sony `captureFps` beside `formatFps` into XML in
-//! a box `meta` of it. iPhones stamp their slow motion with the times at which it was filmed, and slow it down when it is played, so that
-//! the stamps are right already.
+//! Android phones write `com.android.capture.fps` into the metadata of the file, cameras of Sony `captureFps`
+//! beside `formatFps` into XML in a box `meta` of it. iPhones stamp their slow motion with the times at which it
+//! was filmed, and slow it down when it is played, so that the stamps are right already.
 //!
-//! Sources: Android, `MediaMuxer` and AOSP `MPEG4Writer::writeMoovLevelMetaBox` ("com.android.capture.fps"); Sony, *NonRealTimeMeta*
-//! (element `VideoFrame`); Apple, *QuickTime File Format*, boxes `meta` and `xml `.
+//! Sources: Android, `MediaMuxer` and AOSP `MPEG4Writer::writeMoovLevelMetaBox` ("com.android.capture.fps"); Sony,
+//! *NonRealTimeMeta* (element `VideoFrame`); Apple, *QuickTime File Format*, boxes `meta` and `xml `.
 
 use std::collections::BTreeMap;
 use std::fs::File;

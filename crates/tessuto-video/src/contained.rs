@@ -20,7 +20,8 @@ const WAITING_BYTES: usize = 512 << 20;
 /// Longest sample `[bytes]`; a frame of any level is shorter.
 const LONGEST: u32 = 64 << 20;
 
-/// Why a film that begins with frames which refer to missing ones is not decoded here: others leave them out or show them broken.
+/// Why a film that begins with frames which refer to missing ones is not decoded here: others leave them out or
+/// show them broken.
 pub(crate) const AMID: &str = "a film that begins amid a group of frames";
 
 /// The film of a container.

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use crate::refusal::Refusal;
 
-/// Beginnings, in small letters, of files that name other files: HLS, ffmpeg's concat, DASH, PLS, ASX, SMIL, RealMedia and QuickTime
-/// references, SDP.
+/// Beginnings, in small letters, of files that name other files: HLS, ffmpeg's concat, DASH, PLS, ASX, SMIL,
+/// RealMedia and QuickTime references, SDP.
 const LISTS: [(&str, &str); 13] = [
     ("#extm3u", "a playlist (m3u8)"),
     ("#extinf", "a playlist (m3u8)"),
@@ -26,13 +26,14 @@ const LISTS: [(&str, &str); 13] = [
 /// So many bytes are enough to know a list.
 const HEAD: u64 = 64;
 
-/// Refuses what is no file of its own, such as a pipe, which can be read only once and may never come to an end. Folders pass: who
-/// wants a file says so.
+/// Refuses what is no file of its own, such as a pipe, which can be read only once and may never come to an end.
+/// Folders pass: who wants a file says so.
 ///
 /// # Errors
 /// [`Refusal`] naming what is there. A path at which nothing is passes as well.
 pub fn expect_file(path: &Path) -> Result<(), Refusal> {
-    // What is open already has names in folders of the system; behind them may be anything, and it may have been read in part.
+    // What is open already has names in folders of the system; behind them may be anything, and it may have been
+    // read in part.
     let is_open_already =
         ["/dev/stdin", "/dev/fd/", "/proc/self/fd/"].iter().any(|door| path.starts_with(door));
     let Ok(metadata) = std::fs::metadata(path) else {

@@ -17,7 +17,8 @@ const INSTALL: &str = "install it (Debian, Ubuntu: sudo apt install ffmpeg; macO
 const WHOLE: &str = "play it to see whether it is whole; copy it again";
 /// Most of ffmpeg's complaints that are kept.
 const MAX_COMPLAINTS: usize = 20;
-/// Containers that are opened. What names other files, what the network or a device gives and images alone are not among them.
+/// Containers that are opened. What names other files, what the network or a device gives and images alone are not
+/// among them.
 const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,live_flv,asf,ogg,gif,apng,mxf,gxf,nut,ivf,dv,rm,\
      wtv,yuv4mpegpipe,h264,hevc,vvc,evc,mjpeg,mjpeg_2000,mpjpeg,smjpeg,m4v,h261,h263,vc1,vc1test,obu,av1,cavsvideo,avs2,avs3,dirac,dnxhd,\
      jpeg_pipe,png_pipe,nsv,pmp,r3d,lxf,dhav,film_cpk,roq,4xm,flic,nuv";
@@ -240,7 +241,8 @@ impl Decoder {
 fn filters(stream: &Stream) -> String {
     let is_interlaced = stream.fields != Fields::Progressive;
     let [width, height] = if is_interlaced { stream.size } else { stream.upright_size() };
-    // The filters are set up anew where frames change their size; an impossible width then ends the decoder, which would scale them else.
+    // The filters are set up anew where frames change their size; an impossible width then ends the decoder, which
+    // would scale them else.
     let mut filters = vec![format!(r"crop=w=if(eq(iw\,{width})*eq(ih\,{height})\,iw\,-1):h=ih:exact=1")];
     if is_interlaced {
         let first = if stream.fields == Fields::TopFirst { "tff" } else { "bff" };

@@ -22,7 +22,8 @@ pub struct Options<'a> {
     pub max_side: usize,
     /// Most memory that one frame may take, three bytes a pixel `[bytes]`.
     pub max_bytes: u64,
-    /// Most time stamps that are read; longer films are refused unless only their first [`end`](Self::end) frames are wanted.
+    /// Most time stamps that are read; longer films are refused unless only their first [`end`](Self::end) frames
+    /// are wanted.
     pub max_frames: usize,
     /// Number of the first frame, as stored, that is not wanted; all are where `None`.
     pub end: Option<usize>,
@@ -95,8 +96,8 @@ pub struct Film {
 /// Looks at the video file at `path`. Of several films in it the one that a player shows is taken.
 ///
 /// # Errors
-/// [`Refusal`] of what is no regular file or a list of files, holds no film, is too large, changes its size where that can be told
-/// without decoding, or needs a program that is not there.
+/// [`Refusal`] of what is no regular file or a list of files, holds no film, is too large, changes its size where
+/// that can be told without decoding, or needs a program that is not there.
 pub fn open(path: &Path, options: &Options) -> Result<Film, Refusal> {
     expect_file(path)?;
     expect_no_list(path)?;
@@ -118,7 +119,8 @@ fn here(path: &Path, stream: Stream, options: &Options) -> Result<Film, Refusal>
     Ok(Film { stream, stored, notes: Vec::new(), path: path.to_path_buf(), backend: Backend::Native })
 }
 
-/// A film that ffprobe looks at and ffmpeg decodes, since it was `refused` here. What is damaged ffmpeg may still read in part.
+/// A film that ffprobe looks at and ffmpeg decodes, since it was `refused` here. What is damaged ffmpeg may still
+/// read in part.
 pub(crate) fn by_programs(path: &Path, options: &Options, refused: Option<Refused>) -> Result<Film, Refusal> {
     let look = ffprobe::look(path, Programs::beside(options.ffmpeg), options);
     let look = look.map_err(|refusal| match &refused {

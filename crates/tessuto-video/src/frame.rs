@@ -48,8 +48,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// The planes as ffmpeg writes them with `-f rawvideo` in the pixel format of the film: values of more than 8 bits as two bytes,
-    /// the lower first.
+    /// The planes as ffmpeg writes them with `-f rawvideo` in the pixel format of the film: values of more than 8
+    /// bits as two bytes, the lower first.
     pub fn bytes(&self) -> Vec<u8> {
         match &self.planes {
             Planes::U8(planes) => planes.concat(),

@@ -1,7 +1,7 @@
 //! HEVC: its parameter sets, and its frames by the crate `rust_h265`.
 //!
-//! Source: ITU-T H.265 (08/2021), 7.3.2.2.1 (sequence parameter set), 7.3.3 (profile), 7.3.4 (scaling lists), 7.3.7 (reference
-//! picture sets), E.2.1 (usability information).
+//! Source: ITU-T H.265 (08/2021), 7.3.2.2.1 (sequence parameter set), 7.3.3 (profile), 7.3.4 (scaling lists),
+//! 7.3.7 (reference picture sets), E.2.1 (usability information).
 
 use rust_h265::{DecodeError, Decoder, PixelData, parse_nal};
 
@@ -196,8 +196,8 @@ fn scaling_lists(bits: &mut Bits) -> Result<(), Refused> {
     Ok(())
 }
 
-/// Passes over the short-term reference picture sets; one may be told by the differences from the one before it, so they are kept:
-/// differences of order, those before first, each half from the nearest outwards.
+/// Passes over the short-term reference picture sets; one may be told by the differences from the one before it,
+/// so they are kept: differences of order, those before first, each half from the nearest outwards.
 fn reference_sets(bits: &mut Bits) -> Result<(), Refused> {
     let mut last: Vec<i64> = Vec::new();
     for number in 0..bits.up_to(64, "num_short_term_ref_pic_sets")? {

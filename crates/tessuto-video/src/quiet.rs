@@ -11,8 +11,8 @@ thread_local! {
 
 /// What `work` returns, or `None` if it panics, of which nothing is printed.
 ///
-/// What it left half done must not be used again. The first call puts a hook before the program's own that lets the panics of all
-/// other work through.
+/// What it left half done must not be used again. The first call puts a hook before the program's own that lets
+/// the panics of all other work through.
 pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Option<T> {
     static HOOK: Once = Once::new();
     if !std::thread::panicking() {

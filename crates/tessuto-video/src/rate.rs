@@ -39,8 +39,8 @@ pub struct Late {
     pub intervals: usize,
 }
 
-/// The pace of frames shown at `times` `[s]`, in order, which are rounded to multiples of `tick` `[s]`. A single frame, or several at one time,
-/// have no pace; they get one frame a second.
+/// The pace of frames shown at `times` `[s]`, in order, which are rounded to multiples of `tick` `[s]`. A single
+/// frame, or several at one time, have no pace; they get one frame a second.
 pub fn pace(times: &[f64], tick: f64) -> Pace {
     let count = times.len();
     let span = times.last().unwrap_or(&0.0) - times.first().unwrap_or(&0.0);
@@ -144,8 +144,8 @@ fn grid(times: &[f64], intervals: &[f64], base: f64, tick: f64) -> Option<(f64, 
     Some((fps, slots))
 }
 
-/// The frame, of those shown at `times` `[s]`, that is nearest to each moment of a constant rate; the earlier of two that are equally near.
-/// The last frame lasts as long as most do.
+/// The frame, of those shown at `times` `[s]`, that is nearest to each moment of a constant rate; the earlier of
+/// two that are equally near. The last frame lasts as long as most do.
 ///
 /// `None` if that would be more than `most` moments.
 pub fn nearest(times: &[f64], fps: f64, tick: f64, most: usize) -> Option<Vec<usize>> {

@@ -2,7 +2,8 @@
 
 use std::fmt;
 
-/// Why a file, or a frame of it, is not read. The text names what was found, not the file: who opened it knows its name.
+/// Why a file, or a frame of it, is not read. The text names what was found, not the file: who opened it knows its
+/// name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Refused {
     /// Sound as far as it was read, but not of a kind that is decoded here; another program may read it.

@@ -8,9 +8,10 @@
 //! b = y + 2 (1 − Kb) u
 //! ```
 //!
-//! in 255ths, rounded and cut to 0…255. Limited range of b bits has black at 16 · 2^(b−8), white 219 · 2^(b−8) above it, and colours
-//! 224 · 2^(b−8) wide; full range is 2^b − 1 wide. Colours lie between those of the four nearest places, by straight lines in both
-//! directions, at the place that the stream says they are sited at (the left pixel of two, between two rows, if it says nothing).
+//! in 255ths, rounded and cut to 0…255. Limited range of b bits has black at 16 · 2^(b−8), white 219 · 2^(b−8)
+//! above it, and colours 224 · 2^(b−8) wide; full range is 2^b − 1 wide. Colours lie between those of the four
+//! nearest places, by straight lines in both directions, at the place that the stream says they are sited at (the
+//! left pixel of two, between two rows, if it says nothing).
 //!
 //! Source: ITU-T H.273 (07/2021), 8.3 (matrix coefficients); H.264, figure E-1 (sites).
 
@@ -103,7 +104,8 @@ impl Colours {
         }
     }
 
-    /// How far colours lie behind the first pixel, to the right and downwards, in quarters of the distance between two of them.
+    /// How far colours lie behind the first pixel, to the right and downwards, in quarters of the distance between
+    /// two of them.
     fn offset(&self) -> [i32; 2] {
         match self.siting {
             0 => [0, 1],

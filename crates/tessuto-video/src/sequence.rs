@@ -15,8 +15,8 @@ pub(crate) struct Sequence {
 }
 
 impl Sequence {
-    /// Takes any unit; reads it if it is a sequence parameter set. To be called before the decoder sees it: what a set asks for is
-    /// taken by the decoder at once.
+    /// Takes any unit; reads it if it is a sequence parameter set. To be called before the decoder sees it: what a
+    /// set asks for is taken by the decoder at once.
     pub(crate) fn unit(&mut self, codec: Codec, unit: &[u8], limits: &Limits) -> Result<(), Refused> {
         let is_sequence = match codec {
             Codec::H264 => h264::kind(unit) == h264::SEQUENCE,

@@ -5,8 +5,8 @@
 pub struct Stream {
     /// Short name of the codec, as ffmpeg has it: `h264`, `hevc`, `vp9`.
     pub codec: String,
-    /// Presentation times of the frames that a player shows `[s]`, in the order in which they are shown, the first at 0; edit lists are
-    /// applied. Empty where the container holds no time stamps (elementary streams).
+    /// Presentation times of the frames that a player shows `[s]`, in the order in which they are shown, the first
+    /// at 0; edit lists are applied. Empty where the container holds no time stamps (elementary streams).
     pub times: Vec<f64>,
     /// Width and height of a decoded frame `[px]`, cropped, not turned yet.
     pub size: [usize; 2],
@@ -24,7 +24,8 @@ pub struct Stream {
     pub transfer: Transfer,
     /// Bits of one stored value.
     pub bits: u32,
-    /// Rate at which the frames were filmed, where the file says that it is another than that of the time stamps `[1/s]`.
+    /// Rate at which the frames were filmed, where the file says that it is another than that of the time stamps
+    /// `[1/s]`.
     pub capture_rate: Option<f64>,
     /// Unit in which the container counts time `[s]`: [`times`](Self::times) are rounded to it. 0 where they are exact.
     pub tick: f64,

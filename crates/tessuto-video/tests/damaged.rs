@@ -21,7 +21,8 @@ fn damaged_films_are_read_or_refused() {
     }
     let folder = tempfile::tempdir().unwrap();
     let seeds = damage::seeds(folder.path());
-    // Panics of the decoders are caught; those of our own code would be as well, and must not be there. The crate's hook comes first.
+    // Panics of the decoders are caught; those of our own code would be as well, and must not be there. The
+    // crate's hook comes first.
     static PANICS: Mutex<Vec<String>> = Mutex::new(Vec::new());
     drop(native::read(Cursor::new(Vec::new()), 0, Limits::default()));
     std::panic::set_hook(Box::new(|panic| {

@@ -97,8 +97,8 @@ fn cut_clips_show_what_ffmpeg_shows() {
     assert!(failures.is_empty(), "{failures:#?}");
 }
 
-/// ffmpeg's colours as exact as they can be had: it brings colours to every pixel in one step and mixes them in another, with 16 bits
-/// between; in one step, it takes the nearer of two rows.
+/// ffmpeg's colours as exact as they can be had: it brings colours to every pixel in one step and mixes them in
+/// another, with 16 bits between; in one step, it takes the nearer of two rows.
 const EXACT: &str = "flags=accurate_rnd+full_chroma_int+full_chroma_inp+bilinear";
 
 #[test]

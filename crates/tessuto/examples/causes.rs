@@ -2,11 +2,14 @@
 //!
 //! `cargo run --release --example causes -- SCENE MOTION.npy [DEVIATION.npy] [key=value ...]`
 //!
-//! MOTION is a result's motion.npy, or gt/vertices.npy of the scene. Prints factors and angles against gt/physics.json, where there is
-//! one, and how far the motion goes on as gt/calm.npy, and as gt/stiffer.npy with ten times the bend stiffness.
-//! `known` takes stiffnesses, gravity, drag and friction from gt/physics.json instead of searching, `held=0,24` takes these vertices as held,
-//! `start=1,10,0.1` multiplies the starts of stretch, bend and shear. `residual=0` leaves out what no cause explains, `friction=1e-8` sets the
-//! internal friction, `profile=0.1,1,10` holds the bend stiffness at the found one times each of these while all else is searched again, `length=0.9997` takes the panel's lengths times that, `compression=1` lets edges resist shortening.
+//! MOTION is a result's motion.npy, or gt/vertices.npy of the scene. Prints factors and angles against
+//! gt/physics.json, where there is one, and how far the motion goes on as gt/calm.npy, and as gt/stiffer.npy with
+//! ten times the bend stiffness. `known` takes stiffnesses, gravity, drag and friction from gt/physics.json
+//! instead of searching, `held=0,24` takes these vertices as held, `start=1,10,0.1` multiplies the starts of
+//! stretch, bend and shear. `residual=0` leaves out what no cause explains, `friction=1e-8` sets the internal
+//! friction, `profile=0.1,1,10` holds the bend stiffness at the found one times each of these while all else is
+//! searched again, `length=0.9997` takes the panel's lengths times that, `compression=1` lets edges resist
+//! shortening.
 
 use std::path::Path;
 use std::time::Instant;

@@ -1,5 +1,5 @@
-//! Material maps estimated of made scenes whose maps are known: fabrics of many kinds under several lights, on the true motion
-//! of a scene folder, for instance one that `tessuto synth` made.
+//! Material maps estimated of made scenes whose maps are known: fabrics of many kinds under several lights, on the
+//! true motion of a scene folder, for instance one that `tessuto synth` made.
 //!
 //! cargo run --release -p tessuto --example made_maps -- SCENE [steps] [map size] [batch]
 

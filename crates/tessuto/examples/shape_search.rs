@@ -8,7 +8,8 @@
 //!
 //! `step=K` takes every K-th frame only, `cut=A..B` leaves the frames A to B − 1 out, as if the sheet had jumped.
 //!
-//! After the search as always, it prints how far the positions are said to be off, and how often the true vertices are within that.
+//! After the search as always, it prints how far the positions are said to be off, and how often the true vertices
+//! are within that.
 
 use std::ops::Range;
 use std::path::Path;
@@ -134,8 +135,8 @@ const BOUNDS: [f64; 6] = [0.5, 1.0, 1.5, 2.0, 3.0, f64::INFINITY];
 /// A frame with a larger mean error than this [m] is lost.
 const LOST: f64 = 0.015;
 
-/// Mean deviation, and where there is truth how often it is within twice of that, and errors / deviations by their size; then of every
-/// frame mean error and root mean square deviation [mm], those of lost frames in brackets.
+/// Mean deviation, and where there is truth how often it is within twice of that, and errors / deviations by their
+/// size; then of every frame mean error and root mean square deviation [mm], those of lost frames in brackets.
 fn report_deviations(scene: &Scene, deviations: &[Vec<f64>], frames: &[Positions], seconds: f64) {
     let count = (deviations.len() - 1) * scene.template.positions.len();
     let mean = 1e3 * deviations[1..].iter().flatten().sum::<f64>() / count as f64;

@@ -1,5 +1,5 @@
-//! The surrogate of a simulation step against the solver that it stands for: error of single steps, of rollouts of 50 frames, and time;
-//! the linearised integrator beside it.
+//! The surrogate of a simulation step against the solver that it stands for: error of single steps, of rollouts of
+//! 50 frames, and time; the linearised integrator beside it.
 //!
 //! ```sh
 //! cargo run --release -p tessuto --example surrogate_error

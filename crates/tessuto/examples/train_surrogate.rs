@@ -1,4 +1,5 @@
-//! Trains the surrogate of a simulation step and writes its weights. The same numbers make the same bytes on the same machine.
+//! Trains the surrogate of a simulation step and writes its weights. The same numbers make the same bytes on the
+//! same machine.
 //!
 //! ```sh
 //! cargo run --release -p tessuto --features decoder --example train_surrogate -- out=crates/tessuto-sim/assets/surrogate/weights.f32

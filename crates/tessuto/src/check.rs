@@ -1,8 +1,8 @@
 //! Pre-flight check: what to know about a scene before spending hours on it.
 //!
-//! A check fails where [loading](tessuto_estimate::io::scene::load) fails, and where masks or template cannot be those of one piece of
-//! fabric; it names every error it can reach, measures what may be wrong without being an error, and draws the template
-//! over frame 0.
+//! A check fails where [loading](tessuto_estimate::io::scene::load) fails, and where masks or template cannot be
+//! those of one piece of fabric; it names every error it can reach, measures what may be wrong without being an
+//! error, and draws the template over frame 0.
 
 mod drawing;
 mod findings;

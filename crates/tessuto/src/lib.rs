@@ -51,17 +51,17 @@
 //!
 //! # The blocks
 //!
-//! [`sim`], [`raster`] and [`pbr`] are differentiable each by itself: a function f and its adjoint `f_vjp`, which takes the
-//! gradient of a loss by f's results to gradients by its arguments. Each module begins with an example. They are crates of
-//! their own: [`tessuto_sim`], [`tessuto_render`], on [`tessuto_core`]; the methods are [`tessuto_estimate`]. Here they have shorter
-//! names, and what is not shown here is found there.
+//! [`sim`], [`raster`] and [`pbr`] are differentiable each by itself: a function f and its adjoint `f_vjp`, which
+//! takes the gradient of a loss by f's results to gradients by its arguments. Each module begins with an example.
+//! They are crates of their own: [`tessuto_sim`], [`tessuto_render`], on [`tessuto_core`]; the methods are
+//! [`tessuto_estimate`]. Here they have shorter names, and what is not shown here is found there.
 //!
 //! # Conventions
 //!
-//! The world is the OpenCV camera frame (x right, y down, z forward) of the first frame in metres, seconds and kilograms; a
-//! [`Viewpoint`] is the way from its points to pixels. The centre of
-//! pixel (column i, row j) is at (i, j); images hold sRGB-encoded colour in `[0, 1]`; vectors are those of
-//! [`glam`], in f64. Errors say what is wrong, where, and what to do: [`Error`].
+//! The world is the OpenCV camera frame (x right, y down, z forward) of the first frame in metres, seconds and
+//! kilograms; a [`Viewpoint`] is the way from its points to pixels. The centre of pixel (column i, row j) is at
+//! (i, j); images hold sRGB-encoded colour in `[0, 1]`; vectors are those of [`glam`], in f64. Errors say what is
+//! wrong, where, and what to do: [`Error`].
 
 #[doc(hidden)]
 pub mod check;

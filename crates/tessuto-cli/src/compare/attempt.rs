@@ -1,4 +1,5 @@
-//! One method on one scene, as a child of this program: its memory is its own, and its failure costs nobody else's work.
+//! One method on one scene, as a child of this program: its memory is its own, and its failure costs nobody else's
+//! work.
 
 use std::io::{BufRead as _, BufReader};
 use std::ops::Range;
@@ -123,7 +124,8 @@ pub fn attempt(run: &Run) -> Result<End> {
     })
 }
 
-/// Runs this program with `arguments`; what it says is passed on. `memory` becomes the most it held `[bytes]`, `last` its error.
+/// Runs this program with `arguments`; what it says is passed on. `memory` becomes the most it held `[bytes]`,
+/// `last` its error.
 fn watched(
     arguments: &[String],
     memory: &mut Option<u64>,

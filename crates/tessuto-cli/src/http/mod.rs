@@ -1,5 +1,5 @@
-//! HTTP/1.1 as far as the pages of this program need it: servers on this machine, one request a connection. The head of a
-//! request is parsed by `httparse`.
+//! HTTP/1.1 as far as the pages of this program need it: servers on this machine, one request a connection. The
+//! head of a request is parsed by `httparse`.
 
 mod gate;
 mod request;
@@ -18,7 +18,8 @@ pub use response::Response;
 pub use seats::Seat;
 use seats::Seats;
 
-/// Longest silence of a client `[s]`: while it asks, and while it takes the answer, which a busy browser may leave waiting.
+/// Longest silence of a client `[s]`: while it asks, and while it takes the answer, which a busy browser may leave
+/// waiting.
 pub const PATIENCE: [Duration; 2] = [Duration::from_secs(5), Duration::from_secs(120)];
 /// A port of 127.0.0.1 that is ours.
 pub struct Listener {
@@ -46,8 +47,8 @@ impl Listener {
         format!("http://127.0.0.1:{}/", self.port)
     }
 
-    /// Hands every connection to `serve`, each in a thread: browsers open connections that they use later or never. Ends
-    /// with the program.
+    /// Hands every connection to `serve`, each in a thread: browsers open connections that they use later or
+    /// never. Ends with the program.
     pub fn serve(self, serve: impl Fn(TcpStream, &Seat) + Send + Sync + 'static) {
         let (serve, seats) = (Arc::new(serve), Seats::default());
         for stream in self.listener.incoming().flatten() {

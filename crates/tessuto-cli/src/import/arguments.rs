@@ -55,8 +55,8 @@ pub struct Arguments {
     /// Frames per second; required for images unless their names are times. A video of another rate is resampled.
     #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     pub fps: Option<f64>,
-    /// Frames per second at which the video was filmed; overrules its time stamps. For raw streams, which have none, and
-    /// slow motion. Interlaced film: frames as stored, before each becomes two.
+    /// Frames per second at which the video was filmed; overrules its time stamps. For raw streams, which have
+    /// none, and slow motion. Interlaced film: frames as stored, before each becomes two.
     #[arg(long, value_name = "FPS", value_parser = crate::frames::per_second)]
     pub rate: Option<f64>,
     /// Only frames A to B − 1 of the input.

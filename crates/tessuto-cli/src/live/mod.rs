@@ -1,5 +1,5 @@
-//! The page of a running reconstruction, served to browsers on this machine alone. The reconstruction only leaves copies of
-//! its state here; making JSON of them is the work of the server, [`http`].
+//! The page of a running reconstruction, served to browsers on this machine alone. The reconstruction only leaves
+//! copies of its state here; making JSON of them is the work of the server, [`http`].
 
 mod http;
 

@@ -223,8 +223,8 @@ fn is_estimated(work: &Work, form: &Form) -> bool {
     form.clip.is_some() && form.camera == Camera::Auto && !told()
 }
 
-/// Refuses corners that do not determine the focal length, before minutes are spent on masks. Of the scene's pixels, as the command
-/// for the template sees them.
+/// Refuses corners that do not determine the focal length, before minutes are spent on masks. Of the scene's
+/// pixels, as the command for the template sees them.
 fn tells_focal_length(
     work: &Work,
     form: &Form,

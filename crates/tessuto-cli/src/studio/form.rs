@@ -34,7 +34,8 @@ pub struct Form {
     pub camera: Camera,
     /// A photo or video of the place without the fabric, by its name in the project.
     pub plate: Option<String>,
-    /// Masks that another program made, a folder or a video by its name in the project; without them they are made from the outline.
+    /// Masks that another program made, a folder or a video by its name in the project; without them they are made
+    /// from the outline.
     pub masks: Option<String>,
     /// The fabric among several objects of those masks, as `--object` takes it.
     pub object: Option<String>,

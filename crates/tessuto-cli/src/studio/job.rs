@@ -1,5 +1,5 @@
-//! The commands that run now: children of this program, one after the other, in the project folder. They write into a log
-//! themselves and go on if this program is killed.
+//! The commands that run now: children of this program, one after the other, in the project folder. They write
+//! into a log themselves and go on if this program is killed.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::Write as _;

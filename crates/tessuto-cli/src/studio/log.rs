@@ -1,5 +1,5 @@
-//! What commands said, kept in a file each: `$ ` and the command, its words, `= ` and how it ended. Whoever reads it knows
-//! what went on, whether the server that started it still lives or not.
+//! What commands said, kept in a file each: `$ ` and the command, its words, `= ` and how it ended. Whoever reads
+//! it knows what went on, whether the server that started it still lives or not.
 
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! `tessuto studio`: the way from a clip to an export, in a browser. The server has no state but which command runs now:
-//! everything else is in the project folder, and all work is done by the commands of this very program.
+//! `tessuto studio`: the way from a clip to an export, in a browser. The server has no state but which command
+//! runs now: everything else is in the project folder, and all work is done by the commands of this very program.
 
 mod assets;
 mod commands;

@@ -1,5 +1,5 @@
-//! The project folder, and names of what is in it. A name has its parts separated by slashes; it comes from outside and may
-//! lead nowhere else, not by `..`, not as an absolute path, not through a link.
+//! The project folder, and names of what is in it. A name has its parts separated by slashes; it comes from
+//! outside and may lead nowhere else, not by `..`, not as an absolute path, not through a link.
 
 use std::fs::{File, Metadata};
 use std::path::{Component, Path, PathBuf};

@@ -45,8 +45,9 @@ pub struct Arguments {
     /// A flat sheet of paper, bent about turning axes without stretch; has no wind and no stiffness.
     #[arg(long, conflicts_with_all = ["hands", "wind", "stretch", "bend", "shear"])]
     paper: bool,
-    /// The wind is moving air that presses on the sheet, and gravity is tilted against the camera. The true physics is written
-    /// to gt/physics.json, the same cloth in still air and ten times stiffer to gt/calm.npy and gt/stiffer.npy.
+    /// The wind is moving air that presses on the sheet, and gravity is tilted against the camera. The true
+    /// physics is written to gt/physics.json, the same cloth in still air and ten times stiffer to gt/calm.npy and
+    /// gt/stiffer.npy.
     #[arg(long, conflicts_with = "paper")]
     air: bool,
     /// Strength of the gust [m/s²], with --air of the wind [m/s] [default: 9, with --hands 2, with --air 1].
@@ -70,7 +71,8 @@ pub struct Arguments {
     /// Motion blur: how long the shutter is open, as a fraction of the time from frame to frame [0.5 if not given].
     #[arg(long, value_name = "FRACTION", num_args = 0..=1, require_equals = true, default_missing_value = "0.5")]
     blur: Option<f64>,
-    /// Number of opaque things, each about a tenth of the cloth, that move in front of it [1 if not given]; masks exclude them.
+    /// Number of opaque things, each about a tenth of the cloth, that move in front of it [1 if not given]; masks
+    /// exclude them.
     #[arg(long, value_name = "N", num_args = 0..=1, require_equals = true, default_missing_value = "1")]
     occluders: Option<usize>,
     /// Masks show the whole cloth, with what is hidden behind occluders.

@@ -1,6 +1,6 @@
-//! What may go wrong around a run: odd options, names and environments, a full disk, folders that vanish or that two runs
-//! want at once, results that were tampered with. Each ends with its status and a message; earlier results stay whole.
-//! Bad scenes are in check_bad_input.rs, bad videos and cameras in import.rs.
+//! What may go wrong around a run: odd options, names and environments, a full disk, folders that vanish or that
+//! two runs want at once, results that were tampered with. Each ends with its status and a message; earlier
+//! results stay whole. Bad scenes are in check_bad_input.rs, bad videos and cameras in import.rs.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};

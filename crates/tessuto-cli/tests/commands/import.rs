@@ -387,7 +387,8 @@ fn videos_without_ffmpeg_tell_how_to_get_it() {
     }
 }
 
-/// What a stand-in for ffprobe says of a file with one film of the test's frames at these times, `more` of which are its own.
+/// What a stand-in for ffprobe says of a file with one film of the test's frames at these times, `more` of which
+/// are its own.
 #[cfg(unix)]
 fn said(times: [u32; FRAMES], time_base: &str, more: &str) -> String {
     let packets =
@@ -399,7 +400,8 @@ fn said(times: [u32; FRAMES], time_base: &str, more: &str) -> String {
     )
 }
 
-/// Stand-ins for ffmpeg, which sends the test's frames as images, and for ffprobe beside it, which answers `said`; the former.
+/// Stand-ins for ffmpeg, which sends the test's frames as images, and for ffprobe beside it, which answers `said`;
+/// the former.
 #[cfg(unix)]
 fn stand_in(recording: &Recording, said: &str, end: &str) -> PathBuf {
     use std::io::Write as _;

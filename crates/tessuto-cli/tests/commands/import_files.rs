@@ -1,5 +1,5 @@
-//! Files as segmenters, cameras, phones and robots write them: masks in colours, labels and transparency, names, formats,
-//! numbers of masks that begin elsewhere, camera files.
+//! Files as segmenters, cameras, phones and robots write them: masks in colours, labels and transparency, names,
+//! formats, numbers of masks that begin elsewhere, camera files.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

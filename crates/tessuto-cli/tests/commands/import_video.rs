@@ -1,4 +1,5 @@
-//! Videos as cameras, browsers and phones write them: their time, their shape, and what is no film. The clips are made by ffmpeg.
+//! Videos as cameras, browsers and phones write them: their time, their shape, and what is no film. The clips are
+//! made by ffmpeg.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -151,7 +151,8 @@ fn from_four_corners_to_masks_and_a_template() {
 #[test]
 fn the_empty_place_is_an_image_or_a_film() {
     let clip = Clip::new();
-    // Nobody has the empty wall of this clip: where the sheet is in none of three frames far apart, their median shows it.
+    // Nobody has the empty wall of this clip: where the sheet is in none of three frames far apart, their median
+    // shows it.
     let frames = [0, 14, 29]
         .map(|n| tessuto::io::image::read(&clip.path(&format!("trial/frames/frame_{n:03}.png"))).unwrap());
     let mut plate = Image::new(480, 480, 3);

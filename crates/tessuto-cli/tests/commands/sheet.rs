@@ -162,7 +162,8 @@ fn rectangles_that_no_fabric_can_be_are_refused() {
     );
 }
 
-/// Depth [m] of the sheet that [`scene`] shows, as a sensor of 64×48 pixels measures it: with a ripple, noise and a hole. 0 is nothing.
+/// Depth [m] of the sheet that [`scene`] shows, as a sensor of 64×48 pixels measures it: with a ripple, noise and
+/// a hole. 0 is nothing.
 fn measured([x, y]: [f64; 2], distance: f64) -> Vec<f32> {
     let sensor = CAMERA.resized([64, 48]);
     let turn = DMat3::from_euler(EulerRot::XYZ, x, y, 0.05);

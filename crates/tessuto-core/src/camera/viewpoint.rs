@@ -31,7 +31,8 @@ impl Pose {
 
 /// A camera somewhere in the world. Points and directions are the world's, unless a name says otherwise.
 ///
-/// A camera at the origin has no pose rather than the identity: it costs nothing, and no number changes in its last bit.
+/// A camera at the origin has no pose rather than the identity: it costs nothing, and no number changes in its
+/// last bit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Viewpoint {
     /// Intrinsics.

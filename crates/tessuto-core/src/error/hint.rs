@@ -17,7 +17,8 @@ pub struct Hint {
     pub remedies: Vec<Remedy>,
 }
 
-/// What to change. Not `non_exhaustive`: a program that gives remedies other names should fail to build where it lacks one.
+/// What to change. Not `non_exhaustive`: a program that gives remedies other names should fail to build where it
+/// lacks one.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Remedy {
     /// Allow to replace what is there: `RunOptions::replace`, or the argument `replace`.

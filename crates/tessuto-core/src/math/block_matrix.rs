@@ -19,7 +19,8 @@ const DIAGONAL: [[usize; 2]; 6] = [[0, 0], [1, 0], [2, 0], [1, 1], [2, 1], [2, 2
 /// Pattern of a symmetric matrix of 3×3 blocks: its lower triangle in compressed columns of blocks, with the
 /// vertices renumbered to keep the Cholesky factor sparse.
 ///
-/// The values of a vertex's columns: six of its diagonal block's lower triangle, then nine of every block below, each column by column.
+/// The values of a vertex's columns: six of its diagonal block's lower triangle, then nine of every block below,
+/// each column by column.
 #[derive(Debug, Clone)]
 pub struct BlockPattern {
     vertex_count: usize,
@@ -313,7 +314,8 @@ impl BlockMatrix {
     pub(super) fn has_definite_blocks(&self, pattern: &BlockPattern) -> bool {
         pattern.diagonal.iter().all(|start| {
             let [a, b, c, d, e, f] = self.values[*start as usize..][..6] else { unreachable!() };
-            // Pivots, as an elimination has them: a determinant would lose the digits of blocks that are stiff one way only.
+            // Pivots, as an elimination has them: a determinant would lose the digits of blocks that are stiff one
+            // way only.
             let (first, second, below) = (a, d - b * b / a, e - b * c / a);
             let third = f - c * c / a - below * below / second;
             first > 0.0 && second > 0.0 && third > 0.0

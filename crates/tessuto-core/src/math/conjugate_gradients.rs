@@ -63,9 +63,10 @@ pub enum End {
     Limit,
 }
 
-/// Solves A x = `rhs` from x = 0, given the products with A and with the inverse of a preconditioner P, until the residual's square
-/// by `measure` is at most `tolerance` of its start, or for `limit` iterations. Where it does not converge, x is still
-/// a direction of descent of ½ xᵀAx − rhsᵀx: its first step is P's own solution. Returns also the number of iterations.
+/// Solves A x = `rhs` from x = 0, given the products with A and with the inverse of a preconditioner P, until the
+/// residual's square by `measure` is at most `tolerance` of its start, or for `limit` iterations. Where it does
+/// not converge, x is still a direction of descent of ½ xᵀAx − rhsᵀx: its first step is P's own solution. Returns
+/// also the number of iterations.
 pub fn conjugate_gradients<V: Vector>(
     rhs: &V,
     mut multiply: impl FnMut(&V) -> V,

@@ -1,21 +1,22 @@
 //! Delaunay triangulation of points in the plane: no point lies in the circle around any triangle.
 //!
-//! Source: Bowyer 1981, "Computing Dirichlet tessellations"; Watson 1981, "Computing the n-dimensional Delaunay tessellation". Every
-//! point looks at all triangles, which is enough for some thousands.
+//! Source: Bowyer 1981, "Computing Dirichlet tessellations"; Watson 1981, "Computing the n-dimensional Delaunay
+//! tessellation". Every point looks at all triangles, which is enough for some thousands.
 
 use glam::DVec2;
 
 use super::rng::Rng;
 
-/// How far points are moved, in sizes of the point set, before they are looked at. Of four points on one circle, as every square has
-/// them, rounding would say one thing of one triangle and another of its neighbour; and no triangle then contradicts the others.
-/// Far smaller than the curvature of the circles through the far corners, so that a straight border stays whole.
+/// How far points are moved, in sizes of the point set, before they are looked at. Of four points on one circle,
+/// as every square has them, rounding would say one thing of one triangle and another of its neighbour; and no
+/// triangle then contradicts the others. Far smaller than the curvature of the circles through the far corners, so
+/// that a straight border stays whole.
 const JITTER: f64 = 1e-9;
 /// How far off the corners of the triangle lie that the others are cut from, in sizes of the point set.
 const FAR: f64 = 1e4;
 
-/// The triangles over `points`, each with [`DVec2::perp_dot`] of its sides above 0, ascending. Points at the same place make
-/// triangles without area, or are left out.
+/// The triangles over `points`, each with [`DVec2::perp_dot`] of its sides above 0, ascending. Points at the same
+/// place make triangles without area, or are left out.
 pub fn delaunay(points: &[DVec2]) -> Vec<[u32; 3]> {
     let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
     let high = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);

@@ -66,7 +66,8 @@ impl Scratch {
         }
     }
 
-    /// The factor to seven digits, for preconditioners: half of the memory, which is what solves are bound by. One with pivots stays as it is.
+    /// The factor to seven digits, for preconditioners: half of the memory, which is what solves are bound by. One
+    /// with pivots stays as it is.
     pub fn round(&mut self, factor: Factor) -> Factor {
         let Factor::Plain(values) = factor else { return factor };
         let mut single = self.spare_single.take().unwrap_or_default();
@@ -152,8 +153,8 @@ impl Analysis {
         }
     }
 
-    /// Factor of `matrix` to seven digits, as a preconditioner: in half of the time and memory. `None` if it is not positive
-    /// definite or not finite, as far as this many digits tell.
+    /// Factor of `matrix` to seven digits, as a preconditioner: in half of the time and memory. `None` if it is
+    /// not positive definite or not finite, as far as this many digits tell.
     pub fn definite_rounded(
         &self,
         pattern: &BlockPattern,
@@ -290,8 +291,8 @@ impl Analysis {
         out
     }
 
-    /// The product of a square root L D^½ of A with `field`, given a factor of A: a field of independent numbers of variance 1
-    /// becomes one of covariance A. `None` if A was not found positive definite.
+    /// The product of a square root L D^½ of A with `field`, given a factor of A: a field of independent numbers
+    /// of variance 1 becomes one of covariance A. `None` if A was not found positive definite.
     pub fn multiply_root(
         &self,
         pattern: &BlockPattern,

@@ -94,7 +94,8 @@ pub fn each_matrix([a, b, c]: &Matrix<Lanes>) -> [DMat3; LANES] {
     [matrix(0), matrix(1), matrix(2), matrix(3)]
 }
 
-/// Calls `f` with four `items` at a time and how many of them are new: the last ones may be fewer, filled up with the last of all.
+/// Calls `f` with four `items` at a time and how many of them are new: the last ones may be fewer, filled up with
+/// the last of all.
 #[inline(always)]
 pub fn in_lanes(mut items: impl Iterator<Item = usize>, mut f: impl FnMut([usize; LANES], usize)) {
     while let Some(first) = items.next() {

@@ -1,9 +1,10 @@
-//! Gauss and Newton's method with Levenberg and Marquardt's damping λ: short steps where the quadratic model of an objective
-//! fails, whole ones where it holds.
+//! Gauss and Newton's method with Levenberg and Marquardt's damping λ: short steps where the quadratic model of an
+//! objective fails, whole ones where it holds.
 //!
-//! What is minimised is a [`Model`]; how long steps are and how often one is tried is the [`Policy`]. Whether a step helped is decided in
-//! one place, [`Policy::iterate`], by the values alone, not by what the system promised. Nothing but the point and λ goes from one
-//! iteration to the next, so a search that was stopped goes on from these to the same bytes.
+//! What is minimised is a [`Model`]; how long steps are and how often one is tried is the [`Policy`]. Whether a
+//! step helped is decided in one place, [`Policy::iterate`], by the values alone, not by what the system promised.
+//! Nothing but the point and λ goes from one iteration to the next, so a search that was stopped goes on from
+//! these to the same bytes.
 
 /// An objective that is treated as quadratic near a point.
 pub trait Model {
@@ -12,16 +13,19 @@ pub trait Model {
     /// Gradient and matrix at a point, or what they are made of.
     type System;
 
-    /// Fits what an iteration holds fixed to the point at which it begins: values are comparable within one iteration only.
+    /// Fits what an iteration holds fixed to the point at which it begins: values are comparable within one
+    /// iteration only.
     fn refresh(&mut self, _point: &Self::Point) {}
 
     /// The value at `point`, and the system there.
     fn linearise(&mut self, point: &Self::Point) -> (f64, Self::System);
 
-    /// Where the `system` of the point `at` leads with the damping `lambda`, and the value there; `None` where nothing can be.
+    /// Where the `system` of the point `at` leads with the damping `lambda`, and the value there; `None` where
+    /// nothing can be.
     fn step(&mut self, at: &Self::Point, system: &Self::System, lambda: f64) -> Option<(Self::Point, f64)>;
 
-    /// Whether the last step, which took the value from `before` to `after`, is the last of all, beside what the policy says.
+    /// Whether the last step, which took the value from `before` to `after`, is the last of all, beside what the
+    /// policy says.
     fn found(&self, _before: f64, _after: f64) -> bool {
         false
     }

@@ -43,8 +43,8 @@ impl Rng {
         2.0 * self.uniform() - 1.0
     }
 
-    /// Normally distributed, mean 0, variance 1: one of the two numbers of Box and Muller (1958, "A Note on the Generation of
-    /// Random Normal Deviates").
+    /// Normally distributed, mean 0, variance 1: one of the two numbers of Box and Muller (1958, "A Note on the
+    /// Generation of Random Normal Deviates").
     #[inline]
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * (1.0 - self.uniform()).ln()).sqrt();

@@ -9,8 +9,8 @@ pub struct Root {
 }
 
 impl Root {
-    /// Of the positive semi-definite `matrix`, shape [size, size], of which the lower half is read; a column is zero where
-    /// rounding has left nothing of the matrix.
+    /// Of the positive semi-definite `matrix`, shape [size, size], of which the lower half is read; a column is
+    /// zero where rounding has left nothing of the matrix.
     pub fn of(matrix: &[f64], size: usize) -> Self {
         let mut rows = vec![0.0; size * size];
         for i in 0..size {

@@ -4,8 +4,8 @@ use glam::{DVec2, DVec3};
 
 use super::Mesh;
 
-/// Unit normal of every vertex, the mean of its triangles' normals weighted by area, with vertices at `positions` `[m]`;
-/// zero where there is none. Shape `[V]`.
+/// Unit normal of every vertex, the mean of its triangles' normals weighted by area, with vertices at `positions`
+/// `[m]`; zero where there is none. Shape `[V]`.
 pub fn vertex_normals(triangles: &[[u32; 3]], positions: &[DVec3]) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; positions.len()];
     for triangle in triangles {
@@ -19,8 +19,8 @@ pub fn vertex_normals(triangles: &[[u32; 3]], positions: &[DVec3]) -> Vec<DVec3>
 /// Texture coordinates of one vertex that differ by more than this belong to a seam.
 pub const SEAM: f64 = 1e-3;
 
-/// The texture coordinate of every vertex, shape `[V]`; zero at a vertex of no face. `None` if two corners of one vertex
-/// differ by more than `tolerance`, as at a seam.
+/// The texture coordinate of every vertex, shape `[V]`; zero at a vertex of no face. `None` if two corners of one
+/// vertex differ by more than `tolerance`, as at a seam.
 pub fn vertex_uvs(mesh: &Mesh, tolerance: f64) -> Option<Vec<DVec2>> {
     let mut found: Vec<Option<DVec2>> = vec![None; mesh.positions.len()];
     for face in &mesh.faces {

@@ -5,8 +5,8 @@ use std::ops::Deref;
 use super::Positions;
 use crate::error::{Error, Result};
 
-/// Positions `[m]` at every frame, shape [N, V]: at least one frame, all of as many vertices, all finite. This is checked
-/// where a motion is made, and nowhere else.
+/// Positions `[m]` at every frame, shape [N, V]: at least one frame, all of as many vertices, all finite. This is
+/// checked where a motion is made, and nowhere else.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Motion(Vec<Positions>);
 

@@ -7,12 +7,13 @@ use glam::DVec3;
 /// Tracked points: each a fixed place on the mesh, and where it was measured. Shape `[P]` but for `points`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tracks {
-    /// Vertices that each point lies between: the corners of a quad, or of a triangle with a weight of 0 for the fourth.
+    /// Vertices that each point lies between: the corners of a quad, or of a triangle with a weight of 0 for the
+    /// fourth.
     pub vertices: Vec<[u32; 4]>,
     /// Their weights, whose sum is 1.
     pub weights: Vec<[f64; 4]>,
-    /// Measured positions `[m]` of all points, camera frame, shape `[P]`, in the frames (numbers from the scene's first one) that
-    /// have any.
+    /// Measured positions `[m]` of all points, camera frame, shape `[P]`, in the frames (numbers from the scene's
+    /// first one) that have any.
     pub points: BTreeMap<usize, Vec<DVec3>>,
 }
 

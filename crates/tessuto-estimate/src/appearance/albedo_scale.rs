@@ -1,11 +1,11 @@
 //! Scale and tint of the albedo, which images of a diffuse surface tell only together with the light's.
 //!
-//! What is known beforehand: most fabrics have parts that are hardly dyed and reflect about 0.7 of the light (bleached
-//! cotton 0.8, raw cotton 0.65), others are dyed all over, darker and of any hue; light is more or less tinted, and
-//! cameras are exposed so that it lies within a certain range. So with the logarithms of brightness and tint of the brightest
-//! part as it is seen, o, of its albedo, a, and of its light, l, all normal: o = a + l, a of one of two kinds of cloth,
-//! and mean and variance of a given o follow in closed form. In effect a white patch (Land and McCann 1971, "Lightness and
-//! retinex theory") that doubts itself.
+//! What is known beforehand: most fabrics have parts that are hardly dyed and reflect about 0.7 of the light
+//! (bleached cotton 0.8, raw cotton 0.65), others are dyed all over, darker and of any hue; light is more or less
+//! tinted, and cameras are exposed so that it lies within a certain range. So with the logarithms of brightness
+//! and tint of the brightest part as it is seen, o, of its albedo, a, and of its light, l, all normal: o = a + l,
+//! a of one of two kinds of cloth, and mean and variance of a given o follow in closed form. In effect a white
+//! patch (Land and McCann 1971, "Lightness and retinex theory") that doubts itself.
 
 use serde::{Deserialize, Serialize};
 
@@ -49,8 +49,8 @@ pub struct AlbedoScale {
     pub undyed: f64,
 }
 
-/// Mean colour of the brightest of the texels of `diffuse`, planes [3, n], that count with `weights` `[n]`. `None` if it is black,
-/// and without any.
+/// Mean colour of the brightest of the texels of `diffuse`, planes [3, n], that count with `weights` `[n]`. `None`
+/// if it is black, and without any.
 pub(super) fn brightest(diffuse: &[f64], weights: &[f64]) -> Option<[f64; 3]> {
     let n = weights.len();
     let sum = |i: usize| diffuse[i] + diffuse[n + i] + diffuse[2 * n + i];
@@ -68,7 +68,8 @@ pub(super) fn brightest(diffuse: &[f64], weights: &[f64]) -> Option<[f64; 3]> {
     (total > 0.0 && colour.iter().all(|c| *c > 0.0)).then(|| colour.map(|c| c / total))
 }
 
-/// What to expect of the albedo of a part that is seen to have the linear colour `seen` > 0, albedo times irradiance over π.
+/// What to expect of the albedo of a part that is seen to have the linear colour `seen` > 0, albedo times
+/// irradiance over π.
 pub(super) fn expected(seen: [f64; 3]) -> AlbedoScale {
     let logs = seen.map(f64::ln);
     let mean = logs.iter().sum::<f64>() / 3.0;

@@ -150,7 +150,8 @@ pub fn fit(
         let step_seed = mix32(seed.wrapping_add(step as u32));
         batch.clear();
         observed.clear();
-        // One of each of as many equal parts of the pixels: in the order of frames and rows, neighbours share what is looked up.
+        // One of each of as many equal parts of the pixels: in the order of frames and rows, neighbours share what
+        // is looked up.
         for k in 0..settings.batch as u64 {
             let within = u64::from(mix32(step_seed.wrapping_add(k as u32)));
             let number = u128::from((k << 32) + within) * seen.points.len() as u128;
@@ -217,8 +218,8 @@ pub fn fit(
     Ok(Appearance { material, window, environment, scale: albedo, history })
 }
 
-/// Leads the brightest part of the diffuse map to what is known of fabrics, the light the other way, and says what that is.
-/// `counts` tells how often each texel was seen; the light is as far from grey as `colour` says.
+/// Leads the brightest part of the diffuse map to what is known of fabrics, the light the other way, and says what
+/// that is. `counts` tells how often each texel was seen; the light is as far from grey as `colour` says.
 fn rescale(
     maps: &mut dyn Maps,
     lighting: &mut EnvironmentParameters,

@@ -2,7 +2,8 @@
 
 /// Nodes along either side of the cloth.
 const NODES: usize = 6;
-/// Every node is drawn to the mean factor of the frame as much as by this fraction of the pixels that a node has in the mean.
+/// Every node is drawn to the mean factor of the frame as much as by this fraction of the pixels that a node has
+/// in the mean.
 const COMMON: f32 = 0.05;
 /// Factors stay within this of 1.
 const MOST: f32 = 8.0;
@@ -11,8 +12,8 @@ const MOST: f32 = 8.0;
 pub(super) struct Gains(Vec<[f32; 3]>);
 
 impl Gains {
-    /// From pixels: place (0 to 1), linear colour, the print's where it is known, weight. All factors are 1 where nothing is known
-    /// of the print.
+    /// From pixels: place (0 to 1), linear colour, the print's where it is known, weight. All factors are 1 where
+    /// nothing is known of the print.
     pub fn new(pixels: impl Iterator<Item = ([f32; 2], [f32; 3], Option<[f32; 3]>, f32)>) -> Self {
         let mut sums = vec![[[0.0f64; 3]; 2]; NODES * NODES];
         for (uv, colour, print, weight) in pixels {

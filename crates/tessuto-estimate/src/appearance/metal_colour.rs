@@ -1,14 +1,16 @@
 //! Metal has few colours: foils and threads of one metal differ in how they shine, not in what they are made of.
 //!
-//! A metal shows nothing but the light that it mirrors, and of most directions of the light little is known: what is wrong
-//! there comes out as streaks of colour. So metal of similar tint, however bright, is drawn to its mean colour.
+//! A metal shows nothing but the light that it mirrors, and of most directions of the light little is known: what
+//! is wrong there comes out as streaks of colour. So metal of similar tint, however bright, is drawn to its mean
+//! colour.
 
 use super::regions::{MOST, clusters};
 
 /// Metallic from which on a texel has a say in what its metal's colour is.
 const METAL: f32 = 0.25;
-/// Tints that are nearer than this to the mean of all, or to each other, are one metal at first, in fractions of the sum of the sRGB channels:
-/// gold is 0.1 to 0.16 from silver, and what is wrong by the light 0.05 from what is right.
+/// Tints that are nearer than this to the mean of all, or to each other, are one metal at first, in fractions of
+/// the sum of the sRGB channels: gold is 0.1 to 0.16 from silver, and what is wrong by the light 0.05 from what is
+/// right.
 const APART: f32 = 0.1;
 /// A texel that is no metal.
 const NONE: u8 = u8::MAX;
@@ -33,8 +35,8 @@ fn tint(linear: [f32; 3]) -> [f32; 3] {
     [(r - g) / sum, ((r + g) / 2.0 - b) / sum, 0.0]
 }
 
-/// Adds the gradient of `weight` times the mean over all n texels of metallic · |colour − mean colour of the metal|², by
-/// channel, to `gradient`, planes [3, n] as `diffuse`.
+/// Adds the gradient of `weight` times the mean over all n texels of metallic · |colour − mean colour of the
+/// metal|², by channel, to `gradient`, planes [3, n] as `diffuse`.
 pub(super) fn add_gradient(
     diffuse: &[f64],
     metallic: &[f32],

@@ -1,12 +1,13 @@
 //! Material and light from a video whose motion is known.
 //!
-//! [`fit()`] goes through the files here: `observations` (what the pixels see, once), `texels` with `surfaces` or `decoded` (the maps
-//! as they are optimised) and `environment_parameters` (the light as it is optimised), with `loss` between them, weighted by `patch_weights`;
-//! `sharpen` finishes the diffuse map.
-//! [`rerender()`] draws the frames again. [`gather()`] lays the colours of all frames on the cloth, without taking light and cloth apart.
+//! [`fit()`] goes through the files here: `observations` (what the pixels see, once), `texels` with `surfaces` or
+//! `decoded` (the maps as they are optimised) and `environment_parameters` (the light as it is optimised), with
+//! `loss` between them, weighted by `patch_weights`; `sharpen` finishes the diffuse map. [`rerender()`] draws the
+//! frames again. [`gather()`] lays the colours of all frames on the cloth, without taking light and cloth apart.
 //!
-//! Almost only the product of cloth and light is in the images. What tells them apart is known beforehand: how bright
-//! fabrics are, how tinted light is (`albedo_scale`), and that one ink or yarn shines alike and is seldom metal (`regions`).
+//! Almost only the product of cloth and light is in the images. What tells them apart is known beforehand: how
+//! bright fabrics are, how tinted light is (`albedo_scale`), and that one ink or yarn shines alike and is seldom
+//! metal (`regions`).
 
 mod albedo_scale;
 #[cfg(feature = "decoder")]

@@ -1,9 +1,11 @@
-//! The print, gathered from all frames: colours as the first frame's light shows them, on everything that was ever seen.
+//! The print, gathered from all frames: colours as the first frame's light shows them, on everything that was ever
+//! seen.
 //!
-//! Each pixel of each frame is laid on the texels that it shows. Light that changes as the cloth moves is divided out first: a
-//! factor by channel on a coarse grid of the cloth, from what is known of the print already (`gains`). Pixels count the less the more
-//! obliquely they see the cloth, the faster it moves, the less its place is known, and the less they agree with the others.
-//! The frames are gone through twice: forward from the first, whose light the print keeps, then against that result.
+//! Each pixel of each frame is laid on the texels that it shows. Light that changes as the cloth moves is divided
+//! out first: a factor by channel on a coarse grid of the cloth, from what is known of the print already
+//! (`gains`). Pixels count the less the more obliquely they see the cloth, the faster it moves, the less its place
+//! is known, and the less they agree with the others. The frames are gone through twice: forward from the first,
+//! whose light the print keeps, then against that result.
 
 use std::ops::Range;
 
@@ -57,8 +59,9 @@ struct View {
     vertices: Vec<bool>,
 }
 
-/// Gathers the print of `scene` moving as `motion`, shape [N, V], whose vertices have the standard deviations `deviations` `[m]`, shape
-/// [N, V], where they are known, on maps of `size` over the part of uv space that the template uses.
+/// Gathers the print of `scene` moving as `motion`, shape [N, V], whose vertices have the standard deviations
+/// `deviations` `[m]`, shape [N, V], where they are known, on maps of `size` over the part of uv space that the
+/// template uses.
 ///
 /// # Errors
 /// Those of reading the frames.

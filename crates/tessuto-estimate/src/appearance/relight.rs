@@ -72,8 +72,8 @@ fn relit_psnr(
     [psnr(&a, &b), psnr(&scaled(&a, best_scale(&a, &b)), &b)]
 }
 
-/// A light that no scene was recorded in: a warm lamp at the upper left in front of the cloth, a cold one at the right, and
-/// a dim room.
+/// A light that no scene was recorded in: a warm lamp at the upper left in front of the cloth, a cold one at the
+/// right, and a dim room.
 pub fn studio() -> EnvironmentMap {
     let mut light = EnvironmentMap::uniform(128, 64, [0.25; 3]);
     let lamps = [

@@ -1,7 +1,7 @@
 //! Frames re-rendered from the estimate.
 //!
-//! The cloth is drawn on black, but for the pixels that its outline crosses: what the cloth leaves of them shows what the video
-//! shows beside the cloth, as it does in the camera.
+//! The cloth is drawn on black, but for the pixels that its outline crosses: what the cloth leaves of them shows
+//! what the video shows beside the cloth, as it does in the camera.
 
 use crate::metrics::masked_psnr;
 use tessuto_core::error::Result;
@@ -68,8 +68,8 @@ pub fn rerender(
 /// Pixels around one on the outline that may tell what lies behind: those of the square of this radius.
 const BESIDE: usize = 2;
 
-/// Adds to the pixels of `drawn` that are covered in part, their fraction of what `video` shows in pixels nearby that are not
-/// covered at all, in linear light.
+/// Adds to the pixels of `drawn` that are covered in part, their fraction of what `video` shows in pixels nearby
+/// that are not covered at all, in linear light.
 fn fill_outline(drawn: &mut Image, coverage: &[f32], video: &Image) {
     let (width, height) = (drawn.width, drawn.height);
     for y in 0..height {

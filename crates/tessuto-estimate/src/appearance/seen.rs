@@ -15,12 +15,13 @@ const LEAST_COSINE: f64 = 0.1;
 pub struct Seen {
     /// Width and height of `texels`.
     pub size: usize,
-    /// Pixels that show each texel, shape [size, size] on all of uv space, row 0 at v = 1. A pixel spreads over the texels around it.
+    /// Pixels that show each texel, shape [size, size] on all of uv space, row 0 at v = 1. A pixel spreads over
+    /// the texels around it.
     pub texels: Vec<f32>,
     /// Frames that show each vertex, shape `[V]`.
     pub vertices: Vec<f32>,
-    /// Fraction of the pixels of all frames that face each direction, shape [[`DIRECTION_ROWS`], 2·[`DIRECTION_ROWS`]], as an
-    /// [`EnvironmentMap`]; shadows are not looked at.
+    /// Fraction of the pixels of all frames that face each direction, shape [[`DIRECTION_ROWS`],
+    /// 2·[`DIRECTION_ROWS`]], as an [`EnvironmentMap`]; shadows are not looked at.
     pub directions: Vec<f32>,
 }
 

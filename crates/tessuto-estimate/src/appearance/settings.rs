@@ -24,8 +24,8 @@ impl MapPrior {
 settings! {
     /// How material and light are found.
     pub struct AppearanceSettings {
-        /// Prior that keeps the maps from following noise: smoothness of neighbouring texels, or the output of an untrained
-        /// convolutional decoder.
+        /// Prior that keeps the maps from following noise: smoothness of neighbouring texels, or the output of an
+        /// untrained convolutional decoder.
         prior: MapPrior = MapPrior::Smooth, choice(MapPrior::NAMES);
         /// Width and height of the maps, over the part of uv space that the template uses.
         map_size: usize = 512, number(2.0..=8192.0, "texel");
@@ -64,17 +64,18 @@ settings! {
         light_smoothness: f64 = 5e-5, number(0.0..=1e3, "");
         /// Weight of the mean absolute differences between neighbouring texels of the diffuse map.
         diffuse_smoothness: f64 = 3e-4, number(0.0..=1e3, "");
-        /// Weight of the mean of the metallic map: a region of similar colour becomes metal only where that lowers its mean
-        /// squared error by more than this.
+        /// Weight of the mean of the metallic map: a region of similar colour becomes metal only where that lowers
+        /// its mean squared error by more than this.
         metallic_pull: f64 = 2e-4, number(0.0..=1e3, "");
-        /// Weight of metal's mean squared difference from the mean colour of metal of similar tint: nearly all that metal shows is
-        /// the light.
+        /// Weight of metal's mean squared difference from the mean colour of metal of similar tint: nearly all
+        /// that metal shows is the light.
         metal_colour_pull: f64 = 0.1, number(0.0..=1e3, "");
         /// Weight of the mean squared difference from roughness_start: without highlights roughness stays there.
         roughness_pull: f64 = 1e-3, number(0.0..=1e3, "");
         /// Fraction of the steps from which on patches with large errors count less; 1: all count alike to the end.
         reweight_from: f64 = 0.6, number(0.0..=1.0, "");
-        /// Passes over all pixels that finish the diffuse map once light and surface are found; 0: it stays as the steps leave it.
+        /// Passes over all pixels that finish the diffuse map once light and surface are found; 0: it stays as the
+        /// steps leave it.
         sharpening_passes: usize = 3, number(0.0..=1000.0, "");
         /// Fraction of the light samples that are drawn uniformly over the sphere.
         uniform_fraction: f64 = 0.25, number(0.0..=1.0, "");

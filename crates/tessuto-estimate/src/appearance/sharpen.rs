@@ -1,13 +1,14 @@
 //! The diffuse map's last word: all pixels at once.
 //!
-//! The steps of [`fit`](super::fit()) see a few of the pixels each and draw neighbouring texels to each other, which leaves the print a
-//! little blurred. Once light and surface are found, every pixel's linear colour is b + a x in the diffuse map's value x that it shows, and
-//! least squares over all pixels finish the map: min Σ w (c − b − a x)² + ‖x − x₀‖² for the video's colours c, by passes of simultaneous
-//! projections (SIRT; Gregor and Benson 2008, "Computational Analysis and Improvement of SIRT"), the first few of
-//! which follow the print and not yet the noise. Weights w turn errors into those of sRGB colours and trust patches as the steps did.
+//! The steps of [`fit`](super::fit()) see a few of the pixels each and draw neighbouring texels to each other,
+//! which leaves the print a little blurred. Once light and surface are found, every pixel's linear colour is b + a
+//! x in the diffuse map's value x that it shows, and least squares over all pixels finish the map: min Σ w (c − b
+//! − a x)² + ‖x − x₀‖² for the video's colours c, by passes of simultaneous projections (SIRT; Gregor and Benson
+//! 2008, "Computational Analysis and Improvement of SIRT"), the first few of which follow the print and not yet
+//! the noise. Weights w turn errors into those of sRGB colours and trust patches as the steps did.
 //!
-//! a and b are known with the noise of rendering alone. Products of the same estimate would take that for contrast and darken the
-//! map, so both factors of every product come from estimates of their own.
+//! a and b are known with the noise of rendering alone. Products of the same estimate would take that for contrast
+//! and darken the map, so both factors of every product come from estimates of their own.
 
 use super::loss::SATURATED;
 use super::observations::Observations;
@@ -30,8 +31,8 @@ struct Equation {
     square: [f32; 3],
 }
 
-/// The diffuse planes [3, size, size] of the shader's material after `passes` over the pixels `seen`, whose light is estimated twice
-/// with `samples_per_pixel` samples.
+/// The diffuse planes [3, size, size] of the shader's material after `passes` over the pixels `seen`, whose light
+/// is estimated twice with `samples_per_pixel` samples.
 pub(super) fn sharpen(
     shader: &Shader,
     seen: &Observations,
@@ -145,8 +146,9 @@ mod tests {
         material
     }
 
-    /// Sharpens maps of one colour by images of `truth`, a bent sheet under light from a side, in many frames; returns the
-    /// root mean square of the error of the diffuse map before and after, and what the mean is off after.
+    /// Sharpens maps of one colour by images of `truth`, a bent sheet under light from a side, in many frames;
+    /// returns the root mean square of the error of the diffuse map before and after, and what the mean is off
+    /// after.
     fn sharpened(truth: &Material, passes: usize) -> [f64; 3] {
         let mut mesh = grid(9, 9, DVec2::splat(0.4), 0.6);
         mesh.positions.iter_mut().for_each(|p| p.z += 0.05 * (9.0 * p.x).sin());

@@ -42,7 +42,8 @@ impl Splat {
         self.sums.iter().map(|sum| sum[3])
     }
 
-    /// Mean colours, planes [3, size, size]; texels that no point is near go on smoothly from those around, 0 without any.
+    /// Mean colours, planes [3, size, size]; texels that no point is near go on smoothly from those around, 0
+    /// without any.
     pub fn planes(mut self) -> Vec<f32> {
         fill(self.size, &mut self.sums);
         let plane = |c: usize| self.sums.iter().map(move |s| if s[3] > 0.0 { s[c] / s[3] } else { 0.0 });
@@ -50,8 +51,8 @@ impl Splat {
     }
 }
 
-/// Gives empty texels the colour that the map of 2×2 blocks, filled in the same way, has there, bilinear (Gortler et al. 1996,
-/// "The Lumigraph", pull and push).
+/// Gives empty texels the colour that the map of 2×2 blocks, filled in the same way, has there, bilinear (Gortler
+/// et al. 1996, "The Lumigraph", pull and push).
 fn fill(size: usize, sums: &mut [[f32; 4]]) {
     if size < 2 || sums.iter().all(|s| s[3] > 0.0) {
         return;

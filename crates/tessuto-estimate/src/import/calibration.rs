@@ -59,8 +59,8 @@ pub enum Focal {
     Film(f64),
 }
 
-/// What is assumed of a lens of which nothing is known, in 35 mm terms `[mm]`, and its standard deviation as a fraction: main
-/// cameras of phones have 24 to 28 mm as photos and up to a third more as stabilised videos.
+/// What is assumed of a lens of which nothing is known, in 35 mm terms `[mm]`, and its standard deviation as a
+/// fraction: main cameras of phones have 24 to 28 mm as photos and up to a third more as stabilised videos.
 const ASSUMED: (f64, f64) = (28.0, 0.2);
 
 impl Calibration {

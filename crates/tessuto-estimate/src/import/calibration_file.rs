@@ -16,7 +16,8 @@ pub fn camera_files() -> String {
 }
 
 /// Reads nerfstudio's transforms.json, COLMAP's cameras.txt (or the folder that holds it) or a calibration of
-/// OpenCV in YAML or JSON, distinguished by their names and contents. `camera_id` chooses one of several COLMAP cameras.
+/// OpenCV in YAML or JSON, distinguished by their names and contents. `camera_id` chooses one of several COLMAP
+/// cameras.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file, and an unknown camera model by its name.

@@ -2,10 +2,11 @@
 //!
 //! - a file: PNG, NumPy or OpenEXR (see [`DepthMap::read`])
 //! - Stray Scanner: a folder with `camera_matrix.csv`, `depth/000000.png` (or `.npy`), `confidence/000000.png` (0 to 2)
-//! - Polycam, raw data: a folder `keyframes` with `depth/ID.png`, `cameras/ID.json` (fx, fy, cx, cy, width, height), `confidence/ID.png`
+//! - Polycam, raw data: a folder `keyframes` with `depth/ID.png`, `cameras/ID.json` (fx, fy, cx, cy, width,
+//!   height), `confidence/ID.png`
 //!
-//! Of a folder the first map counts; another one of its maps can be named itself. Sources: Stray Robots, *Stray Scanner data
-//! specification*; the reader of Polycam's captures in nerfstudio.
+//! Of a folder the first map counts; another one of its maps can be named itself. Sources: Stray Robots, *Stray
+//! Scanner data specification*; the reader of Polycam's captures in nerfstudio.
 
 use std::path::{Path, PathBuf};
 
@@ -119,7 +120,8 @@ fn given(path: &Path) -> Result<Calibration> {
     }
 }
 
-/// fx, fy, cx, cy or a matrix, and the size of the image, under the names that apps give them; `None` of what is none of these.
+/// fx, fy, cx, cy or a matrix, and the size of the image, under the names that apps give them; `None` of what is
+/// none of these.
 fn from_json(value: &Value, path: &Path) -> Result<Option<Calibration>> {
     let number = |names: &[&str]| names.iter().find_map(|name| value.get(name)?.as_f64());
     let listed = ["imageResolution", "image_resolution", "resolution"].iter().find_map(|name| {
@@ -153,8 +155,9 @@ fn from_json(value: &Value, path: &Path) -> Result<Option<Calibration>> {
     }))
 }
 
-/// Three rows of three numbers. They are for the colour images, whose size the file does not tell: they have the map's shape, and the
-/// width, the map's or that of phones' videos, whose middle is nearest to the principal point.
+/// Three rows of three numbers. They are for the colour images, whose size the file does not tell: they have the
+/// map's shape, and the width, the map's or that of phones' videos, whose middle is nearest to the principal
+/// point.
 fn from_matrix(path: &Path, map: [usize; 2]) -> Result<Calibration> {
     let place = path.display().to_string();
     let bad = |problem: &str| {

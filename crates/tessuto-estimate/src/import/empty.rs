@@ -14,8 +14,8 @@ const HELD: usize = 24;
 /// No more frames of it are read.
 const READ: usize = 600;
 
-/// The empty place at `path`, sRGB, shape [height, width, 3]: an image, or the median of the frames of a video, in which
-/// whoever walks through is not seen.
+/// The empty place at `path`, sRGB, shape [height, width, 3]: an image, or the median of the frames of a video, in
+/// which whoever walks through is not seen.
 ///
 /// # Errors
 /// [`Error::Input`](tessuto_core::Error::Input) if it is neither.

@@ -15,8 +15,9 @@ use tessuto_core::error::{Error, Result};
 ///
 /// θ (1 + k1 θ² + k2 θ⁴ + k3 θ⁶ + k4 θ⁸), with θ = arctan r, the angle from the optical axis.
 ///
-/// Sources: OpenCV, *Camera Calibration and 3D Reconstruction* and *Fisheye camera model*; J. Kannala and S. Brandt, *A generic
-/// camera model and calibration method for conventional, wide-angle, and fish-eye lenses*, 2006.
+/// Sources: OpenCV, *Camera Calibration and 3D Reconstruction* and *Fisheye camera model*; J. Kannala and S.
+/// Brandt, *A generic camera model and calibration method for conventional, wide-angle, and fish-eye
+/// lenses*, 2006.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Distortion {
     /// Radial, r².
@@ -189,8 +190,8 @@ mod tests {
         });
     }
 
-    /// Films a smooth pattern on the plane z = 1 through `lens` and straightens it; `source` is the point of the plane that is
-    /// seen at one of the image.
+    /// Films a smooth pattern on the plane z = 1 through `lens` and straightens it; `source` is the point of the
+    /// plane that is seen at one of the image.
     fn straightens(lens: &Distortion, source: impl Fn(DVec2) -> DVec2) {
         let pattern =
             |p: DVec2| (128.0 + 60.0 * (4.0 * p.x).sin() + 50.0 * (5.0 * p.y + p.x).cos()).round() as u8;

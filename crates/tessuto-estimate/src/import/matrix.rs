@@ -7,8 +7,8 @@ const EXACT: f64 = 1e-6;
 /// Largest skew, as a fraction of the focal length.
 const SKEW: f64 = 1e-3;
 
-/// fx, fy, cx, cy of `m`, by rows (fx 0 cx, 0 fy cy, 0 0 1, as OpenCV has it) or by columns (fx 0 0, 0 fy 0, cx cy 1, as Open3D,
-/// Record3D and ARKit have it): the last row, or the last column, is 0 0 1.
+/// fx, fy, cx, cy of `m`, by rows (fx 0 cx, 0 fy cy, 0 0 1, as OpenCV has it) or by columns (fx 0 0, 0 fy 0, cx cy
+/// 1, as Open3D, Record3D and ARKit have it): the last row, or the last column, is 0 0 1.
 ///
 /// # Errors
 /// [`Error::Input`] at `place` if it is neither, or has a skew.

@@ -1,10 +1,10 @@
 //! What a video or photo says of its lens: the focal length in 35 mm terms.
 //!
-//! Phones of Apple write it among the metadata of the file or of its video track, cameras into EXIF. A recording that says 26 mm
-//! has the diagonal field of view of a 26 mm lens on 35 mm film, whose diagonal is 43.27 mm.
+//! Phones of Apple write it among the metadata of the file or of its video track, cameras into EXIF. A recording
+//! that says 26 mm has the diagonal field of view of a 26 mm lens on 35 mm film, whose diagonal is 43.27 mm.
 //!
-//! Sources: Apple, *QuickTime File Format*, "Metadata" (boxes `meta`, `keys`, `ilst`); CIPA DCG-001, "35mm film equivalent
-//! focal length"; JEITA CP-3451, *Exif*, tag 0xA405.
+//! Sources: Apple, *QuickTime File Format*, "Metadata" (boxes `meta`, `keys`, `ilst`); CIPA DCG-001, "35mm film
+//! equivalent focal length"; JEITA CP-3451, *Exif*, tag 0xA405.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -14,20 +14,21 @@ use super::calibration::{Calibration, Focal};
 use super::video::options;
 use crate::io::expect_file;
 
-/// Names of the entry, in small letters without punctuation, at their ends: `com.apple.quicktime.camera.focal_length.35mm_equivalent`,
-/// and EXIF's `FocalLengthIn35mmFilm` as programs write it.
+/// Names of the entry, in small letters without punctuation, at their ends:
+/// `com.apple.quicktime.camera.focal_length.35mm_equivalent`, and EXIF's `FocalLengthIn35mmFilm` as programs write
+/// it.
 const NAMES: [&str; 3] = ["focallength35mmequivalent", "focallengthin35mmfilm", "focallengthin35mmformat"];
 /// Values that a lens has `[mm]`; EXIF has 0 where it is unknown.
 const SANE: std::ops::RangeInclusive<f64> = 5.0..=2000.0;
-/// Standard deviation of such a value, as a fraction: it is rounded to a millimetre and said of photos, and videos show less at their
-/// borders, most of all stabilised ones.
+/// Standard deviation of such a value, as a fraction: it is rounded to a millimetre and said of photos, and videos
+/// show less at their borders, most of all stabilised ones.
 pub(super) const UNCERTAINTY: f64 = 0.06;
 /// Longest box `moov` read, and longest beginning of a photo `[bytes]`.
 const LONGEST: u64 = 256 << 20;
 const HEAD: u64 = 1 << 18;
 
-/// The camera that `input`, a video or a folder of images, says it was recorded with; `None` if it does not say. Files that
-/// cannot be read say nothing: who reads the frames names their faults.
+/// The camera that `input`, a video or a folder of images, says it was recorded with; `None` if it does not say.
+/// Files that cannot be read say nothing: who reads the frames names their faults.
 pub fn camera_of(input: &Path, ffmpeg: &Path) -> Option<Calibration> {
     expect_file(input).ok()?;
     let file = if input.is_dir() { first_photo(input)? } else { input.to_path_buf() };

@@ -83,7 +83,8 @@ pub struct Settings {
     pub allow_gaps: bool,
     /// The fabric in the first frame, in camera coordinates: OBJ, PLY or glTF.
     pub template: Option<PathBuf>,
-    /// Image or video of the place without the fabric: written as `plate.png`, straightened and shrunk as the frames are.
+    /// Image or video of the place without the fabric: written as `plate.png`, straightened and shrunk as the
+    /// frames are.
     pub plate: Option<PathBuf>,
     /// The program that decodes videos.
     pub ffmpeg: PathBuf,

@@ -200,8 +200,9 @@ pub(super) fn changing(parts: &[Parts]) -> Vec<usize> {
     (0..parts[0].numbers.len()).filter(differs).collect()
 }
 
-/// The number of every file: the one that changes from name to name; a camera, size or take that is the same in all of them is
-/// none. The last one of a single name. `None` if the names differ in more than numbers, or have none.
+/// The number of every file: the one that changes from name to name; a camera, size or take that is the same in
+/// all of them is none. The last one of a single name. `None` if the names differ in more than numbers, or have
+/// none.
 pub(super) fn numbers(files: &[PathBuf]) -> Option<Vec<u64>> {
     let parts = alike(files)?;
     let column = |k: usize| -> Option<Vec<u64>> { parts.iter().map(|p| p.numbers[k].parse().ok()).collect() };

@@ -90,8 +90,8 @@ fn parse_yaml(text: &str, place: &str) -> Result<Calibration> {
 /// Deepest nesting of lists and maps; the loader calls itself at every level.
 const MAX_DEPTH: usize = 32;
 
-/// Why loading `text` could take memory or stack without bound, if it could: a few aliases of aliases stand for millions
-/// of values.
+/// Why loading `text` could take memory or stack without bound, if it could: a few aliases of aliases stand for
+/// millions of values.
 fn unbounded(text: &str) -> std::result::Result<Option<String>, ScanError> {
     let mut parser = Parser::new_from_str(text);
     let mut depth = 0;
@@ -196,7 +196,8 @@ fn pinhole(file: &Value, place: &str) -> Result<[f64; 4]> {
     ))
 }
 
-/// Whether the file is of a fisheye lens: it says so, or has the names that OpenCV's samples for these have (K, D, DIM).
+/// Whether the file is of a fisheye lens: it says so, or has the names that OpenCV's samples for these have (K, D,
+/// DIM).
 fn is_fisheye(file: &Value, place: &str) -> Result<bool> {
     let mut fisheye = ["fisheye_model", "fisheye", "is_fisheye"].iter().any(|key| {
         let value = &file[*key];

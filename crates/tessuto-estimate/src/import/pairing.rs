@@ -1,4 +1,5 @@
-//! Which mask belongs to which frame: by name, by number, or one by one where nothing else is possible; never by a guess.
+//! Which mask belongs to which frame: by name, by number, or one by one where nothing else is possible; never by a
+//! guess.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -87,8 +88,8 @@ impl Pairs<'_> {
         Ok(self.wanted.iter().map(|n| masks.get(&(*n as u64 + offset)).copied()).collect())
     }
 
-    /// Why masks belong to frames in their order, if they do: there are as many, none is missing in between, and numbers
-    /// begin at 0 on one side and at 1 on the other, or have nothing to do with each other.
+    /// Why masks belong to frames in their order, if they do: there are as many, none is missing in between, and
+    /// numbers begin at 0 on one side and at 1 on the other, or have nothing to do with each other.
     fn one_by_one(&self, images: &[PathBuf]) -> Option<String> {
         let masks = self.numbers.as_ref().filter(|n| gapless(n) && n.len() == images.len())?;
         let by_name: Vec<String> = self.files.iter().map(|f| bare(f)).collect();
@@ -131,7 +132,8 @@ impl Pairs<'_> {
         }
     }
 
-    /// The error of frames without masks. A part of the clip is offered only where numbers leave no doubt of what belongs together.
+    /// The error of frames without masks. A part of the clip is offered only where numbers leave no doubt of what
+    /// belongs together.
     fn missing(&self, found: &Found<'_>) -> Error {
         let missing: Vec<usize> = (0..found.len()).filter(|k| found[*k].is_none()).collect();
         let mut names: Vec<String> = missing.iter().take(NAMED).map(|k| self.frame(*k)).collect();
@@ -190,7 +192,8 @@ impl Pairs<'_> {
         )
     }
 
-    /// Refuses twice as many masks as frames, or three times: they may be of another rate. Other masks without frames are noted.
+    /// Refuses twice as many masks as frames, or three times: they may be of another rate. Other masks without
+    /// frames are noted.
     fn check_surplus(&self, notes: &mut Vec<String>) -> Result<()> {
         let masks = self.files.len();
         let Some(frames) = self.count.filter(|frames| masks > *frames) else { return Ok(()) };

@@ -35,7 +35,8 @@ pub(super) struct Colours {
 }
 
 impl Colours {
-    /// The camera and the straightening of frames of `size` `[px]`, whose pixels have `pixel_aspect`, width over height.
+    /// The camera and the straightening of frames of `size` `[px]`, whose pixels have `pixel_aspect`, width over
+    /// height.
     pub fn new(
         settings: &Settings,
         size: [usize; 2],

@@ -1,5 +1,5 @@
-//! Single frames of a video, numbered as [`import`](super::import) numbers them: to choose which ones to import, and to see
-//! the first of them before there is a scene.
+//! Single frames of a video, numbered as [`import`](super::import) numbers them: to choose which ones to import,
+//! and to see the first of them before there is a scene.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -48,9 +48,9 @@ pub struct Stills {
     pub notes: Vec<String>,
 }
 
-/// Writes `frame_00012.png` or `.jpg` for every frame asked for into the existing `folder`, and `clip.json`, which tells
-/// frame rate, size, the numbers of the frames and, where the file tells
-/// it, the focal length in terms of 35-mm film `[mm]`; `progress` receives the number of a frame that has been written.
+/// Writes `frame_00012.png` or `.jpg` for every frame asked for into the existing `folder`, and `clip.json`, which
+/// tells frame rate, size, the numbers of the frames and, where the file tells it, the focal length in terms of
+/// 35-mm film `[mm]`; `progress` receives the number of a frame that has been written.
 ///
 /// # Errors
 /// [`Error::Usage`] if the frames asked for do not exist; [`Error::Input`] of the video; [`Error::Output`].

@@ -12,7 +12,8 @@ use tessuto_core::error::{Error, Hint, Remedy, Result};
 const SAME: f64 = 0.002;
 /// A camera that filmed at a rate so far from that of the time stamps `[fraction]` filmed slow motion, or a time lapse.
 const OTHER: f64 = 0.01;
-/// Phones film at this rate `[1/s]` or a lower one, and in dim light at still lower ones with true stamps: no slow motion.
+/// Phones film at this rate `[1/s]` or a lower one, and in dim light at still lower ones with true stamps: no slow
+/// motion.
 const ORDINARY: f64 = 30.5;
 /// Where stamps vary, a camera that filmed at this many times their mean rate filmed slow motion.
 const VARIED: f64 = 1.5;
@@ -141,7 +142,8 @@ impl Video {
         Ok(Self { place, film, max_end: reading.end, fps: 1.0, chosen: None })
     }
 
-    /// Masks that follow the frames of `colour`: one by one where there are as many as it has stored, else by their time stamps.
+    /// Masks that follow the frames of `colour`: one by one where there are as many as it has stored, else by
+    /// their time stamps.
     ///
     /// # Errors
     /// As [`probe`](Self::probe).
@@ -324,7 +326,8 @@ fn about(said: &Said) -> Vec<String> {
     notes
 }
 
-/// The rate at which a film was filmed that the file says, where it counts more than that of the stamps, and a note where they differ.
+/// The rate at which a film was filmed that the file says, where it counts more than that of the stamps, and a
+/// note where they differ.
 fn at_another_rate(filmed: f64, stamped: &Pace) -> (Option<f64>, Option<String>) {
     let (ratio, varies) = (filmed / stamped.fps, stamped.course == Course::Varying);
     let rates = format!(

@@ -38,7 +38,8 @@ fn write(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
         let _ = std::fs::remove_file(&temporary);
         return Err(error);
     }
-    // The rename itself survives a power cut only once the folder is on disk (Unix; elsewhere folders cannot be opened).
+    // The rename itself survives a power cut only once the folder is on disk (Unix; elsewhere folders cannot be
+    // opened).
     if cfg!(unix) {
         File::open(folder)?.sync_all()?;
     }

@@ -10,8 +10,8 @@ use tessuto_core::image::Image;
 
 /// Largest file, and largest decoded image `[bytes]`: 8192×4096 pixels of 4 floats have 512 MiB.
 const MAX_BYTES: u64 = 640 << 20;
-/// Decoded bytes beyond these that each byte of the file may stand for: a few bytes of a header must not take the memory of
-/// the largest image. Compression of a uniform sky reaches a little more, of any other far less.
+/// Decoded bytes beyond these that each byte of the file may stand for: a few bytes of a header must not take the
+/// memory of the largest image. Compression of a uniform sky reaches a little more, of any other far less.
 const MAX_RATIO: u64 = 500;
 /// Decoded bytes that any file may have.
 const ALWAYS_BYTES: u64 = 64 << 20;
@@ -93,7 +93,8 @@ fn multiplied(bytes: &[u8]) -> std::result::Result<[f64; 3], String> {
     Ok(factors)
 }
 
-/// `bytes` with the first line of a Radiance .hdr file as most programs write it: others name themselves or the format there.
+/// `bytes` with the first line of a Radiance .hdr file as most programs write it: others name themselves or the
+/// format there.
 fn with_usual_name(mut bytes: Vec<u8>) -> Vec<u8> {
     const USUAL: &[u8] = b"#?RADIANCE";
     if bytes.starts_with(b"#?")
@@ -104,8 +105,8 @@ fn with_usual_name(mut bytes: Vec<u8>) -> Vec<u8> {
     bytes
 }
 
-/// The size of a tile in an OpenEXR file that is larger than [`MAX_TILE`]. The decoder takes memory for a whole tile, however
-/// small the image is.
+/// The size of a tile in an OpenEXR file that is larger than [`MAX_TILE`]. The decoder takes memory for a whole
+/// tile, however small the image is.
 pub(super) fn huge_tile(bytes: &[u8]) -> Option<[u32; 2]> {
     // Name, type and length of the attribute; two sizes and a mode follow.
     const ATTRIBUTE: &[u8] = b"tiles\0tiledesc\0\x09\0\0\0";

@@ -168,8 +168,8 @@ fn palette(bytes: &[u8]) -> Option<Vec<[u8; 3]>> {
 }
 
 impl ImageFile {
-    /// The image of `samples`, shape [height, width, channels] with 1 or 3 channels, whose messages call it `place`; `None`
-    /// if there are not that many samples.
+    /// The image of `samples`, shape [height, width, channels] with 1 or 3 channels, whose messages call it
+    /// `place`; `None` if there are not that many samples.
     pub fn held(place: &str, [width, height]: [usize; 2], channels: usize, samples: Samples) -> Option<Self> {
         if !matches!(channels, 1 | 3) || samples.len() != width.checked_mul(height)?.checked_mul(channels)? {
             return None;

@@ -31,8 +31,8 @@ pub fn parse(bytes: &[u8], name: &str) -> Result<Mesh> {
     parse_with(bytes, name, true)
 }
 
-/// [`parse`]; unless `uv_needed`, corners may lack texture coordinates: if one does, `uvs` is empty and no index into it
-/// means anything.
+/// [`parse`]; unless `uv_needed`, corners may lack texture coordinates: if one does, `uvs` is empty and no index
+/// into it means anything.
 pub(crate) fn parse_with(bytes: &[u8], name: &str, uv_needed: bool) -> Result<Mesh> {
     let mut mesh = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
     let mut bare = None;

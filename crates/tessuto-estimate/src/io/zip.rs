@@ -7,7 +7,8 @@ use std::io::Read;
 /// Largest entry read, and largest sum of all entries `[bytes]`.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// A zip file of stored entries, name and bytes. No entry is near the 4 GiB that would need the format's 64-bit variant.
+/// A zip file of stored entries, name and bytes. No entry is near the 4 GiB that would need the format's 64-bit
+/// variant.
 pub fn write(files: &[(String, Vec<u8>)]) -> Vec<u8> {
     let (mut out, mut directory) = (Vec::new(), Vec::new());
     for (name, bytes) in files {

@@ -1,5 +1,6 @@
-//! What reaches beyond the drawn outline in the first frame may be fabric that bulges there, or something behind in the same
-//! colours, or a shadow. Motion tells: the outline of fabric goes along with it, that of other things stays where it is.
+//! What reaches beyond the drawn outline in the first frame may be fabric that bulges there, or something behind
+//! in the same colours, or a shadow. Motion tells: the outline of fabric goes along with it, that of other things
+//! stays where it is.
 
 use super::flow::Flow;
 use super::region::{Field, Region};
@@ -62,8 +63,9 @@ fn places(distances: &[Field], beyond: &Field, flows: &[Flow]) -> Vec<Place> {
     places.collect()
 }
 
-/// Follows the motion from a place of the first outline: of the frames in which it has led far enough across, the fraction
-/// in which the outline is where it was, rather than where the motion has led. `None` where it never leads so far.
+/// Follows the motion from a place of the first outline: of the frames in which it has led far enough across, the
+/// fraction in which the outline is where it was, rather than where the motion has led. `None` where it never
+/// leads so far.
 fn stayed([x, y]: [f32; 2], distances: &[Field], flows: &[Flow]) -> Option<f32> {
     let first = &distances[0];
     let slope = [
@@ -91,8 +93,8 @@ mod tests {
     use super::*;
     use tessuto_core::camera::Rect;
 
-    /// Marks of a square that moves by 2 px a frame to the left, and reaches beyond the drawn outline by a block that stands
-    /// still or goes along.
+    /// Marks of a square that moves by 2 px a frame to the left, and reaches beyond the drawn outline by a block
+    /// that stands still or goes along.
     fn marks(block_moves: bool) -> Vec<Mark> {
         let size = [160, 120];
         let rect = Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] };

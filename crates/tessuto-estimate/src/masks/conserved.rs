@@ -1,5 +1,6 @@
-//! Fabric neither comes nor goes: followed along its motion, what is fabric in one frame is fabric in those before and after.
-//! What comes from outside of the outline and goes there again was never fabric: somebody who walks past behind.
+//! Fabric neither comes nor goes: followed along its motion, what is fabric in one frame is fabric in those before
+//! and after. What comes from outside of the outline and goes there again was never fabric: somebody who walks
+//! past behind.
 
 use rayon::prelude::*;
 
@@ -12,16 +13,16 @@ const FRAMES: usize = 8;
 const OUTSIDE: (f32, f32) = (0.012, 0.3);
 /// Step between the pixels that are followed, either way.
 const STRIDE: usize = 3;
-/// Fabric that turns is followed badly near its outline: what is told counts less and less where its image grows or shrinks by
-/// more than this fraction meanwhile, and by so much more not at all.
+/// Fabric that turns is followed badly near its outline: what is told counts less and less where its image grows
+/// or shrinks by more than this fraction meanwhile, and by so much more not at all.
 const TURNS: (f64, f64) = (0.1, 0.1);
 /// Depth inside of the outline from which that is measured, as a fraction of the fabric's size.
 const DEEP: f32 = 0.1;
 /// What is told by one direction alone, near the ends of the clip, is believed by half: folds open and close.
 const ALONE: f64 = 0.5;
 
-/// Fraction of each frame's mask that comes from outside of the outline and goes there. `distances`: to the outlines `[px]`,
-/// positive inside.
+/// Fraction of each frame's mask that comes from outside of the outline and goes there. `distances`: to the
+/// outlines `[px]`, positive inside.
 pub(super) fn comes_and_goes(tracked: &Tracked, distances: &[Field]) -> Vec<f64> {
     (0..distances.len())
         .into_par_iter()

@@ -108,8 +108,8 @@ impl Graph {
         }
     }
 
-    /// Whether flow from the source's side towards the sink's may still go from the node's parent side to its child side
-    /// along `arc`, an arc that leaves a node of this tree.
+    /// Whether flow from the source's side towards the sink's may still go from the node's parent side to its
+    /// child side along `arc`, an arc that leaves a node of this tree.
     fn is_open(&self, arc: u32, sink: bool) -> bool {
         self.residual[if sink { arc ^ 1 } else { arc } as usize] > 0
     }
@@ -265,7 +265,8 @@ mod tests {
         across.sum::<i64>() + open.sum::<i64>()
     }
 
-    /// The plain twin: shortest paths, found anew each time (Edmonds and Karp), on a matrix. Its flow is the least cost.
+    /// The plain twin: shortest paths, found anew each time (Edmonds and Karp), on a matrix. Its flow is the least
+    /// cost.
     fn flow((arcs, terminals): &Plain) -> i64 {
         let n = terminals.len();
         let mut left = vec![vec![0_i64; n + 2]; n + 2];

@@ -1,6 +1,7 @@
-//! How much each pixel near the outline looks like fabric rather than like what is around it: the logarithm of the ratio
-//! of two densities of colour. Each density is a mixture: of the colour expected at this very pixel (fabric: the frames
-//! before and after, moved along; background: the plate), of colours found nearby in the same frame, and of anything.
+//! How much each pixel near the outline looks like fabric rather than like what is around it: the logarithm of the
+//! ratio of two densities of colour. Each density is a mixture: of the colour expected at this very pixel (fabric:
+//! the frames before and after, moved along; background: the plate), of colours found nearby in the same frame,
+//! and of anything.
 
 use rayon::prelude::*;
 

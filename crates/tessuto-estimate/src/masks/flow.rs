@@ -1,6 +1,7 @@
-//! How the fabric moves from one frame to another: small windows matched by their gradients, coarse to fine (B. Lucas,
-//! T. Kanade, "An iterative image registration technique", 1981; pyramid of J.-Y. Bouguet, 2000), only from pixels of the
-//! fabric, joined by a membrane that carries the motion over windows without texture and out beyond the outline.
+//! How the fabric moves from one frame to another: small windows matched by their gradients, coarse to fine (B.
+//! Lucas, T. Kanade, "An iterative image registration technique", 1981; pyramid of J.-Y. Bouguet, 2000), only from
+//! pixels of the fabric, joined by a membrane that carries the motion over windows without texture and out beyond
+//! the outline.
 
 use rayon::prelude::*;
 
@@ -181,7 +182,8 @@ pub(super) fn flow(from: &Colours, to: &Colours, inside: &Region, rect: Rect) ->
     Flow { rect, step, columns, rows, data, arriving: Vec::new() }.turned()
 }
 
-/// How far, in the median, the textured windows outside of `region` move `[px]`; `None` where there are too few to tell.
+/// How far, in the median, the textured windows outside of `region` move `[px]`; `None` where there are too few to
+/// tell.
 pub(super) fn shift(from: &Colours, to: &Colours, region: &Region, rect: Rect) -> Option<f32> {
     const SIDE: usize = 14;
     const FEWEST: usize = 8;

@@ -17,8 +17,9 @@ const STEP: f32 = 2.5;
 /// Fraction of the outline that may lie at the border of the image.
 const LEAVES: f64 = 0.02;
 
-/// Fractions of the mask that may be wrong by what stands still, and by what comes and goes, and how much more leaves no
-/// confidence. Both are less than what is wrong, so that frames are named below an overlap of about 0.97.
+/// Fractions of the mask that may be wrong by what stands still, and by what comes and goes, and how much more
+/// leaves no confidence. Both are less than what is wrong, so that frames are named below an overlap of about
+/// 0.97.
 const STILL: (f64, f64) = (0.004, 0.02);
 const COMES: (f64, f64) = (0.015, 0.025);
 

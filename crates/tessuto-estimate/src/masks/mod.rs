@@ -1,10 +1,10 @@
 //! Masks from the clip itself: the fabric's corners in the first frame are enough.
 //!
-//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own motion
-//! predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not by its colour
-//! (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then every frame again with
-//! both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). What looks wrong is named with
-//! the frame (`judge`, `steady`).
+//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own
+//! motion predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not
+//! by its colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then
+//! every frame again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`).
+//! What looks wrong is named with the frame (`judge`, `steady`).
 
 mod beyond;
 mod conserved;
@@ -78,14 +78,15 @@ pub struct Made {
     pub files: Vec<PathBuf>,
 }
 
-/// Makes the masks of the scene in `folder`: begins with the outline or mask that is given, now or before, else with the
-/// projection of the scene's template. Writes `masks/`, masks.json, masks.html, and
-/// plate.png where a plate is given. `progress` receives the fraction that is done. Masks that tessuto did not write, or
-/// that were changed since, are not replaced.
+/// Makes the masks of the scene in `folder`: begins with the outline or mask that is given, now or before, else
+/// with the projection of the scene's template. Writes `masks/`, masks.json, masks.html, and plate.png where a
+/// plate is given. `progress` receives the fraction that is done. Masks that tessuto did not write, or that were
+/// changed since, are not replaced.
 ///
 /// # Errors
-/// [`Error::Usage`](tessuto_core::Error::Usage) if it is not known where the fabric is; [`Error::Input`](tessuto_core::Error::Input) if the clip is none that masks can be made of,
-/// naming the frame; [`Error::Output`](tessuto_core::Error::Output).
+/// [`Error::Usage`](tessuto_core::Error::Usage) if it is not known where the fabric is;
+/// [`Error::Input`](tessuto_core::Error::Input) if the clip is none that masks can be made of, naming the frame;
+/// [`Error::Output`](tessuto_core::Error::Output).
 pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -> Result<Made> {
     let (clip, origin) = (colour_files(folder)?, refuse::Origin::of(folder));
     let mut record = Record::read(folder)?.unwrap_or_else(Record::new);

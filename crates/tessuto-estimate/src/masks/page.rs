@@ -63,7 +63,8 @@ pub(super) fn page(
     })
 }
 
-/// The outline of a coverage at one half as an SVG path, in pixels of the recording: marching squares, segment by segment.
+/// The outline of a coverage at one half as an SVG path, in pixels of the recording: marching squares, segment by
+/// segment.
 pub(super) fn outline(coverage: &Field, factor: usize) -> String {
     let rect = coverage.rect;
     let (w, h) = (rect.width() as isize, rect.height() as isize);

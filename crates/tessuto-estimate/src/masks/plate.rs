@@ -39,8 +39,8 @@ impl Plate {
         Self { width: image.width, colours, sure: vec![1.0; n], spread: vec![2.0; n] }
     }
 
-    /// The median of what is seen where the fabric is not, farther than `margin` `[px]` from its outline. `distances`: to
-    /// the outline, positive inside, of the frames that are known.
+    /// The median of what is seen where the fabric is not, farther than `margin` `[px]` from its outline.
+    /// `distances`: to the outline, positive inside, of the frames that are known.
     pub fn seen(frames: &Frames, distances: &[Field], margin: f32) -> Self {
         let [width, height] = frames.size;
         let stride = distances.len().div_ceil(LOOKS).max(1);
@@ -80,8 +80,8 @@ impl Plate {
         plate
     }
 
-    /// Takes in one more frame, where the fabric is farther than `margin` `[px]`: running means, for the first time through
-    /// the clip.
+    /// Takes in one more frame, where the fabric is farther than `margin` `[px]`: running means, for the first
+    /// time through the clip.
     pub fn add(&mut self, frame: &Colours, distance: &Field, margin: f32) {
         for i in 0..self.sure.len() {
             let (x, y) = (i % self.width, i / self.width);

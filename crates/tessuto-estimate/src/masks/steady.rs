@@ -78,9 +78,9 @@ fn changed(frames: &Frames, n: usize, near: &Region) -> f64 {
     other as f64 / all.max(1) as f64
 }
 
-/// Where things move: the fraction of the region's pixels that ever change, and the middle of what changes elsewhere, with
-/// the fraction of the image that it is. What changes beside the region is its own border at work, of plain cloth all that is seen
-/// to move, and counts neither way.
+/// Where things move: the fraction of the region's pixels that ever change, and the middle of what changes
+/// elsewhere, with the fraction of the image that it is. What changes beside the region is its own border at work,
+/// of plain cloth all that is seen to move, and counts neither way.
 pub(super) fn movement(frames: &Frames, fabric: &Region, noise: f32) -> (f64, Option<([f32; 2], f64)>) {
     let [width, height] = frames.size;
     let limit = (8.0 * noise).max(ELSE);

@@ -1,5 +1,5 @@
-//! What motion says about an outline. Things behind in the fabric's colours deceive every frame alike, and the evidence of
-//! colours is clear on either side of them; but the fabric moves, and their outline stands still.
+//! What motion says about an outline. Things behind in the fabric's colours deceive every frame alike, and the
+//! evidence of colours is clear on either side of them; but the fabric moves, and their outline stands still.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,8 @@ const MOVED: f32 = 3.0;
 const FRAMES: usize = 16;
 /// Step along the outline between the places that are looked at `[px]`.
 const STRIDE: usize = 3;
-/// How near the outline of the other frame is to where it was `[px]`, and how far at least from where the motion has led.
+/// How near the outline of the other frame is to where it was `[px]`, and how far at least from where the motion
+/// has led.
 const STAYED: [f32; 2] = [1.0, 2.0];
 /// In this fraction of the clip's frames the outline is so near `[px]`.
 const OFTEN: f64 = 0.5;
@@ -23,8 +24,8 @@ const BORDER: f32 = 8.0;
 /// What deceives one frame deceives those around: means over this many before and after.
 const AROUND: usize = 5;
 
-/// How much of every frame's mask is wrong at least, as a fraction: where the outline stands still, so far as the fabric moves
-/// across it meanwhile. `distances`: to the outlines, positive inside.
+/// How much of every frame's mask is wrong at least, as a fraction: where the outline stands still, so far as the
+/// fabric moves across it meanwhile. `distances`: to the outlines, positive inside.
 pub(super) fn standing_still(frames: &Frames, tracked: &Tracked, distances: &[Field]) -> Vec<f64> {
     let often = often(frames, distances);
     let own: Vec<f64> = (0..distances.len())
@@ -35,8 +36,8 @@ pub(super) fn standing_still(frames: &Frames, tracked: &Tracked, distances: &[Fi
     (0..own.len()).map(|n| around(n).iter().sum::<f64>() / around(n).len() as f64).collect()
 }
 
-/// Where the outline is in so much of the clip. A fabric that turns away from the camera moves across its own outline, too, but
-/// not for long.
+/// Where the outline is in so much of the clip. A fabric that turns away from the camera moves across its own
+/// outline, too, but not for long.
 fn often(frames: &Frames, distances: &[Field]) -> Vec<bool> {
     let [width, height] = frames.size;
     let least = OFTEN * distances.len() as f64;
@@ -82,8 +83,8 @@ fn of_frame(frames: &Frames, tracked: &Tracked, distances: &[Field], often: &[bo
     f64::from(still) / area.max(1) as f64
 }
 
-/// Follows the motion from a place of the outline: how far it leads across `[px]` while the outline is there still where it
-/// was; 0 if the outline goes along. `None` where the motion never leads far enough to tell.
+/// Follows the motion from a place of the outline: how far it leads across `[px]` while the outline is there still
+/// where it was; 0 if the outline goes along. `None` where the motion never leads far enough to tell.
 fn led(
     tracked: &Tracked,
     distances: &[Field],
@@ -125,8 +126,8 @@ mod tests {
     use crate::masks::region::Region;
     use tessuto_core::camera::Rect;
 
-    /// Fractions that stand still, of a square that moves by 2 px a frame, with or without something behind it that is taken
-    /// for a part of it.
+    /// Fractions that stand still, of a square that moves by 2 px a frame, with or without something behind it
+    /// that is taken for a part of it.
     fn fractions(behind: bool) -> Vec<f64> {
         let size = [160, 120];
         let rect = Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] };
@@ -150,7 +151,8 @@ mod tests {
     fn what_stands_still_behind_is_seen_and_the_fabric_is_not() {
         let alone = fractions(false);
         assert!(alone.iter().all(|f| *f < 0.003), "{alone:?}");
-        // Both upright sides of what is behind, 15 px of height and more, across which the fabric moves by up to 18 px, of 3500 px.
+        // Both upright sides of what is behind, 15 px of height and more, across which the fabric moves by up to
+        // 18 px, of 3500 px.
         let with = fractions(true);
         assert!(with.iter().all(|f| (0.03..0.25).contains(f)), "{with:?}");
     }

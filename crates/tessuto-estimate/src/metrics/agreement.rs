@@ -22,17 +22,17 @@ pub struct FrameAgreement {
     /// coverage is; absent where both are empty.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub silhouette: Option<f64>,
-    /// Fraction of the pixels whose mask is above one half that the mesh does not cover; absent for an empty mask. Unlike the
-    /// silhouette it does not suffer from things in front of the fabric that the mask leaves out.
+    /// Fraction of the pixels whose mask is above one half that the mesh does not cover; absent for an empty mask.
+    /// Unlike the silhouette it does not suffer from things in front of the fabric that the mask leaves out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncovered: Option<f64>,
-    /// PSNR `[dB]` of the mesh rendered with the recovered texture against the video's sRGB colours, over the pixels in which
-    /// both mask and rendered coverage are above one half; absent where there is none.
+    /// PSNR `[dB]` of the mesh rendered with the recovered texture against the video's sRGB colours, over the
+    /// pixels in which both mask and rendered coverage are above one half; absent where there is none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr: Option<f64>,
-    /// How well the texture's pattern lies on that of the video, over the same pixels: see [`local_correlation`]; absent for plain
-    /// cloth. Where the mesh moves, the best of the sharp rendering and those with the shutter open for a while: a blurred frame lacks
-    /// what is fine in the print.
+    /// How well the texture's pattern lies on that of the video, over the same pixels: see [`local_correlation`];
+    /// absent for plain cloth. Where the mesh moves, the best of the sharp rendering and those with the shutter
+    /// open for a while: a blurred frame lacks what is fine in the print.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correlation: Option<f64>,
     /// Mean of |strain| over the threads, the edges of the template's polygons; strain = length / length in the
@@ -42,16 +42,16 @@ pub struct FrameAgreement {
     pub strain_p99: f64,
     /// Largest |strain|.
     pub strain_max: f64,
-    /// Fraction of the inner edges of the triangles at which the surface turns back by more than 120°, without those at which
-    /// the template does so.
+    /// Fraction of the inner edges of the triangles at which the surface turns back by more than 120°, without
+    /// those at which the template does so.
     pub creased: f64,
-    /// Fraction of the area, as the template has it, in triangles turned by more than 90° against their neighbours: against the
-    /// mean of these triangles' unit normals, weighted by area; without those turned so in the template. Folds are wider
-    /// than a triangle and do not count; spikes and inverted corners do.
+    /// Fraction of the area, as the template has it, in triangles turned by more than 90° against their
+    /// neighbours: against the mean of these triangles' unit normals, weighted by area; without those turned so in
+    /// the template. Folds are wider than a triangle and do not count; spikes and inverted corners do.
     #[serde(default)]
     pub flipped: f64,
-    /// Standard deviation of the positions that the search itself expects `[m]`: root mean square over the vertices of the
-    /// square root of the trace of each one's covariance; absent where the method estimates none.
+    /// Standard deviation of the positions that the search itself expects `[m]`: root mean square over the
+    /// vertices of the square root of the trace of each one's covariance; absent where the method estimates none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub deviation: Option<f64>,
 }

@@ -77,8 +77,8 @@ pub struct Held {
 pub struct Foretold {
     /// Mean distance of the vertices from the truth `[m]`.
     pub error: f64,
-    /// The same of what needs no causes `[m]`: after the clip the better one of cloth that stops and cloth that goes straight on; the clip
-    /// itself where another stiffness was to be foretold.
+    /// The same of what needs no causes `[m]`: after the clip the better one of cloth that stops and cloth that
+    /// goes straight on; the clip itself where another stiffness was to be foretold.
     pub baseline: f64,
     /// Their ratio, below 1 where the causes help.
     pub ratio: f64,
@@ -99,7 +99,8 @@ pub fn distance(a: &[Positions], b: &[Positions]) -> f64 {
     pairs().map(|(a, b)| a.distance(*b)).sum::<f64>() / pairs().count().max(1) as f64
 }
 
-/// What goes on after the two shapes at the end of `motion` without causes, for `count` frames: as it is, and straight on.
+/// What goes on after the two shapes at the end of `motion` without causes, for `count` frames: as it is, and
+/// straight on.
 pub fn carried_on(motion: &[Positions], count: usize) -> Vec<Vec<Positions>> {
     let last = &motion[motion.len() - 1];
     let before = &motion[motion.len().saturating_sub(2)];
@@ -140,8 +141,8 @@ pub struct CauseMetrics {
 }
 
 impl CauseMetrics {
-    /// Stretch, bend, shear stiffness and drag, gravity with the standard deviation of its direction `[rad]`, and `held` vertices against
-    /// `known` causes.
+    /// Stretch, bend, shear stiffness and drag, gravity with the standard deviation of its direction `[rad]`, and
+    /// `held` vertices against `known` causes.
     pub fn new(known: &KnownCauses, found: [Found; 4], (gravity, sd): (DVec3, f64), held: &[usize]) -> Self {
         let of = |k: usize, truth: Option<f64>| truth.filter(|t| *t > 0.0).map(|t| found[k].against(t));
         let direction = |truth: [f64; 3]| {

@@ -1,7 +1,7 @@
-//! How far a motion is from what is known of the true one: Chamfer distance, point-to-surface
-//! distance, depth difference, distances of vertices and of tracked points, per frame and as means over the frames of which
-//! something is known; and how good material maps are ([`maps`]). Without truth: how well the frames agree with the video and with what cloth can do
-//! ([`agreement`]), and whether that is good ([`verdict`]).
+//! How far a motion is from what is known of the true one: Chamfer distance, point-to-surface distance, depth
+//! difference, distances of vertices and of tracked points, per frame and as means over the frames of which
+//! something is known; and how good material maps are ([`maps`]). Without truth: how well the frames agree with
+//! the video and with what cloth can do ([`agreement`]), and whether that is good ([`verdict`]).
 
 pub mod agreement;
 mod boxes;
@@ -44,7 +44,8 @@ use tessuto_core::scene::{Scene, Truth};
 pub struct Inputs<'a> {
     /// The mesh whose vertices move, shape `[V]`.
     pub template: &'a Mesh,
-    /// How every frame is seen, shape `[N]`, or one for all. Any cameras whose pixel grid is the video's: the full image's or a crop's.
+    /// How every frame is seen, shape `[N]`, or one for all. Any cameras whose pixel grid is the video's: the full
+    /// image's or a crop's.
     pub views: Vec<Viewpoint>,
     /// What is known of the true motion, shape `[N]`.
     pub truth: &'a Truth,
@@ -105,7 +106,8 @@ pub struct Metrics {
     /// Mean distance `[m]` of the tracked points from their places on the mesh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track: Option<f64>,
-    /// Distance `[m]` that 90 % of the tracked points do not exceed; as a mean over frames: of the points of all frames.
+    /// Distance `[m]` that 90 % of the tracked points do not exceed; as a mean over frames: of the points of all
+    /// frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub track_p90: Option<f64>,
     /// Largest distance `[m]` of a tracked point; as a mean over frames: of all frames.
@@ -196,7 +198,8 @@ pub struct FrameMetrics {
 /// Errors of a motion.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Means over those of `frames` whose truth is of the kind; absent where the mesh does not allow to measure one of them.
+    /// Means over those of `frames` whose truth is of the kind; absent where the mesh does not allow to measure
+    /// one of them.
     pub mean: Metrics,
     /// One entry per evaluated frame with any truth, ascending.
     pub frames: Vec<FrameMetrics>,
@@ -272,7 +275,8 @@ pub fn evaluate(inputs: &Inputs, motion: &Motion, range: Range<usize>, seed: u64
 fn mean(frames: &[FrameMetrics]) -> Metrics {
     let values: Vec<_> = frames.iter().map(|f| f.metrics.values()).collect();
     Metrics::from_values(std::array::from_fn(|k| {
-        // A frame with points has all that is measured from points; else it is not known, which is no reason to leave it out.
+        // A frame with points has all that is measured from points; else it is not known, which is no reason to
+        // leave it out.
         let of_points = k <= DEPTH;
         let known: Vec<_> =
             values.iter().filter(|v| if of_points { v[0].is_some() } else { v[k].is_some() }).collect();

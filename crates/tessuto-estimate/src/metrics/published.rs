@@ -16,8 +16,8 @@ const EXTRA: f64 = 1e-5;
 /// - `exact`: the exact ones. They bound the result: whatever is truly inside is also accepted
 ///   here, and where a pair is accepted its plane distance is not above the exact one.
 ///
-/// A plane is accepted far away from its triangle; left out are groups of points that it passes at a distance that lowers none of
-/// theirs, nor the triangle's.
+/// A plane is accepted far away from its triangle; left out are groups of points that it passes at a distance that
+/// lowers none of theirs, nor the triangle's.
 pub fn distances_squared(
     points: &[DVec3],
     positions: &[DVec3],

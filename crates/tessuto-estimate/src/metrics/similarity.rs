@@ -9,8 +9,8 @@ pub fn psnr(a: &[f32], b: &[f32]) -> f64 {
     -10.0 * (squared.sum::<f64>() / a.len() as f64).max(1e-12).log10()
 }
 
-/// The factor per channel of linear colour that brings `estimate` nearest to `truth`, argmin_k ‖k e − t‖² = Σ e t / Σ e²;
-/// both are sRGB-encoded, shape [pixels, 3].
+/// The factor per channel of linear colour that brings `estimate` nearest to `truth`, argmin_k ‖k e − t‖² = Σ e t
+/// / Σ e²; both are sRGB-encoded, shape [pixels, 3].
 pub fn best_scale(estimate: &[f32], truth: &[f32]) -> [f64; 3] {
     assert_eq!(estimate.len(), truth.len());
     let (mut et, mut ee) = ([0.0; 3], [0.0; 3]);
@@ -114,7 +114,8 @@ struct Boxes {
 }
 
 impl Boxes {
-    /// Boxes of whole pixels, such that the covered part is about [`ACROSS`] of them across. None where nothing is covered.
+    /// Boxes of whole pixels, such that the covered part is about [`ACROSS`] of them across. None where nothing is
+    /// covered.
     fn new(a: &Image, b: &Image, covered: &[bool]) -> Option<Self> {
         let places = || (0..covered.len()).filter(|i| covered[*i]).map(|i| (i % a.width, i / a.width));
         let count = places().count();
@@ -139,11 +140,12 @@ impl Boxes {
     }
 }
 
-/// Normalised cross-correlation within tiles, how well the patterns of two images lie on each other: Σ_t cov_t(a, b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the
-/// covered part's bounding box, of the channels' mean without its plane in the tile. 1 is the same pattern, 0 another one. Light
-/// that brightens or darkens a tile as a whole, and what it adds across a tile evenly, make no difference. Large images are first
-/// averaged over boxes, some 64 across the covered part: then a displacement counts by its part of the whole, and neither
-/// grain nor threads do. None where an image is plain.
+/// Normalised cross-correlation within tiles, how well the patterns of two images lie on each other: Σ_t cov_t(a,
+/// b) / Σ_t σ_t(a) σ_t(b) over 8×8 tiles t of the covered part's bounding box, of the channels' mean without its
+/// plane in the tile. 1 is the same pattern, 0 another one. Light that brightens or darkens a tile as a whole, and
+/// what it adds across a tile evenly, make no difference. Large images are first averaged over boxes, some 64
+/// across the covered part: then a displacement counts by its part of the whole, and neither grain nor threads do.
+/// None where an image is plain.
 pub fn local_correlation(a: &Image, b: &Image, covered: &[bool]) -> Option<f64> {
     assert_eq!((a.width, a.height, a.channels), (b.width, b.height, b.channels));
     let boxes = Boxes::new(a, b, covered)?;

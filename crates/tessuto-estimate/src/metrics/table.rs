@@ -4,7 +4,8 @@ use std::fmt::Write as _;
 
 use super::{Evaluation, Metrics, QUANTITIES, Quantity};
 
-/// Errors as text: one line per frame, the means, what the columns are; then one line per value of the maps and of the causes.
+/// Errors as text: one line per frame, the means, what the columns are; then one line per value of the maps and of
+/// the causes.
 pub fn table(evaluation: &Evaluation) -> String {
     let shown: Vec<usize> = (0..QUANTITIES.len())
         .filter(|k| evaluation.frames.iter().any(|f| f.metrics.values()[*k].is_some()))

@@ -26,8 +26,8 @@ impl Distances {
     }
 }
 
-/// Distance `[m]` of every point of `tracks` in frame `index` from its place on the mesh at `positions` `[m]`; none where none
-/// was measured.
+/// Distance `[m]` of every point of `tracks` in frame `index` from its place on the mesh at `positions` `[m]`;
+/// none where none was measured.
 pub(super) fn distances(tracks: &Tracks, positions: &[DVec3], index: usize) -> Vec<f64> {
     let Some(points) = tracks.points.get(&index) else { return Vec::new() };
     tracks.on(positions).zip(points).map(|(p, q)| p.distance(*q)).collect()

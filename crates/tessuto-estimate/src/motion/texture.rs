@@ -42,8 +42,8 @@ const TASK: usize = 1 << 13;
 /// Largest width and height of the whole map of a [`Window`] `[texel]`.
 const LARGEST_MAP: usize = 4096;
 
-/// The part of the texture map that a template uses: on many a scan a tenth of it, and a texture spread over the whole map would be
-/// too coarse there.
+/// The part of the texture map that a template uses: on many a scan a tenth of it, and a texture spread over the
+/// whole map would be too coarse there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Window {
     /// Width and height of the whole map `[texel]`.
@@ -55,7 +55,8 @@ pub struct Window {
 }
 
 impl Window {
-    /// `size`×`size` texels, whole ones of a larger map, around all texture coordinates; the whole map if some lie outside of it.
+    /// `size`×`size` texels, whole ones of a larger map, around all texture coordinates; the whole map if some lie
+    /// outside of it.
     pub fn around(uvs: &[DVec2], size: usize) -> Self {
         let low = uvs.iter().copied().fold(DVec2::INFINITY, DVec2::min);
         let high = uvs.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);

@@ -122,8 +122,8 @@ pub fn record(paths: &[impl AsRef<Path>]) -> Result<()> {
     })
 }
 
-/// [`record`] for files `names` in `folder`; where no manifest lists what is in the folder, it gets one of `kind`. Nothing
-/// happens in a folder that is being written as a whole: its manifest comes last.
+/// [`record`] for files `names` in `folder`; where no manifest lists what is in the folder, it gets one of `kind`.
+/// Nothing happens in a folder that is being written as a whole: its manifest comes last.
 ///
 /// # Errors
 /// As [`record`]; [`Error::Input`] if the folder has a manifest.json of another program.

@@ -1,5 +1,5 @@
-//! The motion of simulated cloth: it hangs from the corners and the middle of its upper edge, or from two hands, until it
-//! is at rest; then a gust comes, and the hands move.
+//! The motion of simulated cloth: it hangs from the corners and the middle of its upper edge, or from two hands,
+//! until it is at rest; then a gust comes, and the hands move.
 
 use std::f64::consts::TAU;
 
@@ -26,7 +26,8 @@ const FINE: usize = 48;
 const SETTLING: usize = 120;
 const SETTLING_FINE: usize = 30;
 
-/// Longest time step of a simulation whose causes are truth `[s]`: what a step of 5 ms damps shall not be found as friction.
+/// Longest time step of a simulation whose causes are truth `[s]`: what a step of 5 ms damps shall not be found as
+/// friction.
 const SHORT: f64 = 1.25e-3;
 
 /// What shall be different from the clip.

@@ -1,5 +1,5 @@
-//! Synthetic scenes: a textured sheet, moved by wind or by hands or bent like paper, with things in front of it and motion
-//! blur if wanted, rendered and written as a scene folder with complete truth.
+//! Synthetic scenes: a textured sheet, moved by wind or by hands or bent like paper, with things in front of it
+//! and motion blur if wanted, rendered and written as a scene folder with complete truth.
 
 pub(crate) mod breeze;
 pub(crate) mod causes;
@@ -43,14 +43,14 @@ const MOST_SHAPES: usize = 33;
 /// Makes a scene in memory, its truth included. The same settings make the same scene.
 ///
 /// # Errors
-/// [`Error::Usage`](tessuto_core::Error::Usage) for settings out of range; [`Error::Numerical`](tessuto_core::Error::Numerical) from the
-/// simulation.
+/// [`Error::Usage`](tessuto_core::Error::Usage) for settings out of range;
+/// [`Error::Numerical`](tessuto_core::Error::Numerical) from the simulation.
 pub fn make(settings: &Settings) -> Result<Scene> {
     scene(settings, |view| view.frame)
 }
 
-/// As [`make`], but with frames as the camera recorded them: what moves in front of the sheet is in the images outside of
-/// the masks, too.
+/// As [`make`], but with frames as the camera recorded them: what moves in front of the sheet is in the images
+/// outside of the masks, too.
 ///
 /// # Errors
 /// Those of [`make`].
@@ -122,8 +122,8 @@ fn occluders(settings: &Settings, positions: &Positions) -> Vec<Occluder> {
     (0..settings.occluders).map(|k| Occluder::new(settings.seed, k, behind)).collect()
 }
 
-/// Times `[s]` and shapes that frame `n` at `time` sees while the shutter is open for `exposure` `[s]`: one for each pixel
-/// that anything moves by, spread evenly about the frame's own.
+/// Times `[s]` and shapes that frame `n` at `time` sees while the shutter is open for `exposure` `[s]`: one for
+/// each pixel that anything moves by, spread evenly about the frame's own.
 fn shapes(
     trajectory: &Trajectory,
     studio: &Studio,

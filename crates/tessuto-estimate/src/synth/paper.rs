@@ -1,12 +1,12 @@
 //! The motion of paper: a flat sheet, bent without being stretched about an axis that turns, and moved slowly.
 //!
-//! The sheet is bent to a general cone, whose apex lies in the sheet's plane at the distance D from its middle (D → ∞: a
-//! cylinder). A point at the distance r from the apex, in the direction α, goes to
+//! The sheet is bent to a general cone, whose apex lies in the sheet's plane at the distance D from its middle (D
+//! → ∞: a cylinder). A point at the distance r from the apex, in the direction α, goes to
 //!
 //!   p(r, α) = r c(α),  |c| = |c'| = 1,
 //!
-//! which keeps all lengths for any curve c on the unit sphere. With σ = α D, q = 1/D and the curvature κ(σ) of the sheet at
-//! its middle the frame (c, t, n) along the curve is found from
+//! which keeps all lengths for any curve c on the unit sphere. With σ = α D, q = 1/D and the curvature κ(σ) of the
+//! sheet at its middle the frame (c, t, n) along the curve is found from
 //!
 //!   c' = q t,  t' = −q c + κ n,  n' = −κ t.
 

@@ -47,8 +47,8 @@ pub struct Settings {
     /// What moves the sheet; paper knows neither wind nor stiffness.
     #[serde(skip_serializing_if = "is_default")]
     pub mover: Mover,
-    /// The wind is moving air that presses on the sheet, gravity is tilted against the camera, and what moves the sheet is written as
-    /// truth; otherwise the wind is an acceleration.
+    /// The wind is moving air that presses on the sheet, gravity is tilted against the camera, and what moves the
+    /// sheet is written as truth; otherwise the wind is an acceleration.
     #[serde(skip_serializing_if = "is_default")]
     pub air: bool,
     /// Opaque things of about a tenth of the sheet's size that move in front of it.

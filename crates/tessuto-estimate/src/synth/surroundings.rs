@@ -1,4 +1,5 @@
-//! What a camera films around a sheet: a room, uneven light, noise. Synthetic scenes are black there; real ones never are.
+//! What a camera films around a sheet: a room, uneven light, noise. Synthetic scenes are black there; real ones
+//! never are.
 
 use rayon::prelude::*;
 
@@ -21,8 +22,8 @@ const PICTURE: [f32; 3] = [0.45, 0.53, 0.58];
 /// Random streams: of the room, and of frame n from the second on.
 const STREAMS: [u64; 2] = [900, 1000];
 
-/// The frames of `scene` with a room behind the sheet, as a camera records them: sRGB, shape [height, width, 3] each, in
-/// order. The same `seed` makes the same frames.
+/// The frames of `scene` with a room behind the sheet, as a camera records them: sRGB, shape [height, width, 3]
+/// each, in order. The same `seed` makes the same frames.
 ///
 /// # Errors
 /// Those of reading the frames.

@@ -64,7 +64,8 @@ impl Trajectory {
         Ok(Self { mesh, frames, steps, clock })
     }
 
-    /// The shape at `time` `[s]` after the first frame, linear between the steps; still before the first and after the last.
+    /// The shape at `time` `[s]` after the first frame, linear between the steps; still before the first and after
+    /// the last.
     pub fn at(&self, time: f64) -> Positions {
         let s = (time / self.clock.step).clamp(0.0, (self.steps.len() - 1) as f64);
         let k = (s as usize).min(self.steps.len().saturating_sub(2));

@@ -35,7 +35,8 @@ pub struct Studio {
 pub struct View {
     /// Colour, black around the sheet, and mask.
     pub frame: Frame,
-    /// What the camera recorded: occluders keep their colour where they are in front of nothing. `None` if it is the same.
+    /// What the camera recorded: occluders keep their colour where they are in front of nothing. `None` if it is
+    /// the same.
     pub filmed: Option<Image>,
     /// Points `[m]` that a depth sensor at the camera would see of the sheet.
     pub points: Vec<DVec3>,

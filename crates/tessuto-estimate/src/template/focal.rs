@@ -1,9 +1,9 @@
 //! The focal length of a camera from the four corners of a flat sheet of known size.
 //!
-//! Square pixels and a principal point in the middle of the image leave seven unknowns, pose and focal length, to eight
-//! measured numbers. For every focal length the best pose is found; the interval is that of the focal lengths that explain the
-//! corners nearly as well as the best one, by the error of a click. It is wide where the sheet is parallel to the image:
-//! then a longer lens farther away sees the same.
+//! Square pixels and a principal point in the middle of the image leave seven unknowns, pose and focal length, to
+//! eight measured numbers. For every focal length the best pose is found; the interval is that of the focal
+//! lengths that explain the corners nearly as well as the best one, by the error of a click. It is wide where the
+//! sheet is parallel to the image: then a longer lens farther away sees the same.
 
 use glam::DVec2;
 
@@ -17,7 +17,8 @@ const TRIED: [f64; 2] = [0.12, 10.0];
 const COUNT: usize = 112;
 /// An interval whose half is more than this fraction of the focal length determines none.
 const WIDEST: f64 = 0.15;
-/// A sheet whose corners are farther [fraction of its mean side] from those of the best plane rectangle is not flat enough.
+/// A sheet whose corners are farther [fraction of its mean side] from those of the best plane rectangle is not
+/// flat enough.
 const BENT: f64 = 0.02;
 
 /// A focal length that was estimated.
@@ -38,12 +39,13 @@ impl Estimated {
     }
 }
 
-/// The camera of images of `image` (width, height) `[px]` that see the corners of a flat rectangle of `size` (width along
-/// the upper side, height) `[m]` at `corners` `[px]`, upper left, upper right, lower right, lower left, each known to
-/// `precision` `[px]` in either direction.
+/// The camera of images of `image` (width, height) `[px]` that see the corners of a flat rectangle of `size`
+/// (width along the upper side, height) `[m]` at `corners` `[px]`, upper left, upper right, lower right, lower
+/// left, each known to `precision` `[px]` in either direction.
 ///
 /// # Errors
-/// [`Error::Usage`] if the four points are no convex quadrilateral in this order; [`Error::Input`] if they do not determine the focal length.
+/// [`Error::Usage`] if the four points are no convex quadrilateral in this order; [`Error::Input`] if they do not
+/// determine the focal length.
 pub fn estimate(
     size: DVec2,
     corners: [DVec2; 4],

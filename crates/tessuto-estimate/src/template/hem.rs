@@ -8,8 +8,8 @@ use super::outline::Outline;
 use tessuto_core::camera::Camera;
 use tessuto_core::mesh::Mesh;
 
-/// Moves the border of `mesh`, the grid of `columns`×`rows` vertices on the patch between `positions` `[m]` (upper left,
-/// upper right, lower right, lower left), onto the outline between `corners` `[px]`, where these are seen.
+/// Moves the border of `mesh`, the grid of `columns`×`rows` vertices on the patch between `positions` `[m]` (upper
+/// left, upper right, lower right, lower left), onto the outline between `corners` `[px]`, where these are seen.
 pub fn hem(
     mesh: &mut Mesh,
     [columns, rows]: [usize; 2],

@@ -1,5 +1,6 @@
-//! Any textured sheet as an irregular mesh of triangles: points of even density, at random but for the border, and the Delaunay
-//! triangles over them. A grid has directions of its own, which a continuum of few triangles feels; this has none.
+//! Any textured sheet as an irregular mesh of triangles: points of even density, at random but for the border, and
+//! the Delaunay triangles over them. A grid has directions of its own, which a continuum of few triangles feels;
+//! this has none.
 
 use std::borrow::Cow;
 
@@ -34,8 +35,8 @@ pub struct Irregular {
     pub in_holes: usize,
 }
 
-/// Makes a mesh of `count` vertices, but for rounding at the border. `has_uv` says whether the sheet's texture coordinates mean
-/// anything; `place` is named in errors.
+/// Makes a mesh of `count` vertices, but for rounding at the border. `has_uv` says whether the sheet's texture
+/// coordinates mean anything; `place` is named in errors.
 ///
 /// # Errors
 /// [`Error::Input`] if `sheet` is not one with a border; [`Error::Usage`] outside [`VERTICES`].
@@ -72,8 +73,8 @@ pub fn irregular(sheet: &Mesh, has_uv: bool, count: usize, place: &str) -> Resul
     Ok(Irregular { mesh, places, over, in_holes })
 }
 
-/// `scene` with an irregular mesh of `count` vertices in place of its template; as it is where `count` is 0. True vertices, where
-/// there are any, are those of the template in the same places.
+/// `scene` with an irregular mesh of `count` vertices in place of its template; as it is where `count` is 0. True
+/// vertices, where there are any, are those of the template in the same places.
 ///
 /// # Errors
 /// As [`irregular`].

@@ -61,7 +61,8 @@ pub struct FromRectangle {
     pub ambiguous: bool,
 }
 
-/// A rectangle of fabric of `size` (width, height) `[m]`, flat or nearly so, as `camera` sees it; `tell` hears what was found.
+/// A rectangle of fabric of `size` (width, height) `[m]`, flat or nearly so, as `camera` sees it; `tell` hears
+/// what was found.
 ///
 /// # Errors
 /// [`Error::Input`] if the mask has no four corners, or if no rectangle of this size can look like this.

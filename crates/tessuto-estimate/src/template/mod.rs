@@ -1,7 +1,8 @@
 //! Templates: the mesh of the fabric in the first frame, from measurements or from other meshes.
 //!
 //! - a flat or nearly flat rectangle of known size: `outline`, `rectangle`, `hem`(mod@hem)
-//! - any textured mesh, as a regular grid of quads: [`remesh`]; or as an irregular mesh of triangles: [`irregular`](mod@irregular)
+//! - any textured mesh, as a regular grid of quads: [`remesh`]; or as an irregular mesh of triangles:
+//!   [`irregular`](mod@irregular)
 //! - a depth map of the first frame: [`depth`]
 //! - the camera, from the corners of such a sheet: [`focal`]
 //! - a mesh in another unit or with other axes: [`fix`]

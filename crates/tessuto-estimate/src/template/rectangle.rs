@@ -42,8 +42,8 @@ pub struct Corners {
     pub ambiguous: bool,
 }
 
-/// Finds the corners of a rectangle of `size` (width along the upper side, height) `[m]` seen at `p_pixel` `[px]`: upper
-/// left, upper right, lower right, lower left.
+/// Finds the corners of a rectangle of `size` (width along the upper side, height) `[m]` seen at `p_pixel` `[px]`:
+/// upper left, upper right, lower right, lower left.
 ///
 /// # Errors
 /// [`Error::Usage`] if the four points are no convex quadrilateral in this order.

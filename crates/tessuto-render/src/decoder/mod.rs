@@ -161,8 +161,9 @@ pub struct DecoderState {
     adam: Adam,
 }
 
-/// Adam in single precision (Kingma and Ba 2015, alg. 1). Not [`optim::Adam`](tessuto_core::optim::Adam): the weights are f32, a
-/// million of them, with decay rates of their own; its f64 would double what a checkpoint holds.
+/// Adam in single precision (Kingma and Ba 2015, alg. 1). Not [`optim::Adam`](tessuto_core::optim::Adam): the
+/// weights are f32, a million of them, with decay rates of their own; its f64 would double what a checkpoint
+/// holds.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 struct Adam {
     learning_rate: f64,

@@ -56,8 +56,8 @@ pub fn radiance(
     points.par_iter().enumerate().map_init(RadianceEstimate::default, colour).collect()
 }
 
-/// [`radiance`], and its derivative by the diffuse map at the point, each channel by its own; shape `[P]`. The colour is
-/// linear in that map.
+/// [`radiance`], and its derivative by the diffuse map at the point, each channel by its own; shape `[P]`. The
+/// colour is linear in that map.
 pub fn radiance_by_diffuse(
     shader: &Shader,
     points: &[SurfacePoint],
@@ -72,8 +72,8 @@ pub fn radiance_by_diffuse(
     points.par_iter().enumerate().map_init(RadianceEstimate::default, both).collect()
 }
 
-/// Adjoint of [`radiance`] for the derivatives `grad` of a loss by the colours, shape `[P]`. Directions and their densities
-/// are constants to it.
+/// Adjoint of [`radiance`] for the derivatives `grad` of a loss by the colours, shape `[P]`. Directions and their
+/// densities are constants to it.
 pub fn radiance_vjp(
     shader: &Shader,
     points: &[SurfacePoint],

@@ -1,14 +1,15 @@
 //! Physically based direct light on a deforming cloth, with derivatives: material maps and an environment map
 //! → linear colours of surface points, and back.
 //!
-//! The motion is fixed, so everything that depends on geometry alone is made once: [`Geometry`] (per frame a
-//! tree of triangles, per triangle a horizon that the cloth does not rise above) and [`SurfacePoint`]s (what a pixel
-//! sees). [`Shader`] then estimates the radiance of a point towards the camera: in bundles of eight directions from
-//! the [`EnvironmentSampler`] and eight from the [`brdf`], combined by the balance heuristic. Each direction is shadowed by
-//! the cloth itself. Directions and their densities are constants to the derivative. [`mod@reference`] is
-//! the same quantity, written plainly.
+//! The motion is fixed, so everything that depends on geometry alone is made once: [`Geometry`] (per frame a tree
+//! of triangles, per triangle a horizon that the cloth does not rise above) and [`SurfacePoint`]s (what a pixel
+//! sees). [`Shader`] then estimates the radiance of a point towards the camera: in bundles of eight directions
+//! from the [`EnvironmentSampler`] and eight from the [`brdf`], combined by the balance heuristic. Each direction
+//! is shadowed by the cloth itself. Directions and their densities are constants to the derivative.
+//! [`mod@reference`] is the same quantity, written plainly.
 //!
-//! [`render_frame`] draws with them. [`accumulate()`] is both ways at once, value and adjoint of a loss over many points:
+//! [`render_frame`] draws with them. [`accumulate()`] is both ways at once, value and adjoint of a loss over many
+//! points:
 //!
 //! ```
 //! use tessuto_core::glam::DVec2;

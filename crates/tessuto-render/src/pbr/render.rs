@@ -25,8 +25,9 @@ pub struct RenderScene<'a> {
     pub light: &'a EnvironmentSampler,
 }
 
-/// Draws frame `frame`, whose vertices are at `positions`, as `view`, one that the geometry is seen from, sees it, with `samples_per_pixel` samples,
-/// rounded up to a multiple of eight, which neighbouring pixels share (see `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
+/// Draws frame `frame`, whose vertices are at `positions`, as `view`, one that the geometry is seen from, sees it,
+/// with `samples_per_pixel` samples, rounded up to a multiple of eight, which neighbouring pixels share (see
+/// `denoise.rs`): sRGB in 0…1 on black, shape [height, width, 3].
 pub fn render_frame(
     scene: &RenderScene,
     view: impl Into<Viewpoint>,
@@ -91,8 +92,8 @@ pub fn render_frame(
 /// Pixels along the side of a square that shares its random numbers; a power of two.
 const SHARED: usize = 16;
 
-/// Random numbers of the pixel at `[column, row]`: those of a square of pixels follow one another along a Z-curve, so that averages
-/// over neighbours are of directions that are spread evenly.
+/// Random numbers of the pixel at `[column, row]`: those of a square of pixels follow one another along a Z-curve,
+/// so that averages over neighbours are of directions that are spread evenly.
 fn shared_numbers(seed: u32, [x, y]: [usize; 2], samples_per_pixel: usize) -> Numbers {
     let square = mix32(seed.wrapping_add((x / SHARED) as u32)).wrapping_add((y / SHARED) as u32);
     let bits = SHARED.ilog2() as usize;

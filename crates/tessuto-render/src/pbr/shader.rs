@@ -68,8 +68,8 @@ impl RadianceEstimate {
     }
 }
 
-/// Which random numbers a point takes: those of `key`, from bundle number `first` on. Points with the same key whose bundles
-/// follow one another fill the directions evenly together.
+/// Which random numbers a point takes: those of `key`, from bundle number `first` on. Points with the same key
+/// whose bundles follow one another fill the directions evenly together.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Numbers {
     pub key: u32,
@@ -109,8 +109,8 @@ impl Shader<'_> {
         }
     }
 
-    /// Estimates the outgoing radiance of `point` with `samples_per_pixel` samples, rounded up to a multiple of [`LANES`].
-    /// Random numbers are those of `key` and of nothing else.
+    /// Estimates the outgoing radiance of `point` with `samples_per_pixel` samples, rounded up to a multiple of
+    /// [`LANES`]. Random numbers are those of `key` and of nothing else.
     pub fn estimate(
         &self,
         point: &SurfacePoint,

@@ -8,8 +8,8 @@ use crate::raster::{Rasterizer, Rendering, Texture};
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::mesh::vertex_normals;
 
-/// The points that those pixels of `view` see of frame `frame` of `geometry` with vertices at `positions` `[m]` for which
-/// `wanted` says so, with their pixel indices, in the order of rows.
+/// The points that those pixels of `view` see of frame `frame` of `geometry` with vertices at `positions` `[m]`
+/// for which `wanted` says so, with their pixel indices, in the order of rows.
 pub fn visible_points(
     rasterizer: &Rasterizer,
     view: impl Into<Viewpoint>,

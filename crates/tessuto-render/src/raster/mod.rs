@@ -87,8 +87,8 @@ impl Rasterizer {
         }
     }
 
-    /// Whether antialiasing leaves the background as it is: pixels whose centre is not covered stay black with mask 0, and the half
-    /// of the outline's gradient that comes from them is missing.
+    /// Whether antialiasing leaves the background as it is: pixels whose centre is not covered stay black with
+    /// mask 0, and the half of the outline's gradient that comes from them is missing.
     #[must_use]
     pub fn one_sided(mut self, one_sided: bool) -> Self {
         self.one_sided = one_sided;
@@ -120,8 +120,8 @@ impl Rasterizer {
         &mut self.uvs
     }
 
-    /// Draws the mesh with vertices at `positions` `[m]` (shape `[V]`) as `view` sees it, textured and antialiased, over black. A
-    /// [`Camera`] sees from the origin.
+    /// Draws the mesh with vertices at `positions` `[m]` (shape `[V]`) as `view` sees it, textured and
+    /// antialiased, over black. A [`Camera`] sees from the origin.
     pub fn render(
         &self,
         view: impl Into<Viewpoint>,
@@ -188,7 +188,8 @@ impl Rasterizer {
                 }
             },
         );
-        // Gradients by positions in the camera's frame are turned into those in the world before they are added to what was there.
+        // Gradients by positions in the camera's frame are turned into those in the world before they are added to
+        // what was there.
         let moved = view.camera_from_world.is_some();
         let before =
             moved.then(|| std::mem::replace(&mut grads.positions, vec![DVec3::ZERO; self.vertex_count]));

@@ -58,8 +58,8 @@ impl Rendering {
         Image { width: self.width, height: self.height, channels: 1, data }
     }
 
-    /// The pixel itself if a triangle covers its centre, or else a neighbour whose centre is covered: the edge pixels that
-    /// antialiasing gave coverage have no triangle of their own.
+    /// The pixel itself if a triangle covers its centre, or else a neighbour whose centre is covered: the edge
+    /// pixels that antialiasing gave coverage have no triangle of their own.
     pub fn covered_near(&self, x: usize, y: usize) -> Option<(usize, usize)> {
         let candidates = [(x, y), (x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
         candidates.into_iter().find(|&(x, y)| {

@@ -1,5 +1,5 @@
-//! One iteration: what the network sees of a shape that shall become the minimum of the incremental potential, and how far the shape
-//! moves; with the adjoint.
+//! One iteration: what the network sees of a shape that shall become the minimum of the incremental potential, and
+//! how far the shape moves; with the adjoint.
 
 use glam::DVec3;
 
@@ -227,8 +227,8 @@ impl<'a> Descent<'a> {
         [0, 1, 2, 3].map(|i| pixel[i].wide())
     }
 
-    /// The part of the adjoint of [`moves`](Self::moves) that leads to the network's output; `grad` becomes that by the moves
-    /// before their momentum was taken off.
+    /// The part of the adjoint of [`moves`](Self::moves) that leads to the network's output; `grad` becomes that
+    /// by the moves before their momentum was taken off.
     pub fn moves_vjp<T: Float>(&self, view: &View<T>, grad: &mut [DVec3]) -> Planes<T> {
         let share = grad.iter().copied().sum::<DVec3>() / self.total_mass;
         grad.iter_mut().zip(&self.cloth.masses).for_each(|(g, m)| *g -= share * *m);

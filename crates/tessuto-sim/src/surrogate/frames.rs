@@ -10,7 +10,8 @@ const FLOOR: f64 = 1e-12;
 /// Unit vectors t1 along the row, t2 = n × t1, and the normal n of a pixel.
 pub type Frame = [DVec3; 3];
 
-/// Differences of `z` between the neighbours of pixel `k` along its row and its column; at the border from the pixel itself.
+/// Differences of `z` between the neighbours of pixel `k` along its row and its column; at the border from the
+/// pixel itself.
 fn differences(lattice: &Lattice, z: &[DVec3], k: usize) -> [(DVec3, [usize; 2]); 2] {
     let columns = lattice.columns;
     let (row, column) = (k / columns, k % columns);

@@ -1,16 +1,18 @@
 //! A step of springs on a regular grid, taken by a small convolutional network instead of a solver.
 //!
-//! The inertial positions y = x + h δ v + h² g are moved [`ITERATIONS`] times towards the minimum of the incremental potential Φ that implicit
-//! Euler minimises ([`super::implicit_euler`]). Each time the residual −∂Φ makes two steps: p = A⁻¹ (−∂Φ) with masses and a Laplacian
-//! that bound ∂²Φ, and q = n A'⁻¹ (−n·∂Φ) along the normals n, with a softer Laplacian. The network sees, in the frame of every
-//! vertex, p and q in units of p's root mean square, the vectors to the next vertices, their tensions, and the three
-//! stiffnesses. It answers with factors: of p along each vector of the frame, and of q. What they make is added to p, without its net momentum.
+//! The inertial positions y = x + h δ v + h² g are moved [`ITERATIONS`] times towards the minimum of the
+//! incremental potential Φ that implicit Euler minimises ([`super::implicit_euler`]). Each time the residual −∂Φ
+//! makes two steps: p = A⁻¹ (−∂Φ) with masses and a Laplacian that bound ∂²Φ, and q = n A'⁻¹ (−n·∂Φ) along the
+//! normals n, with a softer Laplacian. The network sees, in the frame of every vertex, p and q in units of p's
+//! root mean square, the vectors to the next vertices, their tensions, and the three stiffnesses. It answers with
+//! factors: of p along each vector of the frame, and of q. What they make is added to p, without its net momentum.
 //!
-//! So turned cloth moves alike, turned; a cloth in balance stays; and a network that answers 0 leaves a step of projective dynamics, which is
-//! also what is taken where the answer would not lower Φ: else stiff, limp cloth can explode.
+//! So turned cloth moves alike, turned; a cloth in balance stays; and a network that answers 0 leaves a step of
+//! projective dynamics, which is also what is taken where the answer would not lower Φ: else stiff, limp cloth can
+//! explode.
 //!
-//! Source of the idea: \[PG-SfT\]; there the network sees the state alone and answers with accelerations. Such a network was
-//! tried first (docs/experiments/log/methods.md): the errors of its long waves add up.
+//! Source of the idea: \[PG-SfT\]; there the network sees the state alone and answers with accelerations. Such a
+//! network was tried first (docs/experiments/log/methods.md): the errors of its long waves add up.
 
 mod descent;
 mod frames;

@@ -1,4 +1,5 @@
-//! The network: a pyramid of convolutions from the coarsest image of the inputs to the finest. Forward and adjoint in plain code.
+//! The network: a pyramid of convolutions from the coarsest image of the inputs to the finest. Forward and adjoint
+//! in plain code.
 
 use std::sync::OnceLock;
 
@@ -9,10 +10,12 @@ use tessuto_core::error::{Error, Result};
 pub const INPUTS: usize = 16;
 /// Channels of the outputs; one more than is used.
 pub const OUTPUTS: usize = 4;
-/// Hidden channels of every level, from the finest, which has as many pixels as the inputs, each half as large as the one before.
+/// Hidden channels of every level, from the finest, which has as many pixels as the inputs, each half as large as
+/// the one before.
 pub const CHANNELS: [usize; 4] = [16, 32, 32, 32];
 
-/// Inputs and outputs of the convolutions in the order of their weights: of every level from the coarsest on two, at last that to the outputs.
+/// Inputs and outputs of the convolutions in the order of their weights: of every level from the coarsest on two,
+/// at last that to the outputs.
 pub fn layers() -> Vec<[usize; 2]> {
     let mut out = Vec::new();
     for (level, &channels) in CHANNELS.iter().enumerate().rev() {

@@ -1,8 +1,8 @@
 //! The matrix that turns residuals into steps: masses and a Laplacian, the same for all coordinates.
 //!
-//! A = M/h² + k L with the Laplacian L of the edges: the upper bound of the stretch springs' Hessian by which projective dynamics steps
-//! (\[Bouaziz14\]). A banded matrix in the order of
-//! the lattice, factorised as R Rᵀ in a fraction of a millisecond.
+//! A = M/h² + k L with the Laplacian L of the edges: the upper bound of the stretch springs' Hessian by which
+//! projective dynamics steps (\[Bouaziz14\]). A banded matrix in the order of the lattice, factorised as R Rᵀ in a
+//! fraction of a millisecond.
 
 use glam::DVec3;
 

@@ -1,10 +1,11 @@
-//! Training of the surrogate of a simulation step, [`crate::surrogate`]: no data, only the energy of the step. Built with the cargo
-//! feature `decoder`, for the crate `burn`.
+//! Training of the surrogate of a simulation step, [`crate::surrogate`]: no data, only the energy of the step.
+//! Built with the cargo feature `decoder`, for the crate `burn`.
 //!
 //! Cloths of random shape, fabric, motion and forces are moved on by the network itself. Every step of the weights
 //! looks at one step of a batch of them, in all its iterations: with ΔΦ the change of the incremental potential by
-//! an iteration, and r·p/2 the decrease that the smoother's step promises, the loss is the mean of arsinh(ΔΦ/(r·p/2)), whatever the
-//! stiffness and the size of the step. Iterations are trained one by one; the gradient does not flow from one to the one before.
+//! an iteration, and r·p/2 the decrease that the smoother's step promises, the loss is the mean of
+//! arsinh(ΔΦ/(r·p/2)), whatever the stiffness and the size of the step. Iterations are trained one by one; the
+//! gradient does not flow from one to the one before.
 //!
 //! Source: \[PG-SfT\], which trains on the energy of a step and on what the network itself makes; the loss is ours.
 
@@ -59,8 +60,8 @@ pub fn initial_weights(rng: &mut Rng) -> Vec<f32> {
     weights
 }
 
-/// Trains from `weights`; `tell` hears the number of every step and the losses of its iterations. The same weights, to the bit, on the
-/// same machine.
+/// Trains from `weights`; `tell` hears the number of every step and the losses of its iterations. The same
+/// weights, to the bit, on the same machine.
 pub fn train(
     settings: &Settings,
     weights: &[f32],

@@ -1,4 +1,5 @@
-//! The surrogate's network by the crate `burn`: the gradient by its weights, and the twin that the plain one is tested against.
+//! The surrogate's network by the crate `burn`: the gradient by its weights, and the twin that the plain one is
+//! tested against.
 
 use burn::tensor::module::conv2d;
 use burn::tensor::ops::ConvOptions;

@@ -1,6 +1,7 @@
 //! Matroska and WebM films: the track that a player shows, its blocks, their times.
 //!
-//! Written here, not taken from a crate: blocks are listed by their places before one of them is read, with bounds on what is taken.
+//! Written here, not taken from a crate: blocks are listed by their places before one of them is read, with bounds
+//! on what is taken.
 //!
 //! Source: RFC 8794 (EBML), RFC 9559 (Matroska).
 
@@ -86,8 +87,8 @@ struct Scan<'a> {
 }
 
 impl Scan<'_> {
-    /// Reads or passes over one element. Of clusters and groups only the heads are read here, so that what is inside of them comes
-    /// next: their sizes may be unknown.
+    /// Reads or passes over one element. Of clusters and groups only the heads are read here, so that what is
+    /// inside of them comes next: their sizes may be unknown.
     fn element(&mut self) -> Result<(), Refused> {
         let head = Head::read(&mut self.file, self.length - self.at)?;
         self.at += head.length;

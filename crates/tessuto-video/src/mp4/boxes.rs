@@ -77,8 +77,8 @@ pub(crate) struct TopBox {
     pub(crate) end: u64,
 }
 
-/// The boxes of a file, which are passed over without being read. One that says more than the file has ends with the file: what is
-/// missing is found where it is used.
+/// The boxes of a file, which are passed over without being read. One that says more than the file has ends with
+/// the file: what is missing is found where it is used.
 pub(crate) fn of_file(file: &mut dyn Source, length: u64, most: usize) -> Result<Vec<TopBox>, Refused> {
     let mut found = Vec::new();
     let mut start = 0;

@@ -1,6 +1,7 @@
 //! Edit lists: which parts of a track are shown, and when.
 //!
-//! Source: ISO/IEC 14496-12 (2022), 8.6.6. Which frames of a cut are shown is as ffmpeg has it: those whose own time lies within.
+//! Source: ISO/IEC 14496-12 (2022), 8.6.6. Which frames of a cut are shown is as ffmpeg has it: those whose own
+//! time lies within.
 
 use super::boxes::{child, full};
 use crate::refused::{Refused, damaged, not_handled};

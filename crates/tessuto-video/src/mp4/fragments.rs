@@ -67,7 +67,8 @@ impl<'a> Fragments<'a> {
         Ok(())
     }
 
-    /// Adds the samples of a box `traf`, if it is of the track; returns where the data of the next begins if it does not say.
+    /// Adds the samples of a box `traf`, if it is of the track; returns where the data of the next begins if it
+    /// does not say.
     fn track_of(
         &mut self,
         traf: &[u8],

@@ -1,14 +1,15 @@
 //! Metadata by name: the rate at which a slow motion was filmed.
 //!
-//! Source: Apple, *QuickTime File Format*, "Metadata" (boxes `meta`, `keys`, `ilst`); Android, *MediaRecorder.setCaptureRate*, which writes
-//! `com.android.capture.fps`.
+//! Source: Apple, *QuickTime File Format*, "Metadata" (boxes `meta`, `keys`, `ilst`); Android,
+//! *MediaRecorder.setCaptureRate*, which writes `com.android.capture.fps`.
 
 use super::boxes::{boxes, child};
 
 /// Rates that cameras have `[1/s]`.
 const SANE: std::ops::RangeInclusive<f64> = 1.0..=100_000.0;
 
-/// The rate `[1/s]` at which the film was filmed, if the film says one. Damaged metadata says nothing: no frame depends on it.
+/// The rate `[1/s]` at which the film was filmed, if the film says one. Damaged metadata says nothing: no frame
+/// depends on it.
 pub(crate) fn capture_rate(moov: &[u8]) -> Option<f64> {
     let udta = child(moov, b"udta").ok().flatten();
     rate(moov).or_else(|| rate(udta?))

@@ -143,7 +143,8 @@ fn times(stbl: &[u8], entries: &mut [Entry]) -> Result<(), Refused> {
         return damaged(format!("{at} of {} frames have a time", entries.len()));
     }
     let Some(ctts) = child(stbl, b"ctts")? else { return Ok(()) };
-    // Version 0 is unsigned, but files of version 0 with negative offsets are common, and offsets of 2³¹ and more are not.
+    // Version 0 is unsigned, but files of version 0 with negative offsets are common, and offsets of 2³¹ and more
+    // are not.
     let (_, _, mut bytes) = full(ctts, "box ctts")?;
     let mut at = 0;
     for _ in 0..bytes.u32()? {

@@ -54,7 +54,8 @@ impl Glance {
     }
 }
 
-/// Findings about the template, which covers the pixels `covered`; `mask` is that of the first frame, `iou` their overlap.
+/// Findings about the template, which covers the pixels `covered`; `mask` is that of the first frame, `iou` their
+/// overlap.
 pub(super) fn of_template(scene: &Scene, mask: &Image, covered: &[bool], iou: f64) -> Vec<Finding> {
     let rows = vec![
         scale(scene),

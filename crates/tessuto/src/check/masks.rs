@@ -9,8 +9,9 @@ use tessuto_estimate::masks::Record;
 
 /// The largest piece of a mask holds less than this: error, and warning.
 const LARGEST: [f64; 2] = [0.5, 0.998];
-/// Fraction of a mask that is grey, neither black nor white: error, and warning. Soft edges of cloth of a hundred pixels are a
-/// few percent, a sheet that is blurred by its own width is half grey, an image in place of a mask is all of it.
+/// Fraction of a mask that is grey, neither black nor white: error, and warning. Soft edges of cloth of a hundred
+/// pixels are a few percent, a sheet that is blurred by its own width is half grey, an image in place of a mask is
+/// all of it.
 const GREY: [f64; 2] = [0.8, 0.25];
 /// Fraction of holes that is doubtful.
 const HOLES: f64 = 0.01;
@@ -53,8 +54,8 @@ impl MaskShape {
     }
 }
 
-/// Pixels of each connected region of `inside`, and whether it touches the border. `corners`: whether pixels that share only
-/// a corner hang together.
+/// Pixels of each connected region of `inside`, and whether it touches the border. `corners`: whether pixels that
+/// share only a corner hang together.
 fn regions(inside: &[bool], width: usize, corners: bool) -> Vec<(usize, bool)> {
     let height = inside.len() / width.max(1);
     let mut left = inside.to_vec();

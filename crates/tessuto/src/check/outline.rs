@@ -9,8 +9,9 @@ use tessuto_core::scene::Scene;
 use tessuto_core::video::COVERED;
 use tessuto_estimate::motion::observed::outline_distance::OutlineDistance;
 
-/// Outlines farther apart than this fraction of the fabric's size (the square root of its area in the image) are doubtful.
-/// That of R1, a real recording with a measured template, is 0.5 %, those of rendered scenes are below 0.1 %.
+/// Outlines farther apart than this fraction of the fabric's size (the square root of its area in the image) are
+/// doubtful. That of R1, a real recording with a measured template, is 0.5 %, those of rendered scenes are below
+/// 0.1 %.
 const FRACTION: f64 = 0.01;
 /// The least distance that is doubtful `[px]`, for small images.
 const LEAST: f64 = 1.0;
@@ -41,8 +42,9 @@ pub(super) fn finding(scene: &Scene, covered: &[bool], mask: &Image) -> Finding 
     finding(Level::Warning, detail, Some(hint.with(Remedy::Check)))
 }
 
-/// Mean distance `[px]` of the outline of either mask to that of the other; `None` if both outlines are at the image's
-/// border, which is none of theirs. Outlines rather than the edges of a mesh: where fabric is folded, its edges lie inside.
+/// Mean distance `[px]` of the outline of either mask to that of the other; `None` if both outlines are at the
+/// image's border, which is none of theirs. Outlines rather than the edges of a mesh: where fabric is folded, its
+/// edges lie inside.
 fn mean_distance(a: &Image, b: &Image) -> Option<f64> {
     let (mut sum, mut count) = (0.0, 0usize);
     for (from, to) in [(a, b), (b, a)] {

@@ -27,8 +27,8 @@ fn is_most(count: usize, a: &Frame, b: &Frame) -> bool {
     2 * count > whole(a).max(whole(b))
 }
 
-/// Whether `b` shows what `a` shows. Their masks may differ, as a segmenter is not as sure each time: where both are fabric alone the
-/// colours decide. Of a fabric without any pattern the borders count as well.
+/// Whether `b` shows what `a` shows. Their masks may differ, as a segmenter is not as sure each time: where both
+/// are fabric alone the colours decide. Of a fabric without any pattern the borders count as well.
 pub(super) fn is_repeated(a: &Frame, b: &Frame) -> bool {
     if a.rgb.data == b.rgb.data {
         return true;
@@ -50,7 +50,8 @@ pub(super) fn is_repeated(a: &Frame, b: &Frame) -> bool {
     has_pattern && is_most(count, a, b)
 }
 
-/// Mean difference of colours where both frames are fabric alone `[of 1]`; `None` where that is less than half of either.
+/// Mean difference of colours where both frames are fabric alone `[of 1]`; `None` where that is less than half of
+/// either.
 pub(super) fn difference(a: &Frame, b: &Frame) -> Option<f64> {
     if a.rgb.data.len() != b.rgb.data.len() {
         return None;
@@ -74,9 +75,9 @@ pub(super) struct Copies {
     pub count: usize,
 }
 
-/// Copies that compression has made a little different: at even distances, each of them unlike the frame before by far less than its
-/// neighbours are. `changes` holds the [`difference`] of every frame from the one before. A fabric that turns back moves little for a
-/// frame as well, but not every second, or fifth, time.
+/// Copies that compression has made a little different: at even distances, each of them unlike the frame before by
+/// far less than its neighbours are. `changes` holds the [`difference`] of every frame from the one before. A
+/// fabric that turns back moves little for a frame as well, but not every second, or fifth, time.
 pub(super) fn copies(changes: &[Option<f64>]) -> Option<Copies> {
     let at = |n: usize| changes.get(n).copied().flatten();
     let is_copy = |n: usize| {

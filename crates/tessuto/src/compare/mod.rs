@@ -1,7 +1,7 @@
 //! Methods beside each other on the same scenes: what was measured, what was published, and the results to look at.
 //!
-//! The results are those of [`run`](crate::run::run), one folder for each scene and method, with a [`Record`] of what they cost;
-//! here they are only read.
+//! The results are those of [`run`](crate::run::run), one folder for each scene and method, with a [`Record`] of
+//! what they cost; here they are only read.
 
 mod page;
 mod published;

@@ -42,11 +42,12 @@ struct Shown<'a> {
     rasterizer: Rasterizer,
 }
 
-/// Writes `compare.txt`, `compare.csv` and `compare.html` of `entries` into the folder `out`, in place of earlier ones; the text.
+/// Writes `compare.txt`, `compare.csv` and `compare.html` of `entries` into the folder `out`, in place of earlier
+/// ones; the text.
 ///
 /// # Errors
-/// [`Error::Input`](tessuto_core::Error::Input) if `out` holds anything but unchanged tables of tessuto's, or for results that cannot be read;
-/// [`Error::Output`](tessuto_core::Error::Output).
+/// [`Error::Input`](tessuto_core::Error::Input) if `out` holds anything but unchanged tables of tessuto's, or for
+/// results that cannot be read; [`Error::Output`](tessuto_core::Error::Output).
 pub fn write_page(out: &Path, entries: &[Entry]) -> Result<String> {
     let output = OutputFolder::prepare(out, FolderKind::Comparison, true)?;
     let tables = tables(entries);
@@ -130,8 +131,8 @@ impl<'a> Shown<'a> {
     }
 }
 
-/// One film for each way to look: novel view, surface, and, where there is truth, depth differences. Each has one layer for each
-/// method.
+/// One film for each way to look: novel view, surface, and, where there is truth, depth differences. Each has one
+/// layer for each method.
 fn films_of(shown: &[Shown]) -> Result<Vec<(String, Film)>> {
     let motions: Vec<&[Positions]> = shown.iter().map(Shown::motion).collect::<Result<_>>()?;
     let frame_count = motions.iter().map(|m| m.len()).min().unwrap_or(0);

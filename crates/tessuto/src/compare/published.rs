@@ -1,7 +1,8 @@
 //! The figures that were printed.
 //!
-//! Source: \[SAFT\], supplement, Tables 2–5 and 7, scenes R1–R9; means over the frames. The powers of ten of Tables 4 and 5 follow from
-//! inequalities (no point-to-surface distance is far above the Chamfer distance, no mean square below the squared mean).
+//! Source: \[SAFT\], supplement, Tables 2–5 and 7, scenes R1–R9; means over the frames. The powers of ten of
+//! Tables 4 and 5 follow from inequalities (no point-to-surface distance is far above the Chamfer distance, no
+//! mean square below the squared mean).
 
 /// Scenes of the columns.
 const SCENES: [&str; 9] = ["R1", "R2", "R3", "R4", "R5", "R6", "R7", "R8", "R9"];

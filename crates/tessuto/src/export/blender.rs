@@ -1,5 +1,6 @@
-//! A script that sets up a scene of Blender: what neither GLB nor USD can tell it, such as pixels that are not square and the light.
-//! What it does does not depend on the formats beside it; what it knows of the clip is a table at its top.
+//! A script that sets up a scene of Blender: what neither GLB nor USD can tell it, such as pixels that are not
+//! square and the light. What it does does not depend on the formats beside it; what it knows of the clip is a
+//! table at its top.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -36,7 +37,8 @@ pub(super) fn encode(clip: &Clip, folder: &Path) -> Vec<u8> {
     format!("# Written by tessuto {} for Blender.\nCLIP = {table:#}\n{BODY}", clip.version).into_bytes()
 }
 
-/// The way to `file` from `folder`, with slashes: folders that are moved together keep it. `None` where either is not there.
+/// The way to `file` from `folder`, with slashes: folders that are moved together keep it. `None` where either is
+/// not there.
 fn relative(file: &Path, folder: &Path) -> Option<String> {
     let file = file.canonicalize().ok()?;
     // What is about to be made is not there yet: the nearest folder that is counts.

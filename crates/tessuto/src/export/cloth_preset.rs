@@ -1,8 +1,9 @@
 //! A preset of Blender's cloth modifier, with the stiffnesses per width of the result.
 //!
-//! Blender counts time in frames and gravity as 0.001 of its value, so that one of its frames is 1/√1000 s and its masses are a thousandth of
-//! ours. Its springs have tension/ℓ along the edges and shear/ℓ along the diagonals of quads, with the edges' mean length ℓ; its angular
-//! bending springs push quads of side ℓ by 0.1 · bending · ℓ per radian. On a grid of nearly square quads
+//! Blender counts time in frames and gravity as 0.001 of its value, so that one of its frames is 1/√1000 s and its
+//! masses are a thousandth of ours. Its springs have tension/ℓ along the edges and shear/ℓ along the diagonals of
+//! quads, with the edges' mean length ℓ; its angular bending springs push quads of side ℓ by 0.1 · bending · ℓ per
+//! radian. On a grid of nearly square quads
 //!
 //!   E = tension/ℓ,   G = shear/ℓ,   D = bending · ℓ²/20,
 //!

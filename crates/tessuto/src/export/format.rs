@@ -1,5 +1,5 @@
-//! The formats: a line each, which names the file where its row stands. The program's help, the studio's buttons and what Python
-//! knows follow from the rows.
+//! The formats: a line each, which names the file where its row stands. The program's help, the studio's buttons
+//! and what Python knows follow from the rows.
 
 use super::row::Row;
 
@@ -37,8 +37,8 @@ formats! {
     Pc2 = pc2;
     /// NumPy archive of motion, faces, uv, camera, forces and parameters, in the camera frame.
     Npz = npz;
-    /// Recording for the viewer of rerun: video, camera, mesh and texture over time, in the camera frame. Needs the cargo
-    /// feature `rerun`.
+    /// Recording for the viewer of rerun: video, camera, mesh and texture over time, in the camera frame. Needs
+    /// the cargo feature `rerun`.
     Rrd = recording;
 }
 

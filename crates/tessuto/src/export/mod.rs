@@ -4,9 +4,10 @@
 //! All but NPZ and RRD have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
 //! and handedness stay. The camera is at the origin and looks along −z, as glTF and USD have it.
 //!
-//! A clip may lack frames ([`Clip::without_lost`]); all others keep their times and numbers. The samples of USD, the files of the
-//! sequences and the arrays of NPZ have gaps there; played, GLB and USD go straight between the neighbours in time. PC2, which
-//! cannot have gaps, holds samples on that line. RRD shows the frame before. Each file says what it lacks, but RRD.
+//! A clip may lack frames ([`Clip::without_lost`]); all others keep their times and numbers. The samples of USD,
+//! the files of the sequences and the arrays of NPZ have gaps there; played, GLB and USD go straight between the
+//! neighbours in time. PC2, which cannot have gaps, holds samples on that line. RRD shows the frame before. Each
+//! file says what it lacks, but RRD.
 
 mod blender;
 mod clip;
@@ -48,9 +49,10 @@ pub fn use_of(name: &str) -> Option<&'static str> {
     ends.max_by_key(|(end, _)| end.len()).map(|(_, used)| *used)
 }
 
-/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written. The manifest of
-/// the folder or of the result around it lists the files, so that they can be replaced later. With GLB or USD come a script that
-/// sets up a scene of Blender, a preset of its cloth modifier and the light, where they were estimated; those that are there as they would be written stay.
+/// Writes `clip` in each of `formats` into `folder`, which is made if need be; returns what was written. The
+/// manifest of the folder or of the result around it lists the files, so that they can be replaced later. With GLB
+/// or USD come a script that sets up a scene of Blender, a preset of its cloth modifier and the light, where they
+/// were estimated; those that are there as they would be written stay.
 ///
 /// # Errors
 /// [`Error::Input`] if one of the files already exists, unless `force` is set and a manifest lists it as it is;

@@ -18,10 +18,13 @@ pub(super) const FORMAT: Row = Row {
 
 /// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
 ///
-/// `motion` [N, V, 3], `frames` `[N]` (numbers in the video), `states` `[N]` (0 found, 1 doubtful, 2 lost; where they are known), `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` `[F]`, `face_vertices` and
-/// `face_uvs` [Σ face_sizes], `fps`, `first_frame`, `camera` [fx, fy, cx, cy, width, height], the properties of the elastic
-/// model (`stretch`, `bend`, `shear` of springs), `area_density`, `constant_force` `[3]`, `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`; where there is air `wind` `[3]` (velocity); where they are known
-/// `seen_vertices` `[V]` (frames that show each), `seen_texels` [S, S] (pixels) and `seen_directions` [24, 48] (fraction of the pixels that face each).
+/// `motion` [N, V, 3], `frames` `[N]` (numbers in the video), `states` `[N]` (0 found, 1 doubtful, 2 lost; where
+/// they are known), `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` `[F]`, `face_vertices` and
+/// `face_uvs` [Σ face_sizes], `fps`, `first_frame`, `camera` [fx, fy, cx, cy, width, height], the properties of
+/// the elastic model (`stretch`, `bend`, `shear` of springs), `area_density`, `constant_force` `[3]`,
+/// `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`; where there is air `wind`
+/// `[3]` (velocity); where they are known `seen_vertices` `[V]` (frames that show each), `seen_texels` [S, S]
+/// (pixels) and `seen_directions` [24, 48] (fraction of the pixels that face each).
 fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
     let vectors = |motion: &[tessuto_core::Positions]| -> Vec<f32> {

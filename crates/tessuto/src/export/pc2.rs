@@ -23,8 +23,9 @@ pub(super) const FORMAT: Row = Row {
     },
 };
 
-/// Header and positions `[m]`, y up, frame after frame, little-endian. A cache has a sample in every frame: one that was left out
-/// lies on the straight line between its neighbours in time, before the first and after the last it is as these are.
+/// Header and positions `[m]`, y up, frame after frame, little-endian. A cache has a sample in every frame: one
+/// that was left out lies on the straight line between its neighbours in time, before the first and after the last
+/// it is as these are.
 fn encode(clip: &Clip) -> Vec<u8> {
     let mut out = b"POINTCACHE2\0".to_vec();
     out.extend(1i32.to_le_bytes());

@@ -1,5 +1,6 @@
-//! USD as text: the template's polygons with points, normals and extent as time samples, a preview
-//! surface with the maps, the exact camera, the light where it was estimated, and the size at which square pixels show the video.
+//! USD as text: the template's polygons with points, normals and extent as time samples, a preview surface with
+//! the maps, the exact camera, the light where it was estimated, and the size at which square pixels show the
+//! video.
 //!
 //! Source: Pixar, *USD documentation*, UsdGeomMesh, UsdGeomCamera, *UsdPreviewSurface Specification*.
 
@@ -195,8 +196,8 @@ fn light(clip: &Clip, out: &mut String) {
     );
 }
 
-/// Pixels of the video are 1/fx wide and 1/fy high; square ones of the same width show the same with as many rows more or
-/// less, to within half a row.
+/// Pixels of the video are 1/fx wide and 1/fy high; square ones of the same width show the same with as many rows
+/// more or less, to within half a row.
 fn render_settings(clip: &Clip, out: &mut String) {
     let c = &clip.camera;
     let rows = (c.height as f64 * c.fx / c.fy).round();

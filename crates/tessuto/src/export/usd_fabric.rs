@@ -1,7 +1,7 @@
 //! The fabric's stiffnesses in USD, with their units.
 //!
-//! USD has no deformable bodies yet. The names in `tessuto:physics:` are those of the proposal for them (OpenUSD proposal 111, as its staged
-//! implementation has them); the numbers in `tessuto:` are what was found.
+//! USD has no deformable bodies yet. The names in `tessuto:physics:` are those of the proposal for them (OpenUSD
+//! proposal 111, as its staged implementation has them); the numbers in `tessuto:` are what was found.
 
 use std::fmt::Write as _;
 

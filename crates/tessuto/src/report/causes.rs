@@ -1,4 +1,5 @@
-//! What moved the fabric, for the page: its parameters beside those of known fabrics, arrows on the mesh, and changed replays.
+//! What moved the fabric, for the page: its parameters beside those of known fabrics, arrows on the mesh, and
+//! changed replays.
 
 use serde::Serialize;
 
@@ -92,8 +93,8 @@ pub mod known {
     pub const WARP_OVER_WEFT: [f64; 2] = [0.29, 6.4];
 }
 
-/// Places on a logarithmic bar that is three times as long either way as the known range, in percent: start and width of the known range, start
-/// and width of the value with two standard deviations either way.
+/// Places on a logarithmic bar that is three times as long either way as the known range, in percent: start and
+/// width of the known range, start and width of the value with two standard deviations either way.
 pub(super) fn bar(value: f64, factor: f64, [low, high]: [f64; 2]) -> [f64; 4] {
     let [start, end] = [(low / 3.0).ln(), (high * 3.0).ln()];
     let at = |x: f64| (100.0 * (x.ln() - start) / (end - start)).clamp(0.0, 100.0);

@@ -57,7 +57,8 @@ impl Ranges {
 }
 
 impl Scales {
-    /// Scales that fit all frames: whole centimetres of depth, and a depth difference that 95 % of the pixels stay below.
+    /// Scales that fit all frames: whole centimetres of depth, and a depth difference that 95 % of the pixels stay
+    /// below.
     pub fn fitting(frames: impl IntoIterator<Item = Ranges>) -> Self {
         let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
         let mut differences = [0; STEPS.len()];

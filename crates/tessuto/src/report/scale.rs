@@ -16,15 +16,16 @@ pub struct Scale {
 /// Grades, the best first.
 const WORDS: [&str; 4] = ["very good", "good", "fair", "poor"];
 
-/// Intersection over union with the mask. Of a sheet 100 pixels wide, a border that is off by half a pixel all around leaves 98 %, by one
-/// and a half 94 %; below 90 % the verdict doubts plain cloth.
+/// Intersection over union with the mask. Of a sheet 100 pixels wide, a border that is off by half a pixel all
+/// around leaves 98 %, by one and a half 94 %; below 90 % the verdict doubts plain cloth.
 pub const SILHOUETTES: Scale =
     Scale { name: "silhouette overlap", unit: ("%", 100.0), steps: [0.97, 0.94, 0.9], falling: false };
-/// Peak signal-to-noise ratio `[dB]`: 30 is a root mean square error of 8 of 255, which is hardly seen, 25 one of 14, 20 one of 26.
+/// Peak signal-to-noise ratio `[dB]`: 30 is a root mean square error of 8 of 255, which is hardly seen, 25 one of
+/// 14, 20 one of 26.
 pub const COLOURS: Scale =
     Scale { name: "colours, PSNR", unit: ("dB", 1.0), steps: [30.0, 25.0, 20.0], falling: false };
-/// Strain that one thread in a hundred exceeds: woven cloth in the hand gives a few per cent, knitted cloth ten or more; at 50 % the
-/// verdict doubts.
+/// Strain that one thread in a hundred exceeds: woven cloth in the hand gives a few per cent, knitted cloth ten or
+/// more; at 50 % the verdict doubts.
 pub const STRAINS: Scale =
     Scale { name: "strain, 99 of 100 threads", unit: ("%", 100.0), steps: [0.05, 0.15, 0.5], falling: true };
 

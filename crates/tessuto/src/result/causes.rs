@@ -163,8 +163,8 @@ impl CauseFile {
     }
 }
 
-/// Writes forces.npz, `gravity`, `air`, `friction`, `hold`, `residual` and `correction` [N − 1, V, 3] m/s² of this many `vertices`,
-/// `rest_lengths.npy`, one for each edge, m, and the motion without the correction.
+/// Writes forces.npz, `gravity`, `air`, `friction`, `hold`, `residual` and `correction` [N − 1, V, 3] m/s² of this
+/// many `vertices`, `rest_lengths.npy`, one for each edge, m, and the motion without the correction.
 pub(super) fn write_forces(folder: &Path, explained: &Explained, vertices: usize) -> Result<()> {
     let parts = &explained.parts;
     let shape = [parts.air.len(), vertices, 3];

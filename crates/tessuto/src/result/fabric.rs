@@ -15,7 +15,8 @@ pub struct Measured {
 }
 
 impl Folder {
-    /// Stiffnesses per width; `None` of results without causes, and where the texture coordinates are no flat panel to scale.
+    /// Stiffnesses per width; `None` of results without causes, and where the texture coordinates are no flat
+    /// panel to scale.
     pub fn measured(&self) -> Option<Measured> {
         let (found, per_width) = (self.found.as_ref()?, self.per_width?);
         let sd_of_ln = found.spread.ln_stiffness;

@@ -18,12 +18,12 @@ pub(super) const MAP_QUALITY: u8 = 86;
 const TRIANGLES: usize = 2000;
 /// Rows of the coarse image of what was observed.
 const ROWS: usize = 48;
-/// A texel is observed if it stands at least this high above some triangle: sine of 6°. Light that grazes the cloth is too
-/// weak to be found.
+/// A texel is observed if it stands at least this high above some triangle: sine of 6°. Light that grazes the
+/// cloth is too weak to be found.
 const LEAST_COSINE: f64 = 0.1;
 
-/// The light, where it was estimated. Directions that the side of the cloth that is seen never faced in `motion` are hatched:
-/// nothing tells of the light from there. Shadows are not looked at.
+/// The light, where it was estimated. Directions that the side of the cloth that is seen never faced in `motion`
+/// are hatched: nothing tells of the light from there. Shadows are not looked at.
 pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<Option<LightData>> {
     let path = folder.join("material/environment.exr");
     if !path.is_file() {
@@ -58,7 +58,8 @@ pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<
     }))
 }
 
-/// Which directions of a lat-long image, shape `[ROWS, 2·ROWS]`, the side of the cloth that the camera sees faced at a time.
+/// Which directions of a lat-long image, shape `[ROWS, 2·ROWS]`, the side of the cloth that the camera sees faced
+/// at a time.
 fn observed(mesh: &Mesh, motion: &[Positions]) -> Vec<bool> {
     let triangles = mesh.triangles();
     let stride = triangles.len().div_ceil(TRIANGLES).max(1);

@@ -218,8 +218,8 @@ pub fn write_motion(folder: &Path, scene: &Scene, run: &Run, result: &Reconstruc
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())
 }
 
-/// Writes print, images, metrics and log into `folder`, after [`write_motion`]; summary and page are made once it is complete, by
-/// [`Summary::of`] and [`write_page`].
+/// Writes print, images, metrics and log into `folder`, after [`write_motion`]; summary and page are made once it
+/// is complete, by [`Summary::of`] and [`write_page`].
 ///
 /// # Errors
 /// [`Error::Output`]; those of reading the frames.

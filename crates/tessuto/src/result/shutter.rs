@@ -6,14 +6,14 @@ use tessuto_core::camera::{Camera, Viewpoint};
 use tessuto_core::image::{Image, srgb};
 use tessuto_core::mesh::Positions;
 
-/// Shapes drawn between the middles of the intervals before and after a frame, and of these, counted from the outer ones, the
-/// first that an exposure of 1, 1/2 and 1/4 of the time from frame to frame takes.
+/// Shapes drawn between the middles of the intervals before and after a frame, and of these, counted from the
+/// outer ones, the first that an exposure of 1, 1/2 and 1/4 of the time from frame to frame takes.
 const SHAPES: usize = 9;
 const FIRST: [usize; 3] = [0, 2, 3];
 
-/// Colour (sRGB, [h, w, 3]) and coverage ([h, w, 1]) of frame `n` of `motion` as `view` sees it with the shutter open for the whole, half and a quarter
-/// of the time from frame to frame, about the frame; means in linear light of shapes that lie straight between the frames'.
-/// None where no vertex moves by more than a pixel in that time.
+/// Colour (sRGB, [h, w, 3]) and coverage ([h, w, 1]) of frame `n` of `motion` as `view` sees it with the shutter
+/// open for the whole, half and a quarter of the time from frame to frame, about the frame; means in linear light
+/// of shapes that lie straight between the frames'. None where no vertex moves by more than a pixel in that time.
 ///
 /// - `draw`: renders a shape; sRGB and coverage of each pixel
 pub(super) fn exposures(

@@ -21,9 +21,10 @@ fn frame_count(folder: &Path) -> Result<usize> {
     Ok(manifest["n_frames"].as_u64().map_or(0, |n| n as usize))
 }
 
-/// Compares the causes of `result`, the motion of all frames of the scene in `scene`, whose true vertices are `truth`, with its
-/// gt/physics.json, and simulates what gt/calm.npy and gt/stiffer.npy tell. How much is left unexplained
-/// is told without any truth. `None` where the result has no causes, or, of an older program, not their sizes, and nothing is known.
+/// Compares the causes of `result`, the motion of all frames of the scene in `scene`, whose true vertices are
+/// `truth`, with its gt/physics.json, and simulates what gt/calm.npy and gt/stiffer.npy tell. How much is left
+/// unexplained is told without any truth. `None` where the result has no causes, or, of an older program, not
+/// their sizes, and nothing is known.
 ///
 /// # Errors
 /// [`Error::Input`] for files that cannot be used; [`Error::Numerical`] from a simulation.

@@ -6,8 +6,8 @@ use tessuto_core::mesh::{Motion, Positions};
 use tessuto_estimate::io;
 use tessuto_estimate::motion::causes::{Changes, Otherwise, cut_cloth};
 
-/// Writes changed/ into `result`, if it has causes: one motion of each of the changes that the page lets one play, as `replay` makes it. One
-/// that fails is left out and reported.
+/// Writes changed/ into `result`, if it has causes: one motion of each of the changes that the page lets one play,
+/// as `replay` makes it. One that fails is left out and reported.
 ///
 /// # Errors
 /// [`Error::Input`] for a damaged result; [`Error::Output`].

@@ -14,13 +14,13 @@ use tessuto_estimate::template::irregular::of_scene;
 
 use super::causes::compare_causes;
 
-/// Compares `result`, a result folder or a .npy file of a motion, shape [N, V, 3] `[m]`, with the truth of the scene in
-/// `scene_folder`, in `frames` of the scene: the result's, or all of a file's, where `None`. `warn` receives what is odd about
-/// the scene.
+/// Compares `result`, a result folder or a .npy file of a motion, shape [N, V, 3] `[m]`, with the truth of the
+/// scene in `scene_folder`, in `frames` of the scene: the result's, or all of a file's, where `None`. `warn`
+/// receives what is odd about the scene.
 ///
 /// # Errors
-/// [`Error::Input`] for files that cannot be used, and for a motion of other frames; [`Error::Usage`] for frames that the
-/// result does not have.
+/// [`Error::Input`] for files that cannot be used, and for a motion of other frames; [`Error::Usage`] for frames
+/// that the result does not have.
 pub fn evaluate(
     scene_folder: &Path,
     result: &Path,

@@ -1,7 +1,8 @@
 //! What fabric a result may be of: its stiffness per width among measured ones.
 //!
-//! A video tells stiffness in proportion to density only, so fabrics are compared by that: by the bending length c = (D/(ρ g))^⅓, the length
-//! of a strip that bends under its own weight by a fixed angle (as in BS 3356), of warp and weft.
+//! A video tells stiffness in proportion to density only, so fabrics are compared by that: by the bending length
+//! c = (D/(ρ g))^⅓, the length of a strip that bends under its own weight by a fixed angle (as in BS 3356), of
+//! warp and weft.
 
 use std::path::Path;
 
@@ -85,8 +86,8 @@ pub fn read_table(path: &Path) -> Result<Vec<Fabric>> {
     Ok(out)
 }
 
-/// The `count` fabrics that bend most alike, each with its mean difference of ln(D/ρ), the nearest first. A sheet lies either way round; of
-/// fabrics with the same numbers the first stands for all.
+/// The `count` fabrics that bend most alike, each with its mean difference of ln(D/ρ), the nearest first. A sheet
+/// lies either way round; of fabrics with the same numbers the first stands for all.
 pub fn nearest<'a>(table: &'a [Fabric], sheet: &PerWidth, count: usize) -> Vec<(&'a Fabric, f64)> {
     let ln = |bending: f64, density: f64| (bending / density).ln();
     let own = sheet.bending.map(|d| ln(d, sheet.area_density));

@@ -97,10 +97,10 @@ impl RunOptions {
     }
 }
 
-/// A warning where a stiffness that was found lies at its bound. Of causes, the numbers that the video does not tell are told as
-/// unknown, wherever the search left them: that such a one came to lie at a bound is no news, and true of almost every clip
-/// (the prior is wide, and what does not bear on the motion drifts). One that the video tells and that lies at its bound is
-/// cut off, which matters.
+/// A warning where a stiffness that was found lies at its bound. Of causes, the numbers that the video does not
+/// tell are told as unknown, wherever the search left them: that such a one came to lie at a bound is no news, and
+/// true of almost every clip (the prior is wide, and what does not bear on the motion drifts). One that the video
+/// tells and that lies at its bound is cut off, which matters.
 fn stiffness_doubt(settings: &Config, log_stiffness: &[f64], informed: Option<[bool; 3]>) -> Option<Warning> {
     let mut told = log_stiffness.to_vec();
     // What is no number lies at no bound.

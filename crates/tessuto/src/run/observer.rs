@@ -24,8 +24,8 @@ pub trait Observer: session::Observer {
     /// Something about the input is doubtful.
     fn warning(&mut self, _warning: &Warning) {}
 
-    /// The scene is loaded and the work begins, with these stages. `history` are the steps of an interrupted run that is
-    /// gone on from.
+    /// The scene is loaded and the work begins, with these stages. `history` are the steps of an interrupted run
+    /// that is gone on from.
     ///
     /// # Errors
     /// Ends the run.

@@ -13,7 +13,8 @@ use tessuto_estimate::simulate;
 /// What shall be different.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Changes {
-    /// Other values of properties of the elastic model, by their keys: of springs stretch `[N/m]`, bend and shear `[J/rad²]`.
+    /// Other values of properties of the elastic model, by their keys: of springs stretch `[N/m]`, bend and shear
+    /// `[J/rad²]`.
     pub stiffness: Vec<(String, f64)>,
     /// Factor on the dynamic forces, whatever their cause.
     pub forces: f64,
@@ -114,8 +115,8 @@ fn check(otherwise: &Otherwise) -> Result<()> {
     }
 }
 
-/// Makes a result of `replay` in `folder`, with a page; `command` is what repeats it. Returns where an earlier folder is
-/// kept because somebody put files into it meanwhile.
+/// Makes a result of `replay` in `folder`, with a page; `command` is what repeats it. Returns where an earlier
+/// folder is kept because somebody put files into it meanwhile.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file of `original` that cannot be read; [`Error::Output`].

@@ -37,8 +37,8 @@ pub(super) struct Shot {
     pub light: f64,
 }
 
-/// The images of `frames` of `motion`, as `camera` sees them. Without `pictures` there is one per frame, which has its number;
-/// else this many, from 0, over which the frames are spread.
+/// The images of `frames` of `motion`, as `camera` sees them. Without `pictures` there is one per frame, which has
+/// its number; else this many, from 0, over which the frames are spread.
 ///
 /// # Errors
 /// [`Error::Usage`] for a view straight from above or below, and for a turntable from the recording camera.
@@ -79,7 +79,8 @@ pub(super) fn shots(
     Ok(viewpoints.into_iter().enumerate().map(shot).collect())
 }
 
-/// `light`, turned about the vertical by `angle` `[rad]`, to the nearest column: what was where the camera looks comes to its right.
+/// `light`, turned about the vertical by `angle` `[rad]`, to the nearest column: what was where the camera looks
+/// comes to its right.
 pub(super) fn turned(light: &EnvironmentMap, angle: f64) -> EnvironmentMap {
     let columns = (angle / TAU * light.width as f64).round() as usize % light.width.max(1);
     let mut texels = light.texels.clone();

@@ -91,13 +91,13 @@ pub struct Rendered {
     pub notes: Vec<String>,
 }
 
-/// Renders `result` into the folder `out`, RESULT/views/LOOK if it is not given: `frame_000.png` …, named by the number of
-/// the frame, or of the image where their number is given. `progress` hears of every image; `finish`, given the folder and the
-/// first number, may add to it what comes of all of them, such as a video.
+/// Renders `result` into the folder `out`, RESULT/views/LOOK if it is not given: `frame_000.png` …, named by the
+/// number of the frame, or of the image where their number is given. `progress` hears of every image; `finish`,
+/// given the folder and the first number, may add to it what comes of all of them, such as a video.
 ///
 /// # Errors
-/// [`Error::Usage`] for a range beyond the motion, and a turn that cannot be; [`Error::Input`] for files that cannot be used, and if anything but
-/// views of tessuto's is at `out`; [`Error::Output`].
+/// [`Error::Usage`] for a range beyond the motion, and a turn that cannot be; [`Error::Input`] for files that
+/// cannot be used, and if anything but views of tessuto's is at `out`; [`Error::Output`].
 pub fn render(
     result: &Folder,
     out: Option<&Path>,

@@ -1,4 +1,5 @@
-//! `docs/constants.md` and the code say the same: decisions with their values, all other constants of the default method with their class.
+//! `docs/constants.md` and the code say the same: decisions with their values, all other constants of the default
+//! method with their class.
 
 use std::collections::{BTreeMap, BTreeSet};
 

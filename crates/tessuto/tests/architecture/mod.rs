@@ -1,4 +1,5 @@
-//! The documents name only what exists, with the values that it has; files are short. That crates know only those below them is Cargo's to hold.
+//! The documents name only what exists, with the values that it has; files are short. That crates know only those
+//! below them is Cargo's to hold.
 
 mod code;
 mod constants;

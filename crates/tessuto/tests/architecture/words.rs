@@ -1,5 +1,5 @@
-//! The library's messages name causes and fields; the program's options and commands are the program's own. Documents, help and messages keep to
-//! the words of CONTRIBUTING.md.
+//! The library's messages name causes and fields; the program's options and commands are the program's own.
+//! Documents, help and messages keep to the words of CONTRIBUTING.md.
 
 /// What may name a command of the program, and why.
 const ALLOWED: [(&str, &str); 6] = [
@@ -113,7 +113,8 @@ const RETIRED: [&str; 19] = [
     "shares of",
     "contour",
 ];
-/// Documents of today. The lists of sources, crates, thresholds and figures have rows in their own style; the logs stay as they were written.
+/// Documents of today. The lists of sources, crates, thresholds and figures have rows in their own style; the logs
+/// stay as they were written.
 const DOCUMENTS: [&str; 18] = [
     "README.md",
     "ARCHITECTURE.md",

@@ -1,4 +1,5 @@
-//! The script for Blender: what it is told, that it is Python, and that it asks Blender for what was measured to be right.
+//! The script for Blender: what it is told, that it is Python, and that it asks Blender for what was measured to
+//! be right.
 
 use std::path::Path;
 use std::process::Command;

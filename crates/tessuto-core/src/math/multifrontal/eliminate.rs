@@ -115,8 +115,8 @@ impl Fronts {
         Some(())
     }
 
-    /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times those of a number.
-    /// Infinite if a value is not finite.
+    /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times those of a
+    /// number. Infinite if a value is not finite.
     pub(in crate::math) fn growth(&self, values: &[f64]) -> f64 {
         let front_growth = |front: &Front| {
             let mut growth = 0.0;

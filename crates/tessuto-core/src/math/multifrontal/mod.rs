@@ -36,7 +36,8 @@ pub trait Scalar:
 impl Scalar for f32 {}
 impl Scalar for f64 {}
 
-/// Positions of one front. Vertices are counted in elimination order; sizes in scalars are three times those in vertices.
+/// Positions of one front. Vertices are counted in elimination order; sizes in scalars are three times those in
+/// vertices.
 ///
 /// What a subtree owns of any array ends with what its topmost front owns, so that halves split it.
 #[derive(Debug)]

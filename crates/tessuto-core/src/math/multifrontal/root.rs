@@ -7,8 +7,8 @@ use faer::{Accum, MatMut, MatRef, Par};
 use super::Fronts;
 
 impl Fronts {
-    /// Replaces `x`, in elimination order, by L D^½ x: the covariance of that is L D Lᵀ if that of `x` is 1. `None` at a
-    /// negative pivot.
+    /// Replaces `x`, in elimination order, by L D^½ x: the covariance of that is L D Lᵀ if that of `x` is 1.
+    /// `None` at a negative pivot.
     pub(in crate::math) fn multiply_root(&self, values: &[f64], x: &mut [f64]) -> Option<()> {
         let mut scaled = Vec::new();
         let mut load = Vec::new();

@@ -1,5 +1,5 @@
-//! Substitution in one front for a single right-hand side: kernels made for many are slow at one. A vertex's three columns are taken at
-//! a time, so that what they meet is read once.
+//! Substitution in one front for a single right-hand side: kernels made for many are slow at one. A vertex's three
+//! columns are taken at a time, so that what they meet is read once.
 
 use super::Scalar;
 

@@ -9,8 +9,8 @@ use exr::prelude::{
 
 use super::{Refusal, expect_size};
 
-/// Width, height, and linear colours of the display window, shape [height, width, 3]; of at most `most` bytes. Black where
-/// the file has no pixels.
+/// Width, height, and linear colours of the display window, shape [height, width, 3]; of at most `most` bytes.
+/// Black where the file has no pixels.
 pub(in crate::io) fn decode(bytes: &[u8], most: u64) -> Result<([usize; 2], Vec<f32>), Refusal> {
     let file = exr::block::read(Cursor::new(bytes), false).map_err(Refusal::broken)?;
     let header = file.headers().iter().find(|header| {

@@ -50,8 +50,8 @@ pub fn read_if_there(path: &Path, shape: &[usize]) -> Result<Option<Vec<f64>>> {
     Ok(Some(array.data))
 }
 
-/// The array in the .npy file of these `bytes`, of floats or, if they are welcome, of `integers` (up to 2⁵³ exactly); or
-/// what is wrong with it.
+/// The array in the .npy file of these `bytes`, of floats or, if they are welcome, of `integers` (up to 2⁵³
+/// exactly); or what is wrong with it.
 pub fn decode(bytes: &[u8], integers: bool) -> std::result::Result<Array, String> {
     let (header, rest) = header::read(bytes)
         .map_err(|e| format!("is not a readable .npy file of {} bytes: {e}", bytes.len()))?;

@@ -15,7 +15,8 @@ use tessuto_core::image::Image;
 pub struct FirstFrame {
     /// Camera of the full image.
     pub camera: Camera,
-    /// Fraction of each pixel that is fabric, shape [height, width, 1], and its file; `None` in a scene that has no masks yet.
+    /// Fraction of each pixel that is fabric, shape [height, width, 1], and its file; `None` in a scene that has
+    /// no masks yet.
     pub mask: Option<(Image, PathBuf)>,
     /// Metres in one unit of template.obj.
     pub metres: f64,

@@ -47,8 +47,8 @@ pub(crate) fn numbered(
     range.map(|n| inside(folder, &found[&n])).collect()
 }
 
-/// The files of the form of [`numbered`] with a number of `range`, of which some may be missing. None at all, or missing ones
-/// together with some numbered `n_frames` or more, are an error: they are numbered otherwise.
+/// The files of the form of [`numbered`] with a number of `range`, of which some may be missing. None at all, or
+/// missing ones together with some numbered `n_frames` or more, are an error: they are numbered otherwise.
 pub(crate) fn some_numbered(
     folder: &Path,
     sub: &str,

@@ -49,7 +49,8 @@ pub(crate) struct Manifest {
     notes: Value,
 }
 
-/// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be anything.
+/// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be
+/// anything.
 ///
 /// # Errors
 /// [`Error::Output`].
@@ -78,8 +79,8 @@ pub fn write_manifest(
     atomic_write(&folder.join("scene.json"), text.as_bytes())
 }
 
-/// Gives the scene in `folder` another camera, of images of the same size; all else in scene.json stays. `source` says where it
-/// is from, `uncertainty` is the standard deviation of its focal length, as a fraction.
+/// Gives the scene in `folder` another camera, of images of the same size; all else in scene.json stays. `source`
+/// says where it is from, `uncertainty` is the standard deviation of its focal length, as a fraction.
 ///
 /// # Errors
 /// [`Error::Input`] if scene.json cannot be used; [`Error::Output`].

@@ -1,5 +1,5 @@
-//! template.json: what is known of the making of a scene's template. It holds for the template.obj beside it as long as that is
-//! the same, byte for byte.
+//! template.json: what is known of the making of a scene's template. It holds for the template.obj beside it as
+//! long as that is the same, byte for byte.
 
 use std::path::Path;
 

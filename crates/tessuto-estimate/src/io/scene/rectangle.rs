@@ -16,8 +16,8 @@ const NEAR: f64 = 2.0;
 /// Longest comment read `[bytes]`.
 const LONGEST: u64 = 256;
 
-/// Writes a template; `misfit` is how far a plane rectangle's corners are from those seen `[px]`, root mean square, where
-/// the template was made of one that does not fit.
+/// Writes a template; `misfit` is how far a plane rectangle's corners are from those seen `[px]`, root mean
+/// square, where the template was made of one that does not fit.
 ///
 /// # Errors
 /// [`Error::Output`](tessuto_core::Error::Output).

@@ -49,8 +49,8 @@ pub(crate) fn read(
     Some(mesh)
 }
 
-/// Adds to `errors` what the simulation could not use, and to `warnings` what is odd, with what is known of its `origin`;
-/// `place` is the mesh of the scene in `folder`.
+/// Adds to `errors` what the simulation could not use, and to `warnings` what is odd, with what is known of its
+/// `origin`; `place` is the mesh of the scene in `folder`.
 pub(super) fn check(
     mesh: &Mesh,
     units: Units,

@@ -47,8 +47,8 @@ pub(super) fn complaint(verdict: &Verdict, frames: &[FrameAgreement], size: f64)
     format!("{}: {}", places.join(", "), reasons.join(", "))
 }
 
-/// Where the frames of `stretches` are: `from frame 31 on`, `in frames 4–6 and 9`; `clip` is [first, one past the last] of
-/// all frames.
+/// Where the frames of `stretches` are: `from frame 31 on`, `in frames 4–6 and 9`; `clip` is [first, one past the
+/// last] of all frames.
 pub(super) fn place(stretches: &[[usize; 2]], clip: [usize; 2]) -> String {
     let count: usize = stretches.iter().map(|[first, end]| end - first).sum();
     if let [[first, end]] = stretches

@@ -28,8 +28,8 @@ pub struct Otherwise {
     pub gravity: f64,
     /// Factor on what no cause explains.
     pub residual: f64,
-    /// Whether that goes on after the clip as in its last frame; otherwise it ends with the clip, or goes on as in its mean where the clip
-    /// does not tell the causes and held vertices are not let go.
+    /// Whether that goes on after the clip as in its last frame; otherwise it ends with the clip, or goes on as in
+    /// its mean where the clip does not tell the causes and held vertices are not let go.
     pub carry: bool,
 }
 
@@ -88,7 +88,8 @@ impl<'a> Changes<'a> {
     /// From the motion `frames`, shape [N, V], of `cloth`.
     pub fn new(cloth: &'a Cloth, dynamics: &'a Dynamics, found: &'a Found, frames: &[Positions]) -> Self {
         let paths = interpolated(frames, dynamics.substeps);
-        // The pull of a soft lead: a strong one holds the found positions' noise too, which says nothing of another motion.
+        // The pull of a soft lead: a strong one holds the found positions' noise too, which says nothing of
+        // another motion.
         let softly = lead_along(cloth, dynamics, found, &paths, SOFT, false);
         let velocities = softly.velocities().clone();
         // Held vertices follow their paths.
@@ -130,7 +131,8 @@ impl<'a> Changes<'a> {
     fn clip(&self, otherwise: &Otherwise) -> Guided {
         let otherwise = &otherwise.of_clip();
         if *otherwise == Otherwise::default() {
-            // Nothing is: found positions are nearer the truth than any simulation, the velocities of a simulation than their differences.
+            // Nothing is: found positions are nearer the truth than any simulation, the velocities of a simulation
+            // than their differences.
             let frames = self.paths.iter().step_by(self.dynamics.substeps).cloned().collect();
             let end = State { x: self.paths[self.paths.len() - 1].clone(), v: self.velocities.clone() };
             return Guided::after(frames, end, self.found.causes.gravity(), self.dynamics.substeps);

@@ -1,11 +1,13 @@
 //! The motion that causes make, and its derivatives by them.
 //!
-//! BDF2, whose damping of slow motion is of third order in the step: with x̄ = (4 xₙ − xₙ₋₁)/3, v̄ likewise and H = 2h/3,
+//! BDF2, whose damping of slow motion is of third order in the step: with x̄ = (4 xₙ − xₙ₋₁)/3, v̄ likewise and
+//! H = 2h/3,
 //!
 //!   x' = argmin ½ ‖x − x̄ − H v̄ − H² a‖²_M/H² + ½ ‖x − target‖²_{M κ} + E(x) + ½ c/H ‖θ(x) − θ̄‖²,
 //!   v' = (x' − x̄)/H,
 //!
-//! an implicit Euler step from (x̄, v̄) with other masses and, for internal friction, other springs ([`tessuto_sim::Cloth::rub`]). Its derivatives follow from the implicit function theorem.
+//! an implicit Euler step from (x̄, v̄) with other masses and, for internal friction, other springs
+//! ([`tessuto_sim::Cloth::rub`]). Its derivatives follow from the implicit function theorem.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -116,7 +118,8 @@ fn combined(now: &State, before: Option<&State>) -> State {
 }
 
 impl Drive<'_> {
-    /// Simulates under `causes`, with derivatives if they are asked for; `near` are the positions of a similar run after every step.
+    /// Simulates under `causes`, with derivatives if they are asked for; `near` are the positions of a similar run
+    /// after every step.
     ///
     /// # Errors
     /// [`tessuto_core::Error::Numerical`] from a step.
@@ -262,7 +265,8 @@ impl Drive<'_> {
         Ok(tape.into_after(scratch))
     }
 
-    /// What the derivative of a step's positions by unknown `p` is solved from, given those of the state ahead and of the start.
+    /// What the derivative of a step's positions by unknown `p` is solved from, given those of the state ahead and
+    /// of the start.
     fn load(&self, causes: &Causes, taken: &Taken, p: usize, ahead: &State, start: &Tangent) -> Positions {
         let (cloth, big) = (taken.cloth, taken.big);
         let [a, b] = causes.across();

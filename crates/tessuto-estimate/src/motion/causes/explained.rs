@@ -46,8 +46,9 @@ pub struct Sizes {
     /// Distance of the motion without the correction from the one with it, of all vertices `[m]`; likewise.
     #[serde(default)]
     pub beside: f64,
-    /// Largest distance of the motion that all forces make from the one that is told, where compressed cloth buckles another way under them
-    /// than it was found `[m]`; 0 where they make the motion that is told, and in results of earlier versions.
+    /// Largest distance of the motion that all forces make from the one that is told, where compressed cloth
+    /// buckles another way under them than it was found `[m]`; 0 where they make the motion that is told, and in
+    /// results of earlier versions.
     #[serde(default)]
     pub replay: f64,
 }
@@ -65,7 +66,8 @@ impl Sizes {
 }
 
 impl Explained {
-    /// Of the motion `frames`, shape [N, V], of `cloth`, cut as `template`, `fps` frames per second; without the correction it is `led`.
+    /// Of the motion `frames`, shape [N, V], of `cloth`, cut as `template`, `fps` frames per second; without the
+    /// correction it is `led`.
     pub fn new(
         (cloth, template): (&Cloth, &Mesh),
         found: Found,

@@ -14,8 +14,8 @@ use tessuto_core::scene::Known;
 const TRIED: usize = 1;
 /// Iterations in fine steps, at most, after those in coarse ones.
 const FINISHING: usize = 3;
-/// Parts of the search, for who waits: for hands, for causes in coarse steps, for positions given these, for causes in fine steps, and
-/// leading the cloth along the motion.
+/// Parts of the search, for who waits: for hands, for causes in coarse steps, for positions given these, for
+/// causes in fine steps, and leading the cloth along the motion.
 const HANDS: usize = grips::PASSES;
 const ROUGH: usize = 2;
 const POSITIONS: usize = 2;
@@ -35,9 +35,10 @@ pub struct Begun<'a> {
     others: Vec<(f64, Causes)>,
 }
 
-/// Begins to find what moves a sheet, the cloth of its template, along `found`, shape [N, V], `fps` frames per second, with standard
-/// deviations `deviations`, shape [N, V] `[m]`; what is known of it beforehand is not searched. Every frame is seen as the sheet's views say,
-/// shape `[N]`. `advance` hears how many of [`PARTS`] are done.
+/// Begins to find what moves a sheet, the cloth of its template, along `found`, shape [N, V], `fps` frames per
+/// second, with standard deviations `deviations`, shape [N, V] `[m]`; what is known of it beforehand is not
+/// searched. Every frame is seen as the sheet's views say, shape `[N]`. `advance` hears how many of [`PARTS`] are
+/// done.
 pub fn begin<'a>(
     sheet: (&'a Mesh, &Known, &'a [Viewpoint]),
     found: &[Positions],
@@ -65,7 +66,8 @@ pub fn begin<'a>(
 }
 
 impl Begun<'_> {
-    /// Who holds the cloth and what moves it, in coarse steps; `None` where the clip does not tell it, or the cloth cannot be simulated.
+    /// Who holds the cloth and what moves it, in coarse steps; `None` where the clip does not tell it, or the
+    /// cloth cannot be simulated.
     fn search(&mut self, found: &[Positions], advance: &mut dyn FnMut(usize)) -> Option<Attempt> {
         let (coarse, guess) = (self.sheet.task(found, &COARSE), &self.sheet.guess);
         let settings = self.sheet.settings;
@@ -97,8 +99,8 @@ impl Begun<'_> {
         (guess.told && self.known.misfit <= DOUBTED).then_some(rough)
     }
 
-    /// The motion, shape [N, V], that the causes found so far make along `found`, shape [N, V] `[m]`; `None` where the clip does not tell
-    /// them, or the simulation loses the cloth.
+    /// The motion, shape [N, V], that the causes found so far make along `found`, shape [N, V] `[m]`; `None` where
+    /// the clip does not tell them, or the simulation loses the cloth.
     pub fn motion(&self, found: &[Positions]) -> Option<Vec<Positions>> {
         let Sheet { template, deviations, dynamics, settings, .. } = &self.sheet;
         let by = self.sheet.with(&self.known, self.rough.as_ref()?.causes.clone());
@@ -107,8 +109,8 @@ impl Begun<'_> {
         (!follow::astray(&guided, found)).then_some(guided.frames)
     }
 
-    /// The causes of the motion `found`, shape [N, V] `[m]`, that differs little from the one at the beginning. Where the clip does not tell
-    /// them, or the cloth cannot be simulated, what was known before stays.
+    /// The causes of the motion `found`, shape [N, V] `[m]`, that differs little from the one at the beginning.
+    /// Where the clip does not tell them, or the cloth cannot be simulated, what was known before stays.
     pub fn finish(&self, found: &[Positions]) -> Found {
         let told = self.rough.as_ref().and_then(|rough| self.search_finely(rough, found));
         let out = told.unwrap_or_else(|| self.known.clone());
@@ -139,7 +141,8 @@ impl Begun<'_> {
         Some(out)
     }
 
-    /// The causes as [`Self::finish`] finds them, and the forces that replay the motion `found`. `advance` hears how many of [`PARTS`] are done.
+    /// The causes as [`Self::finish`] finds them, and the forces that replay the motion `found`. `advance` hears
+    /// how many of [`PARTS`] are done.
     pub fn explain(&self, found: &[Positions], advance: &mut dyn FnMut(usize)) -> Explanation {
         let Sheet { template, deviations, dynamics, settings, fps, .. } = &self.sheet;
         advance(HANDS + ROUGH + POSITIONS);
@@ -169,8 +172,8 @@ pub fn find(
     begin(sheet, found, deviations, clock, settings, &mut |_| ()).finish(found)
 }
 
-/// What holds the cloth of `task`, `held` or one of `wider`, and what moves it: more is held where `rough` does not explain the motion and more
-/// gains more than it costs.
+/// What holds the cloth of `task`, `held` or one of `wider`, and what moves it: more is held where `rough` does
+/// not explain the motion and more gains more than it costs.
 fn pins(
     task: &Task,
     wider: &[Vec<usize>],

@@ -1,10 +1,11 @@
 //! Accelerations that lead a cloth along found positions.
 //!
-//! Found positions are off by a millimetre in directions in which springs hardly give, and to hold a cloth there takes hundreds of m/s²,
-//! which are no cause of the motion. So what no cause explains has two parts. The residual leads a cloth whose held vertices follow their
-//! paths by what its springs would not take up: where the sheet gives way. The motion that it makes is not the one that was found, but beside it wherever the sheet is
-//! stiff. The correction is all else that ties to the found positions take: with it the forces lead where the motion was found, and without it to what the
-//! causes and the residual make.
+//! Found positions are off by a millimetre in directions in which springs hardly give, and to hold a cloth there
+//! takes hundreds of m/s², which are no cause of the motion. So what no cause explains has two parts. The residual
+//! leads a cloth whose held vertices follow their paths by what its springs would not take up: where the sheet
+//! gives way. The motion that it makes is not the one that was found, but beside it wherever the sheet is stiff.
+//! The correction is all else that ties to the found positions take: with it the forces lead where the motion was
+//! found, and without it to what the causes and the residual make.
 
 use glam::DVec3;
 
@@ -16,13 +17,15 @@ use crate::motion::parameters::Dynamics;
 use tessuto_core::mesh::Positions;
 use tessuto_sim::{Cloth, State};
 
-/// Strength of the ties of held vertices [1/s²]: the whole weight that hangs from two corners takes them 0.1 mm from their paths.
+/// Strength of the ties of held vertices [1/s²]: the whole weight that hangs from two corners takes them 0.1 mm
+/// from their paths.
 const HELD: f64 = 1e8;
 
-/// Strength of the ties of all vertices [1/s²]: that of a spring of 1000 N/m on a vertex of 0.03 g. A thousand m/s² take them 0.03 mm from
-/// their places.
+/// Strength of the ties of all vertices [1/s²]: that of a spring of 1000 N/m on a vertex of 0.03 g. A thousand
+/// m/s² take them 0.03 mm from their places.
 const FIRM: f64 = 4e7;
-/// A cloth is lost that is this fraction of its size, the diagonal of the box around it, from where it should be, root mean square.
+/// A cloth is lost that is this fraction of its size, the diagonal of the box around it, from where it should be,
+/// root mean square.
 const ASTRAY: f64 = 0.02;
 
 /// Mean deviation of positions that pull as [`CauseSettings::tracking`] says `[m]`.
@@ -30,9 +33,10 @@ const USUAL: f64 = 5e-3;
 /// Least one that counts `[m]`: of the mesh as a model of the cloth.
 const LEAST: f64 = 5e-4;
 
-/// Accelerations that lead `cloth` along `frames`, shape [N, V], known up to `deviations`, shape [N, V] `[m]`, the parts they are of, and the motion
-/// without the correction, shape [N, V]. A cloth that so gentle a lead loses, or whose simulation fails, leaves all to the residual: what holds it there says little of
-/// causes, but its shape is sound; its motion without the correction is then the one with it.
+/// Accelerations that lead `cloth` along `frames`, shape [N, V], known up to `deviations`, shape [N, V] `[m]`, the
+/// parts they are of, and the motion without the correction, shape [N, V]. A cloth that so gentle a lead loses, or
+/// whose simulation fails, leaves all to the residual: what holds it there says little of causes, but its shape is
+/// sound; its motion without the correction is then the one with it.
 pub fn follow(
     cloth: &Cloth,
     dynamics: &Dynamics,
@@ -68,8 +72,8 @@ pub(super) fn roughly(
     lead_along(cloth, dynamics, found, &interpolated(frames, dynamics.substeps), lead, false)
 }
 
-/// Strength of the lead along positions known up to `deviations` [1/s²]: the more sure a position is, the more its weight against what no
-/// cause explains.
+/// Strength of the lead along positions known up to `deviations` [1/s²]: the more sure a position is, the more its
+/// weight against what no cause explains.
 fn strength(deviations: &[Vec<f64>], settings: &CauseSettings) -> f64 {
     // The first frame is the template's.
     let [sum, count] = deviations[1..]
@@ -90,8 +94,9 @@ pub(super) fn astray(guided: &Guided, frames: &[Positions]) -> bool {
     guided.failure.is_some() || guided.frames.iter().zip(frames).any(|pair| squares(pair) > limit)
 }
 
-/// Largest distance of a `made` motion from the `found` one, both [N, V] `[m]`, if any vertex is farther from it than its deviation, shape
-/// [N, V] `[m]`: it is another motion then than the one that was found, as far as that is known.
+/// Largest distance of a `made` motion from the `found` one, both [N, V] `[m]`, if any vertex is farther from it
+/// than its deviation, shape [N, V] `[m]`: it is another motion then than the one that was found, as far as that
+/// is known.
 pub(super) fn beside(made: &[Positions], found: &[Positions], deviations: &[Vec<f64>]) -> Option<f64> {
     let pairs = made.iter().flatten().zip(found.iter().flatten()).zip(deviations.iter().flatten());
     let (mut largest, mut known) = (0.0, true);
@@ -103,7 +108,8 @@ pub(super) fn beside(made: &[Positions], found: &[Positions], deviations: &[Vec<
     (!known).then_some(largest)
 }
 
-/// Leads `cloth`, moved by what was `found`, along `paths`, one shape per step, by a lead of strength `lead` [1/s²]; as [`Guide::exact`] says.
+/// Leads `cloth`, moved by what was `found`, along `paths`, one shape per step, by a lead of strength `lead`
+/// [1/s²]; as [`Guide::exact`] says.
 pub(super) fn lead_along(
     cloth: &Cloth,
     dynamics: &Dynamics,
@@ -233,7 +239,8 @@ mod tests {
             1e3 * off,
             1e3 * held
         );
-        // Between frames the places to reach are interpolated, and the sheet falls from rest: that much is not of its causes.
+        // Between frames the places to reach are interpolated, and the sheet falls from rest: that much is not of
+        // its causes.
         assert!(motion > 2.0 && left < 0.25 * motion && off < 1e-3 && held < 2e-4);
 
         // 2 mm too long below the held border in all frames but the first, as no spring would be.

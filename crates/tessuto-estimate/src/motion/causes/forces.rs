@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 
 /// Size of gravity [m/s²].
 pub const GRAVITY: f64 = 9.81;
-/// Unknowns before those of the wind: ln stretch, ln bend, ln shear, gravity's direction (2), ln drag, ln friction, ln lengths (2).
+/// Unknowns before those of the wind: ln stretch, ln bend, ln shear, gravity's direction (2), ln drag, ln
+/// friction, ln lengths (2).
 pub(super) const FIRST: usize = 9;
 /// The first of the lengths.
 pub(super) const LENGTHS: usize = 7;
@@ -21,7 +22,8 @@ pub struct Causes {
     pub ln_drag: f64,
     /// ln of the internal friction c [J·s/rad²] of bending and shearing: a moment c θ̇ at every angle.
     pub ln_friction: f64,
-    /// ln of the factors on the panel's lengths along u and along v, while they are searched; [`super::Found::rest_lengths`] has them in it.
+    /// ln of the factors on the panel's lengths along u and along v, while they are searched;
+    /// [`super::Found::rest_lengths`] has them in it.
     #[serde(skip)]
     pub(super) ln_length: [f64; 2],
     /// Velocity of the wind at the [`Knots`] [m/s].

@@ -1,8 +1,9 @@
 //! Where hands hold the cloth.
 //!
-//! Held vertices are stretches of the border, the grips, three vertices each. From the upper corners they are moved along the border, each
-//! by itself and all that gained together, by ever smaller ways, as long as the objective falls. At every place the causes are fitted anew: with
-//! those of a wrong hold the right one is no better.
+//! Held vertices are stretches of the border, the grips, three vertices each. From the upper corners they are
+//! moved along the border, each by itself and all that gained together, by ever smaller ways, as long as the
+//! objective falls. At every place the causes are fitted anew: with those of a wrong hold the right one is no
+//! better.
 
 use std::collections::BTreeSet;
 
@@ -56,9 +57,9 @@ struct Change {
     count: isize,
 }
 
-/// Where hands hold the cloth of `template` whose upper corners are `guess`, and the other places that were tried. A held vertex costs `price`.
-/// `fit` fits causes to a hold, from those of another one if there is one; `None` where the cloth cannot be simulated so. `advance` hears how
-/// many of [`PASSES`] are done.
+/// Where hands hold the cloth of `template` whose upper corners are `guess`, and the other places that were tried.
+/// A held vertex costs `price`. `fit` fits causes to a hold, from those of another one if there is one; `None`
+/// where the cloth cannot be simulated so. `advance` hears how many of [`PASSES`] are done.
 pub fn find(
     template: &Mesh,
     guess: &[usize],

@@ -1,10 +1,13 @@
-//! Leads a cloth along given places, under known accelerations: by ties, and by pulls that leave out what its springs would take up ([`Lead`]).
+//! Leads a cloth along given places, under known accelerations: by ties, and by pulls that leave out what its
+//! springs would take up ([`Lead`]).
 //!
-//! Each sub-step minimises Φ(x) + ½ ‖x − x*‖²_{M κ} with the incremental potential Φ of [`tessuto_sim::implicit_euler`] under the known
-//! accelerations alone; at the minimum the tie acts as the acceleration κ (x* − x). Where the accelerations alone must lead along the
-//! same motion, the sub-step is then taken again under all of them without the tie, and the next one starts from where that leads:
-//! compressed cloth may buckle another way than the tied one, and the loop closed over the real state keeps such differences from growing.
-//! Internal friction acts as springs in the tied sub-step ([`Cloth::rub`]), as the accelerations that these make in the other.
+//! Each sub-step minimises Φ(x) + ½ ‖x − x*‖²_{M κ} with the incremental potential Φ of
+//! [`tessuto_sim::implicit_euler`] under the known accelerations alone; at the minimum the tie acts as the
+//! acceleration κ (x* − x). Where the accelerations alone must lead along the same motion, the sub-step is then
+//! taken again under all of them without the tie, and the next one starts from where that leads: compressed cloth
+//! may buckle another way than the tied one, and the loop closed over the real state keeps such differences from
+//! growing. Internal friction acts as springs in the tied sub-step ([`Cloth::rub`]), as the accelerations that
+//! these make in the other.
 
 use glam::DVec3;
 
@@ -106,7 +109,8 @@ pub fn guide(guide: &Guide) -> Guided {
     guide_from(guide, None)
 }
 
-/// Leads a cloth on from where `before` ended, of which the result contains all; at rest from the first target without it.
+/// Leads a cloth on from where `before` ended, of which the result contains all; at rest from the first target
+/// without it.
 pub fn guide_from(guide: &Guide, before: Option<Guided>) -> Guided {
     let (cloth, dynamics) = (guide.cloth, guide.dynamics);
     let (count, steps) = (cloth.vertex_count(), guide.targets.len() - 1);

@@ -1,8 +1,9 @@
 //! Which vertices are held.
 //!
-//! Pins show in the image: what they hold keeps still while the rest moves. Which movement is still is a guess, and where causes do not
-//! explain the motion with it, more is held ([`Guess::wider`]). Where nothing keeps still, hands hold the cloth, and the two
-//! upper corners are the best guess. A sheet that hardly moves is taken the same way, but then nothing is sure.
+//! Pins show in the image: what they hold keeps still while the rest moves. Which movement is still is a guess,
+//! and where causes do not explain the motion with it, more is held ([`Guess::wider`]). Where nothing keeps still,
+//! hands hold the cloth, and the two upper corners are the best guess. A sheet that hardly moves is taken the same
+//! way, but then nothing is sure.
 
 use std::collections::BTreeMap;
 
@@ -13,11 +14,11 @@ use tessuto_core::mesh::{Mesh, Positions};
 
 /// A vertex is still if it moves by less than this fraction of the median movement.
 const STILL: f64 = 0.2;
-/// The same of the movement about its mean, where what keeps so still does not hold the sheet: what is found of a pin is unsure, too, and may
-/// be off in the same way in all frames but the template's.
+/// The same of the movement about its mean, where what keeps so still does not hold the sheet: what is found of a
+/// pin is unsure, too, and may be off in the same way in all frames but the template's.
 const STILL_ENOUGH: [f64; 3] = [0.2, 0.3, 0.45];
-/// Movement of the sheet, as a fraction of its distance, below which nothing is informed: a tenth of a pixel of most cameras. Where pins are not
-/// found among so small movements, the causes' misfit says so.
+/// Movement of the sheet, as a fraction of its distance, below which nothing is informed: a tenth of a pixel of
+/// most cameras. Where pins are not found among so small movements, the causes' misfit says so.
 const LEAST: f64 = 1e-4;
 
 /// A guess at what is held.
@@ -32,7 +33,8 @@ pub(crate) struct Guess {
     pub told: bool,
 }
 
-/// The held vertices of `template`, given positions `found`, shape [N, V], how they are seen, `views`, shape `[N]`, and where `down` is.
+/// The held vertices of `template`, given positions `found`, shape [N, V], how they are seen, `views`, shape
+/// `[N]`, and where `down` is.
 pub(crate) fn held_vertices(
     template: &Mesh,
     (found, views): (&[Positions], &[Viewpoint]),
@@ -64,7 +66,8 @@ pub(crate) fn held_vertices(
     Guess { held: still, wider, still: true, told }
 }
 
-/// Root mean square of the movement of every vertex in the image from where it would be in `x`, in units of its distance.
+/// Root mean square of the movement of every vertex in the image from where it would be in `x`, in units of its
+/// distance.
 fn movements(x: &[DVec3], (found, views): (&[Positions], &[Viewpoint])) -> Vec<f64> {
     let seen = |p: DVec3| DVec2::new(p.x, p.y) / p.z.max(1e-9);
     let of = |i: usize| {

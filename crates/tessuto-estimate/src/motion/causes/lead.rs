@@ -1,12 +1,14 @@
 //! What leads a cloth to where it should be, without what its own springs would take up.
 //!
-//! A spring of strength k to every place to reach, p, would pull with k (p − x) in all directions alike, and against springs that hardly
-//! give for good: hundreds of m/s² for a millimetre in which the sheet cannot go. Here such a pull a acts as
+//! A spring of strength k to every place to reach, p, would pull with k (p − x) in all directions alike, and
+//! against springs that hardly give for good: hundreds of m/s² for a millimetre in which the sheet cannot go. Here
+//! such a pull a acts as
 //!
 //!   κ (M⁻¹ H + κ)⁻¹ a
 //!
-//! with the Hessian H of the springs, held vertices fixed: nearly whole where a sheet gives way, like bending, and hardly where it is stiff,
-//! like stretch. The smaller κ [1/s²], the more is left out; k κ alone tells how closely the cloth follows, and for what pull.
+//! with the Hessian H of the springs, held vertices fixed: nearly whole where a sheet gives way, like bending, and
+//! hardly where it is stiff, like stretch. The smaller κ [1/s²], the more is left out; k κ alone tells how closely
+//! the cloth follows, and for what pull.
 
 use glam::DVec3;
 
@@ -49,8 +51,8 @@ impl Lead<'_> {
         Some(factor)
     }
 
-    /// The pull in a step from `state`, in which the places to reach go from `from` to `to` `[m]`, shape `[V]` [m/s²], with the
-    /// [`Self::compliance`] of a sheet that is nearly there.
+    /// The pull in a step from `state`, in which the places to reach go from `from` to `to` `[m]`, shape `[V]`
+    /// [m/s²], with the [`Self::compliance`] of a sheet that is nearly there.
     pub fn pull(
         &self,
         compliance: Option<&Factor>,

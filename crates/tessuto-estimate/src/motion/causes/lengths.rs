@@ -7,8 +7,8 @@ const QUANTILE: f64 = 0.9;
 /// Lengths in found positions are off by this fraction; only what exceeds it counts.
 const NOISE: f64 = 0.02;
 
-/// Lengths of the edges of `template` without load `[m]`: as in the template, and longer where the positions `found`, shape [N, V],
-/// say that a fold of it hid some.
+/// Lengths of the edges of `template` without load `[m]`: as in the template, and longer where the positions
+/// `found`, shape [N, V], say that a fold of it hid some.
 pub fn rest_lengths(template: &Mesh, found: &[Positions]) -> Vec<f64> {
     let length = |x: &Positions, [a, b]: [u32; 2]| x[a as usize].distance(x[b as usize]);
     let rest = |edge: [u32; 2]| {

@@ -1,23 +1,25 @@
 //! From a motion to its causes: stiffnesses, gravity, air and what holds the cloth.
 //!
-//! For every vertex m a = −∂E/∂x − c θ̇ ∂θ/∂x + m g + air + hold + m D. The cloth is flat as cut ([`tessuto_sim::Cloth::flat`]), its angles θ
-//! have internal friction c ([`tessuto_sim::Cloth::rub`]), g has a known size, air acts across the cloth and the wind's velocity w
-//! changes smoothly in time, few vertices are held; D is what is left.
+//! For every vertex m a = −∂E/∂x − c θ̇ ∂θ/∂x + m g + air + hold + m D. The cloth is flat as cut
+//! ([`tessuto_sim::Cloth::flat`]), its angles θ have internal friction c ([`tessuto_sim::Cloth::rub`]), g has a
+//! known size, air acts across the cloth and the wind's velocity w changes smoothly in time, few vertices are
+//! held; D is what is left.
 //!
-//! The unknowns p, ln stiffnesses, the direction of g, ln C_d, ln c, ln of the panel's two lengths and the wind at [`Knots`], make a motion
-//! x(p) by a drive: a simulation of second order in time whose held vertices follow their found paths and whose others are tied to theirs by weak springs, the gain of
-//! a steady filter: they keep errors of the model from growing without end. p minimises
+//! The unknowns p, ln stiffnesses, the direction of g, ln C_d, ln c, ln of the panel's two lengths and the wind at
+//! [`Knots`], make a motion x(p) by a drive: a simulation of second order in time whose held vertices follow their
+//! found paths and whose others are tied to theirs by weak springs, the gain of a steady filter: they keep errors
+//! of the model from growing without end. p minimises
 //!
 //!   1/ν Σ ½ τ² ln(1 + e²/τ²) + priors,   e² = ‖(x(p) − found)/σ‖²,
 //!
-//! with σ, the deviations of the found positions times 1.2, soft along the view ray and firm across it, and as errors are smooth in space
-//! and time, the number ν of vertices and frames that err together; ν grows where the model is off by more than σ. So stiffnesses never meet the
-//! noise of found positions, which regression on these takes for softness, and the inverse of the Gauss-Newton matrix tells how sure
-//! they are.
+//! with σ, the deviations of the found positions times 1.2, soft along the view ray and firm across it, and as
+//! errors are smooth in space and time, the number ν of vertices and frames that err together; ν grows where the
+//! model is off by more than σ. So stiffnesses never meet the noise of found positions, which regression on these
+//! takes for softness, and the inverse of the Gauss-Newton matrix tells how sure they are.
 //!
-//! Positions and causes are found in turn: roughly the causes ([`begin`]), the motion that they make ([`Begun::motion`]), positions whose
-//! accelerations are near those of that motion ([`crate::motion::spacetime::Problem::along`]), and finely the causes of these
-//! ([`Begun::explain`]).
+//! Positions and causes are found in turn: roughly the causes ([`begin`]), the motion that they make
+//! ([`Begun::motion`]), positions whose accelerations are near those of that motion
+//! ([`crate::motion::spacetime::Problem::along`]), and finely the causes of these ([`Begun::explain`]).
 
 mod changes;
 mod drive;
@@ -51,7 +53,8 @@ use tessuto_sim::Cloth;
 
 /// A number is informed if its standard deviation is less than this fraction of what it was without the video.
 const INFORMED: f64 = 0.4;
-/// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for something else.
+/// Gravity this many standard deviations of what was known from where a camera that looks ahead has it stands for
+/// something else.
 const UNLIKELY: f64 = 2.0;
 
 /// Where the motion that the causes make is off by more than this many σ, root mean square, something else
@@ -124,8 +127,9 @@ pub struct Explanation {
     pub parameters: Parameters,
     /// What they are of.
     pub explained: Explained,
-    /// The motion that these make, shape [N, V] `[m]`: the one that was found, to a few hundredths of a millimetre; where compressed cloth
-    /// buckles another way under them ([`Sizes::replay`]), the one that was found.
+    /// The motion that these make, shape [N, V] `[m]`: the one that was found, to a few hundredths of a
+    /// millimetre; where compressed cloth buckles another way under them ([`Sizes::replay`]), the one that was
+    /// found.
     pub frames: Vec<Positions>,
     /// Where the simulation failed, forces are zero from then on.
     pub failure: Option<Error>,

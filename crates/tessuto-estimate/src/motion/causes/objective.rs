@@ -1,4 +1,5 @@
-//! How well a motion agrees with the found positions, and causes with what is known before; Gauss-Newton systems of both.
+//! How well a motion agrees with the found positions, and causes with what is known before; Gauss-Newton systems
+//! of both.
 
 use glam::DVec3;
 

@@ -8,7 +8,8 @@ use tessuto_core::mesh::Positions;
 use tessuto_sim::air::Air;
 use tessuto_sim::{Cloth, State};
 
-/// What acts on every vertex beside the cloth's own springs, per mass, mean of each frame interval [m/s²], shape [N − 1, V].
+/// What acts on every vertex beside the cloth's own springs, per mass, mean of each frame interval [m/s²], shape
+/// [N − 1, V].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parts {
     /// Gravity, everywhere the same.
@@ -21,7 +22,8 @@ pub struct Parts {
     pub hold: Vec<Positions>,
     /// What none of these explains, where the sheet gives way.
     pub residual: Vec<Positions>,
-    /// What else leads the sheet exactly to where it was found: mostly across what it resists, and of the found positions' errors. No cause of anything.
+    /// What else leads the sheet exactly to where it was found: mostly across what it resists, and of the found
+    /// positions' errors. No cause of anything.
     pub correction: Vec<Positions>,
 }
 

@@ -13,8 +13,9 @@ const DRAGS: [f64; 2] = [0.05, 20.0];
 const FRICTIONS: [f64; 2] = [1e-8, 3e-4];
 /// Largest change of an unknown logarithm, and a fifth of it of gravity's direction, in one iteration.
 const LARGEST_STEP: f64 = 1.5;
-/// After a step that failed damping is at least a tenth: with less the next one would be the same. The search ends where none helps, or one
-/// gains less than half a standard deviation of one unknown changes, or less than so much of the objective.
+/// After a step that failed damping is at least a tenth: with less the next one would be the same. The search ends
+/// where none helps, or one gains less than half a standard deviation of one unknown changes, or less than so much
+/// of the objective.
 const POLICY: Policy = Policy {
     lambda: 1e-3,
     accepted: [0.1, 1e-6],

@@ -27,8 +27,8 @@ pub(super) const HOLD: f64 = 1e9;
 const DRAG: f64 = 1.2;
 /// Spread of its logarithm: a sheet that hardly moves says nothing of it, but plates have from half to twice as much.
 const DRAG_SPREAD: f64 = 0.5;
-/// Internal friction at the start [J·s/rad²] and the spread of its logarithm: without these it stands for gravity, and for the hold, of a
-/// sheet that hangs from more than was found.
+/// Internal friction at the start [J·s/rad²] and the spread of its logarithm: without these it stands for gravity,
+/// and for the hold, of a sheet that hangs from more than was found.
 const FRICTION: f64 = 1e-5;
 const FRICTION_SPREAD: f64 = 1.0;
 /// Spread of gravity's direction about +y `[rad]`.

@@ -8,8 +8,8 @@ const LEAST_COVERAGE: f32 = 1e-3;
 /// Values are this part of themselves on the way: cubics overshoot, and what is above 1 is cut.
 const HEADROOM: f32 = 0.5;
 
-/// `frame` with `factor` times the pixels along each side, by Catmull and Rom's cubics; colours of the fabric and of what
-/// is behind it do not mix.
+/// `frame` with `factor` times the pixels along each side, by Catmull and Rom's cubics; colours of the fabric and
+/// of what is behind it do not mix.
 pub fn magnified(frame: &Frame, factor: usize) -> Frame {
     let (w, h) = (frame.rgb.width, frame.rgb.height);
     // Colour by coverage, and coverage; rows of pixels.

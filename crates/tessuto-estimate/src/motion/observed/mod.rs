@@ -40,8 +40,9 @@ pub struct Observed {
 }
 
 impl Observed {
-    /// Looks at every frame of `scene`, magnified by `magnification`, at the levels `range` (finest, coarsest), or at as many
-    /// coarser ones where these would not fit into memory; at none that has fewer than two pixels a side.
+    /// Looks at every frame of `scene`, magnified by `magnification`, at the levels `range` (finest, coarsest), or
+    /// at as many coarser ones where these would not fit into memory; at none that has fewer than two pixels a
+    /// side.
     ///
     /// # Errors
     /// Those of reading the frames.

@@ -1,5 +1,5 @@
-//! The sheet in front of itself: points that it hides, parts of its boundary that are not its outline, folds that are, and how much of the image
-//! every triangle fills.
+//! The sheet in front of itself: points that it hides, parts of its boundary that are not its outline, folds that
+//! are, and how much of the image every triangle fills.
 
 use glam::{DVec2, DVec3};
 
@@ -43,14 +43,16 @@ pub struct Occlusion {
     pub inner: Vec<bool>,
     /// Where the sheet turns away from the camera with nothing of it behind: outlines as well.
     pub folds: Vec<FoldPoint>,
-    /// Area of every triangle in the image over that in the first frame, at most 1 unless motions are compared, shape `[T]`; empty: 1.
+    /// Area of every triangle in the image over that in the first frame, at most 1 unless motions are compared,
+    /// shape `[T]`; empty: 1.
     pub shares: Vec<f64>,
     /// Number of pixels that mask or mesh cover alone, where that was asked for.
     pub uncovered: f64,
 }
 
 impl Occlusion {
-    /// Of the mesh at `x`; `samples` are points of it. What mask or mesh cover alone is counted where it is to be `compared`.
+    /// Of the mesh at `x`; `samples` are points of it. What mask or mesh cover alone is counted where it is to be
+    /// `compared`.
     pub fn new(sheet: &Sheet, shown: &Shown, samples: &SurfaceSamples, x: &[DVec3], compared: bool) -> Self {
         let view = &shown.level.view;
         let triangles = sheet.rasterizer.triangles();
@@ -102,7 +104,8 @@ fn front(rendering: &Rendering, p: DVec2) -> Option<u32> {
     within.then_some(()).map(triangle).filter(|t| *t != Rendering::NO_TRIANGLE)
 }
 
-/// Whether the plane of a triangle crosses the ray to `p` before it; one that is seen edge-on does. All seen from the origin.
+/// Whether the plane of a triangle crosses the ray to `p` before it; one that is seen edge-on does. All seen from
+/// the origin.
 fn is_before([a, b, c]: [DVec3; 3], p: DVec3) -> bool {
     let normal = (b - a).cross(c - a);
     let part = normal.dot(a) / normal.dot(p);
@@ -154,8 +157,9 @@ mod tests {
     use tessuto_core::video::Frame;
     use tessuto_sim::Cloth;
 
-    /// Occlusion of a flat sheet of 400 × 200 mm whose part right of 80 mm is turned over, to lie in front of the rest by `nearer` `[m]`, or
-    /// behind it, beside the mask of the left part; with its samples and boundary, and the flat positions.
+    /// Occlusion of a flat sheet of 400 × 200 mm whose part right of 80 mm is turned over, to lie in front of the
+    /// rest by `nearer` `[m]`, or behind it, beside the mask of the left part; with its samples and boundary, and
+    /// the flat positions.
     fn folded(nearer: f64) -> (Occlusion, Vec<DVec3>, Vec<DVec3>, Vec<[DVec3; 2]>) {
         let camera = Camera { fx: 300.0, fy: 300.0, cx: 79.5, cy: 79.5, width: 160, height: 160 };
         folded_before(nearer, camera, None)
@@ -205,7 +209,8 @@ mod tests {
     fn a_sheet_moved_with_its_camera_hides_the_same() {
         let pose = Pose::random(&mut Rng::new(1, 0));
         for nearer in [0.03, -0.03] {
-            // Nothing lies exactly between two pixels, and no edge is a whole number of spacings long: rounding decides nothing.
+            // Nothing lies exactly between two pixels, and no edge is a whole number of spacings long: rounding
+            // decides nothing.
             let camera = Camera { fx: 293.0, fy: 293.0, cx: 79.73, cy: 79.73, width: 160, height: 160 };
             let [here, there] = [None, Some(pose)].map(|pose| folded_before(nearer, camera, pose).0);
             assert!(here.hidden.contains(&true) && here.hidden.contains(&false) && !here.folds.is_empty());

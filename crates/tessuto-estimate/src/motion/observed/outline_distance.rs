@@ -16,7 +16,8 @@ pub struct OutlineDistance {
     distance: Vec<f32>,
 }
 
-/// The outline within this distance of the image border, in pixels of the distances, may be cut by it and does not count.
+/// The outline within this distance of the image border, in pixels of the distances, may be cut by it and does not
+/// count.
 const BORDER: f64 = 3.0;
 
 impl OutlineDistance {

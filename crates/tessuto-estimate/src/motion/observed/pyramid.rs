@@ -47,7 +47,8 @@ impl Level {
         Some(cell.value(s, t, &cell.vertical(s)))
     }
 
-    /// The four texels around `p` and where between them it lies; `None` off the image or where one of them is off the fabric.
+    /// The four texels around `p` and where between them it lies; `None` off the image or where one of them is off
+    /// the fabric.
     #[inline]
     fn cell(&self, p: DVec2) -> Option<(Cell<'_>, [f32; 2])> {
         let (w, h) = (self.view.camera.width, self.view.camera.height);
@@ -64,7 +65,8 @@ impl Level {
     }
 }
 
-/// Four texels, by row. All four of their numbers are computed with, side by side in a register, though the last is no colour.
+/// Four texels, by row. All four of their numbers are computed with, side by side in a register, though the last
+/// is no colour.
 struct Cell<'a>([&'a [[f32; 4]; 2]; 2]);
 
 impl Cell<'_> {
@@ -97,8 +99,8 @@ fn first_three([a, b, c, _]: [f32; 4]) -> [f32; 3] {
     [a, b, c]
 }
 
-/// Levels 0 to `coarsest` of `frame` as `view` sees it, each half the size of the one before; level 0 has the frame's size. Those finer
-/// than `finest` have no colours, which would take most of the memory.
+/// Levels 0 to `coarsest` of `frame` as `view` sees it, each half the size of the one before; level 0 has the
+/// frame's size. Those finer than `finest` have no colours, which would take most of the memory.
 pub fn pyramid(frame: &Frame, view: &Viewpoint, [finest, coarsest]: [usize; 2]) -> Vec<Level> {
     let mut camera = view.camera;
     let mut weighted: Vec<[f32; 4]> = frame

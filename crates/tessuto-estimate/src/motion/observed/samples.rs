@@ -123,7 +123,8 @@ impl EdgePoint {
     }
 }
 
-/// Points about `spacing` pixels apart along the edges that belong to one polygon only, as `view` sees it at `positions`.
+/// Points about `spacing` pixels apart along the edges that belong to one polygon only, as `view` sees it at
+/// `positions`.
 pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], view: &Viewpoint, spacing: f64) -> Vec<EdgePoint> {
     let mut points = Vec::new();
     let with_opposite = |[a, b, c]: [u32; 3]| ([a.min(b), a.max(b)], c);

@@ -1,7 +1,7 @@
 //! Outlines of the sheet in the image: its border, and folds where it turns away from the camera.
 //!
-//! A mask's outline is explained once. Where a fold of the sheet lies on it, a border that is nearby may as well lie behind, and is free to; a
-//! border in front of more of the sheet is no outline either.
+//! A mask's outline is explained once. Where a fold of the sheet lies on it, a border that is nearby may as well
+//! lie behind, and is free to; a border in front of more of the sheet is no outline either.
 
 use std::collections::HashMap;
 
@@ -56,8 +56,8 @@ pub struct FoldPoint {
     pub pair: usize,
 }
 
-/// The points, about two pixels apart, of those `edges` of the mesh at `x` where both triangles lie on the same side in the image of
-/// `view`, and beyond which it is not `seen`. None of a mesh that comes up to the camera.
+/// The points, about two pixels apart, of those `edges` of the mesh at `x` where both triangles lie on the same
+/// side in the image of `view`, and beyond which it is not `seen`. None of a mesh that comes up to the camera.
 pub fn folds(
     edges: &[InnerEdge],
     view: &Viewpoint,
@@ -92,7 +92,8 @@ pub fn folds(
     out
 }
 
-/// Whether each point of the `boundary` of the mesh at `x` is no outline in the image of `view`: if beyond it more of the sheet is `seen`.
+/// Whether each point of the `boundary` of the mesh at `x` is no outline in the image of `view`: if beyond it more
+/// of the sheet is `seen`.
 pub fn inner(
     boundary: &[EdgePoint],
     view: &Viewpoint,
@@ -102,8 +103,8 @@ pub fn inner(
     boundary.iter().map(|point| seen(beyond(point, view, x))).collect()
 }
 
-/// Sets `inner` where a point of the `boundary` lies in the mask whose outline has this `distance`, as `view` sees it, and one of the `folds`
-/// is nearer to the place of that outline which is nearest to the point.
+/// Sets `inner` where a point of the `boundary` lies in the mask whose outline has this `distance`, as `view` sees
+/// it, and one of the `folds` is nearer to the place of that outline which is nearest to the point.
 pub fn explained_by(
     folds: &[FoldPoint],
     boundary: &[EdgePoint],

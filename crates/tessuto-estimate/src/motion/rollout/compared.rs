@@ -1,8 +1,8 @@
 //! Which pixels the rollout fit compares.
 //!
-//! The outline of a mesh is where it says least: hems and folds narrower than its cells open and turn in, masks are ragged there, and
-//! cloth that hardly stretches has to leave its place for it. Half a cell of the published meshes, 2 % of the fabric's size, is such a
-//! rim.
+//! The outline of a mesh is where it says least: hems and folds narrower than its cells open and turn in, masks
+//! are ragged there, and cloth that hardly stretches has to leave its place for it. Half a cell of the published
+//! meshes, 2 % of the fabric's size, is such a rim.
 
 use std::ops::Range;
 
@@ -20,8 +20,8 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// The pixels farther from the outlines of the masks, inside and outside, than `margin` times the fabric's size, the root of the area
-    /// of its first mask; all pixels if `margin` is zero.
+    /// The pixels farther from the outlines of the masks, inside and outside, than `margin` times the fabric's
+    /// size, the root of the area of its first mask; all pixels if `margin` is zero.
     ///
     /// # Errors
     /// Those of reading the frames.
@@ -42,7 +42,8 @@ impl Compared {
     }
 }
 
-/// Runs of the pixels of `mask` that are farther than `margin` `[px]` from every pixel of the other kind, fabric or background.
+/// Runs of the pixels of `mask` that are farther than `margin` `[px]` from every pixel of the other kind, fabric
+/// or background.
 fn away_from_outline(mask: &Image, margin: f32) -> Vec<Range<usize>> {
     let fabric: Vec<bool> = mask.data.iter().map(|&m| m >= 0.5).collect();
     let to = |inside| distance(&fabric, inside, [mask.width, mask.height], margin + 1.0);

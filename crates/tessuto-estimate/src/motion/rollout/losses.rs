@@ -56,8 +56,9 @@ impl Losses {
     }
 }
 
-/// Colour and mask loss of one frame: means over the crop's pixels (and channels) of the squared
-/// differences, which count as none outside of the runs of pixels `compared`. `grad_rgba` is set to `scale`·∂(weighted sum)/∂rgba.
+/// Colour and mask loss of one frame: means over the crop's pixels (and channels) of the squared differences,
+/// which count as none outside of the runs of pixels `compared`. `grad_rgba` is set to `scale`·∂(weighted
+/// sum)/∂rgba.
 pub fn image_loss(
     rgba: &[[f32; 4]],
     frame: &Frame,
@@ -91,10 +92,9 @@ pub fn view_rays(view: &Viewpoint, shape: &[DVec3]) -> Positions {
     shape.iter().map(|x| view.direction(*x)).collect()
 }
 
-/// Mean over vertices and frames, the first one counted with no force, of ‖g − (g·d) d‖ with g = C + D and the unit view rays d,
-/// taken as constants.
-/// Adds `scale`·its gradient to `grad_constant` and `grad_dynamic`; only the first `entries` of D count.
-/// `rays[k]` belongs to entry k.
+/// Mean over vertices and frames, the first one counted with no force, of ‖g − (g·d) d‖ with g = C + D and the
+/// unit view rays d, taken as constants. Adds `scale`·its gradient to `grad_constant` and `grad_dynamic`; only the
+/// first `entries` of D count. `rays[k]` belongs to entry k.
 pub fn force_across_rays(
     accelerations: &Accelerations,
     entries: usize,

@@ -40,10 +40,12 @@ settings! {
         weights: LossWeights = LossWeights::default(), group::<LossWeights>();
         /// Take the view rays of weights.force from the first frame in all frames, as the published program does.
         frozen_rays: bool = true, flag();
-        /// Leave the pixels beside the fabric unblended, as the published program does; half of the gradient of the silhouettes.
+        /// Leave the pixels beside the fabric unblended, as the published program does; half of the gradient of
+        /// the silhouettes.
         one_sided_silhouettes: bool = true, flag();
-        /// Pixels nearer to the outline of the mask than this part of the fabric's size are not compared: hems and folds finer than the mesh
-        /// open there. 0 compares all, as the published program does, and is for fabric without a print.
+        /// Pixels nearer to the outline of the mask than this part of the fabric's size are not compared: hems and
+        /// folds finer than the mesh open there. 0 compares all, as the published program does, and is for fabric
+        /// without a print.
         outline_margin: f64 = 0.0, number(0.0..=0.1, "");
         /// Optimise the stiffnesses; otherwise they keep their start.
         optimise_material: bool = true, flag();
@@ -57,7 +59,8 @@ settings! {
         wind_rate: f64 = 0.05, number(0.0..=100.0, "m/s");
         /// Learning rate of the dynamic accelerations D.
         dynamic_rate: f64 = 0.2, number(0.0..=1e9, "m/s²");
-        /// Frames that the rates are for: with more of them all rates fall in proportion, for a force moves all frames after it.
+        /// Frames that the rates are for: with more of them all rates fall in proportion, for a force moves all
+        /// frames after it.
         rated_frames: usize = 1_000_000, number(1.0..=1e6, "");
         /// Fixed limit of the norm of every group's gradient.
         clip_limit: f64 = 1000.0, number(1e-9..=1e12, "");
@@ -222,8 +225,8 @@ impl RolloutFit<'_> {
         self.settings.active_frames(self.scene.frames.len(), epoch)
     }
 
-    /// Runs all epochs from `parameters`; returns the last parameters. If the fit diverges for good it ends early, with the
-    /// last sound parameters and the failure.
+    /// Runs all epochs from `parameters`; returns the last parameters. If the fit diverges for good it ends early,
+    /// with the last sound parameters and the failure.
     ///
     /// # Errors
     /// [`Error::Input`] if it is to go on from a state that does not fit; what the session's observer returns.
@@ -460,8 +463,8 @@ fn recorded(parameters: &Parameters) -> Vec<(&'static str, f64)> {
     rows
 }
 
-/// Takes the mean over all entries and vertices off `dynamic`. What all have in common is for C to find; entries of frames that
-/// are not looked at yet take part, so that these do not start from no force when they join.
+/// Takes the mean over all entries and vertices off `dynamic`. What all have in common is for C to find; entries
+/// of frames that are not looked at yet take part, so that these do not start from no force when they join.
 fn subtract_mean(dynamic: &mut [Positions]) {
     let count = dynamic.iter().map(Vec::len).sum::<usize>().max(1);
     let mean = dynamic.iter().flatten().copied().sum::<DVec3>() / count as f64;

@@ -1,8 +1,10 @@
 //! The sheet followed once more, with what its clip asks for.
 //!
-//! The first followers know no more of the cloth than its template and what holds for most clips; where it bends unlike those, they find other waves than it
-//! has, or miss them. Motions that are refined tell how it bends, how firmly it keeps its lengths, how much is to be made of colours and outlines, and the light. Followers
-//! that heed all that find frames that no motion so far has, and from those others start. They go forward from the first frame and backward from the last.
+//! The first followers know no more of the cloth than its template and what holds for most clips; where it bends
+//! unlike those, they find other waves than it has, or miss them. Motions that are refined tell how it bends, how
+//! firmly it keeps its lengths, how much is to be made of colours and outlines, and the light. Followers that heed
+//! all that find frames that no motion so far has, and from those others start. They go forward from the first
+//! frame and backward from the last.
 
 use rayon::prelude::*;
 
@@ -20,8 +22,9 @@ const COURSES: [(bool, Start); 4] =
 pub(super) type Followers = Vec<Follower>;
 
 impl Problem<'_> {
-    /// Follows the fabric on all courses, with what `asked` says and the light that shows in `best`, from where that begins and ends; goes on
-    /// with `followers`, which are handed to `report` after every frame, with the objective of the first of them. Where one is lost it keeps the frames of `best`.
+    /// Follows the fabric on all courses, with what `asked` says and the light that shows in `best`, from where
+    /// that begins and ends; goes on with `followers`, which are handed to `report` after every frame, with the
+    /// objective of the first of them. Where one is lost it keeps the frames of `best`.
     ///
     /// # Errors
     /// [`tessuto_core::Error::Input`] for followers that are not of this clip; what `report` returns.

@@ -4,9 +4,9 @@ use super::joint::{Joint, POLICY};
 use super::{Positions, Problem};
 
 impl Problem<'_> {
-    /// Lowers E over all `frames` at the finest level, where accelerations are expected to be those of the motion `made`, shape [N, V] `[m]`,
-    /// instead of none. How far causes explain a motion differs from clip to clip: the motion that was found tells the spread about those
-    /// expected, as it tells the spread about none.
+    /// Lowers E over all `frames` at the finest level, where accelerations are expected to be those of the motion
+    /// `made`, shape [N, V] `[m]`, instead of none. How far causes explain a motion differs from clip to clip: the
+    /// motion that was found tells the spread about those expected, as it tells the spread about none.
     pub fn along(&self, mut frames: Vec<Positions>, made: &[Positions]) -> Vec<Positions> {
         let mut search = self.at_level(self.observed.range[0]);
         search.still = self.still_vertices(&frames);

@@ -1,12 +1,14 @@
 //! How the sheet of a clip bends: its shape at rest, and how far it departs from that.
 //!
-//! The template is the shape of one frame, no more at rest than the others: a flag's waves travel, and a sheet that the first frame finds in
-//! folds may hang flat in the next. So of every bending pair the mean over all frames, the template among them, is taken for its angle at
-//! rest. The spread about it is the clip's own too. Cauchy's kernel of tail 1 has the shape of Cauchy's distribution, half the negative logarithm of it, and
-//! the median of its sizes is its scale. Of true motions the scale is 0 for paper and 0.02 to 0.1 rad for cloth, whatever the simulator.
+//! The template is the shape of one frame, no more at rest than the others: a flag's waves travel, and a sheet
+//! that the first frame finds in folds may hang flat in the next. So of every bending pair the mean over all
+//! frames, the template among them, is taken for its angle at rest. The spread about it is the clip's own too.
+//! Cauchy's kernel of tail 1 has the shape of Cauchy's distribution, half the negative logarithm of it, and the
+//! median of its sizes is its scale. Of true motions the scale is 0 for paper and 0.02 to 0.1 rad for cloth,
+//! whatever the simulator.
 //!
-//! How a sheet was found to bend is no evidence where its print was not found, as that of plain cloth never is: only frames whose print is not lost
-//! count (`noise`).
+//! How a sheet was found to bend is no evidence where its print was not found, as that of plain cloth never is:
+//! only frames whose print is not lost count (`noise`).
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -42,7 +44,8 @@ impl Bent {
 }
 
 impl Problem<'_> {
-    /// How the sheet bends in frames whose print is found, the template the first of them; as the settings say if there are no others.
+    /// How the sheet bends in frames whose print is found, the template the first of them; as the settings say if
+    /// there are no others.
     pub(super) fn bent(&self, frames: &[&Positions]) -> Bent {
         let prior = &self.priors.signed_bend;
         let angles: Vec<Vec<f64>> = frames.par_iter().map(|x| prior.angles(x)).collect();

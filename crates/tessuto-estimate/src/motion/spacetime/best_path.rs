@@ -42,8 +42,8 @@ impl Problem<'_> {
         chosen.iter().enumerate().map(|(n, side)| sides[*side][n].clone()).collect()
     }
 
-    /// The path through two motions of the same search, each of shape [N, V], that explains the images best, accelerations heeded: what priors made of either
-    /// does not count.
+    /// The path through two motions of the same search, each of shape [N, V], that explains the images best,
+    /// accelerations heeded: what priors made of either does not count.
     pub fn by_pictures(&self, before: Vec<Positions>, after: Vec<Positions>) -> Vec<Positions> {
         let mut finest = self.at_level(self.observed.range[0]);
         finest.compares = true;
@@ -80,8 +80,8 @@ impl LevelSearch<'_, '_> {
     }
 }
 
-/// The side to take in every frame, given the E of each side's frames, shape [S, N], and the weight κ of the accelerations `[1/m²]`:
-/// dynamic programming over the sides of two frames in sequence. Of equals the first side.
+/// The side to take in every frame, given the E of each side's frames, shape [S, N], and the weight κ of the
+/// accelerations `[1/m²]`: dynamic programming over the sides of two frames in sequence. Of equals the first side.
 fn best_sides(sides: &[Vec<Positions>], values: &[Vec<f64>], kappa: f64) -> Vec<usize> {
     let (size, count) = (sides.len(), values[0].len());
     // Lowest cost of a path that ends with the sides [a][b] in two frames, and the side before a, by frame.

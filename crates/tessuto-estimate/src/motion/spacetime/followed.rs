@@ -9,14 +9,15 @@ use crate::motion::terms::shading::Light;
 /// Followers agree if they are [alike](Problem::alike) by this part of the sheet's size.
 const AGREED: f64 = 0.05;
 
-/// Spread of accelerations over the root mean square of those that followers found: a few are much larger than most, and those of a motion
-/// that went astray too small.
+/// Spread of accelerations over the root mean square of those that followers found: a few are much larger than
+/// most, and those of a motion that went astray too small.
 const OF_ACCELERATIONS: f64 = 3.0;
 /// Least spread, of that of the settings.
 const LEAST_ACCELERATION: f64 = 0.1;
 
 impl Problem<'_> {
-    /// What all followers that were not lost found; the best path alone if they agree. From now on the light and the spread of accelerations are those of the best path.
+    /// What all followers that were not lost found; the best path alone if they agree. From now on the light and
+    /// the spread of accelerations are those of the best path.
     pub(super) fn followed(&mut self, tracked: &Tracked) -> Pool {
         let found: Vec<Vec<Positions>> = tracked.followers.iter().filter_map(Follower::found).collect();
         let best = self.best_path(&found);

@@ -14,7 +14,8 @@ const PULL: f64 = 1e-3;
 /// What a frame shows around a vertex, of the points that the first frame knows.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Around {
-    /// Σ w b T I and Σ w b T² of every channel, b the vertex's barycentric weight at a point, w the point's robust weight.
+    /// Σ w b T I and Σ w b T² of every channel, b the vertex's barycentric weight at a point, w the point's robust
+    /// weight.
     pub products: [[f64; 2]; 3],
     /// Area of the points [px of the level], each by b.
     pub area: f64,

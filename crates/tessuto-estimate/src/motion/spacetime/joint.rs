@@ -108,7 +108,8 @@ impl JointSystem<'_> {
             .collect()
     }
 
-    /// Cholesky factor of every frame's block, its neighbours in time left out, to the digits that a preconditioner needs.
+    /// Cholesky factor of every frame's block, its neighbours in time left out, to the digits that a
+    /// preconditioner needs.
     pub fn factors(&self) -> Vec<FrameFactor> {
         let diagonal = self.kappa * (acceleration::DIAGONAL + self.lambda);
         let factor = |scratch: &mut Scratch, system: &FrameSystem| {
@@ -122,7 +123,8 @@ impl JointSystem<'_> {
         self.solve_with(&self.factors(), rhs, CG_TOLERANCE, CG_LIMIT)
     }
 
-    /// Solves the system for `rhs`, shape [N−1, V], given [`Self::factors`], tolerance and limit of the conjugate gradients.
+    /// Solves the system for `rhs`, shape [N−1, V], given [`Self::factors`], tolerance and limit of the conjugate
+    /// gradients.
     pub fn solve_with(
         &self,
         factors: &[FrameFactor],

@@ -98,15 +98,16 @@ impl Problem<'_> {
 }
 
 impl LevelSearch<'_, '_> {
-    /// Sets the priors: close to least squares at `t` = 0, as the settings want them from 1 on, in equal ratios between.
+    /// Sets the priors: close to least squares at `t` = 0, as the settings want them from 1 on, in equal ratios
+    /// between.
     pub fn anneal(&mut self, t: f64) {
         let s = &self.problem.settings;
         let left = (1.0 - t).max(0.0);
         self.loosen([s.start_spread.powf(left), 1.0], s.start_tail.powf(left));
     }
 
-    /// Sets the priors: those of the settings with spreads of strain and shear, and of signed bending, times `spreads`, tails
-    /// times `tail`.
+    /// Sets the priors: those of the settings with spreads of strain and shear, and of signed bending, times
+    /// `spreads`, tails times `tail`.
     pub fn loosen(&mut self, spreads: [f64; 2], tail: f64) {
         self.priors = self.problem.priors.clone();
         self.priors.loosen(spreads, tail);
@@ -189,8 +190,8 @@ impl LevelSearch<'_, '_> {
         self.samples.observe(&self.problem.observed.levels[frame][self.level], x, &occlusion.hidden)
     }
 
-    /// Where the mesh at `x` is in front of itself; drawn at the finest resolution whatever the level is, for there a flap is behind the sheet
-    /// long before its border is pixels of a coarse level away from the outline.
+    /// Where the mesh at `x` is in front of itself; drawn at the finest resolution whatever the level is, for
+    /// there a flap is behind the sheet long before its border is pixels of a coarse level away from the outline.
     fn occlusion(&self, frame: usize, x: &Positions) -> Occlusion {
         let p = self.problem;
         let observed = &p.observed;
@@ -221,7 +222,8 @@ impl LevelSearch<'_, '_> {
         }
     }
 
-    /// Fits the gains of some frames to their positions, from 1 on, and sees what is hidden there: what they were fitted to before does not count.
+    /// Fits the gains of some frames to their positions, from 1 on, and sees what is hidden there: what they were
+    /// fitted to before does not count.
     pub fn fit_anew(&mut self, frames: &[(usize, &Positions)]) {
         let fit = |&(n, x): &(usize, &Positions)| {
             let occlusion = self.occlusion(n, x);
@@ -244,7 +246,8 @@ impl LevelSearch<'_, '_> {
         self.adjacent[frame] = adjacent;
     }
 
-    /// Fits the gains of all frames, what is hidden in them and what their adjacent frames show, to the present positions.
+    /// Fits the gains of all frames, what is hidden in them and what their adjacent frames show, to the present
+    /// positions.
     pub fn update_references(&mut self, frames: &[Positions]) {
         self.occlusions = frames.par_iter().enumerate().map(|(n, x)| self.occlusion(n, x)).collect();
         let observe = |(n, x): (usize, &Positions)| self.observe_with(n, x, &self.occlusions[n]);
@@ -276,7 +279,8 @@ impl LevelSearch<'_, '_> {
     }
 }
 
-/// Mean of what the frames before and after `n` show; of the one that there is at the ends and where only one sees a point.
+/// Mean of what the frames before and after `n` show; of the one that there is at the ends and where only one sees
+/// a point.
 fn adjacent_mean(observed: &[PointColours], n: usize) -> PointColours {
     let mean = |a: &Option<[f32; 3]>, b: &Option<[f32; 3]>| match (a, b) {
         (Some(a), Some(b)) => Some([0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))),

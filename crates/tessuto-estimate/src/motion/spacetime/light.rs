@@ -1,13 +1,15 @@
 //! The light of the scene, from how bright the sheet is where it has turned.
 //!
-//! Brightness and light follow from the positions, like the gains, and are held fixed while a step is taken. The light c has the least
+//! Brightness and light follow from the positions, like the gains, and are held fixed while a step is taken. The
+//! light c has the least
 //!
 //!   Σ_nv w_nv ρ((c·(Y(n_nv) − Y(n_0v)) + o_n − h_nv)/σ_nv; τ) + ½ Σ_n o_n²/σ_o² + ½ |c|²
 //!
-//! over all frames n and vertices v, with Cauchy's ρ and the harmonics Y of [`shading`](crate::motion::terms::shading); h_nv is the
-//! logarithm of what the points around a vertex show, relative to the first frame, and o_n what the whole frame is brighter by for
-//! other causes: light that the sheet takes from itself, clouds, a camera that adapts. What else the light does not explain, shadows
-//! above all, grows with h: σ_nv² = σ² + (s h_nv)².
+//! over all frames n and vertices v, with Cauchy's ρ and the harmonics Y of
+//! [`shading`](crate::motion::terms::shading); h_nv is the logarithm of what the points around a vertex show,
+//! relative to the first frame, and o_n what the whole frame is brighter by for other causes: light that the sheet
+//! takes from itself, clouds, a camera that adapts. What else the light does not explain, shadows above all, grows
+//! with h: σ_nv² = σ² + (s h_nv)².
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -53,8 +55,8 @@ impl Turned {
 }
 
 impl LevelSearch<'_, '_> {
-    /// Fits the light to the sheet at `frames`, which show `around` their vertices, from the second on; from now on every vertex's
-    /// brightness is compared with it.
+    /// Fits the light to the sheet at `frames`, which show `around` their vertices, from the second on; from now
+    /// on every vertex's brightness is compared with it.
     pub(super) fn update_light(&mut self, frames: &[Positions], around: &[Vec<Around>]) {
         let first = self.harmonics_of_first();
         let of_frame = |n: usize| self.turned((n, &frames[n]), &around[n - 1], &first);
@@ -116,7 +118,8 @@ impl LevelSearch<'_, '_> {
         (0..x.len()).filter_map(of).collect()
     }
 
-    /// What part of the change of brightness the light explains with the sheet at `frames`, by its robust kernel; 1 where nothing changes.
+    /// What part of the change of brightness the light explains with the sheet at `frames`, by its robust kernel;
+    /// 1 where nothing changes.
     fn light_explains(&self, frames: &[Positions]) -> f64 {
         let of_frame = |n: usize| [self.terms(n).shading.value(&frames[n]), self.unlit(n)];
         let sums: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
@@ -193,7 +196,8 @@ impl LevelSearch<'_, '_> {
 }
 
 impl Problem<'_> {
-    /// What part of the change of brightness over `frames` the light explains, by its robust kernel; 1 where shading is left out.
+    /// What part of the change of brightness over `frames` the light explains, by its robust kernel; 1 where
+    /// shading is left out.
     pub(super) fn light_explains(&self, frames: &[Positions]) -> f64 {
         if self.settings.shading_tail <= 0.0 {
             return 1.0;

@@ -21,67 +21,79 @@
 //! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); not while the sheet is followed, nor where motions are compared | ½ (r/σ)² | `still` `[m]` |
 //! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
-//! All are without unit, as negative logarithms of probabilities are: a residual of one σ costs ½ where τ is large. ρ is Geman and McClure's
-//! kernel, c Cauchy's, both in [`super::terms::robust`]: what is more than τ spreads off counts as an outlier. π is the projection and I_n the
-//! image pyramid of frame n at the level in use, [`super::observed`].
+//! All are without unit, as negative logarithms of probabilities are: a residual of one σ costs ½ where τ is
+//! large. ρ is Geman and McClure's kernel, c Cauchy's, both in [`super::terms::robust`]: what is more than τ
+//! spreads off counts as an outlier. π is the projection and I_n the image pyramid of frame n at the level in use,
+//! [`super::observed`].
 //!
-//! **Pixels.** σ of colours, outlines and shading is the noise of one independent pixel, and a pixel counts as k of these. The areas a_p and a_v, the
-//! lengths L_q and the distances of outlines are in pixels of the finest level of the pyramids, whose resolution follows the sheet's size in the image
-//! (`resolution`): what a camera of more pixels would add is not independent. Images in which the sheet is smaller than that are magnified, so that
+//! **Pixels.** σ of colours, outlines and shading is the noise of one independent pixel, and a pixel counts as k
+//! of these. The areas a_p and a_v, the lengths L_q and the distances of outlines are in pixels of the finest
+//! level of the pyramids, whose resolution follows the sheet's size in the image (`resolution`): what a camera of
+//! more pixels would add is not independent. Images in which the sheet is smaller than that are magnified, so that
 //! interpolation and blur lose less of them; a pixel remains one of the video then. k is the product of
-//! - 160 px over the size of the sheet in the first frame. Of larger sheets pixels are fewer independent ones: errors of the camera are alike over
-//!   a pixel, those of the model (shading, the mesh) over a part of the sheet, and half-way between lies what serves small images and large ones.
-//!   So colours and shading tell more in proportion to the sheet's size, not to its area, and outlines the same whatever it is;
-//! - for colours, the part of the contrast that is print at the level in use (`print`): on a plain sheet light and folds alone differ, and do not move
-//!   with the cloth;
-//! - from the second level of `refine` on, for colours and outlines what the clip's own noise makes of a pixel, by what is left of them, and for shading
-//!   how much of the brightness the light explains (`noise`).
+//! - 160 px over the size of the sheet in the first frame. Of larger sheets pixels are fewer independent ones:
+//!   errors of the camera are alike over a pixel, those of the model (shading, the mesh) over a part of the sheet,
+//!   and half-way between lies what serves small images and large ones. So colours and shading tell more in
+//!   proportion to the sheet's size, not to its area, and outlines the same whatever it is;
+//! - for colours, the part of the contrast that is print at the level in use (`print`): on a plain sheet light and
+//!   folds alone differ, and do not move with the cloth;
+//! - from the second level of `refine` on, for colours and outlines what the clip's own noise makes of a pixel, by
+//!   what is left of them, and for shading how much of the brightness the light explains (`noise`).
 //!
 //! To count k times is to have a noise of σ/√k and a tail of √k τ: the cut-off σ τ stays.
 //!
-//! **What does not count.** a_p is the area in the first frame; what turns away fills less of the image, and a_p shrinks with it. Points that the
-//! sheet hides itself cost nothing, nor do those of which a frame shows no fabric, nor boundary that lies over more of the sheet, or beside a fold that
-//! explains the outline better ([`super::observed::occlusion`]), or near the border of the image, which may cut the mask's outline
-//! ([`super::observed::outline_distance`]). A vertex has shading by as much of its surroundings as the frame shows from the same side as the first
-//! (`light.rs`). Where motions are compared, every pixel of the mask that shows none of the sheet, and every one of the sheet beside the mask,
-//! costs as much as the worst of differences, ½ k τ² of colours, and a_p is the area in the frame at hand, larger or smaller: every pixel of the mask counts
-//! once, so that what a motion hides is neither good nor bad, nor is half of the sheet held nearer that covers as much.
+//! **What does not count.** a_p is the area in the first frame; what turns away fills less of the image, and a_p
+//! shrinks with it. Points that the sheet hides itself cost nothing, nor do those of which a frame shows no
+//! fabric, nor boundary that lies over more of the sheet, or beside a fold that explains the outline better
+//! ([`super::observed::occlusion`]), or near the border of the image, which may cut the mask's outline
+//! ([`super::observed::outline_distance`]). A vertex has shading by as much of its surroundings as the frame shows
+//! from the same side as the first (`light.rs`). Where motions are compared, every pixel of the mask that shows
+//! none of the sheet, and every one of the sheet beside the mask, costs as much as the worst of differences, ½ k
+//! τ² of colours, and a_p is the area in the frame at hand, larger or smaller: every pixel of the mask counts
+//! once, so that what a motion hides is neither good nor bad, nor is half of the sheet held nearer that covers as
+//! much.
 //!
-//! **What is held fixed** while a step in x is taken, and found anew from the positions before the next: the gains, A_n less what is in front of the
-//! fabric, what is hidden and what turns away, which folds are outlines, the light with the brightness that it explains, and the normals of signed bending. The smooth shear m is not: it
-//! always is the best one. Where motions are compared, spreads and tails are the settings' own but for σ_a and σ_m, and k is that of size and print;
-//! the best path leaves adjacent frames out.
+//! **What is held fixed** while a step in x is taken, and found anew from the positions before the next: the
+//! gains, A_n less what is in front of the fabric, what is hidden and what turns away, which folds are outlines,
+//! the light with the brightness that it explains, and the normals of signed bending. The smooth shear m is not:
+//! it always is the best one. Where motions are compared, spreads and tails are the settings' own but for σ_a and
+//! σ_m, and k is that of size and print; the best path leaves adjacent frames out.
 //!
-//! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to the
-//! first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]). What is brighter has turned towards the
-//! light: light, which is one for the whole clip, and what a whole frame is brighter by for other causes follow from the positions too (`light.rs`).
-//! While the sheet is first followed, neither the light is known nor how fast
-//! the sheet changes its velocity, a flag fifty times as fast as paper; the light and σ_a are taken
-//! from the best path forward, and all that comes after heeds them.
+//! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to
+//! the first frame, absorb it: they follow from the positions by least squares, smooth over the mesh ([`gain`]).
+//! What is brighter has turned towards the light: light, which is one for the whole clip, and what a whole frame
+//! is brighter by for other causes follow from the positions too (`light.rs`). While the sheet is first followed,
+//! neither the light is known nor how fast the sheet changes its velocity, a flag fifty times as fast as paper;
+//! the light and σ_a are taken from the best path forward, and all that comes after heeds them.
 //!
-//! `track` finds a pool of starts frame by frame, with different strictness; `refine` then lowers E over all frames together by Gauss-Newton steps with
-//! Levenberg's damping, from each of them. What they become tells how the cloth of this clip bends and how much is to be made of its images: with that the
-//! sheet is followed again, forward and backward (`again`), E lowered from what is found then, too, and at last from the best path through all. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have
-//! many minima: a sheet that is allowed to crumple does so wherever the start is off. So both keep lengths, shear and
-//! bending close to least squares at first (spreads of strain and shear times `start_spread`, that of signed bending times
-//! `start_bend` or as it is; tails times `start_tail`), and let these shrink to
-//! their own values in equal ratios, after which only true folds are left in the tails: `refine` over its iterations, `track` from level to level
-//! in each frame, where one of its two followers keeps the wider spreads. Where both find the same, the best path through them (`best_path`) is the only
-//! start, and nothing is followed again; else both are the pool (`followed`). Frames that are lost on the way and found
-//! again later are filled from the later ones, by those who go backward.
+//! `track` finds a pool of starts frame by frame, with different strictness; `refine` then lowers E over all
+//! frames together by Gauss-Newton steps with Levenberg's damping, from each of them. What they become tells how
+//! the cloth of this clip bends and how much is to be made of its images: with that the sheet is followed again,
+//! forward and backward (`again`), E lowered from what is found then, too, and at last from the best path through
+//! all. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have many
+//! minima: a sheet that is allowed to crumple does so wherever the start is off. So both keep lengths, shear and
+//! bending close to least squares at first (spreads of strain and shear times `start_spread`, that of signed
+//! bending times `start_bend` or as it is; tails times `start_tail`), and let these shrink to their own values in
+//! equal ratios, after which only true folds are left in the tails: `refine` over its iterations, `track` from
+//! level to level in each frame, where one of its two followers keeps the wider spreads. Where both find the same,
+//! the best path through them (`best_path`) is the only start, and nothing is followed again; else both are the
+//! pool (`followed`). Frames that are lost on the way and found again later are filled from the later ones, by
+//! those who go backward.
 //!
-//! Sheets that keep their lengths better than most are held to them more firmly after the first level of `refine` (`noise`).
-//! `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of bending about it are the clip's own from
-//! the start (`bent`).
+//! Sheets that keep their lengths better than most are held to them more firmly after the first level of `refine`
+//! (`noise`). `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of
+//! bending about it are the clip's own from the start (`bent`).
 //!
-//! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand pulls askew does
-//! by several hundredths, which looks much like a turn in depth. `track` begins with a narrow spread σ_m, and follows the
-//! sheet once more with a wider one if the shear that it found is many times as large ([`super::terms::shear`]).
+//! How far the sheet shears as a whole is not known before: straight cloth and paper hardly do, and what a hand
+//! pulls askew does by several hundredths, which looks much like a turn in depth. `track` begins with a narrow
+//! spread σ_m, and follows the sheet once more with a wider one if the shear that it found is many times as large
+//! ([`super::terms::shear`]).
 //!
-//! Once the causes of the motion are known, `along` goes on at the finest level: accelerations are then expected to be those that the causes
-//! make, and spread about these as the motion found before does.
+//! Once the causes of the motion are known, `along` goes on at the finest level: accelerations are then expected
+//! to be those that the causes make, and spread about these as the motion found before does.
 //!
-//! How far the result may be off is estimated from the same system and from how badly each frame matches ([`deviation`]).
+//! How far the result may be off is estimated from the same system and from how badly each frame matches
+//! ([`deviation`]).
 
 pub mod acceleration;
 mod again;
@@ -133,7 +145,8 @@ const BOUNDARY_SPACING: f64 = 2.0;
 /// Small images are magnified by at most this power of two, to no more pixels than this a frame.
 const MOST_DOUBLINGS: f64 = 2.0;
 const MOST_PIXELS: usize = 1 << 21;
-/// Size of a sheet [px of the finest level] whose pixels are independent of each other, each with the noise that the settings tell.
+/// Size of a sheet [px of the finest level] whose pixels are independent of each other, each with the noise that
+/// the settings tell.
 const NOMINAL_SIZE: f64 = 160.0;
 
 /// Everything about the clip that stays fixed.
@@ -153,7 +166,8 @@ pub struct Problem<'a> {
     light: Light,
     /// Spread of accelerations `[m/s²]`: that of the settings until the clip's own is known.
     acceleration: f64,
-    /// Number of independent pixels that one of the finest level counts as: [`NOMINAL_SIZE`] over the sheet's size in the first frame.
+    /// Number of independent pixels that one of the finest level counts as: [`NOMINAL_SIZE`] over the sheet's size
+    /// in the first frame.
     independent: f64,
     /// What part of the first frame's contrast is print, by level: a pixel's colour counts by it.
     print: Vec<f64>,
@@ -213,8 +227,8 @@ impl<'a> Problem<'a> {
         (self.scene.fps.powi(2) / sigma).powi(2)
     }
 
-    /// Pixels of level 0 along one of the finest level or of the video, whichever is larger: what settings call a pixel of the finest
-    /// level. Those of a magnified image are not independent.
+    /// Pixels of level 0 along one of the finest level or of the video, whichever is larger: what settings call a
+    /// pixel of the finest level. Those of a magnified image are not independent.
     fn pixel(&self) -> f64 {
         f64::from(1u32 << self.observed.range[0]) * self.observed.magnification as f64
     }
@@ -225,7 +239,8 @@ impl<'a> Problem<'a> {
         all[all.len() - self.settings.levels.min(all.len())..].to_vec()
     }
 
-    /// Whether the vertices of two motions are within this `part` of the sheet's size of each other, root mean square, in every frame.
+    /// Whether the vertices of two motions are within this `part` of the sheet's size of each other, root mean
+    /// square, in every frame.
     fn alike(&self, a: &[Positions], b: &[Positions], part: f64) -> bool {
         let reach = part * self.scene.template.area().sqrt();
         a.iter().zip(b).all(|(a, b)| apart(a, b) <= reach)
@@ -239,7 +254,8 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Square root of the area of `template`'s image `[px]` in this `view` of the first frame; at least 1 px, since what is seen edge-on has none.
+/// Square root of the area of `template`'s image `[px]` in this `view` of the first frame; at least 1 px, since
+/// what is seen edge-on has none.
 fn size_in_image(template: &Mesh, view: &Viewpoint) -> f64 {
     let p: Vec<DVec2> = template.positions.iter().map(|x| view.project(*x)).collect();
     let area = |t: [u32; 3]| {

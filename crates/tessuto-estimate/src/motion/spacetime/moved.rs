@@ -14,7 +14,8 @@ use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::Scene;
 use tessuto_sim::Cloth;
 
-/// Calls `test` with searches in a clip whose camera is at the origin and in the same one moved, which has that pose, and with `frames` of both.
+/// Calls `test` with searches in a clip whose camera is at the origin and in the same one moved, which has that
+/// pose, and with `frames` of both.
 fn with_both(
     frames: impl FnOnce(&Scene) -> Vec<Positions>,
     test: impl FnOnce([(LevelSearch, Vec<Positions>); 2], Pose),

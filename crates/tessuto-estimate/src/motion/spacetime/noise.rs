@@ -1,8 +1,10 @@
-//! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain and bending: from what is left of each.
+//! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain and bending:
+//! from what is left of each.
 //!
-//! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is left of colours and
-//! outlines there tells. Medians over the frames, so that a few that are lost do not count. What keeps its lengths better than most, as paper
-//! does, is held to them more firmly. How it bends is told in `bent`, what its light explains in `light`.
+//! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is
+//! left of colours and outlines there tells. Medians over the frames, so that a few that are lost do not count.
+//! What keeps its lengths better than most, as paper does, is held to them more firmly. How it bends is told in
+//! `bent`, what its light explains in `light`.
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -13,21 +15,24 @@ use crate::motion::terms::Term;
 use tessuto_core::math::median::median;
 use tessuto_sim::cloth::Edge;
 
-/// What is left on clips that the settings are chosen on: root mean square difference of colours, all channels together, of half of a pair
-/// of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their robust kernels. That is 1.17 of the settings' `colour` and 1.29
-/// of `outline`: these were chosen by the errors of the motion, and are the noise of one pixel all the same. Where f times as much is left, a
-/// clip's noise is f times the settings', with the same cut-off: its pixels count as 1/f² each ([`crate::motion::terms::robust`]).
+/// What is left on clips that the settings are chosen on: root mean square difference of colours, all channels
+/// together, of half of a pair of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their
+/// robust kernels. That is 1.17 of the settings' `colour` and 1.29 of `outline`: these were chosen by the errors
+/// of the motion, and are the noise of one pixel all the same. Where f times as much is left, a clip's noise is f
+/// times the settings', with the same cut-off: its pixels count as 1/f² each ([`crate::motion::terms::robust`]).
 pub(super) const NOMINAL: [f64; 2] = [0.032, 0.6];
-/// Bounds of what a pixel counts as. Colours that differ by less than usual are not worth more: what is left of them is mostly other than noise.
+/// Bounds of what a pixel counts as. Colours that differ by less than usual are not worth more: what is left of
+/// them is mostly other than noise.
 const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 
-/// Median size of strain in spreads on clips that its spread is set for, and how much smaller that may get. Never larger: more is left
-/// where a sheet is badly found.
+/// Median size of strain in spreads on clips that its spread is set for, and how much smaller that may get. Never
+/// larger: more is left where a sheet is badly found.
 const STRAINED: f64 = 0.25;
 const LEAST_SPREAD: f64 = 0.4;
 
-/// Power of the part of the brightness that the light explains by which shading counts: what it leaves unexplained, shadows and light
-/// from the sheet and the table, varies together over large areas, so that the more of it there is the fewer witnesses there are.
+/// Power of the part of the brightness that the light explains by which shading counts: what it leaves
+/// unexplained, shadows and light from the sheet and the table, varies together over large areas, so that the more
+/// of it there is the fewer witnesses there are.
 const LIT: i32 = 3;
 
 /// What a clip asks for, relative to the settings.
@@ -179,7 +184,8 @@ mod tests {
             let shape = |s: f64| scene.template.positions.iter().map(|p| *p * (1.0 + s * spread)).collect();
             problem.strain_spread(&strains.map(shape))
         };
-        // As it is; longer and shorter by a third of what is usual; one frame of three that is lost; nothing after the first frame.
+        // As it is; longer and shorter by a third of what is usual; one frame of three that is lost; nothing after
+        // the first frame.
         assert_eq!((of([0.0; 3]), of([0.3; 3])), (LEAST_SPREAD, 1.0));
         let (stiff, lost) = (of([-0.15; 3]), of([0.15, 90.0, 0.15]));
         assert!((stiff - 0.6).abs() < 1e-6 && (lost - 0.6).abs() < 1e-6, "{stiff} {lost}");

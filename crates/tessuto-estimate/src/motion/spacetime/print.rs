@@ -1,4 +1,5 @@
-//! How much of a print the sheet has, what its colours can tell of where it is, and whether it is where the sheet was found.
+//! How much of a print the sheet has, what its colours can tell of where it is, and whether it is where the sheet
+//! was found.
 
 use rayon::prelude::*;
 
@@ -9,9 +10,10 @@ use super::{Positions, Problem};
 const LOST: f64 = 0.5;
 
 impl Problem<'_> {
-    /// What part of the variance of colours around its vertices is print, and not what clips have left of colours where they are found: noise, and
-    /// light that no gain follows. Mean over the sheet as the first frame shows it at `level`: above 0.9 of printed ones at the finest, 0.1 to 0.2 of
-    /// plain ones; the less the coarser the level, most of all of a fine print that repeats, of which nothing is left to tell where the sheet is.
+    /// What part of the variance of colours around its vertices is print, and not what clips have left of colours
+    /// where they are found: noise, and light that no gain follows. Mean over the sheet as the first frame shows
+    /// it at `level`: above 0.9 of printed ones at the finest, 0.1 to 0.2 of plain ones; the less the coarser the
+    /// level, most of all of a fine print that repeats, of which nothing is left to tell where the sheet is.
     pub(super) fn part_printed(&self, level: usize) -> f64 {
         let search = self.at_level(level);
         // Around every vertex area, squares and the sums of the channels.

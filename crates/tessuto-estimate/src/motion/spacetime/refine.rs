@@ -43,15 +43,17 @@ struct Rounds {
 }
 
 impl Problem<'_> {
-    /// Lowers E over all frames together, coarse to fine, from every motion of the `pool`: positions that were followed frame by frame are not at
-    /// rest, and which of them end lowest shows only there. What these became tells what the clip asks for; with that the fabric is followed
-    /// again, and E lowered from what is found then, and at last from the best path through all. Where all followers agree,
-    /// one motion is refined once. The pool then holds the motions that contend with what was found, and what its frames started from.
+    /// Lowers E over all frames together, coarse to fine, from every motion of the `pool`: positions that were
+    /// followed frame by frame are not at rest, and which of them end lowest shows only there. What these became
+    /// tells what the clip asks for; with that the fabric is followed again, and E lowered from what is found
+    /// then, and at last from the best path through all. Where all followers agree, one motion is refined once.
+    /// The pool then holds the motions that contend with what was found, and what its frames started from.
     ///
     /// If the objective is no longer finite, the positions before that are returned with the failure.
     ///
     /// # Errors
-    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's
+    /// observer returns.
     pub fn refine(&self, pool: &mut Pool, session: &mut Session) -> Result<Fitted> {
         let (first, several) = (pool.motions.len(), !pool.agreed);
         let rounds = Rounds { first, all: if several { first + AGAIN + 1 } else { first } };
@@ -100,7 +102,8 @@ impl Problem<'_> {
         }
     }
 
-    /// Follows the fabric again from the best path through what the first motions became, which is the one at work until then.
+    /// Follows the fabric again from the best path through what the first motions became, which is the one at work
+    /// until then.
     fn follow_refined(&self, refined: &mut Refined, rounds: &Rounds, session: &mut Session) -> Result<()> {
         let mut again = std::mem::take(&mut refined.again);
         let best = refined.frames.clone();
@@ -124,8 +127,9 @@ impl Problem<'_> {
         Ok(())
     }
 
-    /// What other searches found: what those motions `became` of which the best path takes a frame, and the best path through what the `first` of them became,
-    /// before the sheet was followed again; and what the frames of the best path `started` from.
+    /// What other searches found: what those motions `became` of which the best path takes a frame, and the best
+    /// path through what the `first` of them became, before the sheet was followed again; and what the frames of
+    /// the best path `started` from.
     fn contenders(&self, started: &[Vec<Positions>], became: Vec<Vec<Positions>>, first: usize) -> Pool {
         let (path, before) = (self.best_path(&became), self.best_path(&became[..first]));
         let took = |motion: &Vec<Positions>, n: usize| motion[n] == path[n];
@@ -145,13 +149,15 @@ impl Problem<'_> {
         Refined { done, again, still, frames, asked, steps: 0, lambda: 0.0, gains }
     }
 
-    /// Iterations at each level of a round: of what another round follows half as many, which tells as well what will be lower.
+    /// Iterations at each level of a round: of what another round follows half as many, which tells as well what
+    /// will be lower.
     fn iterations(&self, round: usize, rounds: &Rounds) -> usize {
         let all = self.settings.iterations;
         if round + 1 < rounds.all { all.div_ceil(2) } else { all }
     }
 
-    /// Steps that are done once round `until` begins: iterations and, before the first motion that is followed again, frames.
+    /// Steps that are done once round `until` begins: iterations and, before the first motion that is followed
+    /// again, frames.
     fn steps_until(&self, until: usize, rounds: &Rounds) -> usize {
         let levels = self.refined_levels().len();
         let followed =
@@ -288,7 +294,8 @@ mod tests {
         });
         let expected = problem.refine(&mut whole, &mut counting).unwrap().0;
         drop(counting);
-        // Two iterations of either start, every frame but the first followed again, two of each that was found so, three of the best path.
+        // Two iterations of either start, every frame but the first followed again, two of each that was found so,
+        // three of the best path.
         assert_eq!(steps, 2 + 2 + (scene.frames.len() - 1) + 2 * AGAIN + 3);
         let folder = tempfile::tempdir().unwrap();
         let open = || Checkpoints::open(folder.path(), "scene".into(), std::time::Duration::ZERO);

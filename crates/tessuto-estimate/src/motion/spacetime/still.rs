@@ -5,14 +5,16 @@ use tessuto_core::camera::Viewpoint;
 use tessuto_core::math::median::median;
 use tessuto_core::mesh::boundary_edges;
 
-/// A vertex stands still that moves by less than this part of how far half of the vertices do, and by fewer pixels of the finest level.
+/// A vertex stands still that moves by less than this part of how far half of the vertices do, and by fewer pixels
+/// of the finest level.
 const STILL: [f64; 2] = [0.25, 1.0];
 
 impl Problem<'_> {
-    /// Vertices of fixed edges, ascending: both ends of an edge stand still in the image of the `frames`, root mean square, while the sheet moves.
+    /// Vertices of fixed edges, ascending: both ends of an edge stand still in the image of the `frames`, root
+    /// mean square, while the sheet moves.
     ///
-    /// Only of the border: what stands still in the image while the rest moves may still move along its view ray, as the
-    /// middle of a sheet that billows towards the camera does, but nothing makes a whole edge do so.
+    /// Only of the border: what stands still in the image while the rest moves may still move along its view ray,
+    /// as the middle of a sheet that billows towards the camera does, but nothing makes a whole edge do so.
     pub(super) fn still_vertices(&self, frames: &[Positions]) -> Vec<u32> {
         // In the image of each frame, from where the vertex would be had it not moved.
         let moved = |v: usize| -> f64 {
@@ -44,8 +46,8 @@ mod tests {
     use super::*;
     use tessuto_sim::Cloth;
 
-    /// What is found in frames that move vertex `v`, of a grid of 7 columns and 6 rows, by `displacement(column, row)` `[m]`
-    /// in the last of them.
+    /// What is found in frames that move vertex `v`, of a grid of 7 columns and 6 rows, by
+    /// `displacement(column, row)` `[m]` in the last of them.
     fn found(displacement: impl Fn(f64, f64) -> DVec3) -> Vec<u32> {
         let scene = scene();
         let cloth = Cloth::new(&scene.template);

@@ -45,8 +45,8 @@ const POLICY: Policy =
     Policy { lambda: 1e-3, accepted: [0.3, 0.0], rejected: [10.0, 1e-2], attempts: 6, ..Policy::PATIENT };
 /// Most Gauss-Newton steps of a frame at one level.
 const STEPS: usize = 16;
-/// A frame is found when no vertex moves by more than this `[m]`, or a step lowers its E by less than this part: only the basin
-/// counts, `refine` goes on from there.
+/// A frame is found when no vertex moves by more than this `[m]`, or a step lowers its E by less than this part:
+/// only the basin counts, `refine` goes on from there.
 const FOUND: f64 = 2e-5;
 const LEAST_GAIN: f64 = 1e-3;
 
@@ -70,20 +70,22 @@ pub(super) struct Follower {
     pub(super) frames: Vec<Positions>,
     /// Gains of the last of them, by resolution.
     pub(super) gains: Vec<Vec<[f32; 3]>>,
-    /// The place of the first of them at which its objective was no longer finite, with that objective; it stands still from
-    /// there on.
+    /// The place of the first of them at which its objective was no longer finite, with that objective; it stands
+    /// still from there on.
     pub(super) lost: Option<(usize, f64)>,
 }
 
 impl Problem<'_> {
-    /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one frame, with
-    /// ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
+    /// Follows the fabric frame by frame, coarse to fine, each frame starting from its predecessors: E of one
+    /// frame, with ½ ‖x_n − x̂_n‖²/σ_a² for the acceleration, x̂_n = x_{n−1} + 0.9 (x_{n−1} − x_{n−2}).
     ///
-    /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may turn or bend. So the
-    /// fabric is followed twice at the same time. In both tails shorten from level to level, from those of a start to the priors' own: what a coarse
-    /// image tells of a fold is too little to allow one, and without the folds that a frame has, the next ones go astray. Spreads of one are
-    /// larger by `start_spread` at the coarsest level and their own at the finest; those of the other stay larger, that of signed bending by
-    /// `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room for that in its prior.
+    /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may
+    /// turn or bend. So the fabric is followed twice at the same time. In both tails shorten from level to level,
+    /// from those of a start to the priors' own: what a coarse image tells of a fold is too little to allow one,
+    /// and without the folds that a frame has, the next ones go astray. Spreads of one are larger by
+    /// `start_spread` at the coarsest level and their own at the finest; those of the other stay larger, that of
+    /// signed bending by `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room
+    /// for that in its prior.
     ///
     /// What both find is the pool that `refine` starts from, or the best of it alone where they agree.
     ///
@@ -91,7 +93,8 @@ impl Problem<'_> {
     /// failure is returned with them.
     ///
     /// # Errors
-    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's
+    /// observer returns.
     pub fn track(&mut self, session: &mut Session) -> Result<(Pool, Option<Error>)> {
         let given = self.settings.shear_smooth;
         let mut tracked: Tracked = session.restore("track")?.unwrap_or_else(|| self.start(given));
@@ -125,8 +128,8 @@ impl Problem<'_> {
         Tracked { smooth, followers: std::array::from_fn(|_| follower()) }
     }
 
-    /// Searches of all levels, coarse to fine, told by `inform` what is known of the clip, their priors loosened by the spreads and the tail of what
-    /// part of the way is `left`: 1 at the coarsest level, 0 at the finest.
+    /// Searches of all levels, coarse to fine, told by `inform` what is known of the clip, their priors loosened
+    /// by the spreads and the tail of what part of the way is `left`: 1 at the coarsest level, 0 at the finest.
     pub(super) fn levels(
         &self,
         inform: impl Fn(&mut LevelSearch),
@@ -250,8 +253,8 @@ impl Follower {
 }
 
 impl LevelSearch<'_, '_> {
-    /// Fits one frame with a pull towards its prediction, `strength` times that of the acceleration term; returns its positions and the
-    /// objective, with which it ends where that is not finite.
+    /// Fits one frame with a pull towards its prediction, `strength` times that of the acceleration term; returns
+    /// its positions and the objective, with which it ends where that is not finite.
     pub(super) fn fit_frame(
         &mut self,
         frame: usize,

@@ -1,9 +1,9 @@
 //! Prior on bending whatever its direction: Σ ½ ((θ − θ0)/(λ σ))² over the cloth's bending pairs, with the angle θ of
 //! `sim::angle`, θ0 that of the template and λ, the length of the pair's arms over a 24th of the sheet's size.
 //!
-//! What has a spread is the curvature, whatever the mesh: over longer arms the same curvature is a larger angle. So spreads are told for
-//! arms of a 24th of the sheet and grow in proportion to λ. With one spread for all a coarse mesh that
-//! bends is found flat, and as it is shorter in the image then, too far away.
+//! What has a spread is the curvature, whatever the mesh: over longer arms the same curvature is a larger angle.
+//! So spreads are told for arms of a 24th of the sheet and grow in proportion to λ. With one spread for all a
+//! coarse mesh that bends is found flat, and as it is shorter in the image then, too far away.
 
 use glam::DVec3;
 

@@ -2,10 +2,11 @@
 //!
 //!   E = Σ_p k s_p a_p [ ρ(‖I(π(x_p)) − g_p T_p‖/σ; τ) + ω ρ(‖I(π(x_p)) − A_p‖/σ; τ) ],
 //!
-//! with the frame's colour I, the projection π, the point's colour T in the first frame, its brightness g relative to
-//! that (per channel, see [`crate::motion::spacetime`]), the mean colour A in the frames before and after and its weight ω, the
-//! area a_p that p stands for in the first frame, in pixels of which each counts as k independent ones, the part s_p of it that p's triangle
-//! still fills, and Geman and McClure's ρ of the noise σ of one pixel and its tail τ. T, g, A, s and what is hidden are held fixed.
+//! with the frame's colour I, the projection π, the point's colour T in the first frame, its brightness g relative
+//! to that (per channel, see [`crate::motion::spacetime`]), the mean colour A in the frames before and after and
+//! its weight ω, the area a_p that p stands for in the first frame, in pixels of which each counts as k
+//! independent ones, the part s_p of it that p's triangle still fills, and Geman and McClure's ρ of the noise σ of
+//! one pixel and its tail τ. T, g, A, s and what is hidden are held fixed.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -46,8 +47,9 @@ pub struct Colour<'a> {
     pub weight: f64,
     /// Part of its area in the first frame that every triangle fills in this one, shape `[T]`; empty: all. Held fixed.
     pub shares: &'a [f64],
-    /// Pixels of `level` that count as the worst of differences, ½ τ², in the value: those that mask or mesh cover alone. None while steps are taken,
-    /// as they have no slope; where motions are compared, or leaving the image would pay.
+    /// Pixels of `level` that count as the worst of differences, ½ τ², in the value: those that mask or mesh cover
+    /// alone. None while steps are taken, as they have no slope; where motions are compared, or leaving the image
+    /// would pay.
     pub uncovered: f64,
 }
 
@@ -58,7 +60,8 @@ struct Local {
     blocks: [DMat3; 6],
 }
 
-/// What one point compares: its difference from the first frame with its weight, that from the adjacent frames with its weight.
+/// What one point compares: its difference from the first frame with its weight, that from the adjacent frames
+/// with its weight.
 type Differences = [Option<([f64; 3], f64)>; 2];
 
 /// Derivative of each channel's colour by the point in the camera's frame.
@@ -102,8 +105,9 @@ impl Colour<'_> {
         ]
     }
 
-    /// Calls `add` for every point of a triangle that counts, with what `look` tells at its place in the camera's frame beside the frame's
-    /// colour. So the camera's pose is a matter of a triangle's corners, not of every point.
+    /// Calls `add` for every point of a triangle that counts, with what `look` tells at its place in the camera's
+    /// frame beside the frame's colour. So the camera's pose is a matter of a triangle's corners, not of every
+    /// point.
     #[inline]
     fn visit<S>(
         &self,

@@ -81,12 +81,13 @@ impl FrameFactor {
         out
     }
 
-    /// A random vector whose covariance is the factor's whole matrix, given independent numbers of mean 0 and variance 1:
-    /// `noise` of every vertex, and as many as `modes` is called for of the correction. `None` if the sparse part is not positive definite.
+    /// A random vector whose covariance is the factor's whole matrix, given independent numbers of mean 0 and
+    /// variance 1: `noise` of every vertex, and as many as `modes` is called for of the correction. `None` if the
+    /// sparse part is not positive definite.
     ///
-    /// The whole matrix is what remains of the larger one [A, −U; −Uᵀ, C] when the correction's own unknowns are eliminated. So
-    /// a vector (b, c) of the larger one's covariance is drawn, b = L ξ and c = −Uᵀ A⁻¹ b + R η with L Lᵀ = A and
-    /// R Rᵀ = C − Uᵀ A⁻¹ U, and its c is eliminated as well: b + U C⁻¹ c.
+    /// The whole matrix is what remains of the larger one [A, −U; −Uᵀ, C] when the correction's own unknowns are
+    /// eliminated. So a vector (b, c) of the larger one's covariance is drawn, b = L ξ and c = −Uᵀ A⁻¹ b + R η
+    /// with L Lᵀ = A and R Rᵀ = C − Uᵀ A⁻¹ U, and its c is eliminated as well: b + U C⁻¹ c.
     pub fn sample(
         &self,
         cloth: &Cloth,

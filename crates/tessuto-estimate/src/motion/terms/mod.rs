@@ -120,8 +120,8 @@ pub struct FrameTerms<'a> {
 pub const TERMS: usize = 8;
 
 impl PriorTerms<'_> {
-    /// Closer to least squares: spreads of strain and shear times the first of `spreads`, that of signed bending times the second,
-    /// all tails times `tail`.
+    /// Closer to least squares: spreads of strain and shear times the first of `spreads`, that of signed bending
+    /// times the second, all tails times `tail`.
     pub fn loosen(&mut self, spreads: [f64; 2], tail: f64) {
         self.strain.sigma *= spreads[0];
         self.shear.sigma *= spreads[0];

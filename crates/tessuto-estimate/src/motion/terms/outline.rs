@@ -2,8 +2,9 @@
 //!
 //!   E = Σ_q k L_q ρ(d(π(x_q))/σ; τ),
 //!
-//! over points q of boundary and folds, with the signed distance d `[px]` to the outline, the projection π, the length L_q that q stands for, in
-//! pixels of which each counts as k independent ones, and Geman and McClure's ρ of the noise σ of one pixel of outline and its tail τ.
+//! over points q of boundary and folds, with the signed distance d `[px]` to the outline, the projection π, the
+//! length L_q that q stands for, in pixels of which each counts as k independent ones, and Geman and McClure's ρ
+//! of the noise σ of one pixel of outline and its tail τ.
 
 use glam::DVec3;
 
@@ -44,7 +45,8 @@ impl Outline<'_> {
         boundary.chain(self.folds.iter().map(|fold| (&fold.point, fold.pair)))
     }
 
-    /// Mean squared distance to the outline of what may be on it, as the robust term counts it `[px²]`; 0 if nothing may.
+    /// Mean squared distance to the outline of what may be on it, as the robust term counts it `[px²]`; 0 if
+    /// nothing may.
     pub fn mean_square(&self, x: &[DVec3]) -> f64 {
         let length: f64 = self.points().map(|(point, _)| point.length).sum();
         let value = if length > 0.0 { self.value(x) / (self.weight * length) } else { 0.0 };

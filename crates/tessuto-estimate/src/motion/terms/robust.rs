@@ -1,7 +1,7 @@
 //! Robust kernels: what is far off counts as an outlier.
 //!
-//! A residual r of spread σ is told in spreads, u = r/σ. Both kernels c(u; τ) are ½ u² as long as u is small against the tail τ, so that a
-//! residual of one σ costs ½; beyond this many spreads they grow less and less:
+//! A residual r of spread σ is told in spreads, u = r/σ. Both kernels c(u; τ) are ½ u² as long as u is small
+//! against the tail τ, so that a residual of one σ costs ½; beyond this many spreads they grow less and less:
 //!
 //! | kernel | c(u; τ) | weight c'(u)/u | far beyond τ |
 //! |---|---|---|---|
@@ -16,7 +16,8 @@ pub fn cauchy(u: f64, tail: f64) -> (f64, f64) {
     (0.5 * tail * tail * s.ln_1p(), 1.0 / (1.0 + s))
 }
 
-/// Geman and McClure's kernel of a residual of several components, whose squares in spreads add up to `sq_u`, and its weight.
+/// Geman and McClure's kernel of a residual of several components, whose squares in spreads add up to `sq_u`, and
+/// its weight.
 pub fn geman_mcclure(sq_u: f64, tail: f64) -> (f64, f64) {
     let sq_tail = tail * tail;
     let ratio = sq_tail / (sq_tail + sq_u);

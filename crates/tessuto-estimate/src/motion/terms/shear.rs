@@ -1,16 +1,16 @@
 //! Prior on shear: smooth over the sheet but for a few folds.
 //!
-//! Woven cloth shears easily where a hand pulls it askew, and then the whole sheet does; paper and what hangs straight hardly
-//! do. A field of smooth modes over the texture coordinates takes up the sheet's own shear, and only what departs from it is
-//! resisted, with heavy tails:
+//! Woven cloth shears easily where a hand pulls it askew, and then the whole sheet does; paper and what hangs
+//! straight hardly do. A field of smooth modes over the texture coordinates takes up the sheet's own shear, and
+//! only what departs from it is resisted, with heavy tails:
 //!
 //!   E = min_m Σ_i ½ τ² ln(1 + (r_i/τ)²) + ½ |m|²/σ_m²,  r_i = (θ_i − θ0_i − b_i·m)/σ,
 //!
 //! over the shearing pairs i, with the angle θ of `sim::angle`, θ0 that of the template and b_i the change of the
-//! angle under the shears 1, p, q, p q, where p and q run over [−1, 1] along the texture's axes; a sheet that hands shear has a
-//! field of more modes, of which these four say hardly the half. They count at the pair's middle vertex, so that what changes from
-//! one cell to the next is resisted as well. m is found with the positions: in the second-order system it is eliminated (a Schur
-//! complement, [`LowRank`]).
+//! angle under the shears 1, p, q, p q, where p and q run over [−1, 1] along the texture's axes; a sheet that
+//! hands shear has a field of more modes, of which these four say hardly the half. They count at the pair's middle
+//! vertex, so that what changes from one cell to the next is resisted as well. m is found with the positions: in
+//! the second-order system it is eliminated (a Schur complement, [`LowRank`]).
 
 use std::sync::Arc;
 

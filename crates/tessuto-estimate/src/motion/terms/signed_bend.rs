@@ -1,13 +1,14 @@
-//! Signed bending prior: keeps a curvature, with its sign: the template's, or that which the sheet has in the mean of a clip.
+//! Signed bending prior: keeps a curvature, with its sign: the template's, or that which the sheet has in the mean
+//! of a clip.
 //!
 //! The angle springs of the simulation do not tell a fold from its mirror image, and neither do lengths seen
 //! from the front. The height of a vertex over its two opposite neighbours, along the surface normal, does:
 //!
 //!   E = Σ ½ τ² ln(1 + (r/τ)²),  r = (η − η0)/(l λ σ),  η = (x_a − 2 x_o + x_c)·n_o,
 //!
-//! with the mean arm length l of the template, `[m]`, and λ, the same in arms that the spread is told for ([`super::bend`]). The
-//! tail beyond τ spreads lets sharp folds form. The derivatives hold the normals n_o fixed: their change multiplies the in-surface
-//! part of x_a − 2 x_o + x_c, which is small.
+//! with the mean arm length l of the template, `[m]`, and λ, the same in arms that the spread is told for
+//! ([`super::bend`]). The tail beyond τ spreads lets sharp folds form. The derivatives hold the normals n_o fixed:
+//! their change multiplies the in-surface part of x_a − 2 x_o + x_c, which is small.
 
 use glam::DVec3;
 
@@ -34,7 +35,8 @@ pub struct SignedBend<'a> {
 }
 
 impl<'a> SignedBend<'a> {
-    /// At rest in the shape of `template`; `sigma` is the spread σ of the bending angle of nominal arms `[rad]`, `tail` is τ.
+    /// At rest in the shape of `template`; `sigma` is the spread σ of the bending angle of nominal arms `[rad]`,
+    /// `tail` is τ.
     pub fn new(cloth: &'a Cloth, template: &Mesh, sigma: f64, tail: f64) -> Self {
         let x = &template.positions;
         let (rest, arms, scale) = (Vec::new(), Vec::new(), Vec::new());

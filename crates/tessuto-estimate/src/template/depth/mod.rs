@@ -1,5 +1,6 @@
-//! A template from a depth map of the first frame: a grid that fills the mask in the image, each vertex as deep as the smoothed
-//! map says. Where the fabric lies within the grid is known from the corners and the mask's outline, as for a flat sheet.
+//! A template from a depth map of the first frame: a grid that fills the mask in the image, each vertex as deep as
+//! the smoothed map says. Where the fabric lies within the grid is known from the corners and the mask's outline,
+//! as for a flat sheet.
 
 mod surface;
 
@@ -59,8 +60,8 @@ impl Surface {
     }
 }
 
-/// The template of the fabric in `mask`, or between the corners where there is no mask, as `camera` sees it; `map` is the
-/// depth that `sensor`, at the same place, measured.
+/// The template of the fabric in `mask`, or between the corners where there is no mask, as `camera` sees it; `map`
+/// is the depth that `sensor`, at the same place, measured.
 ///
 /// # Errors
 /// [`Error::Input`] if the mask has no four corners, or the map too few measurements on the fabric.

@@ -1,7 +1,8 @@
 //! A smooth surface through noisy measurements with holes: the depths that fit what was measured and bend least.
 //!
-//! What is measured has the error `noise`; of the fabric is expected that its curvature is about [`CURVATURE`]. The most
-//! probable surface under both is a thin plate; measurements far off it count less and less (Geman and McClure).
+//! What is measured has the error `noise`; of the fabric is expected that its curvature is about [`CURVATURE`].
+//! The most probable surface under both is a thin plate; measurements far off it count less and less (Geman and
+//! McClure).
 
 /// Curvature of folds `[1/m]`: radii of 5 cm.
 const CURVATURE: f64 = 20.0;
@@ -11,8 +12,8 @@ const OUTLIER: f64 = 3.0;
 const ROUNDS: usize = 5;
 const STEPS: usize = 400;
 
-/// Depths on a grid of `width` columns: those of `measured` `[m]` (NaN: none) made smooth, holes filled. `pixel` is the distance of
-/// two neighbours on the fabric `[m]`, `noise` the standard deviation of a measurement `[m]`.
+/// Depths on a grid of `width` columns: those of `measured` `[m]` (NaN: none) made smooth, holes filled. `pixel`
+/// is the distance of two neighbours on the fabric `[m]`, `noise` the standard deviation of a measurement `[m]`.
 pub(super) fn smooth(measured: &[f64], width: usize, pixel: f64, noise: f64) -> Vec<f64> {
     let stiffness = (noise / (CURVATURE * pixel * pixel)).powi(2);
     let mut z = plane(measured, width);
@@ -47,7 +48,8 @@ fn plane(measured: &[f64], width: usize) -> Vec<f64> {
     (0..measured.len()).map(|k| solution.dot(at(k))).collect()
 }
 
-/// Conjugate gradients on (W + λ DᵀD) z = W m, from `z` on; D has the second differences along and across, and twice the mixed one.
+/// Conjugate gradients on (W + λ DᵀD) z = W m, from `z` on; D has the second differences along and across, and
+/// twice the mixed one.
 fn solve(z: &mut [f64], measured: &[f64], weights: &[f64], width: usize, stiffness: f64) {
     let n = z.len();
     let product = |x: &[f64]| {
@@ -105,8 +107,8 @@ fn bending(x: &[f64], width: usize, stiffness: f64, out: &mut [f64]) {
     }
 }
 
-/// Standard deviation of a measurement `[m]` from what its neighbours let expect: second differences, of which noise makes √6 times
-/// its own, by their median.
+/// Standard deviation of a measurement `[m]` from what its neighbours let expect: second differences, of which
+/// noise makes √6 times its own, by their median.
 pub(super) fn noise(measured: &[f64], width: usize) -> Option<f64> {
     let along =
         measured.chunks_exact(width).flat_map(|row| row.windows(3)).map(|w| (w[0] - 2.0 * w[1] + w[2]).abs());

@@ -1,7 +1,7 @@
 //! Recordings for the viewer of rerun (<https://rerun.io>), written while a reconstruction runs or from its result.
 //!
-//! Metres, camera axes (x right, y down, z forward). Timelines: `frame` (number in the video), `time` `[s]` of the same rows,
-//! `step` (counts the finished steps of all stages). Entities:
+//! Metres, camera axes (x right, y down, z forward). Timelines: `frame` (number in the video), `time` `[s]` of the
+//! same rows, `step` (counts the finished steps of all stages). Entities:
 //!
 //! | entity | rows | content |
 //! |---|---|---|
@@ -12,9 +12,10 @@
 //! | `world/truth` | `frame` | measured points, some of them |
 //! | `losses/STAGE/NAME`, `parameters/STAGE/NAME` | `step` | curves |
 //!
-//! The first V vertices of the mesh are those of the template; a vertex on a seam follows again for each of its other
-//! texture coordinates. Every message goes to the writer as soon as it is made, and a stream may end after any, so a
-//! killed run leaves a recording of what it has done. Nothing depends on the clock: the same input gives the same bytes.
+//! The first V vertices of the mesh are those of the template; a vertex on a seam follows again for each of its
+//! other texture coordinates. Every message goes to the writer as soon as it is made, and a stream may end after
+//! any, so a killed run leaves a recording of what it has done. Nothing depends on the clock: the same input gives
+//! the same bytes.
 
 mod chunk;
 mod index;

@@ -143,8 +143,8 @@ impl<W: Write> Recording<W> {
         self.motion_at(&frames, motion)
     }
 
-    /// Writes the motion [N, V] m at `frames` `[N]`, counted from the first of the recording. The viewer shows the frame before
-    /// where one is left out.
+    /// Writes the motion [N, V] m at `frames` `[N]`, counted from the first of the recording. The viewer shows the
+    /// frame before where one is left out.
     ///
     /// # Errors
     /// [`Error::Output`].

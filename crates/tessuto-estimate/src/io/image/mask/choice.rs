@@ -6,8 +6,8 @@ use std::str::FromStr;
 /// One of the objects of a mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Object {
-    /// Its label: the index in the palette, or the grey value; of colours without a palette the position in the list that the
-    /// message gives, from 1.
+    /// Its label: the index in the palette, or the grey value; of colours without a palette the position in the
+    /// list that the message gives, from 1.
     Number(u32),
     /// Its colour, 0 to 255.
     Colour([u8; 3]),

@@ -1,7 +1,8 @@
 //! What the values of a clip's masks mean.
 //!
-//! Labels have insides, soft edges have none: a value whose pixels mostly have neighbours of the same value is an area, and an
-//! area between black and the brightest one is an object of its own. What was compressed with losses has no labels.
+//! Labels have insides, soft edges have none: a value whose pixels mostly have neighbours of the same value is an
+//! area, and an area between black and the brightest one is an object of its own. What was compressed with losses
+//! has no labels.
 
 use super::choice::Object;
 use super::look::{Colours, Count, Look, Plane, colour_of, grey_of, is_black, luminance};
@@ -92,7 +93,8 @@ fn brightness(key: u32) -> f32 {
     }
 }
 
-/// How to read the masks that `looks` were taken of, which messages call `place`; `object` is the one that was asked for.
+/// How to read the masks that `looks` were taken of, which messages call `place`; `object` is the one that was
+/// asked for.
 ///
 /// # Errors
 /// [`Error::Input`] with the list of objects, where there are several and none was chosen; of what is no mask.

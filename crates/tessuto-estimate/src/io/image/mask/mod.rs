@@ -1,8 +1,8 @@
 //! Masks as segmenters and drawing programs write them: white on black, labels, colours of objects, transparency.
 //!
-//! One file does not tell what its values mean: an object may be absent in it, or alone. So the files of a clip are looked
-//! at first (`Look`), then `understand` decides for all of them, and every file is read alike. Every reader of masks goes
-//! through here.
+//! One file does not tell what its values mean: an object may be absent in it, or alone. So the files of a clip
+//! are looked at first (`Look`), then `understand` decides for all of them, and every file is read alike. Every
+//! reader of masks goes through here.
 
 mod choice;
 mod decide;
@@ -22,10 +22,11 @@ pub(crate) use look::Look;
 
 use look::{Plane, parts};
 
-/// A mask in [0, 1], shape [height, width, 1], and what a user should know of how it was read. `object` chooses one of several.
+/// A mask in [0, 1], shape [height, width, 1], and what a user should know of how it was read. `object` chooses
+/// one of several.
 ///
-/// Grey is luminance over the largest value of the format; a mask of two values is black and white whatever they are; of
-/// colours and labels one object is fabric; transparency is the mask where the colours are none.
+/// Grey is luminance over the largest value of the format; a mask of two values is black and white whatever they
+/// are; of colours and labels one object is fabric; transparency is the mask where the colours are none.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file: what is no mask, several objects, none of them chosen.

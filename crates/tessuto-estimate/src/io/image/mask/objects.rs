@@ -33,8 +33,8 @@ impl Candidate {
     }
 }
 
-/// The key of the only one of `candidates`, or of the `object` that was asked for. The list is ordered by labels, where all have some,
-/// else as they come.
+/// The key of the only one of `candidates`, or of the `object` that was asked for. The list is ordered by labels,
+/// where all have some, else as they come.
 ///
 /// # Errors
 /// [`Error::Input`] with the list.

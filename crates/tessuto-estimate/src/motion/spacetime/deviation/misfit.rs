@@ -8,8 +8,8 @@ use tessuto_core::mesh::Positions;
 
 /// Distance `[px]` below which outlines cannot be told apart.
 const OUTLINE_FLOOR: f64 = 0.1;
-/// Squared difference of colours, summed over the channels, that every video has from rounding `[sRGB²]`. Cloth without any pattern so
-/// counts as one whose pattern was not found.
+/// Squared difference of colours, summed over the channels, that every video has from rounding `[sRGB²]`. Cloth
+/// without any pattern so counts as one whose pattern was not found.
 const NOISE: f64 = 1e-6;
 /// Misfit of the texture that is as good as none.
 const TEXTURE_FLOOR: f64 = 1e-3;
@@ -17,14 +17,14 @@ const TEXTURE_FLOOR: f64 = 1e-3;
 /// Misfits of one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in super::super) struct Misfit {
-    /// Root mean square distance of the mesh's outlines to the outline of the mask `[m]`, at the fabric's mean distance.
+    /// Root mean square distance of the mesh's outlines to the outline of the mask `[m]`, at the fabric's mean
+    /// distance.
     pub outline: f64,
-    /// Energy of what colours differ from those of the first frame, relative to that of the texture's own contrast around a
-    /// vertex; median over the vertices in sight, at most 1.
-    /// Near 0: the same pattern; 1: none of it.
+    /// Energy of what colours differ from those of the first frame, relative to that of the texture's own contrast
+    /// around a vertex; median over the vertices in sight, at most 1. Near 0: the same pattern; 1: none of it.
     pub texture: f64,
-    /// Energy of strain and shear per vertex: of the order of 1 where edges and angles depart from the template's by their
-    /// spreads.
+    /// Energy of strain and shear per vertex: of the order of 1 where edges and angles depart from the template's
+    /// by their spreads.
     pub prior: f64,
 }
 
@@ -47,8 +47,8 @@ impl LevelSearch<'_, '_> {
     }
 
     fn texture_misfit(&self, frame: usize, observed: &PointColours) -> f64 {
-        // Sums around every vertex over the points in sight: their area, squared difference, and the first two moments of the
-        // texture in this frame's light.
+        // Sums around every vertex over the points in sight: their area, squared difference, and the first two
+        // moments of the texture in this frame's light.
         let gain = &self.gains[frame];
         let mut sums = vec![([0.0; 3], [0.0; 3]); gain.len()];
         for ((point, t), seen) in self.samples.points.iter().zip(&self.reference).zip(observed) {

@@ -1,33 +1,39 @@
 //! How far the found positions may be off: a standard deviation for every vertex in every frame.
 //!
-//! Gauss and Newton's system, whose minimum the search has found, says how firmly terms and video hold every vertex: g_nv², the trace of
-//! a vertex's block of H⁻¹ (`sampling.rs`). Alone it says tenths of a millimetre where the error is several millimetres: E takes the
-//! errors of its terms for independent, but a sheet whose folds are finer than the mesh is shortened everywhere, and a search that has
-//! slipped sits in a minimum as deep as any. So g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
+//! Gauss and Newton's system, whose minimum the search has found, says how firmly terms and video hold every
+//! vertex: g_nv², the trace of a vertex's block of H⁻¹ (`sampling.rs`). Alone it says tenths of a millimetre where
+//! the error is several millimetres: E takes the errors of its terms for independent, but a sheet whose folds are
+//! finer than the mesh is shortened everywhere, and a search that has slipped sits in a minimum as deep as any. So
+//! g is scaled by what can be seen of that, the misfits of each frame (`misfit.rs`):
 //!
-//!   σ_nv² = (g_nv/ḡ_n) ā_n² + (h ℓ_nv)² + s_nv² + c²,  a_n = 5.4 f ⁵√(o_n² d_n² b_n q_n),  b_n = ḡ_n √χ²_n,  h = 0.35,  c = 0.1 mm,
+//!   σ_nv² = (g_nv/ḡ_n) ā_n² + (h ℓ_nv)² + s_nv² + c², a_n = 5.4 f ⁵√(o_n² d_n² b_n q_n), b_n = ḡ_n √χ²_n, h =
+//!   0.35, c = 0.1 mm,
 //!
-//! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric mean of all that tells
-//! where the error is large, each by about what it tells. ā is the mean of a over five frames, weights 1 2 3 2 1: errors last longer than what
-//! shows them.
+//! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric
+//! mean of all that tells where the error is large, each by about what it tells. ā is the mean of a over five
+//! frames, weights 1 2 3 2 1: errors last longer than what shows them.
 //!
 //! - o: distance of the boundary to the mask's outline `[m]`.
-//! - d: mean distance `[m]` between the positions that tracking found, those that the final ones started from, and the final ones: two searches that
-//!   agree where both are right.
-//! - b: the deviations of Gauss and Newton, times the root of strain's and shear's energy per vertex. The usual posterior scale, where χ²
-//!   per degree of freedom tells that the residuals are larger or smaller than the spreads say: paper keeps lengths and angles far
-//!   better than the spreads ask, crumpled cloth worse, and depth follows from them. χ² is at least 0.1.
+//! - d: mean distance `[m]` between the positions that tracking found, those that the final ones started from, and
+//!   the final ones: two searches that agree where both are right.
+//! - b: the deviations of Gauss and Newton, times the root of strain's and shear's energy per vertex. The usual
+//!   posterior scale, where χ² per degree of freedom tells that the residuals are larger or smaller than the
+//!   spreads say: paper keeps lengths and angles far better than the spreads ask, crumpled cloth worse, and depth
+//!   follows from them. χ² is at least 0.1.
 //! - q: what part of the texture's contrast the colours do not follow.
-//! - f = (V/200)^0.3 of a sheet of V vertices, 1 from 200 on: what a coarse mesh cannot follow between its vertices is in all of these, and
-//!   in no vertex's error.
-//! - ℓ: distance along the edges, in the first frame, from a vertex that the sheet itself hides to the nearest one that is seen `[m]`. Nothing
-//!   holds what is hidden but the fold that leads there, about which it may turn: h is an angle `[rad]`.
-//! - s: how far the motions that contend with what was found ([`refine`](Problem::refine)) are from it, the lower median of them; zero where
-//!   one motion alone is left. Where searches end in minima of which now one is deeper and now another, none tells how far off it is.
-//! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in the errors.
+//! - f = (V/200)^0.3 of a sheet of V vertices, 1 from 200 on: what a coarse mesh cannot follow between its
+//!   vertices is in all of these, and in no vertex's error.
+//! - ℓ: distance along the edges, in the first frame, from a vertex that the sheet itself hides to the nearest one
+//!   that is seen `[m]`. Nothing holds what is hidden but the fold that leads there, about which it may turn: h is
+//!   an angle `[rad]`.
+//! - s: how far the motions that contend with what was found ([`refine`](Problem::refine)) are from it, the lower
+//!   median of them; zero where one motion alone is left. Where searches end in minima of which now one is deeper
+//!   and now another, none tells how far off it is.
+//! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in
+//!   the errors.
 //!
-//! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from, and how far they
-//! hold: `docs/experiments/log/deviation.md`. No truth is used here.
+//! The factor is such that more than nine of ten true vertices lie within 2 σ. Where form and factor come from,
+//! and how far they hold: `docs/experiments/log/deviation.md`. No truth is used here.
 
 mod misfit;
 mod sampling;
@@ -64,11 +70,12 @@ const AGREEMENT_FLOOR: f64 = 5e-5;
 const HINGE: f64 = 0.35;
 
 impl Problem<'_> {
-    /// Standard deviation `[m]` of every vertex of `frames`, which [`refine`](Self::refine) made of the `pool`: square root of
-    /// the trace of its 3×3 covariance. Shape [N, V]; zero in frame 0, which is given.
+    /// Standard deviation `[m]` of every vertex of `frames`, which [`refine`](Self::refine) made of the `pool`:
+    /// square root of the trace of its 3×3 covariance. Shape [N, V]; zero in frame 0, which is given.
     ///
     /// # Errors
-    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's
+    /// observer returns.
     ///
     /// # Panics
     /// If the best path of the pool has another shape than `frames`.
@@ -191,8 +198,8 @@ fn mean(variances: &[f64]) -> f64 {
     variances.iter().sum::<f64>() / variances.len().max(1) as f64
 }
 
-/// Every variance averaged with those of its neighbours in the mesh and then with those of the same vertex in the frames before and after,
-/// which smooth sheets and motions share: lowers the sampling noise. Shape [N−1, V].
+/// Every variance averaged with those of its neighbours in the mesh and then with those of the same vertex in the
+/// frames before and after, which smooth sheets and motions share: lowers the sampling noise. Shape [N−1, V].
 fn averaged(variances: &[Vec<f64>], adjacency: &[Vec<u32>]) -> Vec<Vec<f64>> {
     let over_mesh = |of_frame: &Vec<f64>| -> Vec<f64> {
         let around = |(own, around): (&f64, &Vec<u32>)| {

@@ -1,10 +1,10 @@
 //! Variances of the positions by samples of the posterior that Gauss and Newton's system describes.
 //!
-//! At its minimum E is about ½ xᵀ H x, and exp(−E) a normal distribution of covariance H⁻¹, H the matrix of the joint system. H⁻¹ is dense
-//! and far too large; its diagonal is estimated from samples, by perturbing and solving (Papandreou and Yuille 2010, "Gaussian
-//! Sampling by Local Perturbations"): for a right-hand side b of covariance H, H⁻¹ b has the covariance H⁻¹. b is a sum over the
-//! parts of H, H = blocks of the frames + κ DᵀD: for each frame a root of its matrix times normal noise
-//! ([`FrameFactor::sample`]), and √κ Dᵀ times normal noise.
+//! At its minimum E is about ½ xᵀ H x, and exp(−E) a normal distribution of covariance H⁻¹, H the matrix of the
+//! joint system. H⁻¹ is dense and far too large; its diagonal is estimated from samples, by perturbing and solving
+//! (Papandreou and Yuille 2010, "Gaussian Sampling by Local Perturbations"): for a right-hand side b of covariance
+//! H, H⁻¹ b has the covariance H⁻¹. b is a sum over the parts of H, H = blocks of the frames + κ DᵀD: for each
+//! frame a root of its matrix times normal noise ([`FrameFactor::sample`]), and √κ Dᵀ times normal noise.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -19,9 +19,10 @@ use tessuto_core::math::factor::Scratch;
 use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::Positions;
 
-/// What every number of the diagonal of a frame's matrix is larger by when its root is taken [1/m²], as where the video shows nothing of
-/// a frame the matrix has no root; ten times as much each time that this is not enough. The samples are that much larger than H⁻¹ says
-/// where H is near singular: that of a vertex that nothing holds but this would be 10 m.
+/// What every number of the diagonal of a frame's matrix is larger by when its root is taken [1/m²], as where the
+/// video shows nothing of a frame the matrix has no root; ten times as much each time that this is not enough. The
+/// samples are that much larger than H⁻¹ says where H is near singular: that of a vertex that nothing holds but
+/// this would be 10 m.
 const DIAGONAL: f64 = 0.01;
 /// Attempts to take a root before a frame goes without noise.
 const ATTEMPTS: usize = 12;
@@ -44,11 +45,12 @@ fn normals(rng: &mut Rng, count: usize) -> Positions {
 }
 
 impl JointSystem<'_> {
-    /// Mean of ‖x‖² `[m²]` over `count` samples x of covariance H⁻¹: estimates the trace of every vertex's covariance, with a relative
-    /// standard error between √(2/(3 count)) and √(2/count). Shape [N−1, V].
+    /// Mean of ‖x‖² `[m²]` over `count` samples x of covariance H⁻¹: estimates the trace of every vertex's
+    /// covariance, with a relative standard error between √(2/(3 count)) and √(2/count). Shape [N−1, V].
     ///
     /// # Errors
-    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's observer returns.
+    /// [`tessuto_core::Error::Input`] if it is to go on from a state that does not match; what the session's
+    /// observer returns.
     pub fn variances(&self, count: usize, seed: u64, session: &mut Session) -> Result<Vec<Vec<f64>>> {
         let (frames, vertices) = (self.systems.len(), self.cloth.vertex_count());
         let start = || Drawn { count: 0, squares: vec![vec![0.0; vertices]; frames] };
@@ -85,8 +87,8 @@ impl JointSystem<'_> {
         Ok(drawn.squares.iter().map(|of_frame| of_frame.iter().map(mean).collect()).collect())
     }
 
-    /// Right-hand sides of covariance H: those numbered `wanted` of `count`. The random numbers of every one and of every frame are a
-    /// stream of their own: the threads that draw them do not matter, nor which are wanted.
+    /// Right-hand sides of covariance H: those numbered `wanted` of `count`. The random numbers of every one and
+    /// of every frame are a stream of their own: the threads that draw them do not matter, nor which are wanted.
     fn noise(&self, wanted: std::ops::Range<usize>, count: usize, seed: u64) -> Vec<Vec<Positions>> {
         let (frames, vertices) = (self.systems.len(), self.cloth.vertex_count());
         let stream = |k: usize, part: usize| Rng::new(seed, (k * (frames + 1) + part) as u64);

@@ -19,8 +19,8 @@ use tessuto_sim::Cloth;
 
 const KAPPA: f64 = 1e3;
 
-/// Systems of three frames of a small sheet: strain, shear with its smooth modes, and something that holds the vertices, some of
-/// them firmly.
+/// Systems of three frames of a small sheet: strain, shear with its smooth modes, and something that holds the
+/// vertices, some of them firmly.
 fn systems(cloth: &Cloth, mesh: &Mesh, low_rank: bool) -> Vec<FrameSystem> {
     let mut rng = Rng::new(4, 0);
     let of_frame = |_| {
@@ -67,8 +67,8 @@ fn inverse(joint: &JointSystem) -> Vec<Vec<f64>> {
     rows.into_iter().map(|row| row[size..].to_vec()).collect()
 }
 
-/// Trace of every vertex's block and the standard error of its estimate from `count` samples: Var ‖x‖² = 2 ‖C‖² for normal x of
-/// covariance C.
+/// Trace of every vertex's block and the standard error of its estimate from `count` samples: Var ‖x‖² = 2 ‖C‖²
+/// for normal x of covariance C.
 fn marginals(inverse: &[Vec<f64>], count: f64) -> Vec<[f64; 2]> {
     let block = |v: usize| {
         let at = |i: usize, j: usize| inverse[3 * v + i][3 * v + j];
@@ -96,10 +96,12 @@ fn samples_have_the_variances_of_the_dense_inverse() {
     let variances = joint.variances(count, 5, &mut Session::silent()).unwrap();
     let [mean, largest] = errors(&joint, &variances, count);
     println!("mean error {mean:.2}, largest {largest:.2} standard errors");
-    // 36 estimates: all within four standard errors but for one case in four hundred. They vary together, so their mean error does too.
+    // 36 estimates: all within four standard errors but for one case in four hundred. They vary together, so their
+    // mean error does too.
     assert!(largest < 4.0 && mean.abs() < 2.0, "{mean} {largest}");
 
-    // What the modes of shear take off the matrix matters: without it, or with another acceleration term, the variances are others.
+    // What the modes of shear take off the matrix matters: without it, or with another acceleration term, the
+    // variances are others.
     let without = self::systems(&cloth, &mesh, false);
     let stiffer = JointSystem { systems: &without, ..joint };
     assert!(errors(&stiffer, &variances, count)[1] > 6.0, "{:?}", errors(&stiffer, &variances, count));
