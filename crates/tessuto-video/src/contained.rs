@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 
+use crate::ahead::Ahead;
 use crate::bits::is_sound;
 use crate::format::Format;
 use crate::frame::{Frame, Planes};
 use crate::limits::Limits;
+use crate::orientation::{Orientation, Said, said};
+use crate::quiet::caught;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::sequence::Sequence;
 use crate::source::Source;
@@ -32,14 +35,25 @@ pub(crate) struct Contained {
     limits: Limits,
     sequence: Sequence,
     decoder: Decoder,
+    /// Decodes several frames at once, as long as that is sound.
+    ahead: Option<Ahead>,
+    /// Whether frames are decoded one after the other, by `decoder`.
+    one_by_one: bool,
     /// Place of each sample among those that are shown.
     places: Vec<Option<usize>>,
     times: Vec<f64>,
+    /// Sample where decoding begins.
+    first: usize,
     /// Next sample to be decoded.
     sample: usize,
     /// Place of the next frame to be given.
     place: usize,
     waiting: BTreeMap<usize, Frame>,
+    /// What the frames at places that are to come say of their orientation, and where those before have left it.
+    said: BTreeMap<usize, Said>,
+    orientation: Orientation,
+    /// By how much the first frame says that it is turned `[degrees]`.
+    turn: u32,
 }
 
 enum Decoder {
@@ -66,19 +80,36 @@ impl Contained {
             limits,
             sequence: Sequence::default(),
             decoder,
+            ahead: None,
+            one_by_one: false,
             places: Vec::new(),
             times: Vec::new(),
+            first: 0,
             sample: 0,
             place: 0,
             waiting: BTreeMap::new(),
+            said: BTreeMap::new(),
+            orientation: Orientation::default(),
+            turn: 0,
         };
         film.begin()?;
+        film.first = film.sample;
         film.order();
         Ok(film)
     }
 
+    /// Has frames decoded one after the other from here on.
+    pub(crate) fn decode_one_by_one(&mut self) {
+        self.one_by_one |= self.sample == self.first;
+    }
+
     pub(crate) fn track(&self) -> &Track {
         &self.track
+    }
+
+    /// By how much a player turns the frames clockwise `[degrees]`.
+    pub(crate) fn turn(&self) -> u32 {
+        (self.track.turn + self.turn) % 360
     }
 
     pub(crate) fn format(&self) -> &Format {
@@ -123,6 +154,9 @@ impl Contained {
         }
         if self.sequence.format.is_none() {
             return damaged("no parameter set says what the frames are");
+        }
+        if let Said::Turn(turn, _) = said(self.track.configuration.codec, &start)? {
+            self.turn = turn;
         }
         match self.track.configuration.codec {
             Codec::H264 => self.closed(&start, earliest),
@@ -200,8 +234,16 @@ impl Contained {
     /// Decodes one sample.
     fn decode(&mut self, number: usize) -> Result<Option<Frame>, Refused> {
         let bytes = self.read(number)?;
-        for unit in units(&bytes, self.track.configuration.length)? {
+        let units = units(&bytes, self.track.configuration.length)?;
+        for unit in &units {
             self.unit(unit)?;
+        }
+        match (said(self.track.configuration.codec, &units)?, self.places[number]) {
+            (Said::Nothing, _) => {}
+            // Until one is turned, nothing can end.
+            (Said::Anew, _) if self.said.is_empty() && self.orientation == Orientation::default() => {}
+            (said, Some(place)) => drop(self.said.insert(place, said)),
+            (said, None) => self.orientation.take(said),
         }
         match &mut self.decoder {
             Decoder::H264(frames) => Ok(frames.end()),
@@ -209,10 +251,60 @@ impl Contained {
         }
     }
 
+    /// The frame of sample `number`, which follows the one that was asked for before.
+    fn frame(&mut self, number: usize) -> Result<Option<Frame>, Refused> {
+        if self.one_by_one {
+            return self.decode(number);
+        }
+        if number == self.first && self.track.configuration.codec == Codec::H264 {
+            let sets = &self.track.configuration.sets;
+            self.ahead = caught(|| Ahead::new(self.format(), self.sequence.bytes(), sets)).flatten();
+        }
+        if let Some(frame) = caught(|| self.decode_ahead()).flatten() {
+            return Ok(Some(frame));
+        }
+        // What comes is not what frames of a sound film are: all is decoded again, to know what it is.
+        self.ahead = None;
+        self.one_by_one = true;
+        for before in self.first..number {
+            let frame = self.decode(before);
+            if self.places[before].is_some() || is_told(&frame) {
+                frame?;
+            }
+        }
+        self.decode(number)
+    }
+
+    /// The next frame in the order of the file, while those behind it are decoded; `None` if anything is not sound.
+    fn decode_ahead(&mut self) -> Option<Frame> {
+        let mut ahead = self.ahead.take()?;
+        let samples = self.track.samples.len();
+        while ahead.wants() && self.first + ahead.begun() < samples {
+            let bytes = self.read(self.first + ahead.begun()).ok()?;
+            let units = units(&bytes, self.track.configuration.length).ok()?;
+            if !units.iter().all(|unit| is_sound(unit)) {
+                return None;
+            }
+            if matches!(said(Codec::H264, &units), Err(_) | Ok(Said::Turn(..))) {
+                return None;
+            }
+            ahead.give(&units, self.sequence.bytes())?;
+        }
+        let frame = ahead.next(self.first + ahead.begun() == samples)?;
+        self.ahead = Some(ahead);
+        Some(frame)
+    }
+
     /// The next frame that is shown.
     pub(crate) fn next(&mut self) -> Result<Option<Frame>, Refused> {
         loop {
             if let Some(frame) = self.waiting.remove(&self.place) {
+                self.orientation.take(self.said.remove(&self.place).unwrap_or(Said::Nothing));
+                if self.orientation.turn != self.turn {
+                    let [before, after] =
+                        [self.turn, self.orientation.turn].map(|turn| (self.track.turn + turn) % 360);
+                    return Err(Refused::Turned(format!("{before}° before, {after}° from there on")));
+                }
                 self.place += 1;
                 return Ok(Some(frame));
             }
@@ -221,10 +313,9 @@ impl Contained {
             }
             let number = self.sample;
             self.sample += 1;
-            let frame = self.decode(number);
+            let frame = self.frame(number);
             let Some(place) = self.places[number] else {
-                // What no player shows may be undecodable: it refers to what was cut off.
-                if matches!(frame, Err(Refused::NotHandled(_) | Refused::Unreadable(_))) {
+                if is_told(&frame) {
                     frame?;
                 }
                 continue;
@@ -242,6 +333,12 @@ impl Contained {
             }
         }
     }
+}
+
+/// Whether the film ends with it even if the frame is not shown. What no player shows may be undecodable: it refers to
+/// what was cut off.
+fn is_told(frame: &Result<Option<Frame>, Refused>) -> bool {
+    matches!(frame, Err(Refused::NotHandled(_) | Refused::Unreadable(_)))
 }
 
 /// Memory of a frame.

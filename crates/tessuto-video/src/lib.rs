@@ -39,6 +39,7 @@
 //! the decoder of H.264 notices few, and of slices that are missing from a frame none; ffmpeg notices two of
 //! three, says so, and goes on.
 
+mod ahead;
 mod annexb;
 mod bits;
 mod bytes;
@@ -57,6 +58,7 @@ mod limits;
 mod matroska;
 mod mp4;
 pub mod native;
+mod orientation;
 mod quiet;
 pub mod rate;
 mod refusal;
