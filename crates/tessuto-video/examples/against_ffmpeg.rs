@@ -1,4 +1,4 @@
-//! Time of decoding against ffmpeg's one thread: `against_ffmpeg [SIZE] [SECONDS] [NOISE]`.
+//! Time of decoding against ffmpeg's one thread: `against_ffmpeg [SIZE] [SECONDS] [NOISE] [KIND,...]`.
 //!
 //! Clips of many kinds are made by ffmpeg (1280×720, 3 s and noise of strength 12 by default) and decoded by both,
 //! planes compared byte by byte; then the colours of some against those of ffmpeg.
@@ -117,13 +117,17 @@ fn main() {
     let seconds = arguments.next().unwrap_or("3".into());
     let noise: u8 =
         arguments.next().map_or(clips::MUCH_NOISE, |n| n.parse().expect("the strength of the noise"));
+    let kinds = arguments.next().unwrap_or(TIMED.join(","));
     let folder = tempfile::tempdir().unwrap();
     println!(
         "Milliseconds a frame, by the clock and of processors, the shortest of {REPEATS}; ffmpeg has one thread.\n"
     );
-    println!("| clip ({size}, noise {noise}) | Mbit/s | frames | same bytes | here: clock | processors | ffmpeg: clock | processor | clocks' ratio |");
+    println!(
+        "| clip ({size}, noise {noise}) | Mbit/s | frames | same bytes | here: clock | processors \
+         | ffmpeg: clock | processor | clocks' ratio |"
+    );
     println!("|---|---|---|---|---|---|---|---|---|");
-    for kind in clips::KINDS.iter().filter(|k| TIMED.contains(&k.name)) {
+    for kind in clips::KINDS.iter().filter(|k| kinds.split(',').any(|kind| kind == k.name)) {
         let path = clips::make_of(folder.path(), kind, &size, &seconds, noise);
         let bits = std::fs::metadata(&path).unwrap().len() as f64 * 8.0;
         let (here, frames, same) = ours(&path);

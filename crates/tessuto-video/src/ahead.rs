@@ -20,8 +20,8 @@ use crate::quiet::Workers;
 
 /// Most frames that are decoded at once.
 const THREADS: u64 = 6;
-/// So many more than there are cores: of frames that follow each other most wait for rows of the one before. With as many
-/// as cores, two take as long as one by one; with two more, 0.67 of it.
+/// So many more than there are cores: some wait for rows of the one before them, and the decoder waits for threads to
+/// end. On two cores, two at once take as long as one by one, four 0.67 of it.
 const WAITING: u64 = 2;
 /// Most memory of all that are under way `[bytes]`.
 const MEMORY: u64 = 512 << 20;

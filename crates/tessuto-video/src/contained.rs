@@ -109,7 +109,12 @@ impl Contained {
 
     /// By how much a player turns the frames clockwise `[degrees]`.
     pub(crate) fn turn(&self) -> u32 {
-        (self.track.turn + self.turn) % 360
+        self.upright(self.turn)
+    }
+
+    /// The same for frames that say `said`. It goes before what the container says, as in ffmpeg.
+    fn upright(&self, said: u32) -> u32 {
+        if said == 0 { self.track.turn } else { said }
     }
 
     pub(crate) fn format(&self) -> &Format {
@@ -300,9 +305,8 @@ impl Contained {
         loop {
             if let Some(frame) = self.waiting.remove(&self.place) {
                 self.orientation.take(self.said.remove(&self.place).unwrap_or(Said::Nothing));
-                if self.orientation.turn != self.turn {
-                    let [before, after] =
-                        [self.turn, self.orientation.turn].map(|turn| (self.track.turn + turn) % 360);
+                let [before, after] = [self.turn, self.orientation.turn].map(|said| self.upright(said));
+                if before != after {
                     return Err(Refused::Turned(format!("{before}° before, {after}° from there on")));
                 }
                 self.place += 1;
@@ -346,5 +350,95 @@ fn bytes(frame: &Frame) -> usize {
     match &frame.planes {
         Planes::U8(planes) => planes.iter().map(Vec::len).sum(),
         Planes::U16(planes) => planes.iter().map(|p| 2 * p.len()).sum(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+    use std::process::Command;
+
+    /// An MP4 of 40 frames of H.264; `None`, and said so, where ffmpeg with x264 is missing.
+    fn clip(folder: &Path, arguments: &str) -> Option<Vec<u8>> {
+        let path = folder.join("clip.mp4");
+        let source = "-v error -nostdin -y -f lavfi -i testsrc2=s=96x64:r=30 -frames:v 40 \
+                      -pix_fmt yuv420p -c:v libx264";
+        let mut command = Command::new("ffmpeg");
+        command.args(source.split_whitespace()).args(arguments.split(' ')).arg(&path);
+        if !command.status().is_ok_and(|status| status.success()) {
+            println!("NOT TESTED: several frames at once, ffmpeg with libx264 is missing");
+            return None;
+        }
+        Some(std::fs::read(path).unwrap())
+    }
+
+    fn open(film: &[u8]) -> Contained {
+        let (limits, length) = (Limits::default(), film.len() as u64);
+        let mut file = std::io::Cursor::new(film.to_vec());
+        let track = crate::mp4::read(&mut file, length, &limits).unwrap();
+        Contained::new(Box::new(file), length, track, limits).unwrap()
+    }
+
+    /// Frames until the end or an error.
+    fn read(film: &mut Contained) -> Vec<Result<Frame, Refused>> {
+        let mut frames = Vec::new();
+        while !matches!(frames.last(), Some(Err(_)))
+            && let Some(frame) = film.next().transpose()
+        {
+            frames.push(frame);
+        }
+        frames
+    }
+
+    #[test]
+    fn sound_films_are_decoded_several_frames_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let several = std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1);
+        for (arguments, is_simple) in [
+            ("-bf 0 -profile:v baseline", true),
+            ("-bf 5 -x264-params b-pyramid=normal:ref=5", true),
+            ("-bf 3 -g 12 -x264-params open-gop=1", true),
+            ("-x264-params slices=3", false),
+        ] {
+            let Some(film) = clip(folder.path(), arguments) else { return };
+            let mut single = open(&film);
+            single.decode_one_by_one();
+            let mut film = open(&film);
+            let frames = read(&mut film);
+            assert!(frames.len() == 40 && frames == read(&mut single), "{arguments}");
+            // Or nothing of it would be tested.
+            assert_eq!(!film.one_by_one, several && is_simple, "{arguments}");
+        }
+    }
+
+    #[test]
+    fn damaged_films_are_the_same_several_frames_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let Some(film) = clip(folder.path(), "-bf 2 -g 25") else { return };
+        let samples = open(&film).track.samples.clone();
+        let mut ends = Vec::new();
+        // The first is looked at when the film is opened.
+        for (number, sample) in samples.iter().enumerate().skip(1) {
+            // A frame cut short, one without its slice, one that begins elsewhere, a hole, what is no header.
+            for (at, bytes) in
+                [(0, [0u8, 0, 0, 9]), (4, [12; 4]), (5, [0x3a; 4]), (9, [0; 4]), (5, [0xff; 4])]
+            {
+                let mut changed = film.clone();
+                let at = sample.offset as usize + at;
+                changed[at..at + 4].copy_from_slice(&bytes);
+                let mut single = open(&changed);
+                single.decode_one_by_one();
+                let expected = read(&mut single);
+                let found = read(&mut open(&changed));
+                assert!(found == expected, "sample {number}, {bytes:?} at {at}");
+                ends.push(expected.iter().filter(|frame| frame.is_ok()).count());
+            }
+        }
+        // Films that end early, at many places.
+        ends.sort_unstable();
+        ends.dedup();
+        println!("films of {ends:?} frames");
+        assert!(ends.len() > 20, "{ends:?}");
     }
 }

@@ -410,7 +410,10 @@ mod tests {
     fn what_ffprobe_says_is_read_as_data() {
         let answer: Answer = serde_json::from_str(SAID).unwrap();
         let track = shown(&answer.streams).unwrap();
-        assert_eq!((track.index, turn(track, &Shown::default()), matrix(&track.color_space)), (1, 90, Matrix::Bt709));
+        assert_eq!(
+            (track.index, turn(track, &Shown::default()), matrix(&track.color_space)),
+            (1, 90, Matrix::Bt709)
+        );
         assert_eq!(fraction(&track.sample_aspect_ratio, ':'), Some((4, 3)));
         assert_eq!((fraction("0:1", ':'), fraction("N/A", ':'), fraction("", '/')), (None, None, None));
         let packets: Vec<&Packet> = answer.packets.iter().collect();

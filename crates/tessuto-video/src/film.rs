@@ -284,7 +284,10 @@ mod tests {
             });
             let refusal = refusal.unwrap_err();
             println!("{name}: {refusal}");
-            assert!(refusal.what.contains("changes its rotation at frame 8: 0° before, "), "{name}: {refusal}");
+            assert!(
+                refusal.what.contains("changes its rotation at frame 8: 0° before, "),
+                "{name}: {refusal}"
+            );
             assert!(refusal.what.contains("180° from there on"), "{name}: {refusal}");
             assert_eq!(refusal.part, Some(0..8), "{name}");
             // The frames before can be taken.

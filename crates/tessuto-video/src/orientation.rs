@@ -51,9 +51,11 @@ pub(crate) fn said(codec: Codec, units: &[&[u8]]) -> Result<Said, Refused> {
     for unit in units {
         let (is_message, header, is_anew) = match codec {
             Codec::H264 => (h264::kind(unit) == MESSAGES[0], 1, h264::kind(unit) == 5),
-            Codec::Hevc => {
-                (hevc::kind(unit) == MESSAGES[1], 2, (16..=20).contains(&hevc::kind(unit)) && hevc::is_base(unit))
-            }
+            Codec::Hevc => (
+                hevc::kind(unit) == MESSAGES[1],
+                2,
+                (16..=20).contains(&hevc::kind(unit)) && hevc::is_base(unit),
+            ),
         };
         if is_message && let Some(payload) = message(&unescaped(unit.get(header..).unwrap_or_default())) {
             said = orientation(codec, payload)?;
@@ -125,7 +127,8 @@ mod tests {
         };
         // The period 0 or 1 of H.264, the flag of HEVC.
         for (codec, once, lasting) in [(Codec::H264, 0b10000, 0b01000), (Codec::Hevc, 0, 0b10000)] {
-            let turned = |flips: u32, quarters: u32, rest: u32| of(codec, flips << 21 | quarters << 19 | rest);
+            let turned =
+                |flips: u32, quarters: u32, rest: u32| of(codec, flips << 21 | quarters << 19 | rest);
             assert_eq!(turned(0, 2, once), Ok(Said::Turn(180, false)));
             assert_eq!(turned(0, 1, lasting), Ok(Said::Turn(270, true)), "anticlockwise");
             assert_eq!(turned(3, 0, lasting), Ok(Said::Turn(180, true)), "both flips");
@@ -146,6 +149,9 @@ mod tests {
         };
         assert_eq!([after(Said::Nothing), after(Said::Turn(90, false)), after(Said::Nothing)], [0, 90, 0]);
         assert_eq!([after(Said::Turn(90, true)), after(Said::Nothing), after(Said::Anew)], [90, 90, 0]);
-        assert_eq!([after(Said::Turn(90, true)), after(Said::Turn(180, true)), after(Said::Nothing)], [90, 180, 180]);
+        assert_eq!(
+            [after(Said::Turn(90, true)), after(Said::Turn(180, true)), after(Said::Nothing)],
+            [90, 180, 180]
+        );
     }
 }
