@@ -21,8 +21,8 @@ use crate::{matroska, mp4};
 /// A film that is open: what its container says, and its frames one after the other, in the order in which they
 /// are shown.
 ///
-/// Frames are decoded as they are asked for; a few are kept that are shown later than others. After an error there
-/// are no more.
+/// Frames are decoded as they are asked for, those of H.264 a few ahead; a few are kept that are shown later than
+/// others. After an error there are no more.
 pub struct Native {
     stream: Stream,
     film: Film,

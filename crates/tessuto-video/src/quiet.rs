@@ -41,7 +41,7 @@ pub(crate) fn caught<T>(work: impl FnOnce() -> T) -> Option<T> {
             let before = take_hook();
             set_hook(Box::new(move |info| {
                 let is_workers = || info.location().is_some_and(|at| at.file().contains("rust_h264"));
-                if !QUIET.get() && !(WORKERS.load(SeqCst) > 0 && is_workers()) {
+                if !(QUIET.get() || WORKERS.load(SeqCst) > 0 && is_workers()) {
                     before(info);
                 }
             }));
