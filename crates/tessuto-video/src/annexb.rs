@@ -9,6 +9,7 @@ use crate::contained::AMID;
 use crate::format::Format;
 use crate::frame::Frame;
 use crate::limits::Limits;
+use crate::orientation::{Said, said};
 use crate::refused::{Refused, damaged, not_handled};
 use crate::sequence::Sequence;
 use crate::source::Source;
@@ -181,6 +182,9 @@ impl Raw {
             return not_handled(AMID);
         }
         self.running |= slice;
+        if matches!(said(self.codec, &[unit])?, Said::Turn(1.., _)) {
+            return not_handled("a stream without time stamps that says how its frames are turned");
+        }
         match &mut self.decoder {
             Decoder::H264(decoder) => self.done.extend(h264::ordered(decoder, unit)?),
             Decoder::Hevc(frames) => {

@@ -3,10 +3,13 @@
 use std::collections::BTreeMap;
 use std::io::{Read, Seek, SeekFrom};
 
+use crate::ahead::Ahead;
 use crate::bits::is_sound;
 use crate::format::Format;
 use crate::frame::{Frame, Planes};
 use crate::limits::Limits;
+use crate::orientation::{Orientation, Said, said};
+use crate::quiet::caught;
 use crate::refused::{Refused, damaged, not_handled};
 use crate::sequence::Sequence;
 use crate::source::Source;
@@ -32,14 +35,25 @@ pub(crate) struct Contained {
     limits: Limits,
     sequence: Sequence,
     decoder: Decoder,
+    /// Decodes several frames at once, as long as that is sound.
+    ahead: Option<Ahead>,
+    /// Whether frames are decoded one after the other, by `decoder`.
+    one_by_one: bool,
     /// Place of each sample among those that are shown.
     places: Vec<Option<usize>>,
     times: Vec<f64>,
+    /// Sample where decoding begins.
+    first: usize,
     /// Next sample to be decoded.
     sample: usize,
     /// Place of the next frame to be given.
     place: usize,
     waiting: BTreeMap<usize, Frame>,
+    /// What the frames at places that are to come say of their orientation, and where those before have left it.
+    said: BTreeMap<usize, Said>,
+    orientation: Orientation,
+    /// By how much the first frame says that it is turned `[degrees]`.
+    turn: u32,
 }
 
 enum Decoder {
@@ -66,19 +80,41 @@ impl Contained {
             limits,
             sequence: Sequence::default(),
             decoder,
+            ahead: None,
+            one_by_one: false,
             places: Vec::new(),
             times: Vec::new(),
+            first: 0,
             sample: 0,
             place: 0,
             waiting: BTreeMap::new(),
+            said: BTreeMap::new(),
+            orientation: Orientation::default(),
+            turn: 0,
         };
         film.begin()?;
+        film.first = film.sample;
         film.order();
         Ok(film)
     }
 
+    /// Has frames decoded one after the other from here on.
+    pub(crate) fn decode_one_by_one(&mut self) {
+        self.one_by_one |= self.sample == self.first;
+    }
+
     pub(crate) fn track(&self) -> &Track {
         &self.track
+    }
+
+    /// By how much a player turns the frames clockwise `[degrees]`.
+    pub(crate) fn turn(&self) -> u32 {
+        self.upright(self.turn)
+    }
+
+    /// The same for frames that say `said`. It goes before what the container says, as in ffmpeg.
+    fn upright(&self, said: u32) -> u32 {
+        if said == 0 { self.track.turn } else { said }
     }
 
     pub(crate) fn format(&self) -> &Format {
@@ -123,6 +159,9 @@ impl Contained {
         }
         if self.sequence.format.is_none() {
             return damaged("no parameter set says what the frames are");
+        }
+        if let Said::Turn(turn, _) = said(self.track.configuration.codec, &start)? {
+            self.turn = turn;
         }
         match self.track.configuration.codec {
             Codec::H264 => self.closed(&start, earliest),
@@ -200,8 +239,16 @@ impl Contained {
     /// Decodes one sample.
     fn decode(&mut self, number: usize) -> Result<Option<Frame>, Refused> {
         let bytes = self.read(number)?;
-        for unit in units(&bytes, self.track.configuration.length)? {
+        let units = units(&bytes, self.track.configuration.length)?;
+        for unit in &units {
             self.unit(unit)?;
+        }
+        match (said(self.track.configuration.codec, &units)?, self.places[number]) {
+            (Said::Nothing, _) => {}
+            // Until one is turned, nothing can end.
+            (Said::Anew, _) if self.said.is_empty() && self.orientation == Orientation::default() => {}
+            (said, Some(place)) => drop(self.said.insert(place, said)),
+            (said, None) => self.orientation.take(said),
         }
         match &mut self.decoder {
             Decoder::H264(frames) => Ok(frames.end()),
@@ -209,10 +256,59 @@ impl Contained {
         }
     }
 
+    /// The frame of sample `number`, which follows the one that was asked for before.
+    fn frame(&mut self, number: usize) -> Result<Option<Frame>, Refused> {
+        if self.one_by_one {
+            return self.decode(number);
+        }
+        if number == self.first && self.track.configuration.codec == Codec::H264 {
+            let sets = &self.track.configuration.sets;
+            self.ahead = caught(|| Ahead::new(self.format(), self.sequence.bytes(), sets)).flatten();
+        }
+        if let Some(frame) = caught(|| self.decode_ahead()).flatten() {
+            return Ok(Some(frame));
+        }
+        // What comes is not what frames of a sound film are: all is decoded again, to know what it is.
+        self.ahead = None;
+        self.one_by_one = true;
+        for before in self.first..number {
+            let frame = self.decode(before);
+            if self.places[before].is_some() || is_told(&frame) {
+                frame?;
+            }
+        }
+        self.decode(number)
+    }
+
+    /// The next frame in the order of the file, while those behind it are decoded; `None` if anything is not sound.
+    fn decode_ahead(&mut self) -> Option<Frame> {
+        let mut ahead = self.ahead.take()?;
+        let samples = self.track.samples.len();
+        while ahead.wants() && self.first + ahead.begun() < samples {
+            let bytes = self.read(self.first + ahead.begun()).ok()?;
+            let units = units(&bytes, self.track.configuration.length).ok()?;
+            if !units.iter().all(|unit| is_sound(unit)) {
+                return None;
+            }
+            if matches!(said(Codec::H264, &units), Err(_) | Ok(Said::Turn(..))) {
+                return None;
+            }
+            ahead.give(&units, self.sequence.bytes())?;
+        }
+        let frame = ahead.next(self.first + ahead.begun() == samples)?;
+        self.ahead = Some(ahead);
+        Some(frame)
+    }
+
     /// The next frame that is shown.
     pub(crate) fn next(&mut self) -> Result<Option<Frame>, Refused> {
         loop {
             if let Some(frame) = self.waiting.remove(&self.place) {
+                self.orientation.take(self.said.remove(&self.place).unwrap_or(Said::Nothing));
+                let [before, after] = [self.turn, self.orientation.turn].map(|said| self.upright(said));
+                if before != after {
+                    return Err(Refused::Turned(format!("{before}° before, {after}° from there on")));
+                }
                 self.place += 1;
                 return Ok(Some(frame));
             }
@@ -221,10 +317,9 @@ impl Contained {
             }
             let number = self.sample;
             self.sample += 1;
-            let frame = self.decode(number);
+            let frame = self.frame(number);
             let Some(place) = self.places[number] else {
-                // What no player shows may be undecodable: it refers to what was cut off.
-                if matches!(frame, Err(Refused::NotHandled(_) | Refused::Unreadable(_))) {
+                if is_told(&frame) {
                     frame?;
                 }
                 continue;
@@ -244,10 +339,106 @@ impl Contained {
     }
 }
 
+/// Whether the film ends with it even if the frame is not shown. What no player shows may be undecodable: it refers to
+/// what was cut off.
+fn is_told(frame: &Result<Option<Frame>, Refused>) -> bool {
+    matches!(frame, Err(Refused::NotHandled(_) | Refused::Unreadable(_)))
+}
+
 /// Memory of a frame.
 fn bytes(frame: &Frame) -> usize {
     match &frame.planes {
         Planes::U8(planes) => planes.iter().map(Vec::len).sum(),
         Planes::U16(planes) => planes.iter().map(|p| 2 * p.len()).sum(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+    use std::process::Command;
+
+    /// An MP4 of 40 frames of H.264; `None`, and said so, where ffmpeg with x264 is missing.
+    fn clip(folder: &Path, arguments: &str) -> Option<Vec<u8>> {
+        let path = folder.join("clip.mp4");
+        let source = "-v error -nostdin -y -f lavfi -i testsrc2=s=96x64:r=30 -frames:v 40 \
+                      -pix_fmt yuv420p -c:v libx264";
+        let mut command = Command::new("ffmpeg");
+        command.args(source.split_whitespace()).args(arguments.split(' ')).arg(&path);
+        if !command.status().is_ok_and(|status| status.success()) {
+            println!("NOT TESTED: several frames at once, ffmpeg with libx264 is missing");
+            return None;
+        }
+        Some(std::fs::read(path).unwrap())
+    }
+
+    fn open(film: &[u8]) -> Contained {
+        let (limits, length) = (Limits::default(), film.len() as u64);
+        let mut file = std::io::Cursor::new(film.to_vec());
+        let track = crate::mp4::read(&mut file, length, &limits).unwrap();
+        Contained::new(Box::new(file), length, track, limits).unwrap()
+    }
+
+    /// Frames until the end or an error.
+    fn read(film: &mut Contained) -> Vec<Result<Frame, Refused>> {
+        let mut frames = Vec::new();
+        while !matches!(frames.last(), Some(Err(_)))
+            && let Some(frame) = film.next().transpose()
+        {
+            frames.push(frame);
+        }
+        frames
+    }
+
+    #[test]
+    fn sound_films_are_decoded_several_frames_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let several = std::thread::available_parallelism().is_ok_and(|cores| cores.get() > 1);
+        for (arguments, is_simple) in [
+            ("-bf 0 -profile:v baseline", true),
+            ("-bf 5 -x264-params b-pyramid=normal:ref=5", true),
+            ("-bf 3 -g 12 -x264-params open-gop=1", true),
+            ("-x264-params slices=3", false),
+        ] {
+            let Some(film) = clip(folder.path(), arguments) else { return };
+            let mut single = open(&film);
+            single.decode_one_by_one();
+            let mut film = open(&film);
+            let frames = read(&mut film);
+            assert!(frames.len() == 40 && frames == read(&mut single), "{arguments}");
+            // Or nothing of it would be tested.
+            assert_eq!(!film.one_by_one, several && is_simple, "{arguments}");
+        }
+    }
+
+    #[test]
+    fn damaged_films_are_the_same_several_frames_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let Some(film) = clip(folder.path(), "-bf 2 -g 25") else { return };
+        let samples = open(&film).track.samples.clone();
+        let mut ends = Vec::new();
+        // The first is looked at when the film is opened.
+        for (number, sample) in samples.iter().enumerate().skip(1) {
+            // A frame cut short, one without its slice, one that begins elsewhere, a hole, what is no header.
+            for (at, bytes) in
+                [(0, [0u8, 0, 0, 9]), (4, [12; 4]), (5, [0x3a; 4]), (9, [0; 4]), (5, [0xff; 4])]
+            {
+                let mut changed = film.clone();
+                let at = sample.offset as usize + at;
+                changed[at..at + 4].copy_from_slice(&bytes);
+                let mut single = open(&changed);
+                single.decode_one_by_one();
+                let expected = read(&mut single);
+                let found = read(&mut open(&changed));
+                assert!(found == expected, "sample {number}, {bytes:?} at {at}");
+                ends.push(expected.iter().filter(|frame| frame.is_ok()).count());
+            }
+        }
+        // Films that end early, at many places.
+        ends.sort_unstable();
+        ends.dedup();
+        println!("films of {ends:?} frames");
+        assert!(ends.len() > 20, "{ends:?}");
     }
 }

@@ -19,6 +19,10 @@ const ONE_EACH: &str = "h264 hevc av1 vp9";
 /// Codecs whose frames stand alone.
 const INTRA: &str =
     "mjpeg prores ffv1 dnxhd rawvideo png huffyuv ffvhuff utvideo qtrle gif v210 jpeg2000 cfhd";
+/// Codecs whose frames may say that they are turned, each for itself.
+const TURNING: &str = "h264 hevc";
+/// Most frames by which the order of display lags behind that of decoding.
+const LAG: usize = 16;
 /// So many packets show whether frames are interlaced.
 const FIRST: usize = 8;
 const WHAT_IS_READ: &str = "name a video file, or a folder of PNG or JPEG images";
@@ -171,7 +175,15 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
     let in_packets = stamps_of_packets(&answer.format.format_name, &track.codec_name, &all);
     // Packets that are decoded only for those behind them stand in front.
     let hidden = all.iter().position(|packet| !packet.flags.is_discarded).unwrap_or(0);
-    let first = if in_packets.is_some() { hidden + FIRST } else { options.max_frames };
+    let first = match &in_packets {
+        None => options.max_frames,
+        // One that is turned otherwise than those before may stand anywhere.
+        Some(_) if TURNING.split(' ').any(|name| name == track.codec_name) => {
+            let wanted = options.end.map_or(options.max_frames, |end| hidden + end + LAG);
+            wanted.max(hidden + FIRST).min(options.max_frames)
+        }
+        Some(_) => hidden + FIRST,
+    };
     let mut frames = decoded(path, &programs, first, options)?;
     if let Some(change) = change(&frames) {
         if options.end.is_none_or(|end| end > change.0) {
@@ -205,7 +217,7 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
         size,
         pixel_aspect: fraction(&track.sample_aspect_ratio, ':').map_or([1, 1], |(a, b)| [a, b]),
         fields: fields(&track.field_order, &frames[..frames.len().min(FIRST)]),
-        turn: turn(track),
+        turn: turn(track, head),
         full_range: track.color_range == "pc" || head.pix_fmt.starts_with("yuvj"),
         matrix: matrix(&track.color_space),
         transfer: match track.color_transfer.as_str() {
@@ -338,8 +350,10 @@ fn fields(said: &str, frames: &[Shown]) -> Fields {
 }
 
 /// By how much frames are turned clockwise, 0 to 359 degrees.
-fn turn(track: &Track) -> u32 {
-    let counterclockwise = track.side_data_list.iter().find_map(|data| data.rotation);
+fn turn(track: &Track, head: &Shown) -> u32 {
+    // What frames say of themselves goes before what the container says, as in ffmpeg.
+    let said = head.side_data_list.iter().chain(&track.side_data_list);
+    let counterclockwise = said.into_iter().find_map(|data| data.rotation);
     // Before it was data of its own, it was a tag.
     let tag = || track.tags.get("rotate").and_then(|turn| turn.parse::<f64>().ok());
     let degrees =
@@ -396,7 +410,10 @@ mod tests {
     fn what_ffprobe_says_is_read_as_data() {
         let answer: Answer = serde_json::from_str(SAID).unwrap();
         let track = shown(&answer.streams).unwrap();
-        assert_eq!((track.index, turn(track), matrix(&track.color_space)), (1, 90, Matrix::Bt709));
+        assert_eq!(
+            (track.index, turn(track, &Shown::default()), matrix(&track.color_space)),
+            (1, 90, Matrix::Bt709)
+        );
         assert_eq!(fraction(&track.sample_aspect_ratio, ':'), Some((4, 3)));
         assert_eq!((fraction("0:1", ':'), fraction("N/A", ':'), fraction("", '/')), (None, None, None));
         let packets: Vec<&Packet> = answer.packets.iter().collect();

@@ -231,14 +231,7 @@ mod tests {
         if clip(folder.path(), 4).is_none() {
             return;
         }
-        let make = |arguments: &str| {
-            let status = Command::new("ffmpeg")
-                .current_dir(folder.path())
-                .args("-v error -nostdin -y".split(' '))
-                .args(arguments.split(' '))
-                .status();
-            assert!(status.unwrap().success(), "{arguments}");
-        };
+        let make = |arguments: &str| make(folder.path(), arguments);
         make("-i clip.mp4 -c:v libx264 -bf 0 -pix_fmt yuv420p -f h264 a.h264");
         make("-i clip.mp4 -c:v libx264 -bf 0 -pix_fmt yuv422p -f h264 b.h264");
         let part = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
@@ -251,6 +244,102 @@ mod tests {
         println!("{refusal:?}");
         assert!(refusal.what.contains("changes its pixel format at frame 4"), "{refusal}");
         assert_eq!(refusal.part, Some(0..4));
+    }
+
+    /// Runs ffmpeg in `folder`.
+    fn make(folder: &Path, arguments: &str) {
+        let mut command = Command::new("ffmpeg");
+        command.current_dir(folder).args("-v error -nostdin -y".split(' ')).args(arguments.split(' '));
+        assert!(command.status().unwrap().success(), "{arguments}");
+    }
+
+    /// Half a turn, said by the frames that begin a group.
+    const HALF: &str = "-bsf:v h264_metadata=display_orientation=insert:rotate=180";
+
+    #[test]
+    fn a_rotation_that_changes_is_refused_with_the_frame() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = options();
+        let Some(path) = clip(folder.path(), 8) else { return };
+        let make = |arguments: &str| make(folder.path(), arguments);
+        // Groups of four frames without others, so that the order of the file is the one of display.
+        make("-i clip.mp4 -c:v libx264 -bf 0 -g 4 -f h264 a.h264");
+        make(&format!("-i a.h264 -c copy {HALF} b.h264"));
+        let part = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+        std::fs::write(folder.path().join("ab.h264"), [part("a.h264"), part("b.h264")].concat()).unwrap();
+        for name in ["ab.mp4", "ab.mkv"] {
+            make(&format!("-framerate 30 -i ab.h264 -c copy -bsf:v setts=ts=N/30/TB {name}"));
+        }
+        for name in ["a", "b"] {
+            make(&format!("-framerate 30 -i {name}.h264 -c copy {name}.ts"));
+        }
+        std::fs::write(folder.path().join("ab.ts"), [part("a.ts"), part("b.ts")].concat()).unwrap();
+        std::fs::remove_file(path).unwrap();
+        for (name, is_native) in [("ab.mp4", true), ("ab.mkv", true), ("ab.mp4", false), ("ab.ts", false)] {
+            let path = folder.path().join(name);
+            let film = if is_native { open(&path, &options) } else { by_programs(&path, &options, None) };
+            let refusal = film.and_then(|film| {
+                assert!(matches!(film.backend, Backend::Native) == is_native, "{name}");
+                film.frames(None, &options)?.find_map(Result::err).map_or(Ok(()), Err)
+            });
+            let refusal = refusal.unwrap_err();
+            println!("{name}: {refusal}");
+            assert!(
+                refusal.what.contains("changes its rotation at frame 8: 0° before, "),
+                "{name}: {refusal}"
+            );
+            assert!(refusal.what.contains("180° from there on"), "{name}: {refusal}");
+            assert_eq!(refusal.part, Some(0..8), "{name}");
+            // The frames before can be taken.
+            let few = Options { end: Some(8), ..options };
+            let film = if is_native { open(&path, &few) } else { by_programs(&path, &few, None) };
+            let taken: Vec<_> = film.unwrap().frames(Some(8), &few).unwrap().collect();
+            assert!(taken.len() == 8 && taken.iter().all(Result::is_ok), "{name}");
+        }
+    }
+
+    #[test]
+    fn a_rotation_that_all_frames_share_is_honoured() {
+        let folder = tempfile::tempdir().unwrap();
+        let options = options();
+        if clip(folder.path(), 6).is_none() {
+            return;
+        }
+        let make = |arguments: &str| make(folder.path(), arguments);
+        // The group lasts, and with it what its first frame says: six frames of one group.
+        make("-i clip.mp4 -c:v libx264 -bf 2 -g 100 one.mp4");
+        make(&format!("-i one.mp4 -c copy {HALF} one_turned.mp4"));
+        let one = frames(&open(&folder.path().join("one.mp4"), &options).unwrap(), &options);
+        let film = open(&folder.path().join("one_turned.mp4"), &options).unwrap();
+        assert!(matches!(film.backend, Backend::Native) && film.stream.turn == 180);
+        let upright = |frames: &[Frame]| -> Vec<Frame> {
+            frames.iter().map(|frame| crate::turn::turned(frame.clone(), 180)).collect()
+        };
+        assert!(frames(&film, &options) == upright(&one));
+        // Where the next group says nothing, it ends.
+        for name in ["one", "one_turned"] {
+            make(&format!("-i {name}.mp4 -c copy -f h264 {name}.h264"));
+        }
+        let part = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+        let both = [part("one_turned.h264"), part("one.h264")].concat();
+        std::fs::write(folder.path().join("both.h264"), both).unwrap();
+        make("-framerate 30 -i both.h264 -c:v copy -bsf:v setts=ts=N/30/TB both.mp4");
+        let film = open(&folder.path().join("both.mp4"), &options).unwrap();
+        let refusal = film.frames(None, &options).unwrap().find_map(Result::err).unwrap();
+        assert!(refusal.what.contains("changes its rotation at frame 6: 180° before, 0° from"), "{refusal}");
+        // ffmpeg turns each frame by what it says itself; here each does.
+        // Frames with other messages, beside which it is written; else it comes behind the frame.
+        make("-i clip.mp4 -c:v libx264 -g 1 -b:v 1M -maxrate 1M -bufsize 1M -nal-hrd vbr -f h264 each.h264");
+        make(&format!("-i each.h264 -c copy {HALF} -f h264 each_turned.h264"));
+        for name in ["each", "each_turned"] {
+            make(&format!("-framerate 30 -i {name}.h264 -c copy {name}.mp4"));
+        }
+        let path = folder.path().join("each_turned.mp4");
+        let film = by_programs(&path, &options, None).unwrap();
+        assert_eq!(film.stream.turn, 180);
+        let each = by_programs(&folder.path().join("each.mp4"), &options, None).unwrap();
+        assert!(frames(&film, &options) == upright(&frames(&each, &options)));
+        assert_eq!(open(&path, &options).unwrap().stream.turn, 180);
     }
 
     #[test]

@@ -75,6 +75,11 @@ impl Format {
         }
     }
 
+    /// Memory of one frame, its borders included `[bytes]`.
+    pub(crate) fn bytes(&self) -> u64 {
+        self.samples() * if self.bits > 8 { 2 } else { 1 }
+    }
+
     /// Refuses what is not decoded, and what is too large.
     pub(crate) fn check(&self, limits: &Limits) -> Result<(), Refused> {
         limits.check_frame(self.size, self.samples(), self.bits)?;

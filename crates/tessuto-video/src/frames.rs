@@ -82,8 +82,10 @@ impl Frames {
     fn next_here(&mut self, native: &mut Native) -> Option<Result<Frame, Refusal>> {
         match native.next_rgb()? {
             Ok(rgb) => Some(Ok(turned(Frame { size: self.size, rgb }, self.turn))),
-            Err(Refused::Changed(what)) => {
-                let what = format!("changes its pixel format at frame {}: {what}", self.given);
+            Err(ref refused @ (Refused::Changed(ref what) | Refused::Turned(ref what))) => {
+                let changing =
+                    if matches!(refused, Refused::Turned(_)) { "rotation" } else { "pixel format" };
+                let what = format!("changes its {changing} at frame {}: {what}", self.given);
                 let part = (self.given > 0).then_some(0..self.given);
                 Some(Err(Refusal { part, ..Refusal::new(what, OTHER_PART) }))
             }

@@ -173,7 +173,7 @@ fn scaling_lists(bits: &mut Bits, lists: usize) -> Result<(), Refused> {
 }
 
 /// A unit as the decoder takes it; `None` for those that it has no use for.
-fn unit(unit: &[u8]) -> Result<Option<NalUnit<'_>>, Refused> {
+pub(crate) fn unit(unit: &[u8]) -> Result<Option<NalUnit<'_>>, Refused> {
     let kind = kind(unit);
     if (2..=4).contains(&kind) {
         return not_handled("H.264 with partitioned slices");

@@ -30,8 +30,11 @@
 //!
 //! Frames come as they are asked for, in the order in which they are shown; samples are read from the file one by
 //! one, and a bounded number of frames waits for others. Nothing is taken on a file's word: tables may not be
-//! longer than the file, frames not larger than [`native::Limits`] allow, before memory is taken. The same file
-//! gives the same bytes everywhere: one thread decodes.
+//! longer than the file, frames not larger than [`native::Limits`] allow, before memory is taken.
+//!
+//! Several frames of H.264 are decoded at once, by threads of their own, while whoever reads works on those before.
+//! The same file gives the same bytes everywhere, and the same errors: where anything about a film is not sound, its
+//! frames are decoded anew, one after the other. HEVC is decoded by the thread that asks.
 //!
 //! The decoders are the crates `rust_h264` and `rust_h265`. If they panic, the film is damaged, and nothing is
 //! printed: the first film that is opened puts a panic hook before the program's own which keeps silent about
@@ -39,6 +42,7 @@
 //! the decoder of H.264 notices few, and of slices that are missing from a frame none; ffmpeg notices two of
 //! three, says so, and goes on.
 
+mod ahead;
 mod annexb;
 mod bits;
 mod bytes;
@@ -57,6 +61,7 @@ mod limits;
 mod matroska;
 mod mp4;
 pub mod native;
+mod orientation;
 mod quiet;
 pub mod rate;
 mod refusal;

@@ -21,8 +21,8 @@ use crate::{matroska, mp4};
 /// A film that is open: what its container says, and its frames one after the other, in the order in which they
 /// are shown.
 ///
-/// Frames are decoded as they are asked for; a few are kept that are shown later than others. After an error there
-/// are no more.
+/// Frames are decoded as they are asked for, those of H.264 a few ahead; a few are kept that are shown later than
+/// others. After an error there are no more.
 pub struct Native {
     stream: Stream,
     film: Film,
@@ -96,7 +96,7 @@ fn contained(contained: Contained, limits: Limits) -> Result<Native, Refused> {
     let format = contained.format().clone();
     let mut stream = stream(track.configuration.codec, contained.times(), &format, track.colour);
     stream.tick = track.tick;
-    stream.turn = track.turn;
+    stream.turn = contained.turn();
     stream.capture_rate = track.capture_rate;
     stream.pixel_aspect = track.pixel_aspect.unwrap_or(stream.pixel_aspect);
     Ok(Native::new(stream, &format, Film::Contained(Box::new(contained)), limits))
@@ -124,6 +124,15 @@ impl Native {
     fn new(stream: Stream, format: &Format, film: Film, limits: Limits) -> Native {
         let colours = Colours::new(stream.matrix, stream.full_range, stream.bits, format.siting);
         Native { stream, film, colours, limits, chroma: None, given: 0, over: false }
+    }
+
+    /// The same film with its frames decoded one after the other by the thread that asks for them, if none was asked
+    /// for yet; else several at once may be. Frames and errors are the same.
+    pub fn one_by_one(mut self) -> Native {
+        if let Film::Contained(contained) = &mut self.film {
+            contained.decode_one_by_one();
+        }
+        self
     }
 
     /// What the container says of the film.

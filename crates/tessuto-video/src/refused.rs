@@ -12,6 +12,8 @@ pub enum Refused {
     Damaged(String),
     /// Its frames have another pixel format from one on; both are named.
     Changed(String),
+    /// Its frames are turned otherwise from one on; both angles are named.
+    Turned(String),
     /// Takes more than the [`Limits`](crate::native::Limits) allow.
     TooLarge(String),
     /// The system does not give its bytes.
@@ -24,6 +26,7 @@ impl fmt::Display for Refused {
             Refused::NotHandled(what) => write!(f, "is not decoded here: {what}"),
             Refused::Damaged(what) => write!(f, "is damaged: {what}"),
             Refused::Changed(what) => write!(f, "changes its pixel format: {what}"),
+            Refused::Turned(what) => write!(f, "changes its rotation: {what}"),
             Refused::TooLarge(what) => write!(f, "is too large: {what}"),
             Refused::Unreadable(what) => write!(f, "cannot be read: {what}"),
         }

@@ -15,6 +15,11 @@ pub(crate) struct Sequence {
 }
 
 impl Sequence {
+    /// The set that was read last.
+    pub(crate) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
     /// Takes any unit; reads it if it is a sequence parameter set. To be called before the decoder sees it: what a
     /// set asks for is taken by the decoder at once.
     pub(crate) fn unit(&mut self, codec: Codec, unit: &[u8], limits: &Limits) -> Result<(), Refused> {
