@@ -83,7 +83,8 @@ fn readme(input: &str, fps: f64, camera: &Camera, corners: [[f64; 2]; 4]) -> Str
     let rate = if input == "frames" { format!(" --fps {fps}") } else { String::new() };
     format!(
         "# A made-up clip\n\n\
-         A patterned sheet that bends in front of a wall, with sensor noise{}: to try the whole way with, from a phone's video to a mesh.\n\n\
+         A patterned sheet that bends in front of a wall, with sensor noise{}: to try the whole way with, \
+         from a phone's video to a mesh.\n\n\
          - Size of the sheet: {:.0} × {:.0} cm\n\
          - Corners in frame 0, clockwise from the upper left (column, row): {spaced}\n\
          - Camera: focal length {:.0} px, {}×{} px, {fps} frames a second{}\n\n\

@@ -123,7 +123,8 @@ fn physics(causes: &CauseMetrics) -> Vec<String> {
     }
     if let Some(calm) = causes.calm {
         lines.push(format!(
-            "in still air, 20 frames on, the found cloth is {:.1} mm from the true one; a guess without physics {:.1} mm",
+            "in still air, 20 frames on, the found cloth is {:.1} mm from the true one; a guess without \
+             physics {:.1} mm",
             1e3 * calm.error,
             1e3 * calm.baseline
         ));

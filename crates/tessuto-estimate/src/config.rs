@@ -63,15 +63,19 @@ settings! {
     /// Properties of a continuum.
     pub struct FabricSettings {
         /// log10 of the tension per strain along the warp `[N/m]`.
-        warp: StiffnessRange = range(200f64.log10(), 1.0, 3.0), property("tension per strain along the warp (growing u)", "log10 N/m", -3.0, 8.0);
+        warp: StiffnessRange = range(200f64.log10(), 1.0, 3.0),
+            property("tension per strain along the warp (growing u)", "log10 N/m", -3.0, 8.0);
         /// The same along the weft.
-        weft: StiffnessRange = range(200f64.log10(), 1.0, 3.0), property("tension per strain along the weft", "log10 N/m", -3.0, 8.0);
+        weft: StiffnessRange = range(200f64.log10(), 1.0, 3.0),
+            property("tension per strain along the weft", "log10 N/m", -3.0, 8.0);
         /// log10 of the Poisson ratio.
-        poisson: StiffnessRange = range(-0.7, -2.0, -0.3), property("Poisson ratio, geometric mean of both", "log10", -6.0, -0.05);
+        poisson: StiffnessRange = range(-0.7, -2.0, -0.3),
+            property("Poisson ratio, geometric mean of both", "log10", -6.0, -0.05);
         /// log10 of the shear force per angle `[N/m]`.
         shear: StiffnessRange = range(1.3, 0.0, 2.5), property("shear force per angle", "log10 N/m", -3.0, 8.0);
         /// log10 of the bend stiffness `[J]`.
-        bend: StiffnessRange = range(-5.0, -7.0, -3.0), property("moment per curvature and width", "log10 J", -12.0, 4.0);
+        bend: StiffnessRange = range(-5.0, -7.0, -3.0),
+            property("moment per curvature and width", "log10 J", -12.0, 4.0);
     }
 }
 

@@ -317,7 +317,10 @@ mod tests {
         // One argument each, however odd the name is, and none that starts like an option.
         assert_eq!(commands[0][..3], ["import", "./-it's; $(touch x).mp4", "scenes/a"]);
         let text: Vec<_> = commands.iter().map(shown).collect();
-        let import = r"tessuto import './-it'\''s; $(touch x).mp4' scenes/a --frames 3..20 --downscale 2 --outline '5,10 15,9 25,10 25,30 5,30' --fx 800 --cx 319.5 --cy 319.5";
+        let import = concat!(
+            r"tessuto import './-it'\''s; $(touch x).mp4' scenes/a --frames 3..20 --downscale 2 ",
+            "--outline '5,10 15,9 25,10 25,30 5,30' --fx 800 --cx 319.5 --cy 319.5"
+        );
         assert_eq!(text[0], import);
         assert_eq!(
             text[1],

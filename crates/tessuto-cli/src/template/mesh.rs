@@ -81,7 +81,8 @@ fn estimated(view: &mut View, size: Pair, corners: &CornersFrom) -> Result<Camer
     let (camera, found) = focal::estimate(size.into(), corners.found()?, image, CLICK)?;
     let [low, high] = found.interval;
     say!(
-        "focal length from the corners: {:.0} px ({low:.0} to {high:.0}, ± {:.1} %, if corners are known to {CLICK} px)",
+        "focal length from the corners: {:.0} px ({low:.0} to {high:.0}, ± {:.1} %, if corners are known to \
+         {CLICK} px)",
         found.focal,
         100.0 * found.uncertainty()
     );
@@ -102,7 +103,8 @@ pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Made> {
         None if nothing => {
             return Err(Error::usage(
                 "nothing to do",
-                "make a rectangle (--flat WxH --from-mask), re-sample a mesh (--remesh 32 --from FILE), or repair the template (--scale, --flip, --swap, --weld)",
+                "make a rectangle (--flat WxH --from-mask), re-sample a mesh (--remesh 32 --from FILE), or \
+                 repair the template (--scale, --flip, --swap, --weld)",
             ));
         }
         None if scene => arguments.target.join("template.obj"),

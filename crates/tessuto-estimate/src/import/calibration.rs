@@ -106,9 +106,11 @@ impl Calibration {
                         own[0], own[1], size[0], size[1]
                     ),
                     if turned {
-                        "the video is turned by 90° against the calibration: calibrate with images held alike, or give fx fy cx cy of the turned image"
+                        "the video is turned by 90° against the calibration: calibrate with images held \
+                         alike, or give fx fy cx cy of the turned image"
                     } else {
-                        "give the camera of these images; a video is often cut from the middle of the sensor, which no scale makes good"
+                        "give the camera of these images; a video is often cut from the middle of the sensor, \
+                         which no scale makes good"
                     },
                 ));
             }

@@ -181,7 +181,8 @@ fn validate(settings: &Settings) -> Result<()> {
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(
             format!("transparency as masks, of {}, which is not a folder", settings.input.display()),
-            "transparency is read from PNG images: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
+            "transparency is read from PNG images: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba \
+             frames/%04d.png",
         ));
     }
     Ok(())

@@ -135,7 +135,8 @@ fn conversion(path: &Path) -> String {
         "npy" | "npz" => "write the arrays as PNG images, white where the fabric is".into(),
         "dng" | "cr2" | "cr3" | "nef" | "arw" | "raf" | "rw2" | "orf" => {
             format!(
-                "develop all of them alike, e.g. darktable-cli FILE FILE.png, or magick mogrify -format png FOLDER/*.{ending}"
+                "develop all of them alike, e.g. darktable-cli FILE FILE.png, or magick mogrify -format png \
+                 FOLDER/*.{ending}"
             )
         }
         _ => format!(

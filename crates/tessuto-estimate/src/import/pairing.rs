@@ -104,7 +104,8 @@ impl Pairs<'_> {
         let apart = first > *masks.last()? || mask > *frames.last()?;
         (off_by_one || apart).then(|| {
             format!(
-                "masks are numbered from {mask}, frames from {first}, as many of each; paired in order, so that {} belongs to {}",
+                "masks are numbered from {mask}, frames from {first}, as many of each; paired in order, so \
+                 that {} belongs to {}",
                 name(&self.files[0]),
                 name(&images[0])
             )
@@ -153,7 +154,8 @@ impl Pairs<'_> {
             let problem = format!(
                 "{problem}; masks are numbered from {mask}, frames from {frame}: it is not clear which belong together"
             );
-            let hint = "number masks as their frames, or make the one that is missing: as many of each, numbered without gap, are paired in order";
+            let hint = "number masks as their frames, or make the one that is missing: as many of each, \
+                        numbered without gap, are paired in order";
             return error(problem, hint.into());
         }
         if let Some((first, step)) = every(&there) {
@@ -180,7 +182,8 @@ impl Pairs<'_> {
                 ordinal(ratio)
             );
             let hint = format!(
-                "if they are of every {}, number them as their frames (0, {ratio}, {} …); if they are of the first frames, take these",
+                "if they are of every {}, number them as their frames (0, {ratio}, {} …); if they are of the \
+                 first frames, take these",
                 ordinal(ratio),
                 2 * ratio
             );
@@ -205,7 +208,8 @@ impl Pairs<'_> {
             );
             let hint = match self.kind {
                 Kind::Video(_) => {
-                    "import the video at its own rate (and leave frames out by a stride), or keep the masks of these frames alone"
+                    "import the video at its own rate (and leave frames out by a stride), or keep the masks \
+                     of these frames alone"
                 }
                 Kind::Images(_) => "keep the masks of these frames alone, with their names or numbers",
             };

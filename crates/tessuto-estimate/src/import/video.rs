@@ -102,8 +102,8 @@ impl Video {
                 Course::Varying if slowed.is_none() => {
                     let mean = (moments.len() - 1) as f64 / (moments[moments.len() - 1] - moments[0]);
                     note(format!(
-                        "its frame rate varies ({} per second on average); brought to {fps:.4} per second by its time stamps, \
-                         frames repeat or are left out: another rate can be given (fps)",
+                        "its frame rate varies ({} per second on average); brought to {fps:.4} per second by \
+                         its time stamps, frames repeat or are left out: another rate can be given (fps)",
                         rounded(mean)
                     ));
                 }
@@ -224,7 +224,8 @@ impl Video {
         Err(Error::input(
             &self.place,
             format!(
-                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: nothing shows which mask belongs to which"
+                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: nothing shows \
+                 which mask belongs to which"
             ),
             "make one mask for each frame of the film, in its order",
         ))
@@ -303,7 +304,11 @@ fn about(said: &Said) -> Vec<String> {
             .push(format!("the recording is marked as turned by {}°; frames are written upright", said.turn));
     }
     if said.transfer != Transfer::Standard {
-        notes.push("high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or convert it first".to_owned());
+        notes.push(
+            "high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or \
+             convert it first"
+                .to_owned(),
+        );
     }
     let first = match said.fields {
         Fields::Progressive => None,
@@ -384,8 +389,8 @@ fn told_late(late: &[Late], own: f64, fps: f64) -> String {
     let (noun, verb) = if late.len() == 1 { ("frame", "comes") } else { ("frames", "come") };
     let after = late[0].intervals as f64 / own;
     format!(
-        "{noun} {}{more} {verb} late (the first {after:.3} s after the frame before, instead of {:.3} s): frames are missing in the recording; \
-         brought to {} per second by its time stamps, the frame before repeats",
+        "{noun} {}{more} {verb} late (the first {after:.3} s after the frame before, instead of {:.3} s): \
+         frames are missing in the recording; brought to {} per second by its time stamps, the frame before repeats",
         names.join(", "),
         1.0 / own,
         rounded(fps)

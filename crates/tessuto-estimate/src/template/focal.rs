@@ -112,7 +112,8 @@ pub fn estimate(
             );
             Err(refusal(
                 format!("the corners do not determine the focal length: {known} within {precision} px"),
-                "the sheet is seen too much from the front: use a frame in which it is tilted by 30° or more and near the camera",
+                "the sheet is seen too much from the front: use a frame in which it is tilted by 30° or more \
+                 and near the camera",
             ))
         }
     }

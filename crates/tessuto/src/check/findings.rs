@@ -153,7 +153,8 @@ fn copies(scene: &Scene, looked_at: &[Glance]) -> Finding {
     };
     let (count, every, first) = (found.count, found.every, scene.first_frame + found.first);
     let detail = format!(
-        "{count} frames hardly differ from the one before, every {every} frames from frame {first}: copies, as of film whose rate was raised"
+        "{count} frames hardly differ from the one before, every {every} frames from frame {first}: copies, \
+         as of film whose rate was raised"
     );
     let hint = match every {
         2 => "import every second frame (stride 2), at half the rate, or the film as the camera wrote it",

@@ -162,7 +162,8 @@ impl Forecast {
         let y = |mm: f64| SIZE[1] - EDGE[1] - mm / top * (SIZE[1] - 2.0 * EDGE[1]);
         let [width, height] = SIZE;
         let mut out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
+             font-family=\"sans-serif\" font-size=\"12\">\n\
              <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n\
              <path d=\"M{0} {1}V{2}H{3}\" fill=\"none\" stroke=\"#94a3b8\"/>\n",
             x(0.0),

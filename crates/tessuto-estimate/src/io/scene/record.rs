@@ -172,7 +172,8 @@ mod tests {
         assert_eq!(TemplateRecord { template_sha256: String::new(), ..found.clone() }, record);
         assert_eq!(
             found.sentence(),
-            "flat sheet of 0.550×0.560 m, its corners off by 1.50 px; focal length 800 px (760 to 850) estimated from the corners"
+            "flat sheet of 0.550×0.560 m, its corners off by 1.50 px; focal length 800 px (760 to 850) \
+             estimated from the corners"
         );
         std::fs::write(folder.path().join("template.obj"), "v 0 0 2\n").unwrap();
         assert_eq!(TemplateRecord::read(folder.path()), None);

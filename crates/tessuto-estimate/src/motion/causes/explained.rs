@@ -58,7 +58,8 @@ impl Sizes {
     pub fn doubt(&self) -> Option<Warning> {
         let mm = 1e3 * self.replay;
         let found = format!(
-            "under its forces the cloth buckles another way than it was found: a replay is up to {mm:.1} mm beside the motion"
+            "under its forces the cloth buckles another way than it was found: a replay is up to {mm:.1} mm \
+             beside the motion"
         );
         let hint = "take the motion from motion.npy, which is as it was found";
         (self.replay > 0.0).then(|| Warning::new("causes", found, hint))
