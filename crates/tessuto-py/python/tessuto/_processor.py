@@ -1,6 +1,7 @@
 """Whether this processor has the instructions that the package was built for.
 
-Loading the extension module on another one would end Python with "illegal instruction", so it is asked before, in Python.
+Loading the extension module on another one would end Python with "illegal instruction", so it is asked before,
+in Python.
 """
 
 from __future__ import annotations
