@@ -31,7 +31,9 @@ const page = await browser.newPage();
 const complaints = [], requests = [];
 // The driver's own remarks on reading pixels back are none of the page's.
 const ofDriver = text => /GPU stall due to ReadPixels|GL Driver Message/.test(text);
-page.on("console", m => { if (["error", "warn"].includes(m.type()) && !ofDriver(m.text())) complaints.push(m.text()); });
+page.on("console", m => {
+  if (["error", "warn"].includes(m.type()) && !ofDriver(m.text())) complaints.push(m.text());
+});
 page.on("pageerror", e => complaints.push(String(e)));
 page.on("request", r => { if (/^(https?|wss?|ftp):/.test(r.url())) requests.push(r.url()); });
 await page.setViewport({ width: 1280, height: 900 });
@@ -74,7 +76,8 @@ check("playing advances the frame", played > 0, `frame ${played} of ${count}`);
 await pause(200);
 check("… and stops", await frame() === played);
 await page.$eval("#scrub", (e, v) => { e.value = v; e.dispatchEvent(new Event("input")); }, count - 1);
-check("the slider moves the frame", await frame() === count - 1 && (await page.$eval("#frame", e => e.textContent)).includes(String(count - 1)));
+check("the slider moves the frame",
+  await frame() === count - 1 && (await page.$eval("#frame", e => e.textContent)).includes(String(count - 1)));
 await page.evaluate(() => document.activeElement.blur());
 await page.keyboard.press("Home");
 await page.keyboard.press("ArrowRight");
@@ -88,7 +91,8 @@ check("every frame has a verdict", states.length === count, `${states.length} of
 if (states.some(state => state !== "found")) {
   await page.keyboard.press("n");
   const told = await page.$eval("#state-text", e => e.textContent);
-  check("N goes to a doubtful or lost frame, and its reason is told", states[await frame()] !== "found" && told.startsWith(states[await frame()]), told);
+  check("N goes to a doubtful or lost frame, and its reason is shown",
+    states[await frame()] !== "found" && told.startsWith(states[await frame()]), told);
   await page.click("#next-doubt");
   check("… and so does the button", states[await frame()] !== "found");
 }
@@ -112,7 +116,8 @@ const after = await place();
 check("dragging turns the view", Math.hypot(...before.map((v, i) => v - after[i])) > 0.05);
 await page.mouse.move(canvas.x + canvas.width / 2, canvas.y + canvas.height / 2, { steps: 3 });
 await pause(100);
-check("the pointer tells a value", (await page.$eval("#probe", e => e.textContent)).includes("vertex"), await page.$eval("#probe", e => e.textContent));
+check("the pointer tells a value", (await page.$eval("#probe", e => e.textContent)).includes("vertex"),
+  await page.$eval("#probe", e => e.textContent));
 
 const looks = await page.$$eval("#look option", all => all.map(o => o.value));
 for (const look of looks) {
@@ -153,7 +158,8 @@ await page.evaluate(() => document.activeElement.blur());
 const plain = await page.evaluate(() => tessuto.page.view.drawn);
 await page.keyboard.press("w");
 await page.waitForFunction(n => tessuto.page.view.drawn > n, { timeout: 3000 }, plain).catch(() => {});
-check("W shows the threads", await page.evaluate(() => tessuto.page.view.lines.visible && tessuto.page.view.drawn) > plain);
+check("W shows the threads",
+  await page.evaluate(() => tessuto.page.view.lines.visible && tessuto.page.view.drawn) > plain);
 await page.keyboard.press("w");
 await page.evaluate(() => document.activeElement.blur());
 
@@ -164,13 +170,16 @@ if (plot) {
   await plot.click();
   check("a click on a curve goes to its frame", await frame() > 0, `frame ${await frame()}`);
   const legend = await page.$eval("#frame-charts .key", e => e.textContent);
-  check("curves tell the values of a frame", /\d/.test(legend.replace(/[^\d]/g, "")), legend.replace(/\s+/g, " ").trim());
+  check("curves tell the values of a frame", /\d/.test(legend.replace(/[^\d]/g, "")),
+    legend.replace(/\s+/g, " ").trim());
 }
 
 // What moved it: arrows and changed replays, where causes were searched.
 const causes = await page.evaluate(() => {
   const { causes } = tessuto.page.data;
-  return causes && { forces: causes.forces.map(f => f.key), replays: causes.replays.map(r => [r.key, r.motion.frames]) };
+  return causes && {
+    forces: causes.forces.map(f => f.key), replays: causes.replays.map(r => [r.key, r.motion.frames]),
+  };
 });
 if (causes) {
   const shown = async () => (await page.$("#cloth")).screenshot({ encoding: "base64" });
@@ -195,11 +204,13 @@ if (causes) {
       const [now, found] = [view.replay, view.motion].map(place);
       return Math.max(...now.map((v, i) => Math.abs(v - found[i])));
     });
-    check(`replay: ${key}`, await frame() === frames - 1 && moved > 1e-3, `${frames} frames, ${(1000 * moved).toFixed(0)} mm from the last one found`);
+    check(`replay: ${key}`, await frame() === frames - 1 && moved > 1e-3,
+      `${frames} frames, ${(1000 * moved).toFixed(0)} mm from the last one found`);
     if (shots) await (await page.$("#cloth-panel")).screenshot({ path: `${shots}/replay-${key}.png` });
   }
   if (causes.replays.length) await page.click("[data-replay=found]");
-  check("what was found plays again", await page.evaluate(() => tessuto.page.view.replay === null && tessuto.page.player.frameCount) === count);
+  check("what was found plays again",
+    await page.evaluate(() => tessuto.page.view.replay === null && tessuto.page.player.frameCount) === count);
   const words = await page.$$eval("#causes td", all => all.map(cell => cell.textContent));
   check("the table tells which causes are informed", words.includes("informed") || words.includes("not informed"));
 }
@@ -209,7 +220,8 @@ for (const width of [1280, 800, 390]) {
     await page.setViewport({ width, height: 900 });
     await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
     await pause(500);
-    const [inner, outer] = await page.evaluate(() => [document.documentElement.scrollWidth, document.documentElement.clientWidth]);
+    const [inner, outer] = await page.evaluate(() =>
+      [document.documentElement.scrollWidth, document.documentElement.clientWidth]);
     check(`nothing sticks out at ${width} px, ${scheme}`, inner <= outer, `${inner} of ${outer} px`);
     const seen = await page.evaluate(() => {
       scrollTo(0, 0);
@@ -217,7 +229,8 @@ for (const width of [1280, 800, 390]) {
       const end = document.getElementById("transport").getBoundingClientRect().top;
       return (Math.min(bottom, end) - Math.max(0, top)) / height;
     });
-    check(`the fabric is on the first screen at ${width} px, ${scheme}`, seen > 0.8, `${(100 * seen).toFixed(0)} % of its view`);
+    check(`the fabric is on the first screen at ${width} px, ${scheme}`, seen > 0.8,
+      `${(100 * seen).toFixed(0)} % of its view`);
     if (shots) {
       mkdirSync(shots, { recursive: true });
       await page.evaluate(() => scrollTo(0, 0));

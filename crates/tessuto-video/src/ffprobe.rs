@@ -27,7 +27,8 @@ const WHAT_IS_READ: &str = "name a video file, or a folder of PNG or JPEG images
 /// What is asked of the file.
 const ENTRIES: &str = "library_version=name,major,minor:format=format_name:format_tags:stream=index,codec_name,\
      width,height,pix_fmt,field_order,sample_aspect_ratio,color_range,color_space,color_transfer,time_base,\
-     bits_per_raw_sample:stream_tags:stream_disposition=default,attached_pic:stream_side_data=rotation:packet=stream_index,pts,dts,flags";
+     bits_per_raw_sample:stream_tags:\
+     stream_disposition=default,attached_pic:stream_side_data=rotation:packet=stream_index,pts,dts,flags";
 /// What is asked of decoded frames.
 const FRAME_ENTRIES: &str = "frame=best_effort_timestamp,width,height,pix_fmt,interlaced_frame,\
      top_field_first:frame_side_data=rotation";
