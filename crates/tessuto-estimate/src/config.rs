@@ -8,11 +8,11 @@ use serde_json::Value;
 use crate::appearance::{AppearanceSettings, MapPrior};
 use crate::io::read_bounded;
 use crate::io::text::decode;
+use crate::motion::baselines::{self, RolloutSettings};
 use crate::motion::causes::CauseSettings;
 use crate::motion::inverse::accelerations::InverseSettings;
 use crate::motion::inverse::stiffness::MaterialSettings;
 use crate::motion::parameters::{Dynamics, StiffnessRange};
-use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
 use tessuto_core::error::{Error, Result, Warning};
@@ -55,7 +55,7 @@ fn property(name: &str, unit: &'static str, low: f64, high: f64) -> Vec<Setting>
     vec![row("start", start), row("low", "lower bound"), row("high", "upper bound")]
 }
 
-const fn range(start: f64, low: f64, high: f64) -> StiffnessRange {
+pub(crate) const fn range(start: f64, low: f64, high: f64) -> StiffnessRange {
     StiffnessRange { start, low, high }
 }
 
@@ -206,16 +206,6 @@ impl Config {
     /// The settings of `preset`.
     pub fn preset(preset: Preset) -> Self {
         let default = Self { preset, ..Self::default() };
-        let published = TextureSettings { epochs: 200, ..default.texture };
-        // Where the search by simulation leaves what was published, so as to reach it: see
-        // docs/experiments/log/methods.md.
-        let steady = RolloutSettings {
-            outline_margin: 0.02,
-            epochs_per_frame: 8,
-            rated_frames: 10,
-            stiffness_rate: 0.005,
-            ..default.rollout
-        };
         match preset {
             Preset::Motion => default,
             Preset::Default => {
@@ -231,36 +221,7 @@ impl Config {
                 let causes = CauseSettings { fit: true, ..default.causes };
                 Self { dynamics, causes, ..default }
             }
-            Preset::Saft => {
-                let dynamics = DynamicsSettings {
-                    integrator: Integrator::LinearizedEuler,
-                    bend: range(-4.0, -5.0, -2.0),
-                    shear: range(-3.0, -4.0, -2.0),
-                    ..default.dynamics
-                };
-                Self { method: Method::Rollout, dynamics, rollout: steady, texture: published, ..default }
-            }
-            Preset::PhiSft => {
-                let dynamics = DynamicsSettings {
-                    integrator: Integrator::LinearizedEuler,
-                    model: Model::Continuum,
-                    ..default.dynamics
-                };
-                let rollout = RolloutSettings { wind: true, ..steady };
-                Self {
-                    method: Method::Rollout,
-                    irregular_vertices: 400,
-                    dynamics,
-                    rollout,
-                    texture: published,
-                    ..default
-                }
-            }
-            Preset::PgSft => {
-                let saft = Self::preset(Preset::Saft);
-                let dynamics = DynamicsSettings { integrator: Integrator::Surrogate, ..saft.dynamics };
-                Self { preset, dynamics, ..saft }
-            }
+            Preset::Saft | Preset::PhiSft | Preset::PgSft => baselines::presets::settings(default),
         }
     }
 
