@@ -79,7 +79,7 @@ fn encode(folder: &Path, fps: f64, camera: &Camera) -> std::result::Result<(), S
 fn readme(input: &str, fps: f64, camera: &Camera, corners: [[f64; 2]; 4]) -> String {
     let points = corners.map(|[x, y]| format!("{x:.0},{y:.0}"));
     let (cm, spaced) = (SHEET * 100.0, points.join(" "));
-    // Images do not tell their rate.
+    // Images have no rate of their own.
     let rate = if input == "frames" { format!(" --fps {fps}") } else { String::new() };
     format!(
         "# A made-up clip\n\n\

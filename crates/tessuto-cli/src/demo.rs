@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let finished = run::run(&scene, &result, &options, &mut watch);
     watch.stop();
     let outcome = finished?;
-    watch::tell(&outcome, &result);
+    watch::report(&outcome, &result);
     outcome.failure.map_or(Ok(()), Err)?;
     say!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
     if let Some(mean) = outcome.evaluation.map(|e| e.mean).and_then(|m| m.vertex) {

@@ -157,7 +157,7 @@ impl DynamicsSettings {
             .zip(log_stiffness)
             .filter_map(|((property, (_, range)), log_k)| {
                 let bound = range.bound_at(*log_k)?;
-                // Three digits are enough to tell the bound.
+                // Three digits are enough to recognise the bound.
                 let value: f64 = format!("{:.2e}", 10f64.powf(*log_k)).parse().expect("a number");
                 let value = format!("{value} {}", property.unit);
                 Some(format!("{} at its {bound} bound ({})", property.key, value.trim_end()))

@@ -15,7 +15,7 @@ use tessuto_core::scene::Scene;
 use tessuto_render::raster::{Rasterizer, Texture};
 use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 
-/// What a video tells about the fabric.
+/// What was found about the fabric.
 #[derive(Debug)]
 pub struct Reconstruction {
     /// Positions at every frame, shape [N, V]: what was found, and the rollout of `parameters`.
@@ -112,7 +112,7 @@ struct Found {
     /// The positions that were found and their deviations, shape [N, V].
     deviations: Option<(Vec<Positions>, Vec<Vec<f64>>)>,
     causes: Option<Explained>,
-    /// The motion to tell, shape [N, V]; that of the parameters if there is none.
+    /// The motion to report, shape [N, V]; that of the parameters if there is none.
     made: Option<Vec<Positions>>,
     failure: Option<Error>,
 }

@@ -93,7 +93,7 @@ impl Programs {
     }
 
     fn missing(&self, program: &Path, error: &std::io::Error) -> Refusal {
-        // Whoever has ffmpeg alone is told what is missing.
+        // Whoever has ffmpeg alone reads what is missing.
         let is_other = program == self.ffprobe && runs(&self.ffmpeg);
         let needed =
             if is_other { "the program ffprobe, which comes with ffmpeg" } else { "the program ffmpeg" };
@@ -123,7 +123,7 @@ fn complaints(child: &mut Child) -> JoinHandle<String> {
     let mut stderr = child.stderr.take();
     std::thread::spawn(move || {
         let mut text = Vec::new();
-        // What cannot be read of the complaints is lost; the exit status still tells.
+        // What cannot be read of the complaints is lost; the exit status still says so.
         let _ = stderr.as_mut().map(|s| s.read_to_end(&mut text));
         String::from_utf8_lossy(&text).into_owned()
     })

@@ -20,7 +20,7 @@ const ONE_EACH: &str = "h264 hevc av1 vp9";
 /// Codecs whose frames stand alone.
 const INTRA: &str =
     "mjpeg prores ffv1 dnxhd rawvideo png huffyuv ffvhuff utvideo qtrle gif v210 jpeg2000 cfhd";
-/// So many packets show whether frames are interlaced.
+/// This many packets show whether frames are interlaced.
 const FIRST: usize = 8;
 const WHAT_IS_READ: &str = "name a video file, or a folder of PNG or JPEG images";
 
@@ -276,7 +276,7 @@ fn stamps_of_packets(container: &str, codec: &str, packets: &[&Packet]) -> Optio
     let shown = packets.iter().filter(|packet| !packet.flags.is_discarded);
     let mut stamps = shown.map(|packet| packet.pts).collect::<Option<Vec<i64>>>()?;
     let first = packets.first().filter(|packet| packet.flags.is_key)?.pts?;
-    // Frames before the first key frame may not be decoded, and a clock that jumps back tells no order.
+    // Frames before the first key frame may not be decoded, and a clock that jumps back gives no order.
     let dts: Vec<i64> = packets.iter().filter_map(|packet| packet.dts).collect();
     if stamps.iter().any(|stamp| *stamp < first) || dts.windows(2).any(|pair| pair[1] < pair[0]) {
         return None;

@@ -17,7 +17,7 @@ pub struct Calibration {
     pub size: Option<[usize; 2]>,
     /// Lens distortion.
     pub distortion: Distortion,
-    /// Width over height of a pixel, where [`focal`](Self::focal) does not tell fy.
+    /// Width over height of a pixel, where [`focal`](Self::focal) does not give fy.
     pub pixel_aspect: f64,
     /// Standard deviation of the focal length, as a fraction of it, where that is known.
     pub uncertainty: Option<f64>,

@@ -205,8 +205,8 @@ fn from_video(
     Ok(())
 }
 
-/// Refuses a frame of a video of masks that shows objects in colours, of which compression leaves nothing to tell
-/// them by.
+/// Refuses a frame of a video of masks that shows objects in colours, of which compression leaves nothing to
+/// distinguish them by.
 fn refuse_colours(rgb: &[u8], path: &Path, frame: usize) -> Result<()> {
     let pixels = rgb.chunks_exact(3);
     let vivid = |p: &&[u8]| {

@@ -69,7 +69,7 @@ pub struct Settings {
     pub largest_piece: bool,
     /// The lens.
     pub calibration: Calibration,
-    /// Frames per second; a video is resampled to it. Needed for images whose names do not tell their times.
+    /// Frames per second; a video is resampled to it. Needed for images whose names do not state their times.
     pub fps: Option<f64>,
     /// Frames per second at which the frames of a video were filmed, one after the other, whatever its time stamps say.
     pub rate: Option<f64>,

@@ -12,7 +12,7 @@ use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Names in a message at most.
 const NAMED: usize = 5;
-/// Of fewer frames nobody can tell whether there are twice as many masks.
+/// Of fewer frames nobody can know whether there are twice as many masks.
 const FEW: usize = 3;
 
 /// The frames of the input, and the masks in a folder.
@@ -246,7 +246,7 @@ fn ordinal(n: usize) -> String {
     }
 }
 
-/// How many times `many` is `few`, but for one of rounding; two or more.
+/// How many times `many` is `few`, except for one of rounding; two or more.
 fn ratio(many: usize, few: usize) -> Option<usize> {
     let ratio = (many + few / 2) / few.max(1);
     (ratio >= 2 && (few * ratio).abs_diff(many) < ratio).then_some(ratio)

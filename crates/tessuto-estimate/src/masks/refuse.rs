@@ -126,7 +126,7 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) 
             .with(origin.before(n)),
         ));
     }
-    // First: a fabric that is taken for the surroundings looks like a camera that moves.
+    // First: a fabric that is treated as the surroundings looks like a camera that moves.
     if let Some((inside, Some((at, elsewhere)))) = Some(movement(frames, first, noise))
         && inside < STILL.0
         && elsewhere > STILL.1

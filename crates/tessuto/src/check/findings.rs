@@ -244,8 +244,8 @@ fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {
     ok("orientation", format!("no flip or swap of axes fits better by {VARIANT_GAIN} (best {:.2})", best.iou))
 }
 
-/// The factor that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
-/// changes no image.
+/// The factor that brings a template in another unit to metres. Its projection does not show it: a scale about the
+/// camera changes no image.
 fn rescaling(scene: &Scene) -> f64 {
     let length = diagonal(&scene.template.positions);
     if DIAGONAL.contains(&length) {

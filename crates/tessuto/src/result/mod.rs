@@ -119,7 +119,7 @@ struct FoundStiffness {
     bounds: [f64; 2],
     /// It went as far as it could: the value says less about the fabric than about the bound.
     at_bound: bool,
-    /// Standard deviation, and whether the video tells anything about it (preset default).
+    /// Standard deviation, and whether the video constrains it (preset default).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sd: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -85,7 +85,7 @@ impl Summary {
         write_json(&folder.join(NAME), self)
     }
 
-    /// What to tell of a verdict that does not find all frames, and what to do about lost ones.
+    /// What to report of a verdict that does not find all frames, and what to do about lost ones.
     pub fn warning(&self) -> Option<Warning> {
         self.verdict.as_ref().and_then(Verdict::warning)
     }

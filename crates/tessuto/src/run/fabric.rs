@@ -1,6 +1,6 @@
 //! What fabric a result may be of: its stiffness per width among measured ones.
 //!
-//! A video tells stiffness in proportion to density only, so fabrics are compared by that: by the bending length
+//! A video constrains stiffness in proportion to density only, so fabrics are compared by that: by the bending length
 //! c = (D/(ρ g))^⅓, the length of a strip that bends under its own weight by a fixed angle (as in BS 3356), of
 //! warp and weft.
 

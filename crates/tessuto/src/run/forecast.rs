@@ -1,4 +1,4 @@
-//! How well a motion's causes foretell what comes after the frames that they were found from.
+//! How well a motion's causes predict what comes after the frames that they were found from.
 
 use std::fmt::Write as _;
 
@@ -12,10 +12,10 @@ use tessuto_estimate::metrics::causes::carried_on;
 use tessuto_estimate::metrics::{self, Inputs};
 use tessuto_estimate::motion::causes::{self, Otherwise};
 
-/// Frames ahead of which the table tells.
+/// Frames ahead that the table reports.
 pub const HORIZONS: [usize; 4] = [1, 5, 10, 15];
 
-/// One way to foretell, and its error in every frame that it foretells `[m]`.
+/// One way to predict, and its error in every frame that it predicts `[m]`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Prediction {
     /// Its name.
@@ -40,7 +40,7 @@ impl Prediction {
 /// The causes' forecast and four that need less.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Forecast {
-    /// Number of the first frame that is foretold.
+    /// Number of the first frame that is predicted.
     pub first: usize,
     /// Frames per second.
     pub fps: f64,

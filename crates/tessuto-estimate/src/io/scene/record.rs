@@ -45,10 +45,10 @@ pub struct DepthRecord {
     pub noise: f64,
     /// Fraction of the fabric in which nothing usable was measured, in [0, 1].
     pub filled: f64,
-    /// What a unit of the file was taken for `[m]`.
+    /// What a unit of the file was assumed to be `[m]`.
     #[serde(default)]
     pub unit: Option<f64>,
-    /// Whether the unit was told; else it is what such files usually have.
+    /// Whether the unit was given; else it is what such files usually have.
     #[serde(default)]
     pub unit_told: bool,
 }
