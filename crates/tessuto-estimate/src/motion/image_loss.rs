@@ -7,9 +7,9 @@ use tessuto_core::video::Frame;
 /// Added to a loss before gradients are divided by it.
 pub(crate) const LOSS_FLOOR: f64 = 1e-8;
 
-/// Colour and mask loss of one frame: means over the crop's pixels (and channels) of the squared differences,
-/// which count as none outside of the runs of pixels `compared`. `weights` are those of colour and mask; `grad_rgba` is set to `scale`·∂(weighted
-/// sum)/∂rgba.
+/// Colour and mask loss of one frame: means over the crop's pixels (and channels) of the squared differences, which
+/// count as none outside of the runs of pixels `compared`. `weights` are those of colour and mask; `grad_rgba` is set
+/// to `scale`·∂(weighted sum)/∂rgba.
 pub(crate) fn image_loss(
     rgba: &[[f32; 4]],
     frame: &Frame,

@@ -29,7 +29,7 @@ pub struct Begun<'a> {
     sheet: Sheet<'a>,
     /// What was known before, and who holds the cloth.
     known: Found,
-    /// What makes the motion; `None` where the clip does not tell it.
+    /// What makes the motion; `None` where the clip does not constrain it.
     rough: Option<Attempt>,
     /// What others would be that hold the cloth, and how likely, over what was found.
     others: Vec<(f64, Causes)>,
@@ -66,7 +66,7 @@ pub fn begin<'a>(
 }
 
 impl Begun<'_> {
-    /// Who holds the cloth and what moves it, in coarse steps; `None` where the clip does not tell it, or the
+    /// Who holds the cloth and what moves it, in coarse steps; `None` where the clip does not constrain it, or the
     /// cloth cannot be simulated.
     fn search(&mut self, found: &[Positions], advance: &mut dyn FnMut(usize)) -> Option<Attempt> {
         let (coarse, guess) = (self.sheet.task(found, &COARSE), &self.sheet.guess);
@@ -100,7 +100,7 @@ impl Begun<'_> {
     }
 
     /// The motion, shape [N, V], that the causes found so far make along `found`, shape [N, V] `[m]`; `None` where
-    /// the clip does not tell them, or the simulation loses the cloth.
+    /// the clip does not constrain them, or the simulation loses the cloth.
     pub fn motion(&self, found: &[Positions]) -> Option<Vec<Positions>> {
         let Sheet { template, deviations, dynamics, settings, .. } = &self.sheet;
         let by = self.sheet.with(&self.known, self.rough.as_ref()?.causes.clone());
@@ -110,7 +110,7 @@ impl Begun<'_> {
     }
 
     /// The causes of the motion `found`, shape [N, V] `[m]`, that differs little from the one at the beginning.
-    /// Where the clip does not tell them, or the cloth cannot be simulated, what was known before stays.
+    /// Where the clip does not constrain them, or the cloth cannot be simulated, the prior stays.
     pub fn finish(&self, found: &[Positions]) -> Found {
         let told = self.rough.as_ref().and_then(|rough| self.search_finely(rough, found));
         let out = told.unwrap_or_else(|| self.known.clone());
