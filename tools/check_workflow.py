@@ -213,7 +213,7 @@ def short(flow, real):
     flow.table("scene,spacetime.iteration", "scenes/c1,3")
     promise(
         flow.run("wrong") != 0 and flow.rows("wrong")[0]["message"].startswith("reconstruct, status 2: error"),
-        "a mistyped setting is told by the program, in the summary",
+        "the summary shows what the program says of a mistyped setting",
     )
 
 

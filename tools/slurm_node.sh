@@ -64,7 +64,7 @@ JobAcctGatherType=jobacct_gather/linux
 JobAcctGatherFrequency=task=1
 JobAcctGatherParams=OverMemoryKill
 SchedulerParameters=sched_interval=2,bf_interval=2
-# squeue tells how a job ended for so long.
+# squeue says for this long how a job ended.
 MinJobAge=300
 KillWait=10
 ReturnToService=2

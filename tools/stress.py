@@ -1,17 +1,16 @@
 #!/usr/bin/env python3
-"""Reconstructs many made-up scenes with random settings; tells what failed and where the error was largest.
+"""Reconstructs many made-up scenes with random settings; reports what failed and where the error was largest.
 
 usage: stress.py TESSUTO [--scenes 200] [--seed 0] [--minutes M] [--csv FILE] [--only KIND]
 
 Each scene has a random size of cloth and picture, sort of mesh, number of vertices and frames, stiffnesses,
 wind, shading, frame rate and print. About half of them have one or more of the kinds hands, paper, occluders,
 amodal, blur, slow (10 or 12 frames/s). A run fails if it ends with a status other than 0, or leaves a motion
-that is not finite. Ends with status 1 if any did. The same seed makes the same scenes, and the same ones but
-for their kinds as before there were kinds.
+that is not finite. Ends with status 1 if any did. The same seed makes the same scenes, and the same ones, except
+for their kinds, as before there were kinds.
 
-At the end it also tells which share of the frames that are off by more than 15 mm the results' own verdicts
-flag, and which of the
-others: goals are 90 % and 5 %.
+At the end it also reports which part of the frames that are off by more than 15 mm the results' own verdicts
+flag, and which of the others: goals are 90 % and 5 %.
 
 --csv FILE  one row per frame: scene, kinds, frame, mean error of its vertices [mm], the columns of the result's
             verdict on the frame, as far as metrics.json has any, and the quantities that it judges by
@@ -174,7 +173,7 @@ def summary(name, values):
 
 
 def flags(table, limit=15):
-    """How well the verdicts tell which frames are off by more than `limit` mm: shares of these that are flagged
+    """How well the verdicts show which frames are off by more than `limit` mm: shares of these that are flagged
     (doubtful or lost), and of the others (false alarms)."""
     judged = [row for row in table if row.get("verdict_state")]
     for name, off in [(f"frames off by more than {limit} mm", True), ("the other frames", False)]:

@@ -5,7 +5,7 @@ A row is a scene. The column `scene` has its folder, relative to the table; ever
 (`tessuto settings`). A cell with several values, separated by `|`, is a sweep: one run of each; several such
 cells, all combinations. An empty cell is the program's own default.
 
-A run's name is made of all that tells it from others, so that a new row, column or value never touches the runs
+A run's name is made of all that distinguishes it from others, so that a new row, column or value never touches the runs
 there are.
 """
 

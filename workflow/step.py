@@ -201,7 +201,7 @@ class Record:
 
 
 def program(tessuto):
-    """What tells one build of the program from another."""
+    """What distinguishes one build of the program from another."""
     try:
         return subprocess.run([tessuto, "--version"], capture_output=True, check=True, text=True).stdout
     except OSError as error:

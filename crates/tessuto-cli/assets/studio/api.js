@@ -20,7 +20,7 @@ export const post = async (path, value) =>
     method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(value),
   }));
 
-/** Copies `file` into the project; `progress` is told the part that is done. fetch() cannot tell that. */
+/** Copies `file` into the project; `progress` receives the part that is done. fetch() has none. */
 export const upload = (file, progress) => new Promise((done, failed) => {
   const request = new XMLHttpRequest();
   request.open("PUT", `/api/upload?name=${encodeURIComponent(file.name)}`);

@@ -43,7 +43,7 @@ export const check = studio => {
     byId("check-text").textContent = `frame ${frame} of ${view.count}${sure}`;
   };
 
-  /** How sure the masks are, over the frames: height tells it as well as colour. */
+  /** How sure the masks are, over the frames: height shows it as well as colour. */
   const drawStrip = () => {
     const all = frames();
     strip.hidden = all.length === 0;

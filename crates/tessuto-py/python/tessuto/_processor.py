@@ -21,7 +21,7 @@ _WINDOWS_AVX2 = 40
 
 
 def missing(cpuinfo: str) -> list[str]:
-    """Instructions that a processor lacks, by the text of /proc/cpuinfo; none where it does not tell."""
+    """Instructions that a processor lacks, by the text of /proc/cpuinfo; none where it does not say."""
     for line in cpuinfo.splitlines():
         key, _, value = line.partition(":")
         if key.strip() == "flags":

@@ -90,7 +90,7 @@ class Result:
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
-        """parameters.json: stiffnesses and forces with units, and what the video tells of them."""
+        """parameters.json: stiffnesses and forces with units, and what the video says about them."""
         return self._json("parameters.json")
 
     @cached_property

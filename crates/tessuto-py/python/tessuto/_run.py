@@ -20,7 +20,7 @@ from ._scene import Scene, scene_of
 
 @dataclass(frozen=True)
 class Step:
-    """A finished step of a run, as `on_step` is told of it.
+    """A finished step of a run, as `on_step` receives it.
 
     Attributes:
         stage: What is being done, such as "refine".
