@@ -33,7 +33,7 @@ pub struct Losses {
     pub silhouette: f64,
     /// Mean elastic energy `[J]`.
     pub energy: f64,
-    /// Mean acceleration across the view ray, see [`force_across_rays`] [m/s²].
+    /// Mean acceleration across the view ray, see `force_across_rays` `[m/s²]`.
     pub force: f64,
     /// Mean change of the dynamic acceleration [m/s²].
     pub force_smoothness: f64,
