@@ -1,22 +1,29 @@
 #!/usr/bin/env python3
-"""How accurate `tessuto reconstruct` is, on clips that nobody tuned to: runs the league (scenes made by other simulators, one family a
-difficulty), the shared scenes S1 to S4 and the recording R1, and compares with the figures stored in docs/accuracy.md.
+"""How accurate `tessuto reconstruct` is, on clips that nobody tuned to: runs the league (scenes made by other
+simulators, one family a difficulty), the shared scenes S1 to S4 and the recording R1, and compares with the
+figures stored in docs/accuracy.md.
 
-usage: tools/accuracy.py PROGRAM [--only small] [--update --why TEXT] [--scenes FOLDER …] [-- further options of reconstruct]
+usage: tools/accuracy.py PROGRAM [--only small] [--update --why TEXT] [--scenes FOLDER …]
+       [-- further options of reconstruct]
 
 PROGRAM          the built program
 --only small     the part that changes are judged by before they land: the list small.txt of the league
---update         store the new figures, of the scenes that ran; `--why` says in one line what changed, and is kept below the table
+--update         store the new figures, of the scenes that ran; `--why` says in one line what changed, and is
+                 kept below the table
 --shared FOLDER  where data/ and tools/ are [../shared]
---work FOLDER    results of every scene; what is finished for this very program and these options is not run again [target/accuracy]
+--work FOLDER    results of every scene; what is finished for this very program and these options is not run
+                 again [target/accuracy]
 --scenes …       other folders of scenes instead, whose table is printed and not stored
 --jobs N         scenes at a time, each with one thread [2]
 
-What counts, of every scene: the mean distance of its vertices from the truth over all frames; a frame is *off* beyond 3 % of the sheet's
-size, the root of the template's area, in its mean. R1 has no vertices: its L1 Chamfer distance stands in their place.
+What counts, of every scene: the mean distance of its vertices from the truth over all frames; a frame is *off*
+beyond 3 % of the sheet's size, the root of the template's area, in its mean. R1 has no vertices: its L1 Chamfer
+distance stands in their place.
 
-Exit status 1 if a scene failed, or if a family's mean error grew by more than a tenth of the stored one. Needs NumPy (SciPy for R1).
+Exit status 1 if a scene failed, or if a family's mean error grew by more than a tenth of the stored one. Needs
+NumPy (SciPy for R1).
 """
+
 import argparse
 import hashlib
 import json
@@ -36,17 +43,30 @@ TABLE = ROOT / "docs" / "accuracy.md"
 OFF = 0.03
 WORSE = 1.1
 SHARED = ["S1", "S2", "S3", "S4", "R1"]
-COLUMNS = ["scene", "family", "held still", "mean", "90 % of frames", "worst frame", "off frames", "of these flagged", "others flagged",
-           "truth within two deviations", "seconds"]
+COLUMNS = [
+    "scene",
+    "family",
+    "held still",
+    "mean",
+    "90 % of frames",
+    "worst frame",
+    "off frames",
+    "of these flagged",
+    "others flagged",
+    "truth within two deviations",
+    "seconds",
+]
 HEAD = """# Accuracy
 
-Made by `tools/accuracy.py`; all figures by one set of settings, the default. Distance of vertices from the truth in mm; of R1, which has no true
-vertices, the L1 Chamfer distance. *Held still*: the error of a program that does nothing. A frame is *off* beyond 3 % of the sheet's size in its mean
-error; *flagged* are frames that the verdict calls doubtful or lost. Seconds: two scenes at a time with one thread each, for orientation.
+Made by `tools/accuracy.py`; all figures by one set of settings, the default. Distance of vertices from the truth in
+mm; of R1, which has no true vertices, the L1 Chamfer distance. *Held still*: the error of a program that does
+nothing. A frame is *off* beyond 3 % of the sheet's size in its mean error; *flagged* are frames that the verdict
+calls doubtful or lost. Seconds: two scenes at a time with one thread each, for orientation.
 
-The league's scenes are made by other simulators and a path tracer, one family for each difficulty (hung, curtain, flag, strip: a part folds over the
-sheet, hands, turn: one side is lifted over and lies on the sheet, table, repeat: a repeating print, plain: one colour, outline: no rectangle, film: light
-and exposure change, paper, springs); S1 to S4 are shared scenes that settings were once chosen on, R1 is a recording.
+The league's scenes are made by other simulators and a path tracer, one family for each difficulty (hung, curtain,
+flag, strip: a part folds over the sheet, hands, turn: one side is lifted over and lies on the sheet, table, repeat:
+a repeating print, plain: one colour, outline: no rectangle, film: light and exposure change, paper, springs); S1 to
+S4 are shared scenes that settings were once chosen on, R1 is a recording.
 
 """
 
@@ -83,7 +103,9 @@ def measure(scene, result, shared):
         of = json.loads(out.read_text())
         per = 1e3 * np.array([row["cd1"] for row in of["frames"]])
         more = {"cd1": of["mean"]["cd1"], "cd2": of["mean"]["cd2"], "depth": of["mean"]["depth"]}
-        return figures(per, len(per), flagged) | {"off": None, "off_flagged": None, "others_flagged": len(flagged)} | more
+        return (
+            figures(per, len(per), flagged) | {"off": None, "off_flagged": None, "others_flagged": len(flagged)} | more
+        )
     truth = np.load(truth_file).astype(float)
     distance = np.linalg.norm(motion - truth, axis=2)
     per = 1e3 * distance.mean(axis=1)
@@ -98,8 +120,15 @@ def measure(scene, result, shared):
 def figures(per, limit, flagged):
     """Of the error of every frame."""
     off = {int(n) for n in np.flatnonzero(per > limit)}
-    return {"mean": float(per.mean()), "ninety": float(np.quantile(per, 0.9)), "worst": float(per.max()), "off": len(off),
-            "off_flagged": len(off & flagged), "others_flagged": len(flagged - off), "frames": len(per)}
+    return {
+        "mean": float(per.mean()),
+        "ninety": float(np.quantile(per, 0.9)),
+        "worst": float(per.max()),
+        "off": len(off),
+        "off_flagged": len(off & flagged),
+        "others_flagged": len(flagged - off),
+        "frames": len(per),
+    }
 
 
 def run(program, key, scene, frames, args):
@@ -110,7 +139,18 @@ def run(program, key, scene, frames, args):
         return json.loads(stored.read_text())
     folder.mkdir(parents=True, exist_ok=True)
     result = folder / "result"
-    command = [program, "reconstruct", scene, "--out", result, "--no-appearance", "--threads", 1, "--force", *args.further]
+    command = [
+        program,
+        "reconstruct",
+        scene,
+        "--out",
+        result,
+        "--no-appearance",
+        "--threads",
+        1,
+        "--force",
+        *args.further,
+    ]
     command += ["--frames", frames] if frames else []
     begun = time.monotonic()
     with open(folder / "log.txt", "w") as log:
@@ -135,8 +175,20 @@ def geometric(values):
 def row(name, of):
     def number(key, digits=2, of=of):
         return "" if of.get(key) is None else f"{of[key]:.{digits}f}"
-    return [name, family(name), number("still", 1), number("mean"), number("ninety"), number("worst"), number("off", 0), number("off_flagged", 0),
-            number("others_flagged", 0), number("within"), number("seconds", 0)]
+
+    return [
+        name,
+        family(name),
+        number("still", 1),
+        number("mean"),
+        number("ninety"),
+        number("worst"),
+        number("off", 0),
+        number("off_flagged", 0),
+        number("others_flagged", 0),
+        number("within"),
+        number("seconds", 0),
+    ]
 
 
 def markdown(rows):
@@ -152,13 +204,20 @@ def summary(rows):
     means = [of["mean"] for of in league.values()]
     count = {key: sum(of[key] for of in league.values()) for key in ["off", "off_flagged", "others_flagged", "frames"]}
     within = [of["within"] for of in league.values() if "within" in of]
-    text = (f"The league's {len(league)} scenes: geometric mean {geometric(means):.2f} mm, 90 % of scenes {np.quantile(means, 0.9):.1f} mm, "
-            f"worst {max(means):.1f} mm; {count['off']} frames are off, {count['off_flagged']} of them flagged; "
-            f"{count['others_flagged']} of the {count['frames'] - count['off']} others flagged; truth within two deviations "
-            f"{min(within, default=0):.2f} to {max(within, default=0):.2f}.")
+    text = (
+        f"The league's {len(league)} scenes: geometric mean {geometric(means):.2f} mm, 90 % of scenes "
+        f"{np.quantile(means, 0.9):.1f} mm, worst {max(means):.1f} mm; {count['off']} frames are off, "
+        f"{count['off_flagged']} of them flagged; {count['others_flagged']} of the "
+        f"{count['frames'] - count['off']} others flagged; truth within two deviations "
+        f"{min(within, default=0):.2f} to {max(within, default=0):.2f}."
+    )
     r1 = rows.get("R1")
-    return text + (f" R1: CD1 {1e2 * r1['cd1']:.3f}·10⁻² m, CD2 {1e4 * r1['cd2']:.3f}·10⁻⁴ m², depth {1e2 * r1['depth']:.3f}·10⁻² m."
-                   if r1 and "cd1" in r1 else "")
+    return text + (
+        f" R1: CD1 {1e2 * r1['cd1']:.3f}·10⁻² m, CD2 {1e4 * r1['cd2']:.3f}·10⁻⁴ m², depth "
+        f"{1e2 * r1['depth']:.3f}·10⁻² m."
+        if r1 and "cd1" in r1
+        else ""
+    )
 
 
 def stored_rows():
@@ -174,12 +233,16 @@ def stored_means():
 
 
 def grown(rows, stored):
-    """Families whose geometric mean over the scenes that are known from before grew too much, each with both figures."""
+    """Families whose geometric mean over the scenes that are known from before grew too much, each with both
+    figures."""
     families = {}
     for name in rows:
         if name in stored:
             families.setdefault(family(name), []).append(name)
-    compared = {f: (geometric([stored[n] for n in names]), geometric([rows[n]["mean"] for n in names])) for f, names in families.items()}
+    compared = {
+        f: (geometric([stored[n] for n in names]), geometric([rows[n]["mean"] for n in names]))
+        for f, names in families.items()
+    }
     return {f: pair for f, pair in compared.items() if pair[1] > WORSE * pair[0]}, compared
 
 
@@ -195,11 +258,19 @@ def scenes_of(args):
         return [(Path(scene), None) for scene in args.scenes]
     league = args.shared / "data/league"
     if args.only == "small":
-        lines = [line.split() for line in (league / "small.txt").read_text().splitlines() if line and not line.startswith("#")]
+        lines = [
+            line.split()
+            for line in (league / "small.txt").read_text().splitlines()
+            if line and not line.startswith("#")
+        ]
         # A range that is the whole clip is none.
-        whole = lambda name, frames: frames == f"0..{json.loads((league / name / 'scene.json').read_text())['n_frames']}"
+        whole = lambda name, frames: (
+            frames == f"0..{json.loads((league / name / 'scene.json').read_text())['n_frames']}"
+        )
         return [(league / name, None if whole(name, frames) else frames) for name, frames in lines]
-    return [(path, None) for path in sorted(league.iterdir()) if path.is_dir()] + [(args.shared / "data" / name, None) for name in SHARED]
+    return [(path, None) for path in sorted(league.iterdir()) if path.is_dir()] + [
+        (args.shared / "data" / name, None) for name in SHARED
+    ]
 
 
 def main():
@@ -215,7 +286,7 @@ def main():
     words = sys.argv[1:]
     cut = words.index("--") if "--" in words else len(words)
     args = parser.parse_args(words[:cut])
-    args.further = words[cut + 1:]
+    args.further = words[cut + 1 :]
     if args.update and (args.scenes or args.further or not args.why):
         parser.error("--update needs the fixed scenes, without further options, and a reason: --why TEXT")
     program = args.program.resolve()
@@ -227,7 +298,11 @@ def main():
         futures = {scene.name: pool.submit(run, program, key, scene, frames, args) for scene, frames in order}
         for name, future in futures.items():
             of = future.result()
-            print(f"{name}: " + (of.get("failed") or f"{of['mean']:.2f} mm, {of['seconds']:.0f} s"), file=sys.stderr, flush=True)
+            print(
+                f"{name}: " + (of.get("failed") or f"{of['mean']:.2f} mm, {of['seconds']:.0f} s"),
+                file=sys.stderr,
+                flush=True,
+            )
     rows = {scene.name: futures[scene.name].result() for scene, _ in scenes}
     failed = [name for name, of in rows.items() if "failed" in of]
     rows = {name: of for name, of in rows.items() if "failed" not in of}
@@ -237,17 +312,24 @@ def main():
         for name, (before, now) in compared.items():
             print(f"{name}: {before:.2f} -> {now:.2f} mm" + ("  WORSE" if name in worse else ""))
     if args.update and not failed:
-        version = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True).stdout.strip()
+        version = subprocess.run(
+            ["git", "rev-parse", "--short", "HEAD"], cwd=ROOT, capture_output=True, text=True
+        ).stdout.strip()
         why = "\n".join([f"- {line}" for line in args.why] + reasons())
         what = f"{args.only or 'all'} after {version}, program {key}" if version else key
         kept = [line for line in stored_rows() if line.split("|")[1].strip() not in rows]
         table = "\n".join([markdown(rows), *kept])
-        TABLE.write_text(f"{HEAD}Last stored: {what}. {summary(rows)}\n\n{table}\n\n## What changed, and why\n\n{why}\n")
+        TABLE.write_text(
+            f"{HEAD}Last stored: {what}. {summary(rows)}\n\n{table}\n\n## What changed, and why\n\n{why}\n"
+        )
     for name in failed:
         print(f"{name} failed: {futures[name].result()['failed']}", file=sys.stderr)
     judged = bool(worse) and not args.update and not args.scenes and not args.further
     if judged:
-        print("a family is worse by more than a tenth: mend it, or store the new figures with --update and say --why", file=sys.stderr)
+        print(
+            "a family is worse by more than a tenth: mend it, or store the new figures with --update and say --why",
+            file=sys.stderr,
+        )
     passed = len(rows) - (len(worse) if judged else 0)
     print(f"{passed} passed, {len(futures) - passed} failed")
     sys.exit(1 if failed or judged else 0)

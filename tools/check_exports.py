@@ -4,7 +4,8 @@
 usage: check_exports.py RESULT [--tessuto PROGRAM] [--rerun-python PYTHON]
 
 Exports RESULT (a folder of `tessuto reconstruct`) to every format into a temporary folder and checks
-  glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame; the script for Blender: keys on whole frames
+  glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame; the script for
+        Blender: keys on whole frames
   usd   usd-core: loads, compliance checker, vertices, frame rate, projection by the exported camera; import in Blender
   obj, ply, pc2, npz   vertices of every frame; pc2 in Blender too
   rrd   see check_recording.py
@@ -12,6 +13,7 @@ against RESULT/motion.npy. Needs `pip install numpy bpy==5.0.1 usd-core` (Python
 `npm install gltf-validator`; check_recording.py needs another Python environment, named by --rerun-python, and is left
 out without. Exit status 0: all passed.
 """
+
 import argparse
 import json
 import subprocess
@@ -73,7 +75,9 @@ def check_validator(folder, name):
         v.validateBytes(new Uint8Array(fs.readFileSync(process.argv[1]))).then(r => console.log(JSON.stringify(r)))"""
     run = subprocess.run(["node", "-e", code, folder / f"{name}.glb"], capture_output=True, text=True)
     if run.returncode:
-        return report("glb: validator runs", False, run.stderr.strip().splitlines()[-1] + " (npm install gltf-validator)")
+        return report(
+            "glb: validator runs", False, run.stderr.strip().splitlines()[-1] + " (npm install gltf-validator)"
+        )
     issues = json.loads(run.stdout)["issues"]
     counts = {k: issues[k] for k in ("numErrors", "numWarnings", "numInfos")}
     report("glb: Khronos validator", not counts["numErrors"] and not counts["numWarnings"], str(counts))
@@ -105,9 +109,17 @@ def check_usd(folder, name, motion, y_up):
     report("usd: upAxis, unit", UsdGeom.GetStageUpAxis(stage) == "Y" and UsdGeom.GetStageMetersPerUnit(stage) == 1.0)
     parameters = json.loads((Path(args.result) / "parameters.json").read_text())
     fps = parameters["frame_rate"]["value"]
-    report("usd: frame rate", stage.GetTimeCodesPerSecond() == fps and stage.GetEndTimeCode() == len(motion) - 1, f"{fps} 1/s")
+    report(
+        "usd: frame rate",
+        stage.GetTimeCodesPerSecond() == fps and stage.GetEndTimeCode() == len(motion) - 1,
+        f"{fps} 1/s",
+    )
     material, _ = UsdShade.MaterialBindingAPI(mesh.GetPrim()).ComputeBoundMaterial()
-    textures = [s for s in Usd.PrimRange(material.GetPrim()) if UsdShade.Shader(s).GetIdAttr().Get() == "UsdUVTexture"] if material else []
+    textures = (
+        [s for s in Usd.PrimRange(material.GetPrim()) if UsdShade.Shader(s).GetIdAttr().Get() == "UsdUVTexture"]
+        if material
+        else []
+    )
     resolved = [UsdShade.Shader(t).GetInput("file").Get().resolvedPath for t in textures]
     report("usd: textures resolve", bool(resolved) and all(resolved), " ".join(Path(r).name for r in resolved))
     camera = parameters.get("camera")
@@ -162,7 +174,11 @@ def check_blender(folder, name, motion, fps):
             error = np.abs(found.reshape(-1, 2) - arrays["uv"][corner]).max()
             report(f"{kind}: uv in Blender, v = 0 below", error < 1e-6, f"largest error {error:.1e}")
         images = [i.name for i in bpy.data.images if i.size[0]]
-        report(f"{kind}: material and pictures in Blender", bool(images) and bool(meshes[0].material_slots), f"{images}, import {seconds:.2f} s")
+        report(
+            f"{kind}: material and pictures in Blender",
+            bool(images) and bool(meshes[0].material_slots),
+            f"{images}, import {seconds:.2f} s",
+        )
         cameras = [o for o in scene.objects if o.type == "CAMERA"]
         report(f"{kind}: camera in Blender", bool(cameras))
 
@@ -212,8 +228,16 @@ y_up = motion * [1, -1, -1]
 with tempfile.TemporaryDirectory() as temporary:
     folder = Path(temporary)
     start = time.time()
-    subprocess.run([args.tessuto, "export", args.result, "--to", "glb,usd,obj,ply,pc2,npz,rrd", "--out", folder], check=True, stdout=subprocess.DEVNULL)
-    report("export to all formats", True, f"{time.time() - start:.2f} s, {sum(p.stat().st_size for p in folder.rglob('*') if p.is_file()) / 1e6:.1f} MB")
+    subprocess.run(
+        [args.tessuto, "export", args.result, "--to", "glb,usd,obj,ply,pc2,npz,rrd", "--out", folder],
+        check=True,
+        stdout=subprocess.DEVNULL,
+    )
+    report(
+        "export to all formats",
+        True,
+        f"{time.time() - start:.2f} s, {sum(p.stat().st_size for p in folder.rglob('*') if p.is_file()) / 1e6:.1f} MB",
+    )
     name = next(folder.glob("*.glb")).stem
     check_npz(folder, name, motion)
     check_pc2(folder, name, motion, y_up)

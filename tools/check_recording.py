@@ -3,12 +3,14 @@
 
 usage: check_recording.py FILE.rrd RESULT
 
-FILE is what `tessuto export RESULT --to rrd` or `tessuto reconstruct … --out RESULT --rerun FILE.rrd` wrote. Checks that
-`rerun rrd verify` accepts it, and with rerun's Python API that the positions of every frame are those of
-RESULT/motion.npy bit for bit, that the triangles, texture coordinates and texture are those of RESULT, that the pictures
-are the video, that the fabric projected by the recorded camera covers it, and that losses are those of history.csv, if
-the recording holds them. Needs `pip install "rerun-sdk[catalog]" numpy pillow`. Exit status 0: all passed.
+FILE is what `tessuto export RESULT --to rrd` or `tessuto reconstruct … --out RESULT --rerun FILE.rrd` wrote.
+Checks that `rerun rrd verify` accepts it, and with rerun's Python API that the positions of every frame are those of
+RESULT/motion.npy bit for bit, that the triangles, texture coordinates and texture are those of RESULT, that the
+pictures are the video, that the fabric projected by the recorded camera covers it, and that losses are those of
+history.csv, if the recording holds them. Needs `pip install "rerun-sdk[catalog]" numpy pillow`. Exit status 0:
+all passed.
 """
+
 import csv
 import io
 import json
@@ -33,7 +35,9 @@ def report(what, passed, detail=""):
 def column(dataset, index, name):
     """Rows where `name` has a value: their index values, and the lists."""
     table = dataset.reader(index=index).select(*([index] if index else []), name).to_arrow_table()
-    rows = [(k, v) for k, v in zip(table[index].to_pylist() if index else range(len(table)), table[name].to_pylist()) if v]
+    rows = [
+        (k, v) for k, v in zip(table[index].to_pylist() if index else range(len(table)), table[name].to_pylist()) if v
+    ]
     return [k for k, _ in rows], [v for _, v in rows]
 
 
@@ -64,7 +68,11 @@ def check_mesh(dataset, result, first, motion):
     # A large one is recorded smaller.
     small = texture.resize(pixels.shape[1::-1], Image.Resampling.BOX)
     error = np.abs(pixels - np.array(small, int)).max()
-    report("texture is the result's", error <= (small.size != texture.size), f"{pixels.shape} of {texture.size}, largest error {error}")
+    report(
+        "texture is the result's",
+        error <= (small.size != texture.size),
+        f"{pixels.shape} of {texture.size}, largest error {error}",
+    )
 
 
 def check_video(dataset, result, first, motion):
@@ -84,8 +92,16 @@ def check_video(dataset, result, first, motion):
         inside = np.all((pixel >= 0) & (pixel < size), axis=1)
         lit = small[pixel[inside, 1], pixel[inside, 0]].max(-1) > 8
         outside = max(outside, 1 - lit.mean())
-    report("pictures of every frame", len(frames) == len(motion) and worst < 4, f"{len(frames)}, {size} px, largest mean difference {worst:.1f} of 255")
-    report("fabric projected by the camera lies on the video's", outside < 0.2, f"up to {100 * outside:.0f} % of the vertices beside it")
+    report(
+        "pictures of every frame",
+        len(frames) == len(motion) and worst < 4,
+        f"{len(frames)}, {size} px, largest mean difference {worst:.1f} of 255",
+    )
+    report(
+        "fabric projected by the camera lies on the video's",
+        outside < 0.2,
+        f"up to {100 * outside:.0f} % of the vertices beside it",
+    )
 
 
 def check_losses(dataset, result):

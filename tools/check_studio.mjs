@@ -1,13 +1,14 @@
 #!/usr/bin/env node
-// Goes the way of a user through `tessuto studio` in headless Chromium, from a clip to an export by clicks and keys alone:
-// no error in the console, few clicks, the server killed on the way loses nothing, nothing sticks out at 1280 and 800 px.
+// Goes the way of a user through `tessuto studio` in headless Chromium, from a clip to an export by clicks and
+// keys alone: no error in the console, few clicks, the server killed on the way loses nothing, nothing sticks
+// out at 1280 and 800 px.
 //
 // usage: node tools/check_studio.mjs TESSUTO [--shots FOLDER] [--keep FOLDER] [--openings N] [--slow N]
 //
-// The clip is made here (`tessuto synth`, ffmpeg). Needs Node 18, Chromium (CHROMIUM=program, default /usr/bin/chromium) and
-// ffmpeg (TESSUTO_FFMPEG). --shots writes a picture of every step at 1280 px in light; and, named after their looks, at
-// 800 px and in dark. --keep uses that folder and leaves it. --slow 6 takes a processor that
-// is six times slower for the page. Exit status 0: all passed.
+// The clip is made here (`tessuto synth`, ffmpeg). Needs Node 18, Chromium (CHROMIUM=program, default
+// /usr/bin/chromium) and ffmpeg (TESSUTO_FFMPEG). --shots writes a picture of every step at 1280 px in light;
+// and, named after their looks, at 800 px and in dark. --keep uses that folder and leaves it. --slow 6 takes a
+// processor that is six times slower for the page. Exit status 0: all passed.
 import { execFileSync, spawn } from "node:child_process";
 import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -32,14 +33,17 @@ const check = (what, passed, detail = "") => {
 /** A clip of a moving sheet. */
 const makeClip = () => {
   const scene = join(made, "scene"), clip = join(made, "curtain.mp4");
-  execFileSync(tessuto, ["synth", scene, "--frames", "8", "--size", "224", "--grid", "13x13", "--seed", "3", "--wind", "4"]);
-  execFileSync(process.env.TESSUTO_FFMPEG ?? "ffmpeg", ["-v", "error", "-y", "-framerate", "25", "-i", join(scene, "rgbs/rgb_%03d.png"), "-pix_fmt", "yuv420p", "-crf", "14", clip]);
+  execFileSync(tessuto, ["synth", scene, "--frames", "8", "--size", "224", "--grid", "13x13", "--seed", "3",
+    "--wind", "4"]);
+  execFileSync(process.env.TESSUTO_FFMPEG ?? "ffmpeg", ["-v", "error", "-y", "-framerate", "25", "-i",
+    join(scene, "rgbs/rgb_%03d.png"), "-pix_fmt", "yuv420p", "-crf", "14", clip]);
   return clip;
 };
 
 /** The server, and the address that it prints. */
 const serve = async (...more) => {
-  const child = spawn(tessuto, ["studio", "--no-browser", "--dir", project, ...more], { stdio: ["ignore", "pipe", "inherit"] });
+  const child = spawn(tessuto, ["studio", "--no-browser", "--dir", project, ...more],
+    { stdio: ["ignore", "pipe", "inherit"] });
   for await (const line of createInterface({ input: child.stdout })) {
     const address = /http:\S+/.exec(line)?.[0];
     if (address) return { child, address };
@@ -60,9 +64,10 @@ const measure = () => {
 };
 
 /**
- * Seconds of a person's attention, without waiting, by the keystroke-level model of Card, Moran and Newell (1980): 0.28 s a key, 1.1 s to
- * point, 0.2 s to press and let go, 0.4 s to bring a hand from the mouse to the keys or back, 1.35 s to think before every click and entry.
- * Beside it, a look at the masks of every frame, half a second each, and a minute to measure the sheet and its camera's data.
+ * Seconds of a person's attention, without waiting, by the keystroke-level model of Card, Moran and Newell
+ * (1980): 0.28 s a key, 1.1 s to point, 0.2 s to press and let go, 0.4 s to bring a hand from the mouse to the
+ * keys or back, 1.35 s to think before every click and entry. Beside it, a look at the masks of every frame,
+ * half a second each, and a minute to measure the sheet and its camera's data.
  */
 const attention = ({ clicks, keys, entries }, frames) =>
   clicks * (1.35 + 1.1 + 0.2) + entries * (1.35 + 2 * 0.4) + keys * 0.28 + frames * 0.5 + 60;
@@ -86,9 +91,11 @@ const show = async name => {
   for (const [width, scheme] of [[800, "dark"], [800, "light"], [1280, "dark"], [1280, "light"]]) {
     await page.look(width, scheme);
     await page.evaluate("scrollTo(0, 0)");
-    const [inner, outer] = await page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]");
+    const [inner, outer] =
+      await page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]");
     if (inner > outer) check(`nothing sticks out: ${name} at ${width} px, ${scheme}`, false, `${inner} of ${outer} px`);
-    if (shots) await page.shot(join(shots, `${step}-${name}${width === 1280 && scheme === "light" ? "" : `-${width}-${scheme}`}.png`));
+    if (shots) await page.shot(join(shots,
+      `${step}-${name}${width === 1280 && scheme === "light" ? "" : `-${width}-${scheme}`}.png`));
   }
 };
 const at = name => page.waitFor(`!document.getElementById("${name}").hidden`, `step ${name}`, 60);
@@ -98,7 +105,7 @@ const soon = async what => {
   return false;
 };
 const calm = async () => {
-  const text = await page.evaluate(`document.getElementById("alarm").hidden ? "" : document.getElementById("alarm").innerText`);
+  const text = await page.evaluate(`(e => e.hidden ? "" : e.innerText)(document.getElementById("alarm"))`);
   if (text) throw new Error(`the page says: ${text}`);
 };
 
@@ -118,10 +125,12 @@ try {
   await page.waitFor(`document.getElementById("trim-wait").hidden`, "the frames of the clip");
   await page.evaluate(`document.getElementById("trim-end").focus()`);
   for (let k = 0; k < 4; k++) await page.press("ArrowLeft");
-  check("the end of the part follows the keys", (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 0 to 3 of 8"));
+  check("the end of the part follows the keys",
+    (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 0 to 3 of 8"));
   await page.evaluate(`document.getElementById("trim-start").focus()`);
   await page.press("ArrowRight");
-  check("… and so does the start", (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 1 to 3 of 8"));
+  check("… and so does the start",
+    (await page.evaluate(`document.getElementById("trim-text").textContent`)).startsWith("frames 1 to 3 of 8"));
   // Back to the frame whose corners are known.
   await page.press("ArrowLeft");
   await pause(300);
@@ -133,9 +142,11 @@ try {
   await at("fabric");
   await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame");
   const canvas = await page.box("#outline");
-  const inWindow = ([x, y]) => [canvas.x + (x + 0.5) * canvas.width / sheet.width, canvas.y + (y + 0.5) * canvas.width / sheet.width];
+  const inWindow = ([x, y]) =>
+    [canvas.x + (x + 0.5) * canvas.width / sheet.width, canvas.y + (y + 0.5) * canvas.width / sheet.width];
   for (const k of [2, 0, 1, 3]) await page.clickAt(...inWindow(sheet.corners[k]));
-  const form = () => page.evaluate(`fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form)`);
+  const form = () => page.evaluate(
+    `fetch("/api/state?work=scenes/curtain").then(a => a.json()).then(s => s.work.form)`);
   const outline = async () => (await form()).outline;
   await page.waitFor(`document.activeElement.id === "width"`, "the width to be asked for after the fourth corner");
   await page.type((sheet.size[0] * 100).toFixed(2));
@@ -147,17 +158,21 @@ try {
   check("the camera is chosen by keys", await soon(async () => (await form()).camera?.fx === sheet.focal));
   const kept = await outline(), scale = sheet.width / canvas.width;
   const off = Math.max(...kept.map((p, k) => Math.hypot(p.x - sheet.corners[k][0], p.y - sheet.corners[k][1])));
-  check("four corners, in their order, where they were clicked", kept.length === 4 && off <= scale, `off by ${off.toFixed(2)} px of the clip`);
+  check("four corners, in their order, where they were clicked", kept.length === 4 && off <= scale,
+    `off by ${off.toFixed(2)} px of the clip`);
   const { clicks, keys, entries } = page;
 
-  const place = await page.evaluate(`(r => [r.x, r.y, r.width])(document.querySelector("#outline").getBoundingClientRect())`);
-  check("the picture has stayed where it was", place.every((v, k) => v === [canvas.x, canvas.y, canvas.width][k]), `${place}`);
+  const place = await page.evaluate(
+    `(r => [r.x, r.y, r.width])(document.querySelector("#outline").getBoundingClientRect())`);
+  check("the picture has stayed where it was", place.every((v, k) => v === [canvas.x, canvas.y, canvas.width][k]),
+    `${place}`);
 
   // Beside the way: a wrong point, dragged, nudged and undone.
   const [x, y] = inWindow(kept.map(p => [p.x, p.y])[2]);
   await page.drag([x, y], [x - 40, y - 30]);
   await page.press("ArrowRight");
-  const nudged = ({ x, y }) => Math.abs(x - kept[2].x + 40 * scale - 1) < 1.5 * scale && Math.abs(y - kept[2].y + 30 * scale) < 1.5 * scale;
+  const nudged = ({ x, y }) => Math.abs(x - kept[2].x + 40 * scale - 1) < 1.5 * scale
+    && Math.abs(y - kept[2].y + 30 * scale) < 1.5 * scale;
   check("a point is dragged and nudged", await soon(async () => nudged((await outline())[2])));
   await page.press("z", 2);
   await page.press("z", 2);
@@ -175,23 +190,31 @@ try {
   await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame");
   check("a killed server loses nothing", JSON.stringify(await outline()) === JSON.stringify(kept));
 
-  // Another window changes what was entered: this one shows it, and what is entered into the old state is refused, not mixed with it.
+  // Another window changes what was entered: this one shows it, and what is entered into the old state is
+  // refused, not mixed with it.
   const elsewhere = (change, base = "") => page.evaluate(`(async () => {
     const state = await (await fetch("/api/state?work=scenes/curtain")).json();
     const form = { ...state.work.form, ...${JSON.stringify(change)} };
     const headers = { "Content-Type": "application/json" };
-    return (await fetch("/api/save?work=scenes/curtain${base}", { method: "POST", headers, body: JSON.stringify(form) })).status;
+    return (await fetch("/api/save?work=scenes/curtain${base}",
+      { method: "POST", headers, body: JSON.stringify(form) })).status;
   })()`);
   const entered = () => page.evaluate(`["width", "height"].map(id => Number(document.getElementById(id).value))`);
   const measured = (await form()).size;
   check("another window's entry is kept", await elsewhere({ size: [0.4, 0.3] }) === 200);
   check("… and is shown here", await soon(async () => (await entered()).join() === "40,30"), (await entered()).join());
-  check("… an entry into an older state is refused", await elsewhere({ size: [0.1, 0.1] }, "&base=0000000000000000") === 409);
+  check("… an entry into an older state is refused",
+    await elsewhere({ size: [0.1, 0.1] }, "&base=0000000000000000") === 409);
   await elsewhere({ size: [0.2, 0.25] });
-  await page.evaluate(`(input => { input.value = "77"; input.dispatchEvent(new Event("input", { bubbles: true })); })(document.getElementById("width"))`);
-  await page.waitFor(`!document.getElementById("alarm").hidden || document.getElementById("width").value === "20"`, "the other window's entry");
+  await page.evaluate(`(input => {
+    input.value = "77";
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  })(document.getElementById("width"))`);
+  await page.waitFor(`!document.getElementById("alarm").hidden || document.getElementById("width").value === "20"`,
+    "the other window's entry");
   const both = await page.evaluate(`document.getElementById("alarm").innerText`);
-  check("two entries at once: the other's is shown, and it is said", (await entered()).join() === "20,25" && both.includes("another window"), both);
+  check("two entries at once: the other's is shown, and it is said",
+    (await entered()).join() === "20,25" && both.includes("another window"), both);
   check("… and none is mixed", ((await form()).size).join() === "0.2,0.25", ((await form()).size).join());
   await page.press("Escape");
   await elsewhere({ size: measured });
@@ -199,7 +222,8 @@ try {
   Object.assign(page, { clicks, keys, entries });
 
   await page.click("#fabric-next");
-  await page.waitFor(`!document.getElementById("check").hidden || !document.getElementById("alarm").hidden`, "masks", 60);
+  await page.waitFor(`!document.getElementById("check").hidden || !document.getElementById("alarm").hidden`,
+    "masks", 60);
   await calm();
   await page.waitFor(`document.getElementById("overlay").width > 300`, "the overlay");
   await pause(300);
@@ -218,13 +242,16 @@ try {
   await page.click("#masks-undo");
   await page.click("#masks-next");
   let mended = before;
-  for (const until = Date.now() + 60000; Date.now() < until && (mended.job?.running || mended === before || mended.masks_version === before);) {
+  for (const until = Date.now() + 60000;
+    Date.now() < until && (mended.job?.running || mended === before || mended.masks_version === before);) {
     await pause(100);
     mended = (await state()).work;
   }
   const said = mended.masks?.clicks ?? [];
-  const placed = said.map(c => [c.inside ? "fabric" : "none", Math.round(100 * c.x / sheet.width), Math.round(100 * c.y / sheet.width)].join(" ")).sort();
-  check("clicks inside and outside reach the masks, one taken back does not", placed.join(", ") === "fabric 50 50, none 3 3", placed.join(", "));
+  const percent = v => Math.round(100 * v / sheet.width);
+  const placed = said.map(c => `${c.inside ? "fabric" : "none"} ${percent(c.x)} ${percent(c.y)}`).sort();
+  check("clicks inside and outside reach the masks, one taken back does not",
+    placed.join(", ") === "fabric 50 50, none 3 3", placed.join(", "));
   await page.waitFor(`!document.getElementById("check-next").disabled`, "the masks", 60);
   await calm();
   Object.assign(page, way);
@@ -234,22 +261,29 @@ try {
   await page.click("#check-next");
   await at("run");
   const seconds = (performance.now() - person) / 1000;
-  check("from an opened clip to a running reconstruction in 8 clicks", page.clicks <= 8, `${page.clicks} clicks; this script, with waiting: ${seconds.toFixed(0)} s`);
+  check("from an opened clip to a running reconstruction in 8 clicks", page.clicks <= 8,
+    `${page.clicks} clicks; this script, with waiting: ${seconds.toFixed(0)} s`);
   const attended = attention(page, USUAL_FRAMES);
-  check("a person's part takes at most 3 minutes by the keystroke-level model", attended <= 180, `${attended.toFixed(0)} s: ${page.clicks} clicks, ${page.keys} keys, ${page.entries} entries, every frame looked at`);
+  const acts = `${page.clicks} clicks, ${page.keys} keys, ${page.entries} entries, every frame looked at`;
+  check("a person's part takes at most 3 minutes by the keystroke-level model", attended <= 180,
+    `${attended.toFixed(0)} s: ${acts}`);
   // Stopped at once, before it can end; it goes on to the same end.
   await page.waitFor(`!document.getElementById("stop").hidden`, "the button to stop", 60);
   await page.click("#stop");
   await page.waitFor(`!document.getElementById("run-again").hidden`, "the stop", 60);
-  check("a reconstruction is stopped", (await page.evaluate(`document.getElementById("run-title").textContent`)) === "Not finished" && !existsSync(join(project, "results/curtain")));
+  check("a reconstruction is stopped",
+    (await page.evaluate(`document.getElementById("run-title").textContent`)) === "Not finished"
+    && !existsSync(join(project, "results/curtain")));
   await calm();
   await page.click("#run-next");
   await page.waitFor(`!document.getElementById("stop").hidden`, "the reconstruction to go on", 60);
   check("… and goes on", true);
-  await page.waitFor(`!document.getElementById("live").hidden || !document.getElementById("result").hidden`, "the live view", 60);
+  await page.waitFor(`!document.getElementById("live").hidden || !document.getElementById("result").hidden`,
+    "the live view", 60);
   await pause(1500);
   await show("reconstruct");
-  await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`, "the result", 400);
+  await page.waitFor(`!document.getElementById("result").hidden || !document.getElementById("alarm").hidden`,
+    "the result", 400);
   await calm();
   await page.waitFor(`document.getElementById("report").src.includes("report.html")`, "the report");
   await page.click("[data-format=pc2]");
@@ -258,8 +292,10 @@ try {
   await show("result");
   await calm();
   const exported = readdirSync(join(project, "results/curtain/export"));
-  check("the export is there", [".glb", ".pc2"].every(ending => exported.some(name => name.endsWith(ending))), exported.join(" "));
-  const length = await page.evaluate(`fetch(document.querySelector("#files a").href).then(a => a.arrayBuffer()).then(b => b.byteLength)`);
+  check("the export is there", [".glb", ".pc2"].every(ending => exported.some(name => name.endsWith(ending))),
+    exported.join(" "));
+  const length = await page.evaluate(
+    `fetch(document.querySelector("#files a").href).then(a => a.arrayBuffer()).then(b => b.byteLength)`);
   check("… and can be downloaded", length > 1000, `${length} bytes`);
   // What starts by itself when a clip is opened never alarms.
   let alarms = 0;
@@ -275,7 +311,8 @@ try {
   check("the server takes at most 150 MB", peak <= 150, `${peak.toFixed(1)} MB at most`);
   // What the page asks of the killed server before it is left is refused.
   // Two entries were refused on purpose.
-  const meant = text => text.includes("ERR_CONNECTION_REFUSED") && text.includes(gone) || text.includes("409") && text.includes("/api/save");
+  const meant = text => text.includes("ERR_CONNECTION_REFUSED") && text.includes(gone)
+    || text.includes("409") && text.includes("/api/save");
   const complaints = page.complaints.filter(text => !meant(text));
   check("no complaint in the console", complaints.length === 0, complaints.join(" | "));
 } catch (error) {

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs tools/check_studio.mjs. ffmpeg comes from PyPI, beside the build, where there is none; Chromium and Node from Debian's packages
-# where this runs as root.
+# Runs tools/check_studio.mjs. ffmpeg comes from PyPI, beside the build, where there is none; Chromium and Node
+# from Debian's packages where this runs as root.
 #
 # usage: check_studio.sh TESSUTO [options of check_studio.mjs]
 set -euo pipefail

@@ -3,13 +3,15 @@
 
 usage: check_workflow.py TESSUTO SNAKEMAKE [--full | --slurm]
 
-Short: three tiny scenes and a broken one. What ends with 3 is tried once, 75 and SIGKILL again; a repaired scene, another value of a setting
-and another column compute what they touch and nothing else; results are sealed; links lead somewhere.
+Short: three tiny scenes and a broken one. What ends with 3 is tried once, 75 and SIGKILL again; a repaired
+scene, another value of a setting and another column compute what they touch and nothing else; results are
+sealed; links lead somewhere.
 
 --slurm: the same on a cluster: tools/slurm_node.sh tools/check_workflow.py TESSUTO SNAKEMAKE --slurm
 
---full: twelve scenes on two workers, and again with a worker killed, the whole run interrupted, and the whole run killed, to the same summary,
-byte for byte. Prints the time against two plain loops over the same commands, one thread each.
+--full: twelve scenes on two workers, and again with a worker killed, the whole run interrupted, and the whole
+run killed, to the same summary, byte for byte. Prints the time against two plain loops over the same commands,
+one thread each.
 """
 
 import argparse
@@ -94,7 +96,9 @@ class Workflow:
         ]
         log = open(self.folder / "log", "a")
         # A group of its own, as a terminal gives to what runs in its foreground.
-        return subprocess.Popen(list(map(str, command)), cwd=self.folder, stdout=log, stderr=log, start_new_session=True)
+        return subprocess.Popen(
+            list(map(str, command)), cwd=self.folder, stdout=log, stderr=log, start_new_session=True
+        )
 
     def run(self, out, *more):
         return self.start(out, *more).wait()
@@ -117,7 +121,9 @@ class Workflow:
         (self.folder / "scenes.csv").write_text("\n".join(lines) + "\n")
 
     def scene(self, name, frames, size, grid, seed):
-        self.program("synth", f"scenes/{name}", "--frames", frames, "--size", size, "--grid", f"{grid}x{grid}", "--seed", seed)
+        self.program(
+            "synth", f"scenes/{name}", "--frames", frames, "--size", size, "--grid", f"{grid}x{grid}", "--seed", seed
+        )
 
     def program(self, *words):
         return subprocess.run([self.tessuto, *map(str, words)], cwd=self.folder, check=True, capture_output=True)
@@ -144,7 +150,9 @@ def short(flow, real):
         status != 0 and [row["state"] for row in rows] == ["failed", "found", "found"],
         "a broken scene stands first in the summary, the others are done",
     )
-    promise("check, status 3" in rows[0]["message"] and "hint: " in rows[0]["message"], f"its message: {rows[0]['message']}")
+    promise(
+        "check, status 3" in rows[0]["message"] and "hint: " in rows[0]["message"], f"its message: {rows[0]['message']}"
+    )
     promise(sum(call.startswith("check scenes/broken") for call in made) == 1, "status 3 is not tried again")
     tries = [call for call in made if call.startswith("reconstruct scenes/c1")]
     promise(
@@ -188,7 +196,8 @@ def short(flow, real):
         "a sweep computes its runs and nothing else",
     )
     promise(
-        [row["spacetime.iterations"] for row in sorted(flow.rows("out"), key=lambda row: row["run"])] == ["", "", "3", "5"],
+        [row["spacetime.iterations"] for row in sorted(flow.rows("out"), key=lambda row: row["run"])]
+        == ["", "", "3", "5"],
         "and is a column of the summary",
     )
     calls = lambda: [call for call in (flow.folder / "calls").read_text().splitlines() if call != "--version"]
@@ -204,7 +213,7 @@ def short(flow, real):
     flow.table("scene,spacetime.iteration", "scenes/c1,3")
     promise(
         flow.run("wrong") != 0 and flow.rows("wrong")[0]["message"].startswith("reconstruct, status 2: error"),
-        "a mistyped setting is told by the program, in the summary",
+        "the summary shows what the program says of a mistyped setting",
     )
 
 
@@ -239,9 +248,12 @@ def loops(flow, names):
     sets = lambda appearance: " ".join(
         f"--set {key}={value}" for key, value in SMALL.items() if key.startswith("appearance.") == appearance
     )
-    script = f"""set -e; export RAYON_NUM_THREADS=1; for name in "$@"; do t={flow.tessuto}; s=scenes/$name; r=plain/$name
-        $t check $s --picture plain/$name.png; $t reconstruct $s --out $r --no-appearance --threads 1 --checkpoint 1 {sets(False)}
-        $t evaluate $s $r --json; $t appearance $s $r --threads 1 {sets(True)}; $t report $r --threads 1; $t verify $r; done"""
+    script = f"""set -e; export RAYON_NUM_THREADS=1; for name in "$@";
+        do t={flow.tessuto}; s=scenes/$name; r=plain/$name
+        $t check $s --picture plain/$name.png
+        $t reconstruct $s --out $r --no-appearance --threads 1 --checkpoint 1 {sets(False)}
+        $t evaluate $s $r --json; $t appearance $s $r --threads 1 {sets(True)}
+        $t report $r --threads 1; $t verify $r; done"""
     shutil.rmtree(flow.folder / "plain", ignore_errors=True)
     (flow.folder / "plain").mkdir()
     running = [
@@ -272,13 +284,16 @@ def full(flow):
     workflow = [time.time() - used[0], cpu() - used[1]]
     for what, a, b in zip(["by the clock", "of processors"], plain, workflow):
         print(
-            f"seconds {what}: two plain loops {a:.1f}, workflow {b:.1f}: efficiency {a / b:.3f}; load {os.getloadavg()[0]:.1f}",
+            f"seconds {what}: two plain loops {a:.1f}, workflow {b:.1f}: efficiency {a / b:.3f}; load "
+            f"{os.getloadavg()[0]:.1f}",
             flush=True,
         )
 
     process = flow.start("disturbed")
     os.kill(wait_for(lambda: workers(flow, "disturbed"), "a worker")[0], signal.SIGKILL)
-    wait_for(lambda: len(list((flow.folder / "disturbed/steps").glob("reconstruct/*.json"))) >= 3, "a third reconstruction")
+    wait_for(
+        lambda: len(list((flow.folder / "disturbed/steps").glob("reconstruct/*.json"))) >= 3, "a third reconstruction"
+    )
     wait_for(lambda: workers(flow, "disturbed"), "a worker")
     os.killpg(process.pid, signal.SIGINT)
     promise(
@@ -290,7 +305,9 @@ def full(flow):
     wait_for(lambda: len(flow.notes("disturbed")) > len(done) + 8 and workers(flow, "disturbed"), "an eighth step more")
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-    promise(flow.run("disturbed", "--unlock") == 0 and flow.run("disturbed") == 0, "then the whole run killed, and finished")
+    promise(
+        flow.run("disturbed", "--unlock") == 0 and flow.run("disturbed") == 0, "then the whole run killed, and finished"
+    )
     promise(flow.summary("disturbed") == flow.summary("whole"), "to the same summary, byte for byte")
     motion = lambda out, name: (flow.folder / out / "results" / name / "motion.npy").read_bytes()
     promise(all(motion("disturbed", name) == motion("whole", name) for name in names), "and the same motions")

@@ -8,14 +8,19 @@ import { join } from "node:path";
 export const pause = ms => new Promise(done => setTimeout(done, ms));
 
 /** Keys that are not a character. */
-const KEYS = { Enter: 13, Escape: 27, Tab: 9, ArrowLeft: 37, ArrowUp: 38, ArrowRight: 39, ArrowDown: 40, Delete: 46, Home: 36, End: 35 };
+const KEYS = {
+  Enter: 13, Escape: 27, Tab: 9, ArrowLeft: 37, ArrowUp: 38, ArrowRight: 39, ArrowDown: 40, Delete: 46, Home: 36,
+  End: 35,
+};
 
 /** A browser with one page; `complaints` collects errors of its console and refused requests. */
 export const launch = async () => {
   const profile = mkdtempSync(join(tmpdir(), "chromium-"));
   const child = spawn(process.env.CHROMIUM ?? "/usr/bin/chromium", [
-    "--headless=new", "--remote-debugging-pipe", "--no-sandbox", "--no-first-run", "--disable-extensions", "--disable-background-networking",
-    "--hide-scrollbars", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", `--user-data-dir=${profile}`, "about:blank",
+    "--headless=new", "--remote-debugging-pipe", "--no-sandbox", "--no-first-run", "--disable-extensions",
+    "--disable-background-networking",
+    "--hide-scrollbars", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    `--user-data-dir=${profile}`, "about:blank",
   ], { stdio: ["ignore", "ignore", "ignore", "pipe", "pipe"] });
   const waiting = new Map(), listeners = new Map(), complaints = [];
   let last = 0, session, text = "";
@@ -26,7 +31,8 @@ export const launch = async () => {
     for (const message of messages.map(m => JSON.parse(m))) {
       const call = waiting.get(message.id);
       waiting.delete(message.id);
-      if (call) message.error ? call.failed(new Error(`${call.method}: ${message.error.message}`)) : call.done(message.result);
+      if (call) message.error ? call.failed(new Error(`${call.method}: ${message.error.message}`))
+        : call.done(message.result);
       else listeners.get(message.method)?.(message.params);
     }
   });
@@ -40,13 +46,17 @@ export const launch = async () => {
   const { targetId } = await send("Target.createTarget", { url: "about:blank" }, undefined);
   ({ sessionId: session } = await send("Target.attachToTarget", { targetId, flatten: true }, undefined));
   for (const domain of ["Page", "Runtime", "Log", "DOM", "Network"]) await send(`${domain}.enable`);
-  on("Runtime.exceptionThrown", e => complaints.push(e.exceptionDetails.exception?.description ?? e.exceptionDetails.text));
-  on("Log.entryAdded", ({ entry }) => { if (entry.level === "error") complaints.push(`${entry.text} ${entry.url ?? ""}`); });
+  on("Runtime.exceptionThrown", ({ exceptionDetails: e }) =>
+    complaints.push(e.exception?.description ?? e.text));
+  on("Log.entryAdded", ({ entry }) => {
+    if (entry.level === "error") complaints.push(`${entry.text} ${entry.url ?? ""}`);
+  });
   on("Runtime.consoleAPICalled", e => { if (e.type === "error") complaints.push(e.args.map(a => a.value).join(" ")); });
 
   /** The value of an expression in the page. */
   const evaluate = async expression => {
-    const { result, exceptionDetails } = await send("Runtime.evaluate", { expression, awaitPromise: true, returnByValue: true });
+    const { result, exceptionDetails } = await send("Runtime.evaluate",
+      { expression, awaitPromise: true, returnByValue: true });
     if (exceptionDetails) throw new Error(exceptionDetails.exception?.description ?? exceptionDetails.text);
     return result.value;
   };
@@ -80,9 +90,13 @@ export const launch = async () => {
     })()`),
     /** Clicks the middle of an element, which must be there, enabled, and not covered. */
     async click(selector) {
-      await waitFor(`(e => e && !e.disabled && e.getClientRects().length)(document.querySelector(${JSON.stringify(selector)}))`, `${selector} to be clickable`);
+      const found = `document.querySelector(${JSON.stringify(selector)})`;
+      await waitFor(`(e => e && !e.disabled && e.getClientRects().length)(${found})`, `${selector} to be clickable`);
       const { x, y, width, height } = await page.box(selector), [cx, cy] = [x + width / 2, y + height / 2];
-      const hit = await evaluate(`(e => { const h = document.elementFromPoint(${cx}, ${cy}); return e === h || e.contains(h) || Boolean(h?.contains(e)); })(document.querySelector(${JSON.stringify(selector)}))`);
+      const hit = await evaluate(`(e => {
+        const h = document.elementFromPoint(${cx}, ${cy});
+        return e === h || e.contains(h) || Boolean(h?.contains(e));
+      })(${found})`);
       if (!hit) throw new Error(`${selector} is covered`);
       await page.clickAt(cx, cy);
     },
@@ -90,7 +104,8 @@ export const launch = async () => {
       page.clicks++;
       await mouse("mouseMoved", x0, y0);
       await mouse("mousePressed", x0, y0, { button: "left", clickCount: 1, buttons: 1 });
-      for (const t of [0.5, 1]) await mouse("mouseMoved", x0 + t * (x1 - x0), y0 + t * (y1 - y0), { button: "left", buttons: 1 });
+      for (const t of [0.5, 1]) await mouse("mouseMoved", x0 + t * (x1 - x0), y0 + t * (y1 - y0),
+        { button: "left", buttons: 1 });
       await mouse("mouseReleased", x1, y1, { button: "left", clickCount: 1 });
     },
     /** Types a number or a word into what has the focus. */
@@ -101,7 +116,8 @@ export const launch = async () => {
     },
     async press(key, modifiers = 0) {
       page.keys++;
-      const code = KEYS[key] ?? key.toUpperCase().charCodeAt(0), text = key in KEYS ? (key === "Enter" ? "\r" : undefined) : modifiers ? undefined : key;
+      const code = KEYS[key] ?? key.toUpperCase().charCodeAt(0);
+      const text = key in KEYS ? (key === "Enter" ? "\r" : undefined) : modifiers ? undefined : key;
       await send("Input.dispatchKeyEvent", { type: "keyDown", key, text, windowsVirtualKeyCode: code, modifiers });
       await send("Input.dispatchKeyEvent", { type: "keyUp", key, windowsVirtualKeyCode: code, modifiers });
     },

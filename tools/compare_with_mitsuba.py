@@ -6,9 +6,10 @@ usage: compare_with_mitsuba.py SCENE_DIR RESULT_DIR FRAME [--motion gt] [--spp 2
 
 RESULT_DIR holds material/ and rerendered/ as `tessuto appearance` writes them, and motion.npy unless --motion gt.
 The scene's principal point must be the picture's middle. Prints PSNR and mean difference inside the mask.
-With --bounces N it leaves tessuto's picture aside (so that SCENE_DIR/gt will do as RESULT_DIR) and prints what light that went
-N times from cloth to cloth changes; the principal point may then be anywhere, and fy is taken to be fx.
+With --bounces N it leaves tessuto's picture aside (so that SCENE_DIR/gt will do as RESULT_DIR) and prints what
+light that went N times from cloth to cloth changes; the principal point may then be anywhere, and fy is taken to be fx.
 """
+
 import argparse
 import json
 from pathlib import Path
@@ -48,7 +49,7 @@ class Cloth(mi.BSDF):
         base, r, m = self.base.eval(si), self.rough.eval_1(si), self.metal.eval_1(si)
         nv, nl = dr.maximum(dr.abs(si.wi.z), 1e-3), dr.maximum(dr.abs(wo.z), 1e-6)
         h = dr.normalize(si.wi + wo)
-        a2 = r ** 4
+        a2 = r**4
         d = a2 / (dr.pi * dr.square(dr.square(h.z) * (a2 - 1) + 1))
         vis = 0.5 / (nl * dr.sqrt(a2 + (1 - a2) * nv * nv) + nv * dr.sqrt(a2 + (1 - a2) * nl * nl))
         f0 = 0.04 * (1 - m) + base * m
@@ -88,7 +89,9 @@ def mesh_of(template, shape, path):
 
 
 def encode(linear):
-    return np.clip(np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055), 0, 1)
+    return np.clip(
+        np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055), 0, 1
+    )
 
 
 def bounced(description, camera, spp, bounces):
@@ -108,9 +111,11 @@ def bounced(description, camera, spp, bounces):
     block = lambda x: x[: h // k * k, : w // k * k].reshape(h // k, k, w // k, k, -1).sum((1, 3)).mean(-1)
     lit = block(pictures[0])
     ratio = (block(pictures[1]) / np.maximum(lit, 1e-9))[lit > 0.05 * lit.max()]
-    print(f"{bounces} bounces against none: {psnr(direct, more):.2f} dB, after the best factor {psnr(direct * factor, more):.2f} dB; "
-          f"brighter by {100 * (ratio.mean() - 1):.1f} % in the mean, {100 * (np.quantile(ratio, 0.99) - 1):.1f} % in the brightest "
-          f"hundredth of {k}x{k} blocks")
+    print(
+        f"{bounces} bounces against none: {psnr(direct, more):.2f} dB, after the best factor "
+        f"{psnr(direct * factor, more):.2f} dB; brighter by {100 * (ratio.mean() - 1):.1f} % in the mean, "
+        f"{100 * (np.quantile(ratio, 0.99) - 1):.1f} % in the brightest hundredth of {k}x{k} blocks"
+    )
 
 
 def main():
@@ -128,20 +133,29 @@ def main():
     motion = np.load(a.scene / "gt/vertices.npy" if a.motion == "gt" else a.result / "motion.npy")
     obj = Path("/tmp") / f"mitsuba_frame_{a.frame}.obj"
     mesh_of(a.scene / "template.obj", motion[a.frame].astype(float), obj)
-    light = np.array(mi.Bitmap(str(a.result / "material/environment.exr")).convert(mi.Bitmap.PixelFormat.RGB), np.float32)
+    light = np.array(
+        mi.Bitmap(str(a.result / "material/environment.exr")).convert(mi.Bitmap.PixelFormat.RGB), np.float32
+    )
     light = np.roll(light, light.shape[1] // 2, axis=1)  # Mitsuba's left border is where our middle is
 
     def texture(name, raw):
         return {"type": "bitmap", "filename": str(a.result / f"material/{name}.png"), "raw": raw, "wrap_mode": "clamp"}
 
-    cloth = {"type": "cloth", "base": texture("diffuse", False), "rough": texture("roughness", True), "metal": texture("metallic", True)}
+    cloth = {
+        "type": "cloth",
+        "base": texture("diffuse", False),
+        "rough": texture("roughness", True),
+        "metal": texture("metallic", True),
+    }
     description = {
         "type": "scene",
         "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 1, "hide_emitters": True},
         "shape": {"type": "obj", "filename": str(obj), "bsdf": cloth},
         "light": {"type": "envmap", "bitmap": mi.Bitmap(light)},
         "sensor": {
-            "type": "perspective", "fov_axis": "x", "fov": float(np.degrees(2 * np.arctan(w / 2 / camera["fx"]))),
+            "type": "perspective",
+            "fov_axis": "x",
+            "fov": float(np.degrees(2 * np.arctan(w / 2 / camera["fx"]))),
             "to_world": mi.ScalarTransform4f().look_at([0, 0, 0], [0, 0, -1], [0, 1, 0]),
             "film": {"type": "hdrfilm", "width": w, "height": h, "rfilter": {"type": "box"}, "pixel_format": "rgb"},
         },
@@ -166,8 +180,10 @@ def main():
     count = cut(inner[..., None].astype(float))
     full = count[..., 0] > k * k * 0.9
     means = (cut(blocks) / np.maximum(count, 1))[full]
-    print(f"PSNR {-10 * np.log10(np.mean(difference ** 2)):.2f} dB, mean difference {difference.mean():+.5f}, "
-          f"means of {k}x{k} blocks: rms {np.sqrt(np.mean(means ** 2)):.5f}, largest {np.abs(means).max():.5f}")
+    print(
+        f"PSNR {-10 * np.log10(np.mean(difference**2)):.2f} dB, mean difference {difference.mean():+.5f}, "
+        f"means of {k}x{k} blocks: rms {np.sqrt(np.mean(means**2)):.5f}, largest {np.abs(means).max():.5f}"
+    )
     if a.out:
         grey = np.clip(0.5 + 4 * (srgb - own) * inner[..., None], 0, 1)
         Image.fromarray((np.hstack([srgb, own, grey]) * 255).astype(np.uint8)).save(a.out)

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
-"""Prints docs/gallery.md, for `tools/gallery.sh`: rows of name, options of synth and options of reconstruct on standard input, the names of the scenes whose
-report pages are kept as arguments; scenes and results are in the working directory.
+"""Prints docs/gallery.md, for `tools/gallery.sh`: rows of name, options of synth and options of reconstruct on
+standard input, the names of the scenes whose report pages are kept as arguments; scenes and results are in the
+working directory.
 """
+
 import json
 import math
 import struct
@@ -9,14 +11,21 @@ import sys
 from pathlib import Path
 
 TITLES = {
-    "wind": ("In the wind", "Moving air presses on a hanging cloth. Stiffness, gravity and air are estimated with the motion."),
+    "wind": (
+        "In the wind",
+        "Moving air presses on a hanging cloth. Stiffness, gravity and air are estimated with the motion.",
+    ),
     "hands": ("In two hands", "Two hands hold the cloth near its upper corners, carry, turn and shake it."),
     "paper": ("Paper", "A sheet that bends and does not stretch."),
-    "occluded": ("Hands in front", "Two hands pass in front of the cloth. The masks leave them out; the hidden part follows from the rest."),
+    "occluded": (
+        "Hands in front",
+        "Two hands pass in front of the cloth. The masks leave them out; the hidden part follows from the rest.",
+    ),
     "blurred": ("Blurred", "Hands again, at 25 frames a second with an open shutter half of the time."),
     "filmed": (
         "As filmed",
-        "A wall behind, sensor noise and H.264 compression. Masks and template come from the four corners and the size of the sheet.",
+        "A wall behind, sensor noise and H.264 compression. Masks and template come from the four corners and "
+        "the size of the sheet.",
     ),
 }
 
@@ -28,7 +37,9 @@ def motion(path):
     header = data[10 : 10 + length].decode()
     width, code = (8, "d") if "f8" in header else (4, "f")
     frames, vertices = (int(n) for n in header.split("(")[1].split(")")[0].split(",")[:2])
-    values = struct.unpack(f"<{frames * vertices * 3}{code}", data[10 + length : 10 + length + frames * vertices * 3 * width])
+    values = struct.unpack(
+        f"<{frames * vertices * 3}{code}", data[10 + length : 10 + length + frames * vertices * 3 * width]
+    )
     size = vertices * 3
     return [values[n * size : (n + 1) * size] for n in range(frames)]
 
@@ -44,8 +55,9 @@ def main():
     pages = sys.argv[1:]
     print("""# Gallery
 
-Made by `tools/gallery.sh`: the video on the left, the recovered sheet from the side on the right, both slowed down. All six clips are synthetic, so their
-truth is known and their errors are exact. Errors on clips by other simulators and on a real recording are in [accuracy.md](accuracy.md).
+Made by `tools/gallery.sh`: the video on the left, the recovered sheet from the side on the right, both slowed down.
+All six clips are synthetic, so their truth is known and their errors are exact. Errors on clips by other simulators
+and on a real recording are in [accuracy.md](accuracy.md).
 
 | scene | frames | held still | vertex error | frames found, doubtful, lost |
 |---|---|---|---|---|""")
@@ -56,15 +68,23 @@ truth is known and their errors are exact. Errors on clips by other simulators a
         error, held = metrics["mean"]["vertex"], still(Path("scenes", name))
         verdicts = ", ".join(str(counts[state]) for state in ("found", "doubtful", "lost"))
         link = TITLES[name][0].lower().replace(" ", "-")
-        print(f"| [{TITLES[name][0]}](#{link}) | {sum(counts.values())} | {1e3 * held:.0f} mm | {1e3 * error:.1f} mm | {verdicts} |")
-    print("""
-*Held still* is the error of a program that does nothing. Two finished report pages: """ + " and ".join(
-        f"[{TITLES[name][0].lower()}](gallery/{name}.html)" for name in pages
-    ) + """.
-Each is one file without links. GitHub shows its source: download it and open it in a browser.""")
+        print(
+            f"| [{TITLES[name][0]}](#{link}) | {sum(counts.values())} | {1e3 * held:.0f} mm | {1e3 * error:.1f} "
+            f"mm | {verdicts} |"
+        )
+    print(
+        """
+*Held still* is the error of a program that does nothing. Two finished report pages: """
+        + " and ".join(f"[{TITLES[name][0].lower()}](gallery/{name}.html)" for name in pages)
+        + """.
+Each is one file without links. GitHub shows its source: download it and open it in a browser."""
+    )
     for name, synth, reconstruct in rows:
         title, text = TITLES[name]
-        print(f"\n## {title}\n\n{text}\n\n![{title}: the video, and the recovered sheet from the side](gallery/{name}.webp)\n\n```sh")
+        print(
+            f"\n## {title}\n\n{text}\n\n![{title}: the video, and the recovered sheet from the "
+            f"side](gallery/{name}.webp)\n\n```sh"
+        )
         if name == "filmed":
             print("tessuto demo --clip trial                 # its README has the corners, the size and the camera")
             print('tessuto import trial/clip.mp4 scenes/filmed --outline "$CORNERS" --fx "$FX"')

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Makes the moving picture of README.md (docs/front.webp), docs/gallery.md, its loops and its two report pages (docs/gallery/).
+# Makes the moving picture of README.md (docs/front.webp), docs/gallery.md, its loops and its two report pages
+# (docs/gallery/).
 #
 # usage: tools/gallery.sh PROGRAM [--work FOLDER] [NAME …]
 #
@@ -48,7 +49,8 @@ options() {
         *) echo "no scene $1: ${all[*]}" >&2; exit 2 ;;
     esac
 }
-# The options of `tessuto reconstruct`: material and light for the first picture, physics where something moves the sheet.
+# The options of `tessuto reconstruct`: material and light for the first picture, physics where something moves
+# the sheet.
 how() {
     case $1 in
         wind) ;;
@@ -95,13 +97,15 @@ side() {
     esac
 }
 
-# One animated WebP of FILE, side px a panel, at QUALITY, of the folders of frames that follow; each loop rests on its last frame.
+# One animated WebP of FILE, side px a panel, at QUALITY, of the folders of frames that follow; each loop rests
+# on its last frame.
 loop() {
     local file=$1 side=$2 quality=$3 inputs=() filter="" labels="" n=0 folder
     shift 3
     for folder; do
         inputs+=(-framerate 20 -pattern_type glob -i "$folder/*.png")
-        filter+="[$n]scale=$side:$side:flags=area:force_original_aspect_ratio=decrease,pad=$side:$side:-1:-1,tpad=stop_mode=clone:stop=8[p$n];"
+        filter+="[$n]scale=$side:$side:flags=area:force_original_aspect_ratio=decrease,"
+        filter+="pad=$side:$side:-1:-1,tpad=stop_mode=clone:stop=8[p$n];"
         labels+="[p$n]"
         n=$((n + 1))
     done
@@ -142,7 +146,8 @@ PYTHON
 [[ -e relit/manifest.json ]] ||
     "$program" render results/wind --camera 20,5 --environment environment.hdr --size 320x320 --samples 64 --out relit
 [[ -e results/calm/manifest.json ]] || "$program" simulate results/wind --air still --out results/calm
-[[ -e calm/manifest.json ]] || "$program" render results/calm --camera "$(side wind)" --size 320x320 --samples 32 --out calm
+[[ -e calm/manifest.json ]] ||
+    "$program" render results/calm --camera "$(side wind)" --size 320x320 --samples 32 --out calm
 loop "$root/docs/front.webp" 300 60 scenes/wind/rgbs side/wind relit calm
 
 echo "== docs/gallery.md"

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Prints what the program contains by others: every crate that is linked into it, with its licence and that licence's text, and what the
-report page embeds.
+"""Prints what the program contains by others: every crate that is linked into it, with its licence and that
+licence's text, and what the report page embeds.
 
 usage: licences.py [--target x86_64-unknown-linux-gnu] [--package tessuto-cli] > LICENSES.txt
 
@@ -37,7 +37,9 @@ def linked(metadata, name):
 
 def texts(folder):
     names = [
-        path for path in folder.iterdir() if path.is_file() and re.match(r"(?i)(unlicense|licen[cs]e|copying|notice)", path.name)
+        path
+        for path in folder.iterdir()
+        if path.is_file() and re.match(r"(?i)(unlicense|licen[cs]e|copying|notice)", path.name)
     ]
     return [(path.name, path.read_text(errors="replace").strip()) for path in sorted(names)]
 
@@ -71,10 +73,11 @@ def main():
     for path in sorted(vendor.glob("*.LICENSE")):
         where.setdefault(path.read_text().strip(), []).append(f"{path.stem}, embedded in the report page")
     print(
-        f"tessuto is licensed MIT OR Apache-2.0. It contains {len(packages)} crates, its own among them, and Rust's standard library (MIT OR Apache-2.0):\n"
+        f"tessuto is licensed MIT OR Apache-2.0. It contains {len(packages)} crates, its own among them, and "
+        f"Rust's standard library (MIT OR Apache-2.0):\n"
     )
     for package in packages:
-        print(f"{package['name']:28} {package['version']:12} {package['license']:40} {package['repository'] or ''}".rstrip())
+        print("{name:28} {version:12} {license:40} {home}".format(home=package["repository"] or "", **package).rstrip())
     without = [p["name"] for p in packages if not texts(Path(p["manifest_path"]).parent)]
     if without:
         print(f"\nNo text of their own, the licence is that of the list: {', '.join(without)}")

@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
-"""Puts an opaque hand in front of the fabric of a scene: a copy of the scene in which it moves over a tenth of the cloth.
+"""Puts an opaque hand in front of the fabric of a scene: a copy of the scene in which it moves over a tenth of
+the cloth.
 
 usage: occlude.py SCENE OUT [--amodal] [--share 0.1] [--seed 0]
 
-The masks exclude the hand, or cover the fabric behind it too with --amodal. All else is copied as it is. Needs numpy and pillow.
+The masks exclude the hand, or cover the fabric behind it too with --amodal. All else is copied as it is. Needs
+numpy and pillow.
 """
+
 import argparse, shutil
 from pathlib import Path
 
@@ -12,8 +15,15 @@ import numpy as np
 from PIL import Image
 
 # Capsules of a hand with its wrist, fingers along +y: x0 y0 x1 y1 and radius, in widths of a hand.
-HAND = [(0, -0.15, 0, 0.2, 0.42), (0, -0.4, 0.05, -1.0, 0.26), (-0.3, 0.4, -0.42, 0.95, 0.1), (-0.1, 0.5, -0.13, 1.15, 0.11),
-        (0.12, 0.5, 0.15, 1.1, 0.11), (0.32, 0.4, 0.42, 0.85, 0.09), (-0.35, -0.1, -0.72, 0.3, 0.12)]
+HAND = [
+    (0, -0.15, 0, 0.2, 0.42),
+    (0, -0.4, 0.05, -1.0, 0.26),
+    (-0.3, 0.4, -0.42, 0.95, 0.1),
+    (-0.1, 0.5, -0.13, 1.15, 0.11),
+    (0.12, 0.5, 0.15, 1.1, 0.11),
+    (0.32, 0.4, 0.42, 0.85, 0.09),
+    (-0.35, -0.1, -0.72, 0.3, 0.12),
+]
 
 
 def coverage(points):
@@ -66,7 +76,10 @@ def main():
         Image.fromarray((255 * rgb + 0.5).astype(np.uint8)).save(frame)
         if not arguments.amodal:
             Image.fromarray((255 * cloth * (1 - alpha) + 0.5).astype(np.uint8)).save(mask)
-    print(f"{arguments.out}: covers {100 * np.mean(covered):.1f} % of the cloth in the mean, at most {100 * np.max(covered):.1f} %")
+    print(
+        f"{arguments.out}: covers {100 * np.mean(covered):.1f} % of the cloth in the mean, at most "
+        f"{100 * np.max(covered):.1f} %"
+    )
 
 
 if __name__ == "__main__":

@@ -2,14 +2,16 @@
 """How well `tessuto reconstruct` finds causes: made scenes of random stiffness, tilt, wind and hands with all causes as
 truth (`tessuto synth --air`), compared by `tessuto evaluate`. Prints a line per scene and the table of all.
 
-The parameters asked for are of docs/experiments/log/physics.md: the factor that bend and shear are off by (median), the part of the scenes whose truth
-lies within two standard deviations, gravity's angle, and the error of the futures in still air and with ten times the bend stiffness over
-that of the best guess without causes.
+The parameters asked for are of docs/experiments/log/physics.md: the factor that bend and shear are off by
+(median), the part of the scenes whose truth lies within two standard deviations, gravity's angle, and the error
+of the futures in still air and with ten times the bend stiffness over that of the best guess without causes.
 
-usage: tools/physics_sweep.py PROGRAM [--scenes 12] [--seed 100] [--minutes 40] [--frames 30] [--size 256] [--jsonl sweep.jsonl]
+usage: tools/physics_sweep.py PROGRAM [--scenes 12] [--seed 100] [--minutes 40] [--frames 30] [--size 256]
+    [--jsonl sweep.jsonl]
 
 Needs NumPy. Exit status 1 if a scene failed.
 """
+
 import argparse
 import json
 import random
@@ -25,11 +27,19 @@ import numpy as np
 
 def options(rng, frames, size):
     """Random options of `tessuto synth`: every other scene is carried by hands."""
+
     def log(low, high):
         return float(f"{10 ** rng.uniform(low, high):.3g}")
+
     side = rng.randint(13, 19)
-    chosen = {"frames": frames, "size": size, "grid": f"{side}x{rng.randint(13, 19)}", "stretch": log(2, 2.8), "bend": log(-3.5, -2.5),
-              "shear": log(-4, -3)}
+    chosen = {
+        "frames": frames,
+        "size": size,
+        "grid": f"{side}x{rng.randint(13, 19)}",
+        "stretch": log(2, 2.8),
+        "bend": log(-3.5, -2.5),
+        "shear": log(-4, -3),
+    }
     hands = rng.random() < 0.5
     wind = round(rng.uniform(0.5, 2.5), 2)
     return chosen | ({"hands": True} if hands else {"wind": wind})
@@ -37,13 +47,19 @@ def options(rng, frames, size):
 
 def words_of(chosen):
     """The options as words of a command line."""
-    return [word for key, value in chosen.items() for word in ([f"--{key}"] if value is True else [f"--{key}", str(value)])]
+    return [
+        word for key, value in chosen.items() for word in ([f"--{key}"] if value is True else [f"--{key}", str(value)])
+    ]
 
 
 def run(arguments):
     done = subprocess.run([str(a) for a in arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     if done.returncode:
-        errors = [line for line in done.stderr.splitlines() if line.startswith("error") or "panicked" in line or "hint" in line]
+        errors = [
+            line
+            for line in done.stderr.splitlines()
+            if line.startswith("error") or "panicked" in line or "hint" in line
+        ]
         raise RuntimeError(f"{arguments[1]} ended with {done.returncode}: {errors[:3]}")
     return done.stdout
 
@@ -75,7 +91,10 @@ def table(results):
         if len(off):
             inside, informed = (100 * np.mean(of(results, "causes", key, word)) for word in ("inside", "informed"))
             soft = 100 * np.mean([v < 0 for v in of(results, "causes", key, "log10")])
-            lines.append(f"| {key}, factor off ({soft:.0f} % too low) | {np.median(off):.2f} | {off.max():.2f} | {inside:.0f} % | {informed:.0f} % |")
+            lines.append(
+                f"| {key}, factor off ({soft:.0f} % too low) | {np.median(off):.2f} | {off.max():.2f} | "
+                f"{inside:.0f} % | {informed:.0f} % |"
+            )
     angle = np.array(of(results, "causes", "gravity", "degrees"))
     if len(angle):
         inside = 100 * np.mean(of(results, "causes", "gravity", "inside"))
@@ -83,12 +102,18 @@ def table(results):
     held = of(results, "causes", "held")
     if held:
         right = sum(h["right"] for h in held)
-        lines.append(f"| held vertices: {right} of {sum(h['truth'] for h in held)} found, {sum(h['found'] for h in held) - right} that are not | | | | |")
+        lines.append(
+            f"| held vertices: {right} of {sum(h['truth'] for h in held)} found, "
+            f"{sum(h['found'] for h in held) - right} that are not | | | | |"
+        )
     for key, name in [("calm", "still air after the clip"), ("stiffer", "ten times the bend stiffness")]:
         ratio = np.array(of(results, "causes", key, "ratio"))
         if len(ratio):
             error = 1000 * np.median(of(results, "causes", key, "error"))
-            lines.append(f"| {name}, ratio to the best guess without causes ({error:.1f} mm) | {np.median(ratio):.2f} | {ratio.max():.2f} | | |")
+            lines.append(
+                f"| {name}, ratio to the best guess without causes ({error:.1f} mm) | {np.median(ratio):.2f} | "
+                f"{ratio.max():.2f} | | |"
+            )
     rest = of(results, "causes", "unexplained")
     if rest:
         lines.append(f"| unexplained over the motion's acceleration | {np.median(rest):.1f} | {max(rest):.1f} | | |")
@@ -100,8 +125,14 @@ def table(results):
 
 def in_short(result):
     causes = result["causes"]
-    words = [f"{key} {10 ** causes[key]['log10']:.2f}{'' if causes[key]['inside'] else '!'}" for key in ("bend", "shear", "drag") if key in causes]
-    words += [f"gravity {causes['gravity']['degrees']:.1f}°"] + [f"{key} {causes[key]['ratio']:.2f}" for key in ("calm", "stiffer") if key in causes]
+    words = [
+        f"{key} {10 ** causes[key]['log10']:.2f}{'' if causes[key]['inside'] else '!'}"
+        for key in ("bend", "shear", "drag")
+        if key in causes
+    ]
+    words += [f"gravity {causes['gravity']['degrees']:.1f}°"] + [
+        f"{key} {causes[key]['ratio']:.2f}" for key in ("calm", "stiffer") if key in causes
+    ]
     return ", ".join(words)
 
 
@@ -132,7 +163,12 @@ def main():
             said = in_short(result)
             if arguments.jsonl:
                 with arguments.jsonl.open("a") as file:
-                    file.write(json.dumps({"seed": seed, "options": chosen, "causes": result["causes"], "mean": result.get("mean")}) + "\n")
+                    file.write(
+                        json.dumps(
+                            {"seed": seed, "options": chosen, "causes": result["causes"], "mean": result.get("mean")}
+                        )
+                        + "\n"
+                    )
         except RuntimeError as problem:
             failures.append(words)
             said = str(problem)

@@ -2,8 +2,8 @@
 # The tests of the Python package and its type check, in an environment of their own below the target directory:
 #   tools/python_tests.sh [arguments of pytest]
 # Needs Python 3.9 or later with `venv`, and a registry of packages to install from. The gradients in PyTorch are tested
-# where it is installed for the Python that runs this (Debian: python3-torch); PYTHON names another one. JAX is installed
-# here; without JAX, say WITHOUT_JAX=1.
+# where it is installed for the Python that runs this (Debian: python3-torch); PYTHON names another one. JAX is
+# installed here; without JAX, say WITHOUT_JAX=1.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 target=$(realpath -m "${CARGO_TARGET_DIR:-target}")
@@ -44,4 +44,5 @@ second="$target/python-other-numpy"
 [[ -x "$second/bin/python" ]] || "$python" -m venv "$second"
 "$second/bin/python" -m pip install --quiet --disable-pip-version-check "$other" pytest
 PYTHONPATH=crates/tessuto-py/python "$second/bin/python" -m pytest -q crates/tessuto-py/tests/test_blocks.py \
-    crates/tessuto-py/tests/test_scene.py --deselect crates/tessuto-py/tests/test_scene.py::test_arrays_make_the_scene_of_their_folder
+    crates/tessuto-py/tests/test_scene.py \
+    --deselect crates/tessuto-py/tests/test_scene.py::test_arrays_make_the_scene_of_their_folder

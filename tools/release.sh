@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Makes what is given away for this platform: the stripped program, the licences of what it contains, completions for shells, manual pages; as a
-# folder and as .tar.gz with its checksum.
+# Makes what is given away for this platform: the stripped program, the licences of what it contains,
+# completions for shells, manual pages; as a folder and as .tar.gz with its checksum.
 #
 # usage: release.sh [FOLDER]        default: target/dist
 #
@@ -43,6 +43,7 @@ fi
 checked=$(mktemp -d)
 trap 'rm -rf "$checked"' EXIT
 "$program" demo --out "$checked/demo" > "$checked/log" 2>&1 || { cat "$checked/log" >&2; exit 1; }
-tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}" -C "$folder" -cf - "$name" | gzip -n9 > "$folder/$name.tar.gz"
+tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@${SOURCE_DATE_EPOCH:-$(git log -1 --format=%ct)}" \
+    -C "$folder" -cf - "$name" | gzip -n9 > "$folder/$name.tar.gz"
 (cd "$folder" && sha256sum "$name.tar.gz" > "$name.tar.gz.sha256")
 echo "$folder/$name.tar.gz: $(stat -c %s "$folder/$name.tar.gz") bytes; the program: $size bytes of at most $most"

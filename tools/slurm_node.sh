@@ -3,11 +3,15 @@
 #
 # usage: slurm_node.sh COMMAND...        as root; needs apt-get install slurmctld slurmd slurm-client munge
 #
-# Everything it writes is in a temporary folder, but for /etc/slurm/slurm.conf, where jobs look for it; one that is there already is left alone, and
-# nothing is started. The node has no accounting; jobs that take more memory than they asked for are killed.
+# Everything it writes is in a temporary folder, but for /etc/slurm/slurm.conf, where jobs look for it; one that
+# is there already is left alone, and nothing is started. The node has no accounting; jobs that take more memory
+# than they asked for are killed.
 set -euo pipefail
 for program in munged slurmctld slurmd sbatch; do
-    command -v "$program" > /dev/null || { echo "$program is missing: apt-get install slurmctld slurmd slurm-client munge" >&2; exit 1; }
+    command -v "$program" > /dev/null || {
+        echo "$program is missing: apt-get install slurmctld slurmd slurm-client munge" >&2
+        exit 1
+    }
 done
 if [[ -e /etc/slurm/slurm.conf ]]; then
     echo "/etc/slurm/slurm.conf is there: this machine has a cluster, run the command without this script" >&2
@@ -30,11 +34,13 @@ mkdir -m 700 "$folder/munge"
 mkdir "$folder/state" "$folder/spool" "$folder/socket"
 head -c 1024 /dev/urandom > "$folder/munge/key"
 chmod 400 "$folder/munge/key"
-munged --foreground --force --socket "$folder/socket/munge" --key-file "$folder/munge/key" --seed-file "$folder/munge/seed" \
+munged --foreground --force --socket "$folder/socket/munge" \
+    --key-file "$folder/munge/key" --seed-file "$folder/munge/seed" \
     --pid-file "$folder/munge/pid" --log-file "$folder/munge/log" 2> /dev/null &
 started+=($!)
 
 host=$(hostname -s)
+memory=$(grep -o "[0-9]*" <(grep MemTotal /proc/meminfo))
 cat > "$folder/slurm.conf" << END
 ClusterName=one
 SlurmctldHost=$host(127.0.0.1)
@@ -58,11 +64,11 @@ JobAcctGatherType=jobacct_gather/linux
 JobAcctGatherFrequency=task=1
 JobAcctGatherParams=OverMemoryKill
 SchedulerParameters=sched_interval=2,bf_interval=2
-# squeue tells how a job ended for so long.
+# squeue says for this long how a job ended.
 MinJobAge=300
 KillWait=10
 ReturnToService=2
-NodeName=$host NodeAddr=127.0.0.1 CPUs=$(nproc) RealMemory=$(($(grep -o '[0-9]*' <(grep MemTotal /proc/meminfo)) / 1024 - 1000)) State=UNKNOWN
+NodeName=$host NodeAddr=127.0.0.1 CPUs=$(nproc) RealMemory=$((memory / 1024 - 1000)) State=UNKNOWN
 PartitionName=all Nodes=$host Default=YES MaxTime=INFINITE State=UP
 END
 mkdir -p /etc/slurm

@@ -21,6 +21,9 @@ if ((size > most)); then
     echo "the wheel has $size bytes, more than $most" >&2
     exit 1
 fi
-python3 -m zipfile -l "$folder/$wheel" | grep -q "licenses/$licences" || { echo "the licences are not in the wheel" >&2; exit 1; }
+python3 -m zipfile -l "$folder/$wheel" | grep -q "licenses/$licences" || {
+    echo "the licences are not in the wheel" >&2
+    exit 1
+}
 (cd "$folder" && sha256sum "$wheel" > "$wheel.sha256")
 echo "$folder/$wheel: $size bytes of at most $most"

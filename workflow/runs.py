@@ -1,10 +1,12 @@
 """The table of what to compute: which scenes, each with which settings.
 
-A row is a scene. The column `scene` has its folder, relative to the table; every other column is an option of `tessuto reconstruct`
-without its dashes (`preset`, `seed`, `frames`, …) or the key of a setting (`tessuto settings`). A cell with several values, separated by `|`, is a sweep:
-one run of each; several such cells, all combinations. An empty cell is the program's own default.
+A row is a scene. The column `scene` has its folder, relative to the table; every other column is an option of
+`tessuto reconstruct` without its dashes (`preset`, `seed`, `frames`, …) or the key of a setting
+(`tessuto settings`). A cell with several values, separated by `|`, is a sweep: one run of each; several such
+cells, all combinations. An empty cell is the program's own default.
 
-A run's name is made of all that tells it from others, so that a new row, column or value never touches the runs there are.
+A run's name is made of all that distinguishes it from others, so that a new row, column or value never touches the runs
+there are.
 """
 
 import codecs
@@ -59,10 +61,16 @@ def read(table):
         rows = [row for row in reader if any(cell for cell in row.values())]
         columns = reader.fieldnames or []
     except csv.Error as error:
-        raise TableError(f"{table}: is no CSV: {error}; end every quote, and write a quote within a cell twice") from None
+        raise TableError(
+            f"{table}: is no CSV: {error}; end every quote, and write a quote within a cell twice"
+        ) from None
     if "scene" not in columns:
         raise TableError(f"{table}: there is no column `scene` among {columns}; the first line names the columns")
-    wrong = [c for c in columns if c != "scene" and c not in OPTIONS and not re.fullmatch(r"[a-z0-9_]+(\.[a-z0-9_]+)*", c or "")]
+    wrong = [
+        c
+        for c in columns
+        if c != "scene" and c not in OPTIONS and not re.fullmatch(r"[a-z0-9_]+(\.[a-z0-9_]+)*", c or "")
+    ]
     if wrong:
         raise TableError(f"{table}: columns {wrong} are no settings; `tessuto settings` lists those there are")
     runs, scenes = {}, {}
@@ -70,7 +78,8 @@ def read(table):
         place = f"{table}, row {number}"
         if None in row or None in row.values() or not row["scene"].strip():
             raise TableError(
-                f"{place}: a cell is missing or there is one too many; every row has {len(columns)} cells, the first a scene"
+                f"{place}: a cell is missing or there is one too many; every row has {len(columns)} cells, the "
+                f"first a scene"
             )
         comma = next((c for c in columns if separator != "," and re.fullmatch(r"\s*-?\d+,\d+\s*", row[c] or "")), None)
         if comma:
@@ -102,7 +111,8 @@ def text(table):
     except UnicodeDecodeError as error:
         line = 1 + data[: error.start].count(b"\n")
         raise TableError(
-            f"{table}, line {line}: byte 0x{data[error.start]:02X} is no {encoding[:6].upper().rstrip('-')} text; save the table as \"CSV UTF-8\""
+            f"{table}, line {line}: byte 0x{data[error.start]:02X} is no {encoding[:6].upper().rstrip('-')} "
+            f'text; save the table as "CSV UTF-8"'
         ) from None
 
 
@@ -117,7 +127,9 @@ def name(scene, cells, place):
     """`curtain@bend=0.01,seed=3`: letters that need no quotes in a shell or an address."""
     text = scene + ("@" if cells else "") + ",".join(f"{column}={value}" for column, value in cells)
     if not re.fullmatch(r"[\w.][\w.+-]*(@[\w.+,=-]+)?", text, re.ASCII):
-        raise TableError(f"{place}: {text!r} would be the run's name; use letters, digits and . _ + - in names and values")
+        raise TableError(
+            f"{place}: {text!r} would be the run's name; use letters, digits and . _ + - in names and values"
+        )
     if len(text) > LONGEST:
         digest = hashlib.sha256(text.encode()).hexdigest()[:12]
         text = f"{text[: LONGEST - 13]},{digest}"

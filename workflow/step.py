@@ -4,12 +4,13 @@
 What the exit status of the program means for the note:
 
   0              the step is done
-  2, 3, 4, 101   it would end so again: noted as failed, and this script ends with 0, so that it is not tried again and the other
-                 runs and the summary go on; the later steps of this run are passed over
-  5, 6, 75, 137  a full disk, an old processor, an interruption, a kill (memory): no note, and this script ends with the same
-                 status, so that Snakemake tries again, on another machine or with more memory
+  2, 3, 4, 101   it would end so again: noted as failed, and this script ends with 0, so that it is not tried
+                 again and the other runs and the summary go on; the later steps of this run are passed over
+  5, 6, 75, 137  a full disk, an old processor, an interruption, a kill (memory): no note, and this script ends
+                 with the same status, so that Snakemake tries again, on another machine or with more memory
 
-A note is found valid, without any work, if it was made by the same program from the same scene and options and the result folder is as the workflow
+A note is found valid, without any work, if it was made by the same program from the same scene and options and
+the result folder is as the workflow
 left it: `records/RUN.json` knows. Snakemake removes the notes of a group of jobs of which one failed.
 """
 
@@ -75,7 +76,16 @@ def work(arguments, key, record):
     scene, step = arguments.scene, arguments.step
     words = {
         "check": ["check", scene, "--picture", arguments.note.with_suffix(".png")],
-        "reconstruct": ["reconstruct", scene, "--out", result, "--no-appearance", "--threads", arguments.threads, "--force"],
+        "reconstruct": [
+            "reconstruct",
+            scene,
+            "--out",
+            result,
+            "--no-appearance",
+            "--threads",
+            arguments.threads,
+            "--force",
+        ],
         "evaluate": ["evaluate", scene, result, "--json"],
         "appearance": ["appearance", scene, result, "--threads", arguments.threads],
         "report": ["report", result, "--threads", arguments.threads],
@@ -108,10 +118,12 @@ def work(arguments, key, record):
 
 
 def run(command, log, threads, record):
-    """Status of `command` and what it printed; all of that goes to the log too. One request to stop is passed on, once."""
+    """Status of `command` and what it printed; all of that goes to the log too. One request to stop is passed
+    on, once."""
     with open(log, "a") as file:
         print("$", *command, file=file, flush=True)
-        # In a session of its own, so that Ctrl-C reaches it once, from here. It keeps the lock if this script is killed.
+        # In a session of its own, so that Ctrl-C reaches it once, from here. It keeps the lock if this script
+        # is killed.
         environment = dict(os.environ, RAYON_NUM_THREADS=threads)
         try:
             process = subprocess.Popen(
@@ -189,7 +201,7 @@ class Record:
 
 
 def program(tessuto):
-    """What tells one build of the program from another."""
+    """What distinguishes one build of the program from another."""
     try:
         return subprocess.run([tessuto, "--version"], capture_output=True, check=True, text=True).stdout
     except OSError as error:

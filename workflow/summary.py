@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""One table of all runs, the worst first: summary.csv, and summary.html with links to their pages; throughput.csv, how long the steps took.
+"""One table of all runs, the worst first: summary.csv, and summary.html with links to their pages;
+throughput.csv, how long the steps took.
 
-Worse is, in this order: failed, unfinished, more lost frames, more doubtful frames, a larger expected deviation. The summary holds no times, so that
-it is the same however often the workflow was interrupted.
+Worse is, in this order: failed, unfinished, more lost frames, more doubtful frames, a larger expected
+deviation. The summary holds no times, so that it is the same however often the workflow was interrupted.
 """
 
 import argparse
@@ -46,7 +47,9 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--table", type=Path)
-    parser.add_argument("--so-far", action="store_true", help="some runs came to no end: write summary-so-far.* instead")
+    parser.add_argument(
+        "--so-far", action="store_true", help="some runs came to no end: write summary-so-far.* instead"
+    )
     parser.add_argument("--verdict", action="store_true", help="say what summary.csv holds; status 1 if a run failed")
     arguments = parser.parse_args()
     if arguments.verdict:
@@ -54,7 +57,9 @@ def main():
     table = runs.read(arguments.table)
     if arguments.so_far and all(note_path(arguments.out, "report", run).exists() for run in table.values()):
         return  # all came to an end, some of them failed: the summary is complete
-    rows = sorted((row(run, arguments.out, arguments.so_far) for run in table.values()), key=lambda row: row.pop("badness"))
+    rows = sorted(
+        (row(run, arguments.out, arguments.so_far) for run in table.values()), key=lambda row: row.pop("badness")
+    )
     # Those of the table first; columns that nobody has are left out.
     swept = [column for run in table.values() for column, _ in run.cells]
     columns = dict.fromkeys(["run", "scene", *swept, *COLUMNS])
@@ -91,7 +96,10 @@ def row(run, out, so_far):
         deviation = (verdict.get("deviation") or {}).get("worst", 0)
         parts = [-counts["lost"] / row["frames"], -counts["doubtful"] / row["frames"], -deviation]
     errors = (notes[2] or {}).get("errors") or {}
-    row |= {name: number(factor * errors[key]) if errors.get(key) is not None else "" for name, (key, factor) in ERRORS.items()}
+    row |= {
+        name: number(factor * errors[key]) if errors.get(key) is not None else ""
+        for name, (key, factor) in ERRORS.items()
+    }
     if failed:
         row["state"] = "failed"
         row["message"] = f"{failed['step']}, status {failed['status']}: {' '.join(failed['message'].split())}"
@@ -132,7 +140,9 @@ def throughput(table, out):
         for step in STEPS:
             note = read(note_path(out, step, run))
             if note and "seconds" in note and note["step"] == step:
-                rows.append({"run": run.name, "step": step} | {key: note[key] for key in ["seconds", "cpu_seconds", "peak_mb"]})
+                rows.append(
+                    {"run": run.name, "step": step} | {key: note[key] for key in ["seconds", "cpu_seconds", "peak_mb"]}
+                )
     return as_csv(rows, ["run", "step", "seconds", "cpu_seconds", "peak_mb"])
 
 
@@ -147,7 +157,13 @@ def page(rows, columns):
     head = "".join(f"<th>{html.escape(c.replace('_', ' '))}" for c in columns)
     body = "\n".join(f'<tr class="{row["state"]}">' + "".join(cell(row, c) for c in columns) for row in rows)
     title = html.escape(count(rows))
-    return (FOLDER / "summary_page.html").read_text().replace("{title}", title).replace("{head}", head).replace("{body}", body)
+    return (
+        (FOLDER / "summary_page.html")
+        .read_text()
+        .replace("{title}", title)
+        .replace("{head}", head)
+        .replace("{body}", body)
+    )
 
 
 def cell(row, column):

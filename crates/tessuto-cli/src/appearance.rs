@@ -70,7 +70,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let finished = appearance::run(scene, folder, &options, &mut watch);
     watch.stop();
     let outcome = finished?;
-    watch::tell_appearance(outcome.psnr, &outcome.timings);
+    watch::report_appearance(outcome.psnr, &outcome.timings);
     say!("{}", folder.join("material").display());
     say!("{}", folder.join("rerendered").display());
     if outcome.is_result {

@@ -79,11 +79,12 @@ fn encode(folder: &Path, fps: f64, camera: &Camera) -> std::result::Result<(), S
 fn readme(input: &str, fps: f64, camera: &Camera, corners: [[f64; 2]; 4]) -> String {
     let points = corners.map(|[x, y]| format!("{x:.0},{y:.0}"));
     let (cm, spaced) = (SHEET * 100.0, points.join(" "));
-    // Images do not tell their rate.
+    // Images have no rate of their own.
     let rate = if input == "frames" { format!(" --fps {fps}") } else { String::new() };
     format!(
         "# A made-up clip\n\n\
-         A patterned sheet that bends in front of a wall, with sensor noise{}: to try the whole way with, from a phone's video to a mesh.\n\n\
+         A patterned sheet that bends in front of a wall, with sensor noise{}: to try the whole way with, \
+         from a phone's video to a mesh.\n\n\
          - Size of the sheet: {:.0} × {:.0} cm\n\
          - Corners in frame 0, clockwise from the upper left (column, row): {spaced}\n\
          - Camera: focal length {:.0} px, {}×{} px, {fps} frames a second{}\n\n\

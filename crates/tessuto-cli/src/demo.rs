@@ -79,7 +79,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let finished = run::run(&scene, &result, &options, &mut watch);
     watch.stop();
     let outcome = finished?;
-    watch::tell(&outcome, &result);
+    watch::report(&outcome, &result);
     outcome.failure.map_or(Ok(()), Err)?;
     say!("4. comparison with the truth, in {:.0} s all together", started.elapsed().as_secs_f64());
     if let Some(mean) = outcome.evaluation.map(|e| e.mean).and_then(|m| m.vertex) {
@@ -123,7 +123,8 @@ fn physics(causes: &CauseMetrics) -> Vec<String> {
     }
     if let Some(calm) = causes.calm {
         lines.push(format!(
-            "in still air, 20 frames on, the found cloth is {:.1} mm from the true one; a guess without physics {:.1} mm",
+            "in still air, 20 frames on, the found cloth is {:.1} mm from the true one; a guess without \
+             physics {:.1} mm",
             1e3 * calm.error,
             1e3 * calm.baseline
         ));

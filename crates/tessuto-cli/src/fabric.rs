@@ -61,7 +61,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         for (f, off) in nearest(table, &sheet, NAMED) {
             let [warp, weft] = f.bending.map(|d| 1e3 * bending_length(d, f.density));
             out += &format!(
-                "row {:<4} {:.3} kg/m², bending {:.2e} · {:.2e} N·m, bending length {warp:.1} · {weft:.1} mm, off by a factor {:.2}\n",
+                "row {:<4} {:.3} kg/m², bending {:.2e} · {:.2e} N·m, bending length {warp:.1} · {weft:.1} mm, \
+                 off by a factor {:.2}\n",
                 f.row,
                 f.density,
                 f.bending[0],

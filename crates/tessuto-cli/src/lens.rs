@@ -46,8 +46,8 @@ pub struct Lens {
 /// The files that `--camera` takes.
 fn camera_help() -> String {
     format!(
-        "Camera file: {}; or `estimate`: to be found by `template --flat` from the corners of the sheet, assumed until then \
-         [default: what the video says]",
+        "Camera file: {}; or `estimate`: to be found by `template --flat` from the corners of the sheet, \
+         assumed until then [default: what the video says]",
         camera_files()
     )
 }
@@ -84,7 +84,8 @@ impl Lens {
     /// [`Error::Usage`] if there is none, or if its values are impossible; [`Error::Input`] of its file.
     pub fn calibration(&self) -> tessuto::Result<Calibration> {
         if self.is_estimated() {
-            let hint = "give a camera here; `tessuto template SCENE --flat WxH --corners … --camera estimate` finds one";
+            let hint = "give a camera here; `tessuto template SCENE --flat WxH --corners … --camera estimate` \
+                        finds one";
             return Err(Error::usage("--camera estimate needs a scene folder", hint));
         }
         if let Some(path) = &self.camera {
@@ -102,8 +103,10 @@ impl Lens {
             (None, None) => {
                 return Err(Error::usage(
                     "the camera is not given",
-                    "the file does not say it either; add --camera FILE (COLMAP, nerfstudio, OpenCV), --fx PX (and --fy, --cx, --cy), \
-                     --fov DEGREES, or --camera estimate, to find it later from the corners of a flat sheet; a phone's main camera held upright or across sees 50 to 70 degrees along its longer side",
+                    "the file does not say it either; add --camera FILE (COLMAP, nerfstudio, OpenCV), --fx PX \
+                     (and --fy, --cx, --cy), --fov DEGREES, or --camera estimate, to find it later from the \
+                     corners of a flat sheet; a phone's main camera held upright or across sees 50 to 70 \
+                     degrees along its longer side",
                 ));
             }
         };

@@ -121,7 +121,7 @@ fn say_kept(kept: Option<std::path::PathBuf>) {
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = match Arguments::try_parse_from(points::joined(arguments)) {
         Ok(arguments) => arguments,
-        Err(told) => return tell(&told),
+        Err(instead) => return answer(&instead),
     };
     let result = match arguments.command {
         Command::Studio(arguments) => studio::run(&arguments),
@@ -161,11 +161,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 }
 
 /// Help, version, or what is wrong with the command line.
-fn tell(told: &clap::Error) -> u8 {
-    match told.print() {
+fn answer(instead: &clap::Error) -> u8 {
+    match instead.print() {
         // A full disk, not a reader that has gone.
-        Err(error) if !told.use_stderr() && error.kind() != ErrorKind::BrokenPipe => 5,
-        _ => u8::try_from(told.exit_code()).unwrap_or(2),
+        Err(error) if !instead.use_stderr() && error.kind() != ErrorKind::BrokenPipe => 5,
+        _ => u8::try_from(instead.exit_code()).unwrap_or(2),
     }
 }
 

@@ -15,7 +15,7 @@ fn main() -> ExitCode {
 #[inline(never)]
 fn refuse(message: &'static str) -> ! {
     for part in ["error: ", message, "\n"] {
-        // There is nobody else to tell.
+        // There is nobody else to report to.
         std::io::stderr().write_all(part.as_bytes()).unwrap_or(());
     }
     std::process::exit(6)

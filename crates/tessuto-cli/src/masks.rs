@@ -121,11 +121,11 @@ pub fn make_masks(folder: &Path, place: &Path, request: &Request) -> anyhow::Res
     let progress = crate::progress::Fraction::new("masks");
     let made = make(folder, request, &|part| progress.show(part))?;
     progress.end();
-    tell(place, &made.record);
+    report(place, &made.record);
     Ok(())
 }
 
-fn tell(folder: &Path, record: &Record) {
+fn report(folder: &Path, record: &Record) {
     let frames = &record.frames;
     let mean = frames.iter().map(|f| f.confidence).sum::<f64>() / frames.len().max(1) as f64;
     let least = frames.iter().min_by(|a, b| a.confidence.total_cmp(&b.confidence));

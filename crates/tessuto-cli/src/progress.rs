@@ -96,7 +96,7 @@ impl Progress {
         let fraction = self.fraction(done as f64 / of.max(1) as f64);
         let before = *self.before.get_or_insert(fraction);
         let left = time_left(fraction - before, 1.0 - fraction, self.started.elapsed());
-        let left = self.told(left);
+        let left = self.words(left);
         let text = self.text(done, of, &left);
         if let Some(bar) = &self.bar {
             bar.set_position((1000.0 * fraction) as u64);
@@ -121,7 +121,7 @@ impl Progress {
 
     /// A guess in words. One that has grown within its stage was wrong before and may be now: it is shown as less
     /// sure, until it is less than ever again.
-    fn told(&mut self, left: Option<f64>) -> String {
+    fn words(&mut self, left: Option<f64>) -> String {
         let Some(left) = left else { return String::new() };
         let word = if left <= self.guessed { "about" } else { "maybe" };
         self.guessed = self.guessed.min(left);
@@ -247,7 +247,7 @@ mod tests {
         // The longest names of stages with steps, and of those without.
         progress.stages = vec![stage("material and light", 1.0), stage("forces and stiffnesses", 3.0)];
         progress.guessed = 60.0;
-        let left = progress.told(Some(3000.0));
+        let left = progress.words(Some(3000.0));
         let text = progress.text(99_999, 99_999, &left);
         assert_eq!(text, "stage 1 of 2, material and light 99999/99999, maybe 50 min left");
         // The bar and a space come before.
@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn a_time_left_that_grows_is_told_as_less_sure() {
         let mut progress = Progress::new(false);
-        let told = [None, Some(50.0), Some(90.0), Some(51.0), Some(40.0)].map(|left| progress.told(left));
+        let told = [None, Some(50.0), Some(90.0), Some(51.0), Some(40.0)].map(|left| progress.words(left));
         let words = ["", ", about 50 s left", ", maybe 2 min left", ", maybe 55 s left", ", about 40 s left"];
         assert_eq!(told, words);
     }

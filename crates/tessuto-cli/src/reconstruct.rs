@@ -114,7 +114,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         }
     })?;
     let recorded = watch.finish(&out);
-    watch::tell(&outcome, &out);
+    watch::report(&outcome, &out);
     if let Some(file) = arguments.rerun.as_ref().filter(|_| recorded.is_ok()) {
         say!("  and, in rerun, at {}", file.display());
     }

@@ -134,8 +134,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let put = |outline: &str| {
             let text = format!(
-                r#"{{"format": "masks of tessuto 1", "outline": {outline}, "plate": null, "clicks": [], "largest_piece": false,
-                "noise": 1.0, "frames": [], "notes": []}}"#
+                r#"{{"format": "masks of tessuto 1", "outline": {outline}, "plate": null, "clicks": [],
+                "largest_piece": false, "noise": 1.0, "frames": [], "notes": []}}"#
             );
             std::fs::write(folder.path().join("masks.json"), text).unwrap();
             let [flat, mesh] = make_template(folder.path());

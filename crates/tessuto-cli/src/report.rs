@@ -8,7 +8,7 @@ use tessuto::result::{self, Folder, Summary};
 
 use crate::say::say;
 use crate::threads::Threads;
-use crate::watch::tell_verdict;
+use crate::watch::report_verdict;
 
 /// Rebuild the page of a result: report.html, one self-contained file that needs no network.
 #[derive(Args)]
@@ -30,7 +30,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let folder = Folder::open(&arguments.result)?;
     result::write_page(&folder)?;
     manifest::record(&[&page])?;
-    tell_verdict(&Summary::of(&folder)?, &arguments.result);
+    report_verdict(&Summary::of(&folder)?, &arguments.result);
     say!("{}", page.display());
     Ok(())
 }

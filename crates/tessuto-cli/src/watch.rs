@@ -132,7 +132,7 @@ impl Observer for Watch {
 }
 
 /// Says what a run found, and where it is.
-pub fn tell(outcome: &Outcome, out: &Path) {
+pub fn report(outcome: &Outcome, out: &Path) {
     if let Some(evaluation) = &outcome.evaluation {
         for (quantity, value) in QUANTITIES.iter().zip(evaluation.mean.values()) {
             if let Some(value) = value {
@@ -144,16 +144,16 @@ pub fn tell(outcome: &Outcome, out: &Path) {
         }
     }
     if let Some(psnr) = outcome.rerendered_psnr {
-        tell_appearance(psnr, &outcome.timings);
+        report_appearance(psnr, &outcome.timings);
     }
-    tell_verdict(&outcome.summary, out);
+    report_verdict(&outcome.summary, out);
     say!("{}", out.display());
     say!("  look at {}", out.join("report.html").display());
     say!("  and at  {}", out.join("pictures/contact_sheet.png").display());
 }
 
 /// Says whether the frames of the result at `out` are found, and what to do about lost ones.
-pub fn tell_verdict(summary: &Summary, out: &Path) {
+pub fn report_verdict(summary: &Summary, out: &Path) {
     match (summary.warning(), &summary.verdict) {
         (Some(warning), _) => {
             let text = remedy::warning(&warning).replace("RESULT", &quoted(out));
@@ -169,7 +169,7 @@ pub fn tell_verdict(summary: &Summary, out: &Path) {
 }
 
 /// Says how well material and light explain the video, and how long that took.
-pub fn tell_appearance(psnr: f64, timings: &[(String, f64)]) {
+pub fn report_appearance(psnr: f64, timings: &[(String, f64)]) {
     say!("{LIT:<16} {psnr:.2} dB");
     for (stage, seconds) in timings.iter().rev().take(2).rev() {
         say!("{stage:<18} {seconds:.0} s");

@@ -1,5 +1,5 @@
 //! Pinhole camera in the OpenCV frame: x right, y down, z forward, metres; the camera is the origin. Where it
-//! stands in the world tells a [`Viewpoint`].
+//! stands in the world says a [`Viewpoint`].
 
 mod around;
 mod viewpoint;

@@ -21,7 +21,8 @@
 //! let corner = Viewpoint::from(camera).project(sheet.positions[0]);
 //! assert!(corner.distance(DVec2::new(219.5, 164.5)) < 1e-9);
 //!
-//! // A x = b, where the block of each pair of neighbours is −1, each diagonal block 5: the matrix is factorised along the sheet.
+//! // A x = b, where the block of each pair of neighbours is −1, each diagonal block 5: the matrix is factorised
+//! // along the sheet.
 //! let edges = sheet.edges();
 //! let pattern = BlockPattern::new(&sheet.positions, &edges);
 //! let mut matrix = BlockMatrix::zeros(&pattern);

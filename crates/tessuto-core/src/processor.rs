@@ -5,7 +5,7 @@
 //! a failed check must therefore be next to nothing: constant messages, no formatting.
 //! `tools/check_old_processor.sh` runs the program on an emulated processor of 2006.
 
-/// What a build can be told to use.
+/// What a build can be set to use.
 struct Instructions {
     /// For the user who lacks it.
     message: &'static str,
@@ -15,7 +15,7 @@ struct Instructions {
     used: bool,
 }
 
-/// Where `cpuid` tells of it.
+/// Where `cpuid` reports it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Register {
     /// Leaf 1, ECX.
@@ -114,7 +114,7 @@ mod tests {
         }
     }
 
-    /// The build that is delivered uses AVX2, and a processor that has nothing is told so.
+    /// The build that is delivered uses AVX2, and a processor that has nothing is refused.
     #[test]
     fn the_message_names_what_is_missing_and_the_way_out() {
         if cfg!(target_feature = "avx2") {

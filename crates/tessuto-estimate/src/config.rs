@@ -8,11 +8,11 @@ use serde_json::Value;
 use crate::appearance::{AppearanceSettings, MapPrior};
 use crate::io::read_bounded;
 use crate::io::text::decode;
+use crate::motion::baselines::{self, RolloutSettings};
 use crate::motion::causes::CauseSettings;
 use crate::motion::inverse::accelerations::InverseSettings;
 use crate::motion::inverse::stiffness::MaterialSettings;
 use crate::motion::parameters::{Dynamics, StiffnessRange};
-use crate::motion::rollout::RolloutSettings;
 use crate::motion::spacetime::SpacetimeSettings;
 use crate::motion::texture::TextureSettings;
 use tessuto_core::error::{Error, Result, Warning};
@@ -55,7 +55,7 @@ fn property(name: &str, unit: &'static str, low: f64, high: f64) -> Vec<Setting>
     vec![row("start", start), row("low", "lower bound"), row("high", "upper bound")]
 }
 
-const fn range(start: f64, low: f64, high: f64) -> StiffnessRange {
+pub(crate) const fn range(start: f64, low: f64, high: f64) -> StiffnessRange {
     StiffnessRange { start, low, high }
 }
 
@@ -63,15 +63,19 @@ settings! {
     /// Properties of a continuum.
     pub struct FabricSettings {
         /// log10 of the tension per strain along the warp `[N/m]`.
-        warp: StiffnessRange = range(200f64.log10(), 1.0, 3.0), property("tension per strain along the warp (growing u)", "log10 N/m", -3.0, 8.0);
+        warp: StiffnessRange = range(200f64.log10(), 1.0, 3.0),
+            property("tension per strain along the warp (growing u)", "log10 N/m", -3.0, 8.0);
         /// The same along the weft.
-        weft: StiffnessRange = range(200f64.log10(), 1.0, 3.0), property("tension per strain along the weft", "log10 N/m", -3.0, 8.0);
+        weft: StiffnessRange = range(200f64.log10(), 1.0, 3.0),
+            property("tension per strain along the weft", "log10 N/m", -3.0, 8.0);
         /// log10 of the Poisson ratio.
-        poisson: StiffnessRange = range(-0.7, -2.0, -0.3), property("Poisson ratio, geometric mean of both", "log10", -6.0, -0.05);
+        poisson: StiffnessRange = range(-0.7, -2.0, -0.3),
+            property("Poisson ratio, geometric mean of both", "log10", -6.0, -0.05);
         /// log10 of the shear force per angle `[N/m]`.
         shear: StiffnessRange = range(1.3, 0.0, 2.5), property("shear force per angle", "log10 N/m", -3.0, 8.0);
         /// log10 of the bend stiffness `[J]`.
-        bend: StiffnessRange = range(-5.0, -7.0, -3.0), property("moment per curvature and width", "log10 J", -12.0, 4.0);
+        bend: StiffnessRange = range(-5.0, -7.0, -3.0),
+            property("moment per curvature and width", "log10 J", -12.0, 4.0);
     }
 }
 
@@ -153,7 +157,7 @@ impl DynamicsSettings {
             .zip(log_stiffness)
             .filter_map(|((property, (_, range)), log_k)| {
                 let bound = range.bound_at(*log_k)?;
-                // Three digits are enough to tell the bound.
+                // Three digits are enough to recognise the bound.
                 let value: f64 = format!("{:.2e}", 10f64.powf(*log_k)).parse().expect("a number");
                 let value = format!("{value} {}", property.unit);
                 Some(format!("{} at its {bound} bound ({})", property.key, value.trim_end()))
@@ -202,16 +206,6 @@ impl Config {
     /// The settings of `preset`.
     pub fn preset(preset: Preset) -> Self {
         let default = Self { preset, ..Self::default() };
-        let published = TextureSettings { epochs: 200, ..default.texture };
-        // Where the search by simulation leaves what was published, so as to reach it: see
-        // docs/experiments/log/methods.md.
-        let steady = RolloutSettings {
-            outline_margin: 0.02,
-            epochs_per_frame: 8,
-            rated_frames: 10,
-            stiffness_rate: 0.005,
-            ..default.rollout
-        };
         match preset {
             Preset::Motion => default,
             Preset::Default => {
@@ -227,36 +221,7 @@ impl Config {
                 let causes = CauseSettings { fit: true, ..default.causes };
                 Self { dynamics, causes, ..default }
             }
-            Preset::Saft => {
-                let dynamics = DynamicsSettings {
-                    integrator: Integrator::LinearizedEuler,
-                    bend: range(-4.0, -5.0, -2.0),
-                    shear: range(-3.0, -4.0, -2.0),
-                    ..default.dynamics
-                };
-                Self { method: Method::Rollout, dynamics, rollout: steady, texture: published, ..default }
-            }
-            Preset::PhiSft => {
-                let dynamics = DynamicsSettings {
-                    integrator: Integrator::LinearizedEuler,
-                    model: Model::Continuum,
-                    ..default.dynamics
-                };
-                let rollout = RolloutSettings { wind: true, ..steady };
-                Self {
-                    method: Method::Rollout,
-                    irregular_vertices: 400,
-                    dynamics,
-                    rollout,
-                    texture: published,
-                    ..default
-                }
-            }
-            Preset::PgSft => {
-                let saft = Self::preset(Preset::Saft);
-                let dynamics = DynamicsSettings { integrator: Integrator::Surrogate, ..saft.dynamics };
-                Self { preset, dynamics, ..saft }
-            }
+            Preset::Saft | Preset::PhiSft | Preset::PgSft => baselines::presets::settings(default),
         }
     }
 

@@ -1,12 +1,11 @@
 //! The main path: video in, motion, stiffnesses, forces and texture out.
 
 use crate::config::{Config, Method};
+use crate::motion::baselines;
 use crate::motion::causes::{self, Explained};
 use crate::motion::inverse::accelerations::{accelerations_of_motion, interpolated};
 use crate::motion::inverse::stiffness::fit_material;
 use crate::motion::parameters::Parameters;
-use crate::motion::rollout::RolloutFit;
-use crate::motion::rollout::compared::Compared;
 use crate::motion::spacetime;
 use crate::motion::texture::{Window, fit_texture};
 use crate::session::{Epoch, Session, foreign_state};
@@ -16,7 +15,7 @@ use tessuto_core::scene::Scene;
 use tessuto_render::raster::{Rasterizer, Texture};
 use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 
-/// What a video tells about the fabric.
+/// What was found about the fabric.
 #[derive(Debug)]
 pub struct Reconstruction {
     /// Positions at every frame, shape [N, V]: what was found, and the rollout of `parameters`.
@@ -80,7 +79,11 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
 
     // How it moves, and what moves it.
     let found = match config.method {
-        Method::Rollout => by_rollout(scene, &cloth, &rasterizer, &texture, config, session)?,
+        Method::Rollout => {
+            let (parameters, failure) =
+                baselines::search(scene, &cloth, &rasterizer, &texture, config, session)?;
+            Found { parameters, deviations: None, causes: None, made: None, failure }
+        }
         Method::Spacetime => by_search(scene, &cloth, config, session)?,
     };
     let Found { mut parameters, deviations, causes, made, failure } = found;
@@ -109,32 +112,9 @@ struct Found {
     /// The positions that were found and their deviations, shape [N, V].
     deviations: Option<(Vec<Positions>, Vec<Vec<f64>>)>,
     causes: Option<Explained>,
-    /// The motion to tell, shape [N, V]; that of the parameters if there is none.
+    /// The motion to report, shape [N, V]; that of the parameters if there is none.
     made: Option<Vec<Positions>>,
     failure: Option<Error>,
-}
-
-/// The published method: parameters whose simulation looks like the video.
-fn by_rollout(
-    scene: &Scene,
-    cloth: &Cloth,
-    rasterizer: &Rasterizer,
-    texture: &Texture,
-    config: &Config,
-    session: &mut Session,
-) -> Result<Found> {
-    session.begin("rollout");
-    let fit = RolloutFit {
-        scene,
-        cloth,
-        rasterizer,
-        texture,
-        compared: Compared::away_from_outlines(scene, config.rollout.outline_margin)?,
-        dynamics: config.dynamics.at(scene.fps),
-        settings: &config.rollout,
-    };
-    let (parameters, failure) = fit.run(fit.start(), session)?;
-    Ok(Found { parameters, deviations: None, causes: None, made: None, failure })
 }
 
 /// The default method: the positions of all frames, then what moves the fabric, and the positions again in the

@@ -63,7 +63,10 @@ def rollout() -> None:
 
     run()
     wall, cpu = timed(run, 30)
-    print(f"rollout {n}x{n}, 40 sub-steps, forward and backward through PyTorch: {1e3 * wall:.1f} ms, {1e3 * cpu:.1f} ms of the processor")
+    print(
+        f"rollout {n}x{n}, 40 sub-steps, forward and backward through PyTorch: "
+        f"{1e3 * wall:.1f} ms, {1e3 * cpu:.1f} ms of the processor"
+    )
 
 
 def in_memory(folder: Path) -> tessuto.Scene:

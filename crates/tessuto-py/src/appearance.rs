@@ -10,7 +10,7 @@ use crate::scene::Scene;
 
 /// Estimates material and light of `scene` into `folder`; returns the mean PSNR of the re-rendered frames `[dB]`.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "what an estimate can be told")]
+#[expect(clippy::too_many_arguments, reason = "what an estimate can be given")]
 pub fn appearance(
     py: Python<'_>,
     scene: &Scene,

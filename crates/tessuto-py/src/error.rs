@@ -27,7 +27,7 @@ pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
     made.map_or_else(|error| error, PyErr::from_value)
 }
 
-/// What these functions refuse themselves: arrays and numbers that do not fit, told by `problem`.
+/// What these functions refuse themselves: arrays and numbers that do not match, named by `problem`.
 pub fn refused(problem: impl Into<String>) -> PyErr {
     let error =
         Error::input("", problem, "see the arguments' shapes and units in the documentation: help(tessuto)");

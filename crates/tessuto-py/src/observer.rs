@@ -9,7 +9,7 @@ use tessuto::{Error, Image, Positions, Result, Scene, Warning};
 use crate::error::to_python;
 use crate::remedy;
 
-/// Tells the callback of every step, Python's `warnings` of what is odd, and looks for Ctrl-C at every step.
+/// Reports every step to the callback, what is odd to Python's `warnings`, and looks for Ctrl-C at every step.
 pub struct Listener {
     callback: Option<Py<PyAny>>,
     raised: Option<PyErr>,
@@ -23,7 +23,7 @@ impl Listener {
         Self { callback, raised: None, stages: Vec::new(), current: 0 }
     }
 
-    /// The result of a run that this heard of: what Python raised meanwhile goes before what the library made of it.
+    /// The result of a run that this heard of: what Python raised during it goes before what the library made of it.
     pub fn outcome<T>(&mut self, py: Python<'_>, result: Result<T>) -> PyResult<T> {
         match self.raised.take() {
             Some(raised) => Err(raised),
@@ -32,7 +32,7 @@ impl Listener {
     }
 
     /// Calls back, unless something was raised before.
-    fn tell(&mut self, epoch: &Epoch) {
+    fn report(&mut self, epoch: &Epoch) {
         if self.raised.is_some() {
             return;
         }
@@ -68,11 +68,11 @@ impl session::Observer for Listener {
 
     fn advance(&mut self, done: usize, of: usize) {
         let stage = self.stages.get(self.current).map_or("", |stage| stage.name);
-        self.tell(&Epoch { stage: stage.into(), step: done, of, ..Epoch::default() });
+        self.report(&Epoch { stage: stage.into(), step: done, of, ..Epoch::default() });
     }
 
     fn step(&mut self, epoch: &Epoch, _motion: &[Positions]) -> Result<()> {
-        self.tell(epoch);
+        self.report(epoch);
         match self.raised {
             Some(_) => {
                 let Epoch { stage, step, of, .. } = epoch;

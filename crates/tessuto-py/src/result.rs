@@ -108,7 +108,7 @@ pub fn simulate(
 
 /// Renders `result` into a folder, which it returns.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "what a view can be told")]
+#[expect(clippy::too_many_arguments, reason = "what a view can be given")]
 pub fn render(
     py: Python<'_>,
     result: PathBuf,

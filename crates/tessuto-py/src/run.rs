@@ -15,7 +15,7 @@ use crate::scene::Scene;
 /// Recovers the motion of `scene` into the folder `out`; a second value is the exception of what went wrong but cost
 /// neither.
 #[pyfunction]
-#[expect(clippy::too_many_arguments, reason = "what a run can be told")]
+#[expect(clippy::too_many_arguments, reason = "what a run can be given")]
 pub fn reconstruct(
     py: Python<'_>,
     scene: &Scene,

@@ -50,7 +50,8 @@ def drawn(seed: int = 0) -> tuple[tessuto.Rasterizer, Float64, Float32]:
 
 
 def lit(seed: int = 0) -> tuple[tessuto.DirectLight, Float32, Float32]:
-    """Points of a slightly bent cloth, a material whose lobes are drawn with constant probabilities, and an environment."""
+    """Points of a slightly bent cloth, a material whose lobes are drawn with constant probabilities, and an
+    environment."""
     rng = np.random.default_rng(seed)
     vertices, faces, uv = grid(3, 3)
     vertices[4, 2] -= 0.01

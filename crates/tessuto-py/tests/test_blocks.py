@@ -83,7 +83,9 @@ def test_it_falls_as_it_should() -> None:
     vertices, faces, _ = grid(4, 4)
     cloth = tessuto.Cloth(vertices, faces)
     assert cloth.masses.sum() == pytest.approx(0.1 * 0.2 * 0.2)
-    motion, _ = tessuto.rollout(cloth, vertices, None, [0, 9.81, 0], np.zeros((5, 16, 3)), *STIFFNESS, dt=0.01)
+    motion, _ = tessuto.rollout(
+        cloth, vertices, None, [0, 9.81, 0], np.zeros((5, 16, 3)), *STIFFNESS, dt=0.01
+    )
     # Backward Euler in free fall: g h² k (k + 1)/2 after k steps.
     fallen = 9.81 * 0.01**2 * 15
     assert np.allclose(motion[5] - vertices, [0, fallen, 0], atol=1e-9)
@@ -147,7 +149,9 @@ def test_what_does_not_go_together_is_refused() -> None:
     with pytest.raises(ValueError, match="integrator: is 'euler'"):
         tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, dt=0.01, integrator="euler")
     with pytest.raises(tessuto.NumericalError, match="frame 1.*vertex 3.*position .NaN") as caught:
-        tessuto.rollout(cloth, np.where(np.arange(12)[:, None] == 3, np.nan, x), v, constant, dynamic, *STIFFNESS, **STEP)
+        tessuto.rollout(
+            cloth, np.where(np.arange(12)[:, None] == 3, np.nan, x), v, constant, dynamic, *STIFFNESS, **STEP
+        )
     assert caught.value.remedy.startswith("check the forces")
     with pytest.raises(ValueError, match=r"grad_motion:? has shape"):
         tessuto.rollout_vjp(tessuto.rollout(cloth, x, v, constant, dynamic, *STIFFNESS, **STEP)[1], x[None])
@@ -157,7 +161,9 @@ def test_what_does_not_go_together_is_refused() -> None:
         tessuto.Cloth(vertices, [[0, 1, 4], [4, 1, 2]])
     rasterizer = tessuto.Rasterizer(faces, uv)
     with pytest.raises(tessuto.InputError, match="is not a camera"):
-        tessuto.rasterize(rasterizer, tessuto.Camera(1.0, 1.0, 0.0, 0.0, 1 << 20, 8), vertices, np.zeros((2, 2, 3)))
+        tessuto.rasterize(
+            rasterizer, tessuto.Camera(1.0, 1.0, 0.0, 0.0, 1 << 20, 8), vertices, np.zeros((2, 2, 3))
+        )
     with pytest.raises(tessuto.InputError, match=r"texture: has shape \[2, 2, 4\], expected \[h, w, 3\]"):
         tessuto.rasterize(rasterizer, CAMERA, vertices, np.zeros((2, 2, 4)))
     seen, material, environment = lit()
@@ -172,7 +178,10 @@ def test_arguments_that_do_not_fit_are_named() -> None:
     refused: list[tuple[Callable[[], Any], str]] = [
         (lambda: tessuto.Cloth(vertices[:, :2], faces), r"vertices: has shape \[16, 2\], expected \[V, 3\]"),
         (lambda: tessuto.Cloth(vertices, [[0, 1, -2]]), "faces: face 0 has the corner -2"),
-        (lambda: tessuto.Cloth(vertices, np.asarray(faces, dtype=float)), "faces: face 0 has the corner .*0.0"),
+        (
+            lambda: tessuto.Cloth(vertices, np.asarray(faces, dtype=float)),
+            "faces: face 0 has the corner .*0.0",
+        ),
         (lambda: tessuto.Cloth(vertices, [[0, 1, 99]]), r"face 0 is \[0, 1, 99\]"),
         (lambda: tessuto.Cloth("cloth", faces), "vertices: is no array of numbers"),
         (lambda: tessuto.Camera(-1.0, 1.0, 0.0, 0.0, 8, 8), "fx: is -1.0"),
@@ -188,7 +197,13 @@ def test_arguments_that_do_not_fit_are_named() -> None:
         ({"dt": 0.0}, "dt is 0 s"),
     ]
     for wrong, message in wrongs:
-        given: dict[str, Any] = {"x": vertices, "v": None, "constant": [0, 9.81, 0], "dynamic": still, "dt": 0.01}
+        given: dict[str, Any] = {
+            "x": vertices,
+            "v": None,
+            "constant": [0, 9.81, 0],
+            "dynamic": still,
+            "dt": 0.01,
+        }
         given |= dict(zip(("stretch", "bend", "shear"), STIFFNESS)) | wrong
         refused.append((lambda given=given: tessuto.rollout(cloth, **given), message))  # type: ignore[misc]
     for work, message in refused:
@@ -228,7 +243,10 @@ def test_tapes_go_to_another_process() -> None:
     for array in (x, v, constant, dynamic):
         array += 1.0
     again, step_again = pickle.loads(pickle.dumps((tape, of_step)))
-    found: list[Any] = [tessuto.rollout_vjp(again, weights), tessuto.cloth_step_vjp(step_again, weights[0], weights[1])]
+    found: list[Any] = [
+        tessuto.rollout_vjp(again, weights),
+        tessuto.cloth_step_vjp(step_again, weights[0], weights[1]),
+    ]
     wanted: list[Any] = [expected, expected_of_step]
     for before, after in zip(wanted, found):
         assert all(np.array_equal(np.asarray(one), np.asarray(other)) for one, other in zip(before, after))

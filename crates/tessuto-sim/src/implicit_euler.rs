@@ -85,7 +85,7 @@ pub fn step_near(
     let mut kept: Option<Kept> = None;
     let (mut first_square, mut last) = (None, 0.0);
     // Whether the next step would be less than the tolerance, were it to shrink like the last one. One by the kept
-    // factor alone tells.
+    // factor alone shows.
     let mut nearly = false;
     for _ in 0..settings.newton_limit {
         let chord = kept
@@ -118,7 +118,7 @@ pub fn step_near(
             }
             scale *= 0.5;
         };
-        // A step that was not solved to its end tells nothing of the next one.
+        // A step that was not solved to its end says nothing about the next one.
         let whole = kept.is_some();
         let shrinks = length / last;
         let converges = whole && scale == 1.0 && shrinks < SHRINKS;

@@ -6,7 +6,7 @@
 //!
 //!   A (½ c₁₁ E₁₁² + ½ c₂₂ E₂₂² + c₁₂ E₁₁ E₂₂ + 2 g E₁₂²).
 //!
-//! It is linear in the coefficients (c₁₁, c₂₂, c₁₂, g) [N/m]; how they follow from a fabric's stiffnesses tells
+//! It is linear in the coefficients (c₁₁, c₂₂, c₁₂, g) [N/m]; how they follow from a fabric's stiffnesses says
 //! [`super::fabric::Fabric`].
 //! Source: Wang, O'Brien, Ramamoorthi 2011, "Data-Driven Elastic Models for Cloth", §4, with constant coefficients.
 

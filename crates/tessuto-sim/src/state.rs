@@ -107,7 +107,7 @@ impl StepGradients {
 }
 
 /// Rejects NaN and infinite inputs of a step named `place`: they would spread over the whole cloth in one solve, and
-/// nothing would tell any more where they came from.
+/// nothing would show any more where they came from.
 pub(super) fn check_finite(place: &str, before: &State, acceleration: &[DVec3]) -> Result<()> {
     let fields = [
         ("position", "m", &before.x[..]),

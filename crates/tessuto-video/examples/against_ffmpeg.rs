@@ -31,7 +31,8 @@ const TIMED: [&str; 14] = [
 ];
 /// ffmpeg's colours in two steps, with 16 bits between, as exact as they can be had; and in one, as it has them if
 /// not told otherwise.
-const EXACT: &str = "scale=flags=accurate_rnd+full_chroma_int+full_chroma_inp+bilinear:in_h_chr_pos=0:in_v_chr_pos=128,format=yuv444p16,\
+const EXACT: &str = "scale=flags=accurate_rnd+full_chroma_int+full_chroma_inp+bilinear:\
+                     in_h_chr_pos=0:in_v_chr_pos=128,format=yuv444p16,\
                      scale=flags=accurate_rnd+full_chroma_int,format=rgb24";
 const PLAIN: &str = "scale";
 

@@ -113,7 +113,8 @@ mod tests {
         let path = folder.path().join("C0001.MP4");
         let said = |frame: &str| {
             let xml = format!(
-                "<NonRealTimeMeta><VideoFormat><VideoFrame {frame} formatFps=\"29.97p\"/></VideoFormat></NonRealTimeMeta>"
+                "<NonRealTimeMeta><VideoFormat><VideoFrame {frame} \
+                 formatFps=\"29.97p\"/></VideoFormat></NonRealTimeMeta>"
             );
             let meta = [&[0; 4][..], &in_box(b"hdlr", &[0; 25]), &in_box(b"xml ", xml.as_bytes())].concat();
             let whole =

@@ -23,7 +23,7 @@ const LISTS: [(&str, &str); 13] = [
     ("rtsp://", "a reference to another film"),
     ("v=0", "a description of a stream (SDP)"),
 ];
-/// So many bytes are enough to know a list.
+/// This many bytes are enough to know a list.
 const HEAD: u64 = 64;
 
 /// Refuses what is no file of its own, such as a pipe, which can be read only once and may never come to an end.

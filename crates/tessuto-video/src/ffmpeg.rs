@@ -12,16 +12,18 @@ use crate::refusal::Refusal;
 use crate::stream::{Fields, Stream};
 
 /// How to get the programs.
-const INSTALL: &str = "install it (Debian, Ubuntu: sudo apt install ffmpeg; macOS: brew install ffmpeg; Windows: winget install ffmpeg), \
-     set TESSUTO_FFMPEG to where it is, or extract the frames elsewhere and import their folder";
+const INSTALL: &str = "install it (Debian, Ubuntu: sudo apt install ffmpeg; macOS: brew install ffmpeg; \
+     Windows: winget install ffmpeg), set TESSUTO_FFMPEG to where it is, or extract the frames elsewhere and \
+     import their folder";
 const WHOLE: &str = "play it to see whether it is whole; copy it again";
 /// Most of ffmpeg's complaints that are kept.
 const MAX_COMPLAINTS: usize = 20;
 /// Containers that are opened. What names other files, what the network or a device gives and images alone are not
 /// among them.
-const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,live_flv,asf,ogg,gif,apng,mxf,gxf,nut,ivf,dv,rm,\
-     wtv,yuv4mpegpipe,h264,hevc,vvc,evc,mjpeg,mjpeg_2000,mpjpeg,smjpeg,m4v,h261,h263,vc1,vc1test,obu,av1,cavsvideo,avs2,avs3,dirac,dnxhd,\
-     jpeg_pipe,png_pipe,nsv,pmp,r3d,lxf,dhav,film_cpk,roq,4xm,flic,nuv";
+const CONTAINERS: &str = "mov,mp4,m4a,3gp,3g2,mj2,matroska,webm,avi,mpegts,mpeg,mpegvideo,flv,live_flv,asf,ogg,\
+     gif,apng,mxf,gxf,nut,ivf,dv,rm,wtv,yuv4mpegpipe,h264,hevc,vvc,evc,mjpeg,mjpeg_2000,mpjpeg,smjpeg,m4v,\
+     h261,h263,vc1,vc1test,obu,av1,cavsvideo,avs2,avs3,dirac,dnxhd,jpeg_pipe,png_pipe,\
+     nsv,pmp,r3d,lxf,dhav,film_cpk,roq,4xm,flic,nuv";
 
 /// Both programs.
 #[derive(Clone, Debug)]
@@ -91,7 +93,7 @@ impl Programs {
     }
 
     fn missing(&self, program: &Path, error: &std::io::Error) -> Refusal {
-        // Whoever has ffmpeg alone is told what is missing.
+        // Whoever has ffmpeg alone reads what is missing.
         let is_other = program == self.ffprobe && runs(&self.ffmpeg);
         let needed =
             if is_other { "the program ffprobe, which comes with ffmpeg" } else { "the program ffmpeg" };
@@ -121,7 +123,7 @@ fn complaints(child: &mut Child) -> JoinHandle<String> {
     let mut stderr = child.stderr.take();
     std::thread::spawn(move || {
         let mut text = Vec::new();
-        // What cannot be read of the complaints is lost; the exit status still tells.
+        // What cannot be read of the complaints is lost; the exit status still says so.
         let _ = stderr.as_mut().map(|s| s.read_to_end(&mut text));
         String::from_utf8_lossy(&text).into_owned()
     })

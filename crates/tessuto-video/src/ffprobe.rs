@@ -13,7 +13,8 @@ use crate::refusal::Refusal;
 use crate::stream::{Fields, Matrix, Stream, Transfer};
 
 /// Elementary streams: what time stamps ffmpeg gives for them, it has made up.
-const UNTIMED: &str = "h264 hevc vvc evc mjpeg mjpeg_2000 mpjpeg m4v mpegvideo h261 h263 vc1 obu av1 cavsvideo avs2 avs3 dirac dnxhd jpeg_pipe png_pipe";
+const UNTIMED: &str = "h264 hevc vvc evc mjpeg mjpeg_2000 mpjpeg m4v mpegvideo h261 h263 vc1 obu av1 \
+                       cavsvideo avs2 avs3 dirac dnxhd jpeg_pipe png_pipe";
 /// Codecs in MP4, QuickTime and Matroska of which each packet is one frame that is shown.
 const ONE_EACH: &str = "h264 hevc av1 vp9";
 /// Codecs whose frames stand alone.
@@ -23,16 +24,18 @@ const INTRA: &str =
 const TURNING: &str = "h264 hevc";
 /// Most frames by which the order of display lags behind that of decoding.
 const LAG: usize = 16;
-/// So many packets show whether frames are interlaced.
+/// This many packets show whether frames are interlaced.
 const FIRST: usize = 8;
 const WHAT_IS_READ: &str = "name a video file, or a folder of PNG or JPEG images";
 
 /// What is asked of the file.
-const ENTRIES: &str = "library_version=name,major,minor:format=format_name:format_tags:stream=index,codec_name,width,height,pix_fmt,field_order,\
-     sample_aspect_ratio,color_range,color_space,color_transfer,time_base,bits_per_raw_sample:stream_tags:\
+const ENTRIES: &str = "library_version=name,major,minor:format=format_name:format_tags:stream=index,codec_name,\
+     width,height,pix_fmt,field_order,sample_aspect_ratio,color_range,color_space,color_transfer,time_base,\
+     bits_per_raw_sample:stream_tags:\
      stream_disposition=default,attached_pic:stream_side_data=rotation:packet=stream_index,pts,dts,flags";
 /// What is asked of decoded frames.
-const FRAME_ENTRIES: &str = "frame=best_effort_timestamp,width,height,pix_fmt,interlaced_frame,top_field_first:frame_side_data=rotation";
+const FRAME_ENTRIES: &str = "frame=best_effort_timestamp,width,height,pix_fmt,interlaced_frame,\
+     top_field_first:frame_side_data=rotation";
 
 #[derive(Deserialize, Default)]
 #[serde(default)]
@@ -233,8 +236,8 @@ pub(crate) fn look(path: &Path, mut programs: Programs, options: &Options) -> Re
 }
 
 fn notes(container: &str) -> Vec<String> {
-    let gif = "a GIF counts time in hundredths of a second, and players show delays below 0.02 s as 0.1 s: its rate may not be that of the \
-               recording; if another is known, give it (rate)";
+    let gif = "a GIF counts time in hundredths of a second, and players show delays below 0.02 s as 0.1 s: \
+               its rate may not be that of the recording; if another is known, give it (rate)";
     (container == "gif").then(|| gif.to_owned()).into_iter().collect()
 }
 
@@ -285,7 +288,7 @@ fn stamps_of_packets(container: &str, codec: &str, packets: &[&Packet]) -> Optio
     let shown = packets.iter().filter(|packet| !packet.flags.is_discarded);
     let mut stamps = shown.map(|packet| packet.pts).collect::<Option<Vec<i64>>>()?;
     let first = packets.first().filter(|packet| packet.flags.is_key)?.pts?;
-    // Frames before the first key frame may not be decoded, and a clock that jumps back tells no order.
+    // Frames before the first key frame may not be decoded, and a clock that jumps back gives no order.
     let dts: Vec<i64> = packets.iter().filter_map(|packet| packet.dts).collect();
     if stamps.iter().any(|stamp| *stamp < first) || dts.windows(2).any(|pair| pair[1] < pair[0]) {
         return None;
@@ -397,11 +400,14 @@ mod tests {
         ],
         "programs": [],
         "streams": [
-            {"index": 0, "codec_name": "mjpeg", "width": 4000, "height": 3000, "disposition": {"default": 1, "attached_pic": 1}},
-            {"index": 1, "codec_name": "h264", "width": 320, "height": 240, "field_order": "tt", "sample_aspect_ratio": "4:3",
+            {"index": 0, "codec_name": "mjpeg", "width": 4000, "height": 3000,
+                "disposition": {"default": 1, "attached_pic": 1}},
+            {"index": 1, "codec_name": "h264", "width": 320, "height": 240, "field_order": "tt",
+                "sample_aspect_ratio": "4:3",
              "time_base": "1/15360", "disposition": {"default": 0, "attached_pic": 0}, "color_space": "bt709",
              "side_data_list": [{}, {"side_data_type": "Display Matrix", "rotation": -90}]},
-            {"index": 2, "codec_name": "h264", "width": 160, "height": 120, "disposition": {"default": 0, "attached_pic": 0}}
+            {"index": 2, "codec_name": "h264", "width": 160, "height": 120,
+                "disposition": {"default": 0, "attached_pic": 0}}
         ],
         "format": {"format_name": "mov,mp4,m4a,3gp,3g2,mj2", "tags": {"comment": "Stream #0:0: Video: 7 fps, 7 tbr"}}
     }"#;

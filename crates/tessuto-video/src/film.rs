@@ -97,7 +97,7 @@ pub struct Film {
 ///
 /// # Errors
 /// [`Refusal`] of what is no regular file or a list of files, holds no film, is too large, changes its size where
-/// that can be told without decoding, or needs a program that is not there.
+/// that can be seen without decoding, or needs a program that is not there.
 pub fn open(path: &Path, options: &Options) -> Result<Film, Refusal> {
     expect_file(path)?;
     expect_no_list(path)?;

@@ -196,7 +196,7 @@ fn scaling_lists(bits: &mut Bits) -> Result<(), Refused> {
     Ok(())
 }
 
-/// Passes over the short-term reference picture sets; one may be told by the differences from the one before it,
+/// Passes over the short-term reference picture sets; one may be given by the differences from the one before it,
 /// so they are kept: differences of order, those before first, each half from the nearest outwards.
 fn reference_sets(bits: &mut Bits) -> Result<(), Refused> {
     let mut last: Vec<i64> = Vec::new();

@@ -5,7 +5,7 @@ const USUAL: [f64; 14] =
     [24.0, 25.0, 30.0, 48.0, 50.0, 60.0, 90.0, 100.0, 120.0, 240.0, 15.0, 12.0, 12.5, 10.0];
 /// Stamps so far from even ones, as a fraction of an interval, still mean that one frame follows the other.
 const JITTER: f64 = 0.05;
-/// Spreads that differ by less, in ticks, do not tell two rates apart.
+/// Spreads that differ by less, in ticks, do not distinguish two rates.
 const ALIKE: f64 = 0.05;
 /// A grid on which at least every other place has a frame is that of the camera.
 const SPARSEST: f64 = 2.0;
@@ -81,7 +81,7 @@ fn constant(times: &[f64], slots: &[usize], guess: f64, tick: f64) -> Option<f64
     let usual = usual().filter(|fps| (last / fps - last / guess).abs() <= 2.0 * slack);
     let usual: Vec<(f64, f64)> = usual.filter_map(explains).collect();
     let least = usual.iter().map(|(_, spread)| *spread).fold(f64::INFINITY, f64::min);
-    // Few stamps cannot tell a whole rate from one that is slowed by a thousandth; the whole ones come first.
+    // Few stamps cannot distinguish a whole rate from one that is slowed by a thousandth; the whole ones come first.
     if let Some((fps, _)) = usual.into_iter().find(|(_, spread)| *spread <= least + ALIKE * tick) {
         return Some(fps);
     }
@@ -97,7 +97,7 @@ fn usual() -> impl Iterator<Item = f64> {
     USUAL.iter().copied().chain(USUAL.iter().map(|fps| fps * 1000.0 / 1001.0))
 }
 
-/// A rate that is a whole number, or a whole number less a thousandth, but for the last digits is just that.
+/// A rate that is a whole number, or a whole number less a thousandth, up to the last digits, is just that.
 fn exact(fps: f64) -> f64 {
     let candidates = [fps.round(), (fps * 1.001).round() * 1000.0 / 1001.0];
     candidates.into_iter().find(|candidate| (candidate - fps).abs() <= 1e-9 * fps).unwrap_or(fps)

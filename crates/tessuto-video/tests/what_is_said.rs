@@ -84,7 +84,8 @@ fn aspect_colour_and_bits_are_those_of_the_file() {
     let hlg = stream(&clip(
         folder.path(),
         "hlg.mov",
-        "-pix_fmt yuv420p10le -color_primaries bt2020 -color_trc arib-std-b67 -colorspace bt2020nc -c:v libx265 -tag:v hvc1",
+        "-pix_fmt yuv420p10le -color_primaries bt2020 -color_trc arib-std-b67 -colorspace bt2020nc -c:v \
+         libx265 -tag:v hvc1",
     ));
     assert_eq!(
         (hlg.transfer, hlg.matrix, hlg.bits, hlg.full_range),

@@ -189,7 +189,8 @@ fn report(
         format!("{found:.2} ({expected:.2}), ±{:.0} %, {off:+.1} deviations", 100.0 * scale.log_deviation)
     });
     println!(
-        "| {name} | {diffuse:.1} · {diffuse_best:.1} dB | {:.3} ({:.3}) | {:.2} ({:.2}) | {relit:.1} · {relit_best:.1} dB | {told} |",
+        "| {name} | {diffuse:.1} · {diffuse_best:.1} dB | {:.3} ({:.3}) | {:.2} ({:.2}) | {relit:.1} · \
+         {relit_best:.1} dB | {told} |",
         mean(0, 4),
         mean(1, 4),
         mean(0, 3),

@@ -2,7 +2,8 @@
 //! same machine.
 //!
 //! ```sh
-//! cargo run --release -p tessuto --features decoder --example train_surrogate -- out=crates/tessuto-sim/assets/surrogate/weights.f32
+//! cargo run --release -p tessuto --features decoder --example train_surrogate -- \
+//!     out=crates/tessuto-sim/assets/surrogate/weights.f32
 //! cargo run --release -p tessuto --features decoder --example train_surrogate -- steps=3 batch=2 pool=2
 //! ```
 

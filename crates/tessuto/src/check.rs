@@ -71,7 +71,7 @@ pub fn check(loaded: &Loaded) -> Result<CheckReport> {
     Ok(CheckReport { findings, iou: Some(iou), image: Some(drawing::draw(&loaded.scene)?) })
 }
 
-/// What computing on a scene should be told beside what loading said: the warnings of its check.
+/// What a computation on a scene should know beside what loading said: the warnings of its check.
 ///
 /// # Errors
 /// [`Error::Input`] for the first finding that is an error; those of reading its frames once more.

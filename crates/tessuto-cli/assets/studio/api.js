@@ -3,26 +3,32 @@
 export const byId = id => document.getElementById(id);
 
 /** Where a file of the project is; another `version` is another address, so that no old copy is shown. */
-export const fileUrl = (name, version = "") => `/file/${name.split("/").map(encodeURIComponent).join("/")}?v=${version}`;
+export const fileUrl = (name, version = "") =>
+  `/file/${name.split("/").map(encodeURIComponent).join("/")}?v=${version}`;
 
 const told = async answer => {
   const text = await answer.text();
-  if (!answer.ok) throw Object.assign(new Error(text.trim() || `the studio answered ${answer.status}`), { status: answer.status });
+  const said = text.trim() || `the studio answered ${answer.status}`;
+  if (!answer.ok) throw Object.assign(new Error(said), { status: answer.status });
   return text ? JSON.parse(text) : null;
 };
 
 export const get = async path => told(await fetch(path));
 
 export const post = async (path, value) =>
-  told(await fetch(path, { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(value) }));
+  told(await fetch(path, {
+    method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(value),
+  }));
 
-/** Copies `file` into the project; `progress` is told the part that is done. fetch() cannot tell that. */
+/** Copies `file` into the project; `progress` receives the part that is done. fetch() has none. */
 export const upload = (file, progress) => new Promise((done, failed) => {
   const request = new XMLHttpRequest();
   request.open("PUT", `/api/upload?name=${encodeURIComponent(file.name)}`);
   request.upload.onprogress = e => progress(e.total ? e.loaded / e.total : 0);
   request.onerror = () => failed(new Error("the copy broke off: is the studio still running?"));
-  request.onload = () => request.status === 200 ? done(JSON.parse(request.responseText).name) : failed(new Error(request.responseText));
+  request.onload = () => request.status === 200
+    ? done(JSON.parse(request.responseText).name)
+    : failed(new Error(request.responseText));
   request.send(file);
 });
 

@@ -26,7 +26,8 @@ export const begin = studio => {
   };
 
   file.addEventListener("change", () => take(file.files[0]));
-  for (const kind of ["dragenter", "dragover"]) addEventListener(kind, e => { e.preventDefault(); drop.classList.add("over"); });
+  const over = e => { e.preventDefault(); drop.classList.add("over"); };
+  for (const kind of ["dragenter", "dragover"]) addEventListener(kind, over);
   addEventListener("dragleave", e => { if (!e.relatedTarget) drop.classList.remove("over"); });
   addEventListener("drop", e => {
     e.preventDefault();
@@ -45,7 +46,8 @@ export const begin = studio => {
         const item = document.createElement("li"), button = document.createElement("button");
         const name = document.createElement("b"), kind = document.createElement("small");
         name.textContent = entry.name.split("/").at(-1);
-        kind.textContent = `${KINDS[entry.kind]} · ${entry.name} · ${new Date(entry.changed * 1000).toLocaleDateString()}`;
+        const changed = new Date(entry.changed * 1000).toLocaleDateString();
+        kind.textContent = `${KINDS[entry.kind]} · ${entry.name} · ${changed}`;
         button.append(name, kind);
         button.addEventListener("click", () => studio.open(entry.name).catch(studio.alarm));
         item.append(button);

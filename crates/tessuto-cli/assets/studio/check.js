@@ -10,7 +10,8 @@ const remarks = text => {
   for (const line of text.slice(text.lastIndexOf("\nok ") < 0 ? 0 : text.lastIndexOf("ok       frames")).split("\n")) {
     const row = /^(ok|warning|error) +(\S+) +(.*)$/.exec(line);
     if (row) found.push({ level: row[1], text: row[3] });
-    else if (/^ {8,}/.test(line) && found.length) found.at(-1).text += `${/^ +hint:/.test(line) ? "\n" : " "}${line.trim()}`;
+    else if (/^ {8,}/.test(line) && found.length)
+      found.at(-1).text += `${/^ +hint:/.test(line) ? "\n" : " "}${line.trim()}`;
   }
   return found.filter(f => f.level !== "ok");
 };
@@ -42,11 +43,12 @@ export const check = studio => {
     byId("check-text").textContent = `frame ${frame} of ${view.count}${sure}`;
   };
 
-  /** How sure the masks are, over the frames: height tells it as well as colour. */
+  /** How sure the masks are, over the frames: height shows it as well as colour. */
   const drawStrip = () => {
     const all = frames();
     strip.hidden = all.length === 0;
-    const dense = devicePixelRatio || 1, pen = strip.getContext("2d"), style = getComputedStyle(document.documentElement);
+    const dense = devicePixelRatio || 1, pen = strip.getContext("2d"),
+      style = getComputedStyle(document.documentElement);
     strip.width = strip.clientWidth * dense;
     strip.height = 14 * dense;
     const wide = strip.width / Math.max(1, all.length);
@@ -61,7 +63,8 @@ export const check = studio => {
     const all = frames(), doubtful = all.filter(isDoubtful).length, running = work.job?.running;
     byId("doubtful").hidden = doubtful === 0;
     byId("check-lead").textContent = doubtful
-      ? `The yellow line should follow the fabric. ${doubtful} of ${all.length} masks are doubtful: look at those first.`
+      ? "The yellow line should follow the fabric. " +
+        `${doubtful} of ${all.length} masks are doubtful: look at those first.`
       : "The yellow line should follow the fabric in every frame, the mesh in the first one.";
     byId("masks-next").disabled = pending.length === 0 || Boolean(running);
     byId("masks-undo").disabled = pending.length === 0;
@@ -69,11 +72,13 @@ export const check = studio => {
     byId("check-next").textContent = work.result ? "Reconstruct again" : "Start the reconstruction";
     const found = remarks(work.findings ?? ""), t = work.template;
     const residual = typeof t?.residual === "number" ? ` The sheet's corners fit to ${t.residual.toFixed(1)} px.` : "";
-    const seen = t?.camera?.interval ? ` Focal length ${t.camera.fx.toFixed(0)} px, ${t.camera.interval.map(v => v.toFixed(0)).join(" to ")}.` : "";
+    const seen = t?.camera?.interval
+      ? ` Focal length ${t.camera.fx.toFixed(0)} px, ${t.camera.interval.map(v => v.toFixed(0)).join(" to ")}.` : "";
     byId("template-box").hidden = !work.template_version;
     byId("template-text").textContent = `${found.length ? "" : "Nothing to complain of."}${residual}${seen}`.trim();
     byId("findings").textContent = work.findings ?? "";
-    if (byId("remarks").textContent !== found.map(f => f.level + f.text).join("")) byId("remarks").replaceChildren(...found.map(remark));
+    const said = found.map(f => f.level + f.text).join("");
+    if (byId("remarks").textContent !== said) byId("remarks").replaceChildren(...found.map(remark));
   };
 
   const toggle = id => byId(id).addEventListener("change", draw);
@@ -103,7 +108,8 @@ export const check = studio => {
     }
   });
   byId("appearance").addEventListener("change", e => studio.change({ appearance: e.target.checked }));
-  byId("check-next").addEventListener("click", () => studio.run({ step: "reconstruct" }).then(() => studio.go("run")).catch(studio.alarm));
+  byId("check-next").addEventListener("click",
+    () => studio.run({ step: "reconstruct" }).then(() => studio.go("run")).catch(studio.alarm));
   addEventListener("resize", () => { if (studio.step === "check" && work) { draw(); drawStrip(); } });
 
   return {

@@ -38,7 +38,9 @@ export const fabric = studio => {
     byId("size-note").hidden = wrong === undefined;
     byId("size-note").textContent = `“${wrong}” is no length: write a number such as 55 or 55.5`;
     const count = drawing.corners();
-    byId("outline-hint").textContent = count === 0 ? "Click its four corners." : count < 4 ? `${4 - count} more.` : "Is “width” on the side you measured as width? If not, click “Next side is the width”.";
+    byId("outline-hint").textContent = count === 0 ? "Click its four corners."
+      : count < 4 ? `${4 - count} more.`
+      : "Is “width” on the side you measured as width? If not, click “Next side is the width”.";
     const running = studio.state.work.job?.running;
     next.disabled = Boolean(lack || running);
     const makes = studio.form?.masks ? "Take the masks" : "Make the masks";
@@ -51,7 +53,9 @@ export const fabric = studio => {
     if (camera.value !== "auto") byId("camera-guess").hidden = true;
     for (const part of document.querySelectorAll("[data-camera]")) part.hidden = part.dataset.camera !== camera.value;
     const lens = studio.state?.work?.clip?.lens;
-    byId("camera-note").textContent = camera.value === "auto" && lens ? `The clip says ${lens} mm in terms of 35-mm film; videos often see a little less.` : NOTES[guessed() ? "guess" : camera.value];
+    byId("camera-note").textContent = camera.value === "auto" && lens
+      ? `The clip says ${lens} mm in terms of 35-mm film; videos often see a little less.`
+      : NOTES[guessed() ? "guess" : camera.value];
   };
 
   const keepCamera = () => {
@@ -87,7 +91,9 @@ export const fabric = studio => {
   const show = form => {
     const scale = UNITS[form.unit];
     unit.value = form.unit;
-    ["width", "height"].forEach((id, k) => { byId(id).value = form.size ? Number((form.size[k] / scale).toFixed(4)) : ""; });
+    ["width", "height"].forEach((id, k) => {
+      byId(id).value = form.size ? Number((form.size[k] / scale).toFixed(4)) : "";
+    });
     camera.value = form.camera.kind;
     byId("fov").value = form.camera.fov ?? "";
     byId("fx").value = form.camera.fx ?? "";

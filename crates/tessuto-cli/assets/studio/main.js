@@ -8,8 +8,14 @@ import { run } from "./run.js";
 import { trim } from "./trim.js";
 
 const QUICK = 400, SLOW = 3000;
-const WAITS = { preview: "Reading the clip …", first: "Reading the first frame …", prepare: "Making the scene …", masks: "Making masks …", export: "Writing files …" };
-const WORDS = [["import", "Reading the frames and making masks …"], ["masks", "Making masks …"], ["template", "Fitting the sheet …"], ["check", "Looking at all of it …"]];
+const WAITS = {
+  preview: "Reading the clip …", first: "Reading the first frame …", prepare: "Making the scene …",
+  masks: "Making masks …", export: "Writing files …",
+};
+const WORDS = [
+  ["import", "Reading the frames and making masks …"], ["masks", "Making masks …"],
+  ["template", "Fitting the sheet …"], ["check", "Looking at all of it …"],
+];
 
 const CONFLICT = 409;
 
@@ -50,8 +56,9 @@ const studio = {
   },
   frames: () => get(`/api/frames${query()}`),
   /**
-   * Starts a step that nobody clicked; "busy" where another command runs, after which it can be asked for again. One request at a time: what asks is
-   * called whenever the state is shown, and the state does not know of a request on its way.
+   * Starts a step that nobody clicked; "busy" where another command runs, after which it can be asked for
+   * again. One request at a time: what asks is called whenever the state is shown, and the state does not know
+   * of a request on its way.
    */
   async auto(step) {
     if (asking) return "busy";
@@ -72,7 +79,8 @@ const studio = {
     byId("alarm").firstElementChild.textContent = error.message;
   },
 };
-let saving = 0, unsaved = false, sent = Promise.resolve(), timer = 0, started = null, lost = 0, asking = false, sending = 0, version = null;
+let saving = 0, unsaved = false, sent = Promise.resolve(), timer = 0, started = null, lost = 0, asking = false,
+  sending = 0, version = null;
 const calm = () => { byId("alarm").hidden = true; };
 
 const begun = async step => {
@@ -115,7 +123,10 @@ const adopt = async name => {
   await refresh();
 };
 
-const views = { clip: begin(studio), trim: trim(studio), fabric: fabric(studio), check: check(studio), run: run(studio), result: result(studio) };
+const views = {
+  clip: begin(studio), trim: trim(studio), fabric: fabric(studio), check: check(studio),
+  run: run(studio), result: result(studio),
+};
 
 /** The step that is next, from what is there. */
 const furthest = work => {
@@ -137,10 +148,23 @@ const steps = () => {
   const doubtful = (work.masks?.frames ?? []).filter(f => f.reason).length;
   return {
     clip: [true, true, form.clip?.split("/").at(-1) ?? ""],
-    trim: [Boolean(form.clip), Boolean(work.clip && (form.frames || form.outline.length)), form.frames ? `${form.frames[1] - form.frames[0]} frames` : work.clip ? `${work.clip.frames[1]} frames` : ""],
+    trim: [
+      Boolean(form.clip),
+      Boolean(work.clip && (form.frames || form.outline.length)),
+      form.frames ? `${form.frames[1] - form.frames[0]} frames` : work.clip ? `${work.clip.frames[1]} frames` : "",
+    ],
     fabric: [!work.is_result && Boolean(work.clip || work.scene), prepared, size],
-    check: [prepared, prepared && (there || work.interrupted), work.masks ? (doubtful ? `${doubtful} doubtful` : "masks are fine") : ""],
-    run: [prepared, there, work.job?.step === "reconstruct" && work.job.running ? `${Math.round(100 * (work.job.fraction ?? 0))} %` : work.interrupted ? "interrupted" : ""],
+    check: [
+      prepared,
+      prepared && (there || work.interrupted),
+      work.masks ? (doubtful ? `${doubtful} doubtful` : "masks are fine") : "",
+    ],
+    run: [
+      prepared,
+      there,
+      work.job?.step === "reconstruct" && work.job.running ? `${Math.round(100 * (work.job.fraction ?? 0))} %`
+        : work.interrupted ? "interrupted" : "",
+    ],
     result: [there, there && work.exports.length > 0, work.summary?.verdict?.state ?? ""],
   };
 };
@@ -177,7 +201,8 @@ const show = () => {
     box.replaceChildren(word, document.createElement("progress"));
   }
   if (studio.step === "clip") views.clip.update(state);
-  else if (work) for (const name of ["trim", "fabric", "check", "run", "result"]) if (name === studio.step || name === "check") views[name].update(state, form);
+  else if (work) for (const name of ["trim", "fabric", "check", "run", "result"])
+    if (name === studio.step || name === "check") views[name].update(state, form);
 };
 
 /** A command has ended: its error is shown, or the next step. */
@@ -185,7 +210,8 @@ const ended = job => {
   started = null;
   if (job.ended === "failed") {
     const table = job.text.split("\n").filter(line => /^error\b/.test(line)).join("\n");
-    if (job.step === "prepare" && studio.form?.camera.kind === "auto" && /focal length|camera is not given/.test(job.error ?? "")) views.fabric.askLens();
+    if (job.step === "prepare" && studio.form?.camera.kind === "auto"
+      && /focal length|camera is not given/.test(job.error ?? "")) views.fabric.askLens();
     if (job.step === "prepare" && /--object|objects?: /.test(job.error ?? "")) views.fabric.askObject();
     return studio.alarm(new Error(`${job.error ?? (table || `${job.command}: ended without a message`)}`));
   }
@@ -214,13 +240,18 @@ const loop = async () => {
   try {
     if (!document.hidden) await refresh();
   } catch (error) {
-    if (++lost === 3) studio.alarm(new Error("The studio does not answer. What is done is kept: start it again in the same folder, and open the address that it prints."));
+    if (++lost === 3) studio.alarm(new Error("The studio does not answer. " +
+      "What is done is kept: start it again in the same folder, and open the address that it prints."));
   }
   timer = setTimeout(loop, studio.state?.work?.job?.running ? QUICK : SLOW);
 };
 
 for (const button of document.querySelectorAll("#steps button")) {
-  button.addEventListener("click", () => { calm(); if (button.dataset.step === "clip") byId("home").click(); else studio.go(button.dataset.step); });
+  button.addEventListener("click", () => {
+    calm();
+    if (button.dataset.step === "clip") byId("home").click();
+    else studio.go(button.dataset.step);
+  });
 }
 byId("home").addEventListener("click", async () => {
   await flush().catch(studio.alarm);

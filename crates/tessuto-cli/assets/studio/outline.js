@@ -5,7 +5,8 @@ const CORNERS = 4, GRAB = 14, LENS = 66, ZOOM = 7;
 
 /** Corners clockwise from the upper left. */
 const ordered = points => {
-  const cx = points.reduce((s, p) => s + p.x, 0) / points.length, cy = points.reduce((s, p) => s + p.y, 0) / points.length;
+  const cx = points.reduce((s, p) => s + p.x, 0) / points.length,
+    cy = points.reduce((s, p) => s + p.y, 0) / points.length;
   const turn = [...points].sort((a, b) => Math.atan2(a.y - cy, a.x - cx) - Math.atan2(b.y - cy, b.x - cx));
   const first = turn.reduce((best, p, k) => p.x + p.y < turn[best].x + turn[best].y ? k : best, 0);
   return [...turn.slice(first), ...turn.slice(0, first)];
@@ -13,7 +14,8 @@ const ordered = points => {
 
 /** Distance of `q` to the side from `a` to `b`. */
 const toSide = (q, a, b) => {
-  const [dx, dy] = [b.x - a.x, b.y - a.y], t = Math.max(0, Math.min(1, ((q.x - a.x) * dx + (q.y - a.y) * dy) / (dx * dx + dy * dy || 1)));
+  const [dx, dy] = [b.x - a.x, b.y - a.y],
+    t = Math.max(0, Math.min(1, ((q.x - a.x) * dx + (q.y - a.y) * dy) / (dx * dx + dy * dy || 1)));
   return Math.hypot(q.x - a.x - t * dx, q.y - a.y - t * dy);
 };
 
@@ -27,7 +29,10 @@ export const outline = (canvas, changed) => {
   };
   const place = p => [(p.x + 0.5) * scale, (p.y + 0.5) * scale];
   const reach = () => GRAB * (devicePixelRatio || 1) / scale;
-  const inside = p => ({ x: Math.max(0, Math.min(image.width - 1, p.x)), y: Math.max(0, Math.min(image.height - 1, p.y)) });
+  const inside = p => ({
+    x: Math.max(0, Math.min(image.width - 1, p.x)),
+    y: Math.max(0, Math.min(image.height - 1, p.y)),
+  });
 
   const remember = () => { past.push(points.map(p => ({ ...p }))); if (past.length > 200) past.shift(); };
   const done = () => { changed(points); draw(); };
@@ -62,7 +67,8 @@ export const outline = (canvas, changed) => {
     pen.fill();
     pen.clip();
     pen.imageSmoothingEnabled = false;
-    pen.drawImage(image, at.x + 0.5 - half, at.y + 0.5 - half, 2 * half, 2 * half, cx - radius, cy - radius, 2 * radius, 2 * radius);
+    pen.drawImage(image, at.x + 0.5 - half, at.y + 0.5 - half, 2 * half, 2 * half, cx - radius, cy - radius,
+      2 * radius, 2 * radius);
     pen.strokeStyle = "rgb(255 255 255 / 85%)";
     pen.lineWidth = dense;
     pen.beginPath();
@@ -83,12 +89,14 @@ export const outline = (canvas, changed) => {
 
   const label = (text, a, b) => {
     const dense = devicePixelRatio || 1, [ax, ay] = place(a), [bx, by] = place(b);
-    const [mx, my] = points.reduce(([x, y], p) => { const [px, py] = place(p); return [x + px / points.length, y + py / points.length]; }, [0, 0]);
+    const [mx, my] = points.map(place)
+      .reduce(([x, y], [px, py]) => [x + px / points.length, y + py / points.length], [0, 0]);
     const [x, y] = [(ax + bx) / 2, (ay + by) / 2], far = Math.hypot(x - mx, y - my) || 1;
     pen.font = `600 ${13 * dense}px system-ui, sans-serif`;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
-    const [tx, ty] = [x - (x - mx) / far * 34 * dense, y - (y - my) / far * 20 * dense], wide = pen.measureText(text).width;
+    const [tx, ty] = [x - (x - mx) / far * 34 * dense, y - (y - my) / far * 20 * dense],
+      wide = pen.measureText(text).width;
     pen.fillStyle = "rgb(0 0 0 / 65%)";
     pen.fillRect(tx - wide / 2 - 6 * dense, ty - 10 * dense, wide + 12 * dense, 20 * dense);
     pen.fillStyle = "#fff";
@@ -136,7 +144,8 @@ export const outline = (canvas, changed) => {
 
   canvas.addEventListener("pointerdown", e => {
     if (!image || e.button !== 0) return;
-    const at = toImage(e), near = points.map(p => Math.hypot(p.x - at.x, p.y - at.y)), best = near.indexOf(Math.min(...near));
+    const at = toImage(e), near = points.map(p => Math.hypot(p.x - at.x, p.y - at.y)),
+      best = near.indexOf(Math.min(...near));
     if (best >= 0 && near[best] < reach()) {
       remember();
       [chosen, dragging] = [best, true];
@@ -159,7 +168,8 @@ export const outline = (canvas, changed) => {
     const move = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[e.key];
     if (!image) return;
     if (move) {
-      const p = chosen >= 0 ? points[chosen] : cursor ??= { x: Math.round(image.width / 2), y: Math.round(image.height / 2) };
+      const middle = { x: Math.round(image.width / 2), y: Math.round(image.height / 2) };
+      const p = chosen >= 0 ? points[chosen] : cursor ??= middle;
       if (chosen >= 0) remember();
       Object.assign(p, inside({ x: p.x + move[0] * step, y: p.y + move[1] * step }));
       pointer = null;
@@ -171,7 +181,8 @@ export const outline = (canvas, changed) => {
       chosen = -1;
       draw();
     } else if (e.key === "PageDown" || e.key === "PageUp") {
-      chosen = points.length ? (chosen + (e.key === "PageDown" ? 1 : points.length - 1 + (chosen < 0))) % points.length : -1;
+      chosen = points.length
+        ? (chosen + (e.key === "PageDown" ? 1 : points.length - 1 + (chosen < 0))) % points.length : -1;
       draw();
     } else if ((e.key === "Delete" || e.key === "Backspace") && chosen >= 0) {
       remember();

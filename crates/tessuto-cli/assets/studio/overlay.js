@@ -30,7 +30,8 @@ const shade = mask => {
   for (let y = 0; y < height; y++) {
     for (let x = 0; x < width; x++) {
       const k = y * width + x, here = is[k];
-      const border = here && (x < thick || y < thick || x >= width - thick || y >= height - thick || !is[k - thick] || !is[k + thick] || !is[k - thick * width] || !is[k + thick * width]);
+      const border = here && (x < thick || y < thick || x >= width - thick || y >= height - thick
+        || !is[k - thick] || !is[k + thick] || !is[k - thick * width] || !is[k + thick * width]);
       data.set(border ? [255, 210, 63, 255] : here ? [0, 0, 0, 0] : [8, 12, 18, 150], 4 * k);
     }
   }
@@ -81,7 +82,8 @@ export const overlay = canvas => {
     pen.drawImage(image, 0, 0, canvas.width, canvas.height);
     if (mask && shaded) pen.drawImage(shaded, 0, 0, canvas.width, canvas.height);
     if (mesh && camera) {
-      const at = mesh.vertices.map(([x, y, z]) => [(camera.fx * x / z + camera.cx + 0.5) * scale, (camera.fy * y / z + camera.cy + 0.5) * scale]);
+      const at = mesh.vertices.map(([x, y, z]) =>
+        [(camera.fx * x / z + camera.cx + 0.5) * scale, (camera.fy * y / z + camera.cy + 0.5) * scale]);
       pen.beginPath();
       for (const [a, b] of mesh.edges) { pen.moveTo(...at[a]); pen.lineTo(...at[b]); }
       pen.strokeStyle = "rgb(40 205 235 / 75%)";

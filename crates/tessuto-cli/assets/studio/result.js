@@ -29,7 +29,9 @@ export const result = studio => {
       byId("exports").hidden = !there;
       for (const button of document.querySelectorAll("[data-format]")) button.disabled = Boolean(work.job?.running);
       // A report that is written anew has another address; looking is no reason to load it again.
-      const shown = there && studio.step === "result" ? fileUrl(`${work.result_name}/report.html`, work.report_version) : address;
+      const shown = there && studio.step === "result"
+        ? fileUrl(`${work.result_name}/report.html`, work.report_version)
+        : address;
       if (shown !== address) {
         address = shown;
         report.hidden = !shown;

@@ -10,12 +10,17 @@ export const run = studio => {
   return {
     update({ work }) {
       const job = work.job?.step === "reconstruct" ? work.job : null, running = Boolean(job?.running);
-      const progress = job?.progress ?? "", left = /, (?:about )?((?:maybe )?[\d.]+ (?:s|min|h)) left/.exec(progress)?.[1], stage = /^stage (\d+ of \d+), ([^,(]*)/.exec(progress);
-      byId("run-title").textContent = running ? "Reconstructing" : work.result && job?.ended === "ok" ? "Done" : job || work.interrupted ? "Not finished" : "Ready";
+      const progress = job?.progress ?? "",
+        left = /, (?:about )?((?:maybe )?[\d.]+ (?:s|min|h)) left/.exec(progress)?.[1],
+        stage = /^stage (\d+ of \d+), ([^,(]*)/.exec(progress);
+      byId("run-title").textContent = running ? "Reconstructing"
+        : work.result && job?.ended === "ok" ? "Done"
+        : job || work.interrupted ? "Not finished" : "Ready";
       bar.hidden = !running;
       if (typeof job?.fraction === "number") bar.value = job.fraction;
       else bar.removeAttribute("value");
-      byId("run-text").textContent = !running ? "" : stage ? `${left ? `${left} left · ` : ""}stage ${stage[1]}: ${stage[2].trim()}` : "Reading the scene …";
+      byId("run-text").textContent = !running ? ""
+        : stage ? `${left ? `${left} left · ` : ""}stage ${stage[1]}: ${stage[2].trim()}` : "Reading the scene …";
       byId("stop").hidden = !running || Boolean(job?.orphan);
       byId("run-again").hidden = running || Boolean(work.job?.running) || job?.ended === "ok";
       byId("run-next").textContent = work.interrupted ? "Go on" : "Start the reconstruction";

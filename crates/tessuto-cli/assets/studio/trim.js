@@ -27,7 +27,8 @@ export const trim = studio => {
     const [a, b] = range(), count = Math.ceil((b - a + 1) / Number(byId("stride").value));
     const seconds = ((b - a + 1) / clip.fps).toFixed(2);
     const long = count > LONG ? " · one or two seconds are enough, and much faster" : "";
-    byId("trim-text").textContent = `frames ${a} to ${b} of ${clip.frames[1]} · ${count} used · ${seconds} s of ${clip.fps.toFixed(2)} per second${long}`;
+    byId("trim-text").textContent = `frames ${a} to ${b} of ${clip.frames[1]} · ` +
+      `${count} used · ${seconds} s of ${clip.fps.toFixed(2)} per second${long}`;
     byId("trim-next").textContent = a === 0 && b === clip.frames[1] - 1 ? "Use the whole clip" : "Use this part";
     const last = Math.max(1, clip.frames[1] - 1), place = n => `calc(8px + (100% - 16px) * ${n / last})`;
     byId("chosen").style.left = `calc(${place(a)} - 8px)`;
@@ -36,7 +37,10 @@ export const trim = studio => {
 
   const keep = () => {
     const [a, b] = range(), whole = a === 0 && b === clip.frames[1] - 1;
-    studio.change({ frames: whole ? null : [a, b + 1], stride: Number(byId("stride").value), downscale: Number(byId("downscale").value) });
+    studio.change({
+      frames: whole ? null : [a, b + 1], stride: Number(byId("stride").value),
+      downscale: Number(byId("downscale").value),
+    });
     tell();
   };
 

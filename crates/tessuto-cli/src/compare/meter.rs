@@ -1,4 +1,4 @@
-//! What the system tells of memory and energy.
+//! Memory and energy, as the system reports them.
 
 /// Where the processors' counters of energy are.
 const POWERCAP: &str = "/sys/class/powercap";

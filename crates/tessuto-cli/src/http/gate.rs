@@ -42,7 +42,7 @@ impl Gate {
         format!("?token={}", self.token)
     }
 
-    /// Name of the cookie: cookies do not tell ports apart.
+    /// Name of the cookie: cookies do not distinguish ports.
     fn cookie_name(&self) -> String {
         format!("tessuto-{}-{}", self.door, self.port)
     }
@@ -93,7 +93,7 @@ impl Gate {
         pairs.filter(|(known, _)| *known == name).any(|(_, value)| self.is_token(value))
     }
 
-    /// In a time that tells nothing about where they differ.
+    /// In a time that does not depend on where they differ.
     fn is_token(&self, text: &str) -> bool {
         let differences = self.token.bytes().zip(text.bytes()).fold(0, |d, (a, b)| d | (a ^ b));
         text.len() == self.token.len() && differences == 0

@@ -20,7 +20,7 @@ const OPEN: Duration = Duration::from_secs(3);
 /// A port that is ours, and who gets in: other users of the machine can reach it, too.
 pub struct Server(Listener, Gate);
 
-/// What the running reconstruction tells, and what the server answers.
+/// What the running reconstruction reports, and what the server answers.
 pub struct Live {
     shared: Arc<Mutex<Shared>>,
     last_motion: Option<Instant>,

@@ -6,8 +6,9 @@ const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// What the page may do: no script, style or address of anybody else's; the live page of a run is a frame of
 /// another port.
-const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; \
-     frame-src 'self' http://127.0.0.1:*; base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
+const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; \
+     connect-src 'self'; frame-src 'self' http://127.0.0.1:*; base-uri 'none'; form-action 'none'; \
+     frame-ancestors 'none'";
 
 macro_rules! asset {
     ($kind:expr, $name:literal) => {

@@ -151,7 +151,7 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
     let mut commands = Vec::new();
     let estimated = is_estimated(work, form);
     if estimated {
-        tells_focal_length(work, form, [width, height], corners)?;
+        states_focal_length(work, form, [width, height], corners)?;
     }
     if form.clip.is_some() {
         let mut import = vec!["import".into(), clip(form)?, scene.clone()];
@@ -217,7 +217,7 @@ fn clip(form: &Form) -> Result<String, String> {
     form.clip.as_deref().map(argument).ok_or_else(|| "choose a clip first".to_owned())
 }
 
-/// Whether neither the user nor the clip tells the camera, so that the corners must.
+/// Whether neither the user nor the clip states the camera, so that the corners must show it.
 fn is_estimated(work: &Work, form: &Form) -> bool {
     let told = || work.json(&work.beside("preview/clip.json")).is_some_and(|clip| clip["lens"].is_number());
     form.clip.is_some() && form.camera == Camera::Auto && !told()
@@ -225,7 +225,7 @@ fn is_estimated(work: &Work, form: &Form) -> bool {
 
 /// Refuses corners that do not determine the focal length, before minutes are spent on masks. Of the scene's
 /// pixels, as the command for the template sees them.
-fn tells_focal_length(
+fn states_focal_length(
     work: &Work,
     form: &Form,
     size: [f64; 2],
@@ -317,7 +317,10 @@ mod tests {
         // One argument each, however odd the name is, and none that starts like an option.
         assert_eq!(commands[0][..3], ["import", "./-it's; $(touch x).mp4", "scenes/a"]);
         let text: Vec<_> = commands.iter().map(shown).collect();
-        let import = r"tessuto import './-it'\''s; $(touch x).mp4' scenes/a --frames 3..20 --downscale 2 --outline '5,10 15,9 25,10 25,30 5,30' --fx 800 --cx 319.5 --cy 319.5";
+        let import = concat!(
+            r"tessuto import './-it'\''s; $(touch x).mp4' scenes/a --frames 3..20 --downscale 2 ",
+            "--outline '5,10 15,9 25,10 25,30 5,30' --fx 800 --cx 319.5 --cy 319.5"
+        );
         assert_eq!(text[0], import);
         assert_eq!(
             text[1],

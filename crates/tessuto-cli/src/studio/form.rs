@@ -18,7 +18,7 @@ pub struct Form {
     pub clip: Option<String>,
     /// First frame, and the one after the last; all frames without.
     pub frames: Option<[usize; 2]>,
-    /// Frames per second at which the clip was filmed, where its own time stamps do not tell [1/s].
+    /// Frames per second at which the clip was filmed, where its own time stamps do not say [1/s].
     pub rate: Option<f64>,
     /// Every this many frames one is used.
     pub stride: usize,
@@ -66,7 +66,7 @@ pub enum Unit {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub enum Camera {
-    /// Nothing: the clip's metadata, or else the four corners tell.
+    /// Nothing: the clip's metadata, or else the four corners.
     Auto,
     /// Horizontal field of view [degrees].
     Fov {

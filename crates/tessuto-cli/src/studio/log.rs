@@ -38,7 +38,7 @@ pub fn read(path: &Path) -> Option<News> {
     Some(parse(&String::from_utf8_lossy(&bytes)))
 }
 
-/// What a line of progress tells: `stage 2 of 5, refine 3/9, about 4 min left (37 %)`, or `masks: 37 %`.
+/// What a line of progress says: `stage 2 of 5, refine 3/9, about 4 min left (37 %)`, or `masks: 37 %`.
 fn fraction(line: &str) -> Option<f64> {
     let percent = match line.strip_prefix("masks: ") {
         Some(masks) => masks.strip_suffix(" %")?,

@@ -125,7 +125,8 @@ fn save(studio: &Studio, request: &Request, form: &Form) -> Answer {
     let work = studio.work(request)?;
     let _one_at_a_time = studio.saving.lock().unwrap_or_else(PoisonError::into_inner);
     if request.query("base").is_some_and(|base| base != work.form_version()) {
-        let told = "changed in another window: this one shows it now; enter the last change again if it is still missing";
+        let told = "changed in another window: this one shows it now; enter the last change again if it is \
+                    still missing";
         return Err(("409 Conflict", told.to_owned()));
     }
     work.save(form).map_err(|text| bad(&text))?;

@@ -1,4 +1,4 @@
-//! What `tessuto synth` is told.
+//! The arguments of `tessuto synth`.
 
 use std::path::PathBuf;
 

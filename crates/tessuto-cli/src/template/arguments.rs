@@ -38,18 +38,22 @@ pub struct Arguments {
     /// Scene folder; or an image of the fabric, with --mask, a camera and --out.
     pub target: PathBuf,
     /// A flat or nearly flat rectangle of this size, such as 0.7x0.5m, 70x50cm or 700x500mm.
-    #[arg(long, value_name = "WxH", value_parser = values::lengths, conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
+    #[arg(long, value_name = "WxH", value_parser = values::lengths,
+          conflicts_with_all = ["remesh", "from", "scale", "flip", "swap", "weld"])]
     pub flat: Option<Pair>,
     /// A depth map of the first frame: PNG of 16 bits in mm, .npy or OpenEXR (channel Z, depth, V, Y or the only one)
     /// in m; or a capture folder of Stray Scanner or of Polycam's raw data, with its camera.
-    #[arg(long, value_name = "FILE|DIR", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
+    #[arg(long, value_name = "FILE|DIR",
+          conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth: Option<PathBuf>,
     /// Unit of the depth map [m]: 0.00025 for a RealSense L515, 0.0001 for a D405, 0.0002 for TUM RGB-D
     /// [default: 0.001 for integers, else 1].
-    #[arg(long, value_name = "METRES", value_parser = values::positive, allow_negative_numbers = true, requires = "depth", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
+    #[arg(long, value_name = "METRES", value_parser = values::positive, allow_negative_numbers = true,
+          requires = "depth", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth_scale: Option<f64>,
     /// The camera of the colour images recorded with the depth map (JSON as apps write it) [default: the scene's].
-    #[arg(long, value_name = "FILE", requires = "depth", conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
+    #[arg(long, value_name = "FILE", requires = "depth",
+          conflicts_with_all = ["flat", "remesh", "from", "scale", "flip", "swap", "weld"])]
     pub depth_camera: Option<PathBuf>,
     /// Where its corners are in the first frame [px].
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = values::corners, allow_hyphen_values = true)]
@@ -82,7 +86,8 @@ pub struct Arguments {
     #[arg(long, value_name = "AXES", value_parser = values::axes)]
     pub swap: Option<[bool; 3]>,
     /// Merge vertices that lie at the same place, or within this part of the mesh's size.
-    #[arg(long, value_name = "PART", value_parser = values::part, num_args = 0..=1, require_equals = true, default_missing_value = "1e-6")]
+    #[arg(long, value_name = "PART", value_parser = values::part, num_args = 0..=1, require_equals = true,
+          default_missing_value = "1e-6")]
     pub weld: Option<f64>,
     /// Mask of the image, where the first argument is an image.
     #[arg(long, value_name = "FILE")]

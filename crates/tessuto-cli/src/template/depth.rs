@@ -27,7 +27,10 @@ pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) ->
     notes.iter().for_each(|note| say!("note: {note}"));
     let record = found.map(|(camera, place)| {
         let Camera { fx, fy, cx, cy, .. } = camera;
-        say!("camera of the depth map: fx {fx:.1}, fy {fy:.1}, centre ({cx:.1}, {cy:.1}); it is the scene's from now on");
+        say!(
+            "camera of the depth map: fx {fx:.1}, fy {fy:.1}, centre ({cx:.1}, {cy:.1}); it is the scene's \
+             from now on"
+        );
         view.camera = camera;
         let name = Path::new(&place).file_name().unwrap_or_default().to_string_lossy().into_owned();
         CameraRecord { source: format!("of the depth map, {name}"), fx, fy, interval: None }

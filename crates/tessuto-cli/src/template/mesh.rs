@@ -17,11 +17,11 @@ use crate::values::Pair;
 /// How well a person or the mask knows a corner of fabric, in either direction `[px]`.
 const CLICK: f64 = 1.0;
 
-fn told(line: String) {
+fn say_line(line: String) {
     say!("{line}");
 }
 
-/// A rectangle of fabric of `size` `[m]`; its corners tell the camera, too, if that is asked for.
+/// A rectangle of fabric of `size` `[m]`; its corners determine the camera, too, if that is asked for.
 pub(super) fn flat(arguments: &Arguments, view: &mut View, size: Pair) -> Result<Made> {
     let mask = view.mask.take();
     let place = place_of(mask.as_ref());
@@ -30,7 +30,7 @@ pub(super) fn flat(arguments: &Arguments, view: &mut View, size: Pair) -> Result
         true => Some(estimated(view, size, &corners)?),
         false => None,
     };
-    let found = from_rectangle(&view.camera, size.into(), arguments.grid, corners, &mut told)?;
+    let found = from_rectangle(&view.camera, size.into(), arguments.grid, corners, &mut say_line)?;
     let record = TemplateRecord {
         size: Some(size),
         corners: Some(found.corners.map(Into::into)),
@@ -81,7 +81,8 @@ fn estimated(view: &mut View, size: Pair, corners: &CornersFrom) -> Result<Camer
     let (camera, found) = focal::estimate(size.into(), corners.found()?, image, CLICK)?;
     let [low, high] = found.interval;
     say!(
-        "focal length from the corners: {:.0} px ({low:.0} to {high:.0}, ± {:.1} %, if corners are known to {CLICK} px)",
+        "focal length from the corners: {:.0} px ({low:.0} to {high:.0}, ± {:.1} %, if corners are known to \
+         {CLICK} px)",
         found.focal,
         100.0 * found.uncertainty()
     );
@@ -102,7 +103,8 @@ pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Made> {
         None if nothing => {
             return Err(Error::usage(
                 "nothing to do",
-                "make a rectangle (--flat WxH --from-mask), re-sample a mesh (--remesh 32 --from FILE), or repair the template (--scale, --flip, --swap, --weld)",
+                "make a rectangle (--flat WxH --from-mask), re-sample a mesh (--remesh 32 --from FILE), or \
+                 repair the template (--scale, --flip, --swap, --weld)",
             ));
         }
         None if scene => arguments.target.join("template.obj"),
@@ -119,7 +121,7 @@ pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Made> {
     let changes = Changes { fix: fix(arguments)?, weld: arguments.weld, remesh };
     let record = TemplateRecord::new(TemplateKind::Mesh);
     Ok(Made {
-        mesh: from_file(&path, &changes, &mut told)?,
+        mesh: from_file(&path, &changes, &mut say_line)?,
         record,
         misfit: template_misfit(&path),
         raw: true,

@@ -308,16 +308,22 @@ fn cameras_of_other_programs() {
         fitted("cameras.txt", "7 SIMPLE_RADIAL 640 480 500 320 240 0.1", [640, 480]).0,
         [500.0, 500.0, 319.5, 239.5]
     );
-    let nerfstudio = r#"{"camera_model": "OPENCV", "fl_x": 1500, "fl_y": 1510, "cx": 960, "cy": 540, "w": 1920, "h": 1080, "k1": -0.1, "frames": []}"#;
+    let nerfstudio = r#"{"camera_model": "OPENCV", "fl_x": 1500, "fl_y": 1510, "cx": 960, "cy": 540,
+        "w": 1920, "h": 1080, "k1": -0.1, "frames": []}"#;
     let (camera, d) = fitted("transforms.json", nerfstudio, [1920, 1080]);
     assert_eq!((camera, d.k1), ([1500.0, 1510.0, 959.5, 539.5], -0.1));
     let blender = r#"{"camera_angle_x": 1.5707963267948966, "frames": []}"#;
     let (camera, _) = fitted("transforms.json", blender, [800, 600]);
     assert!((camera[0] - 400.0).abs() < 1e-9 && camera[2..] == [399.5, 299.5]);
-    let opencv = "%YAML:1.0\n---\nimage_width: 1920\nimage_height: 1080\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 1.5e+03, 0., 959.5, 0.,\n       1510., 539.5, 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ -1.0e-01, 2.0e-02, 1.0e-03, -2.0e-03, 5.0e-03 ]\n";
+    let opencv = "%YAML:1.0\n---\nimage_width: 1920\nimage_height: 1080\n\
+                  camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
+                  data: [ 1.5e+03, 0., 959.5, 0.,\n       1510., 539.5, 0., 0., 1. ]\n\
+                  distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   \
+                  data: [ -1.0e-01, 2.0e-02, 1.0e-03, -2.0e-03, 5.0e-03 ]\n";
     let (camera, d) = fitted("camera.yml", opencv, [1920, 1080]);
     assert_eq!((camera, d.k1, d.p2, d.k3), ([1500.0, 1510.0, 959.5, 539.5], -0.1, -0.002, 0.005));
-    let json = r#"{"K": [[1500, 0, 959.5], [0, 1510, 539.5], [0, 0, 1]], "dist": [[-0.1, 0.02, 0.001, -0.002, 0.005]]}"#;
+    let json = r#"{"K": [[1500, 0, 959.5], [0, 1510, 539.5], [0, 0, 1]],
+        "dist": [[-0.1, 0.02, 0.001, -0.002, 0.005]]}"#;
     assert_eq!(fitted("calibration.json", json, [1920, 1080]), (camera, d));
 }
 
@@ -395,7 +401,8 @@ fn said(times: [u32; FRAMES], time_base: &str, more: &str) -> String {
         times.map(|pts| format!(r#"{{"stream_index": 0, "pts": {pts}, "flags": "K_"}}"#)).join(", ");
     format!(
         r#"{{"packets": [{packets}], "frames": [{{"width": {SIZE}, "height": {SIZE}, "pix_fmt": "yuv420p"}}],
-        "streams": [{{"index": 0, "codec_name": "h264", "width": {SIZE}, "height": {SIZE}, "time_base": "{time_base}" {more}}}],
+        "streams": [{{"index": 0, "codec_name": "h264", "width": {SIZE}, "height": {SIZE},
+            "time_base": "{time_base}" {more}}}],
         "format": {{"format_name": "mov,mp4,m4a,3gp,3g2,mj2"}}}}"#
     )
 }

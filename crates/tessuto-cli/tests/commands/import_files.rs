@@ -167,7 +167,11 @@ fn masks_of_several_objects_are_listed_and_one_is_chosen() {
     files.refused(&[], &list);
     let told = files.refused(
         &["--object", "128,0,0"],
-        &["00002.png: the mask is empty (1 of 3 masks are): its brightest value is 92 of 255, fabric is colour 128,0,0", "--frames 0..2"],
+        &[
+            "00002.png: the mask is empty (1 of 3 masks are): its brightest value is 92 of 255, \
+             fabric is colour 128,0,0",
+            "--frames 0..2",
+        ],
     );
     assert!(!told.contains("00000.png"), "{told}");
     let text = files.imported(&["--object", "2", "--frames", "0..2"]);
@@ -491,12 +495,22 @@ fn camera_matrices_by_columns() {
 #[test]
 fn fisheye_cameras_as_calibrations_write_them() {
     let k = Some([0.1, -0.02, 0.003, -0.0004]);
-    let ros = "image_width: 640\nimage_height: 480\ncamera_matrix:\n  data: [300, 0, 320, 0, 301, 240, 0, 0, 1]\ndistortion_model: equidistant\ndistortion_coefficients:\n  data: [0.1, -0.02, 0.003, -0.0004]\n";
-    let kalibr = "cam0:\n  camera_model: pinhole\n  intrinsics: [300, 301, 320, 240]\n  distortion_model: equidistant\n  distortion_coeffs: [0.1, -0.02, 0.003, -0.0004]\n  resolution: [640, 480]\n";
-    let sample = r#"{"DIM": [640, 480], "K": [[300, 0, 320], [0, 301, 240], [0, 0, 1]], "D": [[0.1], [-0.02], [0.003], [-0.0004]]}"#;
-    let opencv = "%YAML:1.0\n---\nfisheye_model: 1\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 300., 0., 320., 0., 301., 240., 0., 0., 1. ]\ndistortion_coefficients: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   data: [ 0.1, -0.02, 0.003, -0.0004 ]\n";
+    let ros = "image_width: 640\nimage_height: 480\ncamera_matrix:\n  \
+               data: [300, 0, 320, 0, 301, 240, 0, 0, 1]\ndistortion_model: equidistant\n\
+               distortion_coefficients:\n  data: [0.1, -0.02, 0.003, -0.0004]\n";
+    let kalibr = "cam0:\n  camera_model: pinhole\n  intrinsics: [300, 301, 320, 240]\n  \
+                  distortion_model: equidistant\n  distortion_coeffs: [0.1, -0.02, 0.003, -0.0004]\n  \
+                  resolution: [640, 480]\n";
+    let sample = r#"{"DIM": [640, 480], "K": [[300, 0, 320], [0, 301, 240], [0, 0, 1]],
+        "D": [[0.1], [-0.02], [0.003], [-0.0004]]}"#;
+    let opencv = "%YAML:1.0\n---\nfisheye_model: 1\nimage_width: 640\nimage_height: 480\n\
+                  camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   \
+                  data: [ 300., 0., 320., 0., 301., 240., 0., 0., 1. ]\n\
+                  distortion_coefficients: !!opencv-matrix\n   rows: 4\n   cols: 1\n   dt: d\n   \
+                  data: [ 0.1, -0.02, 0.003, -0.0004 ]\n";
     let colmap = "1 OPENCV_FISHEYE 640 480 300 301 320.5 240.5 0.1 -0.02 0.003 -0.0004";
-    let nerfstudio = r#"{"camera_model": "OPENCV_FISHEYE", "fl_x": 300, "fl_y": 301, "cx": 320.5, "cy": 240.5, "w": 640, "h": 480, "k1": 0.1, "k2": -0.02, "k3": 0.003, "k4": -0.0004, "frames": []}"#;
+    let nerfstudio = r#"{"camera_model": "OPENCV_FISHEYE", "fl_x": 300, "fl_y": 301, "cx": 320.5, "cy": 240.5,
+        "w": 640, "h": 480, "k1": 0.1, "k2": -0.02, "k3": 0.003, "k4": -0.0004, "frames": []}"#;
     for (name, text) in [
         ("ros.yaml", ros),
         ("camchain.yaml", kalibr),
@@ -537,7 +551,9 @@ fn fisheye_cameras_as_calibrations_write_them() {
     }
     // The images are straightened, and what that costs is said.
     let files = Files::with(&names(0..2, |n| format!("{n}.png")), &names(0..2, |n| format!("{n}.png")));
-    std::fs::write(files.path("c.json"), r#"{"is_fisheye": true, "K": [14, 0, 11.5, 0, 14, 11.5, 0, 0, 1], "D": [0.01, 0, 0, 0], "width": 24, "height": 24}"#).unwrap();
+    let camera = r#"{"is_fisheye": true, "K": [14, 0, 11.5, 0, 14, 11.5, 0, 0, 1], "D": [0.01, 0, 0, 0],
+        "width": 24, "height": 24}"#;
+    std::fs::write(files.path("c.json"), camera).unwrap();
     let (status, text) = files.run(&["import", "@frames", "@out", "--fps", "25", "--camera", "@c.json"]);
     assert!(
         status == Some(0) && text.contains("of the fisheye lens the middle 81° across are kept"),

@@ -173,7 +173,8 @@ fn masks_of_another_rate_are_paired_by_their_times_or_refused() {
     // White grows with the number of the mask.
     let white = |rate: usize, count: usize, to: &str| {
         let grown = format!(
-            "-f lavfi -i color=black:s=64x64:r={rate} -frames:v {count} -vf format=gray,geq=lum=255*lt(X\\,4+2*N) -c:v ffv1"
+            "-f lavfi -i color=black:s=64x64:r={rate} -frames:v {count} -vf \
+             format=gray,geq=lum=255*lt(X\\,4+2*N) -c:v ffv1"
         );
         clips.make(&grown, &[to]);
     };
@@ -233,7 +234,8 @@ fn slow_motion_has_the_rate_at_which_it_was_filmed() {
     }
     // As cameras of Sony write it, beside the film.
     clips.pattern("30000/1001", 24, "-c:v mpeg4", "sony.mp4");
-    let xml = br#"<NonRealTimeMeta><VideoFormat><VideoFrame captureFps="119.88p" formatFps="29.97p"/></VideoFormat></NonRealTimeMeta>"#;
+    let xml = b"<NonRealTimeMeta><VideoFormat><VideoFrame captureFps=\"119.88p\" formatFps=\"29.97p\"/>\
+                </VideoFormat></NonRealTimeMeta>";
     let in_box =
         |kind: &[u8], content: &[u8]| [&(content.len() as u32 + 8).to_be_bytes()[..], kind, content].concat();
     let meta = in_box(b"meta", &[&[0; 4][..], &in_box(b"xml ", xml)].concat());
@@ -352,8 +354,8 @@ fn sound_and_other_films_move_nothing() {
         clips.make(&inputs, &["-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "aac", name]);
         clips.gives(name, &[], 24.0, 30.0, "");
     }
-    let films = "-f lavfi -i testsrc2=s=96x96:r=10:d=0.4 -f lavfi -i testsrc2=s=64x64:r=30:d=0.4 -map 0:v -map 1:v -c:v mpeg4 \
-                 -disposition:v:0 0 -disposition:v:1 default";
+    let films = "-f lavfi -i testsrc2=s=96x96:r=10:d=0.4 -f lavfi -i testsrc2=s=64x64:r=30:d=0.4 -map 0:v \
+                 -map 1:v -c:v mpeg4 -disposition:v:0 0 -disposition:v:1 default";
     clips.make(films, &["films.mkv"]);
     let imported = clips.gives("films.mkv", &[], 12.0, 30.0, "");
     assert_eq!(imported.number("width"), 64.0);

@@ -44,7 +44,8 @@ fn a_byte_order_mark_is_passed_over_in_every_text_file() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
     let sheet = grid(3, 3, DVec2::new(0.4, 0.4), 1.0);
-    let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty float s\nproperty float t\n\
+    let ply = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+               property float s\nproperty float t\n\
                element face 1\nproperty list uchar int vertex_indices\nend_header\n\
                -0.2 -0.2 1 0 1\n0.2 -0.2 1 1 1\n0.2 0.2 1 1 0\n-0.2 0.2 1 0 0\n4 0 1 2 3\n";
     let numbers: [f32; 18] =
@@ -54,7 +55,8 @@ fn a_byte_order_mark_is_passed_over_in_every_text_file() {
         "asset": {"version": "2.0"}, "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
         "buffers": [{"byteLength": bytes.len(), "uri": format!("data:;base64,{}", tessuto::text::base64(&bytes))}],
-        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 48}, {"buffer": 0, "byteOffset": 72, "byteLength": 6}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 48},
+                        {"buffer": 0, "byteOffset": 72, "byteLength": 6}],
         "accessors": [
             {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
             {"bufferView": 1, "componentType": 5121, "count": 6, "type": "SCALAR"},

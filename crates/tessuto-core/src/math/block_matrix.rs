@@ -310,7 +310,7 @@ impl BlockMatrix {
         }
     }
 
-    /// Whether every diagonal block is positive definite: cheaply told, and where it is not, neither is the matrix.
+    /// Whether every diagonal block is positive definite: cheap to test, and where it is not, neither is the matrix.
     pub(super) fn has_definite_blocks(&self, pattern: &BlockPattern) -> bool {
         pattern.diagonal.iter().all(|start| {
             let [a, b, c, d, e, f] = self.values[*start as usize..][..6] else { unreachable!() };

@@ -154,7 +154,7 @@ impl Analysis {
     }
 
     /// Factor of `matrix` to seven digits, as a preconditioner: in half of the time and memory. `None` if it is
-    /// not positive definite or not finite, as far as this many digits tell.
+    /// not positive definite or not finite, as far as this many digits show.
     pub fn definite_rounded(
         &self,
         pattern: &BlockPattern,

@@ -34,7 +34,7 @@ pub fn check(
 }
 
 /// [`check`] of a function of coarse numbers, such as sums over images of 32 bits: in a direction in which the gradient
-/// nearly cancels they tell of rounding only, so errors are relative to the root mean square of the derivatives in
+/// nearly cancels they show rounding only, so errors are relative to the root mean square of the derivatives in
 /// all directions, gradient norm/√n, at least.
 ///
 /// # Panics

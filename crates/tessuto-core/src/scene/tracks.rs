@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use glam::DVec3;
 
-/// Tracked points: each a fixed place on the mesh, and where it was measured. Shape `[P]` but for `points`.
+/// Tracked points: each a fixed place on the mesh, and where it was measured. Shape `[P]`, except `points`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Tracks {
     /// Vertices that each point lies between: the corners of a quad, or of a triangle with a weight of 0 for the

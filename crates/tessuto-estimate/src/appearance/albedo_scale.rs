@@ -1,4 +1,4 @@
-//! Scale and tint of the albedo, which images of a diffuse surface tell only together with the light's.
+//! Scale and tint of the albedo, which images of a diffuse surface constrain only together with the light's.
 //!
 //! What is known beforehand: most fabrics have parts that are hardly dyed and reflect about 0.7 of the light
 //! (bleached cotton 0.8, raw cotton 0.65), others are dyed all over, darker and of any hue; light is more or less

@@ -219,7 +219,7 @@ pub fn fit(
 }
 
 /// Leads the brightest part of the diffuse map to what is known of fabrics, the light the other way, and says what
-/// that is. `counts` tells how often each texel was seen; the light is as far from grey as `colour` says.
+/// that is. `counts` says how often each texel was seen; the light is as far from grey as `colour` says.
 fn rescale(
     maps: &mut dyn Maps,
     lighting: &mut EnvironmentParameters,

@@ -2,7 +2,7 @@
 
 use tessuto_core::image::srgb;
 
-/// Observed values from here on are as bright as the camera can tell.
+/// Observed values from here on are as bright as the camera can measure.
 pub(super) const SATURATED: f32 = 0.998;
 
 /// Value and derivatives with respect to both linear `estimates`, summed over the channels, of r_a r_b with

@@ -5,7 +5,7 @@
 //! `loss` between them, weighted by `patch_weights`; `sharpen` finishes the diffuse map. [`rerender()`] draws the
 //! frames again. [`gather()`] lays the colours of all frames on the cloth, without taking light and cloth apart.
 //!
-//! Almost only the product of cloth and light is in the images. What tells them apart is known beforehand: how
+//! Almost only the product of cloth and light is in the images. What separates them is a prior: how
 //! bright fabrics are, how tinted light is (`albedo_scale`), and that one ink or yarn shines alike and is seldom
 //! metal (`regions`).
 

@@ -2,7 +2,7 @@
 //!
 //! Where the motion is off, pixels show another part of the cloth than the estimate thinks, and no material explains
 //! them. The mean squared error s_c of a patch c (a triangle in a frame), known without the noise of rendering from
-//! two independent estimates, tells where: patches count with 1/(s_c + s), s the median, as observations of unequal
+//! two independent estimates, shows where: patches count with 1/(s_c + s), s the median, as observations of unequal
 //! noise do. Weights of single pixels would follow the noise, see docs/experiments/log/appearance.md.
 
 use serde::{Deserialize, Serialize};

@@ -1,6 +1,6 @@
 //! Frames re-rendered from the estimate.
 //!
-//! The cloth is drawn on black, but for the pixels that its outline crosses: what the cloth leaves of them shows
+//! The cloth is drawn on black, except at the pixels that its outline crosses: what the cloth leaves of them shows
 //! what the video shows beside the cloth, as it does in the camera.
 
 use crate::metrics::masked_psnr;
@@ -65,7 +65,7 @@ pub fn rerender(
     Ok(Rerendered { rgb, difference, psnr })
 }
 
-/// Pixels around one on the outline that may tell what lies behind: those of the square of this radius.
+/// Pixels around one on the outline that may show what lies behind: those of the square of this radius.
 const BESIDE: usize = 2;
 
 /// Adds to the pixels of `drawn` that are covered in part, their fraction of what `video` shows in pixels nearby

@@ -8,7 +8,7 @@ use tessuto_core::optim::Adam;
 /// Limits of roughness and metallic.
 pub(super) const LIMITS: [[f64; 2]; 2] = [[0.3, 1.0], [0.0, 1.0]];
 
-/// What is expected of surfaces that no highlight tells about.
+/// Prior of surfaces that show no highlight.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SurfacePrior {
     /// Weight of the mean metallic.

@@ -18,10 +18,13 @@ environment.exr  radiance from each direction, linear Rec.709, 32-bit float. Col
                  lon = ((i + 0.5)/W - 0.5) * 2 pi, lat = (0.5 - (j + 0.5)/H) * pi, and the direction to the light is
                  (cos lat * sin lon, -sin lat, cos lat * cos lon) in the camera's frame (x right, y down, z forward):
                  the middle of the image is where the camera looks, the top row is up, the border is behind it.
-scale.json       reference of the brightness of diffuse.png and of the light: the images constrain almost only the product of
+scale.json       reference of the brightness of diffuse.png and of the light: the images constrain almost only \
+                 the product of
                  cloth and light; the rest follows from the usual brightness and tint of fabrics and lights.
-                 brightest: albedo of the brightest twentieth that is not metal, by channel. log_deviation: all maps' common
-                 factor is uncertain by this standard deviation of its natural logarithm; tint_log_deviation: each channel's
+                 brightest: albedo of the brightest twentieth that is not metal, by channel. log_deviation: \
+                 all maps' common
+                 factor is uncertain by this standard deviation of its natural logarithm; tint_log_deviation: \
+                 each channel's
                  beyond that. undyed: probability that the brightest part is not dyed.
 ";
 

@@ -17,7 +17,7 @@ pub struct Calibration {
     pub size: Option<[usize; 2]>,
     /// Lens distortion.
     pub distortion: Distortion,
-    /// Width over height of a pixel, where [`focal`](Self::focal) does not tell fy.
+    /// Width over height of a pixel, where [`focal`](Self::focal) does not give fy.
     pub pixel_aspect: f64,
     /// Standard deviation of the focal length, as a fraction of it, where that is known.
     pub uncertainty: Option<f64>,
@@ -106,9 +106,11 @@ impl Calibration {
                         own[0], own[1], size[0], size[1]
                     ),
                     if turned {
-                        "the video is turned by 90° against the calibration: calibrate with images held alike, or give fx fy cx cy of the turned image"
+                        "the video is turned by 90° against the calibration: calibrate with images held \
+                         alike, or give fx fy cx cy of the turned image"
                     } else {
-                        "give the camera of these images; a video is often cut from the middle of the sensor, which no scale makes good"
+                        "give the camera of these images; a video is often cut from the middle of the sensor, \
+                         which no scale makes good"
                     },
                 ));
             }

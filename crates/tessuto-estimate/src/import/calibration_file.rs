@@ -29,7 +29,8 @@ pub fn read_calibration(path: &Path, camera_id: Option<u32>) -> Result<Calibrati
         return Err(Error::input(
             place,
             "is not a camera file that can be read",
-            "name cameras.txt; COLMAP makes it: colmap model_converter --input_path IN --output_path OUT --output_type TXT",
+            "name cameras.txt; COLMAP makes it: colmap model_converter --input_path IN --output_path OUT \
+             --output_type TXT",
         ));
     }
     let text = &read_text(path)?;

@@ -80,7 +80,9 @@ fn camera(words: &[&str], place: &str) -> Result<Calibration> {
             return Err(Error::input(
                 place,
                 format!("the camera model {other} is not read"),
-                "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and the fisheye models of the last three are; run COLMAP with --ImageReader.camera_model OPENCV, or undistort the frames with colmap image_undistorter",
+                "SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL, RADIAL, OPENCV and the fisheye models of the last \
+                 three are; run COLMAP with --ImageReader.camera_model OPENCV, or undistort the frames with \
+                 colmap image_undistorter",
             ));
         }
     };

@@ -155,7 +155,7 @@ fn from_json(value: &Value, path: &Path) -> Result<Option<Calibration>> {
     }))
 }
 
-/// Three rows of three numbers. They are for the colour images, whose size the file does not tell: they have the
+/// Three rows of three numbers. They are for the colour images, whose size the file does not state: they have the
 /// map's shape, and the width, the map's or that of phones' videos, whose middle is nearest to the principal
 /// point.
 fn from_matrix(path: &Path, map: [usize; 2]) -> Result<Calibration> {

@@ -191,7 +191,11 @@ fn from_video(
         return Err(Error::input(
             path.display().to_string(),
             format!("holds {count} masks, but frame {} has none", wanted[written]),
-            Hint::from("segment the whole video (one of variable frame rate is best made constant first: ffmpeg -i IN -vf fps=30 OUT.mp4), or take the part with masks").with(Remedy::Frames(None)),
+            Hint::from(
+                "segment the whole video (one of variable frame rate is best made constant first: \
+                 ffmpeg -i IN -vf fps=30 OUT.mp4), or take the part with masks",
+            )
+            .with(Remedy::Frames(None)),
         ));
     }
     if scaled.into_inner() {
@@ -201,8 +205,8 @@ fn from_video(
     Ok(())
 }
 
-/// Refuses a frame of a video of masks that shows objects in colours, of which compression leaves nothing to tell
-/// them by.
+/// Refuses a frame of a video of masks that shows objects in colours, of which compression leaves nothing to
+/// distinguish them by.
 fn refuse_colours(rgb: &[u8], path: &Path, frame: usize) -> Result<()> {
     let pixels = rgb.chunks_exact(3);
     let vivid = |p: &&[u8]| {
@@ -219,7 +223,8 @@ fn refuse_colours(rgb: &[u8], path: &Path, frame: usize) -> Result<()> {
         format!(
             "frame {frame} is coloured in {part:.1} % of its pixels; masks in a video are white on black"
         ),
-        "give masks in colours or labels as a folder of PNG images, which keep them exactly, or make the video white where the fabric is",
+        "give masks in colours or labels as a folder of PNG images, which keep them exactly, or make the \
+         video white where the fabric is",
     ))
 }
 

@@ -43,7 +43,8 @@ pub fn camera_of(input: &Path, ffmpeg: &Path) -> Option<Calibration> {
     Some(Calibration {
         uncertainty: Some(UNCERTAINTY),
         notes: vec![format!(
-            "says of its lens {mm} mm in 35-mm terms ({name}); true to about {:.0} %, as videos often show less than photos: a calibration is better",
+            "says of its lens {mm} mm in 35-mm terms ({name}); true to about {:.0} %, as videos often show \
+             less than photos: a calibration is better",
             100.0 * UNCERTAINTY
         )],
         ..Calibration::new(place, Focal::Film(mm))

@@ -69,7 +69,7 @@ pub struct Settings {
     pub largest_piece: bool,
     /// The lens.
     pub calibration: Calibration,
-    /// Frames per second; a video is resampled to it. Needed for images whose names do not tell their times.
+    /// Frames per second; a video is resampled to it. Needed for images whose names do not state their times.
     pub fps: Option<f64>,
     /// Frames per second at which the frames of a video were filmed, one after the other, whatever its time stamps say.
     pub rate: Option<f64>,
@@ -181,7 +181,8 @@ fn validate(settings: &Settings) -> Result<()> {
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(
             format!("transparency as masks, of {}, which is not a folder", settings.input.display()),
-            "transparency is read from PNG images: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba frames/%04d.png",
+            "transparency is read from PNG images: extract them first, e.g. ffmpeg -i VIDEO -pix_fmt rgba \
+             frames/%04d.png",
         ));
     }
     Ok(())

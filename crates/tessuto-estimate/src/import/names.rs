@@ -16,7 +16,7 @@ const FOREIGN: [&str; 30] = [
 /// Files and folders that a message names at most.
 const NAMED: usize = 3;
 
-/// The images in `folder`, by number where their names have one; notes tell what is left out.
+/// The images in `folder`, by number where their names have one; notes say what is left out.
 ///
 /// # Errors
 /// [`Error::Input`] if there are none, or if some of the clip are of a format that is not read.
@@ -135,7 +135,8 @@ fn conversion(path: &Path) -> String {
         "npy" | "npz" => "write the arrays as PNG images, white where the fabric is".into(),
         "dng" | "cr2" | "cr3" | "nef" | "arw" | "raf" | "rw2" | "orf" => {
             format!(
-                "develop all of them alike, e.g. darktable-cli FILE FILE.png, or magick mogrify -format png FOLDER/*.{ending}"
+                "develop all of them alike, e.g. darktable-cli FILE FILE.png, or magick mogrify -format png \
+                 FOLDER/*.{ending}"
             )
         }
         _ => format!(

@@ -212,7 +212,8 @@ fn is_fisheye(file: &Value, place: &str) -> Result<bool> {
             return Err(Error::input(
                 place,
                 format!("the camera model {model} is not read"),
-                "plumb_bob (k1 k2 p1 p2 k3) and equidistant fisheye lenses (k1 k2 k3 k4) are; undistort other images first",
+                "plumb_bob (k1 k2 p1 p2 k3) and equidistant fisheye lenses (k1 k2 k3 k4) are; undistort other \
+                 images first",
             ));
         }
     }
@@ -225,7 +226,8 @@ fn brown(k: &[f64], place: &str) -> Result<Distortion> {
         return Err(Error::input(
             place,
             format!("distortion coefficient {} of {} is {}; k1 k2 p1 p2 k3 are read", j + 1, k.len(), k[j]),
-            "calibrate without CALIB_RATIONAL_MODEL, CALIB_THIN_PRISM_MODEL and CALIB_TILTED_MODEL, or undistort the frames first",
+            "calibrate without CALIB_RATIONAL_MODEL, CALIB_THIN_PRISM_MODEL and CALIB_TILTED_MODEL, or \
+             undistort the frames first",
         ));
     }
     Ok(Distortion::from_opencv(k))

@@ -12,7 +12,7 @@ use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Names in a message at most.
 const NAMED: usize = 5;
-/// Of fewer frames nobody can tell whether there are twice as many masks.
+/// Of fewer frames nobody can know whether there are twice as many masks.
 const FEW: usize = 3;
 
 /// The frames of the input, and the masks in a folder.
@@ -104,7 +104,8 @@ impl Pairs<'_> {
         let apart = first > *masks.last()? || mask > *frames.last()?;
         (off_by_one || apart).then(|| {
             format!(
-                "masks are numbered from {mask}, frames from {first}, as many of each; paired in order, so that {} belongs to {}",
+                "masks are numbered from {mask}, frames from {first}, as many of each; paired in order, so \
+                 that {} belongs to {}",
                 name(&self.files[0]),
                 name(&images[0])
             )
@@ -153,7 +154,8 @@ impl Pairs<'_> {
             let problem = format!(
                 "{problem}; masks are numbered from {mask}, frames from {frame}: it is not clear which belong together"
             );
-            let hint = "number masks as their frames, or make the one that is missing: as many of each, numbered without gap, are paired in order";
+            let hint = "number masks as their frames, or make the one that is missing: as many of each, \
+                        numbered without gap, are paired in order";
             return error(problem, hint.into());
         }
         if let Some((first, step)) = every(&there) {
@@ -180,7 +182,8 @@ impl Pairs<'_> {
                 ordinal(ratio)
             );
             let hint = format!(
-                "if they are of every {}, number them as their frames (0, {ratio}, {} …); if they are of the first frames, take these",
+                "if they are of every {}, number them as their frames (0, {ratio}, {} …); if they are of the \
+                 first frames, take these",
                 ordinal(ratio),
                 2 * ratio
             );
@@ -205,7 +208,8 @@ impl Pairs<'_> {
             );
             let hint = match self.kind {
                 Kind::Video(_) => {
-                    "import the video at its own rate (and leave frames out by a stride), or keep the masks of these frames alone"
+                    "import the video at its own rate (and leave frames out by a stride), or keep the masks \
+                     of these frames alone"
                 }
                 Kind::Images(_) => "keep the masks of these frames alone, with their names or numbers",
             };
@@ -242,7 +246,7 @@ fn ordinal(n: usize) -> String {
     }
 }
 
-/// How many times `many` is `few`, but for one of rounding; two or more.
+/// How many times `many` is `few`, except for one of rounding; two or more.
 fn ratio(many: usize, few: usize) -> Option<usize> {
     let ratio = (many + few / 2) / few.max(1);
     (ratio >= 2 && (few * ratio).abs_diff(many) < ratio).then_some(ratio)

@@ -67,7 +67,10 @@ impl Colours {
         };
         if let Some(undistortion) = &undistortion {
             let lost = 100.0 * (1.0 - undistortion.seen);
-            notes.push(format!("lens distortion removed; {lost:.1} % of the straightened images lie outside the recorded ones and are black"));
+            notes.push(format!(
+                "lens distortion removed; {lost:.1} % of the straightened images lie outside \
+                 the recorded ones and are black"
+            ));
             if lens.fisheye.is_some() {
                 let across = 2.0 * (camera.width as f64 / (2.0 * camera.fx)).atan().to_degrees();
                 notes.push(format!(

@@ -49,7 +49,7 @@ pub struct Stills {
 }
 
 /// Writes `frame_00012.png` or `.jpg` for every frame asked for into the existing `folder`, and `clip.json`, which
-/// tells frame rate, size, the numbers of the frames and, where the file tells it, the focal length in terms of
+/// reports frame rate, size, the numbers of the frames and, where the file has it, the focal length in terms of
 /// 35-mm film `[mm]`; `progress` receives the number of a frame that has been written.
 ///
 /// # Errors

@@ -7,7 +7,7 @@ use tessuto_core::error::Result;
 
 /// A pause of this many usual ones is a gap.
 const GAP: f64 = 1.6;
-/// A rate is a whole number but for its clock, as a fraction of it.
+/// A rate is a whole number except for its clock, as a fraction of it.
 const CLOCK: f64 = 2e-3;
 /// A given rate and that of the names differ by more than this fraction of it: it is said.
 const OTHER_RATE: f64 = 0.05;
@@ -21,11 +21,11 @@ const RECORDED: (f64, f64) = (1e9, 4e9);
 pub(super) struct Times {
     /// Seconds after the first of them.
     seconds: Vec<f64>,
-    /// What the names tell apart `[s]`.
+    /// What the names distinguish `[s]`.
     resolution: f64,
 }
 
-/// Orders `images` by the times in their names, if that is what their numbers are, and tells the frame rate.
+/// Orders `images` by the times in their names, if that is what their numbers are, and returns the frame rate.
 ///
 /// # Errors
 /// [`Error::Input`](tessuto_core::Error::Input) of a gap, unless `allow_gaps`.

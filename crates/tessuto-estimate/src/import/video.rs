@@ -8,7 +8,7 @@ use tessuto_video::{Fields, Film, Frames, Options, Refusal, Stream as Said, Tran
 use crate::io::image::{MAX_BYTES, MAX_SIDE};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 
-/// A rate so close to that of the film `[fraction]` is the same but for rounding: 30 instead of 29.97.
+/// A rate so close to that of the film `[fraction]` is the same except for rounding: 30 instead of 29.97.
 const SAME: f64 = 0.002;
 /// A camera that filmed at a rate so far from that of the time stamps `[fraction]` filmed slow motion, or a time lapse.
 const OTHER: f64 = 0.01;
@@ -21,7 +21,7 @@ const VARIED: f64 = 1.5;
 const LAPSE: f64 = 0.9;
 /// Stamps of a rate so far below what was meant `[fraction]` are worth a note.
 const DIM: f64 = 0.05;
-/// Rates and lengths of two films that differ by less `[fraction]` are the same but for a frame too many.
+/// Rates and lengths of two films that differ by less `[fraction]` are the same except for a frame too many.
 const ALIKE: f64 = 0.1;
 /// Most frames, stored or after resampling.
 const MAX_FRAMES: usize = 1_000_000;
@@ -61,7 +61,7 @@ impl Video {
     /// Looks at the file, and makes a constant rate of its time stamps.
     ///
     /// # Errors
-    /// [`Error::Input`] if it holds no film or does not tell its rate, and of what `tessuto_video::open` refuses.
+    /// [`Error::Input`] if it holds no film or does not state its rate, and of what `tessuto_video::open` refuses.
     pub fn probe(path: &Path, reading: Reading, notes: &mut Vec<String>) -> Result<Self> {
         let mut video = Self::every_frame(path, reading)?;
         let said = &video.film.stream;
@@ -98,12 +98,12 @@ impl Video {
                 Course::Late(_) => false,
             };
             match &found.course {
-                Course::Late(late) => note(told_late(late, found.fps, fps)),
+                Course::Late(late) => note(late_words(late, found.fps, fps)),
                 Course::Varying if slowed.is_none() => {
                     let mean = (moments.len() - 1) as f64 / (moments[moments.len() - 1] - moments[0]);
                     note(format!(
-                        "its frame rate varies ({} per second on average); brought to {fps:.4} per second by its time stamps, \
-                         frames repeat or are left out: another rate can be given (fps)",
+                        "its frame rate varies ({} per second on average); brought to {fps:.4} per second by \
+                         its time stamps, frames repeat or are left out: another rate can be given (fps)",
                         rounded(mean)
                     ));
                 }
@@ -129,7 +129,7 @@ impl Video {
     pub fn every_frame(path: &Path, reading: Reading) -> Result<Self> {
         let place = path.display().to_string();
         let options = options(reading.ffmpeg, reading.end);
-        let film = tessuto_video::open(path, &options).map_err(|refusal| told(&place, refusal))?;
+        let film = tessuto_video::open(path, &options).map_err(|refusal| refused(&place, refusal))?;
         let aspect = film.stream.upright_aspect();
         if !ASPECTS.contains(&aspect) {
             let [a, b] = film.stream.pixel_aspect;
@@ -184,7 +184,7 @@ impl Video {
         Self::probe(path, Reading { fps: Some(colour.fps), ..reading }, &mut Vec::new())
     }
 
-    /// Refuses masks that are far more than `frames`, images that do not tell when they were taken.
+    /// Refuses masks that are far more than `frames`, images that do not say when they were taken.
     ///
     /// # Errors
     /// [`Error::Input`] with both counts.
@@ -224,7 +224,8 @@ impl Video {
         Err(Error::input(
             &self.place,
             format!(
-                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: nothing shows which mask belongs to which"
+                "holds {masks} masks in {lasts:.2} s, the film {frames} frames in {film:.2} s: nothing shows \
+                 which mask belongs to which"
             ),
             "make one mask for each frame of the film, in its order",
         ))
@@ -267,7 +268,7 @@ impl Video {
             self.chosen.as_ref().map(|chosen| &chosen[..end.unwrap_or(chosen.len()).min(chosen.len())]);
         let decoded_end = chosen.map_or(end, |chosen| Some(chosen.last()? + 1));
         let frames = self.film.frames(decoded_end, &options(ffmpeg, self.max_end));
-        let frames = frames.map_err(|refusal| told(&self.place, refusal))?;
+        let frames = frames.map_err(|refusal| refused(&self.place, refusal))?;
         let chosen = chosen.map(<[usize]>::to_vec);
         Ok(Stream { place: self.place.clone(), frames, chosen, given: 0, decoded: 0, held: None })
     }
@@ -286,7 +287,7 @@ pub(super) fn options(ffmpeg: &Path, end: Option<usize>) -> Options<'_> {
     Options { ffmpeg, max_side: MAX_SIDE, max_bytes: MAX_BYTES, max_frames: MAX_FRAMES, end }
 }
 
-fn told(place: &str, refusal: Refusal) -> Error {
+fn refused(place: &str, refusal: Refusal) -> Error {
     let hint = Hint::from(refusal.way_out);
     let hint = match refusal.part {
         Some(part) => hint.with(Remedy::Frames(Some(part))),
@@ -303,7 +304,11 @@ fn about(said: &Said) -> Vec<String> {
             .push(format!("the recording is marked as turned by {}°; frames are written upright", said.turn));
     }
     if said.transfer != Transfer::Standard {
-        notes.push("high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or convert it first".to_owned());
+        notes.push(
+            "high dynamic range (HLG or PQ); its colours will look flat: record in standard range, or \
+             convert it first"
+                .to_owned(),
+        );
     }
     let first = match said.fields {
         Fields::Progressive => None,
@@ -347,7 +352,7 @@ fn at_another_rate(filmed: f64, stamped: &Pace) -> (Option<f64>, Option<String>)
     (None, (ratio > 1.0 + DIM).then_some(note))
 }
 
-/// Refuses films of which the stamps do not tell when frames were filmed.
+/// Refuses films whose stamps do not say when frames were filmed.
 fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
     let hint = |text: &str| Hint::from(text).with(Remedy::Rate);
     if moments.is_empty() {
@@ -378,14 +383,14 @@ fn expect_stamps(place: &str, moments: &[f64]) -> Result<()> {
     }
 }
 
-fn told_late(late: &[Late], own: f64, fps: f64) -> String {
+fn late_words(late: &[Late], own: f64, fps: f64) -> String {
     let names: Vec<String> = late.iter().take(NAMED).map(|late| late.frame.to_string()).collect();
     let more = if late.len() > NAMED { format!(" and {} more", late.len() - NAMED) } else { String::new() };
     let (noun, verb) = if late.len() == 1 { ("frame", "comes") } else { ("frames", "come") };
     let after = late[0].intervals as f64 / own;
     format!(
-        "{noun} {}{more} {verb} late (the first {after:.3} s after the frame before, instead of {:.3} s): frames are missing in the recording; \
-         brought to {} per second by its time stamps, the frame before repeats",
+        "{noun} {}{more} {verb} late (the first {after:.3} s after the frame before, instead of {:.3} s): \
+         frames are missing in the recording; brought to {} per second by its time stamps, the frame before repeats",
         names.join(", "),
         1.0 / own,
         rounded(fps)
@@ -418,7 +423,7 @@ impl Stream {
     fn decode(&mut self) -> Option<Result<Raw>> {
         let frame = self.frames.next()?;
         self.decoded += 1;
-        Some(frame.map_err(|refusal| told(&self.place, refusal)))
+        Some(frame.map_err(|refusal| refused(&self.place, refusal)))
     }
 }
 

@@ -48,7 +48,8 @@ impl DepthMap {
     /// # Errors
     /// [`Error::Input`] naming the file.
     pub fn read(path: &Path, scale: Option<f64>) -> Result<Self> {
-        let hint = "give a PNG of 16 bits in millimetres, a .npy array [height, width] of floats in metres or integers in millimetres, or an OpenEXR image in metres with a channel Z, or say what its unit is";
+        let hint = "give a PNG of 16 bits in millimetres, a .npy array [height, width] of floats in metres or \
+                    integers in millimetres, or an OpenEXR image in metres with a channel Z, or say what its unit is";
         let broken = |problem: String| {
             Error::input(path.display().to_string(), problem, Hint::from(hint).with(Remedy::DepthScale))
         };

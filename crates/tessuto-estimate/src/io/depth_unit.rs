@@ -1,5 +1,5 @@
-//! What a unit of a depth map is in metres: no file says it, so that it is told or taken, and doubted where another one
-//! makes more sense.
+//! What a unit of a depth map is in metres: no file says it, so that it is given or assumed, and doubted where
+//! another one makes more sense.
 
 use glam::DVec3;
 
@@ -24,7 +24,7 @@ const LIKELY: [std::ops::RangeInclusive<f64>; 2] = [0.1..=LARGE, 0.2..=30.0];
 pub struct Unit {
     /// `[m]`.
     pub metres: f64,
-    /// Whether that was told; else it is what such files usually have.
+    /// Whether that was given; else it is what such files usually have.
     pub told: bool,
 }
 

@@ -69,9 +69,9 @@ pub(super) fn most(length: usize) -> u64 {
     MAX_BYTES.min(ALWAYS_BYTES + MAX_RATIO * length as u64)
 }
 
-/// What the radiance was multiplied by before it was stored, red, green and blue: the product of all lines EXPOSURE and
-/// COLORCORR in the header of a Radiance file; an error is what is wrong with one. Lines that are indented tell of the
-/// files that this one was made of.
+/// What the radiance was multiplied by before it was stored, red, green and blue: the product of all lines EXPOSURE
+/// and COLORCORR in the header of a Radiance file; an error is what is wrong with one. Lines that are indented belong
+/// to the files that this one was made of.
 ///
 /// Source: G. Ward, *File formats* of Radiance: EXPOSURE, COLORCORR. PIXASPECT changes no value.
 fn multiplied(bytes: &[u8]) -> std::result::Result<[f64; 3], String> {

@@ -89,7 +89,8 @@ impl Table {
         let most = self.rows.first().map_or(0, |heading| heading.cells.len());
         if let Some(row) = self.rows.iter().find(|row| length(row) > most) {
             let problem = format!("has {} cells where the heading has {most}", length(row));
-            let hint = "numbers need a decimal point; or save the table with semicolons between its cells, and cells that hold a comma in quotes";
+            let hint = "numbers need a decimal point; or save the table with semicolons between its cells, \
+                        and cells that hold a comma in quotes";
             return fail(row, problem, hint);
         }
         let with = |mark: char| {

@@ -1,5 +1,5 @@
 //! What reaches beyond the drawn outline in the first frame may be fabric that bulges there, or something behind
-//! in the same colours, or a shadow. Motion tells: the outline of fabric goes along with it, that of other things
+//! in the same colours, or a shadow. Motion shows it: the outline of fabric goes along with it, that of other things
 //! stays where it is.
 
 use super::flow::Flow;
@@ -22,7 +22,7 @@ const LEAST: usize = 5;
 /// Step between the marks `[px]`, either way.
 const GRID: usize = 4;
 
-/// A place of the first frame's outline: how often it has stayed, of the times that can be told.
+/// A place of the first frame's outline: how often it has stayed, of the times that can be judged.
 struct Place {
     at: [f32; 2],
     stayed: f32,

@@ -13,12 +13,12 @@ const FRAMES: usize = 8;
 const OUTSIDE: (f32, f32) = (0.012, 0.3);
 /// Step between the pixels that are followed, either way.
 const STRIDE: usize = 3;
-/// Fabric that turns is followed badly near its outline: what is told counts less and less where its image grows
-/// or shrinks by more than this fraction meanwhile, and by so much more not at all.
+/// Fabric that turns is followed badly near its outline: what it shows counts less and less where its image grows
+/// or shrinks by more than this fraction, and by as much again not at all.
 const TURNS: (f64, f64) = (0.1, 0.1);
 /// Depth inside of the outline from which that is measured, as a fraction of the fabric's size.
 const DEEP: f32 = 0.1;
-/// What is told by one direction alone, near the ends of the clip, is believed by half: folds open and close.
+/// What one direction alone shows, near the ends of the clip, is believed by half: folds open and close.
 const ALONE: f64 = 0.5;
 
 /// Fraction of each frame's mask that comes from outside of the outline and goes there. `distances`: to the

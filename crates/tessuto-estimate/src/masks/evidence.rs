@@ -20,7 +20,7 @@ const SURE: [f32; 2] = [0.5, 0.8];
 const ANYTHING: f32 = 2e-3;
 /// How much less likely something unexpected is where the background is known.
 const UNEXPECTED: f32 = 0.6;
-/// A pixel tells no more than this.
+/// A pixel counts for no more than this.
 const MOST: f32 = 5.0;
 /// A shadow leaves this much of the companded colour at least, and is so likely.
 const SHADOW: (f32, f32) = (0.72, 0.1);

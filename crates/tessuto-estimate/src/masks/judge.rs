@@ -84,7 +84,8 @@ fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], wrong: [f64; 2],
         "the fabric leaves the image".to_owned(),
         format!("its area is {jump:.2} times that of the frames around"),
         format!(
-            "part of its outline stands still while the fabric moves, {:.1} % of it or more: something behind in the same colours",
+            "part of its outline stands still while the fabric moves, {:.1} % of it or more: something behind \
+             in the same colours",
             100.0 * wrong[0]
         ),
         format!(

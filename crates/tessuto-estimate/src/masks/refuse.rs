@@ -119,11 +119,14 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) 
         return Err(Error::input(
             format!("frame {n}"),
             "the whole image changes here: a cut, or a flash",
-            Hint::from("import the take that begins with frame 0, to which the outline belongs; another one needs its own")
-                .with(origin.before(n)),
+            Hint::from(
+                "import the take that begins with frame 0, to which the outline belongs; another one \
+                 needs its own",
+            )
+            .with(origin.before(n)),
         ));
     }
-    // First: a fabric that is taken for the surroundings looks like a camera that moves.
+    // First: a fabric that is treated as the surroundings looks like a camera that moves.
     if let Some((inside, Some((at, elsewhere)))) = Some(movement(frames, first, noise))
         && inside < STILL.0
         && elsewhere > STILL.1
@@ -165,7 +168,8 @@ pub(super) fn outline(drawn: &Region, tracked: &Tracked, rough: bool) -> Result<
     Err(Error::input(
         "frame 0",
         format!(
-            "no fabric was found in the outline: what was found overlaps it by {:.0} %, and inside and outside differ along {:.0} % of its border",
+            "no fabric was found in the outline: what was found overlaps it by {:.0} %, and inside and \
+             outside differ along {:.0} % of its border",
             100.0 * overlap,
             100.0 * clear
         ),

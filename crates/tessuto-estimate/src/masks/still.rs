@@ -25,7 +25,7 @@ const BORDER: f32 = 8.0;
 const AROUND: usize = 5;
 
 /// How much of every frame's mask is wrong at least, as a fraction: where the outline stands still, so far as the
-/// fabric moves across it meanwhile. `distances`: to the outlines, positive inside.
+/// fabric moves across it. `distances`: to the outlines, positive inside.
 pub(super) fn standing_still(frames: &Frames, tracked: &Tracked, distances: &[Field]) -> Vec<f64> {
     let often = often(frames, distances);
     let own: Vec<f64> = (0..distances.len())
@@ -73,7 +73,7 @@ fn of_frame(frames: &Frames, tracked: &Tracked, distances: &[Field], often: &[bo
         if !often[y as usize * frames.size[0] + x as usize] {
             continue;
         }
-        // Both ways, where both tell.
+        // Both ways, where both show something.
         let led = [true, false].map(|ahead| led(tracked, distances, n, [x, y], inward, ahead));
         let least = led.iter().flatten().copied().reduce(f32::min);
         if least.is_some_and(|l| l > 0.0) {
@@ -84,7 +84,7 @@ fn of_frame(frames: &Frames, tracked: &Tracked, distances: &[Field], often: &[bo
 }
 
 /// Follows the motion from a place of the outline: how far it leads across `[px]` while the outline is there still
-/// where it was; 0 if the outline goes along. `None` where the motion never leads far enough to tell.
+/// where it was; 0 if the outline goes along. `None` where the motion never leads far enough to decide.
 fn led(
     tracked: &Tracked,
     distances: &[Field],
@@ -127,7 +127,7 @@ mod tests {
     use tessuto_core::camera::Rect;
 
     /// Fractions that stand still, of a square that moves by 2 px a frame, with or without something behind it
-    /// that is taken for a part of it.
+    /// that is treated as a part of it.
     fn fractions(behind: bool) -> Vec<f64> {
         let size = [160, 120];
         let rect = Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] };

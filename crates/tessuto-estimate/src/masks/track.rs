@@ -126,7 +126,7 @@ impl Tracker<'_> {
         region.bounds().map_or(whole, |b| b.padded(margin, self.frames.size))
     }
 
-    /// Frame `n` without crumbs and pinholes, but for what was clicked.
+    /// Frame `n` without crumbs and pinholes, except what was clicked.
     fn tidy(&self, region: Region, n: usize) -> Region {
         let mut tidy = region.tidied(if self.given.largest_piece { 1.0 } else { CRUMBS }, PINHOLES);
         impose(&mut tidy, &self.marks[n]);

@@ -29,7 +29,7 @@ pub struct Ratio {
     pub log10: f64,
     /// Whether the truth lies within two standard deviations.
     pub inside: bool,
-    /// Whether the result says that the video tells it.
+    /// Whether the result says that the video constrains it.
     pub informed: bool,
 }
 
@@ -78,7 +78,7 @@ pub struct Foretold {
     /// Mean distance of the vertices from the truth `[m]`.
     pub error: f64,
     /// The same of what needs no causes `[m]`: after the clip the better one of cloth that stops and cloth that
-    /// goes straight on; the clip itself where another stiffness was to be foretold.
+    /// goes straight on; the clip itself where another stiffness was to be predicted.
     pub baseline: f64,
     /// Their ratio, below 1 where the causes help.
     pub ratio: f64,

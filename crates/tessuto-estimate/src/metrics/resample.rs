@@ -5,7 +5,7 @@ use tessuto_core::image::Image;
 /// `image` at `width`×`height` `[px]` by cubic convolution (Keys 1981, a = −½); where it shrinks, the
 /// kernel is stretched by the same factor, so that nothing is skipped. Values stay in [0, 1].
 ///
-/// The same as Pillow's `BICUBIC`, but for its rounding to 8 bits.
+/// The same as Pillow's `BICUBIC`, without its rounding to 8 bits.
 pub(super) fn bicubic(image: &Image, width: usize, height: usize) -> Image {
     if (image.width, image.height) == (width, height) {
         return image.clone();

@@ -83,11 +83,11 @@ impl Tile {
         self.sums.iter_mut().zip(products).for_each(|(sum, v)| *sum += v);
     }
 
-    /// Σa², Σab, Σb² of what is left of a and b without the plane c₀ + c₁ x + c₂ y that is nearest to each.
+    /// Σa², Σab, Σb² of the residuals of a and b without the plane c₀ + c₁ x + c₂ y that is nearest to each.
     fn without_planes(&self) -> [f64; 3] {
         let [n, x, y, a, b, xx, xy, yy, xa, xb, ya, yb, aa, ab, bb] = self.sums;
         let centred = |uv: f64, u: f64, v: f64| uv - u * v / n;
-        // First what goes with x, then what goes with the part of y that x does not tell.
+        // First what goes with x, then what goes with the part of y that x does not explain.
         let over = |v: f64, w: f64| if w > 1e-9 { v / w } else { 0.0 };
         let xx = centred(xx, x, x);
         let slope = over(centred(xy, x, y), xx);

@@ -102,7 +102,8 @@ fn check_tracks(tracks: &Tracks, motion: &Motion, vertex_count: usize) -> Result
     Err(Error::input("tracked points", problem, "give the tracks of this mesh and motion"))
 }
 
-/// Refuses a truth that is of another size than the motion by far: a wrong unit. Less than `least` points tell no size.
+/// Refuses a truth that is of another size than the motion by far: a wrong unit. Fewer than `least` points have no
+/// size.
 fn check_scale<'a>(
     place: &str,
     motion: &Motion,

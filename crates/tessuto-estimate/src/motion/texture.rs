@@ -15,7 +15,7 @@ use tessuto_core::settings::settings;
 use tessuto_core::video::Frame;
 use tessuto_render::raster::{Gradients, Rasterizer, Rendering, Texture};
 
-use super::rollout::losses::{LOSS_FLOOR, LossWeights, image_loss};
+use super::image_loss::{LOSS_FLOOR, image_loss};
 
 settings! {
     /// Settings of the texture phase.
@@ -103,7 +103,6 @@ pub fn fit_texture(
     settings: &TextureSettings,
     session: &mut Session,
 ) -> Result<Texture> {
-    let weights = LossWeights { colour: 1.0, silhouette: 0.0, ..LossWeights::default() };
     let mut texture = Texture::uniform(settings.size, settings.size, [0.5; 3]);
     let mut parameters = vec![0.5; 3 * settings.size * settings.size];
     let all = 0..frame.mask.data.len();
@@ -114,7 +113,7 @@ pub fn fit_texture(
     let mut gradient = vec![0.0; parameters.len()];
     for epoch in 0..settings.epochs {
         rasterizer.render(view, shape, &texture, &mut rendering);
-        let [colour, _] = image_loss(&rendering.rgba, frame, from_ref(&all), &weights, 1.0, &mut grad_rgba);
+        let [colour, _] = image_loss(&rendering.rgba, frame, from_ref(&all), [1.0, 0.0], 1.0, &mut grad_rgba);
         if !colour.is_finite() {
             return Err(not_finite(epoch + 1, colour, frame));
         }

@@ -1,5 +1,5 @@
 //! manifest.json: every file of a folder that tessuto wrote, with size and hash. It is written last, so that a folder
-//! without one is unfinished, and it tells whether anything in the folder is somebody else's.
+//! without one is unfinished, and it shows whether anything in the folder is somebody else's.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -337,7 +337,7 @@ pub(super) fn any_file(folder: &Path) -> Result<Option<String>> {
     Ok(list(folder)?.into_iter().next().or(manifest))
 }
 
-/// Paths of all files below `folder`, sorted, but for the manifest and what a run keeps there while it works.
+/// Paths of all files below `folder`, sorted, except the manifest and what a run keeps there while it works.
 fn list(folder: &Path) -> Result<Vec<String>> {
     let mut names = list_all(folder)?;
     names.retain(|name| name != NAME);

@@ -31,7 +31,7 @@ pub struct OutputFolder {
 /// Whose manifest lists the files.
 #[derive(Debug)]
 enum Owner {
-    /// The folder's own, but for files that are carried over.
+    /// The folder's own, without files that are carried over.
     Own(FolderKind, Vec<String>),
     /// That of a folder around it.
     Around,
@@ -101,7 +101,7 @@ impl OutputFolder {
     }
 
     /// Writes the manifest, unless another folder's lists these files, and puts the finished folder in its place.
-    /// Returns where the earlier folder is kept, if somebody put files into it meanwhile.
+    /// Returns where the earlier folder is kept, if somebody has put files into it since.
     ///
     /// # Errors
     /// [`Error::Output`]; the earlier folder is there then.

@@ -147,7 +147,7 @@ impl<'a> Session<'a> {
         self.stopping.take().map_or(Ok(()), Err)
     }
 
-    /// Tells of a step of a stage that is too short to be gone on from: it would start anew.
+    /// Reports a step of a stage that is too short to be gone on from: it would start anew.
     ///
     /// # Errors
     /// What the observer returned.
@@ -188,7 +188,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Tells that so much of the present stage, which has no steps, is done.
+    /// Reports how much of the present stage, which has no steps, is done.
     pub fn advance(&mut self, done: usize, of: usize) {
         self.observer.advance(done, of);
     }

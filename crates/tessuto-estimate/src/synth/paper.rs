@@ -196,7 +196,7 @@ mod tests {
 
     #[test]
     fn finer_lines_come_nearer_to_the_true_length_by_the_square() {
-        // Along any line of the flat sheet the chords' sum is the length but for O(l²): it is isometric in the limit.
+        // Along any line of the flat sheet the chords' sum is the length to within O(l²): it is isometric in the limit.
         for seed in 0..6 {
             let paper = Paper::new(seed);
             let (a, b) = (DVec2::new(-0.24, -0.2), DVec2::new(0.21, 0.25));

@@ -82,7 +82,7 @@ pub fn estimate(
             "the sheet is bent in this frame, or its size or corners are wrong",
         ));
     }
-    // One number more than unknowns: what is left over tells of the clicks, too, if it is more than was said.
+    // One number more than unknowns: the residual shows the clicks' error, too, if it is more than was said.
     let limit = least + (precision * precision).max(least);
     let end = |side: f64, last: f64| {
         // Outwards from the best, until it is too bad; then back to where that began.
@@ -112,7 +112,8 @@ pub fn estimate(
             );
             Err(refusal(
                 format!("the corners do not determine the focal length: {known} within {precision} px"),
-                "the sheet is seen too much from the front: use a frame in which it is tilted by 30° or more and near the camera",
+                "the sheet is seen too much from the front: use a frame in which it is tilted by 30° or more \
+                 and near the camera",
             ))
         }
     }

@@ -25,13 +25,15 @@ pub(super) fn check_misfit(off: f64, corners: [DVec2; 4]) -> Result<()> {
         return Ok(());
     }
     let found = format!(
-        "no rectangle of this size looks like this: the best one is off by {off:.1} px, {:.0} % of its side, {:.0} % at most",
+        "no rectangle of this size looks like this: the best one is off by {off:.1} px, {:.0} % of its side, \
+         {:.0} % at most",
         100.0 * off / side,
         100.0 * MISFIT
     );
     Err(refusal(
         found,
-        "see whether the four corners are those of the fabric, width and height are not exchanged, and the camera is right",
+        "see whether the four corners are those of the fabric, width and height are not exchanged, and the \
+         camera is right",
     ))
 }
 
@@ -44,7 +46,8 @@ pub fn check_place(mesh: &Mesh, camera: &Camera, mask: Option<&Image>) -> Result
     let nearest = mesh.positions.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
     if nearest < NEAREST {
         let found = format!("its nearest vertex is {:.0} mm from the camera", 1e3 * nearest);
-        let hint = "nothing is filmed from so near: give sizes in metres, the fabric's own corners, and masks that hold no floor or table";
+        let hint = "nothing is filmed from so near: give sizes in metres, the fabric's own corners, and masks \
+                    that hold no floor or table";
         return Err(refusal(found, hint));
     }
     let Some(mask) = mask else { return Ok(None) };
@@ -52,7 +55,8 @@ pub fn check_place(mesh: &Mesh, camera: &Camera, mask: Option<&Image>) -> Result
     if overlap < OVERLAP {
         let fabric = mask.data.iter().filter(|m| **m >= 0.5).count();
         let found = format!(
-            "its overlap with the mask of the first frame, {fabric} pixels, is {overlap:.2} (intersection over union), {OVERLAP} at least"
+            "its overlap with the mask of the first frame, {fabric} pixels, is {overlap:.2} (intersection \
+             over union), {OVERLAP} at least"
         );
         return Err(refusal(
             found,

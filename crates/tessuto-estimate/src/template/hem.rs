@@ -1,5 +1,5 @@
 //! The sides of a sheet as the mask shows them: the border of the grid is moved, within the patch between the four
-//! corners, onto the outline, and what is inside follows. Depth stays that of the patch: an outline does not tell how
+//! corners, onto the outline, and what is inside follows. Depth stays that of the patch: an outline does not show how
 //! a sheet bends (tried: bending the grid until its threads keep their lengths made a sagging sheet six times worse).
 
 use glam::{DVec2, DVec3};

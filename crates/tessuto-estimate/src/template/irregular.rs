@@ -1,4 +1,4 @@
-//! Any textured sheet as an irregular mesh of triangles: points of even density, at random but for the border, and
+//! Any textured sheet as an irregular mesh of triangles: points of even density, at random except at the border, and
 //! the Delaunay triangles over them. A grid has directions of its own, which a continuum of few triangles feels;
 //! this has none.
 
@@ -35,7 +35,7 @@ pub struct Irregular {
     pub in_holes: usize,
 }
 
-/// Makes a mesh of `count` vertices, but for rounding at the border. `has_uv` says whether the sheet's texture
+/// Makes a mesh of `count` vertices, up to rounding at the border. `has_uv` says whether the sheet's texture
 /// coordinates mean anything; `place` is named in errors.
 ///
 /// # Errors

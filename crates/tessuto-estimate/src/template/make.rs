@@ -90,11 +90,13 @@ pub fn from_rectangle(
     tell(match found.rigid {
         true => format!("depths of the corners: {depths}; a plane rectangle fits them to {error:.2} px"),
         false => format!(
-            "depths of the corners: {depths}; no plane rectangle fits (off by {error:.1} px): treated as a sheet that sags or bends"
+            "depths of the corners: {depths}; no plane rectangle fits (off by {error:.1} px): treated as a \
+             sheet that sags or bends"
         ),
     });
     if found.ambiguous {
-        tell("note: the rectangle tilted the other way fits nearly as well: look at the template on the first frame, and measure the size exactly".to_owned());
+        tell("note: the rectangle tilted the other way fits nearly as well: look at the template on the first \
+              frame, and measure the size exactly".to_owned());
     }
     let mut mesh = patch(found.positions, grid);
     if let (Some(outline), false) = (&outline, straight) {

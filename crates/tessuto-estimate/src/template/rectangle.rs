@@ -95,7 +95,7 @@ fn model(size: DVec2) -> [DVec2; 4] {
 pub(super) fn fit(camera: &Camera, size: DVec2, p_pixel: [DVec2; 4]) -> [(Pose, f64); 2] {
     let (model, rays) = (model(size), p_pixel.map(|p| camera.ray(p).truncate()));
     let first = from_homography(model, rays);
-    // A weak perspective hardly tells a pose from the one tilted the other way.
+    // A weak perspective hardly distinguishes a pose from the one tilted the other way.
     let view = first.translation.normalize();
     let half_turn = DMat3::from_axis_angle(view, std::f64::consts::PI);
     let other =

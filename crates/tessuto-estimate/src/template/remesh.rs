@@ -128,7 +128,11 @@ fn border(mesh: &Mesh, place: &str) -> Result<Vec<u32>> {
         return Err(Error::input(
             place,
             format!("its border passes vertex {} more than once", vertex + 1),
-            Hint::from("wind all faces alike (recalculate normals), remove what hangs on single vertices, or merge double ones").with(Remedy::Weld),
+            Hint::from(
+                "wind all faces alike (recalculate normals), remove what hangs on single vertices, or \
+                 merge double ones",
+            )
+            .with(Remedy::Weld),
         ));
     }
     let mut longest: (f64, Vec<u32>) = (0.0, Vec::new());

@@ -6,9 +6,9 @@ The whole run: `reconstruct` takes a scene, a folder or arrays (`Scene`), to a `
 The blocks, each with its adjoint: `cloth_step` and `rollout` simulate, `rasterize` draws, `direct_light` lights. They
 are PyTorch functions in `tessuto.torch` and JAX functions in `tessuto.jax`.
 
-Conventions: the world is the OpenCV camera frame (x right, y down, z forward) in metres, seconds and kilograms; the centre
-of pixel (column i, row j) is at (i, j); colours are sRGB in 0 to 1 unless they are said to be linear. N frames, V vertices,
-h rows, w columns.
+Conventions: the world is the OpenCV camera frame (x right, y down, z forward) in metres, seconds and kilograms;
+the centre of pixel (column i, row j) is at (i, j); colours are sRGB in 0 to 1 unless they are said to be
+linear. N frames, V vertices, h rows, w columns.
 """
 
 from __future__ import annotations

@@ -83,7 +83,11 @@ def _of_each(name: str, stiffness: Stiffness, count: int) -> Float64:
 def _summed(gradient: Float64, stiffness: Stiffness) -> Float64:
     """The gradient in the shape that the stiffness was given in."""
     shape = np.shape(stiffness)
-    return gradient.reshape(shape) if np.prod(shape, dtype=int) == len(gradient) and shape else np.full(shape, gradient.sum())
+    return (
+        gradient.reshape(shape)
+        if np.prod(shape, dtype=int) == len(gradient) and shape
+        else np.full(shape, gradient.sum())
+    )
 
 
 class _Stepping(NamedTuple):
@@ -183,7 +187,9 @@ def cloth_step(
 
 def cloth_step_vjp(tape: StepTape, grad_x: ArrayLike, grad_v: ArrayLike) -> StepGradients:
     """Adjoint of `cloth_step`: gradients of a loss from those by the positions and velocities after it, [V, 3]."""
-    x, v, acceleration, springs = tape.native.vjp(shaped("grad_x", grad_x, "V", 3), shaped("grad_v", grad_v, "V", 3))
+    x, v, acceleration, springs = tape.native.vjp(
+        shaped("grad_x", grad_x, "V", 3), shaped("grad_v", grad_v, "V", 3)
+    )
     stretch, bend, shear = (_summed(g, k) for g, k in zip(springs, tape.stiffness))
     return StepGradients(x, v, acceleration, stretch, bend, shear)
 
@@ -281,7 +287,9 @@ def rollout(
     options: dict[str, Any] = {"dt": dt, "substeps": substeps, "parts": parts, "damping": damping}
     options |= {"integrator": integrator, "tolerance": tolerance, "newton_limit": newton_limit}
     made = (cloth, (*_kept(x, v, constant, dynamic), *stiffness), options)
-    return native[0], RolloutTape(native[1], (stiffness[0], stiffness[1], stiffness[2]), np.ndim(dynamic) == 2, made)
+    return native[0], RolloutTape(
+        native[1], (stiffness[0], stiffness[1], stiffness[2]), np.ndim(dynamic) == 2, made
+    )
 
 
 def rollout_vjp(tape: RolloutTape, grad_motion: ArrayLike) -> RolloutGradients:

@@ -32,9 +32,14 @@ class DirectLight:
     ) -> None:
         self.camera = camera
         # Arrays that were given may change; what was made of them does not.
-        places, coordinates = np.array(shaped("positions", positions, "V", 3)), np.array(shaped("uv", uv, "U", 2))
+        places, coordinates = (
+            np.array(shaped("positions", positions, "V", 3)),
+            np.array(shaped("uv", uv, "U", 2)),
+        )
         self._made = (camera, places, corners(faces), coordinates, optional_corners(uv_faces))
-        self._native = _native.LitPoints(camera._intrinsics(), places, coordinates, self._made[2], self._made[4])
+        self._native = _native.LitPoints(
+            camera._intrinsics(), places, coordinates, self._made[2], self._made[4]
+        )
 
     def __reduce__(self) -> tuple[Any, ...]:
         return DirectLight, self._made
@@ -72,7 +77,8 @@ def direct_light(
     Args:
         seen: The points.
         material: Maps, [5, h, w]: linear base colour red, green, blue, roughness, metallic; row 0 is v = 1.
-        environment: Linear radiance from every direction, [H, W, 3]: a lat-long image, its middle where the camera looks.
+        environment: Linear radiance from every direction, [H, W, 3]: a lat-long image, its middle where the
+            camera looks.
         samples: Directions per point from the light, and as many from the material; rounded up to a multiple of 8.
         seed: Of the directions: the same seed gives the same image.
         proposal: The environment that directions are drawn in proportion to; `environment` where None.

@@ -1,6 +1,7 @@
 """Whether this processor has the instructions that the package was built for.
 
-Loading the extension module on another one would end Python with "illegal instruction", so it is asked before, in Python.
+Loading the extension module on another one would end Python with "illegal instruction", so it is asked before,
+in Python.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ _WINDOWS_AVX2 = 40
 
 
 def missing(cpuinfo: str) -> list[str]:
-    """Instructions that a processor lacks, by the text of /proc/cpuinfo; none where it does not tell."""
+    """Instructions that a processor lacks, by the text of /proc/cpuinfo; none where it does not say."""
     for line in cpuinfo.splitlines():
         key, _, value = line.partition(":")
         if key.strip() == "flags":

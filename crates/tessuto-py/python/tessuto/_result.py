@@ -90,7 +90,7 @@ class Result:
 
     @cached_property
     def parameters(self) -> dict[str, Any]:
-        """parameters.json: stiffnesses and forces with units, and what the video tells of them."""
+        """parameters.json: stiffnesses and forces with units, and what the video says about them."""
         return self._json("parameters.json")
 
     @cached_property
@@ -230,8 +230,8 @@ def evaluate(
         seed: Of the surface samples of the Chamfer distance.
 
     Returns:
-        What `tessuto evaluate --json` prints: "mean" over the frames and "frames", with "cd1" (Chamfer distance), "p2s1",
-        "depth", "vertex", "track" in m where the truth allows it; "verdicts"; "maps".
+        What `tessuto evaluate --json` prints: "mean" over the frames and "frames", with "cd1" (Chamfer
+        distance), "p2s1", "depth", "vertex", "track" in m where the truth allows it; "verdicts"; "maps".
     """
     with tempfile.TemporaryDirectory(prefix="tessuto-") as home:
         if isinstance(result, np.ndarray):
@@ -259,7 +259,8 @@ def simulate(
 ) -> Float64:
     """Replay a motion from its parameters and forces alone, or with changed ones.
 
-    Where causes were searched gravity, air and held vertices act as found. Otherwise (preset "motion") there is no gravity and no pin in
+    Where causes were searched gravity, air and held vertices act as found. Otherwise (preset "motion") there is
+    no gravity and no pin in
     the model: the forces hold the cloth where the video shows it.
 
     Args:

@@ -20,7 +20,7 @@ from ._scene import Scene, scene_of
 
 @dataclass(frozen=True)
 class Step:
-    """A finished step of a run, as `on_step` is told of it.
+    """A finished step of a run, as `on_step` receives it.
 
     Attributes:
         stage: What is being done, such as "refine".
@@ -113,13 +113,16 @@ def reconstruct(
 ) -> Result:
     """Recover the motion of a fabric, with texture, effective forces and stiffnesses, material and light.
 
-    The result is what the program writes, byte for byte; it does not depend on the number of threads (RAYON_NUM_THREADS).
-    Python's lock is free meanwhile; Ctrl-C ends the run after the step at hand, with checkpoints where there is `out`.
+    The result is what the program writes, byte for byte; it does not depend on the number of threads
+    (RAYON_NUM_THREADS). Python's lock is free meanwhile; Ctrl-C ends the run after the step at hand, with
+    checkpoints where there is `out`.
 
     Args:
         scene: A `Scene`, or a scene's folder.
-        out: Result folder to write. Without it the result is in a temporary folder, which lives as long as the `Result`.
-        preset: Settings to start from: "default", "motion", the same shapes without what moved them, "saft", the published method, "phi-sft", after φ-SfT, or "pg-sft", after PG-SfT.
+        out: Result folder to write. Without it the result is in a temporary folder, which lives as long as the
+            `Result`.
+        preset: Settings to start from: "default", "motion", the same shapes without what moved them, "saft",
+            the published method, "phi-sft", after φ-SfT, or "pg-sft", after PG-SfT.
         settings: Changes of single settings (docs/settings.md): {"spacetime.resolution": 200}, or nested.
         on_step: Is called with a `Step` after every step; an exception that it raises ends the run.
         frames: Of a folder, (first, one past the last); the template belongs to the first.

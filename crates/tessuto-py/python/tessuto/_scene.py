@@ -71,7 +71,9 @@ def _samples(images: Union[ArrayLike, Sequence[ArrayLike]], what: str) -> npt.ND
     if np.issubdtype(array.dtype, np.floating):
         low, high = (float(array.min()), float(array.max())) if array.size else (0.0, 0.0)
         if not (0.0 <= low and high <= 1.0):
-            raise InputError(what, f"values from {low:g} to {high:g}", "give floats in 0 to 1, or 8 or 16 bits")
+            raise InputError(
+                what, f"values from {low:g} to {high:g}", "give floats in 0 to 1, or 8 or 16 bits"
+            )
         words: npt.NDArray[Any] = np.rint(array * 65535.0).astype(np.uint16)
         return words
     raise InputError(what, f"an array of {array.dtype}", "give 8 or 16 bits, bool, or floats in 0 to 1")
@@ -81,8 +83,8 @@ class Scene:
     """What was filmed, by which camera, of which fabric.
 
     Made of arrays in memory by this constructor, of a folder by `Scene.load`. It is checked as a folder is: what cannot
-    be used raises `InputError`, what is doubtful is in `warnings`. Outside of the masks, frames become black; both are cut
-    to the part of the image around the masks.
+    be used raises `InputError`, what is doubtful is in `warnings`. Outside of the masks, frames become black;
+    both are cut to the part of the image around the masks.
 
     Args:
         frames: Video, [N, h, w, 3], sRGB: 8 or 16 bits, or floats in 0 to 1, which are kept to 16 bits.
@@ -125,7 +127,11 @@ class Scene:
             ("masks", coverages, (len(colours), *size)),
         ):
             if array.shape != shape:
-                raise InputError(what, f"has shape {array.shape}, expected {shape}", "give one image per frame, all of the camera's size")
+                raise InputError(
+                    what,
+                    f"has shape {array.shape}, expected {shape}",
+                    "give one image per frame, all of the camera's size",
+                )
         self._native: _native.Scene = _native.Scene.assemble(
             name,
             float(fps),
@@ -138,9 +144,24 @@ class Scene:
             corners(faces),
             optional_corners(uv_faces),
             None if true_vertices is None else shaped("true_vertices", true_vertices, "N", "V", 3),
-            None if true_points is None else [shaped("true_points", points, "P", 3) for points in true_points],
+            None
+            if true_points is None
+            else [shaped("true_points", points, "P", 3) for points in true_points],
         )
-        given = (frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points)
+        given = (
+            frames,
+            masks,
+            camera,
+            vertices,
+            faces,
+            uv,
+            fps,
+            uv_faces,
+            name,
+            crop,
+            true_vertices,
+            true_points,
+        )
         self._made: tuple[Any, ...] = (_assembled, given)
 
     @classmethod

@@ -160,7 +160,8 @@ class _Rasterize(_Call):
 
 
 def rasterize(rasterizer: Rasterizer, camera: Camera, positions: Any, texture: Any) -> tuple[Any, Any]:
-    """`tessuto.rasterize`, differentiable by positions and texture: image [height, width, 4] and depth [height, width]."""
+    """`tessuto.rasterize`, differentiable by positions and texture: image [height, width, 4] and depth [height,
+    width]."""
     image = _block(_Rasterize(rasterizer, camera), *_arrays(positions, texture))
     return image[0], image[1]
 

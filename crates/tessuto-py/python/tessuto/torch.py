@@ -1,7 +1,7 @@
 """The blocks as functions of PyTorch, with gradients.
 
-Arrays are handed over without copies where they are on the CPU and contiguous; others come back to their device. Gradients of
-the gradients are not available.
+Arrays are handed over without copies where they are on the CPU and contiguous; others come back to their
+device. Gradients of the gradients are not available.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ def _back(array: Any, like: Tensor) -> Tensor:
 
 
 def _tensor(value: Any, like: Tensor) -> Tensor:
-    return value if isinstance(value, Tensor) else torch.as_tensor(value, dtype=like.dtype, device=like.device)
+    return (
+        value if isinstance(value, Tensor) else torch.as_tensor(value, dtype=like.dtype, device=like.device)
+    )
 
 
 class _ClothStep(torch.autograd.Function):
@@ -116,7 +118,8 @@ class _Rasterize(torch.autograd.Function):
 def rasterize(
     rasterizer: Rasterizer, camera: Camera, positions: Tensor, texture: Tensor
 ) -> tuple[Tensor, Tensor]:
-    """`tessuto.rasterize`, differentiable by positions and texture: image [height, width, 4] and depth [height, width]."""
+    """`tessuto.rasterize`, differentiable by positions and texture: image [height, width, 4] and depth [height,
+    width]."""
     image: tuple[Tensor, Tensor] = _Rasterize.apply((rasterizer, camera), positions, texture)
     return image
 

@@ -151,7 +151,7 @@ impl<'a> Descent<'a> {
         out
     }
 
-    /// Stretch stiffness per mass times h², and what else the network is told of the fabric.
+    /// Stretch stiffness per mass times h², and what else the network receives about the fabric.
     fn ratios(&self) -> [f64; 3] {
         [0, 1, 2].map(|k| self.means[k].0 * self.to_ratio[k])
     }

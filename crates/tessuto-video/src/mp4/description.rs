@@ -81,7 +81,7 @@ fn aspect(content: &[u8]) -> Result<Option<[u32; 2]>, Refused> {
     Ok(Some([bytes.u32()?, bytes.u32()?]).filter(|a| a[0] > 0 && a[1] > 0))
 }
 
-/// `nclx` of MP4, which tells the range, and `nclc` of QuickTime, which does not.
+/// `nclx` of MP4, which states the range, and `nclc` of QuickTime, which does not.
 fn colour(content: &[u8]) -> Result<Colour, Refused> {
     let mut bytes = Bytes::new(content, "box colr");
     let kind = bytes.take(4)?;

@@ -1,6 +1,6 @@
 //! MP4 and QuickTime films: the track that a player shows, its samples, their times.
 //!
-//! Written here, not taken from a crate: edit lists, fragments, QuickTime's boxes and bounds on what is taken for
+//! Written here, not taken from a crate: edit lists, fragments, QuickTime's boxes and bounds on what is treated as
 //! a table are what phones' and strangers' files need, and a reader of boxes is short.
 //!
 //! Source: ISO/IEC 14496-12 (2022), ISO base media file format; Apple, *QuickTime File Format*.

@@ -59,7 +59,8 @@ pub const KINDS: [Kind; 45] = [
     kind("hevc_main10.mov", "-pix_fmt yuv420p10le -c:v libx265 -tag:v hvc1"),
     kind(
         "hevc_hlg.mov",
-        "-pix_fmt yuv420p10le -color_primaries bt2020 -color_trc arib-std-b67 -colorspace bt2020nc -c:v libx265 -tag:v hvc1",
+        "-pix_fmt yuv420p10le -color_primaries bt2020 -color_trc arib-std-b67 -colorspace bt2020nc -c:v \
+         libx265 -tag:v hvc1",
     ),
     kind(
         "hevc_open_group.mp4",

@@ -1,7 +1,8 @@
 
 
-# Sets a scene of Blender up so that its picture is the video's: frame rate and range, resolution and shape of the pixels, the
-# camera with its lens shift, the video behind it, and the recovered light. Written for Blender 4.2 to 5.
+# Sets a scene of Blender up so that its image is the video's: frame rate and range, resolution and shape of the
+# pixels, the camera with its lens shift, the video behind it, and the recovered light. Written for Blender 4.2
+# to 5.
 #
 #   blender --python FILE                          opens it
 #   blender -b --python FILE -- 20 out.png         renders frame 20 into out.png and ends
@@ -45,7 +46,8 @@ def set_picture(scene):
 
 
 def import_glb(path):
-    """The importer puts keys at seconds times fps times fps_base, although the rate is fps divided by fps_base: its product has to be the rate."""
+    """The importer puts keys at seconds times fps times fps_base, although the rate is fps divided by fps_base:
+    its product has to be the rate."""
     render, before = bpy.context.scene.render, set(bpy.data.actions)
     render.fps, render.fps_base = whole_rate(), CLIP["fps"] / whole_rate()
     bpy.ops.import_scene.gltf(filepath=path)
@@ -53,7 +55,8 @@ def import_glb(path):
 
 
 def put_on_frames(actions):
-    """Importers that know another rule put keys beside the frames: the rule that all of them obey tells how to move them."""
+    """Importers that know another rule put keys beside the frames: the rule that all of them obey says how to
+    move them."""
     curves = [curve for action in actions for curve in curves_of(action)]
     keys = [key for curve in curves for key in curve.keyframe_points]
     off = lambda factor: max([abs(key.co[0] * factor - round(key.co[0] * factor)) for key in keys], default=0.0)
@@ -80,7 +83,8 @@ def curves_of(action):
     """Of any version: actions have had layers since 4.4."""
     if not getattr(action, "layers", None):
         return list(getattr(action, "fcurves", ()))
-    return [curve for layer in action.layers for strip in layer.strips for bag in strip.channelbags for curve in bag.fcurves]
+    bags = [bag for layer in action.layers for strip in layer.strips for bag in strip.channelbags]
+    return [curve for bag in bags for curve in bag.fcurves]
 
 
 def import_fabric(home):

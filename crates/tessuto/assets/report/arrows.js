@@ -1,5 +1,8 @@
 "use strict";
-/** Arrows of forces per mass on the fabric, all on one scale: their length is as the square root of the size, for sizes differ by thousands. */
+/**
+ * Arrows of forces per mass on the fabric, all on one scale: their length is as the square root of the size, for sizes
+ * differ by thousands.
+ */
 tessuto.Arrows = class {
   /** `data`: see `CauseData` in causes.rs; `size`: of the fabric [m]. */
   constructor(data, size) {

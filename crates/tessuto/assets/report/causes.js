@@ -1,7 +1,10 @@
 "use strict";
 /** The choice of arrows and of changed replays. */
 tessuto.Causes = class {
-  /** `elements`: bar, arrows, replays, note, legend, scale; `data`: see `CauseData` in causes.rs; `parts`: player, view, states. */
+  /**
+   * `elements`: bar, arrows, replays, note, legend, scale; `data`: see `CauseData` in causes.rs; `parts`: player, view,
+   * states.
+   */
   constructor(elements, data, parts) {
     Object.assign(this, { elements, data, ...parts });
     elements.bar.hidden = !data.forces.length && !data.replays.length;
@@ -54,7 +57,8 @@ tessuto.Causes = class {
     const { legend, scale } = this.elements, { view } = this, { arrows } = view;
     legend.hidden = !arrows?.shown || Boolean(view.replay);
     if (legend.hidden) return;
-    const bars = [1, 10, 100, 1000].map(size => [size, view.pixels(arrows.length(size))]).filter(([, width]) => width >= 3 && width <= 170);
+    const bars = [1, 10, 100, 1000].map(size => [size, view.pixels(arrows.length(size))])
+      .filter(([, width]) => width >= 3 && width <= 170);
     scale.replaceChildren(...bars.map(([size, width]) => {
       const row = document.createElement("div"), bar = document.createElement("i");
       bar.style.width = `${width.toFixed(0)}px`;

@@ -32,7 +32,8 @@ tessuto.Charts = class {
 
   plot(chart) {
     const place = chart.by_frame ? this.places.frames : this.places.steps;
-    const holder = document.createElement("figure"), title = document.createElement("figcaption"), key = document.createElement("div");
+    const holder = document.createElement("figure"), title = document.createElement("figcaption"),
+      key = document.createElement("div");
     title.textContent = chart.unit ? `${chart.title} [${chart.unit}]` : chart.title;
     key.className = "key";
     holder.append(title);
@@ -40,19 +41,26 @@ tessuto.Charts = class {
     const ink = tessuto.style("--soft"), rule = tessuto.style("--rule");
     const colours = tessuto.lineColours(tessuto.darkness.matches);
     const font = "12px system-ui, sans-serif";
-    const axis = { stroke: ink, font, labelFont: font, grid: { stroke: rule, width: 1 }, ticks: { stroke: rule, width: 1, size: 5 } };
+    const axis = { stroke: ink, font, labelFont: font, grid: { stroke: rule, width: 1 },
+      ticks: { stroke: rule, width: 1, size: 5 } };
     const series = chart.series.map((s, k) => ({
-      label: s.name, stroke: colours[k % colours.length], width: chart.stacked ? 1 : 1.75, points: { show: s.values.length < 3 && !chart.stacked }, spanGaps: false,
+      label: s.name, stroke: colours[k % colours.length], width: chart.stacked ? 1 : 1.75,
+      points: { show: s.values.length < 3 && !chart.stacked }, spanGaps: false,
       ...(chart.stacked ? { fill: colours[k % colours.length] } : {}),
     }));
     const positive = v => (v !== null && v > 0 ? v : null);
-    const lines = chart.stacked ? this.stacked(chart) : chart.series.map(s => (chart.log ? s.values.map(positive) : s.values));
+    const lines = chart.stacked ? this.stacked(chart)
+      : chart.series.map(s => (chart.log ? s.values.map(positive) : s.values));
     const data = [chart.x, ...lines];
-    const powers = (_, splits) => splits.map(v => (Number.isInteger(Math.round(Math.log10(v) * 1e6) / 1e6) ? v.toExponential(0) : null));
+    const isPower = v => Number.isInteger(Math.round(Math.log10(v) * 1e6) / 1e6);
+    const powers = (_, splits) => splits.map(v => (isPower(v) ? v.toExponential(0) : null));
     const options = {
       width: 400,
       height: tessuto.chartHeight,
-      scales: { x: { time: false }, y: { distr: chart.log ? 3 : 1, ...(chart.stacked ? { range: (_, low, high) => [0, high] } : {}) } },
+      scales: {
+        x: { time: false },
+        y: { distr: chart.log ? 3 : 1, ...(chart.stacked ? { range: (_, low, high) => [0, high] } : {}) },
+      },
       axes: [
         { ...axis, label: chart.x_label, labelSize: 18, size: 34 },
         { ...axis, size: 52, ...(chart.log ? { values: powers } : {}) },
@@ -60,7 +68,9 @@ tessuto.Charts = class {
       series: [{ label: chart.x_label }, ...series],
       cursor: { points: { size: 6 }, ...(chart.by_frame ? { sync: { key: "frames" } } : {}) },
       legend: { show: false },
-      hooks: { draw: [plot => this.drawMark(plot)], ready: [plot => this.tell(plot)], setCursor: [plot => this.tell(plot)] },
+      hooks: {
+        draw: [plot => this.drawMark(plot)], ready: [plot => this.tell(plot)], setCursor: [plot => this.tell(plot)],
+      },
     };
     const plot = new uPlot(options, data, holder);
     Object.assign(plot, { chart, key });
@@ -91,7 +101,8 @@ tessuto.Charts = class {
 
   /** Each line with all after it below it, so that the first one's area is drawn first and the others over it. */
   stacked(chart) {
-    return chart.series.map((_, k) => chart.x.map((_, i) => chart.series.slice(k).reduce((sum, s) => sum + (s.values[i] ?? 0), 0)));
+    return chart.series.map((_, k) =>
+      chart.x.map((_, i) => chart.series.slice(k).reduce((sum, s) => sum + (s.values[i] ?? 0), 0)));
   }
 
   /** Moves the mark to the frame that is shown. */

@@ -88,7 +88,9 @@ tessuto.ClothView = class {
 
   makeMaterials() {
     // Threads are drawn over the surface, not into it.
-    const offset = this.offset = { side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1 };
+    const offset = this.offset = {
+      side: THREE.DoubleSide, polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+    };
     const materials = {
       plain: new THREE.MeshLambertMaterial({ ...offset, color: 0xb9bec6 }),
       value: new THREE.MeshLambertMaterial({ ...offset, vertexColors: true }),
@@ -111,7 +113,8 @@ tessuto.ClothView = class {
     });
     this.geometry.getAttribute("uv").needsUpdate = true;
     this.images.texture = image;
-    this.materials.texture = new THREE.MeshLambertMaterial({ ...this.offset, map: this.texture("texture", THREE.SRGBColorSpace) });
+    const map = this.texture("texture", THREE.SRGBColorSpace);
+    this.materials.texture = new THREE.MeshLambertMaterial({ ...this.offset, map });
   }
 
   texture(key, space) {
@@ -151,7 +154,8 @@ tessuto.ClothView = class {
 
   /** Lights that can be chosen: [key, label]. */
   lightChoices() {
-    return [["recovered", "recovered light"], ...Object.entries(tessuto.madeLights).map(([key, { label }]) => [key, label])];
+    const made = Object.entries(tessuto.madeLights).map(([key, { label }]) => [key, label]);
+    return [["recovered", "recovered light"], ...made];
   }
 
   /** Chooses the light of the lit look. */
@@ -175,7 +179,8 @@ tessuto.ClothView = class {
   makeEnvironment() {
     const made = tessuto.madeLights[this.lightKey];
     const { width, height } = made ? { width: 128, height: 64 } : this.lightData;
-    const radiance = made ? tessuto.radianceOf(made, width, height) : tessuto.numbers(Float32Array, this.lightData.radiance);
+    const radiance = made ? tessuto.radianceOf(made, width, height)
+      : tessuto.numbers(Float32Array, this.lightData.radiance);
     const texels = new Float32Array(4 * width * height);
     for (let row = 0; row < height; row++) {
       for (let column = 0; column < width; column++) {
@@ -353,7 +358,8 @@ tessuto.ClothView = class {
     const { canvas, probe } = this.elements;
     if (!this.motion || event.buttons !== 0) return;
     const box = canvas.getBoundingClientRect();
-    const pointer = new THREE.Vector2((event.clientX - box.left) / box.width * 2 - 1, 1 - (event.clientY - box.top) / box.height * 2);
+    const pointer = new THREE.Vector2((event.clientX - box.left) / box.width * 2 - 1,
+      1 - (event.clientY - box.top) / box.height * 2);
     const caster = new THREE.Raycaster();
     caster.setFromCamera(pointer, this.camera);
     this.geometry.boundingSphere = null;
@@ -367,7 +373,8 @@ tessuto.ClothView = class {
     const distance = c => hit.point.distanceTo(new THREE.Vector3().fromArray(p, 3 * c));
     const vertex = this.surface.corners[corner.sort((a, b) => distance(a) - distance(b))[0]];
     const value = this.field
-      ? isNaN(this.shownValues[vertex]) ? " · not measured here" : ` · ${tessuto.readable(this.shownValues[vertex])} ${this.field.unit}`
+      ? isNaN(this.shownValues[vertex]) ? " · not measured here"
+        : ` · ${tessuto.readable(this.shownValues[vertex])} ${this.field.unit}`
       : ` · ${tessuto.readable(-hit.point.z)} m from the camera`;
     probe.textContent = `vertex ${vertex}${value}`;
   }
@@ -378,7 +385,8 @@ tessuto.ClothView = class {
     this.camera.clearViewOffset();
     this.camera.fov = 32;
     // The narrower side of the view decides.
-    const half = Math.tan(this.camera.fov * Math.PI / 360) * Math.min(1, this.size ? this.size.width / this.size.height : 1);
+    const aspect = this.size ? this.size.width / this.size.height : 1;
+    const half = Math.tan(this.camera.fov * Math.PI / 360) * Math.min(1, aspect);
     const distance = this.radius / Math.sin(Math.atan(half)) * 0.92;
     this.turned = false;
     const [left, up] = [-0.5, 0.25];
@@ -464,8 +472,10 @@ tessuto.ClothView = class {
   }
 };
 
-/** Lights to try the material in: radiance of the room and of lamps, which fill the directions within `cosine` of `at` (x right,
- * y down, z away from the camera). */
+/**
+ * Lights to try the material in: radiance of the room and of lamps, which fill the directions within `cosine` of `at`
+ * (x right, y down, z away from the camera).
+ */
 tessuto.madeLights = {
   lamps: {
     label: "a warm and a cold lamp",
@@ -490,14 +500,18 @@ tessuto.madeLights = {
   },
 };
 
-/** Radiance of a made light, 3 numbers per texel; the middle is where the camera looks. Of lamps that overlap the first counts. */
+/**
+ * Radiance of a made light, 3 numbers per texel; the middle is where the camera looks. Of lamps that overlap the first
+ * counts.
+ */
 tessuto.radianceOf = ({ room, lamps }, width, height) => {
   const out = new Float32Array(3 * width * height);
   for (let row = 0; row < height; row++) {
     for (let column = 0; column < width; column++) {
       const lon = ((column + 0.5) / width - 0.5) * 2 * Math.PI, lat = (0.5 - (row + 0.5) / height) * Math.PI;
       const to = [Math.cos(lat) * Math.sin(lon), -Math.sin(lat), Math.cos(lat) * Math.cos(lon)];
-      const lit = lamps.find(({ at, cosine }) => at.reduce((sum, v, k) => sum + v * to[k], 0) > cosine * Math.hypot(...at));
+      const lit = lamps.find(({ at, cosine }) =>
+        at.reduce((sum, v, k) => sum + v * to[k], 0) > cosine * Math.hypot(...at));
       out.set(lit?.radiance ?? room, 3 * (row * width + column));
     }
   }

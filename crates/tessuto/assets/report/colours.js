@@ -17,7 +17,7 @@ tessuto.colourAt = (scale, t) => {
   return scale[k].map((c, i) => c + (scale[k + 1][i] - c) * (x - k));
 };
 
-/** Colours of lines, told apart by people of any colour vision (Okabe, Ito), for light and for dark ground. */
+/** Colours of lines, distinguished by people of any colour vision (Okabe, Ito), for light and for dark ground. */
 tessuto.lineColours = dark => dark
   ? ["#56b4e9", "#e69f00", "#2fc595", "#e394bf", "#f0e442", "#ff7f45", "#b0b7c0", "#8f9bff"]
   : ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58100", "#56b4e9", "#444c56", "#6f5bd0"];

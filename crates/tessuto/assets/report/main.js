@@ -13,7 +13,9 @@
     first: cloth?.first_frame ?? 0,
   });
   byId("views").hidden = !cloth && !hasFilm;
-  player.bind({ bar: byId("transport"), play: byId("play"), scrub: byId("scrub"), output: byId("frame"), speed: byId("speed") });
+  player.bind({
+    bar: byId("transport"), play: byId("play"), scrub: byId("scrub"), output: byId("frame"), speed: byId("speed"),
+  });
 
   /** Fills a select with pairs [key, label]. */
   const fill = (select, pairs) => select.append(...pairs.map(([key, label]) => new Option(label, key)));
@@ -25,7 +27,10 @@
       canvas: byId("cloth"),
       box: byId("cloth-box"),
       probe: byId("probe"),
-      legend: { root: byId("legend"), title: byId("legend-title"), bar: byId("legend-bar"), low: byId("legend-low"), middle: byId("legend-middle"), high: byId("legend-high") },
+      legend: {
+        root: byId("legend"), title: byId("legend-title"), bar: byId("legend-bar"),
+        low: byId("legend-low"), middle: byId("legend-middle"), high: byId("legend-high"),
+      },
     };
     // Images of their own: those in the page have the size of their layout for three.js, not that of their pixels.
     const images = {};
@@ -95,7 +100,8 @@
   let wipe = null;
   if (hasFilm) {
     byId("film-panel").hidden = false;
-    const mesh = view && (() => ({ positions: (view.replay ?? view.motion).at(player.frame), edges: view.surface.edges }));
+    const shape = () => ({ positions: (view.replay ?? view.motion).at(player.frame), edges: view.surface.edges });
+    const mesh = view && shape;
     const elements = { canvas: byId("film"), box: byId("film-box"), handle: byId("handle") };
     wipe = new tessuto.Wipe(elements, film, mesh);
     const layer = byId("layer"), slider = byId("wipe");
@@ -113,13 +119,17 @@
   }
 
   const states = verdicts.length !== player.frameCount ? null : new tessuto.States(
-    { root: byId("state"), strip: byId("states"), text: byId("state-text"), next: byId("next-doubt"), scrub: byId("scrub") },
+    { root: byId("state"), strip: byId("states"), text: byId("state-text"), next: byId("next-doubt"),
+      scrub: byId("scrub") },
     verdicts, player,
   );
 
   let causes = null;
   if (view && data.causes) {
-    const elements = { bar: "cause-bar", arrows: "arrows", replays: "replays", note: "replay-note", legend: "arrow-legend", scale: "arrow-scale" };
+    const elements = {
+      bar: "cause-bar", arrows: "arrows", replays: "replays", note: "replay-note", legend: "arrow-legend",
+      scale: "arrow-scale",
+    };
     for (const [name, id] of Object.entries(elements)) elements[name] = byId(id);
     causes = new tessuto.Causes(elements, data.causes, { player, view, states });
   }
@@ -165,12 +175,16 @@
   const about = [];
   if (view?.motion) about.push(`positions to ±${(1e6 * view.motion.precision).toFixed(0)} µm`);
   if (hasFilm) about.push(`images ${film.width} × ${film.height} px, JPEG quality ${film.quality}`);
-  if (about.length) byId("about").textContent = `In this page: ${about.join(", ")}. The full data are in the folder beside it.`;
+  if (about.length) byId("about").textContent =
+    `In this page: ${about.join(", ")}. The full data are in the folder beside it.`;
 
   addEventListener("keydown", event => {
     const field = event.target.closest?.("select, summary, #wipe, a");
     if (event.ctrlKey || event.metaKey || event.altKey || (field && event.key !== "Escape")) return;
-    const actions = { w: () => byId("wireframe").click(), c: () => byId("through-camera").click(), n: () => states?.next(event.shiftKey) };
+    const actions = {
+      w: () => byId("wireframe").click(), c: () => byId("through-camera").click(),
+      n: () => states?.next(event.shiftKey),
+    };
     // A focused button would take the space for a click.
     const button = event.target.closest?.("button, input[type=checkbox]");
     if (button && event.key === " " && button.id !== "play") return;

@@ -1,5 +1,5 @@
 "use strict";
-/** The verdict on every frame: a strip below the slider, the reason in words, and the way from one doubt to the next. */
+/** The verdict on every frame: a strip below the slider, the reason in words, the way from one doubt to the next. */
 tessuto.States = class {
   /** `verdicts`: see `FrameVerdict` in metrics; `elements`: root, strip, text, next, scrub. */
   constructor(elements, verdicts, player) {
@@ -34,7 +34,8 @@ tessuto.States = class {
 
   /** The part of the strip for `run`: each frame takes the way from half a frame before to half a frame after it. */
   mark({ state, start, end }) {
-    const last = Math.max(1, this.verdicts.length - 1), percent = k => 100 * Math.max(0, Math.min(last, k - 0.5)) / last;
+    const last = Math.max(1, this.verdicts.length - 1);
+    const percent = k => 100 * Math.max(0, Math.min(last, k - 0.5)) / last;
     const mark = document.createElement("i");
     mark.className = state;
     mark.style.left = `${percent(start)}%`;
@@ -68,7 +69,9 @@ tessuto.States = class {
     const starts = this.runs().filter(run => run.state !== "found").map(run => run.start);
     if (!starts.length) return;
     const frame = this.player.frame;
-    const target = backwards ? starts.findLast(k => k < frame) ?? starts.at(-1) : starts.find(k => k > frame) ?? starts[0];
+    const target = backwards
+      ? starts.findLast(k => k < frame) ?? starts.at(-1)
+      : starts.find(k => k > frame) ?? starts[0];
     this.player.toggle(false);
     this.player.seek(target);
   }

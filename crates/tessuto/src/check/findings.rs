@@ -153,7 +153,8 @@ fn copies(scene: &Scene, looked_at: &[Glance]) -> Finding {
     };
     let (count, every, first) = (found.count, found.every, scene.first_frame + found.first);
     let detail = format!(
-        "{count} frames hardly differ from the one before, every {every} frames from frame {first}: copies, as of film whose rate was raised"
+        "{count} frames hardly differ from the one before, every {every} frames from frame {first}: copies, \
+         as of film whose rate was raised"
     );
     let hint = match every {
         2 => "import every second frame (stride 2), at half the rate, or the film as the camera wrote it",
@@ -243,8 +244,8 @@ fn orientation(scene: &Scene, mask: &Image, own: f64) -> Finding {
     ok("orientation", format!("no flip or swap of axes fits better by {VARIANT_GAIN} (best {:.2})", best.iou))
 }
 
-/// The factor that brings a template in another unit to metres. Its projection does not tell: a scale about the camera
-/// changes no image.
+/// The factor that brings a template in another unit to metres. Its projection does not show it: a scale about the
+/// camera changes no image.
 fn rescaling(scene: &Scene) -> f64 {
     let length = diagonal(&scene.template.positions);
     if DIAGONAL.contains(&length) {

@@ -4,7 +4,7 @@ use tessuto_core::video::Frame;
 
 /// Fraction of a pixel from which on its colour is the fabric's alone.
 const WHOLE: f32 = 0.999;
-/// Colours that are so alike `[of 1]` show no pattern, which would tell a repeated frame from a moved one.
+/// Colours that are so alike `[of 1]` show no pattern, which would distinguish a repeated frame from a moved one.
 const ALIKE: f32 = 3.0 / 255.0;
 
 /// A copy differs from the frame before by less than this part of what its neighbours do.
@@ -129,7 +129,7 @@ mod tests {
         assert_eq!(copies(&doubled), Some(Copies { every: 2, first: 1, count: 10 }));
         let pulled = film(40, &|n| if n % 5 == 3 { 0.003 } else { 0.02 });
         assert_eq!(copies(&pulled), Some(Copies { every: 5, first: 3, count: 8 }));
-        // A swing turns back every ten frames; noise; a film too short to tell; one copy that is missing.
+        // A swing turns back every ten frames; noise; a film too short to decide; one copy that is missing.
         assert_eq!(copies(&film(60, &|n| 0.001 + 0.03 * (n as f64 * 0.314).sin().abs())), None);
         assert_eq!(copies(&film(30, &|n| 0.01 + 0.003 * ((n * 7919) % 5) as f64)), None);
         assert_eq!(copies(&film(7, &|n| if n % 2 == 1 { 0.002 } else { 0.02 })), None);

@@ -18,10 +18,11 @@ pub struct Record {
     pub command: String,
     /// Wall time `[s]`, that of interrupted attempts included.
     pub seconds: f64,
-    /// Largest memory that it held `[bytes]`, where the system tells.
+    /// Largest memory that it held `[bytes]`, where the system reports it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub memory: Option<u64>,
-    /// Energy that the processors took meanwhile, for this and everything else `[J]`, where the machine tells.
+    /// Energy that the processors took during the run, for this and everything else `[J]`, where the machine reports
+    /// it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub energy: Option<f64>,
     /// What went wrong; `None` if nothing did.

@@ -1,4 +1,4 @@
-//! A script that sets up a scene of Blender: what neither GLB nor USD can tell it, such as pixels that are not
+//! A script that sets up a scene of Blender: what neither GLB nor USD can hold, such as pixels that are not
 //! square and the light. What it does does not depend on the formats beside it; what it knows of the clip is a
 //! table at its top.
 

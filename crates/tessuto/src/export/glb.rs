@@ -170,7 +170,8 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
     let mut gltf = json!({
         "asset": {"version": "2.0", "generator": format!("tessuto {}", clip.version)},
         "scene": 0,
-        "scenes": [{"name": clip.name, "nodes": [], "extras": {"frames_per_second": clip.fps, "first_frame": clip.first_frame}}],
+        "scenes": [{"name": clip.name, "nodes": [],
+            "extras": {"frames_per_second": clip.fps, "first_frame": clip.first_frame}}],
         "meshes": meshes,
         "materials": [material(clip)],
         "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
@@ -246,7 +247,8 @@ fn mesh(
     let mut mesh = json!({"name": clip.name});
     if !targets.is_empty() {
         mesh["weights"] = vec![0; targets.len()].into();
-        mesh["extras"] = json!({"targetNames": frames.skip(1).map(|k| format!("frame {}", clip.frames[k])).collect::<Vec<_>>()});
+        let names: Vec<_> = frames.skip(1).map(|k| format!("frame {}", clip.frames[k])).collect();
+        mesh["extras"] = json!({"targetNames": names});
         primitive["targets"] = targets.into();
     }
     mesh["primitives"] = json!([primitive]);

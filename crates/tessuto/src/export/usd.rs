@@ -46,9 +46,12 @@ fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
         format!("; frames of the video without samples, because they were lost: {left_out:?}")
     };
     let mut out = format!(
-        "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    doc = \"tessuto {}{remark}\"\n    startTimeCode = 0\n    \
-         endTimeCode = {last}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n    \
-         renderSettingsPrimPath = \"/Render/Video\"\n    upAxis = \"Y\"\n)\n\ndef Xform \"{name}\" (\n    kind = \"component\"\n)\n{{\n",
+        "#usda 1.0\n(\n    defaultPrim = \"{name}\"\n    doc = \"tessuto {}{remark}\"\n    \
+         startTimeCode = 0\n    \
+         endTimeCode = {last}\n    timeCodesPerSecond = {fps}\n    framesPerSecond = {fps}\n    \
+         metersPerUnit = 1\n    kilogramsPerUnit = 1\n    \
+         renderSettingsPrimPath = \"/Render/Video\"\n    upAxis = \"Y\"\n)\n\ndef Xform \"{name}\" (\n    \
+         kind = \"component\"\n)\n{{\n",
         clip.version
     );
     mesh(clip, &mut out);
@@ -110,7 +113,8 @@ fn mesh(clip: &Clip, out: &mut String) {
     let normals = samples(clip, |n| vectors(&clip.normals(&clip.motion[n])));
     let _ = write!(
         out,
-        "    def Mesh \"Fabric\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    {{\n        \
+        "    def Mesh \"Fabric\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    \
+         {{\n        \
          uniform bool doubleSided = 1\n        uniform token subdivisionScheme = \"none\"\n        \
          int[] faceVertexCounts = {counts}\n        int[] faceVertexIndices = {indices}\n        \
          float3[] extent.timeSamples = {extent}\n        point3f[] points.timeSamples = {points}\n        \
@@ -138,11 +142,14 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
         out,
         "    def Scope \"Materials\"\n    {{\n        def Material \"Fabric\"\n        {{\n{found}            \
          token outputs:surface.connect = <{path}/surface.outputs:surface>\n\n            \
-         def Shader \"surface\"\n            {{\n                uniform token info:id = \"UsdPreviewSurface\"\n                \
-         color3f inputs:diffuseColor.connect = <{path}/basecolor.outputs:rgb>\n                {}\n                {}\n                \
+         def Shader \"surface\"\n            {{\n                \
+         uniform token info:id = \"UsdPreviewSurface\"\n                \
+         color3f inputs:diffuseColor.connect = <{path}/basecolor.outputs:rgb>\n                \
+         {}\n                {}\n                \
          float inputs:ior = 1.5\n                int inputs:useSpecularWorkflow = 0\n                \
          token outputs:surface\n            }}\n\n            \
-         def Shader \"st\"\n            {{\n                uniform token info:id = \"UsdPrimvarReader_float2\"\n                \
+         def Shader \"st\"\n            {{\n                \
+         uniform token info:id = \"UsdPrimvarReader_float2\"\n                \
          string inputs:varname = \"st\"\n                float2 outputs:result\n            }}\n",
         scalar("roughness", 1.0),
         scalar("metallic", 0.0)
@@ -150,9 +157,12 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
     let mut texture = |kind: &str, space: &str, output: &str| {
         let _ = write!(
             out,
-            "\n            def Shader \"{kind}\"\n            {{\n                uniform token info:id = \"UsdUVTexture\"\n                \
-             asset inputs:file = @./{textures}/{}@\n                token inputs:sourceColorSpace = \"{space}\"\n                \
-             float2 inputs:st.connect = <{path}/st.outputs:result>\n                token inputs:wrapS = \"clamp\"\n                \
+            "\n            def Shader \"{kind}\"\n            {{\n                \
+             uniform token info:id = \"UsdUVTexture\"\n                \
+             asset inputs:file = @./{textures}/{}@\n                \
+             token inputs:sourceColorSpace = \"{space}\"\n                \
+             float2 inputs:st.connect = <{path}/st.outputs:result>\n                \
+             token inputs:wrapS = \"clamp\"\n                \
              token inputs:wrapT = \"clamp\"\n                {output}\n            }}\n",
             clip.material.file(kind)
         );
@@ -175,7 +185,8 @@ fn camera(clip: &Clip, out: &mut String) {
     let _ = write!(
         out,
         "\n    def Camera \"Camera\"\n    {{\n        token projection = \"perspective\"\n        \
-         float focalLength = {}\n        float horizontalAperture = {}\n        float verticalAperture = {}\n        \
+         float focalLength = {}\n        float horizontalAperture = {}\n        \
+         float verticalAperture = {}\n        \
          float horizontalApertureOffset = {}\n        float verticalApertureOffset = {}\n        \
          float2 clippingRange = (0.01, 100)\n        float fStop = 0\n    }}\n",
         focal as f32, FILM_WIDTH as f32, film_height as f32, offsets[0] as f32, offsets[1] as f32
@@ -203,7 +214,8 @@ fn render_settings(clip: &Clip, out: &mut String) {
     let rows = (c.height as f64 * c.fx / c.fy).round();
     let _ = write!(
         out,
-        "\ndef Scope \"Render\"\n{{\n    def RenderSettings \"Video\"\n    {{\n        rel camera = </{}/Camera>\n        \
+        "\ndef Scope \"Render\"\n{{\n    def RenderSettings \"Video\"\n    {{\n        \
+         rel camera = </{}/Camera>\n        \
          uniform int2 resolution = ({}, {rows})\n        uniform float pixelAspectRatio = 1\n    }}\n}}\n",
         clip.name, c.width
     );

@@ -27,7 +27,8 @@ pub(super) fn attributes(clip: &Clip, out: &mut String) {
         );
         let _ = write!(
             out,
-            "            custom {kind} tessuto:{name} = {value} (\n                customData = {{\n{sure}                    \
+            "            custom {kind} tessuto:{name} = {value} (\n                customData = {{\n\
+             {sure}                    \
              string unit = \"{unit}\"\n                }}\n            )\n"
         );
     };
@@ -48,7 +49,8 @@ pub(super) fn attributes(clip: &Clip, out: &mut String) {
     for (name, value, unit) in proposed {
         let _ = write!(
             out,
-            "            custom float tessuto:physics:{name} = {} (\n                customData = {{\n                    \
+            "            custom float tessuto:physics:{name} = {} (\n                \
+             customData = {{\n                    \
              string unit = \"{unit}\"\n                }}\n            )\n",
             value as f32
         );

@@ -64,7 +64,7 @@ pub struct CauseRow {
     pub unit: &'static str,
     /// How sure it is.
     pub spread: Option<CauseSpread>,
-    /// Whether the video tells it; unknown for what follows from others.
+    /// Whether the video constrains it; unknown for what follows from others.
     pub informed: Option<bool>,
     /// Between which values 95 of 100 known fabrics are.
     pub known: Option<[f64; 2]>,

@@ -83,7 +83,7 @@ pub fn of_history(history: &[Epoch], parameters: &[Parameter]) -> Vec<Chart> {
         if !losses.is_empty() {
             charts.push(of_losses(rows, losses));
         }
-        // Others, such as learning rates, tell nothing about the fabric.
+        // Others, such as learning rates, say nothing about the fabric.
         for line in series(rows, |row| &row.parameters) {
             if let Some(known) = parameters.iter().find(|p| p.name == line.name) {
                 charts.push(chart(known.label.clone(), &known.unit, vec![line]));
@@ -94,7 +94,7 @@ pub fn of_history(history: &[Epoch], parameters: &[Parameter]) -> Vec<Chart> {
 }
 
 /// The losses of one stage. Where each step adds a frame, they are that frame's. Where a stage goes through levels of
-/// detail, whose sums are over different pixels, those of a level are told as fractions of its first total.
+/// detail, whose sums are over different pixels, those of a level are given as fractions of its first total.
 fn of_losses(rows: &[Epoch], mut losses: Vec<Series>) -> Chart {
     let stage = &rows[0].stage;
     let mut x: Vec<f64> = rows.iter().map(|r| r.step as f64).collect();

@@ -108,7 +108,7 @@ pub struct LightData {
     /// The same for looking at, JPEG, base64.
     #[serde(skip)]
     pub image: String,
-    /// Whether parts of the image are hatched: nothing tells of the light from there.
+    /// Whether parts of the image are hatched: nothing shows the light from there.
     #[serde(skip)]
     pub unobserved: bool,
 }

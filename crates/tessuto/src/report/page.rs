@@ -201,7 +201,7 @@ pub fn script_safe(json: &str) -> String {
 }
 
 /// Three digits, with a power of ten where the number is very small or large.
-fn told(value: f64) -> String {
+fn shown(value: f64) -> String {
     if value != 0.0 && !(1e-3..1e5).contains(&value.abs()) {
         format!("{value:.2e}")
     } else if value.fract() == 0.0 {
@@ -214,7 +214,7 @@ fn told(value: f64) -> String {
 fn parameter_row(p: &Parameter) -> Row {
     Row {
         name: p.label.clone(),
-        value: told(p.value),
+        value: shown(p.value),
         unit: p.unit.clone(),
         note: p.note.clone(),
         worst: None,
@@ -235,7 +235,7 @@ fn cause_line(row: &CauseRow) -> CauseLine {
     CauseLine {
         name: row.label.clone(),
         note: row.note.clone(),
-        value: told(row.value),
+        value: shown(row.value),
         unit: row.unit,
         spread,
         informed: row.informed,

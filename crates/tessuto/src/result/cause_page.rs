@@ -1,4 +1,4 @@
-//! What the page tells of a motion's causes.
+//! What the page shows of a motion's causes.
 
 use glam::DVec3;
 

@@ -67,7 +67,7 @@ pub(super) struct CauseFile {
 /// File of the motion without the correction.
 pub(super) const LED: &str = "changed/by_causes.npy";
 
-/// Standard deviation of a stiffness, and whether the video tells anything about it.
+/// Standard deviation of a stiffness, and whether the video constrains it.
 pub(super) fn certainty(found: &Found, k: usize) -> (f64, bool) {
     let (sd, prior) = (found.spread.ln_stiffness[k], found.prior.ln_stiffness[k]);
     (found.causes.stiffness()[k] * sd, found.is_informed(sd, prior))

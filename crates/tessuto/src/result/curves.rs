@@ -13,7 +13,7 @@ use tessuto_estimate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
 use tessuto_estimate::metrics::{AgreementMeter, FrameAgreement};
 use tessuto_sim::Accelerations;
 
-/// What the motion and the other files of a result tell of each frame. Results of older versions have no
+/// What the motion and the other files of a result say about each frame. Results of older versions have no
 /// `agreement`; their strain is measured anew.
 pub(super) fn over_frames(
     saved: &Folder,

@@ -10,7 +10,7 @@ pub struct Measured {
     pub per_width: PerWidth,
     /// Standard deviations of the logarithms of membrane, bending and shear stiffness.
     pub sd_of_ln: [f64; 3],
-    /// Whether the video tells them.
+    /// Whether the video constrains them.
     pub informed: [bool; 3],
 }
 

@@ -23,7 +23,7 @@ const ROWS: usize = 48;
 const LEAST_COSINE: f64 = 0.1;
 
 /// The light, where it was estimated. Directions that the side of the cloth that is seen never faced in `motion`
-/// are hatched: nothing tells of the light from there. Shadows are not looked at.
+/// are hatched: nothing shows the light from there. Shadows are not looked at.
 pub(super) fn light(folder: &Path, mesh: &Mesh, motion: &[Positions]) -> Result<Option<LightData>> {
     let path = folder.join("material/environment.exr");
     if !path.is_file() {

@@ -13,7 +13,8 @@
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
 //! metrics.json                    every frame's agreement with the video and verdict; errors, where there is truth
 //! texture.png      history.csv    colours from all frames, in the first frame's light
-//! seen_vertices.npy [V], seen_texels.npy [S, S], seen_directions.npy [24, 48] f32  how often each was seen: see [`tessuto_estimate::appearance::Seen`]
+//! seen_vertices.npy [V], seen_texels.npy [S, S], seen_directions.npy [24, 48] f32
+//!                                 how often each was seen: see [`tessuto_estimate::appearance::Seen`]
 //! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
 //! log.json                        commands, times, warnings
 //! pictures/        report.html
@@ -118,7 +119,7 @@ struct FoundStiffness {
     bounds: [f64; 2],
     /// It went as far as it could: the value says less about the fabric than about the bound.
     at_bound: bool,
-    /// Standard deviation, and whether the video tells anything about it (preset default).
+    /// Standard deviation, and whether the video constrains it (preset default).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     sd: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -135,14 +136,17 @@ fn found_stiffness(value: f64, log_k: f64, range: StiffnessRange, unit: &str) ->
 const UNCHANGED: &str = "use the folder as tessuto wrote it";
 
 /// What the numbers of parameters.json are.
-const REMARK: &str = "Stiffnesses and forces are effective values: with them the simulation replays the motion. They are not \
-                      measurements of the fabric. All of them are relative to area_density, which is assumed.";
+const REMARK: &str = "Stiffnesses and forces are effective values: with them the simulation replays the \
+                      motion. They are not measurements of the fabric. All of them are relative to \
+                      area_density, which is assumed.";
 
 /// The same where causes were found.
-const REMARK_OF_CAUSES: &str = "Stiffnesses, gravity and air are found from the motion, with standard deviations (sd); where informed is false, \
-                                the video says little and the value is what was assumed before. On real clips they were not compared \
+const REMARK_OF_CAUSES: &str = "Stiffnesses, gravity and air are found from the motion, with standard \
+                                deviations (sd); where informed is false, the video says little and the \
+                                value is what was assumed before. On real clips they were not compared \
                                 with measurements. With them and forces.npy the \
-                                simulation replays the motion. All of them are relative to area_density, which is assumed.";
+                                simulation replays the motion. All of them are relative to area_density, \
+                                which is assumed.";
 
 /// parameters.json.
 #[derive(Debug, Clone, Serialize, Deserialize)]

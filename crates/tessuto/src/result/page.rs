@@ -99,7 +99,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
     })
 }
 
-/// The three numbers that tell most: likeness to the video, and distance from the truth or else strain.
+/// The three numbers that say most: likeness to the video, and distance from the truth or else strain.
 fn key_numbers(verdict: Option<&Verdict>, evaluation: Option<&Evaluation>) -> Vec<KeyNumber> {
     let mean = evaluation.map(|e| e.mean).unwrap_or_default();
     let lit = evaluation.and_then(|e| e.maps.as_ref()).and_then(|m| m.frames_psnr);

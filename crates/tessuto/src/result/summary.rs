@@ -6,11 +6,11 @@
 //! frames           [first, one past the last]
 //! vertices         of the template
 //! seconds          wall time of all stages [s]
-//! verdict          state of the worst frame (found, doubtful, lost), sentence; counts of the frames by state; doubtful, lost: [first,
-//!                  one past the last] of each stretch of such frames; and of each quantity mean, worst value and its frame:
-//!                  silhouette (intersection over union), uncovered part of the mask (of 1), psnr [dB], correlation (of the
-//!                  pattern, within tiles), |strain| (of 1: mean, 99th percentile, largest), creased edges (of 1), area in flipped triangles
-//!                  (of 1), deviation [m]
+//! verdict          state of the worst frame (found, doubtful, lost), sentence; counts of the frames by state;
+//!                  doubtful, lost: [first, one past the last] of each stretch of such frames; and of each
+//!                  quantity mean, worst value and its frame: silhouette (intersection over union), uncovered part of
+//!                  the mask (of 1), psnr [dB], correlation (of the pattern, within tiles), |strain| (of 1: mean, 99th
+//!                  percentile, largest), creased edges (of 1), area in flipped triangles (of 1), deviation [m]
 //! warnings         remarks on input and result
 //! ```
 //!
@@ -85,7 +85,7 @@ impl Summary {
         write_json(&folder.join(NAME), self)
     }
 
-    /// What to tell of a verdict that does not find all frames, and what to do about lost ones.
+    /// What to report of a verdict that does not find all frames, and what to do about lost ones.
     pub fn warning(&self) -> Option<Warning> {
         self.verdict.as_ref().and_then(Verdict::warning)
     }

@@ -22,8 +22,8 @@ fn frame_count(folder: &Path) -> Result<usize> {
 }
 
 /// Compares the causes of `result`, the motion of all frames of the scene in `scene`, whose true vertices are
-/// `truth`, with its gt/physics.json, and simulates what gt/calm.npy and gt/stiffer.npy tell. How much is left
-/// unexplained is told without any truth. `None` where the result has no causes, or, of an older program, not
+/// `truth`, with its gt/physics.json, and simulates what gt/calm.npy and gt/stiffer.npy show. How much is left
+/// unexplained is reported without any truth. `None` where the result has no causes, or, of an older program, not
 /// their sizes, and nothing is known.
 ///
 /// # Errors

@@ -1,6 +1,6 @@
 //! What fabric a result may be of: its stiffness per width among measured ones.
 //!
-//! A video tells stiffness in proportion to density only, so fabrics are compared by that: by the bending length
+//! A video constrains stiffness in proportion to density only, so fabrics are compared by that: by the bending length
 //! c = (D/(ρ g))^⅓, the length of a strip that bends under its own weight by a fixed angle (as in BS 3356), of
 //! warp and weft.
 
@@ -118,7 +118,8 @@ mod tests {
     fn tables_are_read_and_the_nearest_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("fabrics.csv");
-        let text = "density[kg.m-2], linear warp[SI*1e9], linear weft[SI*1e9]\n0.1, 1000, 2000\n0.2, 9000, 4000\n\n0.05, 500.5, 900\n";
+        let text = "density[kg.m-2], linear warp[SI*1e9], linear weft[SI*1e9]\n0.1, 1000, 2000\n0.2, 9000, \
+                    4000\n\n0.05, 500.5, 900\n";
         std::fs::write(&path, text).unwrap();
         let table = read_table(&path).unwrap();
         assert_eq!(table.len(), 3);

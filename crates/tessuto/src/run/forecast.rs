@@ -1,4 +1,4 @@
-//! How well a motion's causes foretell what comes after the frames that they were found from.
+//! How well a motion's causes predict what comes after the frames that they were found from.
 
 use std::fmt::Write as _;
 
@@ -12,10 +12,10 @@ use tessuto_estimate::metrics::causes::carried_on;
 use tessuto_estimate::metrics::{self, Inputs};
 use tessuto_estimate::motion::causes::{self, Otherwise};
 
-/// Frames ahead of which the table tells.
+/// Frames ahead that the table reports.
 pub const HORIZONS: [usize; 4] = [1, 5, 10, 15];
 
-/// One way to foretell, and its error in every frame that it foretells `[m]`.
+/// One way to predict, and its error in every frame that it predicts `[m]`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Prediction {
     /// Its name.
@@ -40,7 +40,7 @@ impl Prediction {
 /// The causes' forecast and four that need less.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Forecast {
-    /// Number of the first frame that is foretold.
+    /// Number of the first frame that is predicted.
     pub first: usize,
     /// Frames per second.
     pub fps: f64,
@@ -162,7 +162,8 @@ impl Forecast {
         let y = |mm: f64| SIZE[1] - EDGE[1] - mm / top * (SIZE[1] - 2.0 * EDGE[1]);
         let [width, height] = SIZE;
         let mut out = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" font-family=\"sans-serif\" font-size=\"12\">\n\
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" \
+             font-family=\"sans-serif\" font-size=\"12\">\n\
              <rect width=\"{width}\" height=\"{height}\" fill=\"white\"/>\n\
              <path d=\"M{0} {1}V{2}H{3}\" fill=\"none\" stroke=\"#94a3b8\"/>\n",
             x(0.0),

@@ -98,9 +98,9 @@ impl RunOptions {
 }
 
 /// A warning where a stiffness that was found lies at its bound. Of causes, the numbers that the video does not
-/// tell are told as unknown, wherever the search left them: that such a one came to lie at a bound is no news, and
-/// true of almost every clip (the prior is wide, and what does not bear on the motion drifts). One that the video
-/// tells and that lies at its bound is cut off, which matters.
+/// constrain are reported as unknown, wherever the search left them: that such a one came to lie at a bound is no
+/// news, and true of almost every clip (the prior is wide, and what does not bear on the motion drifts). One that the
+/// video constrains and that lies at its bound is cut off, which matters.
 fn stiffness_doubt(settings: &Config, log_stiffness: &[f64], informed: Option<[bool; 3]>) -> Option<Warning> {
     let mut told = log_stiffness.to_vec();
     // What is no number lies at no bound.
@@ -202,7 +202,8 @@ fn work(
     let folder = &folder;
     result::write_motion(folder, scene, &run, &found)?;
 
-    // Images and metrics, and meanwhile what the page lets one play: simulations hardly share their work among threads.
+    // Images and metrics, and at the same time what the page lets one play: simulations hardly share their work among
+    // threads.
     let fit = run.settings.causes.fit;
     session.begin(if fit { REPLAYS } else { IMAGES });
     let pictures = || {

@@ -116,7 +116,7 @@ fn check(otherwise: &Otherwise) -> Result<()> {
 }
 
 /// Makes a result of `replay` in `folder`, with a page; `command` is what repeats it. Returns where an earlier
-/// folder is kept because somebody put files into it meanwhile.
+/// folder is kept because somebody has put files into it since.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file of `original` that cannot be read; [`Error::Output`].

@@ -68,7 +68,7 @@ pub struct RenderOptions {
     pub size: Option<[usize; 2]>,
     /// Frames, counted from the result's first; all of them if it is not given.
     pub frames: Option<Range<usize>>,
-    /// What goes once around the fabric meanwhile.
+    /// What goes once around the fabric during the motion.
     pub turn: Option<Turn>,
     /// How many images the frames are spread over, in place of one each.
     pub pictures: Option<usize>,
@@ -85,7 +85,7 @@ pub struct Rendered {
     pub folder: PathBuf,
     /// Nearest (dark) and farthest (bright) depth `[m]`, where depth was drawn.
     pub depth: Option<[f64; 2]>,
-    /// Where an earlier folder is kept because somebody put files into it meanwhile.
+    /// Where an earlier folder is kept because somebody has put files into it since.
     pub kept: Option<PathBuf>,
     /// What was asked for and had no effect.
     pub notes: Vec<String>,

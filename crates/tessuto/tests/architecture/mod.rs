@@ -16,13 +16,20 @@ fn root() -> PathBuf {
 
 /// Every Rust file below `folder`.
 fn sources(folder: &Path, out: &mut Vec<PathBuf>) {
+    files(folder, &["rs"], out);
+}
+
+/// Every file with one of `endings` below `folder`, except what others wrote (`vendor`) and what a program made.
+fn files(folder: &Path, endings: &[&str], out: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> =
         std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
     entries.sort();
     for path in entries {
-        if path.is_dir() {
-            sources(&path, out);
-        } else if path.extension().is_some_and(|e| e == "rs") {
+        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let left_out = name.starts_with('.') || ["vendor", "target", "node_modules"].contains(&name);
+        if path.is_dir() && !left_out {
+            files(&path, endings, out);
+        } else if path.extension().and_then(|e| e.to_str()).is_some_and(|e| endings.contains(&e)) {
             out.push(path);
         }
     }
@@ -86,4 +93,39 @@ fn files_are_short_and_finished() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// The widest line of a source, in characters.
+const COLUMNS: usize = 120;
+
+/// Whether `line` is too wide. A row of a table in a comment cannot be broken, nor can what holds no space, such as an
+/// address.
+fn is_wide(line: &str) -> bool {
+    let text = line.trim_start().trim_start_matches(['/', '!', '#', '*']).trim();
+    line.chars().count() > COLUMNS && !text.starts_with('|') && text.contains(' ')
+}
+
+#[test]
+fn lines_are_narrow() {
+    let mut paths = Vec::new();
+    for folder in ["crates", "fuzz", "tools", "workflow"] {
+        files(&root().join(folder), &["rs", "py", "js", "mjs", "css", "html", "sh"], &mut paths);
+    }
+    assert!(paths.len() > 600, "found only {} files", paths.len());
+    let mut wrong = Vec::new();
+    for path in paths {
+        let text = std::fs::read_to_string(&path).unwrap();
+        for (k, line) in text.lines().enumerate().filter(|(_, line)| is_wide(line)) {
+            wrong.push(format!("{}:{}: {} characters", path.display(), k + 1, line.chars().count()));
+        }
+    }
+    assert!(wrong.is_empty(), "more than {COLUMNS}: {wrong:#?}");
+}
+
+#[test]
+fn wide_lines_are_found() {
+    let words = "ä ".repeat(60);
+    assert!(is_wide(&format!("{words}b")) && !is_wide(words.trim_end()));
+    assert!(!is_wide(&format!("//! | {words} | b |")) && !is_wide(&format!("/// <{}>", "a".repeat(120))));
+    assert!(is_wide(&format!("//! a | {words} | b |")));
 }

@@ -18,7 +18,10 @@ class Any:
     def __init__(self, name): self.__dict__["name"] = name
     def __getattr__(self, key): return self.__dict__.setdefault(key, Any(self.name + "." + key))
     def __setattr__(self, key, value): self.__dict__[key] = value; print("%s.%s = %s" % (self.name, key, told(value)))
-    def __call__(self, *arguments, **named): print("%s(%s)" % (self.name, ", ".join([told(a) for a in arguments] + ["%s=%s" % (k, told(v)) for k, v in named.items()]))); return Any(self.name + "()")
+    def __call__(self, *arguments, **named):
+        said = [told(a) for a in arguments] + ["%s=%s" % (k, told(v)) for k, v in named.items()]
+        print("%s(%s)" % (self.name, ", ".join(said)))
+        return Any(self.name + "()")
     def __getitem__(self, key): return self.__dict__.setdefault("[%s]" % key, Any("%s[%s]" % (self.name, key)))
     def __iter__(self): return iter(())
     def __bool__(self): return True

@@ -281,15 +281,32 @@ fn exports_are_read_back_as_templates() {
 #[test]
 fn models_that_are_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    let header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float \
+                  z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n";
     let cases: [(&str, Vec<u8>, &str); 8] = [
-        ("a.ply", format!("{header}0 0 1\n1 0 1\n0 1 1\n3 0 1 7\n").into(), "has the vertices [0, 1, 7]; 3 exist"),
+        (
+            "a.ply",
+            format!("{header}0 0 1\n1 0 1\n0 1 1\n3 0 1 7\n").into(),
+            "has the vertices [0, 1, 7]; 3 exist",
+        ),
         ("a.ply", format!("{header}0 0 1\n1 0 1\n").into(), "a.ply"),
         ("a.ply", format!("{header}0 0 1\n1 1e9 1\n0 1 1\n3 0 1 2\n").into(), "vertex 2 of 3"),
         ("a.ply", header.replace("vertex 3", "vertex 4000000000").into(), "promises 4000000000"),
         ("a.glb", b"glTF\x02\0\0\0\x40\0\0\0\xff\xff\0\0JSON{}".to_vec(), "truncated"),
-        ("a.gltf", b"{\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0}], \"meshes\": [{\"primitives\": [{}]}]}".to_vec(), "lacks positions"),
-        ("a.gltf", b"{\"extensionsRequired\": [\"KHR_draco_mesh_compression\"]}".to_vec(), "KHR_draco_mesh_compression"),
+        (
+            "a.gltf",
+            b"{\"scenes\": [{\"nodes\": [0]}], \"nodes\": [{\"mesh\": 0}], \"meshes\": \
+                     [{\"primitives\": [{}]}]}"
+                .to_vec(),
+            "lacks positions",
+        ),
+        (
+            "a.gltf",
+            b"{\"extensionsRequired\": \
+                     [\"KHR_draco_mesh_compression\"]}"
+                .to_vec(),
+            "KHR_draco_mesh_compression",
+        ),
         ("a.gltf", b"{\"buffers\": [{\"uri\": \"../secret.bin\"}]}".to_vec(), "is not beside it"),
     ];
     for (name, bytes, fragment) in cases {

@@ -177,12 +177,15 @@ const GLTF: &str = r#"{"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0
 "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3","normalized":false},
 {"bufferView":1,"byteOffset":0,"componentType":5123,"count":3,"type":"SCALAR"}],
 "bufferViews":[{"buffer":0,"byteOffset":0,"byteLength":36,"byteStride":12},{"buffer":0,"byteOffset":36,"byteLength":6}],
-"buffers":[{"byteLength":44,"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIAAAA="}]}"#;
+"buffers":[{"byteLength":44,
+"uri":"data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAAAAABAAIAAAA="}]}"#;
 const TRANSFORMS: &str = r#"{"camera_model":"OPENCV","fl_x":500.0,"fl_y":501.5,"cx":320.0,"cy":240.0,"w":640,"h":480,
-"k1":0.1,"k2":-0.05,"p1":0.0,"p2":0.001,"frames":[{"file_path":"a.png","transform_matrix":[[1,0,0,0],[0,1,0,0],[0,0,1,0],
+"k1":0.1,"k2":-0.05,"p1":0.0,"p2":0.001,"frames":[{"file_path":"a.png",
+"transform_matrix":[[1,0,0,0],[0,1,0,0],[0,0,1,0],
 [0,0,0,1]]},{"file_path":"b.png","transform_matrix":[[1,0,0,0.1],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}]}"#;
-const OPENCV_YAML: &str = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: !!opencv-matrix\n   rows: 3\n   \
-cols: 3\n   dt: d\n   data: [ 500., 0., 319.5, 0., 500., 239.5, 0., 0., 1. ]\ndistortion_model: plumb_bob\n\
+const OPENCV_YAML: &str = "%YAML:1.0\n---\nimage_width: 640\nimage_height: 480\ncamera_matrix: \
+!!opencv-matrix\n   rows: 3\n   cols: \
+3\n   dt: d\n   data: [ 500., 0., 319.5, 0., 500., 239.5, 0., 0., 1. ]\ndistortion_model: plumb_bob\n\
 distortion_coefficients: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ 0.1, -0.05, 0., 0., 0. ]\n";
 const OPENCV_JSON: &str = r#"{"camera_matrix":[[500,0,319.5],[0,500,239.5],[0,0,1]],"dist_coeffs":[0.1,-0.05,0,0,0],
 "image_size":[640,480]}"#;

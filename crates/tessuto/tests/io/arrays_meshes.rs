@@ -85,8 +85,10 @@ fn mesh_is_read_back_to_the_bit() {
 
 #[test]
 fn forms_of_other_programs() {
-    let text = b"# caf\xe9 in Latin-1\r\nmtllib x.mtl\r\no sheet\r\nv 0 0 1 0.5 0.5 0.5\r\nv 1 0 1\r\nv 1 1 1 \r\nv 0 1 1\r\nv 2 0.5 1e0\r\n\
-        vt 0 0 0\r\nvt 1 0\r\n  vt 1 1\r\nvt 0 1 # corner\r\nvn 0 0 1\r\ns off\r\ng \xff\xfe\r\nf 1/1 2/2/1 3/3 \\\r\n4/4\r\nf -4/-3 -1/-2/-1 -3/-1\r\nl 1 2\r\n";
+    let text = b"# caf\xe9 in Latin-1\r\nmtllib x.mtl\r\no sheet\r\nv 0 0 1 0.5 0.5 0.5\r\nv 1 0 1\r\nv 1 1 \
+        1 \r\nv 0 1 1\r\nv 2 0.5 1e0\r\n\
+        vt 0 0 0\r\nvt 1 0\r\n  vt 1 1\r\nvt 0 1 # corner\r\nvn 0 0 1\r\ns off\r\ng \xff\xfe\r\nf 1/1 2/2/1 \
+        3/3 \\\r\n4/4\r\nf -4/-3 -1/-2/-1 -3/-1\r\nl 1 2\r\n";
     let mesh = obj::parse(text, "x.obj").unwrap();
     assert_eq!((mesh.positions.len(), mesh.uvs.len()), (5, 4));
     assert_eq!(mesh.faces[0].vertices, [0, 1, 2, 3]);

@@ -319,7 +319,10 @@ fn doubtful_and_lost_frames_are_listed_and_counted() {
     data.verdict = judge(&[frame(0), frame(1), frame(3)], &mesh);
     let text = page::render(&data);
     for part in [
-        r#"<td class="with-frames">frame 2 to 3</td><td><b class="doubtful">doubtful</b></td><td>texture &#60;b&#62; displaced</td>"#,
+        concat!(
+            r#"<td class="with-frames">frame 2 to 3</td><td><b class="doubtful">doubtful</b></td>"#,
+            "<td>texture &#60;b&#62; displaced</td>"
+        ),
         r#"<td class="with-frames">frame 6 to 7</td><td><b class="lost">lost</b></td><td>crumpled</td>"#,
         r#"<span class="state lost">lost</span>"#,
         "1 frame found, 1 doubtful, 1 lost. What helps: ",
@@ -338,7 +341,10 @@ fn doubtful_and_lost_frames_are_listed_and_counted() {
 fn causes_are_listed_with_their_spread_beside_known_fabrics() {
     let text = page::render(&data(8, 5, 60));
     for part in [
-        r#"<td>bending<small class="soft">&#60;i&#62;assumed&#60;/i&#62;</small></td><td class="number">2.00e-5</td><td>N·m</td>"#,
+        concat!(
+            r#"<td>bending<small class="soft">&#60;i&#62;assumed&#60;/i&#62;</small></td>"#,
+            r#"<td class="number">2.00e-5</td><td>N·m</td>"#
+        ),
         r#"<td class="nowrap">× or ÷ 1.25</td><td class="nowrap"><b class="found">informed</b></td>"#,
         r#"8e-7 to 1.2e-4<div class="range""#,
         r#"<span class="soft">not informed</span></td><td class="nowrap soft"></td>"#,
@@ -391,23 +397,28 @@ const look = () => {
   document.body.dispatchEvent(new KeyboardEvent("keydown", { key: "ArrowRight", bubbles: true }));
   const byKey = [player.frame, Number(scrub.value), view.frame, wipe.frame];
   const strip = [...document.querySelectorAll('#states i')].map(mark => mark.className);
-  const key = (key, shiftKey) => document.body.dispatchEvent(new KeyboardEvent("keydown", { key, shiftKey, bubbles: true }));
+  const key = (key, shiftKey) =>
+    document.body.dispatchEvent(new KeyboardEvent("keydown", { key, shiftKey, bubbles: true }));
   const doubts = [[], [], [], [true]].map(([back]) => (key("n", back), player.frame));
   const told = [scrub.getAttribute("aria-valuetext"), document.getElementById("state-text").textContent];
   const press = query => document.querySelector(query).click();
   press("[data-force=hold]");
   player.seek(3);
   const { arrows } = view, hold = arrows.group.find(g => g.key === "hold");
-  const tip = [0, 1].map(s => Math.hypot(...[0, 1, 2].map(k => hold.position.array[33 * s + 30 + k] - view.linePositions.array[3 * arrows.sites[s] + k])));
-  const drawnArrows = [hold.mesh.visible, arrows.group[0].mesh.visible, (tip[0] / arrows.length(300)).toFixed(2), tip[1]];
+  const offset = (s, k) => hold.position.array[33 * s + 30 + k] - view.linePositions.array[3 * arrows.sites[s] + k];
+  const tip = [0, 1].map(s => Math.hypot(...[0, 1, 2].map(k => offset(s, k))));
+  const drawnArrows =
+    [hold.mesh.visible, arrows.group[0].mesh.visible, (tip[0] / arrows.length(300)).toFixed(2), tip[1]];
   const bars = [...document.querySelectorAll('#arrow-scale div')].map(row => row.textContent);
   press("[data-replay=let_go]");
-  const went = [player.frameCount, player.frame, player.playing, Number(scrub.max), hold.mesh.visible, document.getElementById("replay-note").textContent];
+  const went = [player.frameCount, player.frame, player.playing, Number(scrub.max), hold.mesh.visible,
+    document.getElementById("replay-note").textContent];
   player.toggle(false);
   player.seek(11);
   const fell = [view.frame, wipe.frame, view.foundLines.visible, document.getElementById("state").hidden];
   press("[data-replay=found]");
-  const back = [player.frameCount, player.frame, view.foundLines.visible, hold.mesh.visible, document.getElementById("state").hidden];
+  const back = [player.frameCount, player.frame, view.foundLines.visible, hold.mesh.visible,
+    document.getElementById("state").hidden];
   const shares = charts.plots.find(plot => plot.chart.stacked).data.slice(1).map(line => line[2]);
   scrub.value = 5;
   scrub.dispatchEvent(new Event("input"));
@@ -416,7 +427,9 @@ const look = () => {
   wipeSlider.dispatchEvent(new Event("input"));
   player.toggle();
   const played = player.playing;
-  document.title = `PROBE ${JSON.stringify({ faults, colours, wiped, plots, byKey, bySlider, strip, doubts, told, share: wipe.share, played, drawnArrows, bars, went, fell, back, shares })}`;
+  const probe = { faults, colours, wiped, plots, byKey, bySlider, strip, doubts, told, share: wipe.share, played,
+    drawnArrows, bars, went, fell, back, shares };
+  document.title = `PROBE ${JSON.stringify(probe)}`;
 };
 setTimeout(look, 1500);
 </script></head>"#;

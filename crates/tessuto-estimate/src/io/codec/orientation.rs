@@ -2,7 +2,7 @@
 
 use super::{Pixels, Samples};
 
-/// The number, 1 to 8, that an Exif block tells; `None` if it tells nothing that is understood.
+/// The number, 1 to 8, that an Exif block states; `None` if it states nothing that is understood.
 ///
 /// Source: *Exchangeable image file format for digital still cameras*, 2.32: tag 0x112 of the first directory, one
 /// number of 16 bits.
@@ -33,7 +33,7 @@ pub(super) fn of_exif(exif: &[u8]) -> Option<u8> {
     None
 }
 
-/// `pixels` the right way up, given the number that their file tells.
+/// `pixels` the right way up, given the number that their file states.
 pub(super) fn upright(pixels: Pixels, orientation: u8) -> Pixels {
     if !(2..=8).contains(&orientation) {
         return pixels;

@@ -52,7 +52,7 @@ fn linear([r, g, b, exponent]: [u8; 4]) -> [f32; 3] {
     [r, g, b].map(|v| scale * f32::from(v))
 }
 
-/// What is left of a file.
+/// The rest of a file.
 struct File<'a> {
     bytes: &'a [u8],
 }

@@ -159,7 +159,7 @@ fn written_jpeg_is_as_near_and_as_small_as_the_twins() {
             );
             assert!(a <= 1.01 * b, "{width}×{height} at {quality}: {a} {b}");
             // Colours at half of the size would be off by far more, and take a third less. The finest steps, at
-            // which the twin drops what is left of a division, keep more of the noise.
+            // which the twin drops the remainder of a division, keep more of the noise.
             let [a, b] = [&ours, &theirs].map(|file| file.len() as f64);
             let most = if quality == 100 { 1.2 } else { 1.03 };
             assert!((0.97..most).contains(&(a / b)), "{width}×{height} at {quality}: {a} and {b} bytes");

@@ -25,7 +25,7 @@ const MAX_COORDINATE: f64 = 1e6;
 /// A mesh as its file has it.
 #[derive(Debug, Clone)]
 pub struct Model {
-    /// The mesh, in the file's unit and axes (but for glTF, see [`read`]).
+    /// The mesh, in the file's unit and axes (except for glTF, see [`read`]).
     pub mesh: Mesh,
     /// Whether every corner has a texture coordinate; where not, all share one that means nothing.
     pub has_uv: bool,

@@ -75,7 +75,7 @@ fn dictionary(scanner: &mut Scanner) -> Result<Header, String> {
     })
 }
 
-/// What is left of the text.
+/// The rest of the text.
 struct Scanner<'a>(&'a str);
 
 impl<'a> Scanner<'a> {

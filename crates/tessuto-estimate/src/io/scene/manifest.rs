@@ -18,7 +18,10 @@ const KNOWN: [&str; 14] = [
     "name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "gravity", "held",
     "notes",
 ];
-const EXAMPLE: &str = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}"#;
+const EXAMPLE: &str = concat!(
+    r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "#,
+    r#""fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}"#
+);
 /// Most frames a scene may have.
 const MAX_FRAMES: usize = 100_000;
 
@@ -250,7 +253,8 @@ impl Manifest {
                 DVec3::from_array(gravity).try_normalize().is_some(),
                 "gravity",
                 format!("{gravity:?}"),
-                "give its direction in the camera's frame, x to the right, y down, z ahead: [0, 1, 0] for a level camera",
+                "give its direction in the camera's frame, x to the right, y down, z ahead: [0, 1, 0] for a \
+                 level camera",
             )?;
         }
         if let Some(held) = &self.held {

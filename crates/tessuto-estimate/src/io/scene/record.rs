@@ -45,10 +45,10 @@ pub struct DepthRecord {
     pub noise: f64,
     /// Fraction of the fabric in which nothing usable was measured, in [0, 1].
     pub filled: f64,
-    /// What a unit of the file was taken for `[m]`.
+    /// What a unit of the file was assumed to be `[m]`.
     #[serde(default)]
     pub unit: Option<f64>,
-    /// Whether the unit was told; else it is what such files usually have.
+    /// Whether the unit was given; else it is what such files usually have.
     #[serde(default)]
     pub unit_told: bool,
 }
@@ -172,7 +172,8 @@ mod tests {
         assert_eq!(TemplateRecord { template_sha256: String::new(), ..found.clone() }, record);
         assert_eq!(
             found.sentence(),
-            "flat sheet of 0.550×0.560 m, its corners off by 1.50 px; focal length 800 px (760 to 850) estimated from the corners"
+            "flat sheet of 0.550×0.560 m, its corners off by 1.50 px; focal length 800 px (760 to 850) \
+             estimated from the corners"
         );
         std::fs::write(folder.path().join("template.obj"), "v 0 0 2\n").unwrap();
         assert_eq!(TemplateRecord::read(folder.path()), None);

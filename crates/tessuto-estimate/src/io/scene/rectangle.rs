@@ -1,4 +1,4 @@
-//! What `template.obj` remembers of the rectangle it was made of: a comment in its first line. The mesh does not tell:
+//! What `template.obj` remembers of the rectangle it was made of: a comment in its first line. The mesh does not say:
 //! its border can lie on the mask's outline exactly and its depths be wrong.
 
 use std::fs::File;

@@ -279,6 +279,9 @@ fn way_out(scene: &Scene, mask: &Image, iou: f64) -> Hint {
         return "the template shows the fabric in frame 0; start there, or give the template of the first frame used"
             .into();
     }
-    Hint::from("check fx, fy, cx, cy, the template's axes (x right, y down, z forward) and that it shows frame 0; look at both")
-        .with(Remedy::Check)
+    Hint::from(
+        "check fx, fy, cx, cy, the template's axes (x right, y down, z forward) and that it shows \
+         frame 0; look at both",
+    )
+    .with(Remedy::Check)
 }

@@ -2,7 +2,7 @@
 //!
 //! The limits say where a reconstruction is no longer what the video shows or what cloth does. Those of the image
 //! were set on made-up clips of 48 to 160 pixels (`tools/stress.py --scenes 200`), such that most frames whose
-//! vertices are off by 15 mm of a sheet of 0.5 m are told and few others, and on recordings of which the error is
+//! vertices are off by 15 mm of a sheet of 0.5 m are flagged and few others, and on recordings of which the error is
 //! known, whose folds are finer than the mesh. That a high 99th percentile of strain is doubtful but does not lose
 //! a frame was decided after seeing one recording whose coarse mesh folds between its vertices.
 //!
@@ -15,10 +15,10 @@
 //! | mean \|strain\| of the threads | 5 % | 10 % | the whole cloth, where woven cloth gives way by 1 to 3 % |
 //! | creased inner edges | 5 % | 15 % | one sharp fold across n×n vertices is 1 / 3n of them |
 //! | area in flipped triangles | 1 % | 5 % | a sound sheet has none; one spike of a coarse mesh is 1 to 2 % |
-//! | standard deviation of the positions, of the sheet's size, times ⁴√((u + 0.5 %) / 1 %) of the part u of the mask, at most 1 %, that the mesh leaves uncovered | 1.96 % | 5 % | chosen on made-up frames (seeds 223 to 241); of those of eight other seeds (251 to 283) it and the other quantities tell 93 % of the ones off by 15 mm of 0.5 m and 4.5 % of the others |
+//! | standard deviation of the positions, of the sheet's size, times ⁴√((u + 0.5 %) / 1 %) of the part u of the mask, at most 1 %, that the mesh leaves uncovered | 1.96 % | 5 % | chosen on made-up frames (seeds 223 to 241); of those of eight other seeds (251 to 283) it and the other quantities flag 93 % of the ones off by 15 mm of 0.5 m and 4.5 % of the others |
 //!
-//! Where a print is to be seen it tells whether the mesh is too large, and what is drawn outside the mask may be
-//! hidden by something in front. Where there is none, only the silhouette can tell. The PSNR of the colours is
+//! Where a print is to be seen it shows whether the mesh is too large, and what is drawn outside the mask may be
+//! hidden by something in front. Where there is none, only the silhouette can show it. The PSNR of the colours is
 //! reported but not judged: the recovered texture holds the first frame's light, and where the light on the cloth
 //! changes, the true motion has a PSNR that falls by 30 dB.
 

@@ -187,7 +187,8 @@ fn stretches(verdicts: &[FrameVerdict], state: State) -> Vec<[usize; 2]> {
 }
 
 impl Verdict {
-    /// What to tell whoever waits for the result: nothing if all frames are found; if some are lost, also what to do.
+    /// What to report to whoever waits for the result: nothing if all frames are found; if some are lost, also what
+    /// to do.
     pub fn warning(&self) -> Option<Warning> {
         let warning = |hint| Warning { topic: "verdict".to_owned(), found: self.sentence.clone(), hint };
         match self.state {

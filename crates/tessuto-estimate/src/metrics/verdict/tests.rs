@@ -36,8 +36,8 @@ fn a_good_clip_is_praised_with_its_worst_frames() {
     assert!(verdict.doubtful.is_empty() && verdict.lost.is_empty() && verdict.warning().is_none());
     assert_eq!(
         verdict.sentence,
-        "found: silhouette overlap 98.3 % (worst 98.2 % in frame 29), colours by the texture 28.1 dB (worst 27.1 in frame 29), \
-         99 of 100 threads strained by at most 4.0 % (frame 10)"
+        "found: silhouette overlap 98.3 % (worst 98.2 % in frame 29), colours by the texture 28.1 dB (worst \
+         27.1 in frame 29), 99 of 100 threads strained by at most 4.0 % (frame 10)"
     );
     assert!(frames.iter().all(|f| f.state == State::Found && f.reason.is_empty()));
     assert_eq!(judge(&[], &sheet()), None);

@@ -29,7 +29,7 @@ pub struct Otherwise {
     /// Factor on what no cause explains.
     pub residual: f64,
     /// Whether that goes on after the clip as in its last frame; otherwise it ends with the clip, or goes on as in
-    /// its mean where the clip does not tell the causes and held vertices are not let go.
+    /// its mean where the clip does not constrain the causes and held vertices are not let go.
     pub carry: bool,
 }
 
@@ -68,7 +68,7 @@ impl Default for Otherwise {
     }
 }
 
-/// Strength of the lead that tells what a motion's causes leave unexplained [1/s²].
+/// Strength of the lead that shows what a motion's causes leave unexplained [1/s²].
 const SOFT: f64 = 6000.0;
 
 /// What moved a cloth along the motion of a clip, ready for other motions.

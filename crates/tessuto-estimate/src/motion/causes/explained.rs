@@ -1,4 +1,4 @@
-//! A motion and its causes, in numbers that tell their sizes.
+//! A motion and its causes, in numbers that give their sizes.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -46,19 +46,20 @@ pub struct Sizes {
     /// Distance of the motion without the correction from the one with it, of all vertices `[m]`; likewise.
     #[serde(default)]
     pub beside: f64,
-    /// Largest distance of the motion that all forces make from the one that is told, where compressed cloth
-    /// buckles another way under them than it was found `[m]`; 0 where they make the motion that is told, and in
+    /// Largest distance of the motion that all forces make from the one that is reported, where compressed cloth
+    /// buckles another way under them than it was found `[m]`; 0 where they make the motion that is reported, and in
     /// results of earlier versions.
     #[serde(default)]
     pub replay: f64,
 }
 
 impl Sizes {
-    /// Why the forces do not make the motion that is told, if they do not.
+    /// Why the forces do not make the motion that is reported, if they do not.
     pub fn doubt(&self) -> Option<Warning> {
         let mm = 1e3 * self.replay;
         let found = format!(
-            "under its forces the cloth buckles another way than it was found: a replay is up to {mm:.1} mm beside the motion"
+            "under its forces the cloth buckles another way than it was found: a replay is up to {mm:.1} mm \
+             beside the motion"
         );
         let hint = "take the motion from motion.npy, which is as it was found";
         (self.replay > 0.0).then(|| Warning::new("causes", found, hint))

@@ -112,7 +112,7 @@ impl Begun<'_> {
     }
 
     /// The causes of the motion `found`, shape [N, V] `[m]`, that differs little from the one at the beginning.
-    /// Where the clip does not tell them, or the cloth cannot be simulated, what was known before stays.
+    /// Where the clip does not constrain them, or the cloth cannot be simulated, the prior stays.
     pub fn finish(&self, found: &[Positions]) -> Found {
         let informed = self.rough.as_ref().filter(|_| self.known.misfit <= DOUBTED);
         let finely = informed.and_then(|rough| self.search_finely(rough, found));

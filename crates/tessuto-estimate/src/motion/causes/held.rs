@@ -29,7 +29,7 @@ pub(crate) struct Guess {
     pub wider: Vec<Vec<usize>>,
     /// Whether they keep still in the image; otherwise they are the upper corners, for want of better.
     pub still: bool,
-    /// Whether the sheet moves enough to tell them apart.
+    /// Whether the sheet moves enough to distinguish them.
     pub told: bool,
 }
 
@@ -214,7 +214,7 @@ mod tests {
             .collect();
         assert_eq!(held_vertices(&mesh, &carried, DVec3::Y).held, [0, 6]);
         assert_eq!(held_vertices(&mesh, &carried, DVec3::X).held, [0, 35]);
-        // A tenth of a pixel or two of movement, pins of which no image tells.
+        // A tenth of a pixel or two of movement, pins that no image shows.
         let hardly: Vec<Positions> = frames
             .iter()
             .map(|x| x.iter().zip(&mesh.positions).map(|(x, p)| p.lerp(*x, 3e-3)).collect())

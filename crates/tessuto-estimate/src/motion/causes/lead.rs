@@ -7,7 +7,7 @@
 //!   κ (M⁻¹ H + κ)⁻¹ a
 //!
 //! with the Hessian H of the springs, held vertices fixed: nearly whole where a sheet gives way, like bending, and
-//! hardly where it is stiff, like stretch. The smaller κ [1/s²], the more is left out; k κ alone tells how closely
+//! hardly where it is stiff, like stretch. The smaller κ [1/s²], the more is left out; k κ alone says how closely
 //! the cloth follows, and for what pull.
 
 use glam::DVec3;

@@ -15,7 +15,7 @@
 //! with σ, the deviations of the found positions times 1.2, soft along the view ray and firm across it, and as
 //! errors are smooth in space and time, the number ν of vertices and frames that err together; ν grows where the
 //! model is off by more than σ. So stiffnesses never meet the noise of found positions, which regression on these
-//! takes for softness, and the inverse of the Gauss-Newton matrix tells how sure they are.
+//! treats as softness, and the inverse of the Gauss-Newton matrix says how sure they are.
 //!
 //! Positions and causes are found in turn: roughly the causes ([`begin`]), the motion that they make
 //! ([`Begun::motion`]), positions whose accelerations are near those of that motion
@@ -81,18 +81,18 @@ pub struct Found {
 }
 
 impl Found {
-    /// Whether the video tells a number that has a standard deviation of `sd`, and had `before` without the video.
+    /// Whether the video constrains a number that has a standard deviation of `sd`, and had `before` without the video.
     pub fn is_informed(&self, sd: f64, before: f64) -> bool {
         sd < INFORMED * before
     }
 
-    /// Whether the video tells stretch, bend and shear stiffness.
+    /// Whether the video constrains stretch, bend and shear stiffness.
     pub fn informed_stiffness(&self) -> [bool; 3] {
         let (found, before) = (self.spread.ln_stiffness, self.prior.ln_stiffness);
         [0, 1, 2].map(|k| self.is_informed(found[k], before[k]))
     }
 
-    /// A warning where the video tells nothing, and all is what was known before.
+    /// A warning where the video constrains nothing, and all is the prior.
     pub fn doubt(&self) -> Option<Warning> {
         let why = match self.misfit > DOUBTED {
             true => format!(
@@ -106,7 +106,7 @@ impl Found {
         (self.spread == self.prior).then(|| Warning::new("causes", found, hint))
     }
 
-    /// Whether the video tells the direction of gravity.
+    /// Whether the video constrains the direction of gravity.
     pub fn is_down_informed(&self) -> bool {
         let likely = self.causes.down.angle_between(glam::DVec3::Y) < UNLIKELY * self.prior.down;
         likely && self.is_informed(self.spread.down, self.prior.down)

@@ -33,7 +33,7 @@ const FRICTION: f64 = 1e-5;
 const FRICTION_SPREAD: f64 = 1.0;
 /// Spread of gravity's direction about +y `[rad]`.
 const TILT: f64 = 0.35;
-/// The same about a direction that is known `[rad]`: of what a level or a phone's sensor tells.
+/// The same about a direction that is known `[rad]`: of what a level or a phone's sensor measures.
 pub(super) const KNOWN_TILT: f64 = 0.01;
 
 /// How finely the cloth is simulated.
@@ -156,7 +156,7 @@ impl<'a> Sheet<'a> {
     }
 }
 
-/// What is searched, but for who holds the cloth.
+/// What is searched, except who holds the cloth.
 pub(super) struct Task<'a> {
     cloth: &'a Cloth,
     ways: &'a [[f64; 2]],

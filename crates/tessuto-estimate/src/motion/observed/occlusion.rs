@@ -214,7 +214,7 @@ mod tests {
             let camera = Camera { fx: 293.0, fy: 293.0, cx: 79.73, cy: 79.73, width: 160, height: 160 };
             let [here, there] = [None, Some(pose)].map(|pose| folded_before(nearer, camera, pose).0);
             assert!(here.hidden.contains(&true) && here.hidden.contains(&false) && !here.folds.is_empty());
-            // But for points beside a triangle of their own plane, which is neither before nor behind them.
+            // Except for points beside a triangle of their own plane, which is neither before nor behind them.
             let differ = |a: &[bool], b: &[bool]| a.iter().zip(b).filter(|(a, b)| a != b).count();
             let apart = [differ(&here.hidden, &there.hidden), differ(&here.inner, &there.inner)];
             let counts = [here.hidden.len(), here.inner.len()];

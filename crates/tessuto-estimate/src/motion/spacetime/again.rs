@@ -1,8 +1,8 @@
 //! The sheet followed once more, with what its clip asks for.
 //!
 //! The first followers know no more of the cloth than its template and what holds for most clips; where it bends
-//! unlike those, they find other waves than it has, or miss them. Motions that are refined tell how it bends, how
-//! firmly it keeps its lengths, how much is to be made of colours and outlines, and the light. Followers that heed
+//! unlike those, they find other waves than it has, or miss them. Motions that are refined show how it bends, how
+//! firmly it keeps its lengths, how much is to be made of colours and outlines, and the light. Followers that use
 //! all that find frames that no motion so far has, and from those others start. They go forward from the first
 //! frame and backward from the last.
 

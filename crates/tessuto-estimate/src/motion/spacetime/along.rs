@@ -6,7 +6,7 @@ use super::{Positions, Problem};
 impl Problem<'_> {
     /// Lowers E over all `frames` at the finest level, where accelerations are expected to be those of the motion
     /// `made`, shape [N, V] `[m]`, instead of none. How far causes explain a motion differs from clip to clip: the
-    /// motion that was found tells the spread about those expected, as it tells the spread about none.
+    /// motion that was found gives the spread about those expected, as it gives the spread about none.
     pub fn along(&self, mut frames: Vec<Positions>, made: &[Positions]) -> Vec<Positions> {
         let mut search = self.at_level(self.observed.range[0]);
         search.still = self.still_vertices(&frames);
@@ -34,7 +34,7 @@ mod tests {
         let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
         let x = &scene.template.positions;
         let start = vec![x.clone(); scene.frames.len()];
-        // What is left of the departure from a swing of accelerations of so many m/s².
+        // The rest of the departure from a swing of accelerations of that many m/s².
         let left = |size: f64| {
             let step = 0.5 * size / scene.fps.powi(2);
             let swing = |n: usize| x.iter().map(|p| *p + DVec3::Z * (step * (n * n) as f64)).collect();

@@ -2,7 +2,7 @@
 //!
 //! The template is the shape of one frame, no more at rest than the others: a flag's waves travel, and a sheet
 //! that the first frame finds in folds may hang flat in the next. So of every bending pair the mean over all
-//! frames, the template among them, is taken for its angle at rest. The spread about it is the clip's own too.
+//! frames, the template among them, is treated as its angle at rest. The spread about it is the clip's own too.
 //! Cauchy's kernel of tail 1 has the shape of Cauchy's distribution, half the negative logarithm of it, and the
 //! median of its sizes is its scale. Of true motions the scale is 0 for paper and 0.02 to 0.1 rad for cloth,
 //! whatever the simulator.

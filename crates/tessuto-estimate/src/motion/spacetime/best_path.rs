@@ -43,7 +43,7 @@ impl Problem<'_> {
     }
 
     /// The path through two motions of the same search, each of shape [N, V], that explains the images best,
-    /// accelerations heeded: what priors made of either does not count.
+    /// accelerations included: what priors made of either does not count.
     pub fn by_pictures(&self, before: Vec<Positions>, after: Vec<Positions>) -> Vec<Positions> {
         let mut finest = self.at_level(self.observed.range[0]);
         finest.compares = true;

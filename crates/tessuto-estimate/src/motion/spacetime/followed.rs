@@ -1,4 +1,4 @@
-//! What was followed: all motions that may lead to the right one, and what they tell of the clip.
+//! What was followed: all motions that may lead to the right one, and what they show of the clip.
 
 use super::best_path::Pool;
 use super::gain::GAIN_FITS;

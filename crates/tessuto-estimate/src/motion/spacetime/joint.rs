@@ -15,8 +15,8 @@ use tessuto_sim::Cloth;
 /// Damping is relative to the acceleration term.
 pub(super) const POLICY: Policy =
     Policy { lambda: 1e-3, accepted: [0.3, 1e-6], rejected: [8.0, 0.0], ..Policy::PATIENT };
-/// Conjugate gradients end when the square of the preconditioned residual has fallen to this fraction, or after so many
-/// iterations.
+/// Conjugate gradients end when the square of the preconditioned residual has fallen to this fraction, or after this
+/// many iterations.
 const CG_TOLERANCE: f64 = 1e-3;
 const CG_LIMIT: usize = 60;
 

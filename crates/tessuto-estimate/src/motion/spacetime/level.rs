@@ -14,7 +14,7 @@ use crate::motion::terms::shading::{HARMONICS, Light, Seen, Shading};
 use crate::motion::terms::still::Still;
 use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
 
-/// Colours that differ from the fabric's by more than so many cut-offs are taken for something in front of it.
+/// Colours that differ from the fabric's by more than this many cut-offs are treated as something in front of it.
 const OUTLIER: f64 = 2.5;
 
 /// State of the search at one level of the pyramid.
@@ -52,7 +52,7 @@ impl<'a> Problem<'a> {
     pub(super) fn at_level(&self, level: usize) -> LevelSearch<'_, 'a> {
         let template = &self.scene.template;
         let first = &self.observed.levels[0][level];
-        // More points than the resolution asks for tell the same again.
+        // More points than the resolution asks for add nothing.
         let spacing = (size_in_image(template, &first.view) / self.settings.resolution).max(1.0);
         let samples = SurfaceSamples::new(template, &template.positions, &first.view, spacing);
         let frame_count = self.scene.frames.len();
@@ -115,7 +115,7 @@ impl LevelSearch<'_, '_> {
         self.asked.bent.apply(&mut self.priors.signed_bend);
     }
 
-    /// Expects the accelerations of the motion `made` from now on, about which those of `found` tell the spread.
+    /// Expects the accelerations of the motion `made` from now on, about which those of `found` give the spread.
     pub fn expect(&mut self, found: &[Positions], made: &[Positions]) {
         self.expected = made.to_vec();
         let spread = self.problem.acceleration_spread(&self.departure(found));

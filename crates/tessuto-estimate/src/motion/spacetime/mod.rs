@@ -33,12 +33,12 @@
 //! interpolation and blur lose less of them; a pixel remains one of the video then. k is the product of
 //! - 160 px over the size of the sheet in the first frame. Of larger sheets pixels are fewer independent ones:
 //!   errors of the camera are alike over a pixel, those of the model (shading, the mesh) over a part of the sheet,
-//!   and half-way between lies what serves small images and large ones. So colours and shading tell more in
+//!   and half-way between lies what serves small images and large ones. So colours and shading count more in
 //!   proportion to the sheet's size, not to its area, and outlines the same whatever it is;
 //! - for colours, the part of the contrast that is print at the level in use (`print`): on a plain sheet light and
 //!   folds alone differ, and do not move with the cloth;
 //! - from the second level of `refine` on, for colours and outlines what the clip's own noise makes of a pixel, by
-//!   what is left of them, and for shading how much of the brightness the light explains (`noise`).
+//!   their residuals, and for shading how much of the brightness the light explains (`noise`).
 //!
 //! To count k times is to have a noise of σ/√k and a tail of √k τ: the cut-off σ τ stays.
 //!
@@ -56,7 +56,7 @@
 //! **What is held fixed** while a step in x is taken, and found anew from the positions before the next: the
 //! gains, A_n less what is in front of the fabric, what is hidden and what turns away, which folds are outlines,
 //! the light with the brightness that it explains, and the normals of signed bending. The smooth shear m is not:
-//! it always is the best one. Where motions are compared, spreads and tails are the settings' own but for σ_a and
+//! it always is the best one. Where motions are compared, spreads and tails are the settings' own except for σ_a and
 //! σ_m, and k is that of size and print; the best path leaves adjacent frames out.
 //!
 //! Shading changes as the cloth moves. The gains g_n [V, 3], brightness of every vertex and channel relative to
@@ -64,10 +64,10 @@
 //! What is brighter has turned towards the light: light, which is one for the whole clip, and what a whole frame
 //! is brighter by for other causes follow from the positions too (`light.rs`). While the sheet is first followed,
 //! neither the light is known nor how fast the sheet changes its velocity, a flag fifty times as fast as paper;
-//! the light and σ_a are taken from the best path forward, and all that comes after heeds them.
+//! the light and σ_a are taken from the best path forward, and all that comes after uses them.
 //!
 //! `track` finds a pool of starts frame by frame, with different strictness; `refine` then lowers E over all
-//! frames together by Gauss-Newton steps with Levenberg's damping, from each of them. What they become tells how
+//! frames together by Gauss-Newton steps with Levenberg's damping, from each of them. What they become shows how
 //! the cloth of this clip bends and how much is to be made of its images: with that the sheet is followed again,
 //! forward and backward (`again`), E lowered from what is found then, too, and at last from the best path through
 //! all. Both go from coarse to fine images, `track` from coarser ones (`track_levels`). Heavy tails have many
@@ -146,7 +146,7 @@ const BOUNDARY_SPACING: f64 = 2.0;
 const MOST_DOUBLINGS: f64 = 2.0;
 const MOST_PIXELS: usize = 1 << 21;
 /// Size of a sheet [px of the finest level] whose pixels are independent of each other, each with the noise that
-/// the settings tell.
+/// the settings say.
 const NOMINAL_SIZE: f64 = 160.0;
 
 /// Everything about the clip that stays fixed.

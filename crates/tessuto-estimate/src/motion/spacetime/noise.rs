@@ -1,9 +1,9 @@
 //! How much is to be made of a clip's colours, outlines and shading, and of the priors on its strain and bending:
-//! from what is left of each.
+//! from the residuals of each.
 //!
-//! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, what is
-//! left of colours and outlines there tells. Medians over the frames, so that a few that are lost do not count.
-//! What keeps its lengths better than most, as paper does, is held to them more firmly. How it bends is told in
+//! A camera's noise, a loose mask, a light that changes: each clip has its own. Once a level is refined, its
+//! residuals of colours and outlines show it. Medians over the frames, so that a few that are lost do not count.
+//! What keeps its lengths better than most, as paper does, is held to them more firmly. How it bends is said in
 //! `bent`, what its light explains in `light`.
 
 use rayon::prelude::*;
@@ -15,14 +15,14 @@ use crate::motion::terms::Term;
 use tessuto_core::math::median::median;
 use tessuto_sim::cloth::Edge;
 
-/// What is left on clips that the settings are chosen on: root mean square difference of colours, all channels
+/// Residuals on clips that the settings are chosen on: root mean square difference of colours, all channels
 /// together, of half of a pair of comparisons `[sRGB]`, and of outlines [px of the finest level], both by their
 /// robust kernels. That is 1.17 of the settings' `colour` and 1.29 of `outline`: these were chosen by the errors
-/// of the motion, and are the noise of one pixel all the same. Where f times as much is left, a clip's noise is f
-/// times the settings', with the same cut-off: its pixels count as 1/f² each ([`crate::motion::terms::robust`]).
+/// of the motion, and are the noise of one pixel all the same. Where the residuals are f times these, a clip's noise is
+/// f times the settings', with the same cut-off: its pixels count as 1/f² each ([`crate::motion::terms::robust`]).
 pub(super) const NOMINAL: [f64; 2] = [0.032, 0.6];
-/// Bounds of what a pixel counts as. Colours that differ by less than usual are not worth more: what is left of
-/// them is mostly other than noise.
+/// Bounds of what a pixel counts as. Colours that differ by less than usual are not worth more: their residuals
+/// are mostly other than noise.
 const BOUNDS: [[f64; 2]; 2] = [[0.0625, 1.0], [0.0625, 4.0]];
 
 /// Median size of strain in spreads on clips that its spread is set for, and how much smaller that may get. Never
@@ -83,7 +83,7 @@ impl Problem<'_> {
         Asked { bent: self.bent(&found), ..Asked::default() }
     }
 
-    /// Spread of strain that what is left of it at `frames` asks for.
+    /// Spread of strain that its residuals at `frames` ask for.
     fn strain_spread(&self, frames: &[Positions]) -> f64 {
         let of_frame = |x: &Positions| {
             let strain = |e: &Edge| {
@@ -95,7 +95,7 @@ impl Problem<'_> {
         left.map_or(1.0, |left| (left / (STRAINED * self.settings.strain)).clamp(LEAST_SPREAD, 1.0))
     }
 
-    /// What is left of colours `[sRGB]` and outlines [px of the finest level] at `frames`.
+    /// Residuals of colours `[sRGB]` and outlines [px of the finest level] at `frames`.
     fn noise_levels(&self, frames: &[Positions]) -> [f64; 2] {
         let mut search = self.at_level(self.observed.range[0]);
         search.update_references(frames);
@@ -128,7 +128,7 @@ mod tests {
             .unwrap()
     }
 
-    /// What is left of colours and outlines at the true positions, and the weights that follow.
+    /// Residuals of colours and outlines at the true positions, and the weights that follow.
     fn left(scene: &Scene) -> ([f64; 2], [f64; 2]) {
         let cloth = Cloth::new(&scene.template);
         let problem = Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap();

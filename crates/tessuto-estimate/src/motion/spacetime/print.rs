@@ -1,4 +1,4 @@
-//! How much of a print the sheet has, what its colours can tell of where it is, and whether it is where the sheet
+//! How much of a print the sheet has, how well its colours locate it, and whether it is where the sheet
 //! was found.
 
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ impl Problem<'_> {
     /// What part of the variance of colours around its vertices is print, and not what clips have left of colours
     /// where they are found: noise, and light that no gain follows. Mean over the sheet as the first frame shows
     /// it at `level`: above 0.9 of printed ones at the finest, 0.1 to 0.2 of plain ones; the less the coarser the
-    /// level, most of all of a fine print that repeats, of which nothing is left to tell where the sheet is.
+    /// level, most of all of a fine print that repeats, of which nothing is left to show where the sheet is.
     pub(super) fn part_printed(&self, level: usize) -> f64 {
         let search = self.at_level(level);
         // Around every vertex area, squares and the sums of the channels.

@@ -169,7 +169,7 @@ fn magnifying_adds_no_weight() {
     }
 }
 
-/// Of a sheet twice as large pixels tell twice as much, not four times, and outlines the same.
+/// Of a sheet twice as large pixels count twice as much, not four times, and outlines the same.
 #[test]
 fn pixels_of_larger_sheets_count_less() {
     let scene = scene();
@@ -297,7 +297,7 @@ fn the_joint_system_is_the_sum_of_its_parts() {
         let expected = frames_own + kappa * product(&bent_a, &bent_b) + kappa * lambda * product(&a, &b);
         let found = product(&a, &joint.multiply(&b));
         assert!((found / expected - 1.0).abs() < 1e-10, "{found} {expected}");
-        // Its solution, more exact than steps need, leaves nothing over that a hundredth of the gradient could tell.
+        // Its solution, more exact than steps need, leaves nothing over that a hundredth of the gradient could show.
         let solution = joint.solve_with(&joint.factors(), &gradient, 1e-4, 200);
         let left: Vec<Positions> = joint
             .multiply(&solution)

@@ -45,7 +45,7 @@ struct Rounds {
 impl Problem<'_> {
     /// Lowers E over all frames together, coarse to fine, from every motion of the `pool`: positions that were
     /// followed frame by frame are not at rest, and which of them end lowest shows only there. What these became
-    /// tells what the clip asks for; with that the fabric is followed again, and E lowered from what is found
+    /// shows what the clip asks for; with that the fabric is followed again, and E lowered from what is found
     /// then, and at last from the best path through all. Where all followers agree, one motion is refined once.
     /// The pool then holds the motions that contend with what was found, and what its frames started from.
     ///
@@ -149,7 +149,7 @@ impl Problem<'_> {
         Refined { done, again, still, frames, asked, steps: 0, lambda: 0.0, gains }
     }
 
-    /// Iterations at each level of a round: of what another round follows half as many, which tells as well what
+    /// Iterations at each level of a round: of what another round follows half as many, which shows as well what
     /// will be lower.
     fn iterations(&self, round: usize, rounds: &Rounds) -> usize {
         let all = self.settings.iterations;
@@ -165,7 +165,7 @@ impl Problem<'_> {
         (0..until).map(|k| levels * self.iterations(k, rounds)).sum::<usize>() + followed
     }
 
-    /// Refines the motion at work, one of so many `rounds`; returns why it is not better if it failed.
+    /// Refines the motion at work, one of `rounds`; returns why it is not better if it failed.
     fn refine_round(
         &self,
         refined: &mut Refined,
@@ -186,7 +186,7 @@ impl Problem<'_> {
             match first {
                 0 => {
                     refined.lambda = POLICY.lambda;
-                    // Of the start only how it bends tells much.
+                    // Of the start only how it bends matters much.
                     refined.asked = match k {
                         0 => self.asked_at_start(&refined.frames),
                         _ => self.asked(&refined.frames),
@@ -235,7 +235,7 @@ mod tests {
     use crate::session::Checkpoints;
     use tessuto_sim::Cloth;
 
-    /// `frames` with every vertex moved by `by`, but for the first frame.
+    /// `frames` with every vertex moved by `by`, except in the first frame.
     fn aside(frames: &[Positions], by: DVec3) -> Vec<Positions> {
         let mut out = frames.to_vec();
         out[1..].iter_mut().flatten().for_each(|x| *x += by);

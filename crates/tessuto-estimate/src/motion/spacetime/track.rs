@@ -23,7 +23,7 @@ pub(super) enum Start {
 }
 
 impl Start {
-    /// Factors on spreads and tail where so much of the way from coarse to fine is `left`, 1 to 0.
+    /// Factors on spreads and tail where the fraction `left`, 1 to 0, of the way from coarse to fine remains.
     pub(super) fn loosened(self, settings: &SpacetimeSettings, left: f64) -> ([f64; 2], f64) {
         let s = settings;
         let spreads = match self {
@@ -81,7 +81,7 @@ impl Problem<'_> {
     ///
     /// A frame has several minima, and the next ones follow into the same: a sheet that shortens in the image may
     /// turn or bend. So the fabric is followed twice at the same time. In both tails shorten from level to level,
-    /// from those of a start to the priors' own: what a coarse image tells of a fold is too little to allow one,
+    /// from those of a start to the priors' own: what a coarse image shows of a fold is too little to allow one,
     /// and without the folds that a frame has, the next ones go astray. Spreads of one are larger by
     /// `start_spread` at the coarsest level and their own at the finest; those of the other stay larger, that of
     /// signed bending by `start_bend`. A sheet that turns out to shear as a whole is followed once more, with room
@@ -128,8 +128,9 @@ impl Problem<'_> {
         Tracked { smooth, followers: std::array::from_fn(|_| follower()) }
     }
 
-    /// Searches of all levels, coarse to fine, told by `inform` what is known of the clip, their priors loosened
-    /// by the spreads and the tail of what part of the way is `left`: 1 at the coarsest level, 0 at the finest.
+    /// Searches of all levels, coarse to fine, which learn from `inform` what is known of the clip, their priors
+    /// loosened by the spreads and the tail of what part of the way is `left`: 1 at the coarsest level, 0 at the
+    /// finest.
     pub(super) fn levels(
         &self,
         inform: impl Fn(&mut LevelSearch),
@@ -213,7 +214,7 @@ impl Follower {
         self.lost.is_none().then(|| self.frames.clone())
     }
 
-    /// Adds the frame at place `k` of the order in which it follows them, told by `frame_at`; returns its objective.
+    /// Adds the frame at place `k` of the order in which it follows them, given by `frame_at`; returns its objective.
     pub(super) fn follow(
         &mut self,
         k: usize,

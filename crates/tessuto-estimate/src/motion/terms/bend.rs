@@ -2,7 +2,7 @@
 //! `sim::angle`, θ0 that of the template and λ, the length of the pair's arms over a 24th of the sheet's size.
 //!
 //! What has a spread is the curvature, whatever the mesh: over longer arms the same curvature is a larger angle.
-//! So spreads are told for arms of a 24th of the sheet and grow in proportion to λ. With one spread for all a
+//! So spreads are given for arms of a 24th of the sheet and grow in proportion to λ. With one spread for all a
 //! coarse mesh that bends is found flat, and as it is shorter in the image then, too far away.
 
 use glam::DVec3;
@@ -12,7 +12,7 @@ use tessuto_core::mesh::Mesh;
 use tessuto_sim::angle;
 use tessuto_sim::cloth::{AngleSpring, Cloth, arms};
 
-/// Number of arms along a sheet whose spreads are as they are told.
+/// Number of arms along a sheet whose spreads are as they are given.
 const NOMINAL_ARMS: f64 = 24.0;
 
 /// See the module.

@@ -105,7 +105,7 @@ impl Colour<'_> {
         ]
     }
 
-    /// Calls `add` for every point of a triangle that counts, with what `look` tells at its place in the camera's
+    /// Calls `add` for every point of a triangle that counts, with what `look` finds at its place in the camera's
     /// frame beside the frame's colour. So the camera's pose is a matter of a triangle's corners, not of every
     /// point.
     #[inline]

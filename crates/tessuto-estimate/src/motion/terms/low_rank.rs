@@ -144,7 +144,7 @@ mod tests {
         };
         assert!(distance(&product, &rhs) < 1e-7 * dot(&rhs, &rhs).sqrt(), "{}", distance(&product, &rhs));
         assert!(distance(&sparse, &rhs) > 1e-3 * dot(&rhs, &rhs).sqrt(), "the correction matters");
-        // What is left of the matrix is positive semi-definite.
+        // The rest of the matrix is positive semi-definite.
         assert!(dot(&solution, &product) > 0.0);
     }
 }

@@ -1,8 +1,8 @@
 //! Terms of the objective of one frame, one in each file.
 //!
 //! A [`Term`] gives its value and, at a point, a gradient and a positive semi-definite second-order system.
-//! [`FrameTerms::list`] is the one list of them: the search sums over it, and so does the test that compares every
-//! term's gradient with finite differences, so that a new term cannot come without proof.
+//! `terms!` below holds the one list of them: the search sums over it ([`FrameTerms::list`]), and so does the test that
+//! compares every term's gradient with finite differences, so that a new term cannot come without proof.
 
 pub mod bend;
 pub mod colour;
@@ -89,35 +89,60 @@ pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
-/// The terms that do not depend on the frame.
-#[derive(Clone)]
-pub struct PriorTerms<'a> {
-    /// Lengths of edges.
-    pub strain: Strain<'a>,
-    /// Bending with its sign.
-    pub signed_bend: SignedBend<'a>,
-    /// Bending angles, without sign.
-    pub bend: Bend<'a>,
-    /// Shearing angles.
-    pub shear: Shear<'a>,
+/// One list makes the fields, the number and the order of the terms. A field holds what its term needs; who fills it
+/// in is the level of the search ([`super::spacetime`]).
+macro_rules! terms {
+    (
+        priors { $($(#[$prior_doc:meta])* $prior:ident: $Prior:ident,)* }
+        frame { $($(#[$doc:meta])* $term:ident: $Term:ident,)* }
+    ) => {
+        /// The terms that do not depend on the frame.
+        #[derive(Clone)]
+        pub struct PriorTerms<'a> {
+            $($(#[$prior_doc])* pub $prior: $Prior<'a>,)*
+        }
+
+        /// All terms of one frame at one resolution.
+        pub struct FrameTerms<'a> {
+            /// What the cloth is like.
+            pub priors: &'a PriorTerms<'a>,
+            $($(#[$doc])* pub $term: $Term<'a>,)*
+        }
+
+        /// Number of terms.
+        pub const TERMS: usize = [$(stringify!($prior),)* $(stringify!($term),)*].len();
+
+        impl FrameTerms<'_> {
+            /// The terms, in the order in which they are summed.
+            pub fn list(&self) -> [&dyn Term; TERMS] {
+                [$(&self.priors.$prior,)* $(&self.$term,)*]
+            }
+        }
+    };
 }
 
-/// All terms of one frame at one resolution.
-pub struct FrameTerms<'a> {
-    /// What the cloth is like.
-    pub priors: &'a PriorTerms<'a>,
-    /// Against the colours of other frames.
-    pub colour: Colour<'a>,
-    /// Against the outline of the mask.
-    pub outline: Outline<'a>,
-    /// Against the light.
-    pub shading: Shading<'a>,
-    /// Against where it is fixed.
-    pub still: Still<'a>,
+terms! {
+    priors {
+        /// Lengths of edges.
+        strain: Strain,
+        /// Bending with its sign.
+        signed_bend: SignedBend,
+        /// Bending angles, without sign.
+        bend: Bend,
+        /// Shearing angles.
+        shear: Shear,
+    }
+    frame {
+        /// Against the colours of other frames.
+        colour: Colour,
+        /// Against the outline of the mask.
+        outline: Outline,
+        /// Against the light.
+        shading: Shading,
+        /// Against where it is fixed.
+        still: Still,
+    }
 }
-
-/// Number of terms.
-pub const TERMS: usize = 8;
 
 impl PriorTerms<'_> {
     /// Closer to least squares: spreads of strain and shear times the first of `spreads`, that of signed bending
@@ -133,21 +158,6 @@ impl PriorTerms<'_> {
 }
 
 impl FrameTerms<'_> {
-    /// The terms, in the order in which they are summed.
-    pub fn list(&self) -> [&dyn Term; TERMS] {
-        let p = self.priors;
-        [
-            &p.strain,
-            &p.signed_bend,
-            &p.bend,
-            &p.shear,
-            &self.colour,
-            &self.outline,
-            &self.shading,
-            &self.still,
-        ]
-    }
-
     /// Sum of the terms.
     pub fn value(&self, x: &[DVec3]) -> f64 {
         self.list().iter().map(|term| term.value(x)).sum()

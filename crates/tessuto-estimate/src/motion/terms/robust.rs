@@ -1,6 +1,6 @@
 //! Robust kernels: what is far off counts as an outlier.
 //!
-//! A residual r of spread σ is told in spreads, u = r/σ. Both kernels c(u; τ) are ½ u² as long as u is small
+//! A residual r of spread σ is counted in spreads, u = r/σ. Both kernels c(u; τ) are ½ u² as long as u is small
 //! against the tail τ, so that a residual of one σ costs ½; beyond this many spreads they grow less and less:
 //!
 //! | kernel | c(u; τ) | weight c'(u)/u | far beyond τ |
@@ -24,7 +24,7 @@ pub fn geman_mcclure(sq_u: f64, tail: f64) -> (f64, f64) {
     (0.5 * ratio * sq_u, ratio * ratio)
 }
 
-/// What a residual of the images is told in, and from where on it is an outlier.
+/// What a residual of the images is counted in, and from where on it is an outlier.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
     /// Spread σ, in the residual's unit.

@@ -3,7 +3,7 @@
 //! Cloth that turns towards the light gets brighter. The logarithm of the light that falls on a surface of normal
 //! n is f(n) = Σ_k c_k Y_k(n), with the eight polynomials Y of n's parts x, y, z, xy, yz, zx, x² − y², 3z² − 1:
 //! harmonics of first and second order, which hold nearly all of what comes from afar (Ramamoorthi and Hanrahan
-//! 2001). Its brightness relative to the first frame, e^h, then tells how a part of the sheet has turned, and
+//! 2001). Its brightness relative to the first frame, e^h, then shows how a part of the sheet has turned, and
 //! which of several shapes with one image it has:
 //!
 //!   E = Σ_v w_v c(r_v/σ_v; τ),  r_v = f(n_v) − f(n_0v) − h_v + o,
@@ -11,7 +11,7 @@
 //! over the vertices v that are seen, with their normals n_v, the mean of those of the triangles around them by
 //! area, the same of the template n_0v, and Cauchy's c of the noise σ_v of one pixel and its tail τ. The weight
 //! w_v is the number of independent pixels that are seen around the vertex. The light, h, what the whole frame is
-//! brighter by o, σ_v and w_v are held fixed; where they come from is told in `spacetime/light.rs`.
+//! brighter by o, σ_v and w_v are held fixed; where they come from is said in `spacetime/light.rs`.
 
 use glam::DVec3;
 

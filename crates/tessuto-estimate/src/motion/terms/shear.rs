@@ -1,4 +1,4 @@
-//! Prior on shear: smooth over the sheet but for a few folds.
+//! Prior on shear: smooth over the sheet except at a few folds.
 //!
 //! Woven cloth shears easily where a hand pulls it askew, and then the whole sheet does; paper and what hangs
 //! straight hardly do. A field of smooth modes over the texture coordinates takes up the sheet's own shear, and

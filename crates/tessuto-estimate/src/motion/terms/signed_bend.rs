@@ -1,12 +1,12 @@
 //! Signed bending prior: keeps a curvature, with its sign: the template's, or that which the sheet has in the mean
 //! of a clip.
 //!
-//! The angle springs of the simulation do not tell a fold from its mirror image, and neither do lengths seen
+//! The angle springs of the simulation do not distinguish a fold from its mirror image, and neither do lengths seen
 //! from the front. The height of a vertex over its two opposite neighbours, along the surface normal, does:
 //!
 //!   E = Σ ½ τ² ln(1 + (r/τ)²),  r = (η − η0)/(l λ σ),  η = (x_a − 2 x_o + x_c)·n_o,
 //!
-//! with the mean arm length l of the template, `[m]`, and λ, the same in arms that the spread is told for
+//! with the mean arm length l of the template, `[m]`, and λ, the same in arms that the spread is given for
 //! ([`super::bend`]). The tail beyond τ spreads lets sharp folds form. The derivatives hold the normals n_o fixed:
 //! their change multiplies the in-surface part of x_a − 2 x_o + x_c, which is small.
 

@@ -3,7 +3,7 @@
 //!   E = Σ_i ½ ‖x_i − x̄_i‖²/σ²
 //!
 //! over the vertices i of edges that do not move in the image, with their positions x̄ in the first frame. What
-//! stands still in the image most likely stands still in space, and depth, which images tell least of, follows
+//! stands still in the image most likely stands still in space, and depth, which images constrain least, follows
 //! from there along the sheet.
 
 use glam::{DMat3, DVec3};

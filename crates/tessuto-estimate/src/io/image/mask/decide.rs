@@ -203,14 +203,14 @@ impl Decision<'_> {
         let surely = black || shades || (luminance(dark) < 0.25 && luminance(light) >= 0.5);
         if !surely {
             let key = self.choose(&[dark, light])?;
-            return Ok((How::Only(key), self.told(key)));
+            return Ok((How::Only(key), self.note(key)));
         }
         if black && luminance(light) == 1.0 {
             return self.plain([light]);
         }
         if self.object.is_some() {
             let key = self.choose(&[light])?;
-            return Ok((How::Only(key), self.told(key)));
+            return Ok((How::Only(key), self.note(key)));
         }
         let note = match (raw(dark), raw(light)) {
             (Some(0), Some(1)) => Some(ZEROS_AND_ONES.to_owned()),
@@ -245,7 +245,7 @@ impl Decision<'_> {
             let all: Vec<u32> = keys.keys().copied().filter(|key| !is_black(*key)).collect();
             let key = self.choose(if small || areas.is_empty() { &all } else { &areas })?;
             let how = if labels { How::Only(key) } else { self.nearest(key, &areas) };
-            return Ok((how, self.told(key)));
+            return Ok((how, self.note(key)));
         }
         let deep = grey_of(top).is_some_and(|(_, most)| most > full);
         if deep {
@@ -277,7 +277,7 @@ impl Decision<'_> {
         }
         let key = self.choose(&objects)?;
         let how = if certain { How::Only(key) } else { self.nearest(key, &objects) };
-        Ok((how, self.told(key)))
+        Ok((how, self.note(key)))
     }
 
     /// Colours with soft edges, or with losses; or no mask at all.
@@ -296,7 +296,7 @@ impl Decision<'_> {
         if !self.look.lossy && explained as f64 >= EXPLAINED * *pixels as f64 {
             let objects: Vec<u32> = areas.iter().map(|(k, _)| *k).filter(|k| !is_black(*k)).collect();
             let key = self.choose(&objects)?;
-            return Ok((self.nearest(key, &objects), self.told(key)));
+            return Ok((self.nearest(key, &objects), self.note(key)));
         }
         let what = match self.look.lossy {
             true => "holds colours that compression has spoilt, and no mask",
@@ -363,7 +363,7 @@ impl Decision<'_> {
         chosen(self.place, self.candidates(keys), self.look.files, self.object)
     }
 
-    fn told(&self, key: u32) -> Option<String> {
+    fn note(&self, key: u32) -> Option<String> {
         Some(format!("the fabric is {}", self.name(key)))
     }
 

@@ -11,7 +11,7 @@ const KEPT: usize = 256;
 const TOLD_APART: usize = 1 << 16;
 /// Channels that differ by more `[of 255]` are a colour, and no grey that compression has tinted.
 const VIVID: u8 = 48;
-/// Darker colours `[of 255]` tell no hue.
+/// Darker colours `[of 255]` show no hue.
 const DARK: u8 = 64;
 /// Marks a grey of 16 bits among the keys, which are colours of 8 bits otherwise: 0xRRGGBB.
 const DEEP: u32 = 1 << 24;

@@ -1,6 +1,6 @@
 //! Masks as segmenters and drawing programs write them: white on black, labels, colours of objects, transparency.
 //!
-//! One file does not tell what its values mean: an object may be absent in it, or alone. So the files of a clip
+//! One file does not say what its values mean: an object may be absent in it, or alone. So the files of a clip
 //! are looked at first (`Look`), then `understand` decides for all of them, and every file is read alike. Every
 //! reader of masks goes through here.
 

@@ -161,7 +161,11 @@ mod tests {
         bytes.extend([0u8, 1, 0, 0].repeat(3));
         let at = |k: usize| 4 * floats[..k].iter().map(|list| list.len()).sum::<usize>();
         let view = |offset: usize| json!({"buffer": 0, "byteOffset": offset, "byteLength": 4});
-        let float = |view: usize, count: usize, kind: &str| json!({"bufferView": view, "componentType": 5126, "count": count, "type": kind});
+        let float = |view: usize, count: usize, kind: &str| {
+            json!({
+                "bufferView": view, "componentType": 5126, "count": count, "type": kind
+            })
+        };
         let mut document = json!({
             "asset": {"version": "2.0"},
             "scenes": [{"nodes": [0]}],
@@ -172,7 +176,10 @@ mod tests {
             }]}],
             "skins": [{"joints": [2, 3], "inverseBindMatrices": 4}],
             "buffers": [{"byteLength": bytes.len(), "uri": format!("data:;base64,{}", base64(&bytes))}],
-            "bufferViews": [view(at(0)), view(at(1)), view(at(2)), view(at(3)), view(at(4)), view(joints), view(sparse_index), view(at(6))],
+            "bufferViews": [
+                view(at(0)), view(at(1)), view(at(2)), view(at(3)), view(at(4)),
+                view(joints), view(sparse_index), view(at(6)),
+            ],
             "accessors": [
                 float(0, 3, "VEC3"), float(1, 3, "VEC2"), float(2, 3, "VEC3"), float(3, 3, "VEC4"), float(4, 2, "MAT4"),
                 {"bufferView": 5, "componentType": 5121, "count": 3, "type": "VEC4"},

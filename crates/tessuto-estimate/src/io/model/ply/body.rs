@@ -3,7 +3,7 @@
 use super::super::MAX_COUNT;
 use super::header::{Element, Encoding, Header, Kind, Property};
 
-/// What is left of the rows.
+/// The rest of the rows.
 pub(super) struct Body<'a> {
     encoding: Encoding,
     rest: &'a [u8],

@@ -6,7 +6,7 @@ use crate::motion::terms::colour::PointColours;
 use crate::motion::terms::shear::FEW;
 use tessuto_core::mesh::Positions;
 
-/// Distance `[px]` below which outlines cannot be told apart.
+/// Distance `[px]` below which outlines cannot be distinguished.
 const OUTLINE_FLOOR: f64 = 0.1;
 /// Squared difference of colours, summed over the channels, that every video has from rounding `[sRGB²]`. Cloth
 /// without any pattern so counts as one whose pattern was not found.

@@ -10,14 +10,14 @@
 //!   0.35, c = 0.1 mm,
 //!
 //! with ḡ_n² the mean of g_nv² over the frame's vertices and the first factor scaled to a mean of 1: the geometric
-//! mean of all that tells where the error is large, each by about what it tells. ā is the mean of a over five
+//! mean of all that shows where the error is large, each by about what it shows. ā is the mean of a over five
 //! frames, weights 1 2 3 2 1: errors last longer than what shows them.
 //!
 //! - o: distance of the boundary to the mask's outline `[m]`.
 //! - d: mean distance `[m]` between the positions that tracking found, those that the final ones started from, and
 //!   the final ones: two searches that agree where both are right.
 //! - b: the deviations of Gauss and Newton, times the root of strain's and shear's energy per vertex. The usual
-//!   posterior scale, where χ² per degree of freedom tells that the residuals are larger or smaller than the
+//!   posterior scale, where χ² per degree of freedom shows that the residuals are larger or smaller than the
 //!   spreads say: paper keeps lengths and angles far better than the spreads ask, crumpled cloth worse, and depth
 //!   follows from them. χ² is at least 0.1.
 //! - q: what part of the texture's contrast the colours do not follow.
@@ -28,7 +28,7 @@
 //!   an angle `[rad]`.
 //! - s: how far the motions that contend with what was found ([`refine`](Problem::refine)) are from it, the lower
 //!   median of them; zero where one motion alone is left. Where searches end in minima of which now one is deeper
-//!   and now another, none tells how far off it is.
+//!   and now another, none shows how far off it is.
 //! - The pattern over the sheet is the root of g's own, half of it in logarithms, as no more of it can be found in
 //!   the errors.
 //!
@@ -55,7 +55,7 @@ use tessuto_core::mesh::Positions;
 const SAMPLES: usize = 16;
 /// Factor of the geometric mean.
 const FACTOR: f64 = 5.4;
-/// A mesh of so many vertices is fine, and the power of their fraction of it by which coarser ones count.
+/// A mesh of this many vertices is fine, and the power of their fraction of it by which coarser ones count.
 const FINE: usize = 200;
 const COARSE_POWER: f64 = 0.3;
 /// Frames to either side over which the size of the deviations is averaged.
@@ -163,7 +163,7 @@ fn apart_from_others(frames: &[Positions], motions: &[Vec<Positions>], frame: us
     (0..frames[frame].len()).map(of_vertex).collect()
 }
 
-/// f of a sheet of so many `vertices`, see the module.
+/// f of a sheet of this many `vertices`, see the module.
 fn fineness(vertices: usize) -> f64 {
     (vertices.min(FINE) as f64 / FINE as f64).powf(COARSE_POWER)
 }

@@ -96,7 +96,7 @@ fn samples_have_the_variances_of_the_dense_inverse() {
     let variances = joint.variances(count, 5, &mut Session::silent()).unwrap();
     let [mean, largest] = errors(&joint, &variances, count);
     println!("mean error {mean:.2}, largest {largest:.2} standard errors");
-    // 36 estimates: all within four standard errors but for one case in four hundred. They vary together, so their
+    // 36 estimates: all within four standard errors except in one case in four hundred. They vary together, so their
     // mean error does too.
     assert!(largest < 4.0 && mean.abs() < 2.0, "{mean} {largest}");
 

@@ -1,13 +1,10 @@
 //! The losses of the rollout fit and their gradients.
 
-use std::ops::Range;
-
 use glam::DVec3;
 
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::mesh::Positions;
 use tessuto_core::settings::settings;
-use tessuto_core::video::Frame;
 use tessuto_sim::Accelerations;
 
 settings! {
@@ -27,9 +24,6 @@ settings! {
     }
 }
 
-/// Added to a loss before gradients are divided by it.
-pub(crate) const LOSS_FLOOR: f64 = 1e-8;
-
 /// Losses by name, unweighted.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Losses {
@@ -39,7 +33,7 @@ pub struct Losses {
     pub silhouette: f64,
     /// Mean elastic energy `[J]`.
     pub energy: f64,
-    /// Mean acceleration across the view ray, see [`force_across_rays`] [m/s²].
+    /// Mean acceleration across the view ray, see `force_across_rays` `[m/s²]`.
     pub force: f64,
     /// Mean change of the dynamic acceleration [m/s²].
     pub force_smoothness: f64,
@@ -54,37 +48,6 @@ impl Losses {
             + w.force * self.force
             + w.force_smoothness * self.force_smoothness
     }
-}
-
-/// Colour and mask loss of one frame: means over the crop's pixels (and channels) of the squared differences,
-/// which count as none outside of the runs of pixels `compared`. `grad_rgba` is set to `scale`·∂(weighted
-/// sum)/∂rgba.
-pub fn image_loss(
-    rgba: &[[f32; 4]],
-    frame: &Frame,
-    compared: &[Range<usize>],
-    weights: &LossWeights,
-    scale: f64,
-    grad_rgba: &mut Vec<[f32; 4]>,
-) -> [f64; 2] {
-    let pixels = rgba.len() as f64;
-    let colour_scale = (2.0 * scale * weights.colour / (3.0 * pixels)) as f32;
-    let mask_scale = (2.0 * scale * weights.silhouette / pixels) as f32;
-    let (mut colour, mut silhouette) = (0.0, 0.0);
-    grad_rgba.clear();
-    grad_rgba.resize(rgba.len(), [0.0; 4]);
-    for run in compared {
-        let observed = frame.rgb.data[3 * run.start..3 * run.end].chunks_exact(3);
-        let observed = observed.zip(&frame.mask.data[run.clone()]);
-        let pixels = grad_rgba[run.clone()].iter_mut().zip(&rgba[run.clone()]).zip(observed);
-        for ((gradient, rendered), (rgb, &mask)) in pixels {
-            let d = [rendered[0] - rgb[0], rendered[1] - rgb[1], rendered[2] - rgb[2], rendered[3] - mask];
-            colour += f64::from(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-            silhouette += f64::from(d[3] * d[3]);
-            *gradient = [d[0] * colour_scale, d[1] * colour_scale, d[2] * colour_scale, d[3] * mask_scale];
-        }
-    }
-    [colour / (3.0 * pixels), silhouette / pixels]
 }
 
 /// Unit vectors from the eye of `view` to the vertices.

@@ -6,15 +6,12 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-pub mod compared;
-mod guard;
-pub(crate) mod losses;
-
-use super::parameters::{Dynamics, Parameters};
+use super::compared::Compared;
+use super::guard::DivergenceGuard;
+use super::losses::{LossWeights, Losses, force_across_rays, force_changes, view_rays};
+use crate::motion::image_loss::{LOSS_FLOOR, image_loss};
+use crate::motion::parameters::{Dynamics, Parameters};
 use crate::session::{Epoch, Session, foreign_state, named};
-use compared::Compared;
-use guard::DivergenceGuard;
-use losses::{LOSS_FLOOR, LossWeights, Losses, force_across_rays, force_changes, image_loss, view_rays};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::math::{finite, flat, vectors};
 use tessuto_core::mesh::Positions;
@@ -420,11 +417,12 @@ impl RolloutFit<'_> {
         share: f64,
     ) -> FrameLoss {
         let (view, weights) = (&self.scene.viewpoint(n), &self.settings.weights);
+        let of_image = [weights.colour, weights.silhouette];
         let mut gradients = Gradients::new(self.rasterizer);
         self.rasterizer.render(view, x, self.texture, &mut scratch.rendering);
         let compared = self.compared.frame(n);
         let [colour, silhouette] =
-            image_loss(&scratch.rendering.rgba, frame, compared, weights, share, &mut scratch.grad_rgba);
+            image_loss(&scratch.rendering.rgba, frame, compared, of_image, share, &mut scratch.grad_rgba);
         self.rasterizer.render_vjp(
             view,
             x,
