@@ -29,8 +29,7 @@ pub struct Begun<'a> {
     sheet: Sheet<'a>,
     /// What was known before, and who holds the cloth.
     known: Found,
-    /// What makes the motion best, constrained by the clip or not; `None` where it moves too little to search, or
-    /// the cloth cannot be simulated.
+    /// What makes the motion; `None` where the clip does not constrain it.
     rough: Option<Attempt>,
     /// What others would be that hold the cloth, and how likely, over what was found.
     others: Vec<(f64, Causes)>,
@@ -67,8 +66,8 @@ pub fn begin<'a>(
 }
 
 impl Begun<'_> {
-    /// Who holds the cloth and what moves it, in coarse steps; `None` where it moves too little, or the cloth
-    /// cannot be simulated.
+    /// Who holds the cloth and what moves it, in coarse steps; `None` where the clip does not constrain it, or the
+    /// cloth cannot be simulated.
     fn search(&mut self, found: &[Positions], advance: &mut dyn FnMut(usize)) -> Option<Attempt> {
         let (coarse, guess) = (self.sheet.task(found, &COARSE), &self.sheet.guess);
         let settings = self.sheet.settings;
@@ -97,12 +96,11 @@ impl Begun<'_> {
         }
         advance(HANDS + ROUGH);
         self.known.misfit = rough.misfit.sqrt();
-        guess.told.then_some(rough)
+        (guess.told && self.known.misfit <= DOUBTED).then_some(rough)
     }
 
     /// The motion, shape [N, V], that the causes found so far make along `found`, shape [N, V] `[m]`; `None` where
-    /// there are none, or the simulation loses the cloth. Causes that are no measurement, as something else holds
-    /// or moves the fabric besides, may still explain most of its accelerations: how much, the motions tell.
+    /// the clip does not constrain them, or the simulation loses the cloth.
     pub fn motion(&self, found: &[Positions]) -> Option<Vec<Positions>> {
         let Sheet { template, deviations, dynamics, settings, .. } = &self.sheet;
         let by = self.sheet.with(&self.known, self.rough.as_ref()?.causes.clone());
@@ -114,9 +112,8 @@ impl Begun<'_> {
     /// The causes of the motion `found`, shape [N, V] `[m]`, that differs little from the one at the beginning.
     /// Where the clip does not constrain them, or the cloth cannot be simulated, the prior stays.
     pub fn finish(&self, found: &[Positions]) -> Found {
-        let informed = self.rough.as_ref().filter(|_| self.known.misfit <= DOUBTED);
-        let finely = informed.and_then(|rough| self.search_finely(rough, found));
-        let out = finely.unwrap_or_else(|| self.known.clone());
+        let told = self.rough.as_ref().and_then(|rough| self.search_finely(rough, found));
+        let out = told.unwrap_or_else(|| self.known.clone());
         self.sheet.with(&out, out.causes.clone())
     }
 
