@@ -114,7 +114,7 @@ fn glb() -> Vec<u8> {
     let text = GLTF.split("data:").next().expect("a text").len();
     // The same document with its buffer as a chunk.
     let end = GLTF[text..].find('"').expect("the end of the uri") + text;
-    let mut json = format!("{}{}", &GLTF[..text].replace(",\"uri\":\"", ""), &GLTF[end + 1..]).into_bytes();
+    let mut json = format!("{}{}", &GLTF[..text].replace(",\n\"uri\":\"", ""), &GLTF[end + 1..]).into_bytes();
     while !json.len().is_multiple_of(4) {
         json.push(b' ');
     }
