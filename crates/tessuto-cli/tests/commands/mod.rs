@@ -6,6 +6,7 @@ mod compare;
 mod completions;
 mod evaluate;
 mod import;
+mod import_cameras;
 mod import_files;
 mod import_video;
 #[cfg(feature = "man")]
