@@ -100,7 +100,7 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     };
     let deviations = deviations.map(|(found, deviations)| of_motion(deviations, &found, &motion));
     session.end();
-    let history = session.history_of(&["texture", "track", "refine", "rollout"]);
+    let history = session.history_of(&["texture", "track", "refine", "fuse", "rollout"]);
     let timings = session.timings().to_vec();
     let texture = window.whole(&texture);
     Ok(Reconstruction { motion, deviations, parameters, causes, texture, history, timings, failure })
@@ -125,6 +125,10 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
     let (mut pool, lost) = problem.track(session)?;
     session.begin("refine");
     let (mut frames, stuck) = problem.refine(&mut pool, session)?;
+    if stuck.is_none() {
+        session.begin("fuse");
+        frames = problem.fuse(frames, &pool, session)?;
+    }
     session.begin("deviation");
     let deviations = match lost.is_none() && stuck.is_none() {
         true => Some(problem.deviations(&frames, &pool, config.seed, session)?),

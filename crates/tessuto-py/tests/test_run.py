@@ -61,7 +61,7 @@ def test_a_result_has_its_arrays(result: tessuto.Result, scene: tessuto.Scene) -
     assert result.fps == scene.fps and result.camera.width == 64
     assert result.stiffness[0] == result.parameters["stretch"]["value"]
     history = result.history
-    assert set(history["stage"]) == {"texture", "track", "refine"}
+    assert set(history["stage"]) == {"texture", "track", "refine", "fuse"}
     total = history["loss.total"]
     assert len(total) == len(history["step"]) and np.isfinite(total[history["stage"] == "refine"]).all()
     assert result.verdict in ("found", "doubtful", "lost") and result.metrics["verdicts"]

@@ -83,7 +83,8 @@ impl RunOptions {
         match self.config.method {
             Method::Rollout => stages.push(stage("rollout", 300.0)),
             Method::Spacetime => {
-                stages.extend([stage("track", 10.0), stage("refine", 20.0), stage("deviation", 2.0)]);
+                stages.extend([stage("track", 10.0), stage("refine", 20.0), stage("fuse", 10.0)]);
+                stages.push(stage("deviation", 2.0));
                 stages.push(stage("forces and stiffnesses", if self.config.causes.fit { 25.0 } else { 5.0 }));
             }
         }

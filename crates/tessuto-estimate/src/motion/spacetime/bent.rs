@@ -21,7 +21,7 @@ use tessuto_core::math::median::median;
 const BOUNDS: [f64; 2] = [0.25, 10.0];
 
 /// How a sheet bends, relative to template and settings.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Bent {
     /// Angle of every pair at rest, less the template's, of nominal arms `[rad]`; empty: as the template.
     rest: Vec<f64>,

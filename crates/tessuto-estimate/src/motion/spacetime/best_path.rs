@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::noise::Asked;
 use super::{LevelSearch, Positions, Problem, acceleration};
 
 /// What tracking found, and what became of it.
@@ -14,12 +15,14 @@ pub struct Pool {
     pub best: Vec<Positions>,
     /// Whether all followers found the same: no others are looked for.
     pub agreed: bool,
+    /// What the clip asked for when they were refined.
+    pub(super) asked: Option<Asked>,
 }
 
 impl Pool {
     /// Of one motion, beside which no others are looked for.
     pub fn of(motion: Vec<Positions>) -> Self {
-        Self { motions: vec![motion.clone()], best: motion, agreed: true }
+        Self { motions: vec![motion.clone()], best: motion, agreed: true, asked: None }
     }
 }
 

@@ -27,7 +27,7 @@ impl Problem<'_> {
             return Pool::of(best);
         }
         // Given light and spread another path may be the best.
-        Pool { best: self.best_path(&found), motions: found, agreed: false }
+        Pool { best: self.best_path(&found), motions: found, agreed: false, asked: None }
     }
 
     /// Whether all followers found the same, and its print everywhere: `best` needs no others.

@@ -80,6 +80,10 @@
 //! pool (`followed`). Frames that are lost on the way and found again later are filled from the later ones, by
 //! those who go backward.
 //!
+//! Of a part that is reflected along the view rays the image hardly changes: a dent is found for a bulge, and no
+//! small step leads from one to the other. So `fuse` proposes such motions, and those that contended, and takes from
+//! each what it explains better, vertex by vertex.
+//!
 //! Sheets that keep their lengths better than most are held to them more firmly after the first level of `refine`
 //! (`noise`). `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of
 //! bending about it are the clip's own from the start (`bent`).
@@ -102,6 +106,7 @@ mod bent;
 pub mod best_path;
 pub mod deviation;
 mod followed;
+mod fuse;
 pub mod gain;
 mod joint;
 mod level;
@@ -113,6 +118,7 @@ mod print;
 #[cfg(test)]
 mod proof;
 mod refine;
+mod relief;
 mod settings;
 mod still;
 mod track;

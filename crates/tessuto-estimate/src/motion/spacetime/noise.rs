@@ -36,7 +36,7 @@ const LEAST_SPREAD: f64 = 0.4;
 const LIT: i32 = 3;
 
 /// What a clip asks for, relative to the settings.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Asked {
     /// What a pixel's colour counts as, by the noise of the clip's.
     pub colours: f64,

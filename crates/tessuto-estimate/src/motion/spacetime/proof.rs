@@ -255,6 +255,17 @@ fn every_term_has_one_value_and_a_system_without_negative_curvature() {
 }
 
 #[test]
+fn vertices_bear_all_that_pictures_cost() {
+    with_search(|search, frames| {
+        let (terms, x) = (search.terms(1), &frames[1]);
+        let shares = terms.shares_of_pictures(x);
+        let (sum, value) = (shares.iter().sum::<f64>(), terms.of_pictures(x));
+        println!("{sum} of {value}");
+        assert!(value > 0.0 && (sum / value - 1.0).abs() < 1e-12 && shares.iter().all(|share| *share >= 0.0));
+    });
+}
+
+#[test]
 fn the_joint_system_is_the_sum_of_its_parts() {
     with_search(|search, frames| {
         let (cloth, kappa, lambda) = (search.problem.cloth, search.acceleration_weight, 0.3);

@@ -12,7 +12,7 @@ use crate::session::{Epoch, Session, foreign_state, named};
 use tessuto_core::error::{Error, Result};
 
 /// Part of the iterations over which the priors go from the start's to their own.
-const ANNEALED: f64 = 0.7;
+pub(super) const ANNEALED: f64 = 0.7;
 
 /// What [`Problem::refine`] goes on from.
 #[derive(Serialize, Deserialize)]
@@ -92,6 +92,7 @@ impl Problem<'_> {
                 if several {
                     *pool = self.contenders(&pool.motions, refined.done, first);
                 }
+                pool.asked = Some(refined.asked);
                 return Ok((refined.frames, failure));
             }
             // A motion whose objective is no longer finite stays as it is: others are better.
@@ -140,7 +141,7 @@ impl Problem<'_> {
         let best = (0..path.len()).map(start).collect();
         let contends = |motion: &Vec<Positions>| (1..path.len()).any(|n| took(motion, n));
         let motions = became.into_iter().filter(contends).chain([before]).collect();
-        Pool { motions, best, agreed: false }
+        Pool { motions, best, agreed: false, asked: None }
     }
 
     fn unrefined(&self, done: Vec<Vec<Positions>>, again: Followers, frames: Vec<Positions>) -> Refined {
@@ -266,7 +267,7 @@ mod tests {
         assert!(again < 0.1 * alone);
         for motions in [[far.clone(), near.clone()], [near, far]] {
             let (frames, pool) =
-                refined(Pool { motions: motions.to_vec(), best: right.clone(), agreed: false });
+                refined(Pool { motions: motions.to_vec(), best: right.clone(), agreed: false, asked: None });
             let ends: Vec<f64> = pool.motions.iter().map(|motion| off(motion, &right)).collect();
             println!(
                 "{alone} m off from the farther start alone, {} from both, which end at {ends:?}",
@@ -285,7 +286,7 @@ mod tests {
         let problem = Problem::new(&scene, &cloth, settings).unwrap();
         let right = vec![scene.template.positions.clone(); scene.frames.len()];
         let motions = [2e-3, 4e-3].map(|by| aside(&right, DVec3::X * by)).to_vec();
-        let start = || Pool { motions: motions.clone(), best: right.clone(), agreed: false };
+        let start = || Pool { motions: motions.clone(), best: right.clone(), agreed: false, asked: None };
         let mut whole = start();
         let mut steps = 0;
         let mut counting = Session::new(|_, _| {

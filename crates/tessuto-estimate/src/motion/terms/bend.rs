@@ -13,7 +13,7 @@ use tessuto_sim::angle;
 use tessuto_sim::cloth::{AngleSpring, Cloth, arms};
 
 /// Number of arms along a sheet whose spreads are as they are given.
-const NOMINAL_ARMS: f64 = 24.0;
+pub const NOMINAL_ARMS: f64 = 24.0;
 
 /// See the module.
 #[derive(Clone)]

@@ -160,6 +160,15 @@ impl Colour<'_> {
         sums[0] + sums[1]
     }
 
+    /// Adds what of the value every vertex bears, shape `[V]`: the corners of a triangle a third each. Pixels that mask
+    /// or mesh cover alone no vertex bears.
+    pub fn add_shares(&self, x: &[DVec3], shares: &mut [f64]) {
+        for (triangle, corners) in self.samples.triangles.iter().enumerate() {
+            let third = self.triangle_value(triangle, x) / 3.0;
+            corners.iter().for_each(|v| shares[*v as usize] += third);
+        }
+    }
+
     /// Area of the points that the frame shows, as far as it shows them [px of `level`].
     pub fn area(&self, x: &[DVec3]) -> f64 {
         let of_triangle = |triangle: usize| {

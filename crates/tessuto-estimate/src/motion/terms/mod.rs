@@ -168,6 +168,15 @@ impl FrameTerms<'_> {
         self.colour.value(x) + self.outline.value(x) + self.shading.value(x)
     }
 
+    /// What of the terms that compare with the images every vertex bears, shape `[V]`.
+    pub fn shares_of_pictures(&self, x: &[DVec3]) -> Vec<f64> {
+        let mut shares = vec![0.0; x.len()];
+        self.colour.add_shares(x, &mut shares);
+        self.outline.add_shares(x, &mut shares);
+        self.shading.add_shares(x, &mut shares);
+        shares
+    }
+
     /// The value of every term at `x`, and the system of their sum.
     pub fn linearise(&self, cloth: &Cloth, x: &[DVec3]) -> ([f64; TERMS], FrameSystem) {
         let mut system = FrameSystem::zeros(cloth);

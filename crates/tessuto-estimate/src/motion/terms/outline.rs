@@ -53,6 +53,22 @@ impl Outline<'_> {
         2.0 * value * self.noise.sigma.powi(2)
     }
 
+    /// What a point costs.
+    fn of_point(&self, point: &EdgePoint, x: &[DVec3]) -> f64 {
+        match self.residual(point, x) {
+            Some((r, _)) => self.weight * point.length * self.noise.geman_mcclure(r * r).0,
+            None => 0.0,
+        }
+    }
+
+    /// Adds what of the value every vertex bears, shape `[V]`: the ends of an edge, by how near a point is to them.
+    pub fn add_shares(&self, x: &[DVec3], shares: &mut [f64]) {
+        for (point, _) in self.points() {
+            let value = self.of_point(point, x);
+            (0..2).for_each(|k| shares[point.vertices[k] as usize] += point.weights[k] * value);
+        }
+    }
+
     /// Distance `[px]` of a point to the outline and its derivative by the point; `None` where it does not count.
     fn residual(&self, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
         let p = point.position(x);
@@ -68,11 +84,7 @@ impl Term for Outline<'_> {
     }
 
     fn value(&self, x: &[DVec3]) -> f64 {
-        let of_point = |(point, _): (&EdgePoint, usize)| match self.residual(point, x) {
-            Some((r, _)) => self.weight * point.length * self.noise.geman_mcclure(r * r).0,
-            None => 0.0,
-        };
-        self.points().map(of_point).sum()
+        self.points().map(|(point, _)| self.of_point(point, x)).sum()
     }
 
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {

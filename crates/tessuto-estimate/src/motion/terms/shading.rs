@@ -111,6 +111,17 @@ impl Shading<'_> {
         })
     }
 
+    /// Adds what of the value every vertex bears, shape `[V]`.
+    pub fn add_shares(&self, x: &[DVec3], shares: &mut [f64]) {
+        if self.seen.is_empty() {
+            return;
+        }
+        let (_, sums) = self.normals(x);
+        for (share, vertex) in shares.iter_mut().zip(self.at_vertices(&sums)) {
+            *share += vertex.map_or(0.0, |vertex| vertex.value);
+        }
+    }
+
     fn at_vertices(&self, sums: &[(DVec3, f64)]) -> Vec<Option<Vertex>> {
         let of = |(seen, sum): (&Option<Seen>, &(DVec3, f64))| self.at_vertex(seen.as_ref()?, *sum);
         self.seen.iter().zip(sums).map(of).collect()

@@ -282,7 +282,7 @@ fn what_searches_differ_by_is_uncertain() {
         frames.iter().map(|x| x.iter().map(|p| *p + DVec3::Z * by).collect()).collect()
     };
     let of = |motions: Vec<Vec<Positions>>| {
-        let pool = Pool { motions, best: frames.clone(), agreed: false };
+        let pool = Pool { motions, best: frames.clone(), agreed: false, asked: None };
         problem.deviations(&frames, &pool, 1, &mut Session::silent()).unwrap()[2][7]
     };
     let alone = of(vec![frames.clone()]);
