@@ -215,24 +215,27 @@ mod tests {
 
     #[test]
     fn a_dent_that_was_taken_for_a_bulge_is_found() {
-        let settings =
-            Settings { frames: 6, size: 192, grid: [13, 13], wind: 6.0, seed: 4, ..Settings::default() };
-        let scene = make(&settings).unwrap();
-        let cloth = Cloth::new(&scene.template);
-        let mut problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
-        let truth: Vec<Positions> = scene.truth.vertices.as_ref().unwrap().iter().cloned().collect();
-        problem.light = problem.light_of(&truth);
-        problem.acceleration = problem.acceleration_spread(&truth);
-        let (asked, still) = (problem.asked(&truth), Vec::new());
-        let fused = Fused { frames: truth.clone(), value: 0.0, tried: 0, asked, still };
-        let best = problem.settled(&fused, truth.clone(), 1.0, 20);
-        let wrong = problem.settled(&fused, problem.reflected(&truth, 0.2), 0.0, 20);
-        let found = problem.fuse(wrong.clone(), &Pool::of(wrong.clone()), &mut Session::silent()).unwrap();
-        let [best, wrong, found] =
-            [best, wrong, found].map(|frames| (off(&frames, &truth), problem.value(&fused, &frames)));
-        println!("from the truth {best:?}, reflected {wrong:?}, fused {found:?}");
-        assert!(wrong.0 > 2.0 * best.0, "a minimum of its own");
-        assert!(found.1 < wrong.1 && found.0 < 0.5 * wrong.0);
+        for seed in [4, 5] {
+            let settings =
+                Settings { frames: 6, size: 192, grid: [13, 13], wind: 6.0, seed, ..Settings::default() };
+            let scene = make(&settings).unwrap();
+            let cloth = Cloth::new(&scene.template);
+            let mut problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
+            let truth: Vec<Positions> = scene.truth.vertices.as_ref().unwrap().iter().cloned().collect();
+            problem.light = problem.light_of(&truth);
+            problem.acceleration = problem.acceleration_spread(&truth);
+            let (asked, still) = (problem.asked(&truth), Vec::new());
+            let fused = Fused { frames: truth.clone(), value: 0.0, tried: 0, asked, still };
+            let best = problem.settled(&fused, truth.clone(), 1.0, 20);
+            let wrong = problem.settled(&fused, problem.reflected(&truth, 0.4), 0.0, 20);
+            let pool = Pool::of(wrong.clone());
+            let found = problem.fuse(wrong.clone(), &pool, &mut Session::silent()).unwrap();
+            let [best, wrong, found] =
+                [best, wrong, found].map(|frames| (off(&frames, &truth), problem.value(&fused, &frames)));
+            println!("seed {seed}: from the truth {best:?}, reflected {wrong:?}, fused {found:?}");
+            assert!(wrong.0 > 10.0 * best.0, "a minimum of its own");
+            assert!(found.1 < wrong.1 && found.0 < 0.1 * wrong.0);
+        }
     }
 
     #[test]
