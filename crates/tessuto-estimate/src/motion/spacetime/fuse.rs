@@ -4,7 +4,7 @@
 //! the two ways that a dent may go each part of the sheet has its own. So a motion proposed is compared with the
 //! present one around every vertex in every frame, by what the pictures there cost with either, averaged over a patch
 //! of the sheet and over adjacent frames; what is explained better by the other is taken from it, the seams are
-//! refined, and the outcome is the new present motion if its E is lower. So nothing gets worse by what is proposed.
+//! refined, and the outcome is the new present motion if its E is lower. So no proposal raises E; the error it may.
 //!
 //! Proposed are the motions that contended when all frames were refined, and reflected reliefs (`relief`).
 
