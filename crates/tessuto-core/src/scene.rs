@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use glam::DVec3;
 
-use crate::camera::{Camera, Rect, Viewpoint};
+use crate::camera::{Camera, Pose, Rect, Viewpoint};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Motion};
 use crate::video::Video;
@@ -15,7 +15,7 @@ pub use tracks::Tracks;
 /// What is known of the true motion, in all frames or in some; used by evaluation only.
 #[derive(Debug, Clone, Default)]
 pub struct Truth {
-    /// Measured surface points `[m]` per frame, camera frame; no point where nothing was measured.
+    /// Measured surface points `[m]` per frame, in the world's frame; no point where nothing was measured.
     pub points: Option<Vec<Vec<DVec3>>>,
     /// True positions `[m]` of the template's vertices per frame.
     pub vertices: Option<Motion>,
@@ -48,13 +48,18 @@ pub struct Scene {
     pub fps: f64,
     /// Camera of the crop (its principal point is shifted).
     pub camera: Camera,
+    /// Where the camera is in each of `frames`; at the world's origin in all of them if there are none. The world is
+    /// the camera's frame in the first frame of the folder.
+    pub poses: Option<Vec<Pose>>,
+    /// The unit of their lengths.
+    pub pose_unit: PoseUnit,
     /// The crop in the full image.
     pub crop: Rect,
     /// Full image width and height `[px]`.
     pub full_size: [usize; 2],
     /// Index, in the folder, of the first of `frames`.
     pub first_frame: usize,
-    /// The fabric in frame `first_frame`.
+    /// The fabric in frame `first_frame`, in the world's frame `[m]`.
     pub template: Mesh,
     /// The video, N frames.
     pub frames: Video,
@@ -64,20 +69,37 @@ pub struct Scene {
     pub truth: Truth,
 }
 
+/// The unit of the lengths of a camera's path.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum PoseUnit {
+    /// Metres, as given.
+    #[default]
+    Metres,
+    /// None, as of poses that were found from images alone: how long it is has to be found first.
+    Unknown,
+    /// Metres, since one unit was found to be this long, with this standard deviation `[m]`.
+    Found {
+        /// Metres in one unit.
+        length: f64,
+        /// Standard deviation `[m]`.
+        sd: f64,
+    },
+}
+
 /// What scene.json says of the causes of a motion.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Known {
-    /// Direction of gravity in the camera's frame, a unit vector.
+    /// Direction of gravity in the world's frame, a unit vector.
     pub down: Option<DVec3>,
     /// Vertices of the template that something holds, in ascending order.
     pub held: Option<Vec<usize>>,
 }
 
 impl Scene {
-    /// The way from a point to a pixel of frame `n`, of the crop. It is the same for all frames: the camera stands
-    /// at the world's origin.
-    pub fn viewpoint(&self, _n: usize) -> Viewpoint {
-        Viewpoint::from(self.camera)
+    /// The way from a point to a pixel of frame `n`, of the crop.
+    pub fn viewpoint(&self, n: usize) -> Viewpoint {
+        let camera_from_world = self.poses.as_ref().map(|poses| poses[n]);
+        Viewpoint { camera: self.camera, camera_from_world }
     }
 
     /// The same of every frame, shape `[N]`.
@@ -105,6 +127,14 @@ impl Scene {
         }
         if self.frames.is_empty() {
             return fail("scene".into(), "it has no frames".into(), "give one frame at least");
+        }
+        if let Some(poses) = self.poses.as_ref().filter(|poses| poses.len() != self.frames.len()) {
+            let problem = format!("{} poses of {} frames", poses.len(), self.frames.len());
+            return fail("poses".into(), problem, "give one pose per frame");
+        }
+        if self.pose_unit == PoseUnit::Unknown {
+            let hint = "find the length of its unit first, or give it";
+            return fail("poses".into(), "their lengths have no unit".into(), hint);
         }
         // Frames that are not held have been checked when they were read.
         for (k, frame) in self.frames.held().unwrap_or_default().iter().enumerate() {

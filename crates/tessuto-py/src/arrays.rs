@@ -3,9 +3,9 @@
 use numpy::ndarray::{ArrayView2, ArrayView3, Axis};
 use numpy::{Element, PyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
-use tessuto::Positions;
 use tessuto::glam::{DVec2, DVec3};
 use tessuto::mesh::{Face, Mesh};
+use tessuto::{Pose, Positions};
 
 /// A [V, 3] array.
 pub fn positions(array: ArrayView2<f64>) -> PyResult<Positions> {
@@ -27,6 +27,18 @@ pub fn field(array: ArrayView2<f64>, count: usize, what: &str) -> PyResult<Posit
 /// An [N, V, 3] array.
 pub fn frames(array: ArrayView3<f64>) -> PyResult<Vec<Positions>> {
     array.axis_iter(Axis(0)).map(positions).collect()
+}
+
+/// An [N, 4, 4] array of poses, camera from world.
+pub fn poses(array: ArrayView3<f64>) -> PyResult<Vec<Pose>> {
+    if array.shape()[1..] != [4, 4] {
+        return Err(crate::error::refused(format!(
+            "poses has shape {:?}, expected (N, 4, 4)",
+            array.shape()
+        )));
+    }
+    let pose = |m: ArrayView2<f64>| Pose::from_rows(&std::array::from_fn(|k| m[[k / 4, k % 4]]));
+    Ok(array.axis_iter(Axis(0)).map(pose).collect())
 }
 
 /// A mesh of [V, 3] positions, texture coordinates [U, 2], and for every face the indices of both.

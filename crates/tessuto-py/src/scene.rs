@@ -86,6 +86,7 @@ impl Scene {
         uv_faces: Option<Vec<Vec<u32>>>,
         true_vertices: Option<PyReadonlyArray3<'_, f64>>,
         true_points: Option<Vec<PyReadonlyArray2<'_, f64>>>,
+        poses: Option<PyReadonlyArray3<'_, f64>>,
     ) -> PyResult<Self> {
         let template = arrays::mesh(vertices.as_array(), uv.as_array(), faces, uv_faces)?;
         let vertices = true_vertices.map(|array| arrays::frames(array.as_array())).transpose()?;
@@ -97,6 +98,7 @@ impl Scene {
             name,
             fps,
             camera: camera(intrinsics),
+            poses: poses.map(|poses| arrays::poses(poses.as_array())).transpose()?,
             crop: crop.map(|(x0, y0, x1, y1)| Rect { x0, y0, x1, y1 }),
             frames: frames.samples(),
             masks: masks.samples(),
@@ -141,6 +143,13 @@ impl Scene {
     fn camera(&self) -> Intrinsics {
         let Camera { fx, fy, cx, cy, width, height } = self.loaded.scene.camera;
         (fx, fy, cx, cy, width, height)
+    }
+
+    #[getter]
+    fn poses<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray3<f64>>>> {
+        let poses = self.loaded.scene.poses.as_ref();
+        let rows = |poses: &Vec<tessuto::Pose>| poses.iter().flat_map(tessuto::Pose::rows).collect();
+        poses.map(|poses| arrays::shaped(py, rows(poses), [poses.len(), 4, 4])).transpose()
     }
 
     #[getter]

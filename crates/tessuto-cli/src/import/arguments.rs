@@ -20,6 +20,8 @@ Examples:
     --camera colmap/cameras.txt --downscale 2
   tessuto import clip.mov scenes/towel --masks masks/ \\
     --camera calibration.yml --frames 120..180
+  tessuto import frames/ scenes/held --fps 30 --masks masks/ \\
+    --camera scan/transforms.json --poses scan/transforms.json
 
   # afterwards, if there is no template yet
   tessuto template scenes/towel --flat 0.7x0.5m --from-mask
@@ -68,6 +70,13 @@ pub struct Arguments {
     /// Shrink frames by this integer factor.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub downscale: usize,
+    /// Where the camera was, if it moved: COLMAP's images.txt or images.bin, transforms.json (nerfstudio), odometry.csv
+    /// (Stray Scanner), metadata (Record3D), keyframes (Polycam), poses.json; or a folder that holds one.
+    #[arg(long, value_name = "PATH")]
+    pub poses: Option<PathBuf>,
+    /// Metres in one unit of the poses' lengths; those of COLMAP have none, and it is found with the motion.
+    #[arg(long, value_name = "METRES", requires = "poses")]
+    pub pose_scale: Option<f64>,
     /// Treat numbered images with gaps as evenly spaced in time.
     #[arg(long)]
     pub allow_gaps: bool,

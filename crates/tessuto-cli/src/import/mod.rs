@@ -6,7 +6,9 @@ use std::path::Path;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tessuto::Error;
-use tessuto::import::{CARRIED_OVER, Masks, Settings, check_target, copy_template, expect_files, import};
+use tessuto::import::{
+    CARRIED_OVER, Masks, Settings, check_target, copy_template, expect_files, import, read_path,
+};
 use tessuto::masks::{EmptyPlace, Request};
 use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::text::quoted;
@@ -50,6 +52,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         invert_masks: arguments.invert_masks,
         largest_piece: arguments.source.largest_piece,
         calibration: arguments.lens.calibration_of(&arguments.input)?,
+        poses: arguments.poses.as_deref().map(read_path).transpose()?,
+        pose_scale: arguments.pose_scale,
         fps: arguments.fps,
         rate: arguments.rate,
         frames: arguments.frames.clone(),

@@ -21,6 +21,7 @@ Examples:
   tessuto synth scenes/canvas --grid 25x31 --size 640 --bend 1e-3
   tessuto synth scenes/carried --hands --blur --fps 15
   tessuto synth scenes/sheet --paper --occluders
+  tessuto synth scenes/held --orbit 25 --shake 5
 
   # with the true physics, for evaluate to compare with
   tessuto synth scenes/physics --air --hands --frames 40")]
@@ -78,6 +79,12 @@ pub struct Arguments {
     /// Masks show the whole cloth, with what is hidden behind occluders.
     #[arg(long, requires = "occluders")]
     amodal: bool,
+    /// The camera goes around the cloth by this angle, to its right; its poses are in poses.json [°].
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_negative_numbers = true)]
+    orbit: f64,
+    /// The camera is held in a hand that shakes by so much, and turns by 1° for each cm [mm].
+    #[arg(long, value_name = "MM", default_value_t = 0.0)]
+    shake: f64,
     /// Seed of texture, wind, mesh and all that is drawn at random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -125,5 +132,6 @@ impl Arguments {
         s.occluders = self.occluders.unwrap_or(0);
         s.amodal = self.amodal;
         s.blur = self.blur.unwrap_or(0.0);
+        (s.orbit, s.shake) = (self.orbit, 1e-3 * self.shake);
     }
 }

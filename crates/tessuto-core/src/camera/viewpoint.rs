@@ -23,6 +23,45 @@ impl Pose {
         Self { rotation: DMat3::from_quat(turn), translation: rng.vector() }
     }
 
+    /// At the world's origin, along its axes.
+    pub const IDENTITY: Self = Self { rotation: DMat3::IDENTITY, translation: DVec3::ZERO };
+
+    /// Of a 4×4 matrix by rows, whose last row is 0 0 0 1. Whether it is a rotation is not looked at.
+    pub fn from_rows(m: &[f64; 16]) -> Self {
+        let row = |k: usize| DVec3::new(m[4 * k], m[4 * k + 1], m[4 * k + 2]);
+        let rotation = DMat3::from_cols(row(0), row(1), row(2)).transpose();
+        Self { rotation, translation: DVec3::new(m[3], m[7], m[11]) }
+    }
+
+    /// The 4×4 matrix by rows.
+    pub fn rows(&self) -> [f64; 16] {
+        let (rows, t) = (self.rotation.transpose(), self.translation);
+        let [a, b, c] = [rows.x_axis, rows.y_axis, rows.z_axis];
+        [a.x, a.y, a.z, t.x, b.x, b.y, b.z, t.y, c.x, c.y, c.z, t.z, 0.0, 0.0, 0.0, 1.0]
+    }
+
+    /// From the camera's frame to the world's.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        let rotation = self.rotation.transpose();
+        Self { rotation, translation: -(rotation * self.translation) }
+    }
+
+    /// First `before`, then this: a point p is at self(before(p)).
+    #[must_use]
+    pub fn after(&self, before: &Self) -> Self {
+        let translation = self.rotation * before.translation + self.translation;
+        Self { rotation: self.rotation * before.rotation, translation }
+    }
+
+    /// How far the camera is turned `[rad]` and moved `[m]` from where `other` is.
+    pub fn apart(&self, other: &Self) -> [f64; 2] {
+        let way = self.after(&other.inverse());
+        let cos = 0.5 * (way.rotation.x_axis.x + way.rotation.y_axis.y + way.rotation.z_axis.z - 1.0);
+        let centre = |pose: &Self| pose.in_world(DVec3::ZERO);
+        [cos.clamp(-1.0, 1.0).acos(), centre(self).distance(centre(other))]
+    }
+
     /// The point of the world that lies at `p_camera` in the camera's frame.
     pub fn in_world(&self, p_camera: DVec3) -> DVec3 {
         self.rotation.transpose() * (p_camera - self.translation)
@@ -163,6 +202,22 @@ impl Viewpoint {
 mod tests {
     use super::*;
     use crate::math::rng::Rng;
+
+    #[test]
+    fn poses_are_inverted_chained_and_written_by_rows() {
+        let mut rng = Rng::new(5, 0);
+        let [a, b] = [Pose::random(&mut rng), Pose::random(&mut rng)];
+        let at = |pose: &Pose, p: DVec3| pose.rotation * p + pose.translation;
+        let p = rng.vector();
+        assert!((at(&a.after(&b), p) - at(&a, at(&b, p))).length() < 1e-12);
+        assert!((at(&a.inverse(), at(&a, p)) - p).length() < 1e-12);
+        assert_eq!(Pose::from_rows(&a.rows()), a);
+        assert_eq!(Pose::IDENTITY.rows()[..6], [1.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        let turn = Pose { rotation: DMat3::from_rotation_y(0.3), translation: DVec3::ZERO };
+        let moved = Pose { translation: DVec3::X * 0.2, ..Pose::IDENTITY };
+        let [angle, way] = turn.after(&moved).apart(&Pose::IDENTITY);
+        assert!((angle - 0.3).abs() < 1e-9 && (way - 0.2).abs() < 1e-12, "{angle} {way}");
+    }
 
     const CAMERA: Camera = Camera { fx: 800.0, fy: 700.0, cx: 319.5, cy: 239.5, width: 640, height: 480 };
 

@@ -40,6 +40,8 @@ pub enum Remedy {
     Feature(String),
     /// `import::Settings::fps`.
     Fps,
+    /// The metres in one unit of the camera's poses.
+    PoseScale,
     /// `import::Settings::rate`.
     Rate,
     /// `import::Settings::masks`.
@@ -150,6 +152,7 @@ impl fmt::Display for Remedy {
             Self::Set(assignment) => f.write_str(assignment),
             Self::Feature(name) => write!(f, "feature {name}"),
             Self::Fps => f.write_str("fps"),
+            Self::PoseScale => f.write_str("pose_scale"),
             Self::Rate => f.write_str("rate"),
             Self::Masks => f.write_str("masks"),
             Self::Object => f.write_str("object"),

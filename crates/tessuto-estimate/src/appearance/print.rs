@@ -254,6 +254,8 @@ mod tests {
             fps: 25.0,
             camera,
             crop: Rect { x0: 0, y0: 0, x1: 80, y1: 80 },
+            poses: None,
+            pose_unit: Default::default(),
             full_size: [80, 80],
             first_frame: 0,
             template,

@@ -72,7 +72,8 @@ impl Source {
             Kind::Images(images) => {
                 let chosen = choose(settings, images.len())?;
                 let size = image::size(&images[chosen[0]])?;
-                let colours = Colours::new(settings, size, 1.0, chosen.len(), notes)?;
+                let mut colours = Colours::new(settings, size, 1.0, chosen.len(), notes)?;
+                colours.read = images.len();
                 in_order(chosen.into_par_iter().enumerate(), |(k, n)| {
                     stage.colour_file(&colours, k, &images[n])
                 })?;
@@ -98,6 +99,7 @@ impl Source {
                 colours.frames = 0..written;
                 notes.extend(stream.complaints());
                 choose(settings, count)?;
+                colours.read = count;
                 Ok(colours)
             }
         }

@@ -15,6 +15,7 @@ mod names;
 mod nerfstudio;
 mod opencv;
 mod pairing;
+mod path;
 mod stage;
 mod stills;
 mod target;
@@ -27,12 +28,14 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::io::mask::Object;
-use crate::io::scene::write_manifest;
+use crate::io::scene::{moving, set_gravity, write_manifest, write_poses};
 use crate::io::{model, obj};
-use frames::Source;
-use stage::Stage;
+use frames::{Kind, Source};
+use path::Inputs;
+use stage::{Colours, Stage};
 use tessuto_core::camera::Camera;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::scene::PoseUnit;
 
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::{camera_files, read_calibration};
@@ -40,6 +43,7 @@ pub use depth::{Captured, read_depth};
 pub use empty::empty_place;
 pub use lens::Distortion;
 pub use metadata::camera_of;
+pub use path::{CameraPath, pose_files, read_path};
 pub use stills::{StillSettings, Stills, stills};
 pub use target::{CARRIED_OVER, check_target, copy_template};
 
@@ -69,6 +73,10 @@ pub struct Settings {
     pub largest_piece: bool,
     /// The lens.
     pub calibration: Calibration,
+    /// Where the camera was in every frame of the input, if it moved.
+    pub poses: Option<CameraPath>,
+    /// Metres in one unit of its lengths, in place of what its file says.
+    pub pose_scale: Option<f64>,
     /// Frames per second; a video is resampled to it. Needed for images whose names do not state their times.
     pub fps: Option<f64>,
     /// Frames per second at which the frames of a video were filmed, one after the other, whatever its time stamps say.
@@ -151,6 +159,7 @@ pub fn import(
         "camera": { "source": settings.calibration.place, "uncertainty": settings.calibration.uncertainty },
     });
     write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
+    write_path(settings, &source, &colours, folder, &mut notes)?;
     Ok(Imported { frames: colours.frames.len(), fps, camera, notes })
 }
 
@@ -186,6 +195,53 @@ fn validate(settings: &Settings) -> Result<()> {
         ));
     }
     Ok(())
+}
+
+/// Writes where the camera was, in the frame of the first one, and which way is down where that is known.
+fn write_path(
+    settings: &Settings,
+    source: &Source,
+    colours: &Colours,
+    folder: &Path,
+    notes: &mut Vec<String>,
+) -> Result<()> {
+    let Some(path) = &settings.poses else { return Ok(()) };
+    let names = match &source.kind {
+        Kind::Images(images) => Some(&images[..]),
+        Kind::Video(_) if settings.fps.is_some() => {
+            return Err(Error::usage(
+                "poses of a video that is resampled",
+                "leave the frame rate out: there is one pose for each frame as it was filmed",
+            ));
+        }
+        Kind::Video(_) => None,
+    };
+    let first = settings.frames.as_ref().map_or(0, |range| range.start);
+    let chosen: Vec<usize> = (0..colours.frames.len()).map(|k| first + k * settings.stride).collect();
+    let whole = settings.frames.is_none() || names.is_some();
+    // Of a video that was not read to its end nobody knows how many frames it has.
+    let count = if whole { colours.read } else { path.len() };
+    let (poses, down) = path.of(&Inputs { names, count }, &chosen, settings)?;
+    let Some(poses) = moving(&poses) else {
+        notes.push("the camera stands still in all of its poses".to_owned());
+        return Ok(());
+    };
+    let unit = path.unit(settings);
+    write_poses(folder, &poses, unit)?;
+    let far = poses
+        .iter()
+        .map(|pose| pose.apart(&poses[0]))
+        .fold([0.0; 2], |most: [f64; 2], way| [most[0].max(way[0]), most[1].max(way[1])]);
+    let what = if unit == PoseUnit::Unknown { "units, whose length is found with the motion," } else { "m" };
+    notes.push(format!(
+        "the camera moves by up to {:.2} {what} and turns by up to {:.0}° from where it is in the first frame",
+        far[1],
+        far[0].to_degrees()
+    ));
+    match down {
+        Some(down) => set_gravity(folder, down),
+        None => Ok(()),
+    }
 }
 
 /// Copies or converts the mesh at `path` to template.obj.

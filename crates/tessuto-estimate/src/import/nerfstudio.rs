@@ -68,7 +68,8 @@ fn parse(file: &Value, place: &str) -> Result<Calibration> {
     let mut notes = Vec::new();
     if moves(frames) {
         notes.push(
-            "the camera moves between frames, but one fixed camera is taken: film from a tripod".to_owned(),
+            "the camera moves between frames; unless its poses are given, too, it is taken to stand still"
+                .to_owned(),
         );
     }
     let or_zero = |v: Option<f64>| v.unwrap_or(0.0);

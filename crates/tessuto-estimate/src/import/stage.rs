@@ -29,6 +29,8 @@ pub(super) struct Stage<'a> {
 pub(super) struct Colours {
     /// Numbers of the written frames.
     pub frames: Range<usize>,
+    /// Frames of the input, as far as it was read.
+    pub read: usize,
     /// Pinhole camera of the frames before they are made smaller.
     pub camera: Camera,
     undistortion: Option<Undistortion>,
@@ -78,7 +80,7 @@ impl Colours {
                 ));
             }
         }
-        Ok(Self { frames: 0..count, camera, undistortion })
+        Ok(Self { frames: 0..count, read: count, camera, undistortion })
     }
 
     /// Width and height of the frames before they are made smaller `[px]`.

@@ -6,7 +6,8 @@ use tessuto_core::error::Result;
 use tessuto_core::scene::Scene;
 use tessuto_core::text::hex;
 
-/// SHA-256 of everything that is computed with: `settings` as text, the camera, the template and all pixels.
+/// SHA-256 of everything that is computed with: `settings` as text, the camera and its poses, the template and all
+/// pixels.
 ///
 /// # Errors
 /// Those of reading the frames.
@@ -16,6 +17,9 @@ pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
     hash.update([0]);
     let template = &scene.template;
     hash.update(format!("{:?} {:?} {} {}", scene.camera, scene.crop, scene.fps, scene.first_frame));
+    for pose in scene.poses.iter().flatten() {
+        hash.update(bytemuck::cast_slice::<_, u8>(&pose.rows()));
+    }
     hash.update(bytemuck::cast_slice::<_, u8>(&template.positions));
     hash.update(bytemuck::cast_slice::<_, u8>(&template.uvs));
     hash.update(format!("{:?}", template.faces));

@@ -8,6 +8,7 @@ pub(crate) mod hands;
 pub mod lattice;
 pub(crate) mod occluder;
 pub(crate) mod paper;
+pub(crate) mod path;
 pub(crate) mod settings;
 pub(crate) mod shade;
 pub(crate) mod sheet;
@@ -26,7 +27,7 @@ use occluder::{Behind, Occluder};
 pub use settings::{Mover, Settings};
 pub use sheet::SIZE as SHEET;
 pub use surroundings::filmed;
-use tessuto_core::camera::Rect;
+use tessuto_core::camera::{Rect, Viewpoint};
 use tessuto_core::error::Result;
 use tessuto_core::mesh::{Mesh, Motion, Positions};
 use tessuto_core::scene::{Scene, Truth};
@@ -76,11 +77,16 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         occluders: occluders(settings, &template.positions),
         amodal: settings.amodal,
     };
+    let centre = template.positions.iter().sum::<DVec3>() / template.positions.len() as f64;
+    let poses = path::poses(settings, centre);
+    let path = poses.clone();
     let exposure = settings.blur / settings.fps;
     let fps = settings.fps;
     let draw = move |rendering: &mut Rendering, n: usize| {
-        let shapes = shapes(&trajectory, &studio, n, n as f64 / fps, exposure);
-        exposed(shapes.iter().map(|(time, positions)| studio.view(positions, *time, rendering)))
+        // The camera stands still while its shutter is open.
+        let view = Viewpoint { camera, camera_from_world: path.as_ref().map(|poses| poses[n]) };
+        let shapes = shapes(&trajectory, &studio, n, n as f64 / fps, exposure, &view);
+        exposed(shapes.iter().map(|(time, positions)| studio.view(positions, &view, *time, rendering)))
     };
     let held = motion.len() * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
     let views: Vec<(Option<Frame>, Vec<DVec3>)> = (0..motion.len())
@@ -103,6 +109,8 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         fps: settings.fps,
         camera,
         crop: Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height },
+        poses,
+        pose_unit: Default::default(),
         full_size: [camera.width, camera.height],
         first_frame: 0,
         template,
@@ -130,6 +138,7 @@ fn shapes(
     n: usize,
     time: f64,
     exposure: f64,
+    view: &Viewpoint,
 ) -> Vec<(f64, Positions)> {
     let own = trajectory.frames[n].clone();
     if exposure == 0.0 {
@@ -137,7 +146,7 @@ fn shapes(
     }
     let [before, after] = [-0.5, 0.5].map(|s| trajectory.at(time + s * exposure));
     let way = |(k, p): (usize, &DVec3)| {
-        let [a, b, c] = [before[k], *p, after[k]].map(|p| studio.camera.project(p));
+        let [a, b, c] = [before[k], *p, after[k]].map(|p| view.project(p));
         a.distance(b) + b.distance(c)
     };
     let sheet = own.iter().enumerate().map(way).fold(0.0, f64::max);

@@ -60,6 +60,12 @@ pub struct Settings {
     /// Exposure as a fraction of the time from frame to frame, in [0, 1]; its middle is the frame's time.
     #[serde(skip_serializing_if = "is_default")]
     pub blur: f64,
+    /// Angle by which the camera goes around the sheet in the course of the clip, to its right `[°]`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub orbit: f64,
+    /// How far the hand that holds the camera shakes, root mean square `[m]`; it turns by 1° for each cm.
+    #[serde(skip_serializing_if = "is_default")]
+    pub shake: f64,
 }
 
 /// What was not asked for is not written down: scenes without it are the same bytes as before it existed.
@@ -86,6 +92,8 @@ impl Default for Settings {
             occluders: 0,
             amodal: false,
             blur: 0.0,
+            orbit: 0.0,
+            shake: 0.0,
         }
     }
 }
@@ -123,6 +131,8 @@ impl Settings {
             ("shading", self.shading, 0.0, 1.0),
             ("occluders", self.occluders as f64, 0.0, 8.0),
             ("blur", self.blur, 0.0, 1.0),
+            ("orbit", self.orbit, -180.0, 180.0),
+            ("shake", self.shake, 0.0, 0.2),
         ];
         for (name, value, low, high) in checks {
             if !(low..=high).contains(&value) {
@@ -158,7 +168,7 @@ mod tests {
     #[test]
     fn only_what_was_asked_for_is_written_down() {
         let plain = serde_json::to_value(Settings::default()).unwrap();
-        for key in ["mover", "occluders", "amodal", "blur"] {
+        for key in ["mover", "occluders", "amodal", "blur", "orbit", "shake"] {
             assert!(plain.get(key).is_none(), "{key}");
         }
         let paper = Settings { mover: Mover::Paper, blur: 0.5, ..Settings::default() };

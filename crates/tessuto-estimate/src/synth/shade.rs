@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use tessuto_core::camera::Camera;
+use tessuto_core::camera::Viewpoint;
 use tessuto_core::image::Image;
 use tessuto_core::mesh::vertex_normals;
 use tessuto_render::pbr::barycentrics;
@@ -15,7 +15,7 @@ const LIGHT: DVec3 = DVec3::new(-0.45, -0.55, -0.70);
 /// away from the light.
 pub fn shaded(
     rasterizer: &Rasterizer,
-    camera: &Camera,
+    view: &Viewpoint,
     positions: &[DVec3],
     shading: f64,
     rendering: &Rendering,
@@ -34,8 +34,9 @@ pub fn shaded(
             }
             let light = rendering.covered_near(x, y).map_or(1.0, |(x, y)| {
                 let corners = rasterizer.triangles()[rendering.triangle[y * width + x] as usize];
-                let ray = camera.ray(DVec2::new(x as f64, y as f64));
-                let weights = barycentrics(corners.map(|v| positions[v as usize]), ray);
+                let ray = view.camera.ray(DVec2::new(x as f64, y as f64));
+                let seen = corners.map(|v| view.in_camera(positions[v as usize]));
+                let weights = barycentrics(seen, ray);
                 let n: DVec3 = (0..3).map(|k| normals[corners[k] as usize] * weights[k]).sum();
                 n.normalize_or_zero().dot(LIGHT.normalize()).abs()
             });

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 
 use super::occluder::Occluder;
 use super::shade;
-use tessuto_core::camera::Camera;
+use tessuto_core::camera::{Camera, Viewpoint};
 use tessuto_core::image::{Image, srgb};
 use tessuto_core::mesh::Positions;
 use tessuto_core::video::Frame;
@@ -38,16 +38,23 @@ pub struct View {
     /// What the camera recorded: occluders keep their colour where they are in front of nothing. `None` if it is
     /// the same.
     pub filmed: Option<Image>,
-    /// Points `[m]` that a depth sensor at the camera would see of the sheet.
+    /// Points `[m]` of the world that a depth sensor at the camera would see of the sheet.
     pub points: Vec<DVec3>,
 }
 
 impl Studio {
-    /// The sheet at `positions` `[m]`, `time` `[s]` after the first frame.
-    pub fn view(&self, positions: &Positions, time: f64, rendering: &mut Rendering) -> View {
+    /// The sheet at `positions` `[m]`, `time` `[s]` after the first frame, seen by the camera where `from` is.
+    pub fn view(
+        &self,
+        positions: &Positions,
+        from: &Viewpoint,
+        time: f64,
+        rendering: &mut Rendering,
+    ) -> View {
         let large = enlarged(&self.camera);
-        self.rasterizer.render(large, positions, &self.texture, rendering);
-        let [mut rgb, mut mask] = shade::shaded(&self.rasterizer, &large, positions, self.shading, rendering);
+        let from = from.with_camera(large);
+        self.rasterizer.render(from, positions, &self.texture, rendering);
+        let [mut rgb, mut mask] = shade::shaded(&self.rasterizer, &from, positions, self.shading, rendering);
         let mut filmed = (!self.occluders.is_empty()).then(|| rgb.clone());
         for (i, alpha, colour) in self.occluders.iter().flat_map(|o| o.pixels(&large, time)) {
             let a = mask.data[i];
@@ -71,7 +78,7 @@ impl Studio {
         View {
             frame: Frame { rgb: small(rgb), mask: small(mask) },
             filmed: filmed.map(small),
-            points: seen_points(&large, rendering),
+            points: seen_points(&from, rendering),
         }
     }
 }
@@ -126,7 +133,7 @@ fn enlarged(camera: &Camera) -> Camera {
 }
 
 /// Surface points `[m]` on a regular grid of pixels, as a depth sensor at the camera would see them.
-fn seen_points(camera: &Camera, rendering: &Rendering) -> Vec<DVec3> {
+fn seen_points(view: &Viewpoint, rendering: &Rendering) -> Vec<DVec3> {
     let covered = rendering.inverse_depth.iter().filter(|d| **d > 0.0).count();
     let spacing = (covered as f64 / POINT_COUNT as f64).sqrt().max(1.0);
     let chosen = |length: usize| {
@@ -137,7 +144,7 @@ fn seen_points(camera: &Camera, rendering: &Rendering) -> Vec<DVec3> {
     for y in chosen(rendering.height) {
         for x in chosen(rendering.width) {
             if let Some(depth) = rendering.depth(x, y) {
-                points.push(camera.ray(DVec2::new(x as f64, y as f64)) * depth);
+                points.push(view.eye() + view.ray(DVec2::new(x as f64, y as f64)) * depth);
             }
         }
     }

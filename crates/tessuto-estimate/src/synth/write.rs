@@ -24,6 +24,9 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
     }
     let notes = json!({ "generator": GENERATOR, "settings": settings });
     io::scene::write_manifest(folder, &scene.name, scene.fps, scene.frames.len(), &scene.camera, notes)?;
+    if let Some(poses) = &scene.poses {
+        io::scene::write_poses(folder, poses, scene.pose_unit)?;
+    }
     io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
     for k in 0..scene.frames.len() {
         let frame = scene.frames.frame(k)?;

@@ -99,6 +99,8 @@ class Scene:
         crop: The part to keep, (first column, first row, end column, end row), in place of that around the masks.
         true_vertices: True positions of the vertices, [N, V, 3] m, where they are known: `evaluate` compares with them.
         true_points: Measured points of every frame, N arrays [P, 3] m, where they are known.
+        poses: Where the camera was in every frame, if it moved: camera from world, [N, 4, 4], OpenCV axes, m. The world
+            of the scene is then the camera's frame in the first frame.
 
     Raises:
         InputError: naming the array and frame.
@@ -119,6 +121,7 @@ class Scene:
         crop: Optional[tuple[int, int, int, int]] = None,
         true_vertices: Optional[ArrayLike] = None,
         true_points: Optional[Sequence[ArrayLike]] = None,
+        poses: Optional[ArrayLike] = None,
     ) -> None:
         colours, coverages = _samples(frames, "frames"), _samples(masks, "masks")
         size = (camera.height, camera.width)
@@ -147,6 +150,7 @@ class Scene:
             None
             if true_points is None
             else [shaped("true_points", points, "P", 3) for points in true_points],
+            None if poses is None else shaped("poses", poses, "N", 4, 4),
         )
         given = (
             frames,
@@ -161,6 +165,7 @@ class Scene:
             crop,
             true_vertices,
             true_points,
+            poses,
         )
         self._made: tuple[Any, ...] = (_assembled, given)
 
@@ -199,6 +204,11 @@ class Scene:
     def camera(self) -> Camera:
         """Camera of the crop: what `frame` returns was seen by it."""
         return Camera(*self._native.camera)
+
+    @property
+    def poses(self) -> Optional[Float64]:
+        """Where the camera was in every frame, camera from world, [N, 4, 4]; None if it stood still."""
+        return self._native.poses
 
     @property
     def crop(self) -> tuple[int, int, int, int]:
@@ -251,7 +261,7 @@ class Scene:
 
 
 def _assembled(*given: Any) -> Scene:
-    frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points = given
+    frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points, poses = given
     return Scene(
         frames,
         masks,
@@ -265,6 +275,7 @@ def _assembled(*given: Any) -> Scene:
         crop=crop,
         true_vertices=true_vertices,
         true_points=true_points,
+        poses=poses,
     )
 
 

@@ -118,8 +118,29 @@ def add_camera(scene):
     # The file's camera looks along -z with y up; what is imported has been turned so that z is up.
     camera.rotation_euler = (math.pi / 2, 0, 0)
     scene.collection.objects.link(camera)
+    move_camera(camera)
     scene.camera = camera
     return camera
+
+
+def move_camera(camera):
+    """Keys of a camera that moved: x right, y down, z ahead there is x, -z, y here."""
+    if not CLIP["poses"]:
+        return
+    from mathutils import Matrix
+
+    here = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
+    looks = Matrix.Diagonal((1, -1, -1, 1))
+    camera.rotation_mode = "QUATERNION"
+    last = None
+    for frame, rows in enumerate(CLIP["poses"]):
+        pose = Matrix([rows[k:k + 4] for k in (0, 4, 8, 12)])
+        camera.location, turn, _ = (here @ pose.inverted() @ looks).decompose()
+        if last is not None:
+            turn.make_compatible(last)
+        camera.rotation_quaternion = last = turn
+        camera.keyframe_insert("location", frame=frame)
+        camera.keyframe_insert("rotation_quaternion", frame=frame)
 
 
 def add_video(home, camera):

@@ -1,5 +1,8 @@
 "use strict";
-/** The moving fabric in 3D. y is up here: (x, −y, −z) of the recording camera's axes; that camera is at the origin. */
+/**
+ * The moving fabric in 3D. y is up here: (x, −y, −z) of the recording camera's axes in the first frame of the video,
+ * in which that camera is at the origin.
+ */
 tessuto.ClothView = class {
   /** `elements`: canvas, box, legend…; `data`: what the page embeds about the fabric; `images`: maps by key. */
   constructor(elements, data, light, images) {
@@ -15,6 +18,10 @@ tessuto.ClothView = class {
     this.scene = new THREE.Scene();
     this.camera = new THREE.PerspectiveCamera(40, 1, 0.01, 100);
     this.scene.add(this.camera);
+    // All of the fabric; through a recording camera that moves it stands where that camera sees it.
+    this.world = new THREE.Scene();
+    this.world.matrixAutoUpdate = false;
+    this.scene.add(this.world);
     this.lights = [new THREE.AmbientLight(0xffffff), new THREE.DirectionalLight(0xffffff)];
     this.lights[1].position.set(-0.6, 0.7, 1);
     this.scene.add(this.lights[0]);
@@ -53,7 +60,7 @@ tessuto.ClothView = class {
     this.lines = new THREE.LineSegments(lines, new THREE.LineBasicMaterial({ transparent: true, opacity: 0.5 }));
     this.lines.frustumCulled = false;
     this.lines.visible = false;
-    this.scene.add(this.mesh, this.lines);
+    this.world.add(this.mesh, this.lines);
     // The threads as found, beside a changed replay.
     const found = new THREE.BufferGeometry();
     this.foundPositions = new THREE.BufferAttribute(new Float32Array(3 * this.surface.vertexCount), 3);
@@ -62,13 +69,13 @@ tessuto.ClothView = class {
     this.foundLines = new THREE.LineSegments(found, this.lines.material);
     this.foundLines.frustumCulled = false;
     this.foundLines.visible = false;
-    this.scene.add(this.foundLines);
+    this.world.add(this.foundLines);
   }
 
   /** Takes the forces of `data`, see `CauseData` in causes.rs; none is shown yet. */
   makeArrows(data) {
     this.arrows = new tessuto.Arrows(data, this.radius);
-    this.scene.add(...this.arrows.group.map(({ mesh }) => mesh));
+    this.world.add(...this.arrows.group.map(({ mesh }) => mesh));
     return this.arrows;
   }
 
@@ -285,6 +292,7 @@ tessuto.ClothView = class {
   /** Shows frame `frame`. */
   show(frame) {
     this.frame = frame;
+    this.follow();
     if (!this.motion) return;
     const shown = this.place(this.linePositions, (this.replay ?? this.motion).at(frame));
     this.foundLines.visible = Boolean(this.replay) && frame < this.motion.frames;
@@ -295,6 +303,16 @@ tessuto.ClothView = class {
     this.spread("normal", this.normals(shown));
     if (this.field) this.paint(frame);
     this.draw();
+  }
+
+  /** Stands the fabric where the recording camera sees it in this frame, in the view through that camera. */
+  follow() {
+    const pose = this.throughLens ? this.data.poses[this.frame] : undefined;
+    // Of 3×4 numbers by rows: y and z of either frame are turned around.
+    const turn = (value, k) => k > 3 !== (k % 4 === 1 || k % 4 === 2) ? -value : value;
+    if (pose) this.world.matrix.set(...pose.map(turn), 0, 0, 0, 1);
+    else this.world.matrix.identity();
+    this.world.matrixWorldNeedsUpdate = true;
   }
 
   /** Positions into an attribute, y up. */
@@ -370,7 +388,8 @@ tessuto.ClothView = class {
     }
     const corner = [hit.face.a, hit.face.b, hit.face.c];
     const p = this.geometry.getAttribute("position").array;
-    const distance = c => hit.point.distanceTo(new THREE.Vector3().fromArray(p, 3 * c));
+    const at = this.world.worldToLocal(hit.point.clone());
+    const distance = c => at.distanceTo(new THREE.Vector3().fromArray(p, 3 * c));
     const vertex = this.surface.corners[corner.sort((a, b) => distance(a) - distance(b))[0]];
     const value = this.field
       ? isNaN(this.shownValues[vertex]) ? " · not measured here"
@@ -382,6 +401,7 @@ tessuto.ClothView = class {
   /** From the left and above, so that the relief is seen. */
   orbitView() {
     this.inCamera = this.throughLens = false;
+    this.follow();
     this.camera.clearViewOffset();
     this.camera.fov = 32;
     // The narrower side of the view decides.
@@ -398,6 +418,7 @@ tessuto.ClothView = class {
   /** Through the recording camera. */
   cameraView() {
     this.inCamera = this.throughLens = true;
+    this.follow();
     this.camera.position.set(0, 0, 0);
     this.aim();
     this.fitLens();

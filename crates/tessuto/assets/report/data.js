@@ -1,7 +1,7 @@
 "use strict";
 /**
- * Everything of the page hangs on this name. Positions are in the recording camera's axes (x right, y down, z
- * forward, metres) until `cloth.js` turns y up.
+ * Everything of the page hangs on this name. Positions are in the recording camera's axes in the first frame (x right,
+ * y down, z forward, metres) until `cloth.js` turns y up.
  */
 const tessuto = {};
 
@@ -15,6 +15,16 @@ tessuto.bytes = text => {
 
 /** A typed array of little-endian numbers, such as `numbers(Float32Array, text)`. */
 tessuto.numbers = (Type, text) => new Type(tessuto.bytes(text).slice().buffer);
+
+/** Positions in the frame of a camera with `pose` = [R t] by rows; as they are without one. */
+tessuto.seenFrom = (pose, p) => {
+  if (!pose) return p;
+  const out = new Float32Array(p.length);
+  for (let i = 0; i < p.length; i += 3)
+    for (let k = 0; k < 3; k++)
+      out[i + k] = pose[4 * k] * p[i] + pose[4 * k + 1] * p[i + 1] + pose[4 * k + 2] * p[i + 2] + pose[4 * k + 3];
+  return out;
+};
 
 /** Topology and texture coordinates, see `Surface` in embed.rs. */
 tessuto.Surface = class {

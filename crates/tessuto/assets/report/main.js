@@ -100,7 +100,10 @@
   let wipe = null;
   if (hasFilm) {
     byId("film-panel").hidden = false;
-    const shape = () => ({ positions: (view.replay ?? view.motion).at(player.frame), edges: view.surface.edges });
+    const shape = () => {
+      const positions = (view.replay ?? view.motion).at(player.frame);
+      return { positions: tessuto.seenFrom(cloth.poses[player.frame], positions), edges: view.surface.edges };
+    };
     const mesh = view && shape;
     const elements = { canvas: byId("film"), box: byId("film-box"), handle: byId("handle") };
     wipe = new tessuto.Wipe(elements, film, mesh);

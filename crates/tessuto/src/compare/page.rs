@@ -142,7 +142,9 @@ fn films_of(shown: &[Shown]) -> Result<Vec<(String, Film)>> {
     let size = [camera.width, camera.height].map(|n| ((n as f64 * scale) as usize).max(1));
     let together: Vec<Positions> = motions.iter().flat_map(|m| m[..frame_count].iter().cloned()).collect();
     let novel = Viewpoint::about(&together, camera, LEFT.to_radians(), 0.0)?.sized(size);
-    let original = Viewpoint::from(camera).sized(size).camera;
+    let originals: Vec<Viewpoint> =
+        folder.viewpoints().iter().map(|view| view.with_camera(camera).sized(size)).collect();
+    let original = originals[0].camera;
     let film =
         |sources: &[Source], camera: &Camera| Film::new(sources, frame_count, camera, None, BUDGET / 3);
 
@@ -161,15 +163,26 @@ fn films_of(shown: &[Shown]) -> Result<Vec<(String, Film)>> {
             })
         })
         .collect();
+    // In the camera's frame.
+    let seen: Vec<Vec<Positions>> = motions
+        .iter()
+        .map(|m| {
+            m[..frame_count]
+                .iter()
+                .zip(&originals)
+                .map(|(x, view)| view.all_in_camera(x).into_owned())
+                .collect()
+        })
+        .collect();
     let geometries: Vec<Geometry> =
-        shown.iter().zip(&motions).map(|(s, m)| Geometry::new(&s.folder.mesh, &m[..frame_count])).collect();
+        shown.iter().zip(&seen).map(|(s, m)| Geometry::new(&s.folder.mesh, m)).collect();
     let surface: Vec<Source> = shown
         .iter()
-        .zip(&motions)
+        .zip(&seen)
         .zip(&geometries)
-        .map(|((s, motion), geometry)| {
+        .map(|((s, seen), geometry)| {
             let rasterizer = &s.rasterizer;
-            s.source(move |n| Ok(draw_shaded(rasterizer, &original, geometry, (n, &motion[n]))))
+            s.source(move |n| Ok(draw_shaded(rasterizer, &original, geometry, (n, &seen[n]))))
         })
         .collect();
     let mut out = vec![
@@ -180,10 +193,10 @@ fn films_of(shown: &[Shown]) -> Result<Vec<(String, Film)>> {
     if let Some(scene) = scene.as_ref().filter(|s| (0..frame_count).any(|n| s.truth.points_in(n).is_some())) {
         let difference: Vec<Source> = shown
             .iter()
-            .zip(&motions)
-            .map(|(s, motion)| {
-                let rasterizer = &s.rasterizer;
-                s.source(move |n| Ok(depth_difference(rasterizer, scene, &original, (n, &motion[n]))))
+            .zip(&seen)
+            .map(|(s, seen)| {
+                let (rasterizer, originals) = (&s.rasterizer, &originals);
+                s.source(move |n| Ok(depth_difference(rasterizer, scene, &originals[n], (n, &seen[n]))))
             })
             .collect();
         let label =
@@ -200,16 +213,17 @@ fn truth(folder: &Folder) -> Option<Scene> {
     Some(load(&folder.run.scene, &options).ok()?.scene)
 }
 
-/// On black; grey where nothing was measured.
+/// On black; grey where nothing was measured. `x` is in the camera's frame.
 fn depth_difference(
     rasterizer: &Rasterizer,
     scene: &Scene,
-    camera: &Camera,
+    view: &Viewpoint,
     (n, x): (usize, &Positions),
 ) -> Image {
+    let camera = &view.camera;
     let mut rendering = Rendering::new();
     rasterizer.render(camera, x, &Texture::uniform(1, 1, [0.0; 3]), &mut rendering);
-    let measured = scene.truth.points_in(n).map(|points| measured_depth_image(points, camera));
+    let measured = scene.truth.points_in(n).map(|points| measured_depth_image(points, view));
     let mut image = Image::new(camera.width, camera.height, 3);
     for row in 0..camera.height {
         for column in 0..camera.width {

@@ -7,6 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use serde_json::json;
 
 use super::Clip;
+use tessuto_core::camera::Pose;
 
 const BODY: &str = include_str!("../../assets/export/blender.py");
 
@@ -33,6 +34,7 @@ pub(super) fn encode(clip: &Clip, folder: &Path) -> Vec<u8> {
         "fy": c.fy,
         "cx": c.cx,
         "cy": c.cy,
+        "poses": clip.poses.iter().flatten().map(Pose::rows).collect::<Vec<_>>(),
     });
     format!("# Written by tessuto {} for Blender.\nCLIP = {table:#}\n{BODY}", clip.version).into_bytes()
 }

@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
 use crate::result::{Folder, Measured};
-use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
@@ -57,7 +57,7 @@ pub struct Clip {
     pub version: String,
     /// The template.
     pub mesh: Mesh,
-    /// Positions `[m]`, camera frame, shape [N, V].
+    /// Positions `[m]`, in the frame of the camera in the first frame of the video, shape [N, V].
     pub motion: Motion,
     /// Where each of these N frames is in the clip, counted from its first frame, ascending. Its time is this / `fps`.
     pub frames: Vec<usize>,
@@ -71,6 +71,8 @@ pub struct Clip {
     pub first_frame: usize,
     /// Camera of the whole image.
     pub camera: Camera,
+    /// Where it was in every frame of the whole clip, if it moved; at the origin else.
+    pub poses: Option<Vec<Pose>>,
     /// The part of the whole image that was computed on.
     pub crop: Rect,
     /// Images of all frames of the whole clip, cut to the crop; none if the result lacks some.
@@ -115,6 +117,7 @@ impl Clip {
             fps: folder.fps,
             first_frame,
             camera: folder.camera,
+            poses: folder.poses.clone(),
             crop: folder.crop,
             parameters: folder.parameters.clone(),
             fabric: folder.measured(),
@@ -164,6 +167,15 @@ impl Clip {
     /// Time `[s]` of frame `k` of the motion.
     pub(super) fn time(&self, k: usize) -> f32 {
         (self.frames[k] as f64 / self.fps) as f32
+    }
+
+    /// Where the camera is at frame `k` of the motion, with y up, as it looks along −z: world from camera. `None` if it
+    /// stands at the origin.
+    pub(super) fn camera_y_up(&self, k: usize) -> Option<Pose> {
+        let back = self.poses.as_ref()?[self.frames[k]].inverse();
+        // Both frames are turned about x by half a turn.
+        let turn = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+        Some(Pose { rotation: turn * back.rotation * turn, translation: turn * back.translation })
     }
 
     /// `positions` with y up.
@@ -276,6 +288,7 @@ pub(super) mod tests {
             fps: 25.0,
             first_frame: 0,
             camera: Camera { fx: 50.0, fy: 50.0, cx: 16.0, cy: 12.0, width: 32, height: 24 },
+            poses: None,
             crop: Rect { x0: 0, y0: 0, x1: 32, y1: 24 },
             images: Vec::new(),
             video: None,

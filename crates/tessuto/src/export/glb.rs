@@ -7,11 +7,12 @@
 
 use std::collections::BTreeMap;
 
-use glam::Vec3;
+use glam::{DQuat, Vec3};
 use serde_json::{Value, json};
 
 use super::Clip;
 use super::row::{Output, Row};
+use tessuto_core::camera::Pose;
 use tessuto_core::image::Image;
 use tessuto_estimate::io::image::encode_png;
 
@@ -166,6 +167,20 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
             }
         }
     }
+    let mut camera = json!({"name": "camera", "camera": 0});
+    let path: Option<Vec<Pose>> = (0..=last).map(|k| clip.camera_y_up(k)).collect();
+    if let Some(path) = path {
+        let input = buffer.times(&(0..=last).map(|k| clip.time(k)).collect::<Vec<_>>());
+        let places: Vec<f32> = path.iter().flat_map(|pose| pose.translation.as_vec3().to_array()).collect();
+        let turns: Vec<f32> = quaternions(&path).concat();
+        (camera["translation"], camera["rotation"]) = (json!(places[..3]), json!(turns[..4]));
+        for (way, values, kind, width) in [("translation", places, "VEC3", 3), ("rotation", turns, "VEC4", 4)]
+        {
+            let output = buffer.floats(&values, kind, width, None);
+            channels.push(json!({"sampler": samplers.len(), "target": {"node": nodes.len(), "path": way}}));
+            samplers.push(json!({"input": input, "output": output, "interpolation": "LINEAR"}));
+        }
+    }
 
     let mut gltf = json!({
         "asset": {"version": "2.0", "generator": format!("tessuto {}", clip.version)},
@@ -202,13 +217,24 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
     });
     gltf["cameras"] =
         json!([{"type": "perspective", "name": "camera", "perspective": perspective, "extras": c}]);
-    nodes.push(json!({"name": "camera", "camera": 0}));
+    nodes.push(camera);
     gltf["scenes"][0]["nodes"] = (0..nodes.len()).collect();
     gltf["nodes"] = nodes.into();
     gltf["buffers"] = json!([{"byteLength": buffer.bytes.len()}]);
     gltf["bufferViews"] = buffer.views.into();
     gltf["accessors"] = buffer.accessors.into();
     container(&gltf, buffer.bytes)
+}
+
+/// Unit quaternions x, y, z, w of the turns of `path`, each the shorter way from the one before.
+fn quaternions(path: &[Pose]) -> Vec<[f32; 4]> {
+    let mut last = DQuat::IDENTITY;
+    let next = |pose: &Pose| {
+        let turn = DQuat::from_mat3(&pose.rotation).normalize();
+        last = if turn.dot(last) < 0.0 { -turn } else { turn };
+        last.as_quat().to_array()
+    };
+    path.iter().map(next).collect()
 }
 
 fn push(array: &mut Value, value: Value) {

@@ -2,6 +2,7 @@
 
 use super::Clip;
 use super::row::{Output, Row};
+use tessuto_core::camera::Pose;
 use tessuto_estimate::io::npy::{archive, encode as array};
 use tessuto_sim::cloth::AREA_DENSITY;
 
@@ -16,7 +17,8 @@ pub(super) const FORMAT: Row = Row {
     outputs: |clip| Ok(vec![Output::File(format!("{}.npz", clip.name), encode(clip))]),
 };
 
-/// Everything numeric, in the camera frame (x right, y down, z forward), SI units. U uvs, F faces, T triangles:
+/// Everything numeric, in the frame of the camera in the first frame of the video (x right, y down, z forward), SI
+/// units. U uvs, F faces, T triangles:
 ///
 /// `motion` [N, V, 3], `frames` `[N]` (numbers in the video), `states` `[N]` (0 found, 1 doubtful, 2 lost; where
 /// they are known), `uv` [U, 2], `triangles` and `triangle_uvs` [T, 3], `face_sizes` `[F]`, `face_vertices` and
@@ -24,7 +26,8 @@ pub(super) const FORMAT: Row = Row {
 /// the elastic model (`stretch`, `bend`, `shear` of springs), `area_density`, `constant_force` `[3]`,
 /// `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`; where there is air `wind`
 /// `[3]` (velocity); where they are known `seen_vertices` `[V]` (frames that show each), `seen_texels` [S, S]
-/// (pixels) and `seen_directions` [24, 48] (fraction of the pixels that face each).
+/// (pixels) and `seen_directions` [24, 48] (fraction of the pixels that face each); of a camera that moved
+/// `camera_from_world` [M, 4, 4].
 fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
     let vectors = |motion: &[tessuto_core::Positions]| -> Vec<f32> {
@@ -70,6 +73,10 @@ fn encode(clip: &Clip) -> Vec<u8> {
     let c = &clip.camera;
     let values = [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64];
     files.push(("camera", array(&[6], &values)));
+    if let Some(poses) = &clip.poses {
+        let rows: Vec<f64> = poses.iter().flat_map(Pose::rows).collect();
+        files.push(("camera_from_world", array(&[poses.len(), 4, 4], &rows)));
+    }
     files.extend(clip.seen.iter().map(|(name, shape, numbers)| (*name, array(shape, numbers))));
     archive(&files)
 }

@@ -6,11 +6,12 @@
 
 use std::fmt::Write as _;
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::row::{Output, Row};
 use super::{Clip, usd_fabric};
+use tessuto_core::camera::Pose;
 
 /// Width of the camera's film [tenths of a metre, as USD counts it]: that of 35 mm film.
 const FILM_WIDTH: f64 = 0.36;
@@ -175,7 +176,8 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
     out.push_str("        }\n    }\n");
 }
 
-/// The pinhole at the origin that looks along −z. The film covers the pixels' areas, from −½ to width − ½.
+/// The pinhole that looks along −z, at the origin or where it moved. The film covers the pixels' areas, from −½ to
+/// width − ½.
 fn camera(clip: &Clip, out: &mut String) {
     let c = &clip.camera;
     let (w, h) = (c.width as f64, c.height as f64);
@@ -188,9 +190,32 @@ fn camera(clip: &Clip, out: &mut String) {
          float focalLength = {}\n        float horizontalAperture = {}\n        \
          float verticalAperture = {}\n        \
          float horizontalApertureOffset = {}\n        float verticalApertureOffset = {}\n        \
-         float2 clippingRange = (0.01, 100)\n        float fStop = 0\n    }}\n",
-        focal as f32, FILM_WIDTH as f32, film_height as f32, offsets[0] as f32, offsets[1] as f32
+         float2 clippingRange = (0.01, 100)\n        float fStop = 0\n{}    }}\n",
+        focal as f32,
+        FILM_WIDTH as f32,
+        film_height as f32,
+        offsets[0] as f32,
+        offsets[1] as f32,
+        path(clip)
     );
+}
+
+/// Where the camera is, as time samples of a matrix that rows are multiplied with; nothing if it stands still.
+fn path(clip: &Clip) -> String {
+    let sample = |k: usize| {
+        let Pose { rotation, translation: t } = clip.camera_y_up(k)?;
+        let row = |v: DVec3, w: f64| format!("({}, {}, {}, {w})", v.x, v.y, v.z);
+        let rows =
+            [row(rotation.x_axis, 0.0), row(rotation.y_axis, 0.0), row(rotation.z_axis, 0.0), row(t, 1.0)];
+        Some(format!("            {}: ( {} ),\n", clip.frames[k], rows.join(", ")))
+    };
+    let samples: Option<String> = (0..clip.motion.len()).map(sample).collect();
+    samples.map_or_else(String::new, |samples| {
+        format!(
+            "        matrix4d xformOp:transform.timeSamples = {{\n{samples}        }}\n        \
+             uniform token[] xformOpOrder = [\"xformOp:transform\"]\n"
+        )
+    })
 }
 
 /// The recovered light: the middle of its map is where the camera looks, −z; USD's middle is +z.

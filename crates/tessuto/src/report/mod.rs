@@ -77,6 +77,8 @@ pub struct ClothData {
     pub frame_count: usize,
     /// Camera of the whole image.
     pub camera: Camera,
+    /// R and t of every frame by rows, [R t], of a camera that moves; none of one that stands still.
+    pub poses: Vec<[f64; 12]>,
     /// Topology.
     pub surface: Surface,
     /// Positions.

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use super::causes::CauseFile;
 use super::{Log, ParameterFile, Run, UNCHANGED, history, read_json};
-use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::camera::{Camera, Pose, Rect, Viewpoint};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Motion};
 use tessuto_estimate::appearance;
@@ -40,6 +40,8 @@ pub struct Folder {
     pub fps: f64,
     /// Camera of the whole image.
     pub camera: Camera,
+    /// Where it was in every frame, if it moved; at the world's origin else.
+    pub poses: Option<Vec<Pose>>,
     /// The part of the whole image that was used.
     pub crop: Rect,
     motion: OnceCell<Motion>,
@@ -67,6 +69,7 @@ impl Folder {
         check_view(&file, &path.join("parameters.json"))?;
         let mesh = io::obj::read(&path.join("mesh.obj"))?;
         let parameters = parameters(&file, &mesh, &path.join("forces.npy"))?;
+        let frames = run.frames[1] - run.frames[0];
         let found = file.causes.as_ref().map(|c| c.found(path, &mesh)).transpose()?;
         Ok(Self {
             path: path.to_path_buf(),
@@ -78,6 +81,7 @@ impl Folder {
             parameters,
             fps: file.frame_rate.value,
             camera: file.camera,
+            poses: io::scene::read_poses(path, frames)?,
             crop: file.crop,
             motion: OnceCell::new(),
             material: OnceCell::new(),
@@ -90,6 +94,16 @@ impl Folder {
     /// Where it is.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The way from a point to a pixel of the whole image in frame `n`, counted from the result's first.
+    pub fn viewpoint(&self, n: usize) -> Viewpoint {
+        Viewpoint { camera: self.camera, camera_from_world: self.poses.as_ref().map(|poses| poses[n]) }
+    }
+
+    /// The same of every frame.
+    pub fn viewpoints(&self) -> Vec<Viewpoint> {
+        (0..self.run.frames[1] - self.run.frames[0]).map(|n| self.viewpoint(n)).collect()
     }
 
     /// Positions at every frame, of the vertices of [`mesh`](Self::mesh).

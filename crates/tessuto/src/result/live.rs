@@ -23,7 +23,7 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let template = [scene.template.positions.clone()];
     let bytes = |n: usize| Ok(rgb8(&scene.frames.frame(n)?.rgb));
     let source = Source { key: "observed", label: "video", load: Box::new(bytes) };
-    let shown = page::in_sight(&template, &scene.camera);
+    let shown = page::in_sight(&template, &scene.viewpoints()[..1]);
     let data = ReportData {
         title: run.name(),
         subtitle: format!("{}, {} vertices", run.subtitle(), scene.template.positions.len()),
@@ -33,6 +33,7 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
             camera: scene.camera,
+            poses: page::poses(scene.poses.as_deref()),
             surface: Surface::new(&scene.template, Window::WHOLE),
             motion: EmbeddedMotion::new(&template),
             fields: Vec::new(),

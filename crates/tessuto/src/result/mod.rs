@@ -219,6 +219,9 @@ pub fn write_motion(folder: &Path, scene: &Scene, run: &Run, result: &Reconstruc
     }
     write_json(&folder.join("parameters.json"), &parameters)?;
     write_json(&folder.join("config.json"), run)?;
+    if let Some(poses) = &scene.poses {
+        io::scene::write_poses(folder, poses, scene.pose_unit)?;
+    }
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())
 }
 

@@ -14,7 +14,7 @@ use crate::report::scale;
 use crate::report::{
     CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
 };
-use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::camera::{Pose, Rect, Viewpoint};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Positions;
 use tessuto_estimate::io::rgb8::Rgb8;
@@ -57,6 +57,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         first_frame: saved.run.frames[0],
         frame_count: motion.len(),
         camera: saved.camera,
+        poses: poses(saved.poses.as_deref()),
         surface: Surface::new(&saved.mesh, window),
         motion: EmbeddedMotion::new(motion),
         fields: fields(folder, saved, motion)?,
@@ -275,7 +276,8 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
     let size = io::image::size(&observed)?;
     let crop = saved.crop;
     let camera = saved.camera.cropped(crop);
-    let shown = in_sight(motion, &camera);
+    let views: Vec<Viewpoint> = saved.viewpoints().iter().map(|view| view.with_camera(camera)).collect();
+    let shown = in_sight(motion, &views);
     let layers = [
         ("observed", "video"),
         ("render", "re-rendered: recovered texture"),
@@ -307,13 +309,20 @@ fn load(path: PathBuf, size: [usize; 2], crop: Rect) -> Result<Rgb8> {
     Ok(image.cropped(crop))
 }
 
-/// The pixels that the moving fabric comes over; None if it is never in sight.
-pub(super) fn in_sight(motion: &[Positions], camera: &Camera) -> Option<Rect> {
-    let (width, height) = (camera.width, camera.height);
-    let pixel = |p: &DVec3| {
-        let p_pixel = camera.project(*p).round();
-        let inside = p_pixel.min_element() >= 0.0 && p_pixel.x < width as f64 && p_pixel.y < height as f64;
+/// As the page's script reads them.
+pub(super) fn poses(poses: Option<&[Pose]>) -> Vec<[f64; 12]> {
+    let rows = |pose: &Pose| std::array::from_fn(|k| pose.rows()[k]);
+    poses.unwrap_or_default().iter().map(rows).collect()
+}
+
+/// The pixels that the moving fabric comes over, seen from `views`, one of each frame; None if it is never in sight.
+pub(super) fn in_sight(motion: &[Positions], views: &[Viewpoint]) -> Option<Rect> {
+    let pixel = |(view, p): (&Viewpoint, &DVec3)| {
+        let (width, height) = (view.camera.width as f64, view.camera.height as f64);
+        let p_pixel = view.project_in_front(*p)?.round();
+        let inside = p_pixel.min_element() >= 0.0 && p_pixel.x < width && p_pixel.y < height;
         inside.then_some((p_pixel.x as usize, p_pixel.y as usize))
     };
-    Rect::around(motion.iter().flatten().filter(|p| p.z > 1e-6).filter_map(pixel))
+    let seen = views.iter().zip(motion).flat_map(|(view, x)| x.iter().map(move |p| (view, p)));
+    Rect::around(seen.filter_map(pixel))
 }

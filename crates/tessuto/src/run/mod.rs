@@ -16,6 +16,7 @@ mod observer;
 #[doc(hidden)]
 pub mod replay;
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::ops::Range;
 use std::path::Path;
@@ -29,10 +30,11 @@ use crate::export::{Clip, Format, export};
 use crate::result::{self, Run, Summary};
 use tessuto_core::error::{Error, Result, Warning};
 use tessuto_core::mesh::Motion;
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{PoseUnit, Scene};
 use tessuto_estimate::config::{Config, Method};
 use tessuto_estimate::io::scene::{LoadOptions, Loaded, load};
 use tessuto_estimate::metrics::{self, Evaluation};
+use tessuto_estimate::motion::spacetime::scaled;
 use tessuto_estimate::output::{FolderKind, OutputFolder};
 use tessuto_estimate::reconstruct;
 use tessuto_estimate::session::{Checkpoints, Session, identity};
@@ -166,7 +168,8 @@ fn work(
     options: &RunOptions,
     observer: &mut dyn Observer,
 ) -> Result<Outcome> {
-    let scene = &*of_scene(&loaded.scene, options.config.irregular_vertices)?;
+    let scene = of_scene(&loaded.scene, options.config.irregular_vertices)?;
+    let scene = &*in_metres(scene, options, observer)?;
     // What a check refuses is refused here, too.
     let mut warnings = loaded.warnings.clone();
     warnings.extend(check::gate(loaded)?);
@@ -259,6 +262,24 @@ fn work(
     }
     checkpoints.iter().try_for_each(Checkpoints::remove)?;
     Ok(Outcome { summary, evaluation, rerendered_psnr, timings, failure: failure.or(page.err()) })
+}
+
+/// `scene` with the path of its camera in metres.
+fn in_metres<'a>(
+    scene: Cow<'a, Scene>,
+    options: &RunOptions,
+    observer: &mut dyn Observer,
+) -> Result<Cow<'a, Scene>> {
+    if scene.pose_unit != PoseUnit::Unknown {
+        return Ok(scene);
+    }
+    observer.note("the camera's poses have no unit: how long it is, is found first");
+    let cloth = options.config.dynamics.model.cloth(&scene.template);
+    let scaled = scaled(&scene, &cloth, &options.config.spacetime)?;
+    if let PoseUnit::Found { length, sd } = scaled.pose_unit {
+        observer.note(&format!("one unit is {length:.4} m, to {:.1} %", 100.0 * sd / length));
+    }
+    Ok(Cow::Owned(scaled))
 }
 
 /// Lets `session` keep its states in `folder`, and resume from those that are there if that is asked for.

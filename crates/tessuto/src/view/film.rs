@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use tessuto_core::camera::{Camera, Viewpoint};
+use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Positions;
 use tessuto_render::pbr::EnvironmentMap;
@@ -37,19 +37,23 @@ pub(super) struct Shot {
     pub light: f64,
 }
 
-/// The images of `frames` of `motion`, as `camera` sees them. Without `pictures` there is one per frame, which has
-/// its number; else this many, from 0, over which the frames are spread.
+/// The images of `frames` of `motion`; `originals` are the recording camera's views, one of each frame of the motion.
+/// Without `pictures` there is one per frame, which has its number; else this many, from 0, over which the frames are
+/// spread.
 ///
 /// # Errors
 /// [`Error::Usage`] for a view straight from above or below, and for a turntable from the recording camera.
 pub(super) fn shots(
     motion: &[Positions],
     frames: Range<usize>,
-    camera: Camera,
+    originals: &[Viewpoint],
     (view, turn, pictures): (View, Option<Turn>, Option<usize>),
 ) -> Result<Vec<Shot>> {
     let count = pictures.unwrap_or(frames.len());
     let fraction = |k: usize| k as f64 / count.max(1) as f64;
+    let frame_of =
+        |k: usize| frames.start + (k * frames.len() / count.max(1)).min(frames.len().saturating_sub(1));
+    let camera = originals[0].camera;
     let viewpoints = match (view, turn) {
         (View::Original, Some(Turn::Camera)) => {
             return Err(Error::usage(
@@ -57,7 +61,7 @@ pub(super) fn shots(
                 "it goes around the middle of the fabric: give degrees to start from, such as 0",
             ));
         }
-        (View::Original, _) => vec![Viewpoint::from(camera); count],
+        (View::Original, _) => (0..count).map(|k| originals[frame_of(k)]).collect(),
         (View::About(left, up), Some(Turn::Camera)) => {
             // As near as what is shown fits.
             let shown = &motion[frames.clone()];
@@ -72,7 +76,7 @@ pub(super) fn shots(
     };
     let shot = |(k, viewpoint): (usize, Viewpoint)| Shot {
         number: if pictures.is_some() { k } else { frames.start + k },
-        frame: frames.start + (k * frames.len() / count.max(1)).min(frames.len().saturating_sub(1)),
+        frame: frame_of(k),
         viewpoint,
         light: if turn == Some(Turn::Light) { TAU * fraction(k) } else { 0.0 },
     };
@@ -93,6 +97,7 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
+    use tessuto_core::camera::{Camera, Pose};
 
     const CAMERA: Camera = Camera { fx: 500.0, fy: 500.0, cx: 319.5, cy: 239.5, width: 640, height: 480 };
 
@@ -101,11 +106,17 @@ mod tests {
         (0..4).map(at).collect()
     }
 
+    /// A camera that moves to the right, by 0.1 m a frame.
+    fn originals() -> Vec<Viewpoint> {
+        let pose = |n: usize| Pose { translation: DVec3::X * (-0.1 * n as f64), ..Pose::IDENTITY };
+        (0..4).map(|n| Viewpoint { camera: CAMERA, camera_from_world: Some(pose(n)) }).collect()
+    }
+
     #[test]
     fn a_turntable_goes_once_around_at_one_distance() {
         let motion = motion();
         let about = View::About(0.0, 10.0);
-        let film = shots(&motion, 1..3, CAMERA, (about, Some(Turn::Camera), Some(8))).unwrap();
+        let film = shots(&motion, 1..3, &originals(), (about, Some(Turn::Camera), Some(8))).unwrap();
         let frames: Vec<usize> = film.iter().map(|s| s.frame).collect();
         assert_eq!(frames, [1, 1, 1, 1, 2, 2, 2, 2]);
         assert_eq!(film.iter().map(|s| s.number).collect::<Vec<_>>(), (0..8).collect::<Vec<_>>());
@@ -116,14 +127,16 @@ mod tests {
         assert!(back.z < -0.9, "half of the way around it looks from behind: {back}");
         let inside = film.iter().flat_map(|s| motion[1..3].iter().flatten().map(|x| s.viewpoint.project(*x)));
         assert!(inside.into_iter().all(|p| (0.0..640.0).contains(&p.x) && (0.0..480.0).contains(&p.y)));
-        assert!(shots(&motion, 0..4, CAMERA, (View::Original, Some(Turn::Camera), None)).is_err());
+        assert!(shots(&motion, 0..4, &originals(), (View::Original, Some(Turn::Camera), None)).is_err());
     }
 
     #[test]
     fn the_light_goes_once_around_and_the_frames_keep_their_numbers() {
-        let film = shots(&motion(), 1..3, CAMERA, (View::Original, Some(Turn::Light), None)).unwrap();
+        let film = shots(&motion(), 1..3, &originals(), (View::Original, Some(Turn::Light), None)).unwrap();
         let told: Vec<(usize, usize, f64)> = film.iter().map(|s| (s.number, s.frame, s.light)).collect();
         assert_eq!(told, [(1, 1, 0.0), (2, 2, TAU / 2.0)]);
+        let eyes: Vec<f64> = film.iter().map(|s| s.viewpoint.eye().x).collect();
+        assert_eq!(eyes, [0.1, 0.2], "from where each frame was filmed");
         let mut light = EnvironmentMap::uniform(8, 4, [0.0; 3]);
         let ahead = light.texel_of(DVec3::new(0.1, 0.1, 1.0).normalize());
         light.texels[ahead] = [1.0; 3];

@@ -30,7 +30,7 @@ fn exported(clip: &Clip, folder: &Path) {
 }
 
 /// The bytes of array `name` of an uncompressed .npz file.
-fn array<'a>(npz: &'a [u8], name: &str) -> &'a [u8] {
+pub(super) fn array<'a>(npz: &'a [u8], name: &str) -> &'a [u8] {
     let mut at = 0;
     while &npz[at..at + 4] == b"PK\x03\x04" {
         let (size, length) = (word(npz, at + 18), usize::from(npz[at + 26]));

@@ -5,5 +5,6 @@ mod documented;
 mod fabric;
 mod files;
 mod gaps;
+mod path;
 #[cfg(feature = "rerun")]
 mod rrd;

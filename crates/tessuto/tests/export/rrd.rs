@@ -16,7 +16,7 @@ use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;
 use tessuto::session::{Epoch, named};
 use tessuto::sim::Accelerations;
-use tessuto::{Camera, Image, Mesh, Motion, Positions, Rect};
+use tessuto::{Camera, Image, Mesh, Motion, Pose, Positions, Rect};
 
 const CAMERA: Camera = Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 };
 const CROP: Rect = Rect { x0: 20, y0: 30, x1: 84, y1: 78 };
@@ -24,6 +24,12 @@ const CROP: Rect = Rect { x0: 20, y0: 30, x1: 84, y1: 78 };
 fn moved(mesh: &Mesh, n: usize) -> Positions {
     let depth = |p: &DVec3| 0.1 * n as f64 * (5.0 * p.x + 0.3 * n as f64).sin() + 0.02 * p.y;
     mesh.positions.iter().map(|p| *p + DVec3::Z * depth(p)).collect()
+}
+
+/// Where the camera is in frame `n`.
+fn pose(n: usize) -> Pose {
+    let turn = glam::DMat3::from_rotation_y(1e-4 * n as f64);
+    Pose { rotation: turn, translation: DVec3::new(1e-4 * n as f64, 0.0, 0.0) }
 }
 
 fn epoch(stage: &'static str, step: usize, of: usize) -> Epoch {
@@ -241,6 +247,7 @@ fn an_exported_result_is_read_back_as_it_was() {
         fps: 25.0,
         first_frame: 7,
         camera: CAMERA,
+        poses: Some((0..frames).map(pose).collect()),
         crop: CROP,
         images,
         video: None,
@@ -317,6 +324,11 @@ fn an_exported_result_is_read_back_as_it_was() {
     let matrix = camera.floats("Pinhole:image_from_camera", 0);
     assert_eq!(matrix, [700.0, 0.0, 0.0, 0.0, 650.0, 0.0, 280.5, 220.5, 1.0]);
     assert_eq!(camera.floats("Pinhole:resolution", 0), [64.0, 48.0]);
+    let path = of(&chunks, "/world/camera", "Transform3D:translation")[0];
+    assert_eq!((path.index("frame")[5], path.is_static), (12, false));
+    let back = pose(5).inverse();
+    assert_eq!(path.floats("Transform3D:translation", 5), back.translation.as_vec3().to_array());
+    assert_eq!(path.floats("Transform3D:mat3x3", 5), back.rotation.as_mat3().to_cols_array());
     let video = of(&chunks, "/world/camera/image", "EncodedImage:blob");
     let numbers: Vec<i64> = video.iter().flat_map(|c| c.index("frame")).collect();
     assert_eq!(numbers, (7..7 + frames as i64).collect::<Vec<_>>());
@@ -344,6 +356,7 @@ fn run(out: impl Write, ended: bool) -> tessuto::Result<()> {
         first_frame: 3,
         frame_count: 2,
         camera: CAMERA,
+        poses: None,
         image: None,
         truth: Some(&truth),
     };

@@ -21,6 +21,7 @@ fn recording(tiny: &TinyScene) -> Recording {
         name: "tiny".to_owned(),
         fps: 25.0,
         camera: Camera { fx: 40.0, fy: 40.0, cx: 11.5, cy: 13.5, width: 24, height: 24 },
+        poses: None,
         crop: None,
         frames: (0..FRAMES).map(frame).collect(),
         masks: (0..FRAMES).map(mask).collect(),

@@ -57,6 +57,8 @@ fn scene(rasterizer: &Rasterizer, template: &tessuto::Mesh, texture: &Texture) -
         fps: 50.0,
         camera,
         crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
+        poses: None,
+        pose_unit: Default::default(),
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template: template.clone(),

@@ -2,4 +2,5 @@
 
 mod divergence;
 mod gradient;
+mod held;
 mod streamed;

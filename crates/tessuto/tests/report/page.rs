@@ -236,6 +236,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
         command: "tessuto reconstruct 'a b' --out c".into(),
         key_numbers: vec![KeyNumber::new("frames", frame_count.to_string(), "")],
         cloth: Some(ClothData {
+            poses: Vec::new(),
             fps: 25.0,
             first_frame: 0,
             frame_count,

@@ -6,17 +6,18 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::poses::{self, POSES};
 use crate::io::image::MAX_SIDE;
 use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
-use tessuto_core::camera::{Camera, Rect};
-use tessuto_core::error::{Error, Hint, Remedy, Result};
-use tessuto_core::scene::Known;
+use tessuto_core::camera::{Camera, Pose, Rect};
+use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
+use tessuto_core::scene::{Known, PoseUnit};
 use tessuto_core::text::edits;
 
-const KNOWN: [&str; 14] = [
-    "name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "gravity", "held",
-    "notes",
+const KNOWN: [&str; 15] = [
+    "name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "poses",
+    "gravity", "held", "notes",
 ];
 const EXAMPLE: &str = concat!(
     r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "#,
@@ -43,7 +44,10 @@ pub(crate) struct Manifest {
     pub crop: Option<Rect>,
     #[serde(default)]
     pub units: Units,
-    /// Which way gravity pulls, in the camera's frame; only its direction counts.
+    /// Where the camera is in every frame, where it moves: the name of a file in the folder, or what such a file
+    /// holds.
+    poses: Option<Value>,
+    /// Which way gravity pulls, in the camera's frame in frame 0; only its direction counts.
     pub gravity: Option<[f64; 3]>,
     /// Vertices of the template that something holds, numbered from 0.
     pub held: Option<Vec<usize>>,
@@ -89,20 +93,34 @@ pub fn write_manifest(
 /// [`Error::Input`] if scene.json cannot be used; [`Error::Output`].
 pub fn replace_camera(folder: &Path, camera: &Camera, source: &str, uncertainty: Option<f64>) -> Result<()> {
     Manifest::read(folder)?;
+    change(folder, |scene| {
+        for (key, value) in [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)] {
+            scene[key] = json!(value);
+        }
+        if !scene["notes"].is_object() {
+            let before = scene["notes"].take();
+            scene["notes"] = if before.is_null() { json!({}) } else { json!({ "text": before }) };
+        }
+        scene["notes"]["camera"] = json!({ "source": source, "uncertainty": uncertainty });
+    })
+}
+
+/// Tells the scene in `folder` which way is down, in the frame of the camera in frame 0.
+///
+/// # Errors
+/// As [`replace_camera`].
+pub(crate) fn set_gravity(folder: &Path, down: DVec3) -> Result<()> {
+    change(folder, |scene| scene["gravity"] = json!(down.normalize().to_array()))
+}
+
+fn change(folder: &Path, by: impl FnOnce(&mut Value)) -> Result<()> {
     let path = folder.join("scene.json");
     let place = path.display().to_string();
     let text = crate::io::read_text(&path)?;
     let unusable = |problem: String| Error::input(&place, problem, "correct the file");
     let mut scene: Value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
         .map_err(|e| unusable(format!("is not valid JSON: {e}")))?;
-    for (key, value) in [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)] {
-        scene[key] = json!(value);
-    }
-    if !scene["notes"].is_object() {
-        let before = scene["notes"].take();
-        scene["notes"] = if before.is_null() { json!({}) } else { json!({ "text": before }) };
-    }
-    scene["notes"]["camera"] = json!({ "source": source, "uncertainty": uncertainty });
+    by(&mut scene);
     let text = serde_json::to_string_pretty(&scene).expect("plain data") + "\n";
     atomic_write(&path, text.as_bytes())
 }
@@ -158,6 +176,7 @@ impl Manifest {
             cy,
             crop,
             units,
+            poses: None,
             gravity: None,
             held: None,
             notes: Value::Null,
@@ -214,6 +233,29 @@ impl Manifest {
         Ok(Known { down: self.gravity.map(|g| DVec3::from_array(g).normalize()), held })
     }
 
+    /// Poses of all frames relative to the first one; poses.json counts where it is there and nothing is named.
+    /// `None` for a camera that stands still.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a file that cannot be read, and for poses that are none.
+    pub fn poses(&self, folder: &Path, warnings: &mut Vec<Warning>) -> Result<Option<(Vec<Pose>, PoseUnit)>> {
+        let (frames, scale) = (self.n_frames, self.units.scale());
+        let read = |name: &str, warnings: &mut Vec<Warning>| {
+            poses::read(&super::inside(folder, &folder.join(name))?, frames, scale, warnings)
+        };
+        let poses = match &self.poses {
+            None if folder.join(POSES).is_file() => read(POSES, warnings),
+            None | Some(Value::Null) => return Ok(None),
+            Some(Value::String(name)) => read(name, warnings),
+            Some(list) => {
+                let place = folder.join("scene.json").display().to_string() + ", \"poses\"";
+                let found = poses::from_json(list, frames, scale, &place, warnings)?;
+                Ok(found.map(|poses| (poses, poses::unit(list))))
+            }
+        }?;
+        Ok(poses.and_then(|(poses, unit)| Some((poses::moving(&poses)?, unit))))
+    }
+
     /// Standard deviation of the focal length, as a fraction of it, where the notes have it.
     pub fn camera_doubt(&self) -> Option<f64> {
         self.notes.get("camera")?.get("uncertainty")?.as_f64().filter(|doubt| *doubt > 0.0)
@@ -253,8 +295,8 @@ impl Manifest {
                 DVec3::from_array(gravity).try_normalize().is_some(),
                 "gravity",
                 format!("{gravity:?}"),
-                "give its direction in the camera's frame, x to the right, y down, z ahead: [0, 1, 0] for a \
-                 level camera",
+                "give its direction in the camera's frame in frame 0, x to the right, y down, z ahead: [0, 1, 0] \
+                 for a level camera",
             )?;
         }
         if let Some(held) = &self.held {

@@ -3,11 +3,13 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use serde_json::json;
+
 use super::frames::{self, Source, Sources};
 use super::manifest::{Manifest, Units};
 use super::{Loaded, intrinsics_warnings, template};
 use crate::io::image::{ImageFile, Samples};
-use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::{Scene, Truth};
@@ -21,6 +23,8 @@ pub struct Recording {
     pub fps: f64,
     /// Camera of the whole image.
     pub camera: Camera,
+    /// camera_from_world of every frame, of a camera that moves; the world is the camera's frame in the first one.
+    pub poses: Option<Vec<Pose>>,
     /// The part of the images to keep; the masks decide where it is missing.
     pub crop: Option<Rect>,
     /// sRGB-encoded colour of every frame, shape [height, width, 3] each.
@@ -38,7 +42,7 @@ pub struct Recording {
 /// # Errors
 /// [`Error::Input`] naming the first thing that is wrong, in the order of a folder's.
 pub fn assemble(recording: Recording) -> Result<Loaded> {
-    let Recording { name, fps, camera, crop, frames, masks, template, truth } = recording;
+    let Recording { name, fps, camera, poses, crop, frames, masks, template, truth } = recording;
     let frame_count = frames.len();
     if masks.len() != frame_count {
         let problem = format!("{} masks of {frame_count} frames", masks.len());
@@ -49,6 +53,9 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
     let folder = PathBuf::from(&name);
     let (mut errors, mut warnings) = (Vec::new(), Vec::new());
     check_numbers(&template)?;
+    if let Some(poses) = &poses {
+        super::listed_poses(&json!(poses.iter().map(Pose::rows).collect::<Vec<_>>()), "poses")?;
+    }
     template::check(&template, Units::Metres, (&folder, "template"), None, &mut errors, &mut warnings);
     if let Some(error) = errors.into_iter().next() {
         return Err(error);
@@ -63,7 +70,9 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         folder,
         fps,
         camera: camera.cropped(crop),
+        poses: poses.as_deref().and_then(super::moving),
         crop,
+        pose_unit: Default::default(),
         full_size: size,
         first_frame: 0,
         template,

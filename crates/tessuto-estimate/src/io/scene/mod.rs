@@ -1,7 +1,8 @@
 //! A scene folder, read whole and checked before anything is computed on it.
 //!
 //! ```text
-//! scene.json             name, fps, n_frames, width, height, fx, fy, cx, cy; crop, units, notes if wanted
+//! scene.json             name, fps, n_frames, width, height, fx, fy, cx, cy; crop, units, poses, notes if wanted
+//! poses.json             camera_from_world of every frame, of a camera that moves
 //! template.obj           polygons of the fabric in frame 0, camera coordinates, with uv
 //! rgbs/rgb_000.png …     masks/mask_000.png …   (or .jpg, .jpeg; any zero padding)
 //! gt/points/points_000.npy …   gt/vertices.npy   gt/tracks.npz  (truth, where known)
@@ -13,6 +14,7 @@ mod frames;
 mod listing;
 mod manifest;
 mod memory;
+mod poses;
 mod record;
 mod rectangle;
 #[doc(hidden)]
@@ -26,13 +28,16 @@ use std::path::{Path, PathBuf};
 pub use colours::{ColourFiles, colour_files};
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
+pub(crate) use manifest::set_gravity;
 pub use manifest::{replace_camera, write_manifest};
 pub use memory::{Recording, assemble};
+pub use poses::{POSES, read_poses, write_poses};
+pub(crate) use poses::{listed as listed_poses, moving};
 pub use record::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};
 pub use rectangle::{template_misfit, write_template};
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::mesh::Mesh;
-use tessuto_core::scene::{Known, Scene};
+use tessuto_core::scene::{Known, PoseUnit, Scene};
 use tessuto_core::video::HELD_BYTES;
 
 /// A standard deviation of the focal length above this fraction is doubted.
@@ -97,6 +102,8 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let video = frames::read(folder, &manifest, range.clone(), options.held_bytes, &mut warnings);
     let video = video.map_err(|e| errors.push(e)).ok();
     let truth = truth::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut errors);
+    let poses = manifest.poses(folder, &mut warnings);
+    let poses = poses.map_err(|e| errors.push(e)).ok().flatten();
 
     let template_missing = mesh.is_none();
     let stand_in = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
@@ -113,6 +120,8 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
             folder: folder.to_path_buf(),
             fps: manifest.fps,
             camera: manifest.camera().cropped(crop),
+            pose_unit: poses.as_ref().map_or(PoseUnit::Metres, |(_, unit)| *unit),
+            poses: poses.map(|(poses, _)| poses[range.clone()].to_vec()),
             crop,
             full_size: [manifest.camera().width, manifest.camera().height],
             first_frame: range.start,

@@ -114,6 +114,7 @@ mod light;
 #[cfg(test)]
 mod moved;
 mod noise;
+mod path_scale;
 mod print;
 #[cfg(test)]
 mod proof;
@@ -135,6 +136,7 @@ use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
 use level::LevelSearch;
+pub use path_scale::scaled;
 pub use settings::SpacetimeSettings;
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};

@@ -50,6 +50,8 @@ pub(super) fn scene() -> Scene {
         fps: 50.0,
         camera,
         crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
+        poses: None,
+        pose_unit: Default::default(),
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template: Mesh { positions, ..flat },

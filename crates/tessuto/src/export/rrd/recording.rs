@@ -11,6 +11,7 @@ use super::chunk::{Chunk, Column, Times};
 use super::index::Index;
 use super::subject::{Corners, Subject, rgb_bytes};
 use super::wire::{FRAME, Id, Store};
+use tessuto_core::camera::Pose;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::Positions;
@@ -201,7 +202,22 @@ impl<W: Write> Recording<W> {
                 Column::axes(["Pinhole", "camera_xyz"], RIGHT_DOWN_FORWARD),
                 Column::float(["Pinhole", "image_plane_distance"], "ImagePlaneDistance", distance),
             ],
-        )
+        )?;
+        self.path(subject)
+    }
+
+    /// Where the camera is in every frame.
+    fn path(&mut self, subject: &Subject) -> Result<()> {
+        let Some(poses) = subject.poses else { return Ok(()) };
+        let back: Vec<Pose> = poses.iter().map(Pose::inverse).collect();
+        let places: Vec<[f32; 3]> = back.iter().map(|pose| pose.translation.as_vec3().to_array()).collect();
+        // By columns.
+        let turns: Vec<[f32; 9]> = back.iter().map(|pose| pose.rotation.as_mat3().to_cols_array()).collect();
+        let columns = vec![
+            Column::floats(["Transform3D", "translation"], "Translation3D", poses.len(), &places),
+            Column::floats(["Transform3D", "mat3x3"], "TransformMat3x3", poses.len(), &turns),
+        ];
+        self.write(&Chunk { entity: CAMERA, times: self.frames(0..poses.len()), columns })
     }
 
     fn video(&mut self, subject: &Subject) -> Result<()> {

@@ -1,7 +1,7 @@
 //! What a recording shows besides the motion, taken from a scene or from a result.
 
 use crate::export::Clip;
-use tessuto_core::camera::{Camera, Rect};
+use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, Positions};
@@ -28,6 +28,8 @@ pub struct Subject<'a> {
     pub frame_count: usize,
     /// Camera of the images.
     pub camera: Camera,
+    /// Where it is in every frame, if it moves.
+    pub poses: Option<&'a [Pose]>,
     /// Image of frame n, from 0, as the camera sees it.
     pub image: Option<FrameImage<'a>>,
     /// Points `[m]` on the true surface in every frame.
@@ -48,6 +50,7 @@ impl<'a> Subject<'a> {
             first_frame: scene.first_frame,
             frame_count: scene.frames.len(),
             camera: scene.camera,
+            poses: scene.poses.as_deref(),
             image: Some(Box::new(|n| Ok(rgb8(&scene.frames.frame(n)?.rgb)))),
             truth: truth.points.as_deref().or(truth.vertices.as_deref()),
         }
@@ -67,6 +70,7 @@ impl<'a> Subject<'a> {
             first_frame: clip.first_frame,
             frame_count: clip.frame_count,
             camera: if shown { clip.camera.cropped(clip.crop) } else { clip.camera },
+            poses: clip.poses.as_deref(),
             image: shown.then_some(image),
             truth: None,
         })
