@@ -85,6 +85,9 @@ pub struct Arguments {
     /// The camera is held in a hand that shakes by so much, and turns by 1° for each cm [mm].
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     shake: f64,
+    /// Show a room around the cloth, with the sensor's noise, in place of black.
+    #[arg(long)]
+    surroundings: bool,
     /// Seed of texture, wind, mesh and all that is drawn at random.
     #[arg(long, default_value_t = 0)]
     seed: u64,
@@ -132,6 +135,7 @@ impl Arguments {
         s.occluders = self.occluders.unwrap_or(0);
         s.amodal = self.amodal;
         s.blur = self.blur.unwrap_or(0.0);
+        s.surroundings = self.surroundings;
         (s.orbit, s.shake) = (self.orbit, 1e-3 * self.shake);
     }
 }

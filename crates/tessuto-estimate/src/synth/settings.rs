@@ -63,6 +63,9 @@ pub struct Settings {
     /// Angle by which the camera goes around the sheet in the course of the clip, to its right `[°]`.
     #[serde(skip_serializing_if = "is_default")]
     pub orbit: f64,
+    /// The frames show a room around the sheet, with the sensor's noise; black otherwise.
+    #[serde(skip_serializing_if = "is_default")]
+    pub surroundings: bool,
     /// How far the hand that holds the camera shakes, root mean square `[m]`; it turns by 1° for each cm.
     #[serde(skip_serializing_if = "is_default")]
     pub shake: f64,
@@ -93,6 +96,7 @@ impl Default for Settings {
             amodal: false,
             blur: 0.0,
             orbit: 0.0,
+            surroundings: false,
             shake: 0.0,
         }
     }
@@ -168,7 +172,7 @@ mod tests {
     #[test]
     fn only_what_was_asked_for_is_written_down() {
         let plain = serde_json::to_value(Settings::default()).unwrap();
-        for key in ["mover", "occluders", "amodal", "blur", "orbit", "shake"] {
+        for key in ["mover", "occluders", "amodal", "blur", "orbit", "surroundings", "shake"] {
             assert!(plain.get(key).is_none(), "{key}");
         }
         let paper = Settings { mover: Mover::Paper, blur: 0.5, ..Settings::default() };

@@ -1,9 +1,11 @@
-//! What a camera films around a sheet: a room, uneven light, noise. Synthetic scenes are black there; real ones
-//! never are.
+//! What a camera films around a sheet: a room, uneven light, noise. Synthetic scenes are black there unless that is
+//! asked for; real ones never are.
 
+use glam::DVec2;
 use rayon::prelude::*;
 
 use super::texture::Lattice;
+use tessuto_core::camera::{Camera, Viewpoint};
 use tessuto_core::error::Result;
 use tessuto_core::image::Image;
 use tessuto_core::math::rng::Rng;
@@ -11,6 +13,8 @@ use tessuto_core::scene::Scene;
 
 /// Standard deviation of the sensor's noise, sRGB in [0, 1]: that of a phone's video in a room.
 const NOISE: f32 = 0.012;
+/// Distance of the wall from the camera in the first frame `[m]`.
+const WALL_DISTANCE: f64 = 2.2;
 /// Where the floor begins [fraction of the height].
 const FLOOR: f64 = 0.86;
 /// sRGB colours of wall, skirting, floor, frame and picture on the wall.
@@ -28,10 +32,13 @@ const STREAMS: [u64; 2] = [900, 1000];
 /// # Errors
 /// Those of reading the frames.
 pub fn filmed(scene: &Scene, seed: u64) -> Result<Vec<Image>> {
-    let room = room([scene.camera.width, scene.camera.height], seed);
+    let room = Room::new(scene.camera, seed);
+    let still = room.seen_from(&Viewpoint::from(scene.camera));
     (0..scene.frames.len())
         .into_par_iter()
         .map(|n| {
+            let moved = scene.poses.as_ref().map(|_| room.seen_from(&scene.viewpoint(n)));
+            let room = moved.as_ref().unwrap_or(&still);
             let frame = scene.frames.frame(n)?;
             let mut rng = Rng::new(seed, STREAMS[1] + n as u64);
             let mut image = frame.rgb.clone();
@@ -45,24 +52,63 @@ pub fn filmed(scene: &Scene, seed: u64) -> Result<Vec<Image>> {
         .collect()
 }
 
-/// A plastered wall with a picture, a skirting board and a floor of boards, lit from one side.
-fn room([width, height]: [usize; 2], seed: u64) -> Image {
-    let mut rng = Rng::new(seed, STREAMS[0]);
-    let octaves = [(5, 0.5), (37, 0.3), (151, 0.2)].map(|(n, weight)| (Lattice::new(n, &mut rng), weight));
-    let grain = Lattice::new(90, &mut rng);
-    let mut image = Image::new(width, height, 3);
-    for y in 0..height {
-        for x in 0..width {
-            let (u, v) = ((x as f64 + 0.5) / width as f64, (y as f64 + 0.5) / height as f64);
-            let plaster: f64 = octaves.iter().map(|(lattice, weight)| weight * lattice.at(u, v)).sum();
-            let (colour, shade) = surface(u, v, plaster, &grain);
-            let light = 1.0 - 0.30 * u + 0.08 * (1.0 - v);
-            for (c, out) in image.pixel_mut(x, y).iter_mut().enumerate() {
-                *out = (colour[c] * (shade * light) as f32).clamp(0.0, 1.0);
+/// A plastered wall with a picture, a skirting board and a floor of boards, lit from one side; described by where each
+/// of its points is in the first frame's image.
+struct Room {
+    /// In the first frame, at the world's origin.
+    camera: Camera,
+    octaves: [(Lattice, f64); 3],
+    grain: Lattice,
+}
+
+impl Room {
+    fn new(camera: Camera, seed: u64) -> Self {
+        let mut rng = Rng::new(seed, STREAMS[0]);
+        let octaves =
+            [(5, 0.5), (37, 0.3), (151, 0.2)].map(|(n, weight)| (Lattice::new(n, &mut rng), weight));
+        Self { camera, octaves, grain: Lattice::new(90, &mut rng) }
+    }
+
+    fn seen_from(&self, view: &Viewpoint) -> Image {
+        let (width, height) = (self.camera.width, self.camera.height);
+        let mut image = Image::new(width, height, 3);
+        for y in 0..height {
+            for x in 0..width {
+                let [column, row] = match view.camera_from_world {
+                    None => [x as f64, y as f64],
+                    Some(_) => self.in_first_frame(view, DVec2::new(x as f64, y as f64)).to_array(),
+                };
+                let (u, v) = ((column + 0.5) / width as f64, (row + 0.5) / height as f64);
+                // What the first frame does not show continues it.
+                let [s, t] = [u, v].map(|t| if (0.0..1.0).contains(&t) { t } else { mirrored(t) });
+                let plaster: f64 =
+                    self.octaves.iter().map(|(lattice, weight)| weight * lattice.at(s, t)).sum();
+                let (colour, shade) = surface(u, v, plaster, &self.grain);
+                let light = 1.0 - 0.30 * s + 0.08 * (1.0 - t);
+                for (c, out) in image.pixel_mut(x, y).iter_mut().enumerate() {
+                    *out = (colour[c] * (shade * light) as f32).clamp(0.0, 1.0);
+                }
             }
         }
+        image
     }
-    image
+
+    /// Where the first frame shows what `view` has at `p_pixel`: a point of the wall, or of the floor before it.
+    fn in_first_frame(&self, view: &Viewpoint, p_pixel: DVec2) -> DVec2 {
+        let (eye, ray) = (view.eye(), view.ray(p_pixel));
+        let edge = FLOOR * self.camera.height as f64 - 0.5;
+        let floor = WALL_DISTANCE * (edge - self.camera.cy) / self.camera.fy;
+        let at_wall = (WALL_DISTANCE - eye.z) / ray.z;
+        let at_floor = if ray.y > 0.0 { (floor - eye.y) / ray.y } else { f64::INFINITY };
+        let far = if at_wall > 0.0 { at_wall.min(at_floor) } else { at_floor };
+        self.camera.project(eye + ray * far.min(1e3))
+    }
+}
+
+/// A place beyond [0, 1) as of an image that goes on as its mirror image.
+fn mirrored(t: f64) -> f64 {
+    let t = t.rem_euclid(2.0);
+    (if t < 1.0 { t } else { 2.0 - t }).min(1.0 - 1e-9)
 }
 
 /// Colour of what is at (u, v) of the image, in [0, 1], and how bright it is.

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::causes;
+use super::filmed;
 use super::settings::{Mover, Settings};
 use crate::io;
 use tessuto_core::error::{Error, Result};
@@ -28,9 +29,11 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         io::scene::write_poses(folder, poses, scene.pose_unit)?;
     }
     io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
+    let room = if settings.surroundings { filmed(scene, settings.seed)? } else { Vec::new() };
     for k in 0..scene.frames.len() {
         let frame = scene.frames.frame(k)?;
-        io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), &frame.rgb)?;
+        let rgb = room.get(k).unwrap_or(&frame.rgb);
+        io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), rgb)?;
         io::image::write_png(&folder.join(format!("masks/mask_{k:03}.png")), &frame.mask)?;
     }
     if settings.mover == Mover::Hands || settings.air {
