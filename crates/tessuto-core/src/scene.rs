@@ -1,5 +1,6 @@
 //! A scene in memory: what was filmed, by which camera, of which cloth. Loading is in the crate `tessuto-estimate`.
 
+mod depth;
 mod tracks;
 
 use std::path::PathBuf;
@@ -10,6 +11,7 @@ use crate::camera::{Camera, Pose, Rect, Viewpoint};
 use crate::error::{Error, Result};
 use crate::mesh::{Mesh, Motion};
 use crate::video::Video;
+pub use depth::Depths;
 pub use tracks::Tracks;
 
 /// What is known of the true motion, in all frames or in some; used by evaluation only.
@@ -63,6 +65,8 @@ pub struct Scene {
     pub template: Mesh,
     /// The video, N frames.
     pub frames: Video,
+    /// What a depth sensor beside the camera measured in the same frames.
+    pub depths: Option<Depths>,
     /// What is known of the causes of its motion.
     pub known: Known,
     /// Ground truth, where the folder has it, of the same frames.
@@ -145,6 +149,13 @@ impl Scene {
                     let place = format!("frame {}, {what}", self.first_frame + k);
                     return fail(place, format!("{found}, expected {expected}"), "give all images one size");
                 }
+            }
+        }
+        if let Some(depths) = &self.depths {
+            let pixels = depths.camera.width * depths.camera.height;
+            if depths.maps.len() != self.frames.len() || depths.maps.iter().any(|map| map.len() != pixels) {
+                let problem = format!("{} maps of {} frames", depths.maps.len(), self.frames.len());
+                return fail("depth".into(), problem, "give one map per frame, all of one size");
             }
         }
         self.check_template()

@@ -85,6 +85,9 @@ pub struct Arguments {
     /// The camera is held in a hand that shakes by so much, and turns by 1° for each cm [mm].
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     shake: f64,
+    /// A depth sensor beside the camera measures the cloth with this noise [% of the depth].
+    #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
+    depth_noise: f64,
     /// Show a room around the cloth, with the sensor's noise, in place of black.
     #[arg(long)]
     surroundings: bool,
@@ -135,6 +138,7 @@ impl Arguments {
         s.occluders = self.occluders.unwrap_or(0);
         s.amodal = self.amodal;
         s.blur = self.blur.unwrap_or(0.0);
+        s.depth_noise = 0.01 * self.depth_noise;
         s.surroundings = self.surroundings;
         (s.orbit, s.shake) = (self.orbit, 1e-3 * self.shake);
     }

@@ -256,6 +256,7 @@ mod tests {
             crop: Rect { x0: 0, y0: 0, x1: 80, y1: 80 },
             poses: None,
             pose_unit: Default::default(),
+            depths: None,
             full_size: [80, 80],
             first_frame: 0,
             template,

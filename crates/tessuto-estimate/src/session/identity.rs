@@ -17,6 +17,9 @@ pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
     hash.update([0]);
     let template = &scene.template;
     hash.update(format!("{:?} {:?} {} {}", scene.camera, scene.crop, scene.fps, scene.first_frame));
+    for map in scene.depths.iter().flat_map(|depths| &depths.maps) {
+        hash.update(bytemuck::cast_slice::<_, u8>(map));
+    }
     for pose in scene.poses.iter().flatten() {
         hash.update(bytemuck::cast_slice::<_, u8>(&pose.rows()));
     }

@@ -27,10 +27,11 @@ use occluder::{Behind, Occluder};
 pub use settings::{Mover, Settings};
 pub use sheet::SIZE as SHEET;
 pub use surroundings::filmed;
-use tessuto_core::camera::{Rect, Viewpoint};
+use tessuto_core::camera::{Camera, Rect, Viewpoint};
 use tessuto_core::error::Result;
+use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::{Mesh, Motion, Positions};
-use tessuto_core::scene::{Scene, Truth};
+use tessuto_core::scene::{Depths, Scene, Truth};
 use tessuto_core::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 use trajectory::Trajectory;
@@ -38,6 +39,8 @@ use view::{Studio, View, exposed};
 
 /// Side of the texture `[texel]`.
 const TEXTURE_SIZE: usize = 512;
+/// Random stream of the depth sensor's noise in the first frame.
+const STREAM_OF_DEPTH: u64 = 20_000;
 /// Most shapes that one blurred frame is made of; odd, so that one is at the frame's time.
 const MOST_SHAPES: usize = 33;
 
@@ -89,15 +92,19 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         exposed(shapes.iter().map(|(time, positions)| studio.view(positions, &view, *time, rendering)))
     };
     let held = motion.len() * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
-    let views: Vec<(Option<Frame>, Vec<DVec3>)> = (0..motion.len())
+    let sensor = sensor(settings, &camera);
+    let views: Vec<_> = (0..motion.len())
         .into_par_iter()
         .map_init(Rendering::new, |rendering, n| {
             let mut view = draw(rendering, n);
             let points = std::mem::take(&mut view.points);
-            (held.then(|| frame_of(view)), points)
+            let depth = noisy(std::mem::take(&mut view.depth), settings, n);
+            (held.then(|| frame_of(view)), (points, depth))
         })
         .collect();
-    let (frames, points): (Vec<_>, _) = views.into_iter().unzip();
+    let (frames, measured): (Vec<_>, Vec<_>) = views.into_iter().unzip();
+    let (points, maps): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
+    let depths = sensor.map(|camera| Depths { camera, maps, noise: settings.depth_noise });
     let again = move |n: usize| Ok(frame_of(draw(&mut Rendering::new(), n)));
     let frames = match held {
         true => frames.into_iter().flatten().collect(),
@@ -111,6 +118,7 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         crop: Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height },
         poses,
         pose_unit: Default::default(),
+        depths,
         full_size: [camera.width, camera.height],
         first_frame: 0,
         template,
@@ -118,6 +126,18 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         known: Default::default(),
         truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?), tracks: None },
     })
+}
+
+/// The camera in pixels of the depth sensor's maps, if there is one.
+fn sensor(settings: &Settings, camera: &Camera) -> Option<Camera> {
+    (settings.depth_noise > 0.0).then(|| camera.downsampled(2))
+}
+
+/// What the sensor measures in frame `n` of the true `depth`.
+fn noisy(mut depth: Vec<f32>, settings: &Settings, n: usize) -> Vec<f32> {
+    let mut rng = Rng::new(settings.seed, STREAM_OF_DEPTH + n as u64);
+    depth.iter_mut().for_each(|z| *z *= (1.0 + settings.depth_noise * rng.normal()) as f32);
+    depth
 }
 
 /// What moves in front of the sheet that is at `positions` `[m]` in the first frame.

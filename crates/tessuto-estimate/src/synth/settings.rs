@@ -63,6 +63,9 @@ pub struct Settings {
     /// Angle by which the camera goes around the sheet in the course of the clip, to its right `[°]`.
     #[serde(skip_serializing_if = "is_default")]
     pub orbit: f64,
+    /// A depth sensor with this noise, as a fraction of the depth, sees the sheet at half the images' size; none at 0.
+    #[serde(skip_serializing_if = "is_default")]
+    pub depth_noise: f64,
     /// The frames show a room around the sheet, with the sensor's noise; black otherwise.
     #[serde(skip_serializing_if = "is_default")]
     pub surroundings: bool,
@@ -96,6 +99,7 @@ impl Default for Settings {
             amodal: false,
             blur: 0.0,
             orbit: 0.0,
+            depth_noise: 0.0,
             surroundings: false,
             shake: 0.0,
         }
@@ -137,6 +141,7 @@ impl Settings {
             ("blur", self.blur, 0.0, 1.0),
             ("orbit", self.orbit, -180.0, 180.0),
             ("shake", self.shake, 0.0, 0.2),
+            ("depth_noise", self.depth_noise, 0.0, 0.2),
         ];
         for (name, value, low, high) in checks {
             if !(low..=high).contains(&value) {
@@ -172,7 +177,7 @@ mod tests {
     #[test]
     fn only_what_was_asked_for_is_written_down() {
         let plain = serde_json::to_value(Settings::default()).unwrap();
-        for key in ["mover", "occluders", "amodal", "blur", "orbit", "surroundings", "shake"] {
+        for key in ["mover", "occluders", "amodal", "blur", "orbit", "surroundings", "depth_noise", "shake"] {
             assert!(plain.get(key).is_none(), "{key}");
         }
         let paper = Settings { mover: Mover::Paper, blur: 0.5, ..Settings::default() };

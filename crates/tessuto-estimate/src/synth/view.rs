@@ -40,6 +40,8 @@ pub struct View {
     pub filmed: Option<Image>,
     /// Points `[m]` of the world that a depth sensor at the camera would see of the sheet.
     pub points: Vec<DVec3>,
+    /// Depth `[m]` of the sheet at half the image's size, NaN beside it.
+    pub depth: Vec<f32>,
 }
 
 impl Studio {
@@ -79,6 +81,7 @@ impl Studio {
             frame: Frame { rgb: small(rgb), mask: small(mask) },
             filmed: filmed.map(small),
             points: seen_points(&from, rendering),
+            depth: depth_map(rendering),
         }
     }
 }
@@ -107,7 +110,7 @@ pub fn exposed(views: impl ExactSizeIterator<Item = View>) -> View {
             add(to, from);
         }
         if k == count / 2 {
-            sum.points = view.points;
+            (sum.points, sum.depth) = (view.points, view.depth);
         }
     }
     let scale = 1.0 / count as f32;
@@ -130,6 +133,20 @@ fn enlarged(camera: &Camera) -> Camera {
         width: OVERSAMPLING * camera.width,
         height: OVERSAMPLING * camera.height,
     }
+}
+
+/// Depth where four times four pixels of the drawing meet, which is one of a map of half the image's size.
+fn depth_map(rendering: &Rendering) -> Vec<f32> {
+    let block = 2 * OVERSAMPLING;
+    let (columns, rows) = (rendering.width / block, rendering.height / block);
+    let at = |k: usize| {
+        let corner = [k % columns, k / columns].map(|n| n * block + block / 2);
+        // The four pixels around the middle: all of the sheet, or none is known.
+        let around =
+            [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| rendering.depth(corner[0] - i, corner[1] - j));
+        around.iter().copied().sum::<Option<f64>>().map_or(f32::NAN, |sum| (0.25 * sum) as f32)
+    };
+    (0..columns * rows).map(at).collect()
 }
 
 /// Surface points `[m]` on a regular grid of pixels, as a depth sensor at the camera would see them.
@@ -166,6 +183,7 @@ mod tests {
             frame: Frame { rgb: image(3, value), mask: image(1, value) },
             filmed: Some(image(3, 0.5 * value)),
             points: vec![DVec3::splat(f64::from(value))],
+            depth: Vec::new(),
         }
     }
 

@@ -9,7 +9,7 @@ use super::filmed;
 use super::settings::{Mover, Settings};
 use crate::io;
 use tessuto_core::error::{Error, Result};
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Depths, Scene};
 
 /// Who wrote a scene, in the notes of its scene.json.
 const GENERATOR: &str = "tessuto synth";
@@ -25,6 +25,13 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
     }
     let notes = json!({ "generator": GENERATOR, "settings": settings });
     io::scene::write_manifest(folder, &scene.name, scene.fps, scene.frames.len(), &scene.camera, notes)?;
+    if let Some(Depths { camera, maps, .. }) = &scene.depths {
+        let path = folder.join("depth");
+        std::fs::create_dir_all(&path).map_err(|source| Error::Output { path: path.clone(), source })?;
+        for (k, map) in maps.iter().enumerate() {
+            io::npy::write(&path.join(format!("depth_{k:03}.npy")), &[camera.height, camera.width], map)?;
+        }
+    }
     if let Some(poses) = &scene.poses {
         io::scene::write_poses(folder, poses, scene.pose_unit)?;
     }

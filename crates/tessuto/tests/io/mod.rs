@@ -7,3 +7,4 @@ mod memory;
 mod recordings;
 mod scene;
 mod truth;
+mod views;

@@ -59,6 +59,7 @@ fn scene(rasterizer: &Rasterizer, template: &tessuto::Mesh, texture: &Texture) -
         crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
         poses: None,
         pose_unit: Default::default(),
+        depths: None,
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template: template.clone(),

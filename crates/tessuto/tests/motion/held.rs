@@ -81,3 +81,20 @@ fn the_unit_of_a_path_is_found() {
     let still = Scene { poses: None, ..unknown };
     assert!(scaled(&still, &cloth, &config().spacetime).is_err());
 }
+
+#[test]
+fn measured_depth_makes_the_sheet_more_exact() {
+    let plain = filmed(|_| ());
+    let measured = filmed(|s| s.depth_noise = 0.01);
+    let depths = measured.depths.as_ref().unwrap();
+    assert_eq!((depths.maps.len(), depths.maps[0].len()), (12, 120 * 120));
+    let truth = plain.truth.vertices.clone().unwrap();
+    let errors = [&plain, &measured].map(|scene| off(&found(scene), &truth));
+    println!("{errors:?} m without and with depth");
+    assert!(errors[1] < 0.8 * errors[0]);
+    // Maps of another number of frames are refused.
+    let mut short = measured.clone();
+    short.depths.as_mut().unwrap().maps.pop();
+    let refused = reconstruct(&short, &config(), &mut Session::silent()).unwrap_err().to_string();
+    assert!(refused.contains("11 maps of 12 frames"), "{refused}");
+}

@@ -26,6 +26,6 @@ pub struct ColourFiles {
 pub fn colour_files(folder: &Path) -> Result<ColourFiles> {
     let manifest = Manifest::read(folder)?;
     let numbers = (0..manifest.n_frames, manifest.n_frames);
-    let paths = numbered(folder, "rgbs", "rgb_", &ENDINGS, numbers, &mut Vec::new())?;
+    let paths = numbered(folder, &manifest.rgbs, "rgb_", &ENDINGS, numbers, &mut Vec::new())?;
     Ok(ColourFiles { camera: manifest.camera(), fps: manifest.fps, paths })
 }

@@ -31,11 +31,11 @@ pub fn first_frame(folder: &Path) -> Result<FirstFrame> {
     let camera = manifest.camera();
     let metres = manifest.units.scale();
     let empty = |found: std::fs::ReadDir| found.flatten().next().is_none();
-    if std::fs::read_dir(folder.join("masks")).map_or(true, empty) {
+    if std::fs::read_dir(folder.join(&manifest.masks)).map_or(true, empty) {
         return Ok(FirstFrame { camera, mask: None, metres });
     }
     let numbers = (0..1, manifest.n_frames);
-    let mask_path = numbered(folder, "masks", "mask_", &ENDINGS, numbers, &mut Vec::new())?.remove(0);
+    let mask_path = numbered(folder, &manifest.masks, "mask_", &ENDINGS, numbers, &mut Vec::new())?.remove(0);
     image::open(&mask_path)?.expect_size([camera.width, camera.height])?;
     let (mask, _) = mask::read_fabric(&mask_path, None).map_err(of_scene)?;
     Ok(FirstFrame { camera, mask: Some((mask, mask_path)), metres })

@@ -109,8 +109,8 @@ pub(crate) fn read(
     let first = range.start;
     let numbers = (range, manifest.n_frames);
     let of_files = |paths: Vec<PathBuf>| paths.into_iter().map(Source::File).collect();
-    let colours = of_files(numbered(folder, "rgbs", "rgb_", &ENDINGS, numbers.clone(), warnings)?);
-    let masks = of_files(numbered(folder, "masks", "mask_", &ENDINGS, numbers, warnings)?);
+    let colours = of_files(numbered(folder, &manifest.rgbs, "rgb_", &ENDINGS, numbers.clone(), warnings)?);
+    let masks = of_files(numbered(folder, &manifest.masks, "mask_", &ENDINGS, numbers, warnings)?);
     let (size, crop) = ([camera.width, camera.height], manifest.crop);
     from(Sources { colours, masks, first, size, crop, held_bytes }, warnings)
 }

@@ -15,9 +15,27 @@ use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::scene::{Known, PoseUnit};
 use tessuto_core::text::edits;
 
-const KNOWN: [&str; 15] = [
-    "name", "fps", "n_frames", "width", "height", "fx", "fy", "cx", "cy", "crop", "units", "poses",
-    "gravity", "held", "notes",
+const KNOWN: [&str; 20] = [
+    "name",
+    "fps",
+    "n_frames",
+    "width",
+    "height",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "crop",
+    "units",
+    "poses",
+    "depth_unit",
+    "gravity",
+    "held",
+    "notes",
+    "rgbs",
+    "masks",
+    "depth",
+    "views",
 ];
 const EXAMPLE: &str = concat!(
     r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "#,
@@ -44,9 +62,18 @@ pub(crate) struct Manifest {
     pub crop: Option<Rect>,
     #[serde(default)]
     pub units: Units,
+    /// Folders of frames, masks and depth maps.
+    #[serde(default = "rgbs")]
+    pub rgbs: String,
+    #[serde(default = "masks")]
+    pub masks: String,
+    #[serde(default = "depth")]
+    pub depth: String,
     /// Where the camera is in every frame, where it moves: the name of a file in the folder, or what such a file
     /// holds.
     poses: Option<Value>,
+    /// Metres in one unit of the depth maps; what such files usually have where it is missing.
+    pub depth_unit: Option<f64>,
     /// Which way gravity pulls, in the camera's frame in frame 0; only its direction counts.
     pub gravity: Option<[f64; 3]>,
     /// Vertices of the template that something holds, numbered from 0.
@@ -54,6 +81,18 @@ pub(crate) struct Manifest {
     /// Anything; what tessuto reads of it is [`camera_doubt`](Self::camera_doubt).
     #[serde(default)]
     notes: Value,
+}
+
+fn rgbs() -> String {
+    "rgbs".to_owned()
+}
+
+fn masks() -> String {
+    "masks".to_owned()
+}
+
+fn depth() -> String {
+    "depth".to_owned()
 }
 
 /// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be
@@ -176,7 +215,11 @@ impl Manifest {
             cy,
             crop,
             units,
+            rgbs: rgbs(),
+            masks: masks(),
+            depth: depth(),
             poses: None,
+            depth_unit: None,
             gravity: None,
             held: None,
             notes: Value::Null,
@@ -290,6 +333,10 @@ impl Manifest {
             let hint = "give the principal point in pixels, near the middle of the image";
             demand(centre.abs() <= 10.0 * side as f64, key, centre.to_string(), hint)?;
         }
+        if let Some(unit) = self.depth_unit {
+            let hint = "give the metres in one unit of the depth maps: 0.001 for millimetres";
+            demand(unit > 0.0 && unit <= 1e3, "depth_unit", unit.to_string(), hint)?;
+        }
         if let Some(gravity) = self.gravity {
             demand(
                 DVec3::from_array(gravity).try_normalize().is_some(),
@@ -315,8 +362,37 @@ impl Manifest {
     }
 }
 
+/// `text` with what its only view says, if it lists views, as of the scene itself; `None` if it lists none.
+///
+/// # Errors
+/// [`Error::Input`] for several views.
+fn of_view(text: &str, place: &str) -> Result<Option<String>> {
+    let Ok(mut scene) = serde_json::from_str::<Value>(text) else { return Ok(None) };
+    let Some(views) = scene.as_object_mut().and_then(|scene| scene.remove("views")) else { return Ok(None) };
+    let [Value::Object(view)] = views.as_array().map_or(&[][..], Vec::as_slice) else {
+        let found = views.as_array().map_or(0, Vec::len);
+        let hint = "keep one view in scene.json: a sheet is followed by one camera so far";
+        return Err(Error::input(place, format!("\"views\" lists {found} views"), hint));
+    };
+    let shift = view.get("time_offset").and_then(Value::as_f64).unwrap_or(0.0);
+    if shift != 0.0 {
+        let problem = format!("\"time_offset\" is {shift} of the only view");
+        return Err(Error::input(
+            place,
+            problem,
+            "give 0: there is no other view to be late or early against",
+        ));
+    }
+    for (key, value) in view.iter().filter(|(key, _)| !["name", "time_offset"].contains(&key.as_str())) {
+        scene[key] = value.clone();
+    }
+    Ok(Some(scene.to_string()))
+}
+
 /// The manifest in `text`; messages name line and nearest key.
 fn parse(text: &str, place: &str) -> Result<Manifest> {
+    let of_view = of_view(text, place)?;
+    let text = of_view.as_deref().unwrap_or(text);
     let error = match serde_json::from_str::<Manifest>(text) {
         Ok(manifest) => return Ok(manifest),
         Err(error) => error,
@@ -366,6 +442,24 @@ mod tests {
             let error = read(wrong).unwrap_err().to_string();
             assert!(error.contains("gravity") || error.contains("held"), "{error}");
         }
+    }
+
+    #[test]
+    fn the_only_view_is_the_scenes_own() {
+        let text = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "views": [{"name": "left",
+            "rgbs": "left/rgbs", "masks": "left/masks", "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5,
+            "poses": "left/poses.json", "time_offset": 0}]}"#;
+        let manifest = parse(text, "scene.json").unwrap();
+        let folders = [&manifest.rgbs, &manifest.masks, &manifest.depth];
+        assert_eq!(
+            (manifest.fx, folders),
+            (600.0, ["left/rgbs", "left/masks", "depth"].map(str::to_owned).each_ref())
+        );
+        assert_eq!(manifest.name, "flag");
+        let two = text.replace("0}]", "0}, {}]");
+        assert!(parse(&two, "scene.json").unwrap_err().to_string().contains("lists 2 views"));
+        let late = text.replace("\"time_offset\": 0", "\"time_offset\": 0.01");
+        assert!(parse(&late, "scene.json").unwrap_err().to_string().contains("time_offset"));
     }
 
     #[test]

@@ -73,6 +73,7 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         poses: poses.as_deref().and_then(super::moving),
         crop,
         pose_unit: Default::default(),
+        depths: None,
         full_size: size,
         first_frame: 0,
         template,

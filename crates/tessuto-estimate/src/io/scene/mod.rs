@@ -4,11 +4,13 @@
 //! scene.json             name, fps, n_frames, width, height, fx, fy, cx, cy; crop, units, poses, notes if wanted
 //! poses.json             camera_from_world of every frame, of a camera that moves
 //! template.obj           polygons of the fabric in frame 0, camera coordinates, with uv
+//! depth/depth_000.png …  optional: 16 bits, or .npy, .exr
 //! rgbs/rgb_000.png …     masks/mask_000.png …   (or .jpg, .jpeg; any zero padding)
 //! gt/points/points_000.npy …   gt/vertices.npy   gt/tracks.npz  (truth, where known)
 //! ```
 
 mod colours;
+mod depths;
 mod first_frame;
 mod frames;
 mod listing;
@@ -102,6 +104,8 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let video = frames::read(folder, &manifest, range.clone(), options.held_bytes, &mut warnings);
     let video = video.map_err(|e| errors.push(e)).ok();
     let truth = truth::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut errors);
+    let depths = depths::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut warnings);
+    let depths = depths.map_err(|e| errors.push(e)).ok().flatten();
     let poses = manifest.poses(folder, &mut warnings);
     let poses = poses.map_err(|e| errors.push(e)).ok().flatten();
 
@@ -123,6 +127,7 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
             pose_unit: poses.as_ref().map_or(PoseUnit::Metres, |(_, unit)| *unit),
             poses: poses.map(|(poses, _)| poses[range.clone()].to_vec()),
             crop,
+            depths,
             full_size: [manifest.camera().width, manifest.camera().height],
             first_frame: range.start,
             template,

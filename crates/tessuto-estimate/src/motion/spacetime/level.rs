@@ -8,11 +8,13 @@ use super::{Positions, Problem, acceleration, size_in_image};
 use crate::motion::observed::occlusion::{Occlusion, Sheet, Shown};
 use crate::motion::observed::samples::SurfaceSamples;
 use crate::motion::terms::colour::{Colour, PointColours};
+use crate::motion::terms::depth::{Depth, Map};
 use crate::motion::terms::outline::Outline;
 use crate::motion::terms::robust::Noise;
 use crate::motion::terms::shading::{HARMONICS, Light, Seen, Shading};
 use crate::motion::terms::still::Still;
 use crate::motion::terms::{FrameTerms, PriorTerms, TERMS};
+use tessuto_core::scene::Depths;
 
 /// Colours that differ from the fabric's by more than this many cut-offs are treated as something in front of it.
 const OUTLIER: f64 = 2.5;
@@ -173,6 +175,30 @@ impl LevelSearch<'_, '_> {
                 vertices: &self.still,
                 sigma: s.still,
             },
+            depth: self.depth(frame),
+        }
+    }
+
+    fn depth(&self, frame: usize) -> Depth<'_> {
+        let p = self.problem;
+        let Occlusion { hidden, shares, .. } = &self.occlusions[frame];
+        let measured = p.scene.depths.as_ref();
+        let of_map = |depths: &'_ Depths| {
+            let ratio = depths.camera.fx / p.observed.levels[frame][self.level].view.camera.fx;
+            (depths.noise, ratio * ratio * depths.camera.fy / depths.camera.fx)
+        };
+        let (sigma, area) = measured.map_or((1.0, 0.0), of_map);
+        Depth {
+            cloth: p.cloth,
+            samples: &self.samples,
+            map: measured.map(|depths| Map {
+                view: p.observed.views[frame].with_camera(depths.camera),
+                z: &depths.maps[frame],
+            }),
+            noise: Noise { sigma, tail: p.settings.depth_tail },
+            area,
+            hidden,
+            shares,
         }
     }
 

@@ -14,7 +14,7 @@ use tessuto_core::math::gradient_check::{Worst, check, check_coarse};
 use tessuto_core::math::rng::Rng;
 use tessuto_core::math::{dot, flat, vectors};
 use tessuto_core::mesh::{Mesh, Positions, grid};
-use tessuto_core::scene::{Scene, Truth};
+use tessuto_core::scene::{Depths, Scene, Truth};
 use tessuto_core::video::{Frame, Video};
 use tessuto_sim::Cloth;
 
@@ -44,6 +44,15 @@ pub(super) fn scene() -> Scene {
     let camera = Camera { fx: 300.0, fy: 290.0, cx: 47.5, cy: 47.5, width: SIZE, height: SIZE };
     let flat = grid(7, 6, glam::DVec2::new(0.18, 0.15), 1.0);
     let positions = flat.positions.iter().map(|p| *p + DVec3::Z * (1.5 * p.x * p.x + 0.3 * p.y)).collect();
+    // Off by up to 2 % of a sheet like the template.
+    let depth_camera = Camera { fx: 75.0, fy: 72.5, cx: 11.5, cy: 11.5, width: SIZE / 4, height: SIZE / 4 };
+    let measured = |n: usize, k: usize| {
+        let (u, v) = ((k % (SIZE / 4)) as f64, (k / (SIZE / 4)) as f64);
+        let ray = depth_camera.ray(glam::DVec2::new(u, v));
+        let bent = 1.0 + 0.3 * ray.y + 1.5 * ray.x * ray.x;
+        (bent * (1.0 + 0.02 * (0.9 * u + 0.7 * v * (n + 1) as f64).sin())) as f32
+    };
+    let maps = (0..FRAMES).map(|n| (0..SIZE * SIZE / 16).map(|k| measured(n, k)).collect()).collect();
     Scene {
         name: "proof".into(),
         folder: "proof".into(),
@@ -52,6 +61,7 @@ pub(super) fn scene() -> Scene {
         crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
         poses: None,
         pose_unit: Default::default(),
+        depths: Some(Depths { camera: depth_camera, maps, noise: 0.01 }),
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template: Mesh { positions, ..flat },

@@ -40,6 +40,9 @@ settings! {
         outline: f64 = 0.464758, number(1e-5..=1e5, "px of the finest level");
         /// Outlines farther apart than this many spreads σ count less and less; larger is stricter.
         outline_tail: f64 = 25.8199, number(1e-3..=1e6, "");
+        /// Measured depth farther off than this many spreads σ of its own noise counts less and less; larger is
+        /// stricter.
+        depth_tail: f64 = 3.0, number(1e-3..=1e6, "");
         /// Smoothness of the brightness field, relative to the data.
         gain_smoothness: f64 = 1.0, number(0.0..=1e6, "");
         /// Noise σ of the logarithm of the brightness of one pixel about what the light of the scene explains, of

@@ -6,6 +6,7 @@
 
 pub mod bend;
 pub mod colour;
+pub mod depth;
 pub mod low_rank;
 pub mod outline;
 pub mod robust;
@@ -19,6 +20,7 @@ use glam::{DMat3, DVec3};
 
 use bend::Bend;
 use colour::Colour;
+use depth::Depth;
 use low_rank::LowRank;
 use outline::Outline;
 use shading::Shading;
@@ -141,6 +143,8 @@ terms! {
         shading: Shading,
         /// Against where it is fixed.
         still: Still,
+        /// Against measured depth.
+        depth: Depth,
     }
 }
 
@@ -165,7 +169,7 @@ impl FrameTerms<'_> {
 
     /// Sum of the terms that compare with the images.
     pub fn of_pictures(&self, x: &[DVec3]) -> f64 {
-        self.colour.value(x) + self.outline.value(x) + self.shading.value(x)
+        self.colour.value(x) + self.outline.value(x) + self.shading.value(x) + self.depth.value(x)
     }
 
     /// What of the terms that compare with the images every vertex bears, shape `[V]`.
@@ -174,6 +178,7 @@ impl FrameTerms<'_> {
         self.colour.add_shares(x, &mut shares);
         self.outline.add_shares(x, &mut shares);
         self.shading.add_shares(x, &mut shares);
+        self.depth.add_shares(x, &mut shares);
         shares
     }
 

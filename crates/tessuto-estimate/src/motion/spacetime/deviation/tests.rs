@@ -173,6 +173,7 @@ pub(in super::super) fn still() -> Scene {
         crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
         poses: None,
         pose_unit: Default::default(),
+        depths: None,
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template,
