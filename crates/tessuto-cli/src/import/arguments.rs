@@ -77,6 +77,12 @@ pub struct Arguments {
     /// Metres in one unit of the poses' lengths; those of COLMAP have none, and it is found with the motion.
     #[arg(long, value_name = "METRES", requires = "poses")]
     pub pose_scale: Option<f64>,
+    /// Depth maps of the frames, aligned with them: a folder of them, or a capture of Stray Scanner or Polycam.
+    #[arg(long, value_name = "PATH")]
+    pub depths: Option<PathBuf>,
+    /// Metres in one unit of the depth maps [default: mm of whole numbers, m of others].
+    #[arg(long, value_name = "METRES", requires = "depths")]
+    pub depth_scale: Option<f64>,
     /// Treat numbered images with gaps as evenly spaced in time.
     #[arg(long)]
     pub allow_gaps: bool,

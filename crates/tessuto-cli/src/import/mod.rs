@@ -54,6 +54,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         calibration: arguments.lens.calibration_of(&arguments.input)?,
         poses: arguments.poses.as_deref().map(read_path).transpose()?,
         pose_scale: arguments.pose_scale,
+        depths: arguments.depths.clone(),
+        depth_scale: arguments.depth_scale,
         fps: arguments.fps,
         rate: arguments.rate,
         frames: arguments.frames.clone(),

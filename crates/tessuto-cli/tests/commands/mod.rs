@@ -5,6 +5,7 @@ mod check_bad_input;
 mod compare;
 mod completions;
 mod evaluate;
+mod held;
 mod import;
 mod import_cameras;
 mod import_files;

@@ -80,7 +80,7 @@ fn first_map(folder: &Path) -> Result<PathBuf> {
 }
 
 /// Leaves out what the lowest confidence was given to, where any has a higher one.
-fn leave_out(map: &mut DepthMap, path: &Path) -> Result<()> {
+pub(super) fn leave_out(map: &mut DepthMap, path: &Path) -> Result<()> {
     let levels = image::read_grey(path)?;
     if [levels.width, levels.height] != [map.width, map.height] {
         let problem = format!(

@@ -5,6 +5,7 @@ mod calibration;
 mod calibration_file;
 mod colmap;
 mod depth;
+mod depths;
 mod empty;
 mod frames;
 mod lens;
@@ -32,7 +33,7 @@ use crate::io::scene::{moving, set_gravity, write_manifest, write_poses};
 use crate::io::{model, obj};
 use frames::{Kind, Source};
 use path::Inputs;
-use stage::{Colours, Stage};
+use stage::Stage;
 use tessuto_core::camera::Camera;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::scene::PoseUnit;
@@ -77,6 +78,10 @@ pub struct Settings {
     pub poses: Option<CameraPath>,
     /// Metres in one unit of its lengths, in place of what its file says.
     pub pose_scale: Option<f64>,
+    /// Depth maps of the frames: a folder of them, or a capture that holds one.
+    pub depths: Option<PathBuf>,
+    /// Metres in one unit of them, in place of what such files usually have.
+    pub depth_scale: Option<f64>,
     /// Frames per second; a video is resampled to it. Needed for images whose names do not state their times.
     pub fps: Option<f64>,
     /// Frames per second at which the frames of a video were filmed, one after the other, whatever its time stamps say.
@@ -159,7 +164,12 @@ pub fn import(
         "camera": { "source": settings.calibration.place, "uncertainty": settings.calibration.uncertainty },
     });
     write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
-    write_path(settings, &source, &colours, folder, &mut notes)?;
+    let first = settings.frames.as_ref().map_or(0, |range| range.start);
+    let chosen: Vec<usize> = (0..colours.frames.len()).map(|k| first + k * settings.stride).collect();
+    write_path(settings, &source, (&chosen, colours.read), folder, &mut notes)?;
+    if let Some(path) = &settings.depths {
+        depths::write(settings, path, &chosen, colours.read, folder)?;
+    }
     Ok(Imported { frames: colours.frames.len(), fps, camera, notes })
 }
 
@@ -201,7 +211,7 @@ fn validate(settings: &Settings) -> Result<()> {
 fn write_path(
     settings: &Settings,
     source: &Source,
-    colours: &Colours,
+    (chosen, read): (&[usize], usize),
     folder: &Path,
     notes: &mut Vec<String>,
 ) -> Result<()> {
@@ -216,12 +226,10 @@ fn write_path(
         }
         Kind::Video(_) => None,
     };
-    let first = settings.frames.as_ref().map_or(0, |range| range.start);
-    let chosen: Vec<usize> = (0..colours.frames.len()).map(|k| first + k * settings.stride).collect();
     let whole = settings.frames.is_none() || names.is_some();
     // Of a video that was not read to its end nobody knows how many frames it has.
-    let count = if whole { colours.read } else { path.len() };
-    let (poses, down) = path.of(&Inputs { names, count }, &chosen, settings)?;
+    let count = if whole { read } else { path.len() };
+    let (poses, down) = path.of(&Inputs { names, count }, chosen, settings)?;
     let Some(poses) = moving(&poses) else {
         notes.push("the camera stands still in all of its poses".to_owned());
         return Ok(());

@@ -224,7 +224,7 @@ pub(super) fn numbers(files: &[PathBuf]) -> Option<Vec<u64>> {
 }
 
 /// Order of names in which numbers count by value: a2 before a10.
-fn natural(a: &str, b: &str) -> Ordering {
+pub(super) fn natural(a: &str, b: &str) -> Ordering {
     let (mut a, mut b) = (a.as_bytes(), b.as_bytes());
     loop {
         let digits = |s: &[u8]| s.iter().take_while(|c| c.is_ascii_digit()).count();

@@ -40,6 +40,8 @@ fn settings(pose_scale: Option<f64>) -> Settings {
         calibration: super::super::Calibration::assumed(),
         poses: None,
         pose_scale,
+        depths: None,
+        depth_scale: None,
         fps: None,
         rate: None,
         frames: None,

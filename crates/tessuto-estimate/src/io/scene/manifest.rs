@@ -446,9 +446,9 @@ mod tests {
 
     #[test]
     fn the_only_view_is_the_scenes_own() {
-        let text = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "views": [{"name": "left",
-            "rgbs": "left/rgbs", "masks": "left/masks", "fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5,
-            "poses": "left/poses.json", "time_offset": 0}]}"#;
+        let text = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480,
+            "views": [{"name": "left", "rgbs": "left/rgbs", "masks": "left/masks", "fx": 600, "fy": 600,
+            "cx": 319.5, "cy": 239.5, "poses": "left/poses.json", "time_offset": 0}]}"#;
         let manifest = parse(text, "scene.json").unwrap();
         let folders = [&manifest.rgbs, &manifest.masks, &manifest.depth];
         assert_eq!(

@@ -1,0 +1,95 @@
+//! A camera in the hand, with a depth sensor: from the files of other programs to those for others.
+
+use std::path::Path;
+use std::process::Command;
+
+use serde_json::Value;
+use tessuto::Pose;
+use tessuto::io::npy;
+use tessuto::io::scene::read_poses;
+
+fn tessuto(folder: &Path, arguments: &[&str]) -> String {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_tessuto")).args(arguments).current_dir(folder).output().unwrap();
+    let [out, err] =
+        [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes).into_owned());
+    assert!(output.status.success(), "{arguments:?}: {out}\n{err}");
+    out + &err
+}
+
+#[test]
+fn a_clip_with_poses_and_depth_goes_through() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "6", "--size", "96", "--grid", "7x7", "--surroundings"];
+    tessuto(folder, &[&made[..], &["--orbit", "15", "--shake", "4", "--depth-noise", "1"]].concat());
+    let poses = read_poses(&folder.join("made"), 6).unwrap().unwrap();
+    // As nerfstudio has them: world from camera, which looks along −z; of another world.
+    let elsewhere = Pose::from_rows(&[0., 0., 1., 3., 1., 0., 0., -2., 0., 1., 0., 1., 0., 0., 0., 1.]);
+    let turned = |pose: &Pose| {
+        let mut rows = elsewhere.after(&pose.inverse()).rows();
+        (0..3).for_each(|k| [1, 2].iter().for_each(|c| rows[4 * k + c] = -rows[4 * k + c]));
+        rows.chunks(4).map(<[f64]>::to_vec).collect::<Vec<_>>()
+    };
+    let frame = |(n, pose): (usize, &Pose)| {
+        let name = format!("images/rgb_{n:03}.png");
+        serde_json::json!({ "file_path": name, "transform_matrix": turned(pose) })
+    };
+    let frames: Vec<Value> = poses.iter().enumerate().map(frame).collect();
+    let file = serde_json::json!({ "fl_x": 120, "frames": frames });
+    std::fs::write(folder.join("transforms.json"), file.to_string()).unwrap();
+    let scene = std::fs::read_to_string(folder.join("made/scene.json")).unwrap();
+    let scene: Value = serde_json::from_str(&scene).unwrap();
+    let number = |key: &str| scene[key].to_string();
+    let [fx, cx, cy] = ["fx", "cx", "cy"].map(number);
+    let camera = ["--fx", &fx, "--cx", &cx, "--cy", &cy, "--fps", "50"];
+    let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
+    let more = ["--poses", "transforms.json", "--depths", "made", "--frames", "0..5"];
+    let text = tessuto(folder, &[&import[..], &camera, &more].concat());
+    assert!(text.contains("the camera moves by up to"), "{text}");
+    let imported = read_poses(&folder.join("scene"), 5).unwrap().unwrap();
+    for (a, b) in imported.iter().zip(&poses) {
+        let [angle, way] = a.apart(b);
+        assert!(angle < 1e-6 && way < 1e-9);
+    }
+    let [a, b] =
+        ["made", "scene"].map(|name| npy::read(&folder.join(name).join("depth/depth_003.npy")).unwrap());
+    assert_eq!((a.shape, a.data.len()), (b.shape, b.data.len()));
+
+    tessuto(folder, &["reconstruct", "scene", "--out", "result", "--preset", "motion", "--no-appearance"]);
+    let stored = read_poses(&folder.join("result"), 5).unwrap().unwrap();
+    assert!(stored.iter().zip(&imported).all(|(a, b)| a.apart(b).iter().all(|off| *off < 1e-9)));
+    tessuto(folder, &["render", "result", "--look", "texture", "--camera", "original"]);
+    let views = tessuto::io::image::read(&folder.join("result/views/texture/frame_004.png")).unwrap();
+    let filmed = tessuto::io::image::read(&folder.join("made/rgbs/rgb_004.png")).unwrap();
+    let mask = tessuto::io::image::read_grey(&folder.join("made/masks/mask_004.png")).unwrap();
+    // Where the fabric is, the image is the video's; a camera that stands still would see it elsewhere.
+    let (mut apart, mut count) = (0.0, 0);
+    for k in (0..mask.data.len()).filter(|k| mask.data[*k] == 1.0) {
+        (0..3).for_each(|c| apart += f64::from((views.data[3 * k + c] - filmed.data[3 * k + c]).abs()));
+        count += 3;
+    }
+    println!("{} apart", apart / f64::from(count));
+    assert!(apart / f64::from(count) < 0.03);
+    let text = tessuto(folder, &["evaluate", "made", "result", "--frames", "0..5"]);
+    println!("{text}");
+}
+
+#[test]
+fn depth_and_poses_that_do_not_pair_are_refused() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "3", "--size", "64", "--grid", "5x5"];
+    tessuto(folder, &[&made[..], &["--orbit", "5", "--depth-noise", "1"]].concat());
+    std::fs::remove_file(folder.join("made/depth/depth_002.npy")).unwrap();
+    let refused = |option: [&str; 2], word: &str| {
+        let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--fx", "80", "--fps", "50"];
+        let mut command = Command::new(env!("CARGO_BIN_EXE_tessuto"));
+        let output = command.args(import).args(option).current_dir(folder).output().unwrap();
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(!output.status.success() && text.contains(word) && text.contains("hint"), "{text}");
+        assert!(!folder.join("scene").exists());
+    };
+    refused(["--depths", "made"], "holds 2 depth maps, the input 3 frames");
+    refused(["--poses", "made/template.obj"], "not a file of camera poses");
+}
