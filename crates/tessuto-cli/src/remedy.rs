@@ -48,6 +48,7 @@ fn options(remedy: &Remedy) -> String {
         // Whoever lacks one feature may lack another; `full` has them all.
         Remedy::Feature(_) => "cargo install --path crates/tessuto-cli --features full".into(),
         Remedy::Fps => "--fps".into(),
+        Remedy::Poses => "--poses PATH".into(),
         Remedy::PoseScale => "--pose-scale METRES".into(),
         Remedy::Rate => "--rate".into(),
         Remedy::Masks => "--masks".into(),

@@ -44,6 +44,7 @@ fn way(remedy: &Remedy) -> String {
         Remedy::Weld => "merge vertices that touch".into(),
         // Scenes of other programs are imported by the program.
         Remedy::Fps
+        | Remedy::Poses
         | Remedy::PoseScale
         | Remedy::Rate
         | Remedy::Masks

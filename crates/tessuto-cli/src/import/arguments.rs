@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 
 use crate::lens::Lens;
 use crate::masks::Source;
@@ -74,8 +74,12 @@ pub struct Arguments {
     /// (Stray Scanner), metadata (Record3D), keyframes (Polycam), poses.json; or a folder that holds one.
     #[arg(long, value_name = "PATH")]
     pub poses: Option<PathBuf>,
+    /// Find where the camera was, from what stands still around the fabric, by a program that is installed; needs
+    /// masks.
+    #[arg(long, value_enum, value_name = "PROGRAM", conflicts_with = "poses")]
+    pub camera_motion: Option<Motion>,
     /// Metres in one unit of the poses' lengths; those of COLMAP have none, and it is found with the motion.
-    #[arg(long, value_name = "METRES", requires = "poses")]
+    #[arg(long, value_name = "METRES")]
     pub pose_scale: Option<f64>,
     /// Depth maps of the frames, aligned with them: a folder of them, or a capture of Stray Scanner or Polycam.
     #[arg(long, value_name = "PATH")]
@@ -93,4 +97,11 @@ pub struct Arguments {
     pub threads: Threads,
     #[command(flatten)]
     pub lens: Lens,
+}
+
+/// What finds the camera's motion.
+#[derive(Clone, Copy, ValueEnum)]
+pub enum Motion {
+    /// COLMAP, `colmap` in the search path.
+    Colmap,
 }

@@ -2,7 +2,7 @@
 
 mod arguments;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tessuto::Error;
@@ -14,6 +14,7 @@ use tessuto::output::{FolderKind, OutputFolder};
 use tessuto::text::quoted;
 
 pub use arguments::Arguments;
+use arguments::Motion;
 
 use crate::ffmpeg::ffmpeg;
 use crate::masks::make_masks;
@@ -53,6 +54,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         largest_piece: arguments.source.largest_piece,
         calibration: arguments.lens.calibration_of(&arguments.input)?,
         poses: arguments.poses.as_deref().map(read_path).transpose()?,
+        colmap: arguments.camera_motion.map(|Motion::Colmap| PathBuf::from("colmap")),
         pose_scale: arguments.pose_scale,
         depths: arguments.depths.clone(),
         depth_scale: arguments.depth_scale,

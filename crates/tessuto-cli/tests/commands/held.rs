@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
+use crate::missing::not_tested;
 use serde_json::Value;
 use tessuto::Pose;
 use tessuto::io::npy;
@@ -92,4 +93,30 @@ fn depth_and_poses_that_do_not_pair_are_refused() {
     };
     refused(["--depths", "made"], "holds 2 depth maps, the input 3 frames");
     refused(["--poses", "made/template.obj"], "not a file of camera poses");
+}
+
+#[test]
+fn the_motion_of_a_camera_is_found_from_the_surroundings() {
+    if Command::new("colmap").arg("help").output().is_err() {
+        return not_tested("colmap");
+    }
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "8", "--size", "480", "--grid", "9x9", "--seed", "9"];
+    tessuto(folder, &[&made[..], &["--orbit", "20", "--shake", "5", "--surroundings"]].concat());
+    let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
+    let camera =
+        ["--fx", "600", "--cx", "239.5", "--cy", "239.5", "--fps", "50", "--camera-motion", "colmap"];
+    let text = tessuto(folder, &[&import[..], &camera].concat());
+    println!("{text}");
+    assert!(text.contains("whose length is found with the motion"), "{text}");
+    let [truth, found] = ["made", "scene"].map(|name| read_poses(&folder.join(name), 8).unwrap().unwrap());
+    let turned: Vec<f64> = truth.iter().zip(&found).map(|(a, b)| a.apart(b)[0].to_degrees()).collect();
+    println!("turned by {turned:.2?}°");
+    assert!(turned.iter().all(|angle| *angle < 2.0));
+    assert!(!folder.join("scene/.colmap").exists());
+    let without = ["import", "made/rgbs", "other", "--fx", "600", "--fps", "50", "--camera-motion", "colmap"];
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tessuto"));
+    let output = command.args(without).current_dir(folder).output().unwrap();
+    assert!(String::from_utf8_lossy(&output.stderr).contains("without masks"));
 }

@@ -40,6 +40,8 @@ pub enum Remedy {
     Feature(String),
     /// `import::Settings::fps`.
     Fps,
+    /// Poses of a camera that moves.
+    Poses,
     /// The metres in one unit of the camera's poses.
     PoseScale,
     /// `import::Settings::rate`.
@@ -152,6 +154,7 @@ impl fmt::Display for Remedy {
             Self::Set(assignment) => f.write_str(assignment),
             Self::Feature(name) => write!(f, "feature {name}"),
             Self::Fps => f.write_str("fps"),
+            Self::Poses => f.write_str("poses"),
             Self::PoseScale => f.write_str("pose_scale"),
             Self::Rate => f.write_str("rate"),
             Self::Masks => f.write_str("masks"),

@@ -76,6 +76,8 @@ pub struct Settings {
     pub calibration: Calibration,
     /// Where the camera was in every frame of the input, if it moved.
     pub poses: Option<CameraPath>,
+    /// The program COLMAP, which is to find that from the surroundings of the fabric.
+    pub colmap: Option<PathBuf>,
     /// Metres in one unit of its lengths, in place of what its file says.
     pub pose_scale: Option<f64>,
     /// Depth maps of the frames: a folder of them, or a capture that holds one.
@@ -166,7 +168,21 @@ pub fn import(
     write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
     let first = settings.frames.as_ref().map_or(0, |range| range.start);
     let chosen: Vec<usize> = (0..colours.frames.len()).map(|k| first + k * settings.stride).collect();
-    write_path(settings, &source, (&chosen, colours.read), folder, &mut notes)?;
+    match &settings.colmap {
+        Some(program) => {
+            let path = path::estimate(program, folder, &camera, chosen.len(), progress)?;
+            let all: Vec<usize> = (0..chosen.len()).collect();
+            let written = all.iter().map(|k| PathBuf::from(format!("rgb_{k:03}.png"))).collect::<Vec<_>>();
+            let inputs = Inputs { names: Some(&written), count: all.len() };
+            write_path(settings, &path, &inputs, &all, folder, &mut notes)?;
+        }
+        None => {
+            if let Some(path) = &settings.poses {
+                let inputs = inputs(settings, &source, colours.read, path)?;
+                write_path(settings, path, &inputs, &chosen, folder, &mut notes)?;
+            }
+        }
+    }
     if let Some(path) = &settings.depths {
         depths::write(settings, path, &chosen, colours.read, folder)?;
     }
@@ -197,6 +213,11 @@ fn validate(settings: &Settings) -> Result<()> {
             "images are not resampled: give one of them",
         )?;
     }
+    if settings.colmap.is_some() && settings.masks == Masks::Later {
+        let hint =
+            "masks that are made from a clip need a camera that stands still: give masks of a segmenter";
+        return Err(Error::usage("the camera's motion, without masks", hint));
+    }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(
             format!("transparency as masks, of {}, which is not a folder", settings.input.display()),
@@ -207,15 +228,8 @@ fn validate(settings: &Settings) -> Result<()> {
     Ok(())
 }
 
-/// Writes where the camera was, in the frame of the first one, and which way is down where that is known.
-fn write_path(
-    settings: &Settings,
-    source: &Source,
-    (chosen, read): (&[usize], usize),
-    folder: &Path,
-    notes: &mut Vec<String>,
-) -> Result<()> {
-    let Some(path) = &settings.poses else { return Ok(()) };
+/// The frames that a file of poses is to pair with.
+fn inputs<'a>(settings: &Settings, source: &'a Source, read: usize, path: &CameraPath) -> Result<Inputs<'a>> {
     let names = match &source.kind {
         Kind::Images(images) => Some(&images[..]),
         Kind::Video(_) if settings.fps.is_some() => {
@@ -228,8 +242,20 @@ fn write_path(
     };
     let whole = settings.frames.is_none() || names.is_some();
     // Of a video that was not read to its end nobody knows how many frames it has.
-    let count = if whole { read } else { path.len() };
-    let (poses, down) = path.of(&Inputs { names, count }, chosen, settings)?;
+    Ok(Inputs { names, count: if whole { read } else { path.len() } })
+}
+
+/// Writes where the camera was in the frames `chosen`, in the frame of the first one, and which way is down where that
+/// is known.
+fn write_path(
+    settings: &Settings,
+    path: &CameraPath,
+    inputs: &Inputs,
+    chosen: &[usize],
+    folder: &Path,
+    notes: &mut Vec<String>,
+) -> Result<()> {
+    let (poses, down) = path.of(inputs, chosen, settings)?;
     let Some(poses) = moving(&poses) else {
         notes.push("the camera stands still in all of its poses".to_owned());
         return Ok(());

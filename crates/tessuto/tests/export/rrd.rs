@@ -324,11 +324,11 @@ fn an_exported_result_is_read_back_as_it_was() {
     let matrix = camera.floats("Pinhole:image_from_camera", 0);
     assert_eq!(matrix, [700.0, 0.0, 0.0, 0.0, 650.0, 0.0, 280.5, 220.5, 1.0]);
     assert_eq!(camera.floats("Pinhole:resolution", 0), [64.0, 48.0]);
-    let path = of(&chunks, "/world/camera", "Transform3D:translation")[0];
-    assert_eq!((path.index("frame")[5], path.is_static), (12, false));
+    let moved = of(&chunks, "/world/camera", "Transform3D:translation")[0];
+    assert_eq!((moved.index("frame")[5], moved.is_static), (12, false));
     let back = pose(5).inverse();
-    assert_eq!(path.floats("Transform3D:translation", 5), back.translation.as_vec3().to_array());
-    assert_eq!(path.floats("Transform3D:mat3x3", 5), back.rotation.as_mat3().to_cols_array());
+    assert_eq!(moved.floats("Transform3D:translation", 5), back.translation.as_vec3().to_array());
+    assert_eq!(moved.floats("Transform3D:mat3x3", 5), back.rotation.as_mat3().to_cols_array());
     let video = of(&chunks, "/world/camera/image", "EncodedImage:blob");
     let numbers: Vec<i64> = video.iter().flat_map(|c| c.index("frame")).collect();
     assert_eq!(numbers, (7..7 + frames as i64).collect::<Vec<_>>());

@@ -2,6 +2,7 @@
 
 mod arkit;
 mod colmap;
+mod estimate;
 mod nerfstudio;
 mod own;
 
@@ -21,6 +22,8 @@ use tessuto_core::scene::PoseUnit;
 const MOST: u64 = 256 << 20;
 /// Poses that a message names at most.
 const NAMED: usize = 3;
+
+pub use estimate::estimate;
 
 /// One pose of a file.
 #[derive(Debug, Clone, PartialEq)]

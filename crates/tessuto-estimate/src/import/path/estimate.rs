@@ -1,0 +1,184 @@
+//! Where the camera was, by the program COLMAP, from what stands still around the fabric.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use rayon::prelude::*;
+
+use super::{CameraPath, read_path};
+use crate::io::image;
+use tessuto_core::camera::Camera;
+use tessuto_core::error::{Error, Hint, Remedy, Result};
+use tessuto_core::image::Image;
+
+/// Pixels around the fabric that are left out, too, as a part of the image's width.
+const MARGIN: f64 = 0.01;
+/// Most frames of which each is compared with each.
+const ALL_PAIRS: usize = 60;
+/// Bytes of what the program printed that a message repeats.
+const TOLD: usize = 400;
+
+/// One of the program's commands.
+struct Step<'a> {
+    name: &'a str,
+    options: &'a [[&'a str; 2]],
+    /// Names of the option that says whether a graphics card is used.
+    processor: &'a [String],
+}
+
+/// Runs `program` on the frames and masks that the scene in `folder` has, which `camera` sees; `said` hears of every
+/// step. Lengths of what it finds have no unit.
+///
+/// # Errors
+/// [`Error::Input`] if the program is not there, or finds no camera; [`Error::Output`].
+pub fn estimate(
+    program: &Path,
+    folder: &Path,
+    camera: &Camera,
+    frames: usize,
+    said: &(dyn Fn(&str) + Sync),
+) -> Result<CameraPath> {
+    let work = folder.join(".colmap");
+    let found = run(program, folder, &work, camera, frames, said);
+    let _ = std::fs::remove_dir_all(&work);
+    found
+}
+
+fn run(
+    program: &Path,
+    folder: &Path,
+    work: &Path,
+    camera: &Camera,
+    frames: usize,
+    said: &(dyn Fn(&str) + Sync),
+) -> Result<CameraPath> {
+    let [masks, sparse] = ["masks", "sparse"].map(|name| work.join(name));
+    for path in [&masks, &sparse] {
+        std::fs::create_dir_all(path).map_err(|source| Error::Output { path: path.clone(), source })?;
+    }
+    said("masks of all but the fabric");
+    (0..frames).into_par_iter().try_for_each(|n| {
+        let path = find(folder, &format!("masks/mask_{n:03}"))?;
+        let name = find(folder, &format!("rgbs/rgb_{n:03}"))?;
+        let name = name.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+        image::write_png(&masks.join(format!("{name}.png")), &surroundings(&image::read_grey(&path)?))
+    })?;
+    let text = |path: &Path| path.display().to_string();
+    let (database, images) = (text(&work.join("database.db")), text(&folder.join("rgbs")));
+    // Its origin is the corner of the first pixel.
+    let lens = format!("{},{},{},{}", camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5);
+    let [masks, out] = [&masks, &sparse].map(|path| text(path));
+    let matcher = if frames > ALL_PAIRS { "sequential_matcher" } else { "exhaustive_matcher" };
+    let extract = [
+        ["--image_path", &images],
+        ["--ImageReader.mask_path", &masks],
+        ["--ImageReader.single_camera", "1"],
+        ["--ImageReader.camera_model", "PINHOLE"],
+        ["--ImageReader.camera_params", &lens],
+    ];
+    let map = [
+        ["--image_path", &images],
+        ["--output_path", &out],
+        ["--Mapper.ba_refine_focal_length", "0"],
+        ["--Mapper.ba_refine_principal_point", "0"],
+        ["--Mapper.ba_refine_extra_params", "0"],
+    ];
+    // Names before and since version 3.12.
+    let [extraction, matching] =
+        ["Extraction", "Matching"].map(|what| ["Sift", "Feature"].map(|of| format!("--{of}{what}.use_gpu")));
+    let steps = [
+        Step { name: "feature_extractor", options: &extract, processor: &extraction },
+        Step { name: matcher, options: &[], processor: &matching },
+        Step { name: "mapper", options: &map, processor: &[] },
+    ];
+    for Step { name: step, options, processor } in steps {
+        said(&format!("colmap {step}"));
+        let call = |processor: Option<&String>| {
+            let mut command = Command::new(program);
+            command.arg(step).args(["--database_path", &database]).args(options.as_flattened());
+            command.args(processor.into_iter().flat_map(|option| [option.as_str(), "0"]));
+            // It draws nothing here.
+            command.env("QT_QPA_PLATFORM", "offscreen");
+            command.output().map_err(|e| {
+                let hint = Hint::from("install COLMAP, or give its poses").with(Remedy::Poses);
+                Error::input(program.display().to_string(), format!("cannot be run: {e}"), hint)
+            })
+        };
+        let mut output = call(processor.first())?;
+        if !output.status.success() && processor.len() > 1 {
+            output = call(processor.get(1))?;
+        }
+        if !output.status.success() {
+            let said = String::from_utf8_lossy(&output.stderr).into_owned()
+                + &String::from_utf8_lossy(&output.stdout);
+            let last: String =
+                said.trim().chars().rev().take(TOLD).collect::<Vec<_>>().into_iter().rev().collect();
+            let hint = Hint::from("run it by hand, and give its poses").with(Remedy::Poses);
+            return Err(Error::input(format!("colmap {step}"), format!("failed: {last}"), hint));
+        }
+    }
+    largest(&sparse)
+}
+
+/// The model with most images.
+fn largest(sparse: &Path) -> Result<CameraPath> {
+    let entries = std::fs::read_dir(sparse).into_iter().flatten().flatten();
+    let mut models: Vec<PathBuf> = entries.map(|entry| entry.path().join("images.bin")).collect();
+    models.sort();
+    let mut found: Vec<CameraPath> = models.iter().map(|path| read_path(path)).collect::<Result<_>>()?;
+    // Of equals the first.
+    found.sort_by_key(|path| std::cmp::Reverse(path.len()));
+    found.into_iter().next().ok_or_else(|| {
+        let hint = Hint::from("film more of what stands still, or give poses").with(Remedy::Poses);
+        Error::input("colmap mapper", "finds no camera: the surroundings show too little", hint)
+    })
+}
+
+/// The image file of this name, whatever its ending.
+fn find(folder: &Path, name: &str) -> Result<PathBuf> {
+    let found = ["png", "jpg", "jpeg"].map(|ending| folder.join(format!("{name}.{ending}")));
+    let missing = || Error::input(folder.join(name).display().to_string(), "is missing", "import it again");
+    found.into_iter().find(|path| path.is_file()).ok_or_else(missing)
+}
+
+/// White where there is no fabric within the margin.
+fn surroundings(mask: &Image) -> Image {
+    let (width, height) = (mask.width, mask.height);
+    let reach = ((MARGIN * width as f64).ceil() as usize).max(2);
+    let widened = |data: &[f32], along: usize, count: usize, step: usize| -> Vec<f32> {
+        let at = |k: usize| {
+            let n = k / along % count;
+            let near = n.saturating_sub(reach)..(n + reach + 1).min(count);
+            near.map(|m| data[k - n * step + m * step]).fold(0.0, f32::max)
+        };
+        (0..data.len()).map(at).collect()
+    };
+    let rows = widened(&mask.data, 1, width, 1);
+    let both = widened(&rows, width, height, width);
+    Image { width, height, channels: 1, data: both.iter().map(|m| f32::from(u8::from(*m == 0.0))).collect() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_margin_is_left_out_along_both_sides() {
+        let mut mask = Image::new(40, 30, 1);
+        mask.data[15 * 40 + 20] = 1.0;
+        let around = surroundings(&mask);
+        let dark: Vec<usize> = (0..around.data.len()).filter(|k| around.data[*k] == 0.0).collect();
+        assert_eq!(dark.len(), 25);
+        assert!(dark.iter().all(|k| (k % 40).abs_diff(20) <= 2 && (k / 40).abs_diff(15) <= 2));
+    }
+
+    #[test]
+    fn a_program_that_is_not_there_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: 4, height: 4 };
+        let nothing = Path::new("/nowhere/colmap");
+        let error = estimate(nothing, folder.path(), &camera, 0, &|_| ()).unwrap_err().to_string();
+        assert!(error.contains("/nowhere/colmap") && error.contains("install COLMAP"), "{error}");
+        assert!(!folder.path().join(".colmap").exists());
+    }
+}
