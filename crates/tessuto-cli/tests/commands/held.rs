@@ -102,11 +102,11 @@ fn the_motion_of_a_camera_is_found_from_the_surroundings() {
     }
     let home = tempfile::tempdir().unwrap();
     let folder = home.path();
-    let made = ["synth", "made", "--frames", "8", "--size", "480", "--grid", "9x9", "--seed", "9"];
+    let made = ["synth", "made", "--frames", "8", "--size", "800", "--grid", "9x9", "--seed", "9"];
     tessuto(folder, &[&made[..], &["--orbit", "20", "--shake", "5", "--surroundings"]].concat());
     let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
     let camera =
-        ["--fx", "600", "--cx", "239.5", "--cy", "239.5", "--fps", "50", "--camera-motion", "colmap"];
+        ["--fx", "1000", "--cx", "399.5", "--cy", "399.5", "--fps", "50", "--camera-motion", "colmap"];
     let text = tessuto(folder, &[&import[..], &camera].concat());
     println!("{text}");
     assert!(text.contains("whose length is found with the motion"), "{text}");

@@ -70,22 +70,22 @@ fn run(
     let [masks, out] = [&masks, &sparse].map(|path| text(path));
     let matcher = if frames > ALL_PAIRS { "sequential_matcher" } else { "exhaustive_matcher" };
     let extract = [
-        ["--image_path", &images],
-        ["--ImageReader.mask_path", &masks],
-        ["--ImageReader.single_camera", "1"],
-        ["--ImageReader.camera_model", "PINHOLE"],
-        ["--ImageReader.camera_params", &lens],
+        ["image_path", &images],
+        ["ImageReader.mask_path", &masks],
+        ["ImageReader.single_camera", "1"],
+        ["ImageReader.camera_model", "PINHOLE"],
+        ["ImageReader.camera_params", &lens],
     ];
     let map = [
-        ["--image_path", &images],
-        ["--output_path", &out],
-        ["--Mapper.ba_refine_focal_length", "0"],
-        ["--Mapper.ba_refine_principal_point", "0"],
-        ["--Mapper.ba_refine_extra_params", "0"],
+        ["image_path", &images],
+        ["output_path", &out],
+        ["Mapper.ba_refine_focal_length", "0"],
+        ["Mapper.ba_refine_principal_point", "0"],
+        ["Mapper.ba_refine_extra_params", "0"],
     ];
     // Names before and since version 3.12.
     let [extraction, matching] =
-        ["Extraction", "Matching"].map(|what| ["Sift", "Feature"].map(|of| format!("--{of}{what}.use_gpu")));
+        ["Extraction", "Matching"].map(|what| ["Sift", "Feature"].map(|of| format!("{of}{what}.use_gpu")));
     let steps = [
         Step { name: "feature_extractor", options: &extract, processor: &extraction },
         Step { name: matcher, options: &[], processor: &matching },
@@ -95,8 +95,10 @@ fn run(
         said(&format!("colmap {step}"));
         let call = |processor: Option<&String>| {
             let mut command = Command::new(program);
-            command.arg(step).args(["--database_path", &database]).args(options.as_flattened());
-            command.args(processor.into_iter().flat_map(|option| [option.as_str(), "0"]));
+            let all = [["database_path", &database]].into_iter().chain(options.iter().copied());
+            let all = all.chain(processor.map(|option| [option.as_str(), "0"]));
+            // Every option has two dashes.
+            command.arg(step).args(all.flat_map(|[option, value]| [format!("--{option}"), value.to_owned()]));
             // It draws nothing here.
             command.env("QT_QPA_PLATFORM", "offscreen");
             command.output().map_err(|e| {
