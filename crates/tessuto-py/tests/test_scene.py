@@ -94,3 +94,20 @@ def test_a_scene_goes_to_another_process() -> None:
     scene = made()
     again = pickle.loads(pickle.dumps(scene))
     assert repr(again) == repr(scene) and np.array_equal(again.frame(1)[0], scene.frame(1)[0])
+
+
+def test_a_camera_that_moves_has_poses() -> None:
+    assert made().poses is None
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[:, :3, 3] = [[0.5, 0.0, 0.0], [0.47, 0.0, 0.0]]
+    scene = made(poses=poses)
+    # Relative to the first one: the world is what that camera sees.
+    expected = np.tile(np.eye(4), (2, 1, 1))
+    expected[1, 0, 3] = -0.03
+    assert scene.poses is not None and np.abs(scene.poses - expected).max() < 1e-12
+    assert np.array_equal(np.asarray(pickle.loads(pickle.dumps(scene)).poses), scene.poses)
+    with pytest.raises(tessuto.InputError, match="poses"):
+        made(poses=poses[:1, :3])
+    mirrored = poses * np.array([-1.0, 1.0, 1.0, 1.0])[:, None]
+    with pytest.raises(tessuto.InputError, match="left-handed"):
+        made(poses=mirrored)
