@@ -1,7 +1,7 @@
 //! What a depth sensor measured in every frame: depth/depth_000.png, .npy or .exr.
 
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
 
@@ -14,6 +14,8 @@ use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::Depths;
 
 const ENDINGS: [&str; 3] = ["png", "npy", "exr"];
+/// Longest side of a map `[px]`; of larger ones every second, third … pixel is taken.
+const LARGEST: usize = 640;
 /// Sides of a map and of the images may have ratios that differ by this.
 const SHAPE: f64 = 0.02;
 /// How far the template may be from the first map, as a fraction of its depth, before the unit is doubted.
@@ -35,19 +37,20 @@ pub(super) fn read(
     }
     let files = numbered(folder, &manifest.depth, "depth_", &ENDINGS, (range, manifest.n_frames), warnings)?;
     let unit = manifest.depth_unit;
-    let maps: Vec<DepthMap> =
-        files.par_iter().map(|file| DepthMap::read(file, unit)).collect::<Result<_>>()?;
-    let (whole, first) = (manifest.camera(), &maps[0]);
-    for (file, map) in files.iter().zip(&maps) {
-        if [map.width, map.height] != [first.width, first.height] {
-            let problem = format!(
-                "is {}×{} pixels, the first map {}×{}",
-                map.width, map.height, first.width, first.height
-            );
-            return Err(Error::input(file.display().to_string(), problem, "give all maps one size"));
+    let (whole, first) = (manifest.camera(), DepthMap::read(&files[0], unit)?);
+    let size = [first.width, first.height];
+    let factor = size[0].max(size[1]).div_ceil(LARGEST);
+    let read = |file: &PathBuf| {
+        let map = DepthMap::read(file, unit)?;
+        if [map.width, map.height] == size {
+            return Ok(thinned(&map, factor));
         }
-    }
-    let camera = camera(&whole, [first.width, first.height]);
+        let problem =
+            format!("is {}×{} pixels, the first map {}×{}", map.width, map.height, size[0], size[1]);
+        Err(Error::input(file.display().to_string(), problem, "give all maps one size"))
+    };
+    let maps: Vec<Vec<f32>> = files.par_iter().map(read).collect::<Result<_>>()?;
+    let camera = camera(&whole, size);
     let ratio = (camera.fx / whole.fx) / (camera.fy / whole.fy);
     if (ratio - 1.0).abs() > SHAPE {
         let problem = format!(
@@ -57,9 +60,8 @@ pub(super) fn read(
         let hint = "depth has to show the whole image of the camera: align it with the colours first";
         return Err(Error::input(files[0].display().to_string(), problem, hint));
     }
-    let within = template.map_or_else(Vec::new, |mesh| covered(mesh, &camera));
     if let Some(off) =
-        template.and_then(|mesh| distance(mesh, &camera, first)).filter(|off| off.abs() > DOUBTED)
+        template.and_then(|mesh| distance(mesh, &camera, &first)).filter(|off| off.abs() > DOUBTED)
     {
         let found = format!(
             "{}: the template lies {:.0} % {} than it was measured",
@@ -70,8 +72,29 @@ pub(super) fn read(
         let hint = Hint::from("check the unit of the depth, and the size of the template");
         warnings.push(Warning::new("depth", found, hint.with(Remedy::DepthScale)));
     }
-    let of_map = |map: DepthMap| map.z.into_iter().map(|z| z as f32).collect();
-    Ok(Some(Depths::new(camera, maps.into_iter().map(of_map).collect(), &within)))
+    let camera = of_thinned(&camera, factor);
+    let within = template.map_or_else(Vec::new, |mesh| covered(mesh, &camera));
+    Ok(Some(Depths::new(camera, maps, &within)))
+}
+
+/// Every `factor`-th pixel of a map along both sides: means would mix what lies on both sides of a border.
+fn thinned(map: &DepthMap, factor: usize) -> Vec<f32> {
+    let at = |n: usize| n * factor + factor / 2;
+    let rows = 0..map.height / factor;
+    rows.flat_map(|y| (0..map.width / factor).map(move |x| map.z[at(y) * map.width + at(x)] as f32)).collect()
+}
+
+/// The camera in pixels of maps that are [`thinned`].
+fn of_thinned(camera: &Camera, factor: usize) -> Camera {
+    let (f, first) = (factor as f64, (factor / 2) as f64);
+    Camera {
+        fx: camera.fx / f,
+        fy: camera.fy / f,
+        cx: (camera.cx - first) / f,
+        cy: (camera.cy - first) / f,
+        width: camera.width / factor,
+        height: camera.height / factor,
+    }
 }
 
 /// The camera in pixels of maps of this size that show its whole image.
@@ -106,4 +129,28 @@ fn distance(mesh: &Mesh, camera: &Camera, map: &DepthMap) -> Option<f64> {
         (!z.is_nan()).then(|| p.z / z - 1.0)
     };
     tessuto_core::math::median::median(mesh.positions.iter().filter_map(of_vertex).collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::io::depth_unit::Unit;
+
+    #[test]
+    fn a_thinned_map_is_seen_by_its_camera() {
+        let camera = Camera { fx: 50.0, fy: 60.0, cx: 7.0, cy: 5.5, width: 17, height: 13 };
+        // Every pixel holds its place.
+        let z = (0..17 * 13).map(f64::from).collect();
+        let map =
+            DepthMap { width: 17, height: 13, z, unit: Unit { metres: 1.0, told: true }, channel: None };
+        for factor in [1, 2, 3] {
+            let (found, small) = (thinned(&map, factor), of_thinned(&camera, factor));
+            assert_eq!(found.len(), small.width * small.height);
+            for (k, place) in found.iter().enumerate() {
+                let here = glam::DVec2::new((k % small.width) as f64, (k / small.width) as f64);
+                let there = glam::DVec2::new(f64::from(place % 17.0), f64::from((place / 17.0).floor()));
+                assert!((small.ray(here) - camera.ray(there)).length() < 1e-12);
+            }
+        }
+    }
 }
