@@ -120,3 +120,34 @@ fn the_motion_of_a_camera_is_found_from_the_surroundings() {
     let output = command.args(without).current_dir(folder).output().unwrap();
     assert!(String::from_utf8_lossy(&output.stderr).contains("without masks"));
 }
+
+#[test]
+fn what_comes_after_a_result_takes_the_unit_that_it_found() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made =
+        ["synth", "made", "--frames", "6", "--size", "96", "--grid", "7x7", "--orbit", "15", "--shake", "4"];
+    tessuto(folder, &made);
+    let poses = std::fs::read_to_string(folder.join("made/poses.json")).unwrap();
+    let mut poses: Value = serde_json::from_str(&poses).unwrap();
+    for row in poses["camera_from_world"].as_array_mut().unwrap() {
+        [3, 7, 11].iter().for_each(|k| row[*k] = (row[*k].as_f64().unwrap() / 0.37).into());
+    }
+    poses["unit"] = Value::Null;
+    std::fs::write(folder.join("made/poses.json"), poses.to_string()).unwrap();
+    let made = ["reconstruct", "made", "--out", "result", "--preset", "motion", "--no-appearance"];
+    let told = tessuto(folder, &made);
+    assert!(told.contains("one unit is 0.3"), "{told}");
+    let metrics = std::fs::read_to_string(folder.join("result/metrics.json")).unwrap();
+    let [first, again] = [metrics, tessuto(folder, &["evaluate", "made", "result", "--json"])]
+        .map(|text| serde_json::from_str::<Value>(&text).unwrap()["mean"]["depth"].as_f64().unwrap());
+    println!("depth off by {first} m");
+    // What is stored is rounded to 32 bits.
+    assert!(first < 0.01 && (again / first - 1.0).abs() < 1e-4, "{again}");
+    // Of a motion alone nobody knows the unit.
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tessuto"));
+    let output =
+        command.args(["evaluate", "made", "result/motion.npy"]).current_dir(folder).output().unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && text.contains("no unit") && text.contains("hint"), "{text}");
+}

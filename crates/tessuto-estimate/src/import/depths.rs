@@ -15,8 +15,8 @@ const ENDINGS: [&str; 3] = ["png", "npy", "exr"];
 /// Folders of a capture that hold its maps, and those that say how far each pixel is to be trusted.
 const INSIDE: [[&str; 2]; 2] = [["depth", "confidence"], ["keyframes/depth", "keyframes/confidence"]];
 
-/// Writes the maps in the folder `path`, or in that of a capture, of the frames `chosen` of the input's `count`, into
-/// depth/ of the scene in `folder`. They pair with the frames one by one.
+/// Writes the maps in the folder `path`, or in that of a capture, of the frames `chosen` of the input's `count`,
+/// where that is known, into depth/ of the scene in `folder`. They pair with the frames one by one.
 ///
 /// # Errors
 /// [`Error::Input`] if there are not as many as frames, and naming the map that cannot be used; [`Error::Usage`] where
@@ -25,7 +25,7 @@ pub(super) fn write(
     settings: &Settings,
     path: &Path,
     chosen: &[usize],
-    count: usize,
+    count: Option<usize>,
     folder: &Path,
 ) -> Result<()> {
     if !settings.calibration.distortion.is_none() {
@@ -39,8 +39,9 @@ pub(super) fn write(
         Some([maps, confidence]) => [list(&maps)?, list(&confidence).unwrap_or_default()],
         None => [list(path)?, Vec::new()],
     };
-    if maps.len() != count {
-        let problem = format!("holds {} depth maps, the input {count} frames", maps.len());
+    let needed = count.unwrap_or_else(|| chosen.last().map_or(0, |n| n + 1));
+    if maps.len() < needed || count.is_some_and(|count| maps.len() != count) {
+        let problem = format!("holds {} depth maps, the input {needed} frames", maps.len());
         return Err(Error::input(path.display().to_string(), problem, "give one map per frame of the input"));
     }
     let out = folder.join("depth");

@@ -184,7 +184,7 @@ pub fn import(
         }
     }
     if let Some(path) = &settings.depths {
-        depths::write(settings, path, &chosen, colours.read, folder)?;
+        depths::write(settings, path, &chosen, counted(settings, &source, colours.read), folder)?;
     }
     Ok(Imported { frames: colours.frames.len(), fps, camera, notes })
 }
@@ -240,9 +240,12 @@ fn inputs<'a>(settings: &Settings, source: &'a Source, read: usize, path: &Camer
         }
         Kind::Video(_) => None,
     };
-    let whole = settings.frames.is_none() || names.is_some();
-    // Of a video that was not read to its end nobody knows how many frames it has.
-    Ok(Inputs { names, count: if whole { read } else { path.len() } })
+    Ok(Inputs { names, count: counted(settings, source, read).unwrap_or(path.len()) })
+}
+
+/// Number of frames of the input, of which this many were `read`; of a video that was not read to its end nobody knows.
+fn counted(settings: &Settings, source: &Source, read: usize) -> Option<usize> {
+    (settings.frames.is_none() || matches!(source.kind, Kind::Images(_))).then_some(read)
 }
 
 /// Writes where the camera was in the frames `chosen`, in the frame of the first one, and which way is down where that
@@ -256,6 +259,9 @@ fn write_path(
     notes: &mut Vec<String>,
 ) -> Result<()> {
     let (poses, down) = path.of(inputs, chosen, settings)?;
+    if let Some(down) = down {
+        set_gravity(folder, down)?;
+    }
     let Some(poses) = moving(&poses) else {
         notes.push("the camera stands still in all of its poses".to_owned());
         return Ok(());
@@ -272,10 +278,7 @@ fn write_path(
         far[1],
         far[0].to_degrees()
     ));
-    match down {
-        Some(down) => set_gravity(folder, down),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// Copies or converts the mesh at `path` to template.obj.

@@ -133,7 +133,7 @@ fn work(
     settings.set_all(options.changes.iter().map(String::as_str))?;
     settings.seed = options.seed.unwrap_or(settings.seed);
     loaded.warnings.iter().for_each(|warning| observer.warning(warning));
-    let scene = &*of_scene(&loaded.scene, settings.irregular_vertices)?;
+    let scene = &*result::in_metres(of_scene(&loaded.scene, settings.irregular_vertices)?, folder)?;
     let motion = match (options.motion, &saved) {
         (MotionSource::Result, Some(saved)) => saved.motion()?,
         _ => scene.truth.vertices.as_ref().ok_or_else(|| {

@@ -51,7 +51,7 @@ fn motion_of(result: &Path) -> Result<Motion> {
 
 fn compare(loaded: &Loaded, result: &Path, motion: &Motion, seed: u64) -> Result<Evaluation> {
     let vertices = result::read_run(result)?.map_or(0, |run| run.settings.irregular_vertices);
-    let scene = &*of_scene(&loaded.scene, vertices)?;
+    let scene = &*result::in_metres(of_scene(&loaded.scene, vertices)?, result)?;
     if motion.len() != scene.frames.len() {
         let problem = format!("has {} frames, the scene has {}", motion.len(), scene.frames.len());
         let hint =

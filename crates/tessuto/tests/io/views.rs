@@ -54,6 +54,8 @@ fn depth_is_read_by_its_unit_and_refused_where_it_does_not_fit() {
     let tiny = TinyScene::new();
     assert!(read(&tiny).unwrap().scene.depths.is_none());
     std::fs::create_dir(tiny.path("depth")).unwrap();
+    tiny.put("depth/000000.png", "of a capture");
+    assert!(read(&tiny).unwrap().scene.depths.is_none());
     let put = |n: usize, [width, height]: [usize; 2], z: f32| {
         let path = tiny.path(&format!("depth/depth_{n:03}.npy"));
         npy::write(&path, &[height, width], &vec![z; width * height]).unwrap();

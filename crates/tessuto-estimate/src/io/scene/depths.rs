@@ -13,6 +13,9 @@ use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::Depths;
 
+/// Folder of the maps, unless the scene names another.
+pub(super) const FOLDER: &str = "depth";
+const PREFIX: &str = "depth_";
 const ENDINGS: [&str; 3] = ["png", "npy", "exr"];
 /// Longest side of a map `[px]`; of larger ones every second, third … pixel is taken.
 const LARGEST: usize = 640;
@@ -32,10 +35,14 @@ pub(super) fn read(
     template: Option<&Mesh>,
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<Depths>> {
-    if !folder.join(&manifest.depth).is_dir() {
+    // A folder of this name without any such file is something else's, such as a capture's.
+    let entries = std::fs::read_dir(folder.join(&manifest.depth)).into_iter().flatten().flatten();
+    if manifest.depth == FOLDER
+        && !entries.into_iter().any(|entry| entry.file_name().to_string_lossy().starts_with(PREFIX))
+    {
         return Ok(None);
     }
-    let files = numbered(folder, &manifest.depth, "depth_", &ENDINGS, (range, manifest.n_frames), warnings)?;
+    let files = numbered(folder, &manifest.depth, PREFIX, &ENDINGS, (range, manifest.n_frames), warnings)?;
     let unit = manifest.depth_unit;
     let (whole, first) = (manifest.camera(), DepthMap::read(&files[0], unit)?);
     let size = [first.width, first.height];

@@ -92,7 +92,7 @@ fn masks() -> String {
 }
 
 fn depth() -> String {
-    "depth".to_owned()
+    super::depths::FOLDER.to_owned()
 }
 
 /// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be
