@@ -113,6 +113,20 @@ impl Error {
         Self::Numerical { place: place.into(), problem: problem.into(), hint: hint.into() }
     }
 
+    /// The same, its place one within `outer`.
+    #[must_use]
+    pub fn within(self, outer: &str) -> Self {
+        match self {
+            Self::Input { place, problem, hint } => {
+                Self::Input { place: format!("{outer}, {place}"), problem, hint }
+            }
+            Self::Numerical { place, problem, hint } => {
+                Self::Numerical { place: format!("{outer}, {place}"), problem, hint }
+            }
+            other => other,
+        }
+    }
+
     /// Exit status of a program that ends with this error: 2 usage, 3 bad input, 4 numerical
     /// failure, 5 disk, 75 interrupted.
     pub fn exit_code(&self) -> u8 {

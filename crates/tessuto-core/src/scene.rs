@@ -3,7 +3,9 @@
 mod depth;
 mod tracks;
 
+use std::borrow::Cow;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -66,11 +68,32 @@ pub struct Scene {
     /// The video, N frames.
     pub frames: Video,
     /// What a depth sensor beside the camera measured in the same frames.
-    pub depths: Option<Depths>,
+    pub depths: Option<Arc<Depths>>,
+    /// Further cameras that filmed the same sheet at the same times.
+    pub more: Vec<View>,
     /// What is known of the causes of its motion.
     pub known: Known,
     /// Ground truth, where the folder has it, of the same frames.
     pub truth: Truth,
+}
+
+/// A further camera. Its frames are those of the scene's own camera, taken at the same times.
+#[derive(Debug, Clone)]
+pub struct View {
+    /// Name from scene.json.
+    pub name: String,
+    /// Camera of the crop.
+    pub camera: Camera,
+    /// Where it is in each frame, in the scene's world.
+    pub poses: Vec<Pose>,
+    /// The crop in its full image.
+    pub crop: Rect,
+    /// Full image width and height `[px]`.
+    pub full_size: [usize; 2],
+    /// Its video, N frames.
+    pub frames: Video,
+    /// What a depth sensor beside it measured.
+    pub depths: Option<Arc<Depths>>,
 }
 
 /// The unit of the lengths of a camera's path.
@@ -111,12 +134,49 @@ impl Scene {
         (0..self.frames.len()).map(|n| self.viewpoint(n)).collect()
     }
 
+    /// Number of cameras.
+    pub fn view_count(&self) -> usize {
+        1 + self.more.len()
+    }
+
+    /// The scene as camera `v` alone sees it, 0 the scene's own. The world stays the same.
+    pub fn seen_by(&self, v: usize) -> Cow<'_, Self> {
+        let Some(view) = v.checked_sub(1).map(|k| self.more[k].clone()) else { return Cow::Borrowed(self) };
+        Cow::Owned(Self {
+            name: format!("{}, {}", self.name, view.name),
+            camera: view.camera,
+            poses: Some(view.poses),
+            crop: view.crop,
+            full_size: view.full_size,
+            frames: view.frames,
+            depths: view.depths,
+            more: Vec::new(),
+            ..self.clone()
+        })
+    }
+
     /// Refuses a scene that cannot be computed on. Folders are checked when they are read; this is for scenes made in
     /// memory.
     ///
     /// # Errors
     /// [`Error::Input`] naming the first thing that is wrong.
     pub fn check(&self) -> Result<()> {
+        self.check_view()?;
+        for (v, view) in self.more.iter().enumerate() {
+            if view.frames.len() != self.frames.len() {
+                let problem = format!("{} frames of {}", view.frames.len(), self.frames.len());
+                return Err(Error::input(
+                    format!("view {}", view.name),
+                    problem,
+                    "film the same times by all",
+                ));
+            }
+            self.seen_by(v + 1).check_view().map_err(|error| error.within(&format!("view {}", view.name)))?;
+        }
+        Ok(())
+    }
+
+    fn check_view(&self) -> Result<()> {
         let camera = &self.camera;
         let fail = |place: String, problem: String, hint: &str| Err(Error::input(place, problem, hint));
         let intrinsics = [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)];

@@ -22,6 +22,7 @@ Examples:
   tessuto synth scenes/carried --hands --blur --fps 15
   tessuto synth scenes/sheet --paper --occluders
   tessuto synth scenes/held --orbit 25 --shake 5
+  tessuto synth scenes/two --views 2 --apart 40
 
   # with the true physics, for evaluate to compare with
   tessuto synth scenes/physics --air --hands --frames 40")]
@@ -85,6 +86,12 @@ pub struct Arguments {
     /// The camera is held in a hand that shakes by so much, and turns by 1° for each cm [mm].
     #[arg(long, value_name = "MM", default_value_t = 0.0)]
     shake: f64,
+    /// This many cameras film the cloth; all but the first stand still.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    views: usize,
+    /// Angle around the cloth from each camera to the next, to its right [°].
+    #[arg(long, value_name = "DEG", default_value_t = 40.0, allow_negative_numbers = true)]
+    apart: f64,
     /// A depth sensor beside the camera measures the cloth with this noise [% of the depth].
     #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
     depth_noise: f64,
@@ -141,5 +148,6 @@ impl Arguments {
         s.depth_noise = 0.01 * self.depth_noise;
         s.surroundings = self.surroundings;
         (s.orbit, s.shake) = (self.orbit, 1e-3 * self.shake);
+        (s.views, s.apart) = (self.views, if self.views > 1 { self.apart } else { 0.0 });
     }
 }

@@ -257,6 +257,7 @@ mod tests {
             poses: None,
             pose_unit: Default::default(),
             depths: None,
+            more: Vec::new(),
             full_size: [80, 80],
             first_frame: 0,
             template,

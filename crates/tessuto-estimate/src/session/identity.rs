@@ -6,7 +6,7 @@ use tessuto_core::error::Result;
 use tessuto_core::scene::Scene;
 use tessuto_core::text::hex;
 
-/// SHA-256 of everything that is computed with: `settings` as text, the camera and its poses, the template and all
+/// SHA-256 of everything that is computed with: `settings` as text, every camera and its poses, the template and all
 /// pixels.
 ///
 /// # Errors
@@ -16,16 +16,25 @@ pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
     hash.update(settings);
     hash.update([0]);
     let template = &scene.template;
-    hash.update(format!("{:?} {:?} {} {}", scene.camera, scene.crop, scene.fps, scene.first_frame));
+    hash.update(format!("{} {}", scene.fps, scene.first_frame));
+    hash.update(bytemuck::cast_slice::<_, u8>(&template.positions));
+    hash.update(bytemuck::cast_slice::<_, u8>(&template.uvs));
+    hash.update(format!("{:?}", template.faces));
+    for v in 0..scene.view_count() {
+        add_view(&scene.seen_by(v), &mut hash)?;
+    }
+    Ok(hex(&hash.finalize()))
+}
+
+/// Adds what the scene's only camera saw, and where it was.
+fn add_view(scene: &Scene, hash: &mut Sha256) -> Result<()> {
+    hash.update(format!("{:?} {:?}", scene.camera, scene.crop));
     for map in scene.depths.iter().flat_map(|depths| &depths.maps) {
         hash.update(bytemuck::cast_slice::<_, u8>(map));
     }
     for pose in scene.poses.iter().flatten() {
         hash.update(bytemuck::cast_slice::<_, u8>(&pose.rows()));
     }
-    hash.update(bytemuck::cast_slice::<_, u8>(&template.positions));
-    hash.update(bytemuck::cast_slice::<_, u8>(&template.uvs));
-    hash.update(format!("{:?}", template.faces));
     let frame_hash = |(): &mut (), n| {
         let frame = scene.frames.frame(n)?;
         let mut hash = Sha256::new();
@@ -34,5 +43,5 @@ pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
     };
     let frames = scene.frames.map(0..scene.frames.len(), || (), frame_hash)?;
     frames.iter().for_each(|frame| hash.update(frame));
-    Ok(hex(&hash.finalize()))
+    Ok(())
 }

@@ -19,6 +19,7 @@ pub(crate) mod view;
 pub mod write;
 
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -27,7 +28,7 @@ use occluder::{Behind, Occluder};
 pub use settings::{Mover, Settings};
 pub use sheet::SIZE as SHEET;
 pub use surroundings::filmed;
-use tessuto_core::camera::{Camera, Rect, Viewpoint};
+use tessuto_core::camera::{Camera, Pose, Rect, Viewpoint};
 use tessuto_core::error::Result;
 use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::{Mesh, Motion, Positions};
@@ -82,43 +83,26 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
     };
     let centre = template.positions.iter().sum::<DVec3>() / template.positions.len() as f64;
     let poses = path::poses(settings, centre);
-    let path = poses.clone();
-    let exposure = settings.blur / settings.fps;
-    let fps = settings.fps;
-    let draw = move |rendering: &mut Rendering, n: usize| {
-        // The camera stands still while its shutter is open.
-        let view = Viewpoint { camera, camera_from_world: path.as_ref().map(|poses| poses[n]) };
-        let shapes = shapes(&trajectory, &studio, n, n as f64 / fps, exposure, &view);
-        exposed(shapes.iter().map(|(time, positions)| studio.view(positions, &view, *time, rendering)))
-    };
-    let held = motion.len() * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
-    let sensor = sensor(settings, &camera);
-    let views: Vec<_> = (0..motion.len())
-        .into_par_iter()
-        .map_init(Rendering::new, |rendering, n| {
-            let mut view = draw(rendering, n);
-            let points = std::mem::take(&mut view.points);
-            let depth = noisy(std::mem::take(&mut view.depth), settings, n);
-            (held.then(|| frame_of(view)), (points, depth))
-        })
-        .collect();
-    let (frames, measured): (Vec<_>, Vec<_>) = views.into_iter().unzip();
-    let (points, maps): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
-    let depths = sensor.map(|camera| Depths { camera, maps, noise: settings.depth_noise });
-    let again = move |n: usize| Ok(frame_of(draw(&mut Rendering::new(), n)));
-    let frames = match held {
-        true => frames.into_iter().flatten().collect(),
-        false => Video::streamed(motion.len(), camera.width * camera.height, again),
-    };
+    let filming = Filming { settings: settings.clone(), trajectory, studio, frame_of };
+    let filming = Arc::new(filming);
+    let film = |v: usize, poses: Option<Vec<Pose>>| Filming::film(&filming, v, poses);
+    let (frames, points, depths) = film(0, poses.clone());
+    let more = (1..settings.views).map(|v| {
+        let poses = vec![path::beside(settings, v, centre); motion.len()];
+        let (frames, _, depths) = film(v, Some(poses.clone()));
+        let (full_size, crop) = ([camera.width, camera.height], whole(&camera));
+        tessuto_core::scene::View { name: format!("view{v}"), camera, poses, crop, full_size, frames, depths }
+    });
     Ok(Scene {
         name: format!("synthetic cloth {}", settings.seed),
         folder: PathBuf::new(),
         fps: settings.fps,
         camera,
-        crop: Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height },
+        crop: whole(&camera),
         poses,
         pose_unit: Default::default(),
         depths,
+        more: more.collect(),
         full_size: [camera.width, camera.height],
         first_frame: 0,
         template,
@@ -126,6 +110,59 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         known: Default::default(),
         truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?), tracks: None },
     })
+}
+
+fn whole(camera: &Camera) -> Rect {
+    Rect { x0: 0, y0: 0, x1: camera.width, y1: camera.height }
+}
+
+/// What is filmed, by cameras that are alike.
+struct Filming<F> {
+    settings: Settings,
+    trajectory: Trajectory,
+    studio: Studio,
+    frame_of: F,
+}
+
+/// Frames, and in every one the points of the surface that are seen, and measured depth if there is a sensor.
+type Filmed = (Video, Vec<Vec<DVec3>>, Option<Arc<Depths>>);
+
+impl<F: Fn(View) -> Frame + Send + Sync + 'static> Filming<F> {
+    /// By camera `v`, whose frames are seen from `poses`.
+    fn film(this: &Arc<Self>, v: usize, poses: Option<Vec<Pose>>) -> Filmed {
+        let Self { settings, trajectory, studio, .. } = &**this;
+        let (camera, count) = (studio.camera, trajectory.frames.len());
+        let all = this.clone();
+        let draw = move |rendering: &mut Rendering, n: usize| {
+            let Self { settings, trajectory, studio, .. } = &*all;
+            let exposure = settings.blur / settings.fps;
+            // The camera stands still while its shutter is open.
+            let view = Viewpoint { camera, camera_from_world: poses.as_ref().map(|poses| poses[n]) };
+            let shapes = shapes(trajectory, studio, n, n as f64 / settings.fps, exposure, &view);
+            exposed(shapes.iter().map(|(time, positions)| studio.view(positions, &view, *time, rendering)))
+        };
+        let held = count * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
+        let sensor = sensor(settings, &camera);
+        let views: Vec<_> = (0..count)
+            .into_par_iter()
+            .map_init(Rendering::new, |rendering, n| {
+                let mut view = draw(rendering, n);
+                let points = std::mem::take(&mut view.points);
+                let depth = noisy(std::mem::take(&mut view.depth), settings, v * count + n);
+                (held.then(|| (this.frame_of)(view)), (points, depth))
+            })
+            .collect();
+        let (frames, measured): (Vec<_>, Vec<_>) = views.into_iter().unzip();
+        let (points, maps): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
+        let depths = sensor.map(|camera| Arc::new(Depths { camera, maps, noise: settings.depth_noise }));
+        let all = this.clone();
+        let again = move |n: usize| Ok((all.frame_of)(draw(&mut Rendering::new(), n)));
+        let frames = match held {
+            true => frames.into_iter().flatten().collect(),
+            false => Video::streamed(count, camera.width * camera.height, again),
+        };
+        (frames, points, depths)
+    }
 }
 
 /// The camera in pixels of the depth sensor's maps, if there is one.

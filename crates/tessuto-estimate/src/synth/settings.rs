@@ -72,11 +72,21 @@ pub struct Settings {
     /// How far the hand that holds the camera shakes, root mean square `[m]`; it turns by 1° for each cm.
     #[serde(skip_serializing_if = "is_default")]
     pub shake: f64,
+    /// Number of cameras; all but the first stand still.
+    #[serde(skip_serializing_if = "is_one")]
+    pub views: usize,
+    /// Angle around the sheet from each camera to the next, to its right `[°]`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub apart: f64,
 }
 
 /// What was not asked for is not written down: scenes without it are the same bytes as before it existed.
 fn is_default<T: Default + PartialEq>(value: &T) -> bool {
     *value == T::default()
+}
+
+fn is_one(count: &usize) -> bool {
+    *count == 1
 }
 
 impl Default for Settings {
@@ -102,6 +112,8 @@ impl Default for Settings {
             depth_noise: 0.0,
             surroundings: false,
             shake: 0.0,
+            views: 1,
+            apart: 0.0,
         }
     }
 }
@@ -142,6 +154,8 @@ impl Settings {
             ("orbit", self.orbit, -180.0, 180.0),
             ("shake", self.shake, 0.0, 0.2),
             ("depth_noise", self.depth_noise, 0.0, 0.2),
+            ("views", self.views as f64, 1.0, 16.0),
+            ("apart", self.apart, -180.0, 180.0),
         ];
         for (name, value, low, high) in checks {
             if !(low..=high).contains(&value) {
@@ -177,7 +191,8 @@ mod tests {
     #[test]
     fn only_what_was_asked_for_is_written_down() {
         let plain = serde_json::to_value(Settings::default()).unwrap();
-        for key in ["mover", "occluders", "amodal", "blur", "orbit", "surroundings", "depth_noise", "shake"] {
+        let new = ["orbit", "surroundings", "depth_noise", "shake", "views", "apart"];
+        for key in ["mover", "occluders", "amodal", "blur"].into_iter().chain(new) {
             assert!(plain.get(key).is_none(), "{key}");
         }
         let paper = Settings { mover: Mover::Paper, blur: 0.5, ..Settings::default() };

@@ -32,6 +32,14 @@ const STREAMS: [u64; 2] = [900, 1000];
 /// # Errors
 /// Those of reading the frames.
 pub fn filmed(scene: &Scene, seed: u64) -> Result<Vec<Image>> {
+    filmed_by(scene, seed, 0)
+}
+
+/// The same by camera `v`, which sees `scene` alone: each has noise of its own, in one room.
+///
+/// # Errors
+/// Those of reading the frames.
+pub fn filmed_by(scene: &Scene, seed: u64, v: usize) -> Result<Vec<Image>> {
     let room = Room::new(scene.camera, seed);
     let still = room.seen_from(&Viewpoint::from(scene.camera));
     (0..scene.frames.len())
@@ -40,7 +48,7 @@ pub fn filmed(scene: &Scene, seed: u64) -> Result<Vec<Image>> {
             let moved = scene.poses.as_ref().map(|_| room.seen_from(&scene.viewpoint(n)));
             let room = moved.as_ref().unwrap_or(&still);
             let frame = scene.frames.frame(n)?;
-            let mut rng = Rng::new(seed, STREAMS[1] + n as u64);
+            let mut rng = Rng::new(seed, STREAMS[1] + (v * scene.frames.len() + n) as u64);
             let mut image = frame.rgb.clone();
             for (k, value) in image.data.iter_mut().enumerate() {
                 // The colours of the sheet are weighted with its coverage already.

@@ -1,12 +1,12 @@
 //! A synthetic scene as a scene folder.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
 use super::causes;
-use super::filmed;
 use super::settings::{Mover, Settings};
+use super::surroundings::filmed_by;
 use crate::io;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::scene::{Depths, Scene};
@@ -19,30 +19,41 @@ const GENERATOR: &str = "tessuto synth";
 /// # Errors
 /// [`Error::Output`].
 pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
-    for name in ["rgbs", "masks", "gt/points"] {
-        let path = folder.join(name);
-        std::fs::create_dir_all(&path).map_err(|source| Error::Output { path, source })?;
-    }
+    let directory = |path: PathBuf| {
+        std::fs::create_dir_all(&path).map_err(|source| Error::Output { path: path.clone(), source })?;
+        Ok(path)
+    };
+    directory(folder.join("gt/points"))?;
     let notes = json!({ "generator": GENERATOR, "settings": settings });
     io::scene::write_manifest(folder, &scene.name, scene.fps, scene.frames.len(), &scene.camera, notes)?;
-    if let Some(Depths { camera, maps, .. }) = &scene.depths {
-        let path = folder.join("depth");
-        std::fs::create_dir_all(&path).map_err(|source| Error::Output { path: path.clone(), source })?;
-        for (k, map) in maps.iter().enumerate() {
-            io::npy::write(&path.join(format!("depth_{k:03}.npy")), &[camera.height, camera.width], map)?;
+    for v in 0..scene.view_count() {
+        let seen = scene.seen_by(v);
+        // The first camera's files stand in the folder itself.
+        let of_view =
+            if v == 0 { folder.to_path_buf() } else { directory(folder.join(&scene.more[v - 1].name))? };
+        let [rgbs, masks] = ["rgbs", "masks"].map(|name| directory(of_view.join(name)));
+        let (rgbs, masks) = (rgbs?, masks?);
+        if let Some(Depths { camera, maps, .. }) = seen.depths.as_deref() {
+            let path = directory(of_view.join("depth"))?;
+            for (k, map) in maps.iter().enumerate() {
+                io::npy::write(&path.join(format!("depth_{k:03}.npy")), &[camera.height, camera.width], map)?;
+            }
+        }
+        if let Some(poses) = &seen.poses {
+            io::scene::write_poses(&of_view, poses, scene.pose_unit)?;
+        }
+        let room = if settings.surroundings { filmed_by(&seen, settings.seed, v)? } else { Vec::new() };
+        for k in 0..seen.frames.len() {
+            let frame = seen.frames.frame(k)?;
+            let rgb = room.get(k).unwrap_or(&frame.rgb);
+            io::image::write_png(&rgbs.join(format!("rgb_{k:03}.png")), rgb)?;
+            io::image::write_png(&masks.join(format!("mask_{k:03}.png")), &frame.mask)?;
         }
     }
-    if let Some(poses) = &scene.poses {
-        io::scene::write_poses(folder, poses, scene.pose_unit)?;
+    if !scene.more.is_empty() {
+        io::scene::write_views(folder, &scene.more)?;
     }
     io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
-    let room = if settings.surroundings { filmed(scene, settings.seed)? } else { Vec::new() };
-    for k in 0..scene.frames.len() {
-        let frame = scene.frames.frame(k)?;
-        let rgb = room.get(k).unwrap_or(&frame.rgb);
-        io::image::write_png(&folder.join(format!("rgbs/rgb_{k:03}.png")), rgb)?;
-        io::image::write_png(&folder.join(format!("masks/mask_{k:03}.png")), &frame.mask)?;
-    }
     if settings.mover == Mover::Hands || settings.air {
         let text = format!("{:#}\n", causes::physics(settings));
         io::atomic_write(&folder.join("gt/physics.json"), text.as_bytes())?;

@@ -81,3 +81,81 @@ fn depth_is_read_by_its_unit_and_refused_where_it_does_not_fit() {
     std::fs::remove_file(tiny.path("depth/depth_001.npy")).unwrap();
     refused(&tiny, &["depth", "depth_001"]);
 }
+
+/// A made scene with a second camera, written as a folder; its scene.json after `change`.
+fn by_two(change: impl FnOnce(&mut serde_json::Value)) -> (tempfile::TempDir, Result<Loaded>) {
+    let settings = tessuto::synth::Settings::default().with(|s| {
+        (s.frames, s.size, s.grid) = (3, 64, [5, 5]);
+        (s.views, s.apart, s.depth_noise) = (2, 30.0, 0.01);
+    });
+    let made = tessuto::synth::make(&settings).unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    tessuto::synth::write::write(folder.path(), &made, &settings).unwrap();
+    let path = folder.path().join("scene.json");
+    let mut scene = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+    change(&mut scene);
+    std::fs::write(path, scene.to_string()).unwrap();
+    let loaded = load(folder.path(), &LoadOptions::default());
+    (folder, loaded)
+}
+
+#[test]
+fn a_second_camera_is_read_with_its_files() {
+    let (_folder, loaded) = by_two(|_| ());
+    let Loaded { scene, warnings } = loaded.unwrap();
+    assert!(warnings.is_empty(), "{warnings:?}");
+    assert_eq!((scene.view_count(), scene.more[0].name.as_str()), (2, "view1"));
+    let other = scene.seen_by(1);
+    let depths = other.depths.as_ref().unwrap();
+    assert_eq!((other.frames.len(), depths.maps.len(), other.full_size), (3, 3, [64, 64]));
+    // It looks at the same sheet from another side.
+    let centre = scene.template.positions.iter().sum::<glam::DVec3>() / 25.0;
+    let [a, b] = [0, 1].map(|v| scene.seen_by(v).viewpoint(0));
+    assert!((a.eye().distance(centre) - b.eye().distance(centre)).abs() < 1e-9);
+    let angle = (a.eye() - centre).angle_between(b.eye() - centre).to_degrees();
+    // The file of the template has six digits.
+    assert!((angle - 30.0).abs() < 0.01, "{angle}");
+    // The poses of both are in one world, whichever it is.
+    let turned = "[0,0,1,0.5, 0,1,0,0, -1,0,0,0.25, 0,0,0,1]";
+    let (folder, _) = by_two(|scene| {
+        let turned: serde_json::Value = serde_json::from_str(turned).unwrap();
+        scene["views"][0]["poses"] = turned;
+    });
+    let text = std::fs::read_to_string(folder.path().join("view1/poses.json")).unwrap();
+    let listed: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let rows = |value: &serde_json::Value| -> [f64; 16] { serde_json::from_value(value.clone()).unwrap() };
+    let first = Pose::from_rows(&rows(&serde_json::from_str(turned).unwrap()));
+    let second = Pose::from_rows(&rows(&listed["camera_from_world"][0])).after(&first);
+    let text = format!("{{\"camera_from_world\": [{:?}]}}", second.rows());
+    std::fs::write(folder.path().join("view1/poses.json"), text).unwrap();
+    let again = load(folder.path(), &LoadOptions::default()).unwrap().scene;
+    assert!(again.poses.is_none(), "the first stands still");
+    assert!((again.seen_by(1).viewpoint(2).eye() - b.eye()).length() < 1e-9);
+}
+
+#[test]
+fn a_second_camera_that_cannot_be_used_is_named() {
+    let refused = |change: &dyn Fn(&mut serde_json::Value), words: &[&str]| {
+        let error = by_two(change).1.unwrap_err().to_string();
+        assert!(words.iter().all(|word| error.contains(word)), "{error}");
+    };
+    let second = |scene: &mut serde_json::Value, key: &str, value: serde_json::Value| {
+        scene["views"][1][key] = value;
+    };
+    let lacks = |scene: &mut serde_json::Value, key: &str| {
+        scene["views"][1].as_object_mut().unwrap().remove(key);
+    };
+    refused(&|scene| lacks(scene, "poses"), &["view view1", "no poses"]);
+    refused(&|scene| lacks(scene, "masks"), &["view view1", "no folder"]);
+    refused(&|scene| second(scene, "fz", 3.into()), &["view view1", "unknown key \"fz\"", "\"fx\""]);
+    refused(&|scene| second(scene, "time_offset", 0.01.into()), &["view view1", "time_offset"]);
+    refused(&|scene| second(scene, "fx", (-4).into()), &["view view1", "\"fx\" is -4"]);
+    refused(&|scene| second(scene, "rgbs", "elsewhere".into()), &["view view1", "elsewhere"]);
+    // Another camera's poses: it looks away from the sheet.
+    let aside = "[[0,0,-1,0, 0,1,0,0, 1,0,0,1.5, 0,0,0,1]]";
+    refused(
+        &|scene| second(scene, "poses", serde_json::from_str(aside).unwrap()),
+        &["view view1", "overlap with the mask"],
+    );
+    refused(&|scene| scene["views"] = serde_json::json!([]), &["lists 0 views"]);
+}

@@ -60,6 +60,7 @@ fn scene(rasterizer: &Rasterizer, template: &tessuto::Mesh, texture: &Texture) -
         poses: None,
         pose_unit: Default::default(),
         depths: None,
+        more: Vec::new(),
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template: template.clone(),

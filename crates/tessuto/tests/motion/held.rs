@@ -8,7 +8,7 @@ use tessuto::synth::{self, Settings};
 use tessuto::{Mesh, Motion, Pose, PoseUnit, Scene, reconstruct};
 
 /// Of `change` over a small clip.
-fn filmed(change: impl FnOnce(&mut Settings)) -> Scene {
+pub(super) fn filmed(change: impl FnOnce(&mut Settings)) -> Scene {
     let small = |s: &mut Settings| (s.frames, s.size, s.grid, s.seed) = (12, 240, [13, 13], 3);
     synth::make(&Settings::default().with(small).with(change)).unwrap()
 }
@@ -21,14 +21,14 @@ fn config() -> Config {
     config
 }
 
-fn found(scene: &Scene) -> Motion {
+pub(super) fn found(scene: &Scene) -> Motion {
     let result = reconstruct(scene, &config(), &mut Session::silent()).unwrap();
     assert!(result.failure.is_none(), "{:?}", result.failure);
     result.motion
 }
 
 /// Mean distance of the vertices from `truth` `[m]`.
-fn off(found: &Motion, truth: &Motion) -> f64 {
+pub(super) fn off(found: &Motion, truth: &Motion) -> f64 {
     let pairs = found.iter().flatten().zip(truth.iter().flatten());
     pairs.map(|(a, b)| a.distance(*b)).sum::<f64>() / (truth.len() * truth.vertex_count()) as f64
 }
@@ -94,7 +94,7 @@ fn measured_depth_makes_the_sheet_more_exact() {
     assert!(errors[1] < 0.8 * errors[0]);
     // Maps of another number of frames are refused.
     let mut short = measured.clone();
-    short.depths.as_mut().unwrap().maps.pop();
+    std::sync::Arc::make_mut(short.depths.as_mut().unwrap()).maps.pop();
     let refused = reconstruct(&short, &config(), &mut Session::silent()).unwrap_err().to_string();
     assert!(refused.contains("11 maps of 12 frames"), "{refused}");
 }

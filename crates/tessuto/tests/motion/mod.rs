@@ -4,3 +4,4 @@ mod divergence;
 mod gradient;
 mod held;
 mod streamed;
+mod views;

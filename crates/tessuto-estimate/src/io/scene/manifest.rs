@@ -12,7 +12,7 @@ use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
-use tessuto_core::scene::{Known, PoseUnit};
+use tessuto_core::scene::{Known, PoseUnit, View};
 use tessuto_core::text::edits;
 
 const KNOWN: [&str; 20] = [
@@ -81,6 +81,9 @@ pub(crate) struct Manifest {
     /// Anything; what tessuto reads of it is [`camera_doubt`](Self::camera_doubt).
     #[serde(default)]
     notes: Value,
+    /// The further cameras that `views` lists, each as the scene of one that is alone.
+    #[serde(skip)]
+    pub more: Vec<Self>,
 }
 
 fn rgbs() -> String {
@@ -150,6 +153,30 @@ pub fn replace_camera(folder: &Path, camera: &Camera, source: &str, uncertainty:
 /// As [`replace_camera`].
 pub(crate) fn set_gravity(folder: &Path, down: DVec3) -> Result<()> {
     change(folder, |scene| scene["gravity"] = json!(down.normalize().to_array()))
+}
+
+/// Tells the scene in `folder` of the cameras `more`, beside its own. The files of each are in a folder of its name:
+/// rgbs, masks, poses.json, and depth where it has any.
+///
+/// # Errors
+/// As [`replace_camera`].
+pub fn write_views(folder: &Path, more: &[View]) -> Result<()> {
+    let of = |view: &View| {
+        let Camera { fx, fy, .. } = view.camera;
+        let (cx, cy) = (view.camera.cx + view.crop.x0 as f64, view.camera.cy + view.crop.y0 as f64);
+        let [width, height] = view.full_size;
+        let inside = |name: &str| format!("{}/{name}", view.name);
+        let mut listed = json!({
+            "name": view.name, "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
+            "rgbs": inside("rgbs"), "masks": inside("masks"), "poses": inside(POSES),
+        });
+        if view.depths.is_some() {
+            listed["depth"] = json!(inside(super::depths::FOLDER));
+        }
+        listed
+    };
+    let all: Vec<Value> = std::iter::once(json!({ "name": "first" })).chain(more.iter().map(of)).collect();
+    change(folder, |scene| scene["views"] = json!(all))
 }
 
 fn change(folder: &Path, by: impl FnOnce(&mut Value)) -> Result<()> {
@@ -223,6 +250,7 @@ impl Manifest {
             gravity: None,
             held: None,
             notes: Value::Null,
+            more: Vec::new(),
         }
     }
 
@@ -276,27 +304,31 @@ impl Manifest {
         Ok(Known { down: self.gravity.map(|g| DVec3::from_array(g).normalize()), held })
     }
 
-    /// Poses of all frames relative to the first one; poses.json counts where it is there and nothing is named.
-    /// `None` for a camera that stands still.
+    /// Poses of all frames as they are listed; poses.json counts for the first camera where it is there and nothing is
+    /// named. `None` where there are none.
     ///
     /// # Errors
     /// [`Error::Input`] for a file that cannot be read, and for poses that are none.
-    pub fn poses(&self, folder: &Path, warnings: &mut Vec<Warning>) -> Result<Option<(Vec<Pose>, PoseUnit)>> {
+    pub fn poses(
+        &self,
+        folder: &Path,
+        first: bool,
+        warnings: &mut Vec<Warning>,
+    ) -> Result<Option<(Vec<Pose>, PoseUnit)>> {
         let (frames, scale) = (self.n_frames, self.units.scale());
         let read = |name: &str, warnings: &mut Vec<Warning>| {
-            poses::read(&super::inside(folder, &folder.join(name))?, frames, scale, warnings)
+            poses::read(&super::inside(folder, &folder.join(name))?, frames, scale, warnings).map(Some)
         };
-        let poses = match &self.poses {
-            None if folder.join(POSES).is_file() => read(POSES, warnings),
-            None | Some(Value::Null) => return Ok(None),
+        match &self.poses {
+            None if first && folder.join(POSES).is_file() => read(POSES, warnings),
+            None | Some(Value::Null) => Ok(None),
             Some(Value::String(name)) => read(name, warnings),
             Some(list) => {
                 let place = folder.join("scene.json").display().to_string() + ", \"poses\"";
                 let found = poses::from_json(list, frames, scale, &place, warnings)?;
-                Ok(found.map(|poses| (poses, poses::unit(list))))
+                Ok(Some((found, poses::unit(list))))
             }
-        }?;
-        Ok(poses.and_then(|(poses, unit)| Some((poses::moving(&poses)?, unit))))
+        }
     }
 
     /// Standard deviation of the focal length, as a fraction of it, where the notes have it.
@@ -306,6 +338,9 @@ impl Manifest {
 
     /// Refuses values that no video has; `place` is where they are from.
     pub fn check(&self, place: &str) -> Result<()> {
+        for view in &self.more {
+            view.check(&format!("{place}, view {}", view.name))?;
+        }
         let demand = |ok: bool, key: &str, value: String, hint: &str| {
             if ok { Ok(()) } else { Err(Error::input(place, format!("\"{key}\" is {value}"), hint)) }
         };
@@ -362,37 +397,77 @@ impl Manifest {
     }
 }
 
-/// `text` with what its only view says, if it lists views, as of the scene itself; `None` if it lists none.
+/// Keys that a view has of its own, where it has them; the others hold for the whole scene.
+const OF_VIEW: [&str; 12] =
+    ["width", "height", "fx", "fy", "cx", "cy", "crop", "poses", "depth_unit", "rgbs", "masks", "depth"];
+
+/// `text` with what its first view says, if it lists views, as of the scene itself; and one such text for every
+/// further view. `None` if it lists none.
 ///
 /// # Errors
-/// [`Error::Input`] for several views.
-fn of_view(text: &str, place: &str) -> Result<Option<String>> {
+/// [`Error::Input`] for a list without views, for keys that a view cannot have, and for one that is early or late.
+fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<String>)>> {
     let Ok(mut scene) = serde_json::from_str::<Value>(text) else { return Ok(None) };
     let Some(views) = scene.as_object_mut().and_then(|scene| scene.remove("views")) else { return Ok(None) };
-    let [Value::Object(view)] = views.as_array().map_or(&[][..], Vec::as_slice) else {
-        let found = views.as_array().map_or(0, Vec::len);
-        let hint = "keep one view in scene.json: a sheet is followed by one camera so far";
-        return Err(Error::input(place, format!("\"views\" lists {found} views"), hint));
-    };
-    let shift = view.get("time_offset").and_then(Value::as_f64).unwrap_or(0.0);
-    if shift != 0.0 {
-        let problem = format!("\"time_offset\" is {shift} of the only view");
+    let views: Vec<&Value> = views.as_array().map_or_else(Vec::new, |views| views.iter().collect());
+    if views.is_empty() {
         return Err(Error::input(
             place,
-            problem,
-            "give 0: there is no other view to be late or early against",
+            "\"views\" lists 0 views",
+            "list one object per camera, or leave it out",
         ));
     }
-    for (key, value) in view.iter().filter(|(key, _)| !["name", "time_offset"].contains(&key.as_str())) {
-        scene[key] = value.clone();
+    let mut texts = Vec::new();
+    for (k, view) in views.into_iter().enumerate() {
+        let view = view.as_object();
+        let name = view.and_then(|view| view.get("name")).and_then(Value::as_str);
+        let name = name.map_or_else(|| format!("view {k}"), str::to_owned);
+        let of_view = format!("{place}, view {name}");
+        let view = view.ok_or_else(|| {
+            Error::input(&of_view, "is no object", r#"write {"name": "left", "rgbs": "left/rgbs", …}"#)
+        })?;
+        let shift = view.get("time_offset").and_then(Value::as_f64).unwrap_or(0.0);
+        if shift != 0.0 {
+            let hint = "film all views at the same times, or resample one to the times of the other";
+            return Err(Error::input(of_view, format!("\"time_offset\" is {shift} s, not 0"), hint));
+        }
+        let mut merged = scene.clone();
+        if k > 0 {
+            // Of the scene's own camera.
+            ["crop", "poses", "depth_unit", "rgbs", "masks", "depth", "gravity", "held", "notes"]
+                .iter()
+                .filter_map(|key| merged.as_object_mut()?.remove(*key))
+                .for_each(drop);
+            merged["name"] = json!(name);
+        }
+        for (key, value) in view.iter().filter(|(key, _)| !["name", "time_offset"].contains(&key.as_str())) {
+            if !OF_VIEW.contains(&key.as_str()) {
+                let nearest = OF_VIEW.into_iter().min_by_key(|known| edits(key, known)).unwrap_or("fx");
+                let hint = format!("did you mean \"{nearest}\"? A view has: {}", OF_VIEW.join(", "));
+                return Err(Error::input(of_view, format!("unknown key \"{key}\""), hint));
+            }
+            merged[key] = value.clone();
+        }
+        let folders = ["rgbs", "masks"].map(|key| merged.get(key).cloned());
+        if k > 0 && folders.iter().any(Option::is_none) {
+            let hint = r#"name its folders: "rgbs": "right/rgbs", "masks": "right/masks""#;
+            return Err(Error::input(of_view, "names no folder of its frames and masks", hint));
+        }
+        texts.push(merged.to_string());
     }
-    Ok(Some(scene.to_string()))
+    let first = texts.remove(0);
+    Ok(Some((first, texts)))
 }
 
 /// The manifest in `text`; messages name line and nearest key.
 fn parse(text: &str, place: &str) -> Result<Manifest> {
-    let of_view = of_view(text, place)?;
-    let text = of_view.as_deref().unwrap_or(text);
+    let Some((first, more)) = of_views(text, place)? else { return parse_one(text, place) };
+    let mut manifest = parse_one(&first, place)?;
+    manifest.more = more.iter().map(|text| parse_one(text, place)).collect::<Result<_>>()?;
+    Ok(manifest)
+}
+
+fn parse_one(text: &str, place: &str) -> Result<Manifest> {
     let error = match serde_json::from_str::<Manifest>(text) {
         Ok(manifest) => return Ok(manifest),
         Err(error) => error,
@@ -445,7 +520,7 @@ mod tests {
     }
 
     #[test]
-    fn the_only_view_is_the_scenes_own() {
+    fn the_first_view_is_the_scenes_own() {
         let text = r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480,
             "views": [{"name": "left", "rgbs": "left/rgbs", "masks": "left/masks", "fx": 600, "fy": 600,
             "cx": 319.5, "cy": 239.5, "poses": "left/poses.json", "time_offset": 0}]}"#;
@@ -457,7 +532,15 @@ mod tests {
         );
         assert_eq!(manifest.name, "flag");
         let two = text.replace("0}]", "0}, {}]");
-        assert!(parse(&two, "scene.json").unwrap_err().to_string().contains("lists 2 views"));
+        assert!(parse(&two, "scene.json").unwrap_err().to_string().contains("names no folder"));
+        let two = text.replace(
+            "0}]",
+            r#"0}, {"rgbs": "r/rgbs", "masks": "r/masks", "fx": 9, "fy": 9, "cx": 1, "cy": 2}]"#,
+        );
+        let both = parse(&two, "scene.json").unwrap();
+        let other = &both.more[0];
+        assert_eq!((both.fx, other.fx, other.n_frames, other.width), (600.0, 9.0, 40, 640));
+        assert_eq!((both.more.len(), other.name.as_str(), other.poses.is_none()), (1, "view 1", true));
         let late = text.replace("\"time_offset\": 0", "\"time_offset\": 0.01");
         assert!(parse(&late, "scene.json").unwrap_err().to_string().contains("time_offset"));
     }

@@ -74,6 +74,7 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         crop,
         pose_unit: Default::default(),
         depths: None,
+        more: Vec::new(),
         full_size: size,
         first_frame: 0,
         template,

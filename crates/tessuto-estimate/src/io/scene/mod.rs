@@ -3,6 +3,7 @@
 //! ```text
 //! scene.json             name, fps, n_frames, width, height, fx, fy, cx, cy; crop, units, poses, notes if wanted
 //! poses.json             camera_from_world of every frame, of a camera that moves
+//! (any folder)           frames, masks, poses and depth of a further camera, which "views" in scene.json names
 //! template.obj           polygons of the fabric in frame 0, camera coordinates, with uv
 //! depth/depth_000.png …  optional: 16 bits, or .npy, .exr
 //! rgbs/rgb_000.png …     masks/mask_000.png …   (or .jpg, .jpeg; any zero padding)
@@ -13,6 +14,7 @@ mod colours;
 mod depths;
 mod first_frame;
 mod frames;
+mod further;
 mod listing;
 mod manifest;
 mod memory;
@@ -26,17 +28,19 @@ mod truth;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 pub use colours::{ColourFiles, colour_files};
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 pub(crate) use manifest::set_gravity;
-pub use manifest::{replace_camera, write_manifest};
+pub use manifest::{replace_camera, write_manifest, write_views};
 pub use memory::{Recording, assemble};
 pub use poses::{POSES, read_poses, write_poses};
 pub(crate) use poses::{listed as listed_poses, moving};
 pub use record::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};
 pub use rectangle::{template_misfit, write_template};
+use tessuto_core::camera::Pose;
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::{Known, PoseUnit, Scene};
@@ -106,8 +110,24 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let truth = truth::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut errors);
     let depths = depths::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut warnings);
     let depths = depths.map_err(|e| errors.push(e)).ok().flatten();
-    let poses = manifest.poses(folder, &mut warnings);
+    let poses = manifest.poses(folder, true, &mut warnings);
     let poses = poses.map_err(|e| errors.push(e)).ok().flatten();
+    let first = poses.as_ref().map_or(Pose::IDENTITY, |(poses, _)| poses[0]);
+    let mut unit = poses.as_ref().map_or(PoseUnit::Metres, |(_, unit)| *unit);
+    let poses = poses.and_then(|(poses, _)| moving(&poses));
+    let mut more = Vec::new();
+    for view in &manifest.more {
+        let read = further::read(folder, view, (&range, options.held_bytes), &first, &mut warnings);
+        match read.map_err(|e| e.within(&format!("view {}", view.name))) {
+            Ok((view, its_unit)) => {
+                unit = if its_unit == PoseUnit::Unknown { its_unit } else { unit };
+                more.push(view);
+            }
+            Err(error) => errors.push(error),
+        }
+    }
+    // A camera that stands still has no lengths.
+    let unit = if poses.is_none() && more.is_empty() { PoseUnit::Metres } else { unit };
 
     let template_missing = mesh.is_none();
     let stand_in = Mesh { positions: Vec::new(), uvs: Vec::new(), faces: Vec::new() };
@@ -124,10 +144,11 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
             folder: folder.to_path_buf(),
             fps: manifest.fps,
             camera: manifest.camera().cropped(crop),
-            pose_unit: poses.as_ref().map_or(PoseUnit::Metres, |(_, unit)| *unit),
-            poses: poses.map(|(poses, _)| poses[range.clone()].to_vec()),
+            pose_unit: unit,
+            poses: poses.map(|poses| poses[range.clone()].to_vec()),
             crop,
-            depths,
+            depths: depths.map(Arc::new),
+            more,
             full_size: [manifest.camera().width, manifest.camera().height],
             first_frame: range.start,
             template,
@@ -139,6 +160,7 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
         // A template behind the camera, say, cannot be projected; its own error is enough.
         if errors.is_empty() {
             errors.extend(template::check_overlap(&scene, &mut warnings).err());
+            further::check_overlap(&scene, &mut errors, &mut warnings);
         }
         Loaded { scene, warnings }
     });

@@ -27,7 +27,7 @@ const HINT: &str =
     "give the 16 numbers of camera_from_world by rows, [R t; 0 0 0 1] with x right, y down, z ahead";
 
 /// The poses in `value`, of `frames` frames, whose lengths are of `scale` metres, as they stand; `place` is where
-/// they are from. `None` for one pose, of a camera that stands still.
+/// they are from. One pose is that of all frames, of a camera that stands still.
 ///
 /// # Errors
 /// [`Error::Input`] naming the frame whose pose is none.
@@ -37,10 +37,11 @@ pub(crate) fn from_json(
     scale: f64,
     place: &str,
     warnings: &mut Vec<Warning>,
-) -> Result<Option<Vec<Pose>>> {
-    let poses = listed(value, place)?;
+) -> Result<Vec<Pose>> {
+    let scaled = |pose: Pose| Pose { translation: pose.translation * scale, ..pose };
+    let poses: Vec<Pose> = listed(value, place)?.into_iter().map(scaled).collect();
     if poses.len() == 1 {
-        return Ok(None);
+        return Ok(vec![poses[0]; frames]);
     }
     if poses.len() != frames {
         let problem = format!("{} poses of {frames} frames", poses.len());
@@ -50,10 +51,8 @@ pub(crate) fn from_json(
             "give one pose per frame, or one of a camera that stands still",
         ));
     }
-    let scaled = |pose: Pose| Pose { translation: pose.translation * scale, ..pose };
-    let poses: Vec<Pose> = poses.into_iter().map(scaled).collect();
     jumps(&poses, place, warnings);
-    Ok(Some(poses))
+    Ok(poses)
 }
 
 /// Whether `value` says that its lengths have no unit.
@@ -81,13 +80,18 @@ pub(crate) fn listed(value: &Value, place: &str) -> Result<Vec<Pose>> {
 
 /// `poses` relative to the first one; `None` where all are the same.
 pub(crate) fn moving(poses: &[Pose]) -> Option<Vec<Pose>> {
-    let back = poses.first()?.inverse();
     if poses.iter().all(|pose| *pose == poses[0]) {
         return None;
     }
-    let mut out: Vec<Pose> = poses.iter().map(|pose| pose.after(&back)).collect();
+    let mut out = relative(poses, &poses[0]);
     out[0] = Pose::IDENTITY;
     Some(out)
+}
+
+/// `poses` in the world that is the frame of a camera at `first`.
+pub(super) fn relative(poses: &[Pose], first: &Pose) -> Vec<Pose> {
+    let back = first.inverse();
+    poses.iter().map(|pose| pose.after(&back)).collect()
 }
 
 fn pose(value: &Value, place: &str) -> Result<Pose> {
@@ -148,12 +152,12 @@ pub(crate) fn read(
     frames: usize,
     scale: f64,
     warnings: &mut Vec<Warning>,
-) -> Result<Option<(Vec<Pose>, PoseUnit)>> {
+) -> Result<(Vec<Pose>, PoseUnit)> {
     let place = path.display().to_string();
     let text = read_text(path)?;
     let value: Value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
         .map_err(|e| Error::input(&place, format!("is not valid JSON: {e}"), HINT))?;
-    Ok(from_json(&value, frames, scale, &place, warnings)?.map(|poses| (poses, unit(&value))))
+    Ok((from_json(&value, frames, scale, &place, warnings)?, unit(&value)))
 }
 
 /// The poses that [`write`](write_poses) left in `folder`, of `frames` frames, as they stand; `None` where the camera
@@ -166,7 +170,8 @@ pub fn read_poses(folder: &Path, frames: usize) -> Result<Option<Vec<Pose>>> {
     if !path.is_file() {
         return Ok(None);
     }
-    Ok(read(&path, frames, 1.0, &mut Vec::new())?.map(|(poses, _)| poses))
+    let (poses, _) = read(&path, frames, 1.0, &mut Vec::new())?;
+    Ok(poses.iter().any(|pose| *pose != poses[0]).then_some(poses))
 }
 
 /// Writes poses.json into `folder`.
@@ -209,9 +214,9 @@ mod tests {
         let poses = some();
         write_poses(folder.path(), &poses, PoseUnit::Unknown).unwrap();
         let path = folder.path().join(POSES);
-        assert_eq!(super::read(&path, 4, 1.0, &mut Vec::new()).unwrap().unwrap().1, PoseUnit::Unknown);
+        assert_eq!(super::read(&path, 4, 1.0, &mut Vec::new()).unwrap().1, PoseUnit::Unknown);
         write_poses(folder.path(), &poses, PoseUnit::Found { length: 0.3, sd: 0.01 }).unwrap();
-        assert_eq!(super::read(&path, 4, 1.0, &mut Vec::new()).unwrap().unwrap().1, PoseUnit::Metres);
+        assert_eq!(super::read(&path, 4, 1.0, &mut Vec::new()).unwrap().1, PoseUnit::Metres);
         let stored = read_poses(folder.path(), 4).unwrap().unwrap();
         assert_eq!(stored, poses);
         let read = moving(&stored).unwrap();
@@ -252,14 +257,14 @@ mod tests {
         far[3] += 2.0;
         let read =
             from_json(&json!({ "camera_from_world": [good, far] }), 2, 1.0, "p", &mut warnings).unwrap();
-        assert!(read.is_some() && warnings.len() == 1, "{warnings:?}");
+        assert!(read.len() == 2 && warnings.len() == 1, "{warnings:?}");
         // In centimetres it is no jump.
         warnings.clear();
         let nested: Vec<&[f64]> = far.chunks(4).collect();
         from_json(&json!([good, nested]), 2, 0.01, "p", &mut warnings).unwrap();
         assert!(warnings.is_empty());
         // One of all frames: it stands still.
-        assert!(from_json(&json!([good]), 2, 1.0, "p", &mut warnings).unwrap().is_none());
-        assert!(from_json(&good, 2, 1.0, "p", &mut warnings).unwrap().is_none());
+        assert_eq!(from_json(&json!([good]), 2, 1.0, "p", &mut warnings).unwrap(), [some()[1]; 2]);
+        assert!(moving(&from_json(&good, 2, 1.0, "p", &mut warnings).unwrap()).is_none());
     }
 }

@@ -19,8 +19,8 @@ use tessuto_render::raster::coverage::{
 /// Sizes of cloth taken seriously: length of the bounding box's diagonal `[m]`.
 pub const DIAGONAL: std::ops::RangeInclusive<f64> = 0.05..=10.0;
 /// Overlap with the first mask below which the template is refused, and below which it is doubted.
-const OVERLAP_REFUSED: f64 = 0.3;
-const OVERLAP_DOUBTED: f64 = 0.85;
+pub(super) const OVERLAP_REFUSED: f64 = 0.3;
+pub(super) const OVERLAP_DOUBTED: f64 = 0.85;
 
 /// Reads template.obj; `None` if it cannot be read, a mesh and more `errors` if it cannot be used.
 pub(crate) fn read(

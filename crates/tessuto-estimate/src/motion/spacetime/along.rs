@@ -8,7 +8,7 @@ impl Problem<'_> {
     /// `made`, shape [N, V] `[m]`, instead of none. How far causes explain a motion differs from clip to clip: the
     /// motion that was found gives the spread about those expected, as it gives the spread about none.
     pub fn along(&self, mut frames: Vec<Positions>, made: &[Positions]) -> Vec<Positions> {
-        let mut search = self.at_level(self.observed.range[0]);
+        let mut search = self.at_level(0);
         search.still = self.still_vertices(&frames);
         search.asked = self.asked(&frames);
         search.expect(&frames, made);

@@ -29,7 +29,7 @@ impl Pool {
 impl Problem<'_> {
     /// The path through the motions `sides`, each of shape [N, V], with the least E of frames and accelerations.
     pub(super) fn best_path(&self, sides: &[Vec<Positions>]) -> Vec<Positions> {
-        let mut finest = self.at_level(self.observed.range[0]);
+        let mut finest = self.at_level(0);
         finest.compares = true;
         let mut values: Vec<Vec<f64>> = Vec::with_capacity(sides.len());
         for (side, frames) in sides.iter().enumerate() {
@@ -48,7 +48,7 @@ impl Problem<'_> {
     /// The path through two motions of the same search, each of shape [N, V], that explains the images best,
     /// accelerations included: what priors made of either does not count.
     pub fn by_pictures(&self, before: Vec<Positions>, after: Vec<Positions>) -> Vec<Positions> {
-        let mut finest = self.at_level(self.observed.range[0]);
+        let mut finest = self.at_level(0);
         finest.compares = true;
         let sides = [before, after];
         let value = |search: &LevelSearch, n: usize, x: &Positions| search.terms(n).of_pictures(x);

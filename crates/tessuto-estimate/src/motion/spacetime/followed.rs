@@ -46,7 +46,7 @@ impl Problem<'_> {
 
     /// The light that shows in `frames`.
     pub(super) fn light_of(&self, frames: &[Positions]) -> Light {
-        let mut finest = self.at_level(self.observed.range[0]);
+        let mut finest = self.at_level(0);
         (0..GAIN_FITS).for_each(|_| finest.update_references(frames));
         finest.light
     }

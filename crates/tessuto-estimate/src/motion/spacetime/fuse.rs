@@ -107,7 +107,7 @@ impl<'a> Problem<'a> {
 
     /// A search at the finest level, by what the clip asks for.
     fn search(&self, fused: &Fused) -> LevelSearch<'_, 'a> {
-        let mut search = self.at_level(self.observed.range[0]);
+        let mut search = self.at_level(0);
         search.still.clone_from(&fused.still);
         search.asked.clone_from(&fused.asked);
         search

@@ -55,12 +55,17 @@ impl Turned {
 }
 
 impl LevelSearch<'_, '_> {
-    /// Fits the light to the sheet at `frames`, which show `around` their vertices, from the second on; from now
-    /// on every vertex's brightness is compared with it.
-    pub(super) fn update_light(&mut self, frames: &[Positions], around: &[Vec<Around>]) {
+    /// Fits the light to the sheet at `frames`, which show `around` their vertices, from the second on, of every
+    /// camera; from now on every vertex's brightness is compared with it.
+    pub(super) fn update_light(&mut self, frames: &[Positions], around: &[Vec<Vec<Around>>]) {
         let first = self.harmonics_of_first();
-        let of_frame = |n: usize| self.turned((n, &frames[n]), &around[n - 1], &first);
-        let turned: Vec<Vec<Turned>> = (1..frames.len()).into_par_iter().map(of_frame).collect();
+        let later = frames.len() - 1;
+        // Image by image, camera after camera.
+        let of_image = |k: usize| {
+            let (v, n) = (k / later, k % later + 1);
+            self.turned(v, (n, &frames[n]), &around[v][n - 1], &first)
+        };
+        let turned: Vec<Vec<Turned>> = (0..later * self.looks.len()).into_par_iter().map(of_image).collect();
         let mut offsets = vec![0.0; turned.len()];
         // Not from the last light: the same positions have the same one, whatever came before.
         self.light = self.fit_light([0.0; HARMONICS], &turned, &offsets, START_TAIL);
@@ -68,16 +73,19 @@ impl LevelSearch<'_, '_> {
             offsets = turned.par_iter().map(|turned| self.offset(turned)).collect();
             self.light = self.fit_light(self.light, &turned, &offsets, 1.0);
         }
-        let of_frame = |turned: &Vec<Turned>| self.targets(turned, self.offset(turned), &first);
-        let of_frames = turned.iter().map(of_frame);
-        self.brightness = std::iter::once(Vec::new()).chain(of_frames).collect();
+        for v in 0..self.looks.len() {
+            let of_image = |turned: &Vec<Turned>| self.targets(turned, self.offset(turned), &first);
+            let of_images = turned[v * later..(v + 1) * later].iter().map(of_image);
+            self.looks[v].brightness = std::iter::once(Vec::new()).chain(of_images).collect();
+        }
     }
 
-    /// Compares the brightness of `frame`, found at `x`, which shows `around` its vertices, with the light as it is.
-    pub(super) fn update_brightness(&mut self, frame: usize, x: &Positions, around: &[Around]) {
+    /// Compares the brightness in camera `v` of `frame`, found at `x`, which shows `around` its vertices, with the
+    /// light as it is.
+    pub(super) fn update_brightness(&mut self, v: usize, (frame, x): (usize, &Positions), around: &[Around]) {
         let first = self.harmonics_of_first();
-        let turned = self.turned((frame, x), around, &first);
-        self.brightness[frame] = self.targets(&turned, self.offset(&turned), &first);
+        let turned = self.turned(v, (frame, x), around, &first);
+        self.looks[v].brightness[frame] = self.targets(&turned, self.offset(&turned), &first);
     }
 
     /// Harmonics of every vertex's normal in the template.
@@ -87,16 +95,22 @@ impl LevelSearch<'_, '_> {
 
     /// Normal of every vertex, of length 1.
     fn normals(&self, x: &Positions) -> Vec<DVec3> {
-        vertex_normals(&self.samples.triangles, x)
+        vertex_normals(self.problem.rasterizer.triangles(), x)
     }
 
-    /// The vertices that are seen in a `frame` with the sheet at `x`, from the same side as in the first.
-    fn turned(&self, (frame, x): (usize, &Positions), around: &[Around], first: &[Light]) -> Vec<Turned> {
-        let (p, s) = (self.problem, &self.problem.settings);
-        let template = &p.scene.template.positions;
-        let pixel = self.pixel_area() * p.independent;
+    /// The vertices that camera `v` sees in a `frame` with the sheet at `x`, from the same side as in the first.
+    fn turned(
+        &self,
+        v: usize,
+        (frame, x): (usize, &Positions),
+        around: &[Around],
+        first: &[Light],
+    ) -> Vec<Turned> {
+        let (look, s) = (&self.looks[v], &self.problem.settings);
+        let template = &self.problem.scene.template.positions;
+        let pixel = look.pixel_area() * look.eye.independent;
         let (before, now) = (self.normals(template), self.normals(x));
-        let [now_view, first_view] = [frame, 0].map(|n| &p.observed.views[n]);
+        let [now_view, first_view] = [frame, 0].map(|n| &look.eye.observed.views[n]);
         let of = |v: usize| -> Option<Turned> {
             let Around { products, area } = around[v];
             let a = now[v].dot(now_view.direction(x[v]));
@@ -136,7 +150,7 @@ impl LevelSearch<'_, '_> {
                 seen.weight * seen.noise.cauchy(seen.target - at_first).0
             })
         };
-        self.brightness[frame].iter().zip(&first).map(of).sum()
+        self.looks.iter().map(|look| look.brightness[frame].iter().zip(&first).map(of).sum::<f64>()).sum()
     }
 
     /// The light by reweighted least squares that go on from `light`, with tails that start longer by `start`.
@@ -202,7 +216,7 @@ impl Problem<'_> {
         if self.settings.shading_tail <= 0.0 {
             return 1.0;
         }
-        let mut search = self.at_level(self.observed.range[0]);
+        let mut search = self.at_level(0);
         (0..GAIN_FITS).for_each(|_| search.update_references(frames));
         search.light_explains(frames)
     }
@@ -248,7 +262,7 @@ mod tests {
             let shown = |v: usize| Around { products: [[brighter(v).exp(), 1.0]; 3], area: 100.0 };
             around.push((0..x.len()).map(shown).collect::<Vec<_>>());
         }
-        search.update_light(&frames, &around);
+        search.update_light(&frames, &[around.clone()]);
         let shown = around[1].clone();
         let (mut error, mut signal) = (0.0, 0.0);
         for x in &frames[1..] {
@@ -267,14 +281,14 @@ mod tests {
         for around in &mut around {
             around.iter_mut().for_each(|of| of.products = [[(0.3 * rng.signed()).exp(), 1.0]; 3]);
         }
-        blind.update_light(&frames, &around);
+        blind.update_light(&frames, &[around]);
         let by_chance = blind.light_explains(&frames);
         println!("the light explains {by_light:.3} of its own, {by_chance:.3} of chance");
         assert!(by_light > 0.8 && (0.0..0.4).contains(&by_chance));
         // A frame by itself is compared with the same.
-        let all = search.brightness[2].clone();
-        search.update_brightness(2, &frames[2], &shown);
-        for (a, b) in all.iter().zip(&search.brightness[2]) {
+        let all = search.looks[0].brightness[2].clone();
+        search.update_brightness(0, (2, &frames[2]), &shown);
+        for (a, b) in all.iter().zip(&search.looks[0].brightness[2]) {
             assert_eq!(a.is_some(), b.is_some());
             let Some((a, b)) = a.as_ref().zip(b.as_ref()) else { continue };
             assert_eq!(a, b);
@@ -305,7 +319,7 @@ mod tests {
         };
         let around: Vec<Around> = (0..template.len()).map(shown).collect();
         let value_at = |search: &LevelSearch, x: &Positions| search.terms(1).shading.value(x);
-        search.update_brightness(1, &right, &around);
+        search.update_brightness(0, (1, &right), &around);
         let values = [&right, &wrong].map(|x| value_at(&search, x));
         println!("turned as it is {:.3e}, the other way {:.3e}", values[0], values[1]);
         assert!(values[0] < 1e-6 * values[1]);

@@ -1,6 +1,9 @@
 //! The default method: the positions of all frames at once, those that explain the video with the least strain,
 //! bending and acceleration.
 //!
+//! Several cameras may have filmed it: "the image" is then that of each, and what is compared with images adds up over
+//! them (`eye.rs`, `look.rs`). One camera is the common case.
+//!
 //! Unknown are the positions x_n `[m]` of every vertex in every frame n = 1 … N−1; x_0 is the template. Sought is the
 //! minimum of
 //!
@@ -106,12 +109,14 @@ mod along;
 mod bent;
 pub mod best_path;
 pub mod deviation;
+mod eye;
 mod followed;
 mod fuse;
 pub mod gain;
 mod joint;
 mod level;
 mod light;
+mod look;
 #[cfg(test)]
 mod moved;
 mod noise;
@@ -124,11 +129,11 @@ mod relief;
 mod settings;
 mod still;
 mod track;
+#[cfg(test)]
+mod views;
 
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-use super::observed::Observed;
-use super::observed::samples::{EdgePoint, boundary_points};
 use super::observed::silhouette::{InnerEdge, inner_edges};
 use super::terms::PriorTerms;
 use super::terms::bend::Bend;
@@ -136,27 +141,19 @@ use super::terms::shading::{HARMONICS, Light};
 use super::terms::shear::Shear;
 use super::terms::signed_bend::SignedBend;
 use super::terms::strain::Strain;
+use eye::Eye;
 use level::LevelSearch;
+use look::Gains;
 pub use path_scale::scaled;
 pub use settings::SpacetimeSettings;
-use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
-use tessuto_core::mesh::{Mesh, Positions};
+use tessuto_core::mesh::Positions;
 use tessuto_core::scene::Scene;
 use tessuto_render::raster::Rasterizer;
 use tessuto_sim::Cloth;
 
 /// Positions, shape [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);
-
-/// Distance between the points of the boundary at which outlines are compared [px of the finest level].
-const BOUNDARY_SPACING: f64 = 2.0;
-/// Small images are magnified by at most this power of two, to no more pixels than this a frame.
-const MOST_DOUBLINGS: f64 = 2.0;
-const MOST_PIXELS: usize = 1 << 21;
-/// Size of a sheet [px of the finest level] whose pixels are independent of each other, each with the noise that
-/// the settings say.
-const NOMINAL_SIZE: f64 = 160.0;
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -166,63 +163,47 @@ pub struct Problem<'a> {
     priors: PriorTerms<'a>,
     /// Neighbours of every vertex along edges.
     adjacency: Vec<Vec<u32>>,
-    boundary: Vec<EdgePoint>,
-    /// All other edges.
+    /// All edges but the border's.
     inner_edges: Vec<InnerEdge>,
     rasterizer: Rasterizer,
-    observed: Observed,
+    /// What each camera saw; the first is the scene's own.
+    eyes: Vec<Eye<'a>>,
     /// The light, once it is known; zero before.
     light: Light,
     /// Spread of accelerations `[m/s²]`: that of the settings until the clip's own is known.
     acceleration: f64,
-    /// Number of independent pixels that one of the finest level counts as: [`NOMINAL_SIZE`] over the sheet's size
-    /// in the first frame.
-    independent: f64,
-    /// What part of the first frame's contrast is print, by level: a pixel's colour counts by it.
-    print: Vec<f64>,
 }
 
 impl<'a> Problem<'a> {
-    /// Looks at every frame.
+    /// Looks at every frame of every camera.
     ///
     /// # Errors
     /// Those of reading the frames.
     pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: SpacetimeSettings) -> Result<Self> {
         let template = &scene.template;
-        let (s, x) = (&settings, &template.positions);
+        let s = &settings;
         let priors = PriorTerms {
             strain: Strain { cloth, sigma: s.strain, tail: s.tail },
             signed_bend: SignedBend::new(cloth, template, s.signed_bend, s.tail),
             bend: Bend::new(cloth, template, s.bend),
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
-        let size = size_in_image(template, &scene.viewpoint(0));
-        let halvings = (size / settings.resolution).log2().floor();
-        let finest = halvings.clamp(0.0, 16.0) as usize;
-        let doublings = (-halvings).clamp(0.0, MOST_DOUBLINGS) as usize;
-        let pixels = scene.camera.width * scene.camera.height;
-        let magnification =
-            (0..=doublings).rev().map(|k| 1 << k).find(|m| pixels * m * m <= MOST_PIXELS).unwrap_or(1);
-        let coarsest = finest + settings.levels - 1 + settings.track_levels;
-        let observed = Observed::new(scene, [finest, coarsest], magnification)?;
-        let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
+        let eyes = (0..scene.view_count()).map(|v| Eye::new(scene.seen_by(v), s)).collect::<Result<_>>()?;
         let mut problem = Self {
             scene,
             cloth,
             priors,
             adjacency: template.neighbours(),
-            boundary: boundary_points(template, x, &observed.views[0], spacing),
             inner_edges: inner_edges(template, cloth),
-            independent: NOMINAL_SIZE * f64::from(1u32 << observed.range[0]) / size,
-            observed,
             rasterizer: Rasterizer::new(template),
+            eyes,
             light: [0.0; HARMONICS],
             acceleration: settings.acceleration,
             settings,
-            print: Vec::new(),
         };
-        let [finest, coarsest] = problem.observed.range;
-        problem.print = (0..=coarsest).map(|level| problem.part_printed(level.max(finest))).collect();
+        for v in 0..problem.eyes.len() {
+            problem.eyes[v].print = (0..problem.level_count()).map(|k| problem.part_printed(v, k)).collect();
+        }
         Ok(problem)
     }
 
@@ -236,16 +217,19 @@ impl<'a> Problem<'a> {
         (self.scene.fps.powi(2) / sigma).powi(2)
     }
 
-    /// Pixels of level 0 along one of the finest level or of the video, whichever is larger: what settings call a
-    /// pixel of the finest level. Those of a magnified image are not independent.
-    fn pixel(&self) -> f64 {
-        f64::from(1u32 << self.observed.range[0]) * self.observed.magnification as f64
+    /// Number of resolutions at which the sheet is followed: level 0 is the finest, of all cameras.
+    fn level_count(&self) -> usize {
+        self.eyes.iter().map(Eye::level_count).max().unwrap_or(1)
+    }
+
+    /// The levels, coarse to fine.
+    fn coarse_to_fine(&self) -> impl Iterator<Item = usize> + use<> {
+        (0..self.level_count()).rev()
     }
 
     /// The levels at which all frames are refined together, coarse to fine.
     fn refined_levels(&self) -> Vec<usize> {
-        let all: Vec<usize> = self.observed.coarse_to_fine().collect();
-        all[all.len() - self.settings.levels.min(all.len())..].to_vec()
+        (0..self.settings.levels.min(self.level_count())).rev().collect()
     }
 
     /// Whether the vertices of two motions are within this `part` of the sheet's size of each other, root mean
@@ -255,23 +239,13 @@ impl<'a> Problem<'a> {
         a.iter().zip(b).all(|(a, b)| apart(a, b) <= reach)
     }
 
-    /// Whether positions and gains have this cloth's vertices.
-    fn matches(&self, frames: &[Positions], gains: &[Vec<[f32; 3]>]) -> bool {
+    /// Whether positions, and gains of every camera, have this cloth's vertices; the latter of `gains`, shape [., C].
+    fn matches(&self, frames: &[Positions], gains: &[Vec<Gains>]) -> bool {
         let count = self.cloth.vertex_count();
+        let of_cameras = |of: &Vec<Gains>| of.len() == self.eyes.len() && of.iter().all(|g| g.len() == count);
         frames.iter().all(|x| x.len() == count && x.iter().all(|p: &DVec3| p.is_finite()))
-            && gains.iter().all(|g| g.len() == count)
+            && gains.iter().all(of_cameras)
     }
-}
-
-/// Square root of the area of `template`'s image `[px]` in this `view` of the first frame; at least 1 px, since
-/// what is seen edge-on has none.
-fn size_in_image(template: &Mesh, view: &Viewpoint) -> f64 {
-    let p: Vec<DVec2> = template.positions.iter().map(|x| view.project(*x)).collect();
-    let area = |t: [u32; 3]| {
-        let [a, b, c] = t.map(|v| p[v as usize]);
-        0.5 * (b - a).perp_dot(c - a).abs()
-    };
-    template.triangles().into_iter().map(area).sum::<f64>().sqrt().max(1.0)
 }
 
 /// Root mean square distance of corresponding vertices `[m]`.

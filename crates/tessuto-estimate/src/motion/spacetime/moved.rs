@@ -30,7 +30,7 @@ fn with_both(
     let problem = Problem::new(&scene, &cloth, settings.clone()).unwrap();
     let mut posed = Problem::new(&scene, &cloth, settings).unwrap();
     posed.scene = &there;
-    let Observed { views, levels, .. } = &mut posed.observed;
+    let Observed { views, levels, .. } = &mut posed.eyes[0].observed;
     let views = views.iter_mut().chain(levels.iter_mut().flatten().map(|level| &mut level.view));
     views.for_each(|view| view.camera_from_world = Some(pose));
     let frames = frames(&scene);
@@ -101,9 +101,9 @@ fn light_falls_on_the_vertices_that_the_camera_sees() {
         let around: Vec<Around> = (0..frames[1].len())
             .map(|_| Around { products: [[(0.1 * rng.signed()).exp(), 1.0]; 3], area: 1e3 })
             .collect();
-        here.update_brightness(1, &frames[1], &around);
-        there.update_brightness(1, &moved[1], &around);
-        let pairs = || here.brightness[1].iter().zip(&there.brightness[1]);
+        here.update_brightness(0, (1, &frames[1]), &around);
+        there.update_brightness(0, (1, &moved[1]), &around);
+        let pairs = || here.looks[0].brightness[1].iter().zip(&there.looks[0].brightness[1]);
         assert!(pairs().all(|(a, b)| a.is_some() == b.is_some()));
         let seen = pairs().filter(|(a, _)| a.is_some()).count();
         let [value, value_there] =

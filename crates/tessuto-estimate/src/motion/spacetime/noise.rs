@@ -97,14 +97,16 @@ impl Problem<'_> {
 
     /// Residuals of colours `[sRGB]` and outlines [px of the finest level] at `frames`.
     fn noise_levels(&self, frames: &[Positions]) -> [f64; 2] {
-        let mut search = self.at_level(self.observed.range[0]);
+        let mut search = self.at_level(0);
         search.update_references(frames);
         let pairs = 1.0 + self.settings.neighbour_weight;
         let of_frame = |n: usize| {
             let (terms, x) = (search.terms(n), &frames[n]);
-            let (colour, area) = (&terms.colour, terms.colour.area(x).max(1.0));
-            let spreads = (2.0 * colour.value(x) / (colour.weight * area * pairs)).sqrt();
-            [spreads * colour.noise.sigma, terms.outline.mean_square(x).sqrt() / self.pixel()]
+            let colours = terms.colour.0.iter().map(|c| c.weight * c.area(x).max(1.0) * pairs).sum::<f64>();
+            let spreads = (2.0 * terms.colour.value(x) / colours).sqrt();
+            let outlines = terms.outline.0.iter().zip(&self.eyes);
+            let outlines = outlines.map(|(outline, eye)| outline.mean_square(x).sqrt() / eye.pixel());
+            [spreads * self.settings.colour, outlines.sum::<f64>() / self.eyes.len() as f64]
         };
         let levels: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
         std::array::from_fn(|k| {

@@ -16,7 +16,7 @@ use super::{Positions, Problem, SpacetimeSettings};
 use crate::session::Session;
 use tessuto_core::camera::Pose;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
-use tessuto_core::scene::{PoseUnit, Scene};
+use tessuto_core::scene::{PoseUnit, Scene, View};
 use tessuto_sim::Cloth;
 
 /// Least ε, of the sheet's size: what is followed is not followed better.
@@ -45,13 +45,16 @@ pub fn scaled(scene: &Scene, cloth: &Cloth, settings: &SpacetimeSettings) -> Res
     let poses = scene.poses.as_deref().ok_or_else(|| refused("cannot be found: the camera stands still"))?;
     let with = |Length { metres: length, sd }: Length| {
         let pose = |pose: &Pose| Pose { translation: pose.translation * length, ..*pose };
-        let poses = Some(poses.iter().map(pose).collect());
-        Scene { poses, pose_unit: PoseUnit::Found { length, sd }, ..scene.clone() }
+        let of_all = |poses: &[Pose]| -> Vec<Pose> { poses.iter().map(pose).collect() };
+        let more = scene.more.iter().map(|view| View { poses: of_all(&view.poses), ..view.clone() });
+        let (poses, more) = (Some(of_all(poses)), more.collect());
+        Scene { poses, more, pose_unit: PoseUnit::Found { length, sd }, ..scene.clone() }
     };
     let path: Vec<DVec3> = poses.iter().map(|pose| pose.in_world(DVec3::ZERO)).collect();
     let mut found = Length { metres: 0.0, sd: 0.0 };
     for _ in 0..PASSES {
-        let moved = with(found);
+        // By the first camera alone: until the unit is known, others would see the sheet elsewhere.
+        let moved = Scene { more: Vec::new(), ..with(found) };
         let (pool, lost) = Problem::new(&moved, cloth, settings.clone())?.track(&mut Session::silent())?;
         if let Some(lost) = lost {
             return Err(refused(&format!("cannot be found: the sheet is lost, {lost}")));

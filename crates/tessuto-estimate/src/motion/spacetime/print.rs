@@ -14,13 +14,13 @@ impl Problem<'_> {
     /// where they are found: noise, and light that no gain follows. Mean over the sheet as the first frame shows
     /// it at `level`: above 0.9 of printed ones at the finest, 0.1 to 0.2 of plain ones; the less the coarser the
     /// level, most of all of a fine print that repeats, of which nothing is left to show where the sheet is.
-    pub(super) fn part_printed(&self, level: usize) -> f64 {
-        let search = self.at_level(level);
+    pub(super) fn part_printed(&self, v: usize, level: usize) -> f64 {
+        let look = self.look(v, level);
         // Around every vertex area, squares and the sums of the channels.
         let mut sums = vec![[0.0; 5]; self.cloth.vertex_count()];
-        for (point, seen) in search.samples.points.iter().zip(&search.reference) {
+        for (point, seen) in look.samples.points.iter().zip(&look.reference) {
             let Some([r, g, b]) = seen.map(|colour| colour.map(f64::from)) else { continue };
-            for v in search.samples.triangles[point.triangle as usize] {
+            for v in look.samples.triangles[point.triangle as usize] {
                 let added = [1.0, r * r + g * g + b * b, r, g, b];
                 let sum = sums[v as usize].iter_mut().zip(added);
                 sum.for_each(|(sum, number)| *sum += number * point.area);
@@ -37,7 +37,7 @@ impl Problem<'_> {
 
     /// Whether the print of each of `frames` is lost; that of the first is known.
     pub(super) fn prints_lost(&self, frames: &[Positions]) -> Vec<bool> {
-        let mut finest = self.at_level(self.observed.range[0]);
+        let mut finest = self.at_level(0);
         finest.fit_anew(&frames.iter().enumerate().skip(1).collect::<Vec<_>>());
         let lost = |n: usize| n > 0 && finest.misfit(n, &frames[n]).texture > LOST;
         (0..frames.len()).into_par_iter().map(lost).collect()
@@ -58,7 +58,7 @@ mod tests {
         let part = |scene: &tessuto_core::Scene| {
             let cloth = Cloth::new(&scene.template);
             let problem = Problem::new(scene, &cloth, SpacetimeSettings::default()).unwrap();
-            problem.print[problem.observed.range[0]]
+            problem.eyes[0].print[0]
         };
         let printed = part(&scene);
         // A tenth of its contrast.
@@ -82,8 +82,8 @@ mod tests {
         scene.frames = frames.into();
         let cloth = Cloth::new(&scene.template);
         let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
-        let [finest, coarsest] = problem.observed.range;
-        println!("print {:?}, levels {finest} to {coarsest}", problem.print);
-        assert!(problem.print[finest] > 0.9 && problem.print[coarsest] < 0.1);
+        let print = &problem.eyes[0].print;
+        println!("print {print:?}, fine to coarse");
+        assert!(print[0] > 0.9 && print[print.len() - 1] < 0.1);
     }
 }

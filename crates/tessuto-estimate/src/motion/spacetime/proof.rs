@@ -1,8 +1,11 @@
 //! Every term of the objective against finite differences, and the joint system against its parts.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::joint::JointSystem;
+use super::look::Look;
 use super::{LevelSearch, Problem, SpacetimeSettings, acceleration};
 use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::samples::EdgePoint;
@@ -61,7 +64,8 @@ pub(super) fn scene() -> Scene {
         crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
         poses: None,
         pose_unit: Default::default(),
-        depths: Some(Depths { camera: depth_camera, maps, noise: 0.01 }),
+        depths: Some(Arc::new(Depths { camera: depth_camera, maps, noise: 0.01 })),
+        more: Vec::new(),
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template: Mesh { positions, ..flat },
@@ -91,7 +95,7 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     let mut search = problem.at_level(0);
     search.update_references(&frames);
     let mut rng = Rng::new(8, 0);
-    let gains = search.gains.iter_mut().flatten().flatten();
+    let gains = search.looks[0].gains.iter_mut().flatten().flatten();
     gains.for_each(|g| *g *= 1.0 + 0.1 * rng.signed() as f32);
     search.still = vec![0, 3, 4];
     // And as if a motion were expected.
@@ -112,13 +116,13 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
         pair: edge.pair,
     };
     let occlusion = Occlusion {
-        hidden: every(7, search.samples.points.len()),
-        inner: every(5, problem.boundary.len()),
+        hidden: every(7, search.looks[0].samples.points.len()),
+        inner: every(5, problem.eyes[0].boundary.len()),
         folds: problem.inner_edges.iter().step_by(9).map(fold).collect(),
-        shares: (0..search.samples.triangles.len()).map(|t| 1.0 - 0.1 * (t % 5) as f64).collect(),
+        shares: (0..search.looks[0].samples.triangles.len()).map(|t| 1.0 - 0.1 * (t % 5) as f64).collect(),
         uncovered: 0.0,
     };
-    search.occlusions.fill(occlusion);
+    search.looks[0].occlusions.fill(occlusion);
     test(&search, &frames);
 }
 
@@ -157,19 +161,19 @@ fn magnifying_adds_no_weight() {
         let problem = Problem::new(&scene, &cloth, settings).unwrap();
         let still = scene.camera.project(scene.template.positions[0])
             - scene.camera.project(scene.template.positions[1]);
-        let [a, b] = [0, 1].map(|v| problem.observed.views[0].project(scene.template.positions[v]));
-        let search = problem.at_level(problem.observed.range[0]);
-        let terms = search.terms(1);
-        let area: f64 = search.samples.points.iter().map(|point| point.area).sum();
-        let length: f64 = problem.boundary.iter().map(|point| point.length).sum();
-        let magnification = problem.observed.magnification as f64;
+        let [a, b] = [0, 1].map(|v| problem.eyes[0].observed.views[0].project(scene.template.positions[v]));
+        let search = problem.at_level(0);
+        let (look, terms) = (&search.looks[0], search.terms(1));
+        let area: f64 = look.samples.points.iter().map(|point| point.area).sum();
+        let length: f64 = problem.eyes[0].boundary.iter().map(|point| point.length).sum();
+        let magnification = problem.eyes[0].observed.magnification as f64;
         let totals = [
             // The print itself is seen a little better.
-            area * terms.colour.weight / problem.print[search.level],
-            area * search.pixel_area(),
-            length * terms.outline.weight,
-            terms.outline.noise.sigma / magnification,
-            (a - b).length() / problem.pixel() / still.length(),
+            area * terms.colour.0[0].weight / look.eye.print[look.level],
+            area * look.pixel_area(),
+            length * terms.outline.0[0].weight,
+            terms.outline.0[0].noise.sigma / magnification,
+            (a - b).length() / look.eye.pixel() / still.length(),
         ];
         (magnification, totals)
     };
@@ -190,11 +194,11 @@ fn pixels_of_larger_sheets_count_less() {
     let [small, large] = [20.0, 40.0].map(|resolution| {
         let settings = SpacetimeSettings { resolution, ..SpacetimeSettings::default() };
         let problem = Problem::new(&scene, &cloth, settings).unwrap();
-        let search = problem.at_level(problem.observed.range[0]);
-        let terms = search.terms(1);
-        let area: f64 = search.samples.points.iter().map(|point| point.area).sum();
-        let length: f64 = problem.boundary.iter().map(|point| point.length).sum();
-        [area * terms.colour.weight / problem.print[search.level], length * terms.outline.weight]
+        let search = problem.at_level(0);
+        let (look, terms) = (&search.looks[0], search.terms(1));
+        let area: f64 = look.samples.points.iter().map(|point| point.area).sum();
+        let length: f64 = problem.eyes[0].boundary.iter().map(|point| point.length).sum();
+        [area * terms.colour.0[0].weight / look.eye.print[look.level], length * terms.outline.0[0].weight]
     });
     println!("{small:?} {large:?}");
     for ((small, large), times) in small.into_iter().zip(large).zip([2.0, 1.0]) {
@@ -207,13 +211,14 @@ fn a_pixel_that_is_off_by_one_spread_costs_a_half() {
     let scene = scene();
     let cloth = Cloth::new(&scene.template);
     let problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();
-    let mut search = problem.at_level(problem.observed.range[0]);
+    let mut search = problem.at_level(0);
     let x = &scene.template.positions;
     let of_channel = (problem.settings.colour / 3f64.sqrt()) as f32;
     let off = |shown: Option<[f32; 3]>| shown.map(|colour| colour.map(|c| c + of_channel));
-    search.reference = search.observe(1, x).into_iter().map(off).collect();
-    let colour = search.terms(1).colour;
-    let pixels = problem.independent * problem.print[search.level] * colour.area(x) * search.pixel_area();
+    search.looks[0].reference = search.looks[0].observe(1, x, false).into_iter().map(off).collect();
+    let colour = search.looks[0].colour(1, &search.asked);
+    let Look { eye, level, .. } = search.looks[0];
+    let pixels = eye.independent * eye.print[level] * colour.area(x) * search.looks[0].pixel_area();
     let cost = colour.value(x) / pixels;
     let expected = 0.5 / (1.0 + problem.settings.colour_tail.powi(-2));
     println!("{cost} of {pixels:.0} pixels each, {expected} by the kernel");

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::again::{AGAIN, Followers};
 use super::best_path::Pool;
 use super::joint::{Joint, POLICY};
+use super::look::Gains;
 use super::noise::Asked;
 use super::{Fitted, Positions, Problem, diverged};
 use crate::motion::terms::TERMS;
@@ -30,8 +31,8 @@ struct Refined {
     still: Vec<u32>,
     /// What the clip asks for; the settings' own at the first level.
     asked: Asked,
-    /// Gains at the present level.
-    gains: Vec<Vec<[f32; 3]>>,
+    /// Gains at the present level, shape [N, C].
+    gains: Vec<Vec<Gains>>,
 }
 
 /// How many motions are refined.
@@ -181,7 +182,7 @@ impl Problem<'_> {
             if refined.steps >= (k + 1) * iterations {
                 continue;
             }
-            let mut search = self.at_level(level);
+            let (mut search, kept) = (self.at_level(level), self.eyes[0].kept(level));
             search.still.clone_from(&refined.still);
             let first = refined.steps - k * iterations;
             match first {
@@ -193,7 +194,7 @@ impl Problem<'_> {
                         _ => self.asked(&refined.frames),
                     };
                 }
-                _ => search.gains = std::mem::take(&mut refined.gains),
+                _ => refined.gains.iter().enumerate().for_each(|(n, gains)| search.set_gains(n, gains)),
             }
             search.asked = refined.asked.clone();
             for iteration in first..iterations {
@@ -201,7 +202,7 @@ impl Problem<'_> {
                 joint.annealed = refined.steps as f64 / (ANNEALED * steps as f64);
                 let outcome = POLICY.iterate(&mut joint, &mut refined.frames, &mut refined.lambda);
                 if !outcome.value.is_finite() {
-                    let place = format!("level {level}, iteration {iteration}");
+                    let place = format!("level {kept}, iteration {iteration}");
                     return Ok(Some(diverged(&place, outcome.value)));
                 }
                 refined.steps += 1;
@@ -216,9 +217,9 @@ impl Problem<'_> {
                     of: self.steps_until(rounds.all, rounds),
                     active_frames: refined.frames.len(),
                     losses: named(losses),
-                    parameters: named([("level", level as f64)]),
+                    parameters: named([("level", kept as f64)]),
                 };
-                refined.gains.clone_from(&search.gains);
+                refined.gains = (0..refined.frames.len()).map(|n| search.gains(n)).collect();
                 session.step(&epoch, &refined.frames, Some(&*refined))?;
             }
         }

@@ -15,7 +15,7 @@ impl Problem<'_> {
     /// which is known.
     pub(super) fn reflected(&self, frames: &[Positions], part: f64) -> Vec<Positions> {
         let mut out = frames.to_vec();
-        for (x, view) in out.iter_mut().zip(&self.observed.views).skip(1) {
+        for (x, view) in out.iter_mut().zip(&self.eyes[0].observed.views).skip(1) {
             let distances: Vec<f64> = x.iter().map(|x| view.offset(*x).length()).collect();
             let smooth = self.smoothed(distances.clone(), part);
             for (x, (distance, smooth)) in x.iter_mut().zip(distances.iter().zip(smooth)) {
@@ -71,7 +71,7 @@ mod tests {
         let reflected = problem.reflected(&frames, 0.4);
         assert_eq!(reflected[0], *template);
         for n in 1..3 {
-            let view = &problem.observed.views[n];
+            let view = &problem.eyes[0].observed.views[n];
             for (a, b) in reflected[n].iter().zip(&bulge) {
                 assert!((view.project(*a) - view.project(*b)).length() < 1e-9);
             }

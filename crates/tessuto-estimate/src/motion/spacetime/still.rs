@@ -1,5 +1,6 @@
 //! Which vertices stand still: an edge that is fixed does not move in the image.
 
+use super::eye::Eye;
 use super::{Positions, Problem};
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::math::median::median;
@@ -16,14 +17,17 @@ impl Problem<'_> {
     /// Only of the border: what stands still in the image while the rest moves may still move along its view ray,
     /// as the middle of a sheet that billows towards the camera does, but nothing makes a whole edge do so.
     pub(super) fn still_vertices(&self, frames: &[Positions]) -> Vec<u32> {
-        // In the image of each frame, from where the vertex would be had it not moved.
+        // In the image of each frame, from where the vertex would be had it not moved; mean over the cameras.
         let moved = |v: usize| -> f64 {
             let of_frame = |(x, view): (&Positions, &Viewpoint)| {
                 let [now, before] = [x, &frames[0]].map(|x| view.project(x[v]));
                 now.distance_squared(before)
             };
-            let squares: f64 = frames.iter().zip(&self.observed.views).map(of_frame).sum();
-            (squares / frames.len() as f64).sqrt() / self.pixel()
+            let of_eye = |eye: &Eye| {
+                let squares: f64 = frames.iter().zip(&eye.observed.views).map(of_frame).sum();
+                (squares / frames.len() as f64).sqrt() / eye.pixel()
+            };
+            self.eyes.iter().map(of_eye).sum::<f64>() / self.eyes.len() as f64
         };
         let moved: Vec<f64> = (0..self.cloth.vertex_count()).map(moved).collect();
         let [part, pixels] = STILL;

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::best_path::Pool;
+use super::look::Gains;
 use super::{LevelSearch, Positions, Problem, SpacetimeSettings, diverged};
 use crate::motion::terms::FrameSystem;
 use crate::motion::terms::low_rank::FrameFactor;
@@ -68,8 +69,8 @@ pub(super) struct Tracked {
 pub(super) struct Follower {
     /// Positions so far, in the order in which they are followed.
     pub(super) frames: Vec<Positions>,
-    /// Gains of the last of them, by resolution.
-    pub(super) gains: Vec<Vec<[f32; 3]>>,
+    /// Gains of the last of them, by resolution and camera.
+    pub(super) gains: Vec<Vec<Gains>>,
     /// The place of the first of them at which its objective was no longer finite, with that objective; it stands
     /// still from there on.
     pub(super) lost: Option<(usize, f64)>,
@@ -119,10 +120,10 @@ impl Problem<'_> {
     /// Nothing but the first frame known, with the spread `smooth` of the smooth shear.
     pub(super) fn start(&self, smooth: f64) -> Tracked {
         let template = &self.scene.template.positions;
-        let levels = self.observed.coarse_to_fine().count();
+        let levels = self.level_count();
         let follower = || Follower {
             frames: vec![template.clone()],
-            gains: vec![vec![[1.0; 3]; template.len()]; levels],
+            gains: vec![vec![vec![[1.0; 3]; template.len()]; self.eyes.len()]; levels],
             lost: None,
         };
         Tracked { smooth, followers: std::array::from_fn(|_| follower()) }
@@ -136,7 +137,7 @@ impl Problem<'_> {
         inform: impl Fn(&mut LevelSearch),
         loosened: impl Fn(f64) -> ([f64; 2], f64),
     ) -> Vec<LevelSearch<'_, '_>> {
-        let mut levels: Vec<_> = self.observed.coarse_to_fine().map(|level| self.at_level(level)).collect();
+        let mut levels: Vec<_> = self.coarse_to_fine().map(|level| self.at_level(level)).collect();
         let last = (levels.len() - 1).max(1) as f64;
         for (k, level) in levels.iter_mut().enumerate() {
             inform(level);
@@ -204,7 +205,7 @@ impl Follower {
     pub(super) fn at(n: usize, motion: &[Positions], levels: &mut [LevelSearch]) -> Self {
         let gains = levels.iter_mut().map(|level| {
             level.update_gain(n, &motion[n]);
-            level.gains[n].clone()
+            level.gains(n)
         });
         Self { gains: gains.collect(), frames: vec![motion[n].clone()], lost: None }
     }
@@ -237,16 +238,16 @@ impl Follower {
         let mut value = 0.0;
         let mut scratch = Scratch::default();
         for (level, gains) in levels.iter_mut().zip(&mut self.gains) {
-            level.gains[n].clone_from(gains);
-            level.set_adjacent(n, level.explained(n, level.observe(adjacent, last)));
+            level.set_gains(n, gains);
+            level.follow_from(n, adjacent, last);
             (x, value) = level.fit_frame(n, x, &predicted, 1.0, &mut scratch);
             if !value.is_finite() {
                 self.lost = Some((k, value));
                 self.frames.push(last.clone());
                 return value;
             }
-            gains.clone_from(&level.gains[n]);
-            level.set_adjacent(n, Vec::new());
+            *gains = level.gains(n);
+            level.looks.iter_mut().for_each(|look| look.set_adjacent(n, Vec::new()));
         }
         self.frames.push(x);
         value
@@ -254,6 +255,23 @@ impl Follower {
 }
 
 impl LevelSearch<'_, '_> {
+    /// Gains of a frame, by camera.
+    pub(super) fn gains(&self, frame: usize) -> Vec<Gains> {
+        self.looks.iter().map(|look| look.gains[frame].clone()).collect()
+    }
+
+    pub(super) fn set_gains(&mut self, frame: usize, gains: &[Gains]) {
+        self.looks.iter_mut().zip(gains).for_each(|(look, gains)| look.gains[frame].clone_from(gains));
+    }
+
+    /// Compares `frame` with what the `adjacent` one shows with the sheet at `x`.
+    fn follow_from(&mut self, frame: usize, adjacent: usize, x: &Positions) {
+        for look in &mut self.looks {
+            let observed = look.observe(adjacent, x, self.compares);
+            look.set_adjacent(frame, look.explained(frame, observed));
+        }
+    }
+
     /// Fits one frame with a pull towards its prediction, `strength` times that of the acceleration term; returns
     /// its positions and the objective, with which it ends where that is not finite.
     pub(super) fn fit_frame(
@@ -343,7 +361,7 @@ mod tests {
         let costs: Vec<f64> = levels.iter().map(cost).collect();
         println!("strain {costs:?}");
         assert!(costs.len() > 1 && costs.windows(2).all(|of| of[1] < 0.5 * of[0]));
-        assert_eq!(costs[costs.len() - 1], cost(&problem.at_level(problem.observed.range[0])));
+        assert_eq!(costs[costs.len() - 1], cost(&problem.at_level(0)));
     }
 
     #[test]

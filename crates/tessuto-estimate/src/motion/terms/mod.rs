@@ -91,11 +91,35 @@ pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
     DMat3::from_cols(a * b.x, a * b.y, a * b.z)
 }
 
+/// A term of every camera's image, one for each: they add up.
+pub struct OfViews<T>(pub Vec<T>);
+
+impl<T: Term> Term for OfViews<T> {
+    fn name(&self) -> &'static str {
+        self.0[0].name()
+    }
+
+    fn value(&self, x: &[DVec3]) -> f64 {
+        self.0.iter().map(|term| term.value(x)).sum()
+    }
+
+    fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
+        self.0.iter().map(|term| term.add_system(x, system)).sum()
+    }
+
+    #[cfg(test)]
+    fn held<'s>(&'s self, x: &[DVec3]) -> Option<Function<'s>> {
+        let held: Option<Vec<Function>> = self.0.iter().map(|term| term.held(x)).collect();
+        held.map(|held| Box::new(move |x: &[DVec3]| held.iter().map(|of| of(x)).sum()) as Function)
+    }
+}
+
 /// One list makes the fields, the number and the order of the terms. A field holds what its term needs; who fills it
 /// in is the level of the search ([`super::spacetime`]).
 macro_rules! terms {
     (
         priors { $($(#[$prior_doc:meta])* $prior:ident: $Prior:ident,)* }
+        views { $($(#[$view_doc:meta])* $view:ident: $View:ident,)* }
         frame { $($(#[$doc:meta])* $term:ident: $Term:ident,)* }
     ) => {
         /// The terms that do not depend on the frame.
@@ -108,16 +132,17 @@ macro_rules! terms {
         pub struct FrameTerms<'a> {
             /// What the cloth is like.
             pub priors: &'a PriorTerms<'a>,
+            $($(#[$view_doc])* pub $view: OfViews<$View<'a>>,)*
             $($(#[$doc])* pub $term: $Term<'a>,)*
         }
 
         /// Number of terms.
-        pub const TERMS: usize = [$(stringify!($prior),)* $(stringify!($term),)*].len();
+        pub const TERMS: usize = [$(stringify!($prior),)* $(stringify!($view),)* $(stringify!($term),)*].len();
 
         impl FrameTerms<'_> {
             /// The terms, in the order in which they are summed.
             pub fn list(&self) -> [&dyn Term; TERMS] {
-                [$(&self.priors.$prior,)* $(&self.$term,)*]
+                [$(&self.priors.$prior,)* $(&self.$view,)* $(&self.$term,)*]
             }
         }
     };
@@ -134,17 +159,19 @@ terms! {
         /// Shearing angles.
         shear: Shear,
     }
-    frame {
+    views {
         /// Against the colours of other frames.
         colour: Colour,
         /// Against the outline of the mask.
         outline: Outline,
         /// Against the light.
         shading: Shading,
-        /// Against where it is fixed.
-        still: Still,
         /// Against measured depth.
         depth: Depth,
+    }
+    frame {
+        /// Against where it is fixed.
+        still: Still,
     }
 }
 
@@ -175,10 +202,10 @@ impl FrameTerms<'_> {
     /// What of the terms that compare with the images every vertex bears, shape `[V]`.
     pub fn shares_of_pictures(&self, x: &[DVec3]) -> Vec<f64> {
         let mut shares = vec![0.0; x.len()];
-        self.colour.add_shares(x, &mut shares);
-        self.outline.add_shares(x, &mut shares);
-        self.shading.add_shares(x, &mut shares);
-        self.depth.add_shares(x, &mut shares);
+        self.colour.0.iter().for_each(|term| term.add_shares(x, &mut shares));
+        self.outline.0.iter().for_each(|term| term.add_shares(x, &mut shares));
+        self.shading.0.iter().for_each(|term| term.add_shares(x, &mut shares));
+        self.depth.0.iter().for_each(|term| term.add_shares(x, &mut shares));
         shares
     }
 

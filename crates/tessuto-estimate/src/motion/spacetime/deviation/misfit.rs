@@ -1,8 +1,10 @@
 //! How badly a frame's positions match what they should: what the deviations are scaled by.
 
 use super::super::LevelSearch;
+use super::super::look::Look;
 use crate::motion::terms::Term;
 use crate::motion::terms::colour::PointColours;
+use crate::motion::terms::outline::Outline;
 use crate::motion::terms::shear::FEW;
 use tessuto_core::mesh::Positions;
 
@@ -14,7 +16,7 @@ const NOISE: f64 = 1e-6;
 /// Misfit of the texture that is as good as none.
 const TEXTURE_FLOOR: f64 = 1e-3;
 
-/// Misfits of one frame.
+/// Misfits of one frame; of several cameras their mean.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in super::super) struct Misfit {
     /// Root mean square distance of the mesh's outlines to the outline of the mask `[m]`, at the fabric's mean
@@ -33,19 +35,26 @@ impl LevelSearch<'_, '_> {
     pub(in super::super) fn misfit(&self, frame: usize, x: &Positions) -> Misfit {
         let terms = self.terms(frame);
         let count = x.len().max(1) as f64;
-        let view = &self.problem.observed.views[frame];
-        let depth = x.iter().map(|p| view.depth(*p)).sum::<f64>() / count;
-        let pixel = depth / (0.5 * (view.camera.fx + view.camera.fy));
+        let views = self.looks.len() as f64;
+        let outline = |(look, outline): (&Look, &Outline)| {
+            let view = &look.eye.observed.views[frame];
+            let depth = x.iter().map(|p| view.depth(*p)).sum::<f64>() / count;
+            let pixel = depth / (0.5 * (view.camera.fx + view.camera.fy));
+            outline.mean_square(x).sqrt().max(OUTLINE_FLOOR) * pixel.abs()
+        };
+        let texture = |look: &Look| look.texture_misfit(frame, &look.observe(frame, x, self.compares));
         // Smooth shear counts by the spread that the settings give, however large it was found to be.
         let mut shear = terms.priors.shear.clone();
         (shear.smooth, shear.rank) = (self.problem.settings.shear_smooth, FEW);
         Misfit {
-            outline: terms.outline.mean_square(x).sqrt().max(OUTLINE_FLOOR) * pixel.abs(),
-            texture: self.texture_misfit(frame, &self.observe(frame, x)),
+            outline: self.looks.iter().zip(&terms.outline.0).map(outline).sum::<f64>() / views,
+            texture: self.looks.iter().map(texture).sum::<f64>() / views,
             prior: (terms.priors.strain.value(x) + shear.value(x)) / count,
         }
     }
+}
 
+impl Look<'_, '_> {
     fn texture_misfit(&self, frame: usize, observed: &PointColours) -> f64 {
         // Sums around every vertex over the points in sight: their area, squared difference, and the first two
         // moments of the texture in this frame's light.

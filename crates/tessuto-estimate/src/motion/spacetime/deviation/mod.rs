@@ -88,7 +88,7 @@ impl Problem<'_> {
     ) -> Result<Vec<Vec<f64>>> {
         let (cloth, tracked) = (self.cloth, &pool.best);
         assert!(tracked.len() == frames.len(), "one shape for each frame");
-        let mut search = self.at_level(self.observed.range[0]);
+        let mut search = self.at_level(0);
         search.still = self.still_vertices(tracked);
         search.asked = self.asked(frames);
         search.loosen([1.0; 2], 1.0);
@@ -119,16 +119,18 @@ impl Problem<'_> {
 
     /// ℓ of every vertex of a `frame` that `search` has seen, see the module.
     fn behind(&self, search: &LevelSearch, frame: usize) -> Vec<f64> {
-        let hidden = &search.occlusions[frame].hidden;
-        // Points around every vertex, hidden ones and all.
-        let mut around = vec![[0_usize; 2]; self.cloth.vertex_count()];
-        for (point, hidden) in search.samples.points.iter().zip(hidden) {
-            for v in search.samples.triangles[point.triangle as usize] {
-                around[v as usize][0] += usize::from(*hidden);
-                around[v as usize][1] += 1;
+        let mut seen = vec![false; self.cloth.vertex_count()];
+        for look in &search.looks {
+            // Points around every vertex, hidden ones and all.
+            let mut around = vec![[0_usize; 2]; seen.len()];
+            for (point, hidden) in look.samples.points.iter().zip(&look.occlusions[frame].hidden) {
+                for v in look.samples.triangles[point.triangle as usize] {
+                    around[v as usize][0] += usize::from(*hidden);
+                    around[v as usize][1] += 1;
+                }
             }
+            seen.iter_mut().zip(around).for_each(|(seen, [hidden, all])| *seen |= 2 * hidden <= all);
         }
-        let seen: Vec<bool> = around.iter().map(|[hidden, all]| 2 * hidden <= *all).collect();
         distances(&seen, &self.adjacency, &self.scene.template.positions)
     }
 }

@@ -174,6 +174,7 @@ pub(in super::super) fn still() -> Scene {
         poses: None,
         pose_unit: Default::default(),
         depths: None,
+        more: Vec::new(),
         full_size: [SIZE, SIZE],
         first_frame: 0,
         template,
@@ -220,7 +221,7 @@ fn misfits_are_nothing_at_the_truth_and_measure_what_is_wrong() {
     };
     plain.frames = Video::from(vec![frame; 4]);
     let problem = Problem::new(&plain, &cloth, SpacetimeSettings::default()).unwrap();
-    let search = problem.at_level(problem.observed.range[0]);
+    let search = problem.at_level(0);
     assert!(search.misfit(2, &truth).texture > 0.9);
 }
 

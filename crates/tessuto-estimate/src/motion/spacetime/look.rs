@@ -1,0 +1,254 @@
+//! What one camera's images are compared with at one resolution: colours, gains, what is hidden, brightness.
+
+use rayon::prelude::*;
+
+use super::eye::{Eye, size_in_image};
+use super::gain::{Around, GAIN_FITS, explained, fit_gain};
+use super::noise::Asked;
+use super::{Positions, Problem};
+use crate::motion::observed::occlusion::{Occlusion, Sheet, Shown};
+use crate::motion::observed::pyramid::Level;
+use crate::motion::observed::samples::SurfaceSamples;
+use crate::motion::terms::colour::{Colour, PointColours};
+use crate::motion::terms::depth::{Depth, Map};
+use crate::motion::terms::outline::Outline;
+use crate::motion::terms::robust::Noise;
+use crate::motion::terms::shading::{Light, Seen, Shading};
+use tessuto_core::scene::Depths;
+
+/// Colours that differ from the fabric's by more than this many cut-offs are treated as something in front of it.
+const OUTLIER: f64 = 2.5;
+
+/// Gains of one frame, shape [V, 3].
+pub(super) type Gains = Vec<[f32; 3]>;
+
+/// One camera's images at one level of the search.
+pub(super) struct Look<'p, 'a> {
+    problem: &'p Problem<'a>,
+    pub eye: &'p Eye<'a>,
+    pub level: usize,
+    pub samples: SurfaceSamples,
+    /// What the first frame shows at the samples.
+    pub reference: PointColours,
+    /// Gains of every frame, shape [N, V, 3].
+    pub gains: Vec<Gains>,
+    /// Brightness of every vertex in every frame, shape [N, V]; empty while the light is not known.
+    pub brightness: Vec<Vec<Option<Seen>>>,
+    /// What of every frame does not count since the sheet is in front of itself, shape `[N]`.
+    pub occlusions: Vec<Occlusion>,
+    /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
+    adjacent: Vec<PointColours>,
+}
+
+impl<'a> Problem<'a> {
+    /// What camera `v` shows at the search's `level`, with gains of 1.
+    pub(super) fn look(&self, v: usize, level: usize) -> Look<'_, 'a> {
+        let (template, eye) = (&self.scene.template, &self.eyes[v]);
+        let first = &eye.observed.levels[0][eye.kept(level)];
+        // More points than the resolution asks for add nothing.
+        let spacing = (size_in_image(template, &first.view) / self.settings.resolution).max(1.0);
+        let samples = SurfaceSamples::new(template, &template.positions, &first.view, spacing);
+        let frame_count = self.scene.frames.len();
+        Look {
+            problem: self,
+            eye,
+            level,
+            reference: samples.observe(first, &template.positions, &[]),
+            samples,
+            gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
+            brightness: vec![Vec::new(); frame_count],
+            occlusions: vec![Occlusion::default(); frame_count],
+            adjacent: vec![PointColours::new(); frame_count],
+        }
+    }
+
+    /// Noise of the colour of one pixel of the finest level, all channels together `[sRGB]`.
+    pub(super) fn colour_noise(&self) -> Noise {
+        Noise { sigma: self.settings.colour, tail: self.settings.colour_tail }
+    }
+}
+
+impl Look<'_, '_> {
+    /// A frame at this level.
+    fn image(&self, frame: usize) -> &Level {
+        &self.eye.observed.levels[frame][self.eye.kept(self.level)]
+    }
+
+    /// Area of one pixel of this level, in those of [`Eye::pixel`].
+    pub fn pixel_area(&self) -> f64 {
+        (f64::from(1u32 << self.eye.kept(self.level)) / self.eye.pixel()).powi(2)
+    }
+
+    pub fn colour(&self, frame: usize, asked: &Asked) -> Colour<'_> {
+        let (p, eye) = (self.problem, self.eye);
+        Colour {
+            cloth: p.cloth,
+            samples: &self.samples,
+            level: self.image(frame),
+            reference: &self.reference,
+            gain: &self.gains[frame],
+            adjacent: &self.adjacent[frame],
+            adjacent_weight: p.settings.neighbour_weight,
+            noise: p.colour_noise(),
+            weight: eye.independent * eye.print[self.level] * asked.colours * self.pixel_area(),
+            hidden: &self.occlusions[frame].hidden,
+            shares: &self.occlusions[frame].shares,
+            uncovered: self.occlusions[frame].uncovered,
+        }
+    }
+
+    pub fn outline(&self, frame: usize, asked: &Asked) -> Outline<'_> {
+        let (eye, s) = (self.eye, &self.problem.settings);
+        Outline {
+            cloth: self.problem.cloth,
+            boundary: &eye.boundary,
+            inner: &self.occlusions[frame].inner,
+            folds: &self.occlusions[frame].folds,
+            distance: &eye.observed.outlines[frame],
+            view: &eye.observed.views[frame],
+            noise: Noise { sigma: s.outline * eye.pixel(), tail: s.outline_tail },
+            weight: eye.independent * asked.outlines / eye.pixel(),
+        }
+    }
+
+    pub fn shading<'s>(&'s self, frame: usize, light: &'s Light) -> Shading<'s> {
+        Shading {
+            cloth: self.problem.cloth,
+            triangles: &self.samples.triangles,
+            light,
+            seen: &self.brightness[frame],
+        }
+    }
+
+    pub fn depth(&self, frame: usize) -> Depth<'_> {
+        let Occlusion { hidden, shares, .. } = &self.occlusions[frame];
+        let measured = self.eye.scene.depths.as_deref();
+        let of_map = |depths: &Depths| {
+            let ratio = depths.camera.fx / self.image(frame).view.camera.fx;
+            (depths.noise, ratio * ratio * depths.camera.fy / depths.camera.fx)
+        };
+        let (sigma, area) = measured.map_or((1.0, 0.0), of_map);
+        Depth {
+            cloth: self.problem.cloth,
+            samples: &self.samples,
+            map: measured.map(|depths| Map {
+                view: self.eye.observed.views[frame].with_camera(depths.camera),
+                z: &depths.maps[frame],
+            }),
+            noise: Noise { sigma, tail: self.problem.settings.depth_tail },
+            area,
+            hidden,
+            shares,
+        }
+    }
+
+    /// What `frame` shows at the samples of the mesh at `x`.
+    pub fn observe(&self, frame: usize, x: &Positions, compares: bool) -> PointColours {
+        self.observe_with(frame, x, &self.occlusion(frame, x, compares))
+    }
+
+    pub fn observe_with(&self, frame: usize, x: &Positions, occlusion: &Occlusion) -> PointColours {
+        self.samples.observe(self.image(frame), x, &occlusion.hidden)
+    }
+
+    /// Where the mesh at `x` is in front of itself; drawn at the finest resolution whatever the level is, for
+    /// there a flap is behind the sheet long before its border is pixels of a coarse level away from the outline.
+    pub fn occlusion(&self, frame: usize, x: &Positions, compares: bool) -> Occlusion {
+        let (p, observed) = (self.problem, &self.eye.observed);
+        let sheet = Sheet {
+            rasterizer: &p.rasterizer,
+            boundary: &self.eye.boundary,
+            edges: &p.inner_edges,
+            first: &p.scene.template.positions,
+            first_view: &observed.levels[0][observed.range[0]].view,
+        };
+        let shown = Shown {
+            level: &observed.levels[frame][observed.range[0]],
+            outline: &observed.outlines[frame],
+            view: &observed.views[frame],
+        };
+        Occlusion::new(&sheet, &shown, &self.samples, x, compares)
+    }
+
+    /// Fits the gains of one frame to its positions, and sees what is hidden there; returns what the frame shows
+    /// around every vertex.
+    pub fn update_gain(&mut self, frame: usize, x: &Positions, compares: bool) -> Vec<Around> {
+        self.occlusions[frame] = self.occlusion(frame, x, compares);
+        let observed = self.observe_with(frame, x, &self.occlusions[frame]);
+        let mut gain = std::mem::take(&mut self.gains[frame]);
+        let around = self.fit_gain(&observed, &mut gain);
+        self.gains[frame] = gain;
+        around
+    }
+
+    /// Fits the gains of some frames to their positions, from 1 on, and sees what is hidden there: what they were
+    /// fitted to before does not count. Returns what each shows around every vertex.
+    pub fn fit_anew(&mut self, frames: &[(usize, &Positions)], compares: bool) -> Vec<Vec<Around>> {
+        let fit = |&(n, x): &(usize, &Positions)| {
+            let occlusion = self.occlusion(n, x, compares);
+            let observed = self.observe_with(n, x, &occlusion);
+            let mut gain = vec![[1.0; 3]; x.len()];
+            let around = (0..GAIN_FITS).map(|_| self.fit_gain(&observed, &mut gain)).last();
+            (occlusion, gain, around.unwrap_or_default())
+        };
+        let fitted: Vec<_> = frames.par_iter().map(fit).collect();
+        let mut all = Vec::with_capacity(frames.len());
+        for (&(n, _), (occlusion, gain, around)) in frames.iter().zip(fitted) {
+            (self.occlusions[n], self.gains[n]) = (occlusion, gain);
+            all.push(around);
+        }
+        all
+    }
+
+    /// Compares `frame` with what `adjacent` shows from now on; with nothing if that is empty.
+    pub fn set_adjacent(&mut self, frame: usize, adjacent: PointColours) {
+        self.adjacent[frame] = adjacent;
+    }
+
+    /// Fits the gains of all frames and what is hidden in them to the present positions; returns what each shows at the
+    /// samples, and, from the second frame on, around every vertex.
+    pub fn update(&mut self, frames: &[Positions], compares: bool) -> (Vec<PointColours>, Vec<Vec<Around>>) {
+        self.occlusions =
+            frames.par_iter().enumerate().map(|(n, x)| self.occlusion(n, x, compares)).collect();
+        let observe = |(n, x): (usize, &Positions)| self.observe_with(n, x, &self.occlusions[n]);
+        let observed: Vec<PointColours> = frames.par_iter().enumerate().map(observe).collect();
+        let mut gains = std::mem::take(&mut self.gains);
+        let fit = |(gain, seen): (&mut Gains, &PointColours)| self.fit_gain(seen, gain);
+        let around: Vec<Vec<Around>> = gains.par_iter_mut().zip(&observed).skip(1).map(fit).collect();
+        self.gains = gains;
+        (observed, around)
+    }
+
+    /// Compares every frame from now on with what its adjacent ones showed, `observed` at the present positions.
+    pub fn update_adjacent(&mut self, observed: Vec<PointColours>) {
+        let seen = |(n, seen): (usize, PointColours)| self.explained(n, seen);
+        let observed: Vec<PointColours> = observed.into_par_iter().enumerate().map(seen).collect();
+        self.adjacent = (0..observed.len()).map(|n| adjacent_mean(&observed, n)).collect();
+    }
+
+    /// `observed` in `frame` without what is not the fabric.
+    pub fn explained(&self, frame: usize, observed: PointColours) -> PointColours {
+        let limit = OUTLIER * self.problem.colour_noise().cut_off();
+        explained(&self.samples, &self.reference, observed, &self.gains[frame], limit)
+    }
+
+    fn fit_gain(&self, observed: &PointColours, gain: &mut [[f32; 3]]) -> Vec<Around> {
+        let p = self.problem;
+        let (smoothness, noise) = (p.settings.gain_smoothness, p.colour_noise());
+        fit_gain(&self.samples, &p.adjacency, &self.reference, observed, smoothness, noise, gain)
+    }
+}
+
+/// Mean of what the frames before and after `n` show; of the one that there is at the ends and where only one sees
+/// a point.
+fn adjacent_mean(observed: &[PointColours], n: usize) -> PointColours {
+    let mean = |a: &Option<[f32; 3]>, b: &Option<[f32; 3]>| match (a, b) {
+        (Some(a), Some(b)) => Some([0, 1, 2].map(|k| 0.5 * (a[k] + b[k]))),
+        (a, b) => a.or(*b),
+    };
+    let before = &observed[n.saturating_sub(1)];
+    match observed.get(n + 1) {
+        Some(after) => before.iter().zip(after).map(|(a, b)| mean(a, b)).collect(),
+        None => before.clone(),
+    }
+}

@@ -1,0 +1,35 @@
+//! Several cameras.
+
+use tessuto::synth::{self, Settings};
+use tessuto::{Scene, View};
+
+use super::held::{filmed, found, off};
+
+#[test]
+fn two_cameras_find_a_sheet_twice_as_well() {
+    let two = filmed(|s| (s.views, s.apart) = (2, 40.0));
+    let alone = two.seen_by(0).into_owned();
+    let alone = Scene { more: Vec::new(), ..alone };
+    let truth = two.truth.vertices.clone().unwrap();
+    let errors = [&alone, &two].map(|scene| off(&found(scene), &truth));
+    println!("{errors:?} m by one camera and by two");
+    assert!(errors[1] < 0.5 * errors[0]);
+}
+
+#[test]
+fn a_view_that_does_not_fit_is_named() {
+    let small = |s: &mut Settings| (s.frames, s.size, s.grid, s.views, s.apart) = (3, 96, [5, 5], 2, 30.0);
+    let scene = synth::make(&Settings::default().with(small)).unwrap();
+    scene.check().unwrap();
+    let with = |change: &dyn Fn(&mut View)| {
+        let mut changed = scene.clone();
+        change(&mut changed.more[0]);
+        changed.check().unwrap_err().to_string()
+    };
+    let short = with(&|view| view.frames = scene.frames.held().unwrap()[..2].to_vec().into());
+    assert!(short.contains("view view1") && short.contains("2 frames"), "{short}");
+    let poses = with(&|view| drop(view.poses.pop()));
+    assert!(poses.contains("view view1") && poses.contains("2 poses of 3 frames"), "{poses}");
+    let behind = with(&|view| view.poses.iter_mut().for_each(|pose| pose.translation.z -= 5.0));
+    assert!(behind.contains("view view1") && behind.contains("not in front"), "{behind}");
+}
