@@ -17,12 +17,33 @@ pub(super) struct Observations {
     pub colours: Vec<[f32; 3]>,
 }
 
-/// Draws about `most` of the pixels whose 3×3 neighbourhood is cloth both in the video and as rendered. The texture
-/// coordinates of their points are those within `window`.
+/// Draws about `most` of the pixels of all cameras whose 3×3 neighbourhood is cloth both in the video and as rendered.
+/// The texture coordinates of their points are those within `window`.
 ///
 /// # Errors
 /// Those of reading the frames.
 pub(super) fn observe(
+    scene: &Scene,
+    rasterizer: &Rasterizer,
+    geometry: &Geometry,
+    motion: &[Positions],
+    window: Window,
+    most: usize,
+    seed: u32,
+) -> Result<Observations> {
+    let count = scene.view_count();
+    let mut all = Observations { points: Vec::new(), colours: Vec::new() };
+    for v in 0..count {
+        let seed = seed.wrapping_add(v as u32);
+        let seen = by_one(&scene.seen_by(v), rasterizer, geometry, motion, window, most / count, seed)?;
+        all.points.extend(seen.points);
+        all.colours.extend(seen.colours);
+    }
+    Ok(all)
+}
+
+/// As [`observe`], by the only camera of `scene`.
+fn by_one(
     scene: &Scene,
     rasterizer: &Rasterizer,
     geometry: &Geometry,

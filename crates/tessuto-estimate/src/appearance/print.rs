@@ -73,10 +73,17 @@ pub fn gather(
 ) -> Result<Print> {
     let rasterizer = &Rasterizer::new(&scene.template);
     let window = Window::of(&scene.template);
-    let looker = Looker { scene, rasterizer, window, motion, deviations };
+    let scenes: Vec<_> = (0..scene.view_count()).map(|v| scene.seen_by(v)).collect();
+    let mut lookers = Vec::new();
+    lookers.extend(scenes.iter().map(|scene| Looker { scene, rasterizer, window, motion, deviations }));
+    // A few frames of one camera after another.
+    let parts = || {
+        let starts = || (0..motion.len()).step_by(TOGETHER);
+        lookers.iter().flat_map(move |looker| starts().map(move |start| (looker, start)))
+    };
     let mut print = Splat::new(size);
     let (mut normals, mut vertices) = (Vec::new(), vec![0.0f32; scene.template.positions.len()]);
-    for start in (0..motion.len()).step_by(TOGETHER) {
+    for (looker, start) in parts() {
         for view in looker.views(start..(start + TOGETHER).min(motion.len()))? {
             let gains = Gains::new(view.pixels.iter().map(|p| (p.uv, p.colour, print.at(p.uv), p.weight)));
             for p in &view.pixels {
@@ -87,7 +94,7 @@ pub fn gather(
         }
     }
     let (mut agreed, mut texels) = (Splat::new(size), Splat::new(size));
-    for start in (0..motion.len()).step_by(TOGETHER) {
+    for (looker, start) in parts() {
         for view in looker.views(start..(start + TOGETHER).min(motion.len()))? {
             let gains = Gains::new(view.pixels.iter().map(|p| (p.uv, p.colour, print.at(p.uv), p.weight)));
             for p in &view.pixels {

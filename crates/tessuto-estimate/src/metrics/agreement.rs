@@ -101,20 +101,11 @@ impl AgreementMeter {
         coverage: &Image,
         observed: &Frame,
     ) -> FrameAgreement {
-        let (mut both, mut union, mut masked) = (0usize, 0usize, 0usize);
-        let pixels = coverage.data.iter().zip(&observed.mask.data);
-        let common: Vec<bool> = pixels
-            .map(|(a, b)| {
-                let (a, b) = (*a >= COVERED, *b >= COVERED);
-                both += usize::from(a && b);
-                union += usize::from(a || b);
-                masked += usize::from(b);
-                a && b
-            })
-            .collect();
+        let common = common(coverage, observed);
+        let [silhouette, uncovered] = overlaps(coverage, observed);
         FrameAgreement {
-            silhouette: (union > 0).then(|| both as f64 / union as f64),
-            uncovered: (masked > 0).then(|| (masked - both) as f64 / masked as f64),
+            silhouette,
+            uncovered,
             psnr: masked_psnr(rgb, &observed.rgb, &common),
             correlation: local_correlation(rgb, &observed.rgb, &common),
             ..self.shape(frame, positions)
@@ -164,8 +155,26 @@ impl AgreementMeter {
 
 /// [`local_correlation`] of `rgb`, rendered with `coverage`, with the video, over the pixels that both cover.
 pub fn print_correlation(rgb: &Image, coverage: &Image, observed: &Frame) -> Option<f64> {
-    let common = coverage.data.iter().zip(&observed.mask.data).map(|(a, b)| *a >= COVERED && *b >= COVERED);
-    local_correlation(rgb, &observed.rgb, &common.collect::<Vec<bool>>())
+    local_correlation(rgb, &observed.rgb, &common(coverage, observed))
+}
+
+/// The pixels that both mask and rendered coverage fill.
+fn common(coverage: &Image, observed: &Frame) -> Vec<bool> {
+    let pixels = coverage.data.iter().zip(&observed.mask.data);
+    pixels.map(|(a, b)| *a >= COVERED && *b >= COVERED).collect()
+}
+
+/// [`silhouette`](FrameAgreement::silhouette) and [`uncovered`](FrameAgreement::uncovered) of a frame.
+pub fn overlaps(coverage: &Image, observed: &Frame) -> [Option<f64>; 2] {
+    let (mut both, mut union, mut masked) = (0usize, 0usize, 0usize);
+    for (a, b) in coverage.data.iter().zip(&observed.mask.data) {
+        let (a, b) = (*a >= COVERED, *b >= COVERED);
+        both += usize::from(a && b);
+        union += usize::from(a || b);
+        masked += usize::from(b);
+    }
+    let part = |part: usize, of: usize| (of > 0).then(|| part as f64 / of as f64);
+    [part(both, union), part(masked - both, masked)]
 }
 
 /// Unit normals of the triangles; zero for those without area.

@@ -20,9 +20,9 @@ pub(crate) mod tracked;
 mod validate;
 pub mod verdict;
 
-#[doc(hidden)]
-pub use agreement::print_correlation;
 pub use agreement::{AgreementMeter, FrameAgreement};
+#[doc(hidden)]
+pub use agreement::{overlaps, print_correlation};
 pub use causes::CauseMetrics;
 pub use maps::MapMetrics;
 pub use similarity::{correlation, local_correlation, masked_psnr, psnr, ssim};

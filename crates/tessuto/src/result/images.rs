@@ -1,5 +1,6 @@
 //! Images of every frame of a result, and its errors at the vertices.
 
+use std::borrow::Cow;
 use std::path::Path;
 
 use super::shutter;
@@ -14,7 +15,7 @@ use tessuto_core::video::Frame;
 use tessuto_estimate::Reconstruction;
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::verdict::criteria::CORRELATION;
-use tessuto_estimate::metrics::{AgreementMeter, FrameAgreement, print_correlation};
+use tessuto_estimate::metrics::{AgreementMeter, FrameAgreement, overlaps, print_correlation};
 use tessuto_render::raster::{Rasterizer, Rendering};
 
 /// A vertex farther behind the nearest surface `[m]` is hidden.
@@ -23,6 +24,8 @@ const HIDDEN: f64 = 0.01;
 /// Renders frames of a result, one by one: all of them together could fill the memory.
 struct Painter<'a> {
     scene: &'a Scene,
+    /// The scene as each further camera sees it.
+    others: Vec<Cow<'a, Scene>>,
     result: &'a Reconstruction,
     rasterizer: Rasterizer,
     meter: AgreementMeter,
@@ -75,6 +78,25 @@ impl Painter<'_> {
         exposures.into_iter().flatten().filter_map(|[rgb, mask]| print_correlation(&rgb, &mask, observed))
     }
 
+    /// Lowers `agreement` of frame `n` to that of the silhouette as a further camera sees it, where it is worse. Colours
+    /// are judged by the first camera, which the texture is from.
+    fn worst_of(
+        &self,
+        agreement: &mut FrameAgreement,
+        other: &Scene,
+        rendering: &mut Rendering,
+        n: usize,
+    ) -> Result<()> {
+        self.rasterizer.render(other.viewpoint(n), &self.result.motion[n], &self.result.texture, rendering);
+        let (width, height) = (rendering.width, rendering.height);
+        let covered =
+            Image { width, height, channels: 1, data: rendering.rgba.iter().map(|c| c[3]).collect() };
+        let [silhouette, uncovered] = overlaps(&covered, &*other.frames.frame(n)?);
+        agreement.silhouette = [agreement.silhouette, silhouette].into_iter().flatten().reduce(f64::min);
+        agreement.uncovered = [agreement.uncovered, uncovered].into_iter().flatten().reduce(f64::max);
+        Ok(())
+    }
+
     /// Writes the images of frame `n` and measures it.
     fn finish(
         &self,
@@ -89,6 +111,9 @@ impl Painter<'_> {
         let observed = &*scene.frames.frame(n)?;
         rendered.images(observed).write(folder, number, scales)?;
         let mut agreement = self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed);
+        for other in &self.others {
+            self.worst_of(&mut agreement, other, rendering, n)?;
+        }
         agreement.deviation = self.result.deviations.as_ref().map(|frames| root_mean_square(&frames[n]));
         // Blur is a reason to look for only where the sharp print is not there.
         if let Some(sharp) = agreement.correlation.filter(|sharp| *sharp < CORRELATION) {
@@ -106,7 +131,8 @@ impl Painter<'_> {
 /// video. Every frame is rendered once.
 pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Result<Vec<FrameAgreement>> {
     let (rasterizer, meter) = (Rasterizer::new(&scene.template), AgreementMeter::new(&scene.template));
-    let painter = Painter { scene, result, rasterizer, meter };
+    let others = (1..scene.view_count()).map(|v| scene.seen_by(v)).collect();
+    let painter = Painter { scene, others, result, rasterizer, meter };
     // The frames of the contact sheet stay; their pixels and the vertices of all frames set the scales.
     let chosen = chosen_frames(result.motion.len());
     let render = |rendering: &mut Rendering, k: usize| Ok(painter.render(rendering, chosen[k]));

@@ -28,7 +28,7 @@ fn a_view_that_does_not_fit_is_named() {
     };
     let short = with(&|view| view.frames = scene.frames.held().unwrap()[..2].to_vec().into());
     assert!(short.contains("view view1") && short.contains("2 frames"), "{short}");
-    let poses = with(&|view| drop(view.poses.pop()));
+    let poses = with(&|view| view.poses.truncate(2));
     assert!(poses.contains("view view1") && poses.contains("2 poses of 3 frames"), "{poses}");
     let behind = with(&|view| view.poses.iter_mut().for_each(|pose| pose.translation.z -= 5.0));
     assert!(behind.contains("view view1") && behind.contains("not in front"), "{behind}");

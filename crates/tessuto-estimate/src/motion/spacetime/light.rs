@@ -3,11 +3,12 @@
 //! Brightness and light follow from the positions, like the gains, and are held fixed while a step is taken. The
 //! light c has the least
 //!
-//!   Σ_nv w_nv ρ((c·(Y(n_nv) − Y(n_0v)) + o_n − h_nv)/σ_nv; τ) + ½ Σ_n o_n²/σ_o² + ½ |c|²
+//!   Σ_nv w_nv ρ((c·(Y(n_nv) − Y(n_0v)) + o_n − h_nv)/σ_nv; τ) + ½ Σ_n o_n²/σ_o² + ½ Σ_k p_k c_k²
 //!
 //! over all frames n and vertices v, with Cauchy's ρ and the harmonics Y of
 //! [`shading`](crate::motion::terms::shading); h_nv is the logarithm of what the points around a vertex show,
-//! relative to the first frame, and o_n what the whole frame is brighter by for other causes: light that the sheet
+//! relative to the first frame, p_k the mean square of Y_k over the sphere by that of the first of its order, so that no
+//! direction of the light is favoured, and o_n what the whole frame is brighter by for other causes: light that the sheet
 //! takes from itself, clouds, a camera that adapts. What else the light does not explain, shadows above all, grows
 //! with h: σ_nv² = σ² + (s h_nv)².
 
@@ -26,6 +27,8 @@ use tessuto_core::mesh::vertex_normals;
 const FITS: usize = 8;
 /// Rounds of both, after a light without the latter.
 const ROUNDS: usize = 3;
+/// p, see the module.
+const HELD: Light = [1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 4.0, 12.0];
 /// Where nothing is known of the light, tails are longer by this factor at first.
 const START_TAIL: f64 = 100.0;
 
@@ -171,7 +174,7 @@ impl LevelSearch<'_, '_> {
             // Summed in order: the same bits for any number of threads.
             let sums: Vec<_> = turned.par_iter().zip(offsets).map(of_frame).collect();
             let (mut matrix, mut rhs) = ([0.0; HARMONICS * HARMONICS], [0.0; HARMONICS]);
-            (0..HARMONICS).for_each(|k| matrix[k * (HARMONICS + 1)] = 1.0);
+            (0..HARMONICS).for_each(|k| matrix[k * (HARMONICS + 1)] = HELD[k]);
             for (of_matrix, of_rhs) in &sums {
                 matrix.iter_mut().zip(of_matrix).for_each(|(a, b)| *a += b);
                 rhs.iter_mut().zip(of_rhs).for_each(|(a, b)| *a += b);
