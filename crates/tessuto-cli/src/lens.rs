@@ -58,13 +58,17 @@ impl Lens {
         self.camera.as_deref() == Some(Path::new("estimate"))
     }
 
+    /// Whether a camera is named.
+    pub fn is_given(&self) -> bool {
+        self.camera.is_some() || self.fx.is_some() || self.fov.is_some()
+    }
+
     /// The calibration asked for; else what `input` says of its lens; else, if it is estimated later, a stand-in.
     ///
     /// # Errors
     /// Those of [`calibration`](Self::calibration).
     pub fn calibration_of(&self, input: &Path) -> tessuto::Result<Calibration> {
-        let unknown = self.camera.is_none() && self.fx.is_none() && self.fov.is_none();
-        if !unknown && !self.is_estimated() {
+        if self.is_given() && !self.is_estimated() {
             return self.calibration();
         }
         match camera_of(input, &ffmpeg()) {

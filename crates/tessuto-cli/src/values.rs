@@ -90,6 +90,13 @@ pub fn grid(text: &str) -> Result<[usize; 2], String> {
     parsed.ok_or_else(|| "write columns x rows, such as 21x21".to_owned())
 }
 
+/// `NAME=PATH`.
+pub fn named_path(text: &str) -> Result<(String, std::path::PathBuf), String> {
+    let parsed = text.split_once('=').filter(|(name, path)| !name.is_empty() && !path.is_empty());
+    let parsed = parsed.map(|(name, path)| (name.to_owned(), path.into()));
+    parsed.ok_or_else(|| "write a name and a path, such as right=right.mp4".to_owned())
+}
+
 /// Letters among x, y, z.
 pub fn axes(text: &str) -> Result<[bool; 3], String> {
     let known = !text.is_empty() && text.chars().all(|c| "xyz".contains(c));
@@ -100,11 +107,14 @@ pub fn axes(text: &str) -> Result<[bool; 3], String> {
     }
 }
 
-/// `original`, `LEFT` or `LEFT,UP`.
+/// `original`, the name of a further camera, `LEFT` or `LEFT,UP`.
 pub fn view(text: &str) -> Result<View, String> {
-    let hint = "write original, LEFT or LEFT,UP in degrees, such as 45 or -30,20";
+    let hint = "write original, the name of a view, LEFT or LEFT,UP in degrees, such as 45 or -30,20";
     if text == "original" {
         return Ok(View::Original);
+    }
+    if text.starts_with(char::is_alphabetic) && !text.contains(',') {
+        return Ok(View::Camera(text.to_owned()));
     }
     let (left, up) = text.split_once(',').unwrap_or((text, "0"));
     let number = |t: &str| t.trim().parse::<f64>().ok().filter(|a| a.is_finite()).ok_or(hint.to_owned());

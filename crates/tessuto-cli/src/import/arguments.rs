@@ -23,6 +23,10 @@ Examples:
   tessuto import frames/ scenes/held --fps 30 --masks masks/ \\
     --camera scan/transforms.json --poses scan/transforms.json
 
+  tessuto import left.mp4 scenes/stereo --masks left_masks/ \\
+    --view right=right.mp4 --view-masks right=right_masks/ \\
+    --rig camchain.yaml
+
   # afterwards, if there is no template yet
   tessuto template scenes/towel --flat 0.7x0.5m --from-mask
 
@@ -78,7 +82,7 @@ pub struct Arguments {
     /// masks.
     #[arg(long, value_enum, value_name = "PROGRAM", conflicts_with = "poses")]
     pub camera_motion: Option<Motion>,
-    /// Metres in one unit of the poses' lengths; those of COLMAP have none, and it is found with the motion.
+    /// Metres in one unit of the lengths of poses and rig; those of COLMAP have none, and it is found with the motion.
     #[arg(long, value_name = "METRES")]
     pub pose_scale: Option<f64>,
     /// Depth maps of the frames, aligned with them: a folder of them, or a capture of Stray Scanner or Polycam.
@@ -87,6 +91,28 @@ pub struct Arguments {
     /// Metres in one unit of the depth maps [default: mm of whole numbers, m of others].
     #[arg(long, value_name = "METRES", requires = "depths")]
     pub depth_scale: Option<f64>,
+    /// A further camera that filmed the same moments: its name, and its video or folder of images.
+    #[arg(long, value_name = "NAME=CLIP", value_parser = crate::values::named_path, help_heading = "Further cameras")]
+    pub view: Vec<(String, PathBuf)>,
+    /// Masks of a further camera: folder of images, or a video.
+    #[arg(
+        long, value_name = "NAME=PATH", value_parser = crate::values::named_path, help_heading = "Further cameras"
+    )]
+    pub view_masks: Vec<(String, PathBuf)>,
+    /// Camera file of a further camera, where the rig does not have it.
+    #[arg(
+        long, value_name = "NAME=FILE", value_parser = crate::values::named_path, help_heading = "Further cameras"
+    )]
+    pub view_camera: Vec<(String, PathBuf)>,
+    /// Where a further camera is, in the world of --poses, or of the first camera.
+    #[arg(
+        long, value_name = "NAME=PATH", value_parser = crate::values::named_path, help_heading = "Further cameras"
+    )]
+    pub view_poses: Vec<(String, PathBuf)>,
+    /// How the cameras are fixed to each other, the first one's own clip first: OpenCV's stereo calibration (R, T; M1,
+    /// D1, M2, D2), in one file or two, or Kalibr's camchain.
+    #[arg(long, value_name = "FILE", help_heading = "Further cameras")]
+    pub rig: Vec<PathBuf>,
     /// Treat numbered images with gaps as evenly spaced in time.
     #[arg(long)]
     pub allow_gaps: bool,

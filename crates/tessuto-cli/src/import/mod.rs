@@ -1,13 +1,14 @@
 //! `tessuto import`.
 
 mod arguments;
+mod views;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tessuto::Error;
 use tessuto::import::{
-    CARRIED_OVER, Masks, Settings, check_target, copy_template, expect_files, import, read_path,
+    CARRIED_OVER, Masks, Settings, check_target, copy_template, expect_files, import, read_path, read_rig,
 };
 use tessuto::masks::{EmptyPlace, Request};
 use tessuto::output::{FolderKind, OutputFolder};
@@ -41,7 +42,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         ],
     )?;
     let kept = Some(out.join("template.obj")).filter(|kept| arguments.template.is_none() && kept.is_file());
-    let settings = Settings {
+    let rig = (!arguments.rig.is_empty()).then(|| read_rig(&arguments.rig)).transpose()?;
+    let mut settings = Settings {
         input: arguments.input.clone(),
         masks: match &arguments.masks {
             Some(path) => Masks::Path(path.clone()),
@@ -52,7 +54,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         object: arguments.source.choice.object,
         invert_masks: arguments.invert_masks,
         largest_piece: arguments.source.largest_piece,
-        calibration: arguments.lens.calibration_of(&arguments.input)?,
+        calibration: match rig.as_ref().and_then(|rig| rig.cameras[0].clone()) {
+            Some(found) if !arguments.lens.is_given() => found,
+            _ => arguments.lens.calibration_of(&arguments.input)?,
+        },
         poses: arguments.poses.as_deref().map(read_path).transpose()?,
         colmap: arguments.camera_motion.map(|Motion::Colmap| PathBuf::from("colmap")),
         pose_scale: arguments.pose_scale,
@@ -66,7 +71,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         allow_gaps: arguments.allow_gaps,
         template: arguments.template.clone().or_else(|| kept.clone()),
         ffmpeg: ffmpeg(),
+        views: Vec::new(),
     };
+    settings.views = views::asked(arguments, rig.as_ref(), &settings)?;
     let name = out.canonicalize().unwrap_or_else(|_| out.clone());
     let name = name.file_name().map_or_else(|| "scene".to_owned(), |n| n.to_string_lossy().into_owned());
     let carried_over: &[&str] = if kept.is_some() { &CARRIED_OVER } else { &[] };

@@ -17,11 +17,13 @@ mod nerfstudio;
 mod opencv;
 mod pairing;
 mod path;
+mod rig;
 mod stage;
 mod stills;
 mod target;
 mod times;
 mod video;
+mod views;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -34,7 +36,7 @@ use crate::io::{model, obj};
 use frames::{Kind, Source};
 use path::Inputs;
 use stage::Stage;
-use tessuto_core::camera::Camera;
+use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::scene::PoseUnit;
 
@@ -45,8 +47,10 @@ pub use empty::empty_place;
 pub use lens::Distortion;
 pub use metadata::camera_of;
 pub use path::{CameraPath, pose_files, read_path};
+pub use rig::{Rig, read_rig};
 pub use stills::{StillSettings, Stills, stills};
 pub use target::{CARRIED_OVER, check_target, copy_template};
+pub use views::{Place, ViewSettings};
 
 /// Where the masks come from.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,6 +107,8 @@ pub struct Settings {
     pub plate: Option<PathBuf>,
     /// The program that decodes videos.
     pub ffmpeg: PathBuf,
+    /// Clips of further cameras.
+    pub views: Vec<ViewSettings>,
 }
 
 /// What was imported.
@@ -168,25 +174,28 @@ pub fn import(
     write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
     let first = settings.frames.as_ref().map_or(0, |range| range.start);
     let chosen: Vec<usize> = (0..colours.frames.len()).map(|k| first + k * settings.stride).collect();
+    let mut poses = None;
     match &settings.colmap {
         Some(program) => {
             let path = path::estimate(program, folder, &camera, chosen.len(), progress)?;
             let all: Vec<usize> = (0..chosen.len()).collect();
             let written = all.iter().map(|k| PathBuf::from(format!("rgb_{k:03}.png"))).collect::<Vec<_>>();
             let inputs = Inputs { names: Some(&written), count: all.len() };
-            write_path(settings, &path, &inputs, &all, folder, &mut notes)?;
+            poses = Some(write_path(settings, &path, &inputs, &all, folder, &mut notes)?);
         }
         None => {
             if let Some(path) = &settings.poses {
                 let inputs = inputs(settings, &source, colours.read, path)?;
-                write_path(settings, path, &inputs, &chosen, folder, &mut notes)?;
+                poses = Some(write_path(settings, path, &inputs, &chosen, folder, &mut notes)?);
             }
         }
     }
     if let Some(path) = &settings.depths {
         depths::write(settings, path, &chosen, counted(settings, &source, colours.read), folder)?;
     }
-    Ok(Imported { frames: colours.frames.len(), fps, camera, notes })
+    let mut imported = Imported { frames: colours.frames.len(), fps, camera, notes };
+    views::write(settings, &mut imported, poses.as_deref(), folder, progress)?;
+    Ok(imported)
 }
 
 fn validate(settings: &Settings) -> Result<()> {
@@ -249,7 +258,7 @@ fn counted(settings: &Settings, source: &Source, read: usize) -> Option<usize> {
 }
 
 /// Writes where the camera was in the frames `chosen`, in the frame of the first one, and which way is down where that
-/// is known.
+/// is known. Returns the poses in the world of `path`.
 fn write_path(
     settings: &Settings,
     path: &CameraPath,
@@ -257,14 +266,14 @@ fn write_path(
     chosen: &[usize],
     folder: &Path,
     notes: &mut Vec<String>,
-) -> Result<()> {
-    let (poses, down) = path.of(inputs, chosen, settings)?;
+) -> Result<Vec<Pose>> {
+    let (there, down) = path.of(inputs, chosen, settings)?;
     if let Some(down) = down {
         set_gravity(folder, down)?;
     }
-    let Some(poses) = moving(&poses) else {
+    let Some(poses) = moving(&there) else {
         notes.push("the camera stands still in all of its poses".to_owned());
-        return Ok(());
+        return Ok(there);
     };
     let unit = path.unit(settings);
     write_poses(folder, &poses, unit)?;
@@ -278,7 +287,7 @@ fn write_path(
         far[1],
         far[0].to_degrees()
     ));
-    Ok(())
+    Ok(there)
 }
 
 /// Copies or converts the mesh at `path` to template.obj.

@@ -67,8 +67,12 @@ pub(super) const READER: Reader = Reader {
     },
 };
 
-/// The camera in a YAML text; the header `%YAML:1.0` of OpenCV is not YAML and skipped.
 fn parse_yaml(text: &str, place: &str) -> Result<Calibration> {
+    parse_json(&yaml(text, place)?, place)
+}
+
+/// What a YAML text holds; the header `%YAML:1.0` of OpenCV is not YAML and skipped.
+pub(super) fn yaml(text: &str, place: &str) -> Result<Value> {
     let body: String = text
         .lines()
         .map(|l| if l.starts_with("%YAML") { "\n".to_owned() } else { format!("{l}\n") })
@@ -84,7 +88,7 @@ fn parse_yaml(text: &str, place: &str) -> Result<Calibration> {
         return Err(Error::input(place, problem, "give the file as OpenCV writes it"));
     }
     let documents = YamlLoader::load_from_str(&body).map_err(invalid)?;
-    parse_json(&documents.first().map_or(Value::Null, to_json), place)
+    Ok(documents.first().map_or(Value::Null, to_json))
 }
 
 /// Deepest nesting of lists and maps; the loader calls itself at every level.
@@ -125,7 +129,7 @@ fn to_json(yaml: &Yaml) -> Value {
 }
 
 /// The camera in a JSON value; of Kalibr's chains the first one.
-fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
+pub(super) fn parse_json(file: &Value, place: &str) -> Result<Calibration> {
     if file["cam0"].is_object() {
         let mut found = parse_json(&file["cam0"], place)?;
         if file["cam1"].is_object() {
@@ -234,7 +238,7 @@ fn brown(k: &[f64], place: &str) -> Result<Distortion> {
 }
 
 /// The numbers of a list, of lists in a list, or of a matrix with its numbers under "data"; NaN for anything else.
-fn numbers(value: &Value) -> Vec<f64> {
+pub(super) fn numbers(value: &Value) -> Vec<f64> {
     match value {
         Value::Array(list) => list.iter().flat_map(numbers).collect(),
         Value::Object(map) => map.get("data").map(numbers).unwrap_or_default(),

@@ -8,8 +8,9 @@ use super::causes;
 use super::settings::{Mover, Settings};
 use super::surroundings::filmed_by;
 use crate::io;
+use crate::io::scene::ListedView;
 use tessuto_core::error::{Error, Result};
-use tessuto_core::scene::{Depths, Scene};
+use tessuto_core::scene::{Depths, Scene, View};
 
 /// Who wrote a scene, in the notes of its scene.json.
 const GENERATOR: &str = "tessuto synth";
@@ -51,7 +52,11 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         }
     }
     if !scene.more.is_empty() {
-        io::scene::write_views(folder, &scene.more)?;
+        let listed = |view: &View| {
+            let (name, camera, depth) = (view.name.clone(), view.camera, view.depths.is_some());
+            ListedView { name, camera, depth }
+        };
+        io::scene::write_views(folder, &scene.more.iter().map(listed).collect::<Vec<_>>())?;
     }
     io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
     if settings.mover == Mover::Hands || settings.air {

@@ -106,9 +106,9 @@ def hide_startup(imported):
             found.hide_render = found.hide_viewport = True
 
 
-def add_camera(scene):
-    width, height, fx, fy, cx, cy = (CLIP[key] for key in ("width", "height", "fx", "fy", "cx", "cy"))
-    data = bpy.data.cameras.new(CLIP["name"] + " camera")
+def new_camera(scene, name, table):
+    width, height, fx, fy, cx, cy = (table[key] for key in ("width", "height", "fx", "fy", "cx", "cy"))
+    data = bpy.data.cameras.new(name)
     data.sensor_fit, data.sensor_width = "HORIZONTAL", 36.0
     data.lens = fx * 36.0 / width
     data.shift_x = ((width - 1) / 2 - cx) / width
@@ -118,14 +118,20 @@ def add_camera(scene):
     # The file's camera looks along -z with y up; what is imported has been turned so that z is up.
     camera.rotation_euler = (math.pi / 2, 0, 0)
     scene.collection.objects.link(camera)
-    move_camera(camera)
-    scene.camera = camera
+    move_camera(camera, table["poses"])
     return camera
 
 
-def move_camera(camera):
-    """Keys of a camera that moved: x right, y down, z ahead there is x, -z, y here."""
-    if not CLIP["poses"]:
+def add_camera(scene):
+    scene.camera = new_camera(scene, CLIP["name"] + " camera", CLIP)
+    for view in CLIP["views"]:
+        new_camera(scene, "%s camera %s" % (CLIP["name"], view["name"]), view)
+    return scene.camera
+
+
+def move_camera(camera, poses):
+    """Keys of a camera that moved, or stands elsewhere: x right, y down, z ahead there is x, -z, y here."""
+    if not poses:
         return
     from mathutils import Matrix
 
@@ -133,7 +139,7 @@ def move_camera(camera):
     looks = Matrix.Diagonal((1, -1, -1, 1))
     camera.rotation_mode = "QUATERNION"
     last = None
-    for frame, rows in enumerate(CLIP["poses"]):
+    for frame, rows in enumerate(poses):
         pose = Matrix([rows[k:k + 4] for k in (0, 4, 8, 12)])
         camera.location, turn, _ = (here @ pose.inverted() @ looks).decompose()
         if last is not None:

@@ -4,10 +4,11 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::Clip;
-use tessuto_core::camera::Pose;
+use crate::result::OtherCamera;
+use tessuto_core::camera::{Camera, Pose};
 
 const BODY: &str = include_str!("../../assets/export/blender.py");
 
@@ -18,24 +19,30 @@ pub(super) fn name(clip: &Clip) -> String {
 
 /// The script, for a `folder` that it will be in.
 pub(super) fn encode(clip: &Clip, folder: &Path) -> Vec<u8> {
-    let c = &clip.camera;
+    let poses = |poses: &[Pose]| poses.iter().map(Pose::rows).collect::<Vec<_>>();
+    let intrinsics = |c: &Camera| {
+        json!({"width": c.width, "height": c.height, "fx": c.fx, "fy": c.fy, "cx": c.cx, "cy": c.cy})
+    };
+    let other = |other: &OtherCamera| {
+        let mut table = intrinsics(&other.camera);
+        (table["name"], table["poses"]) = (json!(other.name), json!(poses(&other.poses)));
+        table
+    };
     let video = clip.video.as_ref().and_then(|file| relative(file, folder)).unwrap_or_default();
     // JSON of texts and finite numbers is Python, too.
-    let table = json!({
+    let mut table = json!({
         "name": clip.name,
         "fps": clip.fps,
         "frames": clip.frame_count,
         "first": clip.first_frame,
         "video": video,
         "light": clip.environment.as_ref().map_or_else(String::new, |_| clip.environment_file()),
-        "width": c.width,
-        "height": c.height,
-        "fx": c.fx,
-        "fy": c.fy,
-        "cx": c.cx,
-        "cy": c.cy,
-        "poses": clip.poses.iter().flatten().map(Pose::rows).collect::<Vec<_>>(),
+        "poses": clip.poses.as_deref().map_or_else(Vec::new, poses),
+        "views": clip.others.iter().map(other).collect::<Vec<_>>(),
     });
+    if let (Value::Object(table), Value::Object(own)) = (&mut table, intrinsics(&clip.camera)) {
+        table.extend(own);
+    }
     format!("# Written by tessuto {} for Blender.\nCLIP = {table:#}\n{BODY}", clip.version).into_bytes()
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
-use crate::result::{Folder, Measured};
+use crate::result::{Folder, Measured, OtherCamera};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
@@ -73,6 +73,8 @@ pub struct Clip {
     pub camera: Camera,
     /// Where it was in every frame of the whole clip, if it moved; at the origin else.
     pub poses: Option<Vec<Pose>>,
+    /// Further cameras, where they are in every frame of the video.
+    pub others: Vec<OtherCamera>,
     /// The part of the whole image that was computed on.
     pub crop: Rect,
     /// Images of all frames of the whole clip, cut to the crop; none if the result lacks some.
@@ -118,6 +120,7 @@ impl Clip {
             first_frame,
             camera: folder.camera,
             poses: folder.poses.clone(),
+            others: folder.others.clone(),
             crop: folder.crop,
             parameters: folder.parameters.clone(),
             fabric: folder.measured(),
@@ -172,10 +175,21 @@ impl Clip {
     /// Where the camera is at frame `k` of the motion, with y up, as it looks along −z: world from camera. `None` if it
     /// stands at the origin.
     pub(super) fn camera_y_up(&self, k: usize) -> Option<Pose> {
-        let back = self.poses.as_ref()?[self.frames[k]].inverse();
+        Some(Self::turned_y_up(&self.poses.as_ref()?[self.frames[k]]))
+    }
+
+    /// The same of a further camera; one pose of one that stands still.
+    pub(super) fn path_y_up(&self, other: &OtherCamera) -> Vec<Pose> {
+        let poses = self.frames.iter().map(|n| &other.poses[*n]);
+        let still = poses.clone().all(|pose| *pose == other.poses[self.frames[0]]);
+        poses.take(if still { 1 } else { usize::MAX }).map(Self::turned_y_up).collect()
+    }
+
+    fn turned_y_up(pose: &Pose) -> Pose {
+        let back = pose.inverse();
         // Both frames are turned about x by half a turn.
         let turn = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
-        Some(Pose { rotation: turn * back.rotation * turn, translation: turn * back.translation })
+        Pose { rotation: turn * back.rotation * turn, translation: turn * back.translation }
     }
 
     /// `positions` with y up.
@@ -197,7 +211,7 @@ impl Clip {
 }
 
 /// `name`, made safe for file names and USD prims.
-fn identifier(name: &str) -> String {
+pub(super) fn identifier(name: &str) -> String {
     let safe: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
     match safe.chars().next() {
         Some(c) if !c.is_ascii_digit() && safe.chars().any(|c| c != '_') => safe,
@@ -289,6 +303,7 @@ pub(super) mod tests {
             first_frame: 0,
             camera: Camera { fx: 50.0, fy: 50.0, cx: 16.0, cy: 12.0, width: 32, height: 24 },
             poses: None,
+            others: Vec::new(),
             crop: Rect { x0: 0, y0: 0, x1: 32, y1: 24 },
             images: Vec::new(),
             video: None,

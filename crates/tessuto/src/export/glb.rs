@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 
 use super::Clip;
 use super::row::{Output, Row};
-use tessuto_core::camera::Pose;
+use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::image::Image;
 use tessuto_estimate::io::image::encode_png;
 
@@ -167,19 +167,29 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
             }
         }
     }
-    let mut camera = json!({"name": "camera", "camera": 0});
-    let path: Option<Vec<Pose>> = (0..=last).map(|k| clip.camera_y_up(k)).collect();
-    if let Some(path) = path {
-        let input = buffer.times(&(0..=last).map(|k| clip.time(k)).collect::<Vec<_>>());
+    let own: Option<Vec<Pose>> = (0..=last).map(|k| clip.camera_y_up(k)).collect();
+    let others = clip.others.iter().map(|other| (other.name.as_str(), &other.camera, clip.path_y_up(other)));
+    let all: Vec<(&str, &Camera, Vec<Pose>)> =
+        std::iter::once(("camera", &clip.camera, own.unwrap_or_default())).chain(others).collect();
+    for (k, (name, _, path)) in all.iter().enumerate() {
+        let mut node = json!({"name": name, "camera": k});
         let places: Vec<f32> = path.iter().flat_map(|pose| pose.translation.as_vec3().to_array()).collect();
-        let turns: Vec<f32> = quaternions(&path).concat();
-        (camera["translation"], camera["rotation"]) = (json!(places[..3]), json!(turns[..4]));
-        for (way, values, kind, width) in [("translation", places, "VEC3", 3), ("rotation", turns, "VEC4", 4)]
-        {
-            let output = buffer.floats(&values, kind, width, None);
-            channels.push(json!({"sampler": samplers.len(), "target": {"node": nodes.len(), "path": way}}));
-            samplers.push(json!({"input": input, "output": output, "interpolation": "LINEAR"}));
+        let turns: Vec<f32> = quaternions(path).concat();
+        if !path.is_empty() {
+            (node["translation"], node["rotation"]) = (json!(places[..3]), json!(turns[..4]));
         }
+        if path.len() > 1 {
+            let input = buffer.times(&(0..=last).map(|k| clip.time(k)).collect::<Vec<_>>());
+            for (way, values, kind, width) in
+                [("translation", places, "VEC3", 3), ("rotation", turns, "VEC4", 4)]
+            {
+                let output = buffer.floats(&values, kind, width, None);
+                let target = json!({"node": nodes.len(), "path": way});
+                channels.push(json!({"sampler": samplers.len(), "target": target}));
+                samplers.push(json!({"input": input, "output": output, "interpolation": "LINEAR"}));
+            }
+        }
+        nodes.push(node);
     }
 
     let mut gltf = json!({
@@ -208,22 +218,23 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
         push(&mut gltf["images"], image);
         push(&mut gltf["textures"], json!({"sampler": 0, "source": source}));
     }
-    let c = &clip.camera;
-    // A glTF camera is centred with square pixels: the exact one is in the extras.
-    let perspective = json!({
-        "yfov": 2.0 * (0.5 * c.height as f64 / c.fy).atan(),
-        "aspectRatio": c.width as f64 / c.fx * c.fy / c.height as f64,
-        "znear": 0.01, "zfar": 100.0,
-    });
-    gltf["cameras"] =
-        json!([{"type": "perspective", "name": "camera", "perspective": perspective, "extras": c}]);
-    nodes.push(camera);
+    gltf["cameras"] = all.iter().map(|(name, camera, _)| perspective(name, camera)).collect();
     gltf["scenes"][0]["nodes"] = (0..nodes.len()).collect();
     gltf["nodes"] = nodes.into();
     gltf["buffers"] = json!([{"byteLength": buffer.bytes.len()}]);
     gltf["bufferViews"] = buffer.views.into();
     gltf["accessors"] = buffer.accessors.into();
     container(&gltf, buffer.bytes)
+}
+
+/// A glTF camera is centred with square pixels: the exact one is in the extras.
+fn perspective(name: &str, c: &Camera) -> Value {
+    let perspective = json!({
+        "yfov": 2.0 * (0.5 * c.height as f64 / c.fy).atan(),
+        "aspectRatio": c.width as f64 / c.fx * c.fy / c.height as f64,
+        "znear": 0.01, "zfar": 100.0,
+    });
+    json!({"type": "perspective", "name": name, "perspective": perspective, "extras": c})
 }
 
 /// Unit quaternions x, y, z, w of the turns of `path`, each the shorter way from the one before.

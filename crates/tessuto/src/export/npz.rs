@@ -27,7 +27,7 @@ pub(super) const FORMAT: Row = Row {
 /// `dynamic_force` [(M − 1)·parts, V, 3] of the whole clip of M frames, `dynamic_parts`; where there is air `wind`
 /// `[3]` (velocity); where they are known `seen_vertices` `[V]` (frames that show each), `seen_texels` [S, S]
 /// (pixels) and `seen_directions` [24, 48] (fraction of the pixels that face each); of a camera that moved
-/// `camera_from_world` [M, 4, 4].
+/// `camera_from_world` [M, 4, 4]; of C further cameras `view_cameras` [C, 6], `view_camera_from_world` [C, M, 4, 4].
 fn encode(clip: &Clip) -> Vec<u8> {
     let mesh = &clip.mesh;
     let vectors = |motion: &[tessuto_core::Positions]| -> Vec<f32> {
@@ -76,6 +76,17 @@ fn encode(clip: &Clip) -> Vec<u8> {
     if let Some(poses) = &clip.poses {
         let rows: Vec<f64> = poses.iter().flat_map(Pose::rows).collect();
         files.push(("camera_from_world", array(&[poses.len(), 4, 4], &rows)));
+    }
+    if !clip.others.is_empty() {
+        let all = || clip.others.iter();
+        let intrinsics = all().flat_map(|o| {
+            let c = &o.camera;
+            [c.fx, c.fy, c.cx, c.cy, c.width as f64, c.height as f64]
+        });
+        files.push(("view_cameras", array(&[clip.others.len(), 6], &intrinsics.collect::<Vec<_>>())));
+        let rows: Vec<f64> = all().flat_map(|o| o.poses.iter().flat_map(Pose::rows)).collect();
+        let shape = [clip.others.len(), clip.frame_count, 4, 4];
+        files.push(("view_camera_from_world", array(&shape, &rows)));
     }
     files.extend(clip.seen.iter().map(|(name, shape, numbers)| (*name, array(shape, numbers))));
     archive(&files)

@@ -10,8 +10,9 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::row::{Output, Row};
+use super::clip::identifier;
 use super::{Clip, usd_fabric};
-use tessuto_core::camera::Pose;
+use tessuto_core::camera::{Camera, Pose};
 
 /// Width of the camera's film [tenths of a metre, as USD counts it]: that of 35 mm film.
 const FILM_WIDTH: f64 = 0.36;
@@ -57,7 +58,12 @@ fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
     );
     mesh(clip, &mut out);
     material(clip, textures, &mut out);
-    camera(clip, &mut out);
+    let own: Option<Vec<Pose>> = (0..clip.motion.len()).map(|k| clip.camera_y_up(k)).collect();
+    camera("Camera", &clip.camera, &path(clip, &own.unwrap_or_default()), &mut out);
+    for other in &clip.others {
+        let name = format!("Camera_{}", identifier(&other.name));
+        camera(&name, &other.camera, &path(clip, &clip.path_y_up(other)), &mut out);
+    }
     light(clip, &mut out);
     out.push_str("}\n");
     render_settings(clip, &mut out);
@@ -178,15 +184,14 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
 
 /// The pinhole that looks along −z, at the origin or where it moved. The film covers the pixels' areas, from −½ to
 /// width − ½.
-fn camera(clip: &Clip, out: &mut String) {
-    let c = &clip.camera;
+fn camera(name: &str, c: &Camera, path: &str, out: &mut String) {
     let (w, h) = (c.width as f64, c.height as f64);
     let focal = c.fx * FILM_WIDTH / w;
     let film_height = h * focal / c.fy;
     let offsets = [((w - 1.0) / 2.0 - c.cx) * FILM_WIDTH / w, (c.cy - (h - 1.0) / 2.0) * film_height / h];
     let _ = write!(
         out,
-        "\n    def Camera \"Camera\"\n    {{\n        token projection = \"perspective\"\n        \
+        "\n    def Camera \"{name}\"\n    {{\n        token projection = \"perspective\"\n        \
          float focalLength = {}\n        float horizontalAperture = {}\n        \
          float verticalAperture = {}\n        \
          float horizontalApertureOffset = {}\n        float verticalApertureOffset = {}\n        \
@@ -196,26 +201,32 @@ fn camera(clip: &Clip, out: &mut String) {
         film_height as f32,
         offsets[0] as f32,
         offsets[1] as f32,
-        path(clip)
+        path
     );
 }
 
-/// Where the camera is, as time samples of a matrix that rows are multiplied with; nothing if it stands still.
-fn path(clip: &Clip) -> String {
-    let sample = |k: usize| {
-        let Pose { rotation, translation: t } = clip.camera_y_up(k)?;
+/// Where a camera is, world from camera with y up in every frame or in all: time samples of a matrix that rows are
+/// multiplied with, or that matrix; nothing of one at the origin, which has no `poses`.
+fn path(clip: &Clip, poses: &[Pose]) -> String {
+    let matrix = |Pose { rotation, translation: t }: &Pose| {
         let row = |v: DVec3, w: f64| format!("({}, {}, {}, {w})", v.x, v.y, v.z);
         let rows =
-            [row(rotation.x_axis, 0.0), row(rotation.y_axis, 0.0), row(rotation.z_axis, 0.0), row(t, 1.0)];
-        Some(format!("            {}: ( {} ),\n", clip.frames[k], rows.join(", ")))
+            [row(rotation.x_axis, 0.0), row(rotation.y_axis, 0.0), row(rotation.z_axis, 0.0), row(*t, 1.0)];
+        format!("( {} )", rows.join(", "))
     };
-    let samples: Option<String> = (0..clip.motion.len()).map(sample).collect();
-    samples.map_or_else(String::new, |samples| {
-        format!(
-            "        matrix4d xformOp:transform.timeSamples = {{\n{samples}        }}\n        \
-             uniform token[] xformOpOrder = [\"xformOp:transform\"]\n"
-        )
-    })
+    let sample = |(n, pose): (&usize, &Pose)| format!("            {n}: {},\n", matrix(pose));
+    let value = match poses {
+        [] => return String::new(),
+        [pose] => format!(" = {}", matrix(pose)),
+        _ => {
+            let samples: String = clip.frames.iter().zip(poses).map(sample).collect();
+            format!(".timeSamples = {{\n{samples}        }}")
+        }
+    };
+    format!(
+        "        matrix4d xformOp:transform{value}\n        uniform token[] xformOpOrder = \
+         [\"xformOp:transform\"]\n"
+    )
 }
 
 /// The recovered light: the middle of its map is where the camera looks, −z; USD's middle is +z.

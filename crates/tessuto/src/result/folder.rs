@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 
 use super::causes::CauseFile;
-use super::{Log, ParameterFile, Run, UNCHANGED, history, read_json};
+use super::{Log, OtherCamera, ParameterFile, Run, UNCHANGED, history, read_json};
 use tessuto_core::camera::{Camera, Pose, Rect, Viewpoint};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Motion};
@@ -42,6 +42,8 @@ pub struct Folder {
     pub camera: Camera,
     /// Where it was in every frame, if it moved; at the world's origin else.
     pub poses: Option<Vec<Pose>>,
+    /// Further cameras.
+    pub others: Vec<OtherCamera>,
     /// The part of the whole image that was used.
     pub crop: Rect,
     motion: OnceCell<Motion>,
@@ -82,6 +84,7 @@ impl Folder {
             fps: file.frame_rate.value,
             camera: file.camera,
             poses: io::scene::read_poses(path, frames)?,
+            others: super::views::read(path, frames)?,
             crop: file.crop,
             motion: OnceCell::new(),
             material: OnceCell::new(),
@@ -104,6 +107,22 @@ impl Folder {
     /// The same of every frame.
     pub fn viewpoints(&self) -> Vec<Viewpoint> {
         (0..self.run.frames[1] - self.run.frames[0]).map(|n| self.viewpoint(n)).collect()
+    }
+
+    /// The same of the further camera `name`.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] naming those that there are.
+    pub fn viewpoints_of(&self, name: &str) -> Result<Vec<Viewpoint>> {
+        let Some(other) = self.others.iter().find(|other| other.name == name) else {
+            let names: Vec<&str> = self.others.iter().map(|other| other.name.as_str()).collect();
+            let hint = match names.is_empty() {
+                true => "the result has one camera: original".to_owned(),
+                false => format!("the cameras are original, {}", names.join(", ")),
+            };
+            return Err(Error::usage(format!("no camera is named {name}"), hint));
+        };
+        Ok((0..other.poses.len()).map(|n| other.viewpoint(n)).collect())
     }
 
     /// Positions at every frame, of the vertices of [`mesh`](Self::mesh).

@@ -16,6 +16,7 @@
 //! seen_vertices.npy [V], seen_texels.npy [S, S], seen_directions.npy [24, 48] f32
 //!                                 how often each was seen: see [`tessuto_estimate::appearance::Seen`]
 //! depth_error.npy  vertex_error.npy  [N, V] f32  errors at every vertex [m] (where there is truth)
+//! views.json                      further cameras and where they were (several views)
 //! log.json                        commands, times, warnings
 //! pictures/        report.html
 //! manifest.json                   sizes and hashes of all of these, written last
@@ -37,6 +38,7 @@ mod page;
 mod replay;
 mod shutter;
 mod summary;
+mod views;
 
 pub(crate) use changed::changes;
 pub use fabric::Measured;
@@ -48,6 +50,7 @@ pub(crate) use metres::in_metres;
 pub use page::write_page;
 pub use replay::write_replay;
 pub use summary::Summary;
+pub use views::OtherCamera;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -224,6 +227,7 @@ pub fn write_motion(folder: &Path, scene: &Scene, run: &Run, result: &Reconstruc
     if let Some(poses) = &scene.poses {
         io::scene::write_poses(folder, poses, scene.pose_unit)?;
     }
+    views::write(folder, scene)?;
     io::atomic_write(&folder.join("history.csv"), history_csv(&result.history).as_bytes())
 }
 

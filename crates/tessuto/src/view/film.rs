@@ -9,10 +9,12 @@ use tessuto_core::mesh::Positions;
 use tessuto_render::pbr::EnvironmentMap;
 
 /// Where it is seen from.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum View {
     /// From the recording camera.
     Original,
+    /// From the further camera of this name.
+    Camera(String),
     /// Degrees to the left and upwards around the centre of the fabric, at the distance where it fills the image.
     About(f64, f64),
 }
@@ -37,7 +39,8 @@ pub(super) struct Shot {
     pub light: f64,
 }
 
-/// The images of `frames` of `motion`; `originals` are the recording camera's views, one of each frame of the motion.
+/// The images of `frames` of `motion`; `originals` are the views of the recording camera, or of the further one that is
+/// asked for, one of each frame of the motion.
 /// Without `pictures` there is one per frame, which has its number; else this many, from 0, over which the frames are
 /// spread.
 ///
@@ -47,7 +50,7 @@ pub(super) fn shots(
     motion: &[Positions],
     frames: Range<usize>,
     originals: &[Viewpoint],
-    (view, turn, pictures): (View, Option<Turn>, Option<usize>),
+    (view, turn, pictures): (&View, Option<Turn>, Option<usize>),
 ) -> Result<Vec<Shot>> {
     let count = pictures.unwrap_or(frames.len());
     let fraction = |k: usize| k as f64 / count.max(1) as f64;
@@ -55,13 +58,13 @@ pub(super) fn shots(
         |k: usize| frames.start + (k * frames.len() / count.max(1)).min(frames.len().saturating_sub(1));
     let camera = originals[0].camera;
     let viewpoints = match (view, turn) {
-        (View::Original, Some(Turn::Camera)) => {
+        (View::Original | View::Camera(_), Some(Turn::Camera)) => {
             return Err(Error::usage(
                 "a turntable from the recording camera",
                 "it goes around the middle of the fabric: give degrees to start from, such as 0",
             ));
         }
-        (View::Original, _) => (0..count).map(|k| originals[frame_of(k)]).collect(),
+        (View::Original | View::Camera(_), _) => (0..count).map(|k| originals[frame_of(k)]).collect(),
         (View::About(left, up), Some(Turn::Camera)) => {
             // As near as what is shown fits.
             let shown = &motion[frames.clone()];
@@ -115,7 +118,7 @@ mod tests {
     #[test]
     fn a_turntable_goes_once_around_at_one_distance() {
         let motion = motion();
-        let about = View::About(0.0, 10.0);
+        let about = &View::About(0.0, 10.0);
         let film = shots(&motion, 1..3, &originals(), (about, Some(Turn::Camera), Some(8))).unwrap();
         let frames: Vec<usize> = film.iter().map(|s| s.frame).collect();
         assert_eq!(frames, [1, 1, 1, 1, 2, 2, 2, 2]);
@@ -127,12 +130,12 @@ mod tests {
         assert!(back.z < -0.9, "half of the way around it looks from behind: {back}");
         let inside = film.iter().flat_map(|s| motion[1..3].iter().flatten().map(|x| s.viewpoint.project(*x)));
         assert!(inside.into_iter().all(|p| (0.0..640.0).contains(&p.x) && (0.0..480.0).contains(&p.y)));
-        assert!(shots(&motion, 0..4, &originals(), (View::Original, Some(Turn::Camera), None)).is_err());
+        assert!(shots(&motion, 0..4, &originals(), (&View::Original, Some(Turn::Camera), None)).is_err());
     }
 
     #[test]
     fn the_light_goes_once_around_and_the_frames_keep_their_numbers() {
-        let film = shots(&motion(), 1..3, &originals(), (View::Original, Some(Turn::Light), None)).unwrap();
+        let film = shots(&motion(), 1..3, &originals(), (&View::Original, Some(Turn::Light), None)).unwrap();
         let told: Vec<(usize, usize, f64)> = film.iter().map(|s| (s.number, s.frame, s.light)).collect();
         assert_eq!(told, [(1, 1, 0.0), (2, 2, TAU / 2.0)]);
         let eyes: Vec<f64> = film.iter().map(|s| s.viewpoint.eye().x).collect();

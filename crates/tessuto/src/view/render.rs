@@ -114,8 +114,12 @@ pub fn render(
     let material = result.material()?;
     let look = options.look.unwrap_or(if material.is_some() { Look::Material } else { Look::Texture });
     let sized = |view: Viewpoint| options.size.map_or(view, |size| view.sized(size));
-    let originals: Vec<Viewpoint> = result.viewpoints().into_iter().map(sized).collect();
-    let film = shots(motion, range.clone(), &originals, (options.view, options.turn, options.pictures))?;
+    let originals = match &options.view {
+        View::Camera(name) => result.viewpoints_of(name)?,
+        _ => result.viewpoints(),
+    };
+    let originals: Vec<Viewpoint> = originals.into_iter().map(sized).collect();
+    let film = shots(motion, range.clone(), &originals, (&options.view, options.turn, options.pictures))?;
     if options.turn == Some(Turn::Light) && look != Look::Material {
         let problem = format!("a light that goes around, and the look {}", look.name());
         return Err(Error::usage(problem, "only the material is lit: draw that"));

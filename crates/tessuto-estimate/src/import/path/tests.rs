@@ -52,6 +52,7 @@ fn settings(pose_scale: Option<f64>) -> Settings {
         template: None,
         plate: None,
         ffmpeg: PathBuf::new(),
+        views: Vec::new(),
     }
 }
 

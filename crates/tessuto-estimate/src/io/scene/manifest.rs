@@ -12,7 +12,7 @@ use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
-use tessuto_core::scene::{Known, PoseUnit, View};
+use tessuto_core::scene::{Known, PoseUnit};
 use tessuto_core::text::edits;
 
 const KNOWN: [&str; 20] = [
@@ -155,22 +155,31 @@ pub(crate) fn set_gravity(folder: &Path, down: DVec3) -> Result<()> {
     change(folder, |scene| scene["gravity"] = json!(down.normalize().to_array()))
 }
 
-/// Tells the scene in `folder` of the cameras `more`, beside its own. The files of each are in a folder of its name:
-/// rgbs, masks, poses.json, and depth where it has any.
+/// A further camera, as scene.json lists it. Its files are in a folder of its name: rgbs, masks, poses.json, and depth
+/// where it has any.
+#[derive(Debug, Clone)]
+pub struct ListedView {
+    /// Its name.
+    pub name: String,
+    /// Camera of its full image.
+    pub camera: Camera,
+    /// Whether it has depth maps.
+    pub depth: bool,
+}
+
+/// Tells the scene in `folder` of the cameras `more`, beside its own.
 ///
 /// # Errors
 /// As [`replace_camera`].
-pub fn write_views(folder: &Path, more: &[View]) -> Result<()> {
-    let of = |view: &View| {
-        let Camera { fx, fy, .. } = view.camera;
-        let (cx, cy) = (view.camera.cx + view.crop.x0 as f64, view.camera.cy + view.crop.y0 as f64);
-        let [width, height] = view.full_size;
+pub fn write_views(folder: &Path, more: &[ListedView]) -> Result<()> {
+    let of = |view: &ListedView| {
+        let Camera { fx, fy, cx, cy, width, height } = view.camera;
         let inside = |name: &str| format!("{}/{name}", view.name);
         let mut listed = json!({
             "name": view.name, "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
             "rgbs": inside("rgbs"), "masks": inside("masks"), "poses": inside(POSES),
         });
-        if view.depths.is_some() {
+        if view.depth {
             listed["depth"] = json!(inside(super::depths::FOLDER));
         }
         listed
