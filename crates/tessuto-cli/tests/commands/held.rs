@@ -9,7 +9,7 @@ use tessuto::Pose;
 use tessuto::io::npy;
 use tessuto::io::scene::read_poses;
 
-fn tessuto(folder: &Path, arguments: &[&str]) -> String {
+pub(super) fn tessuto(folder: &Path, arguments: &[&str]) -> String {
     let output =
         Command::new(env!("CARGO_BIN_EXE_tessuto")).args(arguments).current_dir(folder).output().unwrap();
     let [out, err] =

@@ -29,3 +29,4 @@ mod template;
 mod template_files;
 mod verdict;
 mod view;
+mod views;

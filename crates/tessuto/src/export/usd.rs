@@ -9,8 +9,8 @@ use std::fmt::Write as _;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::row::{Output, Row};
 use super::clip::identifier;
+use super::row::{Output, Row};
 use super::{Clip, usd_fabric};
 use tessuto_core::camera::{Camera, Pose};
 
@@ -196,12 +196,7 @@ fn camera(name: &str, c: &Camera, path: &str, out: &mut String) {
          float verticalAperture = {}\n        \
          float horizontalApertureOffset = {}\n        float verticalApertureOffset = {}\n        \
          float2 clippingRange = (0.01, 100)\n        float fStop = 0\n{}    }}\n",
-        focal as f32,
-        FILM_WIDTH as f32,
-        film_height as f32,
-        offsets[0] as f32,
-        offsets[1] as f32,
-        path
+        focal as f32, FILM_WIDTH as f32, film_height as f32, offsets[0] as f32, offsets[1] as f32, path
     );
 }
 

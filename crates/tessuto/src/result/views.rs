@@ -75,9 +75,8 @@ pub(super) fn read(folder: &Path, frames: usize) -> Result<Vec<OtherCamera>> {
     }
     let listed: Vec<Listed> = read_json(&path)?;
     let other = |Listed { name, camera, camera_from_world }: Listed| {
-        let fail = |problem: String| {
-            Error::input(format!("{}, {name}", path.display()), problem, super::UNCHANGED)
-        };
+        let fail =
+            |problem: String| Error::input(format!("{}, {name}", path.display()), problem, super::UNCHANGED);
         if camera_from_world.len() != frames {
             return Err(fail(format!("{} poses of {frames} frames", camera_from_world.len())));
         }

@@ -1,0 +1,95 @@
+//! Two cameras: from clips and a calibration to files for other programs.
+
+use std::path::Path;
+use std::process::Command;
+
+use super::held::tessuto;
+use serde_json::{Value, json};
+use tessuto::Pose;
+use tessuto::io::scene::{LoadOptions, load};
+
+fn refused(folder: &Path, arguments: &[&str], words: &[&str]) {
+    let output =
+        Command::new(env!("CARGO_BIN_EXE_tessuto")).args(arguments).current_dir(folder).output().unwrap();
+    let err = String::from_utf8_lossy(&output.stderr);
+    assert!(!output.status.success() && words.iter().all(|word| err.contains(word)), "{arguments:?}: {err}");
+}
+
+fn read(path: &Path) -> Value {
+    serde_json::from_str(&std::fs::read_to_string(path).unwrap()).unwrap()
+}
+
+#[test]
+fn two_clips_and_a_rig_go_through() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "5", "--size", "96", "--grid", "7x7", "--surroundings"];
+    tessuto(folder, &[&made[..], &["--views", "2", "--apart", "35"]].concat());
+    let scene = read(&folder.join("made/scene.json"));
+    let rows: Vec<f64> =
+        serde_json::from_value(read(&folder.join("made/view1/poses.json"))["camera_from_world"][0].clone())
+            .unwrap();
+    let pose = Pose::from_rows(&rows.try_into().unwrap());
+    // As OpenCV's stereo calibration has it, in millimetres.
+    let matrix = json!([[scene["fx"], 0, scene["cx"]], [0, scene["fy"], scene["cy"]], [0, 0, 1]]);
+    let turn = pose.rotation.transpose().to_cols_array();
+    let rig = json!({
+        "M1": matrix, "D1": [0, 0, 0, 0, 0], "M2": matrix, "D2": [0, 0, 0, 0, 0],
+        "R": turn.chunks(3).collect::<Vec<_>>(), "T": (pose.translation * 1e3).to_array(),
+    });
+    std::fs::write(folder.join("stereo.json"), rig.to_string()).unwrap();
+    let first = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--fps", "50"];
+    let second = ["--view", "right=made/view1/rgbs", "--view-masks", "right=made/view1/masks"];
+    let template = ["--template", "made/template.obj"];
+    let with_rig = ["--rig", "stereo.json", "--pose-scale", "0.001"];
+    refused(folder, &[&first[..], &second, &["--fx", "120"]].concat(), &["right", "has no camera"]);
+    refused(folder, &[&first[..], &second[..2], &with_rig].concat(), &["right", "--view-masks right=PATH"]);
+    refused(folder, &[&first[..], &second[2..], &with_rig].concat(), &["--view right=CLIP"]);
+    let short =
+        ["--view", "right=made/view1/rgbs", "--view-masks", "right=made/view1/masks", "--frames", "0..9"];
+    refused(folder, &[&first[..], &short, &with_rig].concat(), &["frames"]);
+    let text = tessuto(folder, &[&first[..], &second, &template, &with_rig].concat());
+    assert!(text.contains("view right stands 0.") && text.contains("turned by 35.0°"), "{text}");
+    let [there, here] =
+        ["made", "scene"].map(|name| load(&folder.join(name), &LoadOptions::default()).unwrap().scene);
+    assert_eq!((here.view_count(), here.more[0].name.as_str()), (2, "right"));
+    for (a, b) in here.more[0].poses.iter().zip(&there.more[0].poses) {
+        let [angle, way] = a.apart(b);
+        assert!(angle < 1e-6 && way < 1e-9, "{angle} {way}");
+    }
+
+    tessuto(folder, &["reconstruct", "scene", "--out", "result", "--preset", "motion", "--no-appearance"]);
+    assert_eq!(read(&folder.join("result/views.json"))[0]["name"], "right");
+    // Seen from the further camera, the sheet is where its masks are.
+    tessuto(folder, &["render", "result", "--look", "texture", "--camera", "right"]);
+    let view = tessuto::io::image::read(&folder.join("result/views/texture/frame_004.png")).unwrap();
+    let mask = tessuto::io::image::read_grey(&folder.join("made/view1/masks/mask_004.png")).unwrap();
+    let drawn = |k: usize| view.data[3 * k..3 * k + 3].iter().any(|c| *c > 0.0);
+    let (mut both, mut either) = (0, 0);
+    for (k, m) in mask.data.iter().enumerate() {
+        both += usize::from(drawn(k) && *m > 0.5);
+        either += usize::from(drawn(k) || *m > 0.5);
+    }
+    println!("overlap {both} of {either}");
+    assert!(f64::from(both as u32) > 0.95 * f64::from(either as u32));
+    refused(
+        folder,
+        &["render", "result", "--camera", "left"],
+        &["no camera is named left", "original, right"],
+    );
+
+    tessuto(folder, &["export", "result", "--to", "glb,usd,npz", "--force"]);
+    let exported = |name: &str| folder.join("result/export").join(name);
+    let usd = std::fs::read_to_string(exported("scene.usda")).unwrap();
+    assert!(usd.contains("def Camera \"Camera_right\"") && usd.contains("matrix4d xformOp:transform = ("));
+    let glb = std::fs::read(exported("scene.glb")).unwrap();
+    let length = u32::from_le_bytes(glb[12..16].try_into().unwrap()) as usize;
+    let gltf: Value = serde_json::from_slice(&glb[20..20 + length]).unwrap();
+    assert_eq!(gltf["cameras"][1]["name"], "right");
+    let node = gltf["nodes"].as_array().unwrap().iter().find(|node| node["name"] == "right").unwrap();
+    let place: Vec<f64> = serde_json::from_value(node["translation"].clone()).unwrap();
+    let eye = here.seen_by(1).viewpoint(0).eye();
+    assert!(
+        (place[0] - eye.x).abs() < 1e-6 && (place[1] + eye.y).abs() < 1e-6 && (place[2] + eye.z).abs() < 1e-6
+    );
+}
