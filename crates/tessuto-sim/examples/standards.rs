@@ -169,8 +169,8 @@ fn sheared(model: Model, kind: Kind, cells: usize) -> Result<f64> {
     let turn = |p: &DVec3| DVec3::new(cosine * p.x + sine * p.y, sine * p.x + cosine * p.y, 0.0);
     let x: Positions = subject.mesh.positions.iter().map(turn).collect();
     let columns = cells + 1;
-    let border =
-        |v: &usize| v % columns == 0 || v % columns == cells || v / columns == 0 || v / columns == cells;
+    let ends = [0, cells];
+    let border = |v: &usize| ends.contains(&(v % columns)) || ends.contains(&(v / columns));
     let held: Vec<usize> = (0..x.len()).filter(border).collect();
     let k = subject.stiffness();
     let rest = at_rest(&subject.cloth, &k, &x, &held, DVec3::ZERO, &Search::default())?;
