@@ -28,6 +28,9 @@ pub const DISC: f64 = 0.15;
 pub const TENSION: f64 = 200.0;
 /// Cells along a radius and around.
 const CELLS: [usize; 2] = [8, 96];
+/// Bending lengths that are simulated `[m]`: shorter ones fold finer than the lattice, longer ones are a board. Others
+/// count as the nearest of these; all measured fabrics lie between them.
+const BENDING_LENGTHS: [f64; 2] = [4e-3, 0.5];
 /// The sheet is not perfectly flat at first: random heights of this size `[m]`.
 const UNEVEN: f64 = 5e-4;
 /// A fold stands out by at least this fraction of the ring's width.
@@ -59,11 +62,12 @@ pub fn drape(fabric: &Plate, density: f64) -> Result<Drape> {
 pub fn drape_of(fabric: &Plate, density: f64, [rings, around]: [usize; 2]) -> Result<Drape> {
     let scale = AREA_DENSITY / density;
     let most = TENSION * AREA_DENSITY * GRAVITY * (DISC - PLATE);
+    let [softest, stiffest] = BENDING_LENGTHS.map(|c| AREA_DENSITY * GRAVITY * c.powi(3));
     let soft = |k: f64| (k * scale).min(most);
     let plate = Plate {
         membrane: fabric.membrane.map(soft),
         shear: soft(fabric.shear),
-        bending: fabric.bending.map(|d| d * scale),
+        bending: fabric.bending.map(|d| (d * scale).clamp(softest, stiffest)),
     };
     let h = (DISC - PLATE) / rings as f64;
     // Ring 1 lies on the border of the plate.
@@ -139,6 +143,9 @@ mod tests {
         let board = Plate { membrane: [1e4; 2], shear: 1e4, bending: [0.1; 2] };
         let flat = drape_of(&board, 0.2, [4, 48]).unwrap();
         assert!(flat.coefficient > 0.99 && flat.nodes == 0, "{} {}", flat.coefficient, flat.nodes);
+        // What is softer than any fabric hangs down, and the simulation ends.
+        let nothing = drape_of(&Plate { bending: [1e-15; 2], ..board }, 0.2, [4, 48]).unwrap();
+        assert!((0.0..0.2).contains(&nothing.coefficient), "{}", nothing.coefficient);
     }
 
     #[test]
