@@ -10,7 +10,7 @@
 //!
 //!   D = Σ B s ℓ² cos⁴α/A′,   E = Σ Y l² cos⁴α/A,   G = Σ S ¼ (cos 2α − cos 2β)²/A + Σ Y l² cos²α sin²α/A
 //!
-//! (the last sum only in triangles, which edges brace);
+//! (in a mesh with quads, whose threads turn by half of γ and are not strained, G = Σ S/A);
 //! on a regular grid of steps a along and b across D = B s a/b, E = Y a/b, G = 4 S/(a b), of many cells. The ends
 //! of rows have no pair and do not bend: A′ is smaller than A by as much as pairs along the direction are shorter
 //! than edges, together. All this is exact where every part of the sheet strains alike; uneven meshes give way.
@@ -73,7 +73,7 @@ pub fn per_width(
             pairs_along[k] += length * square * square;
         }
     }
-    // Where faces are triangles edges brace them; elsewhere they turn with the shear.
+    // Where faces are triangles edges brace them; elsewhere threads keep their lengths and turn by half of γ.
     let braced = template.faces.iter().all(|f| f.vertices.len() == 3);
     let mut by_shear = 0.0;
     for edge in &cloth.edges {
@@ -89,7 +89,8 @@ pub fn per_width(
     }
     for pair in &cloth.shears {
         let [of_u, of_w] = arms(&flat, pair.vertices).map(|d| squares(d)[0] - squares(d)[1]);
-        by_shear += shear * 0.25 * (of_u - of_w) * (of_u - of_w) / area;
+        let square = if braced { 0.25 * (of_u - of_w) * (of_u - of_w) } else { 1.0 };
+        by_shear += shear * square / area;
     }
     for k in 0..2 {
         bending[k] *= (edges_along[k] / pairs_along[k]).max(1.0);
