@@ -23,6 +23,16 @@ pub fn positive(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "give a number above 0, with a decimal point".to_owned())
 }
 
+/// Weight per area with its unit; kg/m².
+pub fn weight(text: &str) -> Result<f64, String> {
+    let hint = "write the weight and its unit, such as 142g/m2 or 0.142kg/m2, from 5 g/m² to 5 kg/m²";
+    let plain = text.replace('²', "2").replace(' ', "");
+    let units = [("kg/m2", 1.0), ("g/m2", 1e-3), ("gsm", 1e-3)];
+    let (number, scale) = units.iter().find_map(|(u, s)| Some((plain.strip_suffix(u)?, *s))).ok_or(hint)?;
+    let weight = number.parse::<f64>().map_err(|_| hint)? * scale;
+    if (5e-3..=5.0).contains(&weight) { Ok(weight) } else { Err(hint.to_owned()) }
+}
+
 /// A part of a whole, from 0 to below 1.
 pub fn part(text: &str) -> Result<f64, String> {
     let number = text.trim().parse::<f64>().ok().filter(|v| (0.0..1.0).contains(v));
@@ -138,6 +148,16 @@ pub fn seconds(text: &str) -> Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn weights_have_units() {
+        for text in ["142g/m2", "142 g/m²", "0.142kg/m2", "142gsm"] {
+            assert!((weight(text).unwrap() / 0.142 - 1.0).abs() < 1e-12, "{text}");
+        }
+        for bad in ["142", "0.142", "142oz", "g/m2", "-3g/m2", "142kg/m2", "1g/m2", "NaNg/m2"] {
+            assert!(weight(bad).is_err(), "{bad}");
+        }
+    }
 
     #[test]
     fn sizes_have_units() {

@@ -66,6 +66,8 @@ pub mod stiffness;
 pub mod stretch;
 pub mod surrogate;
 #[doc(hidden)]
+pub mod textile;
+#[doc(hidden)]
 pub mod ties;
 #[cfg(feature = "decoder")]
 pub mod training;

@@ -64,6 +64,8 @@
 //! wrong, where, and what to do: [`Error`].
 
 #[doc(hidden)]
+pub mod card;
+#[doc(hidden)]
 pub mod check;
 #[doc(hidden)]
 pub mod compare;

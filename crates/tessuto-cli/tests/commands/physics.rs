@@ -75,9 +75,55 @@ fn causes_are_compared_with_the_truth_and_foretell() {
     assert!(named.contains("bending length") && named.contains("Of 2 fabrics"), "{named}");
     std::fs::write(&csv, "a,b\n1,2\n").unwrap();
     assert!(fail(3, &["fabric", text(&fit), "--table", text(&csv)]).contains("density[kg.m-2]"));
+    the_card_of(&fit, &whole, &folder.path().join("card.html"));
     let plain = at("plain");
     let few = ["--preset", "motion", "--no-appearance", "--frames", "0..3", "--set", "texture.size=32"];
     succeed(&[&["reconstruct", text(&scene), "--out", text(&plain)], &few[..]].concat());
     assert!(fail(3, &["fabric", text(&plain)]).contains("preset default"));
     assert!(Path::new(&plain).is_dir());
+}
+
+/// Two results of one made-up fabric: one card of each weight, and of both together.
+fn the_card_of(one: &Path, other: &Path, card: &Path) {
+    let of = |arguments: &[&str]| succeed(&[&["fabric", text(one)], arguments].concat());
+    let number = |said: &str, line: &str| -> f64 {
+        let line = said.lines().find(|l| l.starts_with(line)).unwrap();
+        line.split_whitespace().find_map(|word| word.parse().ok()).unwrap()
+    };
+    // Stiffness follows the weight, lengths do not.
+    let (assumed, weighed) = (of(&[]), of(&["--weight", "200g/m2", "--out", text(card)]));
+    for (name, factor) in [("bending, warp", 2.0), ("shear", 2.0), ("membrane", 2.0), ("bending length", 1.0)]
+    {
+        let ratio = number(&weighed, name) / number(&assumed, name);
+        assert!((ratio / factor - 1.0).abs() < 2e-3, "{name}: {ratio}");
+    }
+    assert!(assumed.contains("0.1 kg/m², which is assumed") && weighed.contains("0.2 kg/m², as weighed"));
+    assert!(weighed.contains("A further clip should show"), "{weighed}");
+    let page = std::fs::read_to_string(card).unwrap();
+    for part in [
+        "200 g/m², as weighed",
+        "drape coefficient",
+        "polygon class=\"mean\"",
+        "polyline class=\"weft\"",
+        "ruler",
+    ] {
+        assert!(page.contains(part), "{part} is missing");
+    }
+    assert!(fail(2, &["fabric", text(one), "--weight", "200"]).contains("142g/m2"));
+    // An earlier card is replaced where that is allowed, by the same bytes for any number of threads. A user's page
+    // never is.
+    assert!(fail(3, &["fabric", text(one), "--out", text(card)]).contains("--force"));
+    of(&["--weight", "200g/m2", "--out", text(card), "--force", "--threads", "1"]);
+    assert!(page == std::fs::read_to_string(card).unwrap());
+    let own = card.with_file_name("own.html");
+    std::fs::write(&own, "<p>mine").unwrap();
+    fail(3, &["fabric", text(one), "--out", text(&own), "--force"]);
+    assert_eq!(std::fs::read_to_string(&own).unwrap(), "<p>mine");
+    // Together.
+    let said = succeed(&["fabric", text(one), text(other)]);
+    assert!(
+        said.contains("From 2 clips, treated as one fabric") && said.contains("bending stiffness"),
+        "{said}"
+    );
+    assert!(fail(2, &["fabric", text(one), text(one)]).contains("given twice"));
 }

@@ -1,3 +1,4 @@
 //! Images and page of a result.
 
+mod card;
 mod page;

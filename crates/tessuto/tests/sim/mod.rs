@@ -2,3 +2,4 @@
 
 mod continuum;
 mod gradient;
+mod standards;
