@@ -32,7 +32,8 @@ ffmpeg is installed (or named by TESSUTO_FFMPEG).")]
 pub struct Arguments {
     /// Result folder of `tessuto reconstruct`.
     result: PathBuf,
-    /// `original`, the name of a further camera, or LEFT[,UP]: degrees around the centre of the fabric, at the distance where it fills the image.
+    /// `original`, the name of a further camera, or LEFT[,UP]: degrees around the centre of the fabric, at the distance
+    /// where it fills the image.
     #[arg(long, default_value = "45", value_name = "VIEW", value_parser = values::view, allow_hyphen_values = true)]
     camera: View,
     /// Environment map: lat-long image, .exr or .hdr, its centre in the direction of the recording camera [default: the

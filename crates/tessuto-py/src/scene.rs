@@ -7,7 +7,7 @@ use numpy::ndarray::Axis;
 use numpy::{Element, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use tessuto::io::image::Samples;
-use tessuto::io::scene::{LoadOptions, Loaded, Recording, assemble, load};
+use tessuto::io::scene::{LoadOptions, Loaded, RecordedView, Recording, assemble, load};
 use tessuto::{Camera, Motion, Rect, Truth};
 
 use crate::arrays;
@@ -34,6 +34,9 @@ pub struct Scene {
     /// Its folder, or the name of arrays.
     pub place: PathBuf,
 }
+
+/// Name, camera, frames, masks and poses of a further camera.
+type Further<'py> = (String, Intrinsics, Images<'py>, Images<'py>, PyReadonlyArray3<'py, f64>);
 
 type ColourAndCoverage<'py> = (Bound<'py, PyArray3<f32>>, Bound<'py, PyArray2<f32>>);
 
@@ -87,12 +90,23 @@ impl Scene {
         true_vertices: Option<PyReadonlyArray3<'_, f64>>,
         true_points: Option<Vec<PyReadonlyArray2<'_, f64>>>,
         poses: Option<PyReadonlyArray3<'_, f64>>,
+        views: Vec<Further<'_>>,
     ) -> PyResult<Self> {
         let template = arrays::mesh(vertices.as_array(), uv.as_array(), faces, uv_faces)?;
         let vertices = true_vertices.map(|array| arrays::frames(array.as_array())).transpose()?;
         let points = true_points
             .map(|frames| frames.iter().map(|points| arrays::positions(points.as_array())).collect())
             .transpose()?;
+        let view = |(name, intrinsics, frames, masks, poses): &Further<'_>| {
+            Ok(RecordedView {
+                name: name.clone(),
+                camera: camera(*intrinsics),
+                poses: arrays::poses(poses.as_array())?,
+                frames: frames.samples(),
+                masks: masks.samples(),
+            })
+        };
+        let more = views.iter().map(view).collect::<PyResult<_>>()?;
         let place = PathBuf::from(&name);
         let recording = Recording {
             name,
@@ -108,6 +122,7 @@ impl Scene {
                 points,
                 tracks: None,
             },
+            more,
         };
         let loaded = py.detach(|| assemble(recording)).into_python(py)?;
         Ok(Self { loaded, place })
@@ -150,6 +165,12 @@ impl Scene {
         let poses = self.loaded.scene.poses.as_ref();
         let rows = |poses: &Vec<tessuto::Pose>| poses.iter().flat_map(tessuto::Pose::rows).collect();
         poses.map(|poses| arrays::shaped(py, rows(poses), [poses.len(), 4, 4])).transpose()
+    }
+
+    /// Names of the further cameras.
+    #[getter]
+    fn views(&self) -> Vec<String> {
+        self.loaded.scene.more.iter().map(|view| view.name.clone()).collect()
     }
 
     #[getter]

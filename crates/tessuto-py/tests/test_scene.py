@@ -111,3 +111,26 @@ def test_a_camera_that_moves_has_poses() -> None:
     mirrored = poses * np.array([-1.0, 1.0, 1.0, 1.0])[:, None]
     with pytest.raises(tessuto.InputError, match="left-handed"):
         made(poses=mirrored)
+
+
+def test_further_cameras_are_views() -> None:
+    assert made().views == []
+    everything = parts()
+    images = {key: everything[key] for key in ("frames", "masks", "camera")}
+    pose = np.eye(4)
+    pose[0, 3] = 0.01
+    scene = made(views=[tessuto.View(**images, poses=pose, name="right")])
+    assert scene.views == ["right"] and pickle.loads(pickle.dumps(scene)).views == ["right"]
+    refused: list[tuple[dict[str, Any], str]] = [
+        ({"poses": pose[:3]}, "view right, poses"),
+        ({"poses": 2.0 * pose}, "view right, poses, pose 0"),
+        ({"frames": everything["frames"][:1], "masks": everything["masks"][:1]}, "view right, frames: 1 of 2"),
+        ({"masks": everything["masks"][:1]}, "view right, masks: has shape"),
+    ]
+    for changes, message in refused:
+        with pytest.raises(tessuto.InputError, match=message):
+            made(views=[tessuto.View(**{**images, "poses": pose, "name": "right", **changes})])
+    aside = pose.copy()
+    aside[0, 3] = 5.0
+    with pytest.raises(tessuto.InputError, match="view right.*overlap"):
+        made(views=[tessuto.View(**images, poses=aside, name="right")])

@@ -9,6 +9,7 @@ mod findings;
 mod masks;
 mod outline;
 mod repeats;
+mod views;
 
 use std::path::Path;
 
@@ -50,7 +51,7 @@ pub struct CheckReport {
     /// Overlap of the template with the first mask (intersection over union), where both are readable.
     pub iou: Option<f64>,
     /// The crops of the first, middle and last frame with the masks' outlines (yellow), the first with the template's
-    /// edges (cyan), where readable.
+    /// edges (cyan), where readable; a row for each camera.
     pub image: Option<Image>,
 }
 
@@ -97,7 +98,8 @@ fn all_findings(scene: &Scene) -> Result<(Vec<Finding>, f64)> {
     let first = scene.frames.frame(0)?;
     let iou = overlap(&covered, &first.mask);
     let of_template = findings::of_template(scene, &first.mask, &covered, iou);
-    Ok((findings::of_video(scene)?.into_iter().chain(of_template).collect(), iou))
+    let of_views = views::findings(scene)?;
+    Ok((findings::of_video(scene)?.into_iter().chain(of_template).chain(of_views).collect(), iou))
 }
 
 /// Checks what is there of a scene whose template cannot be read.

@@ -135,16 +135,25 @@ mod tests {
         read_rig(&files.iter().map(write).collect::<Vec<_>>())
     }
 
-    const EXTRINSICS: &str = "%YAML:1.0\n---\nR: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 0., 0., \
-        1., 0., 1., 0., -1., 0., 0. ]\nT: !!opencv-matrix\n   rows: 3\n   cols: 1\n   dt: d\n   data: [ -0.5, 0., 0.1 ]\n";
+    /// A matrix as OpenCV's FileStorage writes it.
+    fn matrix(name: &str, [rows, columns]: [usize; 2], data: &str) -> String {
+        format!(
+            "{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {data} ]\n"
+        )
+    }
+
+    fn extrinsics() -> String {
+        let r = matrix("R", [3, 3], "0., 0., 1., 0., 1., 0., -1., 0., 0.");
+        format!("%YAML:1.0\n---\n{r}{}", matrix("T", [3, 1], "-0.5, 0., 0.1"))
+    }
 
     #[test]
     fn opencvs_two_files_make_one_rig() {
-        let intrinsics = "%YAML:1.0\n---\nM1: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 600., 0., 320., \
-            0., 610., 240., 0., 0., 1. ]\nD1: !!opencv-matrix\n   rows: 1\n   cols: 5\n   dt: d\n   data: [ 0.1, 0., 0., 0., \
-            0. ]\nM2: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n   data: [ 700., 0., 321., 0., 710., 241., 0., 0., 1. \
-            ]\n";
-        let rig = read(&[("intrinsics.yml", intrinsics), ("extrinsics.yml", EXTRINSICS)]).unwrap();
+        let m1 = matrix("M1", [3, 3], "600., 0., 320., 0., 610., 240., 0., 0., 1.");
+        let m2 = matrix("M2", [3, 3], "700., 0., 321., 0., 710., 241., 0., 0., 1.");
+        let d1 = matrix("D1", [1, 5], "0.1, 0., 0., 0., 0.");
+        let (intrinsics, extrinsics) = (format!("%YAML:1.0\n---\n{m1}{d1}{m2}"), extrinsics());
+        let rig = read(&[("intrinsics.yml", &intrinsics), ("extrinsics.yml", &extrinsics)]).unwrap();
         let centres: Vec<_> =
             rig.cameras.iter().map(|camera| camera.as_ref().unwrap().centre.unwrap()).collect();
         assert_eq!(centres, [[320.0, 240.0], [321.0, 241.0]]);
@@ -152,7 +161,7 @@ mod tests {
         assert!(rig.cameras[1].as_ref().unwrap().distortion.is_none());
         // What lies ahead of the first camera is to the right of the second, which stands to the right and looks back.
         assert_eq!(rig.poses[1].rotation * DVec3::Z + rig.poses[1].translation, DVec3::new(0.5, 0.0, 0.1));
-        let alone = read(&[("extrinsics.yml", EXTRINSICS)]).unwrap();
+        let alone = read(&[("extrinsics.yml", &extrinsics)]).unwrap();
         assert_eq!((alone.cameras, alone.poses), (vec![None, None], rig.poses));
     }
 

@@ -56,8 +56,8 @@ pub fn poses(settings: &Settings, centre: DVec3) -> Option<Vec<Pose>> {
     Some((0..settings.frames).map(pose).collect())
 }
 
-/// Where camera `v` stands, 0 the first: as far from `centre` `[m]` as that, `settings.apart` farther around it than the
-/// one before.
+/// Where camera `v` stands, 0 the first: as far from `centre` `[m]` as that, `settings.apart` farther around it than
+/// the one before.
 pub fn beside(settings: &Settings, v: usize, centre: DVec3) -> Pose {
     let turn = DMat3::from_rotation_y((v as f64 * settings.apart).to_radians());
     Pose { rotation: turn, translation: centre - turn * centre }

@@ -41,7 +41,7 @@ from ._native import version as _version  # noqa: E402
 from ._raster import RasterGradients, Rasterizer, rasterize, rasterize_vjp  # noqa: E402
 from ._result import FORMATS, Result, evaluate, export, open, read_image, render, simulate  # noqa: E402
 from ._run import Step, appearance, reconstruct  # noqa: E402
-from ._scene import Camera, Scene  # noqa: E402
+from ._scene import Camera, Scene, View  # noqa: E402
 
 __version__: str = _version()
 
@@ -66,6 +66,7 @@ __all__ = [
     "Step",
     "StepGradients",
     "UsageError",
+    "View",
     "__version__",
     "appearance",
     "cloth_step",

@@ -79,6 +79,54 @@ def _samples(images: Union[ArrayLike, Sequence[ArrayLike]], what: str) -> npt.ND
     raise InputError(what, f"an array of {array.dtype}", "give 8 or 16 bits, bool, or floats in 0 to 1")
 
 
+def _images(
+    frames: Union[ArrayLike, Sequence[ArrayLike]], masks: Union[ArrayLike, Sequence[ArrayLike]], camera: Camera, of: str
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    """Frames and masks of a camera, one image per frame; `of` is what messages put before their names."""
+    colours, coverages = _samples(frames, of + "frames"), _samples(masks, of + "masks")
+    size = (camera.height, camera.width)
+    for what, array, shape in (
+        ("frames", colours, (len(colours), *size, 3)),
+        ("masks", coverages, (len(colours), *size)),
+    ):
+        if array.shape != shape:
+            raise InputError(
+                of + what,
+                f"has shape {array.shape}, expected {shape}",
+                "give one image per frame, all of the camera's size",
+            )
+    return colours, coverages
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What a further camera filmed, at the times of the scene's own frames.
+
+    Attributes:
+        frames: Video, [N, h, w, 3], as that of `Scene`.
+        masks: Where the fabric is, [N, h, w].
+        camera: Of the whole image.
+        poses: Where the camera was: camera from world, [4, 4] of one that stood still, or [N, 4, 4]; OpenCV axes, m. The
+            world is that of the scene's poses, or the frame of its camera where it has none.
+        name: What results call it.
+    """
+
+    frames: Union[ArrayLike, Sequence[ArrayLike]]
+    masks: Union[ArrayLike, Sequence[ArrayLike]]
+    camera: Camera
+    poses: ArrayLike
+    name: str = "second"
+
+    def _native_view(
+        self,
+    ) -> tuple[str, _native.Intrinsics, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[np.float64]]:
+        of = f"view {self.name}, "
+        colours, coverages = _images(self.frames, self.masks, self.camera, of)
+        poses = np.asarray(self.poses, dtype=np.float64)
+        poses = shaped(of + "poses", poses[None] if poses.ndim == 2 else poses, "N", 4, 4)
+        return self.name, self.camera._intrinsics(), colours, coverages, poses
+
+
 class Scene:
     """What was filmed, by which camera, of which fabric.
 
@@ -101,6 +149,7 @@ class Scene:
         true_points: Measured points of every frame, N arrays [P, 3] m, where they are known.
         poses: Where the camera was in every frame, if it moved: camera from world, [N, 4, 4], OpenCV axes, m. The world
             of the scene is then the camera's frame in the first frame.
+        views: What further cameras filmed at the same times.
 
     Raises:
         InputError: naming the array and frame.
@@ -122,19 +171,9 @@ class Scene:
         true_vertices: Optional[ArrayLike] = None,
         true_points: Optional[Sequence[ArrayLike]] = None,
         poses: Optional[ArrayLike] = None,
+        views: Sequence[View] = (),
     ) -> None:
-        colours, coverages = _samples(frames, "frames"), _samples(masks, "masks")
-        size = (camera.height, camera.width)
-        for what, array, shape in (
-            ("frames", colours, (len(colours), *size, 3)),
-            ("masks", coverages, (len(colours), *size)),
-        ):
-            if array.shape != shape:
-                raise InputError(
-                    what,
-                    f"has shape {array.shape}, expected {shape}",
-                    "give one image per frame, all of the camera's size",
-                )
+        colours, coverages = _images(frames, masks, camera, "")
         self._native: _native.Scene = _native.Scene.assemble(
             name,
             float(fps),
@@ -151,6 +190,7 @@ class Scene:
             if true_points is None
             else [shaped("true_points", points, "P", 3) for points in true_points],
             None if poses is None else shaped("poses", poses, "N", 4, 4),
+            [view._native_view() for view in views],
         )
         given = (
             frames,
@@ -166,6 +206,7 @@ class Scene:
             true_vertices,
             true_points,
             poses,
+            tuple(views),
         )
         self._made: tuple[Any, ...] = (_assembled, given)
 
@@ -209,6 +250,11 @@ class Scene:
     def poses(self) -> Optional[Float64]:
         """Where the camera was in every frame, camera from world, [N, 4, 4]; None if it stood still."""
         return self._native.poses
+
+    @property
+    def views(self) -> list[str]:
+        """Names of the further cameras."""
+        return self._native.views
 
     @property
     def crop(self) -> tuple[int, int, int, int]:
@@ -261,7 +307,7 @@ class Scene:
 
 
 def _assembled(*given: Any) -> Scene:
-    frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points, poses = given
+    frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points, poses, views = given
     return Scene(
         frames,
         masks,
@@ -276,6 +322,7 @@ def _assembled(*given: Any) -> Scene:
         true_vertices=true_vertices,
         true_points=true_points,
         poses=poses,
+        views=views,
     )
 
 

@@ -14,12 +14,30 @@ const GAP: f32 = 0.25;
 /// Between two frames `[px]`.
 const GAP_WIDTH: usize = 4;
 
-/// The crops of the first, middle and last frame side by side, with the outlines of their masks; the first with the
-/// edges of the template.
+/// What every camera shows, one below the other: the crops of the first, middle and last frame side by side, with the
+/// outlines of their masks; the first with the edges of the template.
 ///
 /// # Errors
 /// Those of reading the frames.
 pub(super) fn draw(scene: &Scene) -> Result<Image> {
+    let rows = (0..scene.view_count()).map(|v| row(&scene.seen_by(v))).collect::<Result<Vec<_>>>()?;
+    let width = rows.iter().map(|row| row.width).max().unwrap_or(1);
+    let height = rows.iter().map(|row| row.height + GAP_WIDTH).sum::<usize>() - GAP_WIDTH;
+    let mut sheet = Image::new(width, height, 3);
+    sheet.data.fill(GAP);
+    let mut top = 0;
+    for row in &rows {
+        for (y, pixels) in row.data.chunks_exact(3 * row.width).enumerate() {
+            let start = 3 * (top + y) * width;
+            sheet.data[start..start + pixels.len()].copy_from_slice(pixels);
+        }
+        top += row.height + GAP_WIDTH;
+    }
+    Ok(sheet)
+}
+
+/// What the only camera of `scene` shows.
+fn row(scene: &Scene) -> Result<Image> {
     let last = scene.frames.len() - 1;
     let mut shown = vec![0, last / 2, last];
     shown.dedup();

@@ -100,11 +100,11 @@ pub(super) fn with_warnings(mut findings: Vec<Finding>, warnings: &[Warning]) ->
     findings
 }
 
-fn ok(what: &str, detail: String) -> Finding {
+pub(super) fn ok(what: &str, detail: String) -> Finding {
     Finding { level: Level::Ok, what: what.into(), detail, hint: None }
 }
 
-fn doubt(what: &str, detail: String, hint: impl Into<Hint>) -> Finding {
+pub(super) fn doubt(what: &str, detail: String, hint: impl Into<Hint>) -> Finding {
     Finding { level: Level::Warning, what: what.into(), detail, hint: Some(hint.into()) }
 }
 

@@ -20,7 +20,8 @@ pub(super) fn name(clip: &Clip) -> String {
 /// The script, for a `folder` that it will be in.
 pub(super) fn encode(clip: &Clip, folder: &Path) -> Vec<u8> {
     let poses = |poses: &[Pose]| poses.iter().map(Pose::rows).collect::<Vec<_>>();
-    let intrinsics = |c: &Camera| json!({"width": c.width, "height": c.height, "fx": c.fx, "fy": c.fy, "cx": c.cx, "cy": c.cy});
+    // Width, height, fx, fy, cx, cy.
+    let intrinsics = |c: &Camera| json!(c);
     let other = |other: &OtherCamera| {
         let mut table = intrinsics(&other.camera);
         (table["name"], table["poses"]) = (json!(other.name), json!(poses(&other.poses)));

@@ -78,8 +78,8 @@ impl Painter<'_> {
         exposures.into_iter().flatten().filter_map(|[rgb, mask]| print_correlation(&rgb, &mask, observed))
     }
 
-    /// Lowers `agreement` of frame `n` to that of the silhouette as a further camera sees it, where it is worse. Colours
-    /// are judged by the first camera, which the texture is from.
+    /// Lowers `agreement` of frame `n` to that of the silhouette as a further camera sees it, where it is worse.
+    /// Colours are judged by the first camera, which the texture is from.
     fn worst_of(
         &self,
         agreement: &mut FrameAgreement,

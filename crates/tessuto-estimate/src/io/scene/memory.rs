@@ -7,12 +7,13 @@ use serde_json::json;
 
 use super::frames::{self, Source, Sources};
 use super::manifest::{Manifest, Units};
-use super::{Loaded, intrinsics_warnings, template};
+use super::poses::relative;
+use super::{Loaded, further as views, intrinsics_warnings, template};
 use crate::io::image::{ImageFile, Samples};
 use tessuto_core::camera::{Camera, Pose, Rect};
-use tessuto_core::error::{Error, Result};
+use tessuto_core::error::{Error, Result, Warning};
 use tessuto_core::mesh::Mesh;
-use tessuto_core::scene::{Scene, Truth};
+use tessuto_core::scene::{Scene, Truth, View};
 
 /// A video, its masks and what was filmed, in memory.
 #[derive(Debug, Clone)]
@@ -35,6 +36,23 @@ pub struct Recording {
     pub template: Mesh,
     /// What is known of the true motion.
     pub truth: Truth,
+    /// What further cameras filmed at the same times.
+    pub more: Vec<RecordedView>,
+}
+
+/// What a further camera filmed.
+#[derive(Debug, Clone)]
+pub struct RecordedView {
+    /// Its name.
+    pub name: String,
+    /// Camera of the whole image.
+    pub camera: Camera,
+    /// camera_from_world of every frame, or one of all, in the world of the recording's poses.
+    pub poses: Vec<Pose>,
+    /// sRGB-encoded colour of every frame, shape [height, width, 3] each.
+    pub frames: Vec<Samples>,
+    /// Mask of every frame, shape [height, width] each.
+    pub masks: Vec<Samples>,
 }
 
 /// The scene that `recording` is: cropped, its background made black, checked as a folder would be.
@@ -42,7 +60,7 @@ pub struct Recording {
 /// # Errors
 /// [`Error::Input`] naming the first thing that is wrong, in the order of a folder's.
 pub fn assemble(recording: Recording) -> Result<Loaded> {
-    let Recording { name, fps, camera, poses, crop, frames, masks, template, truth } = recording;
+    let Recording { name, fps, camera, poses, crop, frames, masks, template, truth, more } = recording;
     let frame_count = frames.len();
     if masks.len() != frame_count {
         let problem = format!("{} masks of {frame_count} frames", masks.len());
@@ -57,7 +75,7 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         super::listed_poses(&json!(poses.iter().map(Pose::rows).collect::<Vec<_>>()), "poses")?;
     }
     template::check(&template, Units::Metres, (&folder, "template"), None, &mut errors, &mut warnings);
-    if let Some(error) = errors.into_iter().next() {
+    if let Some(error) = errors.pop() {
         return Err(error);
     }
     let size = [camera.width, camera.height];
@@ -65,6 +83,12 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
     // They are in memory anyway.
     let sources = Sources { colours, masks, first: 0, size, crop, held_bytes: usize::MAX };
     let (crop, frames) = frames::from(sources, &mut warnings)?;
+    let first = poses.as_ref().map_or(Pose::IDENTITY, |poses| poses[0]);
+    let of_view = |view: RecordedView| {
+        let place = format!("view {}", view.name);
+        further(view, &first, frame_count, &mut warnings).map_err(|error| error.within(&place))
+    };
+    let more = more.into_iter().map(of_view).collect::<Result<_>>()?;
     let scene = Scene {
         name,
         folder,
@@ -74,7 +98,7 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         crop,
         pose_unit: Default::default(),
         depths: None,
-        more: Vec::new(),
+        more,
         full_size: size,
         first_frame: 0,
         template,
@@ -86,7 +110,38 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
     check_truth(&scene)?;
     intrinsics_warnings(&manifest, &mut warnings);
     template::check_overlap(&scene, &mut warnings)?;
+    views::check_overlap(&scene, &mut errors, &mut warnings);
+    if let Some(error) = errors.into_iter().next() {
+        return Err(error);
+    }
     Ok(Loaded { scene, warnings })
+}
+
+/// The further camera `view` of a clip of this many frames, whose own camera is at `first` in the first one.
+fn further(
+    view: RecordedView,
+    first: &Pose,
+    frame_count: usize,
+    warnings: &mut Vec<Warning>,
+) -> Result<View> {
+    let RecordedView { name, camera, mut poses, frames, masks } = view;
+    for (what, found) in [("frames", frames.len()), ("masks", masks.len())] {
+        if found != frame_count {
+            let problem = format!("{found} of {frame_count} frames");
+            return Err(Error::input(what, problem, "give one image per frame of the first camera"));
+        }
+    }
+    if poses.len() == 1 {
+        poses = vec![poses[0]; frame_count];
+    }
+    super::listed_poses(&json!(poses.iter().map(Pose::rows).collect::<Vec<_>>()), "poses")?;
+    Manifest::new(name.clone(), 1.0, frame_count, camera, None).check("camera")?;
+    let size = [camera.width, camera.height];
+    let (colours, masks) = (held("frames", size, 3, frames)?, held("masks", size, 1, masks)?);
+    let sources = Sources { colours, masks, first: 0, size, crop: None, held_bytes: usize::MAX };
+    let (crop, frames) = frames::from(sources, warnings)?;
+    let (camera, poses) = (camera.cropped(crop), relative(&poses, first));
+    Ok(View { name, camera, poses, crop, full_size: size, frames, depths: None })
 }
 
 fn held(what: &str, size: [usize; 2], channels: usize, images: Vec<Samples>) -> Result<Vec<Source>> {

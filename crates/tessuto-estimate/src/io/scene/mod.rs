@@ -35,7 +35,7 @@ pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 pub(crate) use manifest::set_gravity;
 pub use manifest::{ListedView, replace_camera, write_manifest, write_views};
-pub use memory::{Recording, assemble};
+pub use memory::{RecordedView, Recording, assemble};
 pub use poses::{POSES, read_poses, write_poses};
 pub(crate) use poses::{listed as listed_poses, moving};
 pub use record::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};

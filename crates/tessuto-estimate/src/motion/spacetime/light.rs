@@ -7,10 +7,10 @@
 //!
 //! over all frames n and vertices v, with Cauchy's ρ and the harmonics Y of
 //! [`shading`](crate::motion::terms::shading); h_nv is the logarithm of what the points around a vertex show,
-//! relative to the first frame, p_k the mean square of Y_k over the sphere by that of the first of its order, so that no
-//! direction of the light is favoured, and o_n what the whole frame is brighter by for other causes: light that the sheet
-//! takes from itself, clouds, a camera that adapts. What else the light does not explain, shadows above all, grows
-//! with h: σ_nv² = σ² + (s h_nv)².
+//! relative to the first frame, p_k the mean square of Y_k over the sphere by that of the first of its order, so that
+//! no direction of the light is favoured, and o_n what the whole frame is brighter by for other causes: light that the
+//! sheet takes from itself, clouds, a camera that adapts. What else the light does not explain, shadows above all,
+//! grows with h: σ_nv² = σ² + (s h_nv)².
 
 use glam::DVec3;
 use rayon::prelude::*;
