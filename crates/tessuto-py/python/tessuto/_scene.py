@@ -106,8 +106,8 @@ class View:
         frames: Video, [N, h, w, 3], as that of `Scene`.
         masks: Where the fabric is, [N, h, w].
         camera: Of the whole image.
-        poses: Where the camera was: camera from world, [4, 4] of one that stood still, or [N, 4, 4]; OpenCV axes, m. The
-            world is that of the scene's poses, or the frame of its camera where it has none.
+        poses: Where the camera was: camera from world, [4, 4] of one that stood still, or [N, 4, 4]; OpenCV axes, m.
+            The world is that of the scene's poses, or the frame of its camera where it has none.
         name: What results call it.
     """
 
@@ -307,7 +307,8 @@ class Scene:
 
 
 def _assembled(*given: Any) -> Scene:
-    frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, true_vertices, true_points, poses, views = given
+    frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, *rest = given
+    true_vertices, true_points, poses, views = rest
     return Scene(
         frames,
         masks,
