@@ -100,6 +100,15 @@ pub fn grid(text: &str) -> Result<[usize; 2], String> {
     parsed.ok_or_else(|| "write columns x rows, such as 21x21".to_owned())
 }
 
+/// `NAME=NUMBER`.
+pub fn named_number(text: &str) -> Result<(String, f64), String> {
+    let parsed = text.split_once('=').filter(|(name, _)| !name.is_empty());
+    let parsed = parsed.and_then(|(name, number)| Some((name.to_owned(), number.parse::<f64>().ok()?)));
+    parsed
+        .filter(|(_, number)| number.is_finite())
+        .ok_or_else(|| "write a name and a number, such as right=0.01".to_owned())
+}
+
 /// `NAME=PATH`.
 pub fn named_path(text: &str) -> Result<(String, std::path::PathBuf), String> {
     let parsed = text.split_once('=').filter(|(name, path)| !name.is_empty() && !path.is_empty());

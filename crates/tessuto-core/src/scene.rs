@@ -11,7 +11,7 @@ use glam::DVec3;
 
 use crate::camera::{Camera, Pose, Rect, Viewpoint};
 use crate::error::{Error, Result};
-use crate::mesh::{Mesh, Motion};
+use crate::mesh::{Mesh, Motion, Positions};
 use crate::video::Video;
 pub use depth::Depths;
 pub use tracks::Tracks;
@@ -69,7 +69,7 @@ pub struct Scene {
     pub frames: Video,
     /// What a depth sensor beside the camera measured in the same frames.
     pub depths: Option<Arc<Depths>>,
-    /// Further cameras that filmed the same sheet at the same times.
+    /// Further cameras that filmed the same sheet in as many frames.
     pub more: Vec<View>,
     /// What is known of the causes of its motion.
     pub known: Known,
@@ -77,7 +77,7 @@ pub struct Scene {
     pub truth: Truth,
 }
 
-/// A further camera. Its frames are those of the scene's own camera, taken at the same times.
+/// A further camera. Its frames are those of the scene's own camera, taken at the same times or a little later.
 #[derive(Debug, Clone)]
 pub struct View {
     /// Name from scene.json.
@@ -94,6 +94,8 @@ pub struct View {
     pub frames: Video,
     /// What a depth sensor beside it measured.
     pub depths: Option<Arc<Depths>>,
+    /// How much later than the scene's own camera it takes each frame `[s]`.
+    pub late: f64,
 }
 
 /// The unit of the lengths of a camera's path.
@@ -153,6 +155,22 @@ impl Scene {
             more: Vec::new(),
             ..self.clone()
         })
+    }
+
+    /// What camera `v` sees of a `motion`, shape [N, V], of the scene: where the sheet is when it takes its frames,
+    /// straight between the frames, and as before beyond the last one.
+    pub fn when_seen_by<'a>(&self, v: usize, motion: &'a [Positions]) -> Cow<'a, [Positions]> {
+        let late = v.checked_sub(1).map_or(0.0, |k| self.more[k].late);
+        if late == 0.0 || motion.len() < 2 {
+            return Cow::Borrowed(motion);
+        }
+        let at = |n: usize| {
+            let time = (n as f64 + late * self.fps).clamp(0.0, (motion.len() - 1) as f64);
+            let before = (time.floor() as usize).min(motion.len() - 2);
+            let pairs = motion[before].iter().zip(&motion[before + 1]);
+            pairs.map(|(p, q)| p.lerp(*q, time - before as f64)).collect()
+        };
+        Cow::Owned((0..motion.len()).map(at).collect())
     }
 
     /// Refuses a scene that cannot be computed on. Folders are checked when they are read; this is for scenes made in

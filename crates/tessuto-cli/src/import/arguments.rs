@@ -109,6 +109,11 @@ pub struct Arguments {
         long, value_name = "NAME=PATH", value_parser = crate::values::named_path, help_heading = "Further cameras"
     )]
     pub view_poses: Vec<(String, PathBuf)>,
+    /// How much later than the first camera a further one took its frames [s].
+    #[arg(
+        long, value_name = "NAME=S", value_parser = crate::values::named_number, help_heading = "Further cameras"
+    )]
+    pub view_late: Vec<(String, f64)>,
     /// How the cameras are fixed to each other, the first one's own clip first: OpenCV's stereo calibration (R, T; M1,
     /// D1, M2, D2), in one file or two, or Kalibr's camchain.
     #[arg(long, value_name = "FILE", help_heading = "Further cameras")]

@@ -83,5 +83,6 @@ fn view(
         plate: None,
         ..settings.clone()
     };
-    Ok(ViewSettings { name: name.to_owned(), settings, place })
+    let late = arguments.view_late.iter().find(|(of, _)| of == name).map_or(0.0, |(_, late)| *late);
+    Ok(ViewSettings { name: name.to_owned(), settings, place, late })
 }

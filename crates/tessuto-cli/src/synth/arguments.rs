@@ -92,6 +92,9 @@ pub struct Arguments {
     /// Angle around the cloth from each camera to the next, to its right [°].
     #[arg(long, value_name = "DEG", default_value_t = 40.0, allow_negative_numbers = true)]
     apart: f64,
+    /// The further cameras take their frames this much later than the first [ms].
+    #[arg(long, value_name = "MS", default_value_t = 0.0)]
+    late: f64,
     /// A depth sensor beside the camera measures the cloth with this noise [% of the depth].
     #[arg(long, value_name = "PERCENT", default_value_t = 0.0)]
     depth_noise: f64,
@@ -149,5 +152,6 @@ impl Arguments {
         s.surroundings = self.surroundings;
         (s.orbit, s.shake) = (self.orbit, 1e-3 * self.shake);
         (s.views, s.apart) = (self.views, if self.views > 1 { self.apart } else { 0.0 });
+        s.late = 1e-3 * self.late;
     }
 }

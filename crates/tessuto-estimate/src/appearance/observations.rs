@@ -31,9 +31,12 @@ pub(super) fn observe(
     most: usize,
     seed: u32,
 ) -> Result<Observations> {
-    let count = scene.view_count();
+    // Of those that take their frames when the first one does: the light falls on the sheet as it is then.
+    let at_once: Vec<usize> =
+        (0..scene.view_count()).filter(|v| *v == 0 || scene.more[v - 1].late == 0.0).collect();
+    let count = at_once.len();
     let mut all = Observations { points: Vec::new(), colours: Vec::new() };
-    for v in 0..count {
+    for v in at_once {
         let seed = seed.wrapping_add(v as u32);
         let seen = by_one(&scene.seen_by(v), rasterizer, geometry, motion, window, most / count, seed)?;
         all.points.extend(seen.points);

@@ -73,9 +73,16 @@ pub fn gather(
 ) -> Result<Print> {
     let rasterizer = &Rasterizer::new(&scene.template);
     let window = Window::of(&scene.template);
-    let scenes: Vec<_> = (0..scene.view_count()).map(|v| scene.seen_by(v)).collect();
+    let scenes: Vec<_> =
+        (0..scene.view_count()).map(|v| (scene.seen_by(v), scene.when_seen_by(v, motion))).collect();
     let mut lookers = Vec::new();
-    lookers.extend(scenes.iter().map(|scene| Looker { scene, rasterizer, window, motion, deviations }));
+    lookers.extend(scenes.iter().map(|(scene, motion)| Looker {
+        scene,
+        rasterizer,
+        window,
+        motion,
+        deviations,
+    }));
     // A few frames of one camera after another.
     let parts = || {
         let starts = || (0..motion.len()).step_by(TOGETHER);

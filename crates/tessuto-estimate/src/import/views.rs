@@ -19,6 +19,8 @@ pub struct ViewSettings {
     pub settings: Settings,
     /// Where it is.
     pub place: Place,
+    /// How much later than the scene's own camera it took its frames `[s]`.
+    pub late: f64,
 }
 
 /// Where a further camera is.
@@ -71,7 +73,12 @@ pub(super) fn write(
             view.name,
             angle.to_degrees()
         ));
-        listed.push(ListedView { name: view.name.clone(), camera: found.camera, depth: false });
+        listed.push(ListedView {
+            name: view.name.clone(),
+            camera: found.camera,
+            depth: false,
+            late: view.late,
+        });
     }
     if listed.is_empty() { Ok(()) } else { write_views(folder, &listed) }
 }

@@ -62,7 +62,7 @@ pub fn swing(settings: &Settings, otherwise: Otherwise) -> Result<Trajectory> {
     let x = hanging.settled(&mesh, settings)?;
     hanging.stiffness.bend.iter_mut().for_each(|k| *k *= otherwise.bend);
     let longest = if settings.air { SHORT } else { STEP };
-    let clock = Clock::new(settings.frames + otherwise.calm, settings.fps, settings.blur, longest);
+    let clock = Clock::new(settings.frames + otherwise.calm, settings.fps, settings.between(), longest);
     let end = if otherwise.calm > 0 { (settings.frames - 1) as f64 / settings.fps } else { f64::INFINITY };
     let gust = Gust::new(settings.wind, settings.seed);
     let breeze = Breeze::new(settings.wind, settings.seed);
@@ -83,7 +83,7 @@ pub fn swing(settings: &Settings, otherwise: Otherwise) -> Result<Trajectory> {
         }
         Ok(next.x.iter().map(|p| hanging.tilt.point(*p)).collect())
     });
-    Trajectory::collect(mesh, clock, settings.blur > 0.0, shapes)
+    Trajectory::collect(mesh, clock, settings.between() > 0.0, shapes)
 }
 
 /// A cloth with some vertices tied to fixed points.

@@ -91,7 +91,8 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         let poses = vec![path::beside(settings, v, centre); motion.len()];
         let (frames, _, depths) = film(v, Some(poses.clone()));
         let (full_size, crop) = ([camera.width, camera.height], whole(&camera));
-        tessuto_core::scene::View { name: format!("view{v}"), camera, poses, crop, full_size, frames, depths }
+        let (name, late) = (format!("view{v}"), settings.late);
+        tessuto_core::scene::View { name, camera, poses, crop, full_size, frames, depths, late }
     });
     Ok(Scene {
         name: format!("synthetic cloth {}", settings.seed),
@@ -132,13 +133,16 @@ impl<F: Fn(View) -> Frame + Send + Sync + 'static> Filming<F> {
     fn film(this: &Arc<Self>, v: usize, poses: Option<Vec<Pose>>) -> Filmed {
         let Self { settings, trajectory, studio, .. } = &**this;
         let (camera, count) = (studio.camera, trajectory.frames.len());
+        let late = if v == 0 { 0.0 } else { settings.late };
         let all = this.clone();
         let draw = move |rendering: &mut Rendering, n: usize| {
             let Self { settings, trajectory, studio, .. } = &*all;
             let exposure = settings.blur / settings.fps;
             // The camera stands still while its shutter is open.
             let view = Viewpoint { camera, camera_from_world: poses.as_ref().map(|poses| poses[n]) };
-            let shapes = shapes(trajectory, studio, n, n as f64 / settings.fps, exposure, &view);
+            let time = n as f64 / settings.fps + late;
+            let own = if late == 0.0 { trajectory.frames[n].clone() } else { trajectory.at(time) };
+            let shapes = shapes(trajectory, studio, own, time, exposure, &view);
             exposed(shapes.iter().map(|(time, positions)| studio.view(positions, &view, *time, rendering)))
         };
         let held = count * camera.width * camera.height * PIXEL_BYTES <= HELD_BYTES;
@@ -187,17 +191,16 @@ fn occluders(settings: &Settings, positions: &Positions) -> Vec<Occluder> {
     (0..settings.occluders).map(|k| Occluder::new(settings.seed, k, behind)).collect()
 }
 
-/// Times `[s]` and shapes that frame `n` at `time` sees while the shutter is open for `exposure` `[s]`: one for
+/// Times `[s]` and shapes that a frame at `time`, when the sheet is at `own`, sees while the shutter is open for `exposure` `[s]`: one for
 /// each pixel that anything moves by, spread evenly about the frame's own.
 fn shapes(
     trajectory: &Trajectory,
     studio: &Studio,
-    n: usize,
+    own: Positions,
     time: f64,
     exposure: f64,
     view: &Viewpoint,
 ) -> Vec<(f64, Positions)> {
-    let own = trajectory.frames[n].clone();
     if exposure == 0.0 {
         return vec![(time, own)];
     }

@@ -141,20 +141,20 @@ fn largest_curvature() -> f64 {
 pub fn bend(settings: &Settings) -> Trajectory {
     let mesh = lattice(settings.mesh, settings.grid, SIZE, sheet::depth(Mover::Paper), settings.seed);
     let flat: Vec<DVec2> = mesh.positions.iter().map(|p| p.truncate()).collect();
-    let clock = Clock::new(settings.frames, settings.fps, settings.blur, STEP);
+    let clock = Clock::new(settings.frames, settings.fps, settings.between(), STEP);
     let length = |[a, b]: [u32; 2]| flat[a as usize].distance(flat[b as usize]);
     let longest = mesh.edges().into_iter().map(length).fold(0.0, f64::max);
     let paper = Paper::new(settings.seed).limited(longest);
     let shapes = (0..=clock.steps).map(|k| {
         // Without anything between the frames, only theirs are worth the work.
-        let wanted = settings.blur > 0.0 || k % clock.per_frame == 0;
+        let wanted = settings.between() > 0.0 || k % clock.per_frame == 0;
         Ok::<_, std::convert::Infallible>(if wanted {
             paper.shape(&flat, k as f64 * clock.step)
         } else {
             Vec::new()
         })
     });
-    match Trajectory::collect(mesh, clock, settings.blur > 0.0, shapes) {
+    match Trajectory::collect(mesh, clock, settings.between() > 0.0, shapes) {
         Ok(trajectory) => trajectory,
         Err(never) => match never {},
     }

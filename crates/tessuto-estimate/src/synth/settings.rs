@@ -78,6 +78,9 @@ pub struct Settings {
     /// Angle around the sheet from each camera to the next, to its right `[°]`.
     #[serde(skip_serializing_if = "is_default")]
     pub apart: f64,
+    /// How much later than the first camera the others take each frame `[s]`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub late: f64,
 }
 
 /// What was not asked for is not written down: scenes without it are the same bytes as before it existed.
@@ -114,6 +117,7 @@ impl Default for Settings {
             shake: 0.0,
             views: 1,
             apart: 0.0,
+            late: 0.0,
         }
     }
 }
@@ -156,6 +160,7 @@ impl Settings {
             ("depth_noise", self.depth_noise, 0.0, 0.2),
             ("views", self.views as f64, 1.0, 16.0),
             ("apart", self.apart, -180.0, 180.0),
+            ("late", self.late, 0.0, 1.0),
         ];
         for (name, value, low, high) in checks {
             if !(low..=high).contains(&value) {
@@ -164,6 +169,11 @@ impl Settings {
             }
         }
         Ok(())
+    }
+
+    /// How long shapes between the frames are asked for after a frame's time, as a fraction of a frame, twice.
+    pub(super) fn between(&self) -> f64 {
+        self.blur + 2.0 * self.late * self.fps
     }
 
     /// A square image with a horizontal field of view of about 44°.
@@ -191,7 +201,7 @@ mod tests {
     #[test]
     fn only_what_was_asked_for_is_written_down() {
         let plain = serde_json::to_value(Settings::default()).unwrap();
-        let new = ["orbit", "surroundings", "depth_noise", "shake", "views", "apart"];
+        let new = ["orbit", "surroundings", "depth_noise", "shake", "views", "apart", "late"];
         for key in ["mover", "occluders", "amodal", "blur"].into_iter().chain(new) {
             assert!(plain.get(key).is_none(), "{key}");
         }

@@ -54,7 +54,7 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
     if !scene.more.is_empty() {
         let listed = |view: &View| {
             let (name, camera, depth) = (view.name.clone(), view.camera, view.depths.is_some());
-            ListedView { name, camera, depth }
+            ListedView { name, camera, depth, late: view.late }
         };
         io::scene::write_views(folder, &scene.more.iter().map(listed).collect::<Vec<_>>())?;
     }

@@ -24,8 +24,8 @@ const HIDDEN: f64 = 0.01;
 /// Renders frames of a result, one by one: all of them together could fill the memory.
 struct Painter<'a> {
     scene: &'a Scene,
-    /// The scene as each further camera sees it.
-    others: Vec<Cow<'a, Scene>>,
+    /// The scene as each further camera sees it, and where the sheet is then.
+    others: Vec<(Cow<'a, Scene>, Cow<'a, [Positions]>)>,
     result: &'a Reconstruction,
     rasterizer: Rasterizer,
     meter: AgreementMeter,
@@ -83,11 +83,11 @@ impl Painter<'_> {
     fn worst_of(
         &self,
         agreement: &mut FrameAgreement,
-        other: &Scene,
+        (other, x): (&Scene, &Positions),
         rendering: &mut Rendering,
         n: usize,
     ) -> Result<()> {
-        self.rasterizer.render(other.viewpoint(n), &self.result.motion[n], &self.result.texture, rendering);
+        self.rasterizer.render(other.viewpoint(n), x, &self.result.texture, rendering);
         let (width, height) = (rendering.width, rendering.height);
         let covered =
             Image { width, height, channels: 1, data: rendering.rgba.iter().map(|c| c[3]).collect() };
@@ -111,8 +111,8 @@ impl Painter<'_> {
         let observed = &*scene.frames.frame(n)?;
         rendered.images(observed).write(folder, number, scales)?;
         let mut agreement = self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed);
-        for other in &self.others {
-            self.worst_of(&mut agreement, other, rendering, n)?;
+        for (other, motion) in &self.others {
+            self.worst_of(&mut agreement, (other, &motion[n]), rendering, n)?;
         }
         agreement.deviation = self.result.deviations.as_ref().map(|frames| root_mean_square(&frames[n]));
         // Blur is a reason to look for only where the sharp print is not there.
@@ -131,7 +131,8 @@ impl Painter<'_> {
 /// video. Every frame is rendered once.
 pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Result<Vec<FrameAgreement>> {
     let (rasterizer, meter) = (Rasterizer::new(&scene.template), AgreementMeter::new(&scene.template));
-    let others = (1..scene.view_count()).map(|v| scene.seen_by(v)).collect();
+    let others =
+        (1..scene.view_count()).map(|v| (scene.seen_by(v), scene.when_seen_by(v, &result.motion))).collect();
     let painter = Painter { scene, others, result, rasterizer, meter };
     // The frames of the contact sheet stay; their pixels and the vertices of all frames set the scales.
     let chosen = chosen_frames(result.motion.len());

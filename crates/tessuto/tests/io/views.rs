@@ -148,7 +148,7 @@ fn a_second_camera_that_cannot_be_used_is_named() {
     refused(&|scene| lacks(scene, "poses"), &["view view1", "no poses"]);
     refused(&|scene| lacks(scene, "masks"), &["view view1", "no folder"]);
     refused(&|scene| second(scene, "fz", 3.into()), &["view view1", "unknown key \"fz\"", "\"fx\""]);
-    refused(&|scene| second(scene, "time_offset", 0.01.into()), &["view view1", "time_offset"]);
+    refused(&|scene| second(scene, "time_offset", 0.5.into()), &["view view1", "time_offset"]);
     refused(&|scene| second(scene, "fx", (-4).into()), &["view view1", "\"fx\" is -4"]);
     refused(&|scene| second(scene, "rgbs", "elsewhere".into()), &["view view1", "elsewhere"]);
     // Another camera's poses: it looks away from the sheet.

@@ -33,3 +33,15 @@ fn a_view_that_does_not_fit_is_named() {
     let behind = with(&|view| view.poses.iter_mut().for_each(|pose| pose.translation.z -= 5.0));
     assert!(behind.contains("view view1") && behind.contains("not in front"), "{behind}");
 }
+
+#[test]
+fn a_camera_that_is_late_sees_the_sheet_on_its_way() {
+    // Half of the time from frame to frame.
+    let late = filmed(|s| (s.views, s.apart, s.late) = (2, 40.0, 0.01));
+    let truth = late.truth.vertices.clone().unwrap();
+    let mut taken_at_once = late.clone();
+    taken_at_once.more[0].late = 0.0;
+    let errors = [&late, &taken_at_once].map(|scene| off(&found(scene), &truth));
+    println!("{errors:?} m where it is told that it is late, and where it is not");
+    assert!(errors[0] < 0.3 * errors[1]);
+}

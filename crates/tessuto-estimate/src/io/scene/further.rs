@@ -39,6 +39,7 @@ pub(super) fn read(
         full_size: [manifest.camera().width, manifest.camera().height],
         frames,
         depths: depths.map(Arc::new),
+        late: manifest.late,
     };
     Ok((view, unit))
 }

@@ -41,6 +41,8 @@ const EXAMPLE: &str = concat!(
     r#"{"name": "flag", "fps": 50, "n_frames": 40, "width": 640, "height": 480, "#,
     r#""fx": 600, "fy": 600, "cx": 319.5, "cy": 239.5}"#
 );
+/// A further camera may be late or early by this many frames.
+const MOST_LATE: f64 = 2.0;
 /// Most frames a scene may have.
 const MAX_FRAMES: usize = 100_000;
 
@@ -84,6 +86,9 @@ pub(crate) struct Manifest {
     /// The further cameras that `views` lists, each as the scene of one that is alone.
     #[serde(skip)]
     pub more: Vec<Self>,
+    /// How much later than the scene's own camera a further one takes its frames `[s]`.
+    #[serde(skip)]
+    pub late: f64,
 }
 
 fn rgbs() -> String {
@@ -165,6 +170,8 @@ pub struct ListedView {
     pub camera: Camera,
     /// Whether it has depth maps.
     pub depth: bool,
+    /// How much later than the scene's own camera it takes its frames `[s]`.
+    pub late: f64,
 }
 
 /// Tells the scene in `folder` of the cameras `more`, beside its own.
@@ -179,6 +186,9 @@ pub fn write_views(folder: &Path, more: &[ListedView]) -> Result<()> {
             "name": view.name, "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
             "rgbs": inside("rgbs"), "masks": inside("masks"), "poses": inside(POSES),
         });
+        if view.late != 0.0 {
+            listed["time_offset"] = json!(view.late);
+        }
         if view.depth {
             listed["depth"] = json!(inside(super::depths::FOLDER));
         }
@@ -260,6 +270,7 @@ impl Manifest {
             held: None,
             notes: Value::Null,
             more: Vec::new(),
+            late: 0.0,
         }
     }
 
@@ -348,7 +359,14 @@ impl Manifest {
     /// Refuses values that no video has; `place` is where they are from.
     pub fn check(&self, place: &str) -> Result<()> {
         for view in &self.more {
-            view.check(&format!("{place}, view {}", view.name))?;
+            let place = format!("{place}, view {}", view.name);
+            view.check(&place)?;
+            if view.late.abs() * self.fps > MOST_LATE {
+                let problem =
+                    format!("\"time_offset\" is {:.2} frames from the first view's", view.late * self.fps);
+                let hint = format!("cut the clips to within {MOST_LATE} frames of each other");
+                return Err(Error::input(place, problem, hint));
+            }
         }
         let demand = |ok: bool, key: &str, value: String, hint: &str| {
             if ok { Ok(()) } else { Err(Error::input(place, format!("\"{key}\" is {value}"), hint)) }
@@ -411,11 +429,11 @@ const OF_VIEW: [&str; 12] =
     ["width", "height", "fx", "fy", "cx", "cy", "crop", "poses", "depth_unit", "rgbs", "masks", "depth"];
 
 /// `text` with what its first view says, if it lists views, as of the scene itself; and one such text for every
-/// further view. `None` if it lists none.
+/// further view, and how much later than the first that takes its frames `[s]`. `None` if it lists none.
 ///
 /// # Errors
-/// [`Error::Input`] for a list without views, for keys that a view cannot have, and for one that is early or late.
-fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<String>)>> {
+/// [`Error::Input`] for a list without views, and for keys that a view cannot have.
+fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<(String, f64)>)>> {
     let Ok(mut scene) = serde_json::from_str::<Value>(text) else { return Ok(None) };
     let Some(views) = scene.as_object_mut().and_then(|scene| scene.remove("views")) else { return Ok(None) };
     let views: Vec<&Value> = views.as_array().map_or_else(Vec::new, |views| views.iter().collect());
@@ -426,7 +444,7 @@ fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<String>)>> {
             "list one object per camera, or leave it out",
         ));
     }
-    let mut texts = Vec::new();
+    let (mut texts, mut offsets) = (Vec::new(), Vec::new());
     for (k, view) in views.into_iter().enumerate() {
         let view = view.as_object();
         let name = view.and_then(|view| view.get("name")).and_then(Value::as_str);
@@ -435,11 +453,14 @@ fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<String>)>> {
         let view = view.ok_or_else(|| {
             Error::input(&of_view, "is no object", r#"write {"name": "left", "rgbs": "left/rgbs", …}"#)
         })?;
-        let shift = view.get("time_offset").and_then(Value::as_f64).unwrap_or(0.0);
-        if shift != 0.0 {
-            let hint = "film all views at the same times, or resample one to the times of the other";
-            return Err(Error::input(of_view, format!("\"time_offset\" is {shift} s, not 0"), hint));
-        }
+        let offset = match view.get("time_offset") {
+            None => 0.0,
+            Some(value) => value.as_f64().ok_or_else(|| {
+                let problem = format!("\"time_offset\" is {value}, not a number of seconds");
+                Error::input(&of_view, problem, "give how much later it takes its frames [s]")
+            })?,
+        };
+        offsets.push(offset);
         let mut merged = scene.clone();
         if k > 0 {
             // Of the scene's own camera.
@@ -464,15 +485,17 @@ fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<String>)>> {
         }
         texts.push(merged.to_string());
     }
-    let first = texts.remove(0);
-    Ok(Some((first, texts)))
+    let (first, start) = (texts.remove(0), offsets.remove(0));
+    let late = offsets.into_iter().map(|offset| offset - start);
+    Ok(Some((first, texts.into_iter().zip(late).collect())))
 }
 
 /// The manifest in `text`; messages name line and nearest key.
 fn parse(text: &str, place: &str) -> Result<Manifest> {
     let Some((first, more)) = of_views(text, place)? else { return parse_one(text, place) };
     let mut manifest = parse_one(&first, place)?;
-    manifest.more = more.iter().map(|text| parse_one(text, place)).collect::<Result<_>>()?;
+    let view = |(text, late): &(String, f64)| Ok(Manifest { late: *late, ..parse_one(text, place)? });
+    manifest.more = more.iter().map(view).collect::<Result<_>>()?;
     Ok(manifest)
 }
 
@@ -550,8 +573,13 @@ mod tests {
         let other = &both.more[0];
         assert_eq!((both.fx, other.fx, other.n_frames, other.width), (600.0, 9.0, 40, 640));
         assert_eq!((both.more.len(), other.name.as_str(), other.poses.is_none()), (1, "view 1", true));
-        let late = text.replace("\"time_offset\": 0", "\"time_offset\": 0.01");
-        assert!(parse(&late, "scene.json").unwrap_err().to_string().contains("time_offset"));
+        let late = two.replace(r#""cx": 1,"#, r#""cx": 1, "time_offset": 0.01,"#);
+        let late = parse(&late, "scene.json").unwrap();
+        assert_eq!(late.more[0].late, 0.01);
+        late.check("scene.json").unwrap();
+        let early = two.replace(r#""time_offset": 0}"#, r#""time_offset": 0.5}"#);
+        let early = parse(&early, "scene.json").unwrap();
+        assert!(early.check("s").unwrap_err().to_string().contains("is -25.00 frames from the first"));
     }
 
     #[test]

@@ -141,7 +141,7 @@ fn further(
     let sources = Sources { colours, masks, first: 0, size, crop: None, held_bytes: usize::MAX };
     let (crop, frames) = frames::from(sources, warnings)?;
     let (camera, poses) = (camera.cropped(crop), relative(&poses, first));
-    Ok(View { name, camera, poses, crop, full_size: size, frames, depths: None })
+    Ok(View { name, camera, poses, crop, full_size: size, frames, depths: None, late: 0.0 })
 }
 
 fn held(what: &str, size: [usize; 2], channels: usize, images: Vec<Samples>) -> Result<Vec<Source>> {

@@ -72,6 +72,7 @@ impl LevelSearch<'_, '_> {
         of: impl Fn(&Self, usize, &Positions) -> f64 + Sync,
     ) -> Vec<f64> {
         let unknown = frames.iter().enumerate().skip(1).filter(|(n, _)| known[*n].is_none());
+        self.looks.iter_mut().for_each(|look| look.set_ways(frames));
         self.fit_anew(&unknown.collect::<Vec<_>>());
         let search = &*self;
         let value = |(n, x): (usize, &Positions)| match known[n] {

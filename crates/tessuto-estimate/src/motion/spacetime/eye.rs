@@ -26,6 +26,8 @@ const NOMINAL_SIZE: f64 = 160.0;
 pub(super) struct Eye<'a> {
     /// The scene as it alone sees it.
     pub scene: Cow<'a, Scene>,
+    /// How much later than the scene's own camera it takes its frames [time between frames].
+    pub late: f64,
     pub observed: Observed,
     /// Points of the border.
     pub boundary: Vec<EdgePoint>,
@@ -37,8 +39,10 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
-    /// Looks at every frame.
-    pub fn new(scene: Cow<'a, Scene>, settings: &SpacetimeSettings) -> Result<Self> {
+    /// Looks at every frame of camera `v`.
+    pub fn new(all: &'a Scene, v: usize, settings: &SpacetimeSettings) -> Result<Self> {
+        let scene = all.seen_by(v);
+        let late = v.checked_sub(1).map_or(0.0, |k| all.more[k].late * all.fps);
         let template = &scene.template;
         let size = size_in_image(template, &scene.viewpoint(0));
         let halvings = (size / settings.resolution).log2().floor();
@@ -52,7 +56,7 @@ impl<'a> Eye<'a> {
         let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
         let boundary = boundary_points(template, &template.positions, &observed.views[0], spacing);
         let independent = NOMINAL_SIZE * f64::from(1u32 << observed.range[0]) / size;
-        Ok(Self { scene, observed, boundary, independent, print: Vec::new() })
+        Ok(Self { scene, late, observed, boundary, independent, print: Vec::new() })
     }
 
     /// Number of levels in use.

@@ -138,6 +138,7 @@ impl<'a> Problem<'a> {
         let [costs, costs_of_other] = [frames, other].map(|motion| {
             let mut finest = self.search(fused);
             finest.light = light;
+            finest.looks.iter_mut().for_each(|look| look.set_ways(motion));
             finest.fit_anew(&motion.iter().enumerate().skip(1).collect::<Vec<_>>());
             let of_frame = |n: usize| finest.terms(n).shares_of_pictures(&motion[n]);
             (1..motion.len()).into_par_iter().map(of_frame).collect::<Vec<_>>()

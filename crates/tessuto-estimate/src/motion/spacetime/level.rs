@@ -100,12 +100,13 @@ impl LevelSearch<'_, '_> {
     /// The terms of one frame.
     pub fn terms(&self, frame: usize) -> FrameTerms<'_> {
         let (p, asked) = (self.problem, &self.asked);
+        let ways = || self.looks.iter().map(|look| look.way(frame));
         FrameTerms {
             priors: &self.priors,
-            colour: OfViews(self.looks.iter().map(|look| look.colour(frame, asked)).collect()),
-            outline: OfViews(self.looks.iter().map(|look| look.outline(frame, asked)).collect()),
-            shading: OfViews(self.looks.iter().map(|look| look.shading(frame, &self.light)).collect()),
-            depth: OfViews(self.looks.iter().map(|look| look.depth(frame)).collect()),
+            colour: OfViews::new(self.looks.iter().map(|look| look.colour(frame, asked)), ways()),
+            outline: OfViews::new(self.looks.iter().map(|look| look.outline(frame, asked)), ways()),
+            shading: OfViews::new(self.looks.iter().map(|look| look.shading(frame, &self.light)), ways()),
+            depth: OfViews::new(self.looks.iter().map(|look| look.depth(frame)), ways()),
             still: Still {
                 cloth: p.cloth,
                 first: &p.scene.template.positions,

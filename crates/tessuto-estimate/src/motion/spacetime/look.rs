@@ -1,5 +1,8 @@
 //! What one camera's images are compared with at one resolution: colours, gains, what is hidden, brightness.
 
+use std::borrow::Cow;
+
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::eye::{Eye, size_in_image};
@@ -38,6 +41,9 @@ pub(super) struct Look<'p, 'a> {
     pub occlusions: Vec<Occlusion>,
     /// What the adjacent frames show at the samples, shape `[N]`; empty while not known.
     adjacent: Vec<PointColours>,
+    /// How far every vertex goes from a frame's time until this camera takes it `[m]`, shape [N, V]; empty where it is
+    /// not known, or the camera is not late. Held fixed, like all of this.
+    ways: Vec<Positions>,
 }
 
 impl<'a> Problem<'a> {
@@ -59,6 +65,7 @@ impl<'a> Problem<'a> {
             brightness: vec![Vec::new(); frame_count],
             occlusions: vec![Occlusion::default(); frame_count],
             adjacent: vec![PointColours::new(); frame_count],
+            ways: vec![Positions::new(); if eye.late == 0.0 { 0 } else { frame_count }],
         }
     }
 
@@ -142,13 +149,53 @@ impl Look<'_, '_> {
         }
     }
 
+    /// How far the vertices go from the time of `frame` until it is taken; `None` where that is not known, or nowhere.
+    pub fn way(&self, frame: usize) -> Option<&[DVec3]> {
+        self.ways.get(frame).map(Vec::as_slice).filter(|way| !way.is_empty())
+    }
+
+    /// Goes on from each of the `frames` as these are on their way, from now on.
+    pub fn set_ways(&mut self, frames: &[Positions]) {
+        let last = frames.len().saturating_sub(1);
+        for n in 0..self.ways.len().min(frames.len()) {
+            let (from, to) = (n.saturating_sub(1), (n + 1).min(last));
+            let part = self.eye.late / (to - from).max(1) as f64;
+            let way = frames[to].iter().zip(&frames[from]).map(|(q, p)| (*q - *p) * part);
+            self.ways[n] = way.collect();
+        }
+        self.see_reference();
+    }
+
+    /// Goes on in `frame` at this `velocity` [m a frame].
+    pub fn set_way(&mut self, frame: usize, velocity: impl Iterator<Item = DVec3>) {
+        if let Some(way) = self.ways.get_mut(frame) {
+            *way = velocity.map(|v| v * self.eye.late).collect();
+        }
+    }
+
+    /// Sees anew what the first frame shows, where the sheet is when it is taken.
+    fn see_reference(&mut self) {
+        if !self.ways.is_empty() {
+            let x = self.then(0, &self.problem.scene.template.positions).into_owned();
+            self.reference = self.samples.observe(self.image(0), &x, &[]);
+        }
+    }
+
+    /// Where a mesh at `x` at the time of `frame` is when this is taken.
+    fn then<'x>(&self, frame: usize, x: &'x Positions) -> Cow<'x, Positions> {
+        match self.way(frame) {
+            None => Cow::Borrowed(x),
+            Some(way) => Cow::Owned(x.iter().zip(way).map(|(x, way)| *x + *way).collect()),
+        }
+    }
+
     /// What `frame` shows at the samples of the mesh at `x`.
     pub fn observe(&self, frame: usize, x: &Positions, compares: bool) -> PointColours {
         self.observe_with(frame, x, &self.occlusion(frame, x, compares))
     }
 
     pub fn observe_with(&self, frame: usize, x: &Positions, occlusion: &Occlusion) -> PointColours {
-        self.samples.observe(self.image(frame), x, &occlusion.hidden)
+        self.samples.observe(self.image(frame), &self.then(frame, x), &occlusion.hidden)
     }
 
     /// Where the mesh at `x` is in front of itself; drawn at the finest resolution whatever the level is, for
@@ -167,7 +214,7 @@ impl Look<'_, '_> {
             outline: &observed.outlines[frame],
             view: &observed.views[frame],
         };
-        Occlusion::new(&sheet, &shown, &self.samples, x, compares)
+        Occlusion::new(&sheet, &shown, &self.samples, &self.then(frame, x), compares)
     }
 
     /// Fits the gains of one frame to its positions, and sees what is hidden there; returns what the frame shows
@@ -208,6 +255,7 @@ impl Look<'_, '_> {
     /// Fits the gains of all frames and what is hidden in them to the present positions; returns what each shows at the
     /// samples, and, from the second frame on, around every vertex.
     pub fn update(&mut self, frames: &[Positions], compares: bool) -> (Vec<PointColours>, Vec<Vec<Around>>) {
+        self.set_ways(frames);
         self.occlusions =
             frames.par_iter().enumerate().map(|(n, x)| self.occlusion(n, x, compares)).collect();
         let observe = |(n, x): (usize, &Positions)| self.observe_with(n, x, &self.occlusions[n]);

@@ -188,7 +188,7 @@ impl<'a> Problem<'a> {
             bend: Bend::new(cloth, template, s.bend),
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
-        let eyes = (0..scene.view_count()).map(|v| Eye::new(scene.seen_by(v), s)).collect::<Result<_>>()?;
+        let eyes = (0..scene.view_count()).map(|v| Eye::new(scene, v, s)).collect::<Result<_>>()?;
         let mut problem = Self {
             scene,
             cloth,

@@ -102,10 +102,11 @@ impl Problem<'_> {
         let pairs = 1.0 + self.settings.neighbour_weight;
         let of_frame = |n: usize| {
             let (terms, x) = (search.terms(n), &frames[n]);
-            let colours = terms.colour.0.iter().map(|c| c.weight * c.area(x).max(1.0) * pairs).sum::<f64>();
+            let colours =
+                terms.colour.at(x).map(|(c, x)| c.weight * c.area(&x).max(1.0) * pairs).sum::<f64>();
             let spreads = (2.0 * terms.colour.value(x) / colours).sqrt();
-            let outlines = terms.outline.0.iter().zip(&self.eyes);
-            let outlines = outlines.map(|(outline, eye)| outline.mean_square(x).sqrt() / eye.pixel());
+            let outlines = terms.outline.at(x).zip(&self.eyes);
+            let outlines = outlines.map(|((outline, x), eye)| outline.mean_square(&x).sqrt() / eye.pixel());
             [spreads * self.settings.colour, outlines.sum::<f64>() / self.eyes.len() as f64]
         };
         let levels: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();

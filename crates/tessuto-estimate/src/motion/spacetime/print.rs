@@ -38,6 +38,7 @@ impl Problem<'_> {
     /// Whether the print of each of `frames` is lost; that of the first is known.
     pub(super) fn prints_lost(&self, frames: &[Positions]) -> Vec<bool> {
         let mut finest = self.at_level(0);
+        finest.looks.iter_mut().for_each(|look| look.set_ways(frames));
         finest.fit_anew(&frames.iter().enumerate().skip(1).collect::<Vec<_>>());
         let lost = |n: usize| n > 0 && finest.misfit(n, &frames[n]).texture > LOST;
         (0..frames.len()).into_par_iter().map(lost).collect()

@@ -169,10 +169,10 @@ fn magnifying_adds_no_weight() {
         let magnification = problem.eyes[0].observed.magnification as f64;
         let totals = [
             // The print itself is seen a little better.
-            area * terms.colour.0[0].weight / look.eye.print[look.level],
+            area * terms.colour.of[0].weight / look.eye.print[look.level],
             area * look.pixel_area(),
-            length * terms.outline.0[0].weight,
-            terms.outline.0[0].noise.sigma / magnification,
+            length * terms.outline.of[0].weight,
+            terms.outline.of[0].noise.sigma / magnification,
             (a - b).length() / look.eye.pixel() / still.length(),
         ];
         (magnification, totals)
@@ -198,7 +198,7 @@ fn pixels_of_larger_sheets_count_less() {
         let (look, terms) = (&search.looks[0], search.terms(1));
         let area: f64 = look.samples.points.iter().map(|point| point.area).sum();
         let length: f64 = problem.eyes[0].boundary.iter().map(|point| point.length).sum();
-        [area * terms.colour.0[0].weight / look.eye.print[look.level], length * terms.outline.0[0].weight]
+        [area * terms.colour.of[0].weight / look.eye.print[look.level], length * terms.outline.of[0].weight]
     });
     println!("{small:?} {large:?}");
     for ((small, large), times) in small.into_iter().zip(large).zip([2.0, 1.0]) {

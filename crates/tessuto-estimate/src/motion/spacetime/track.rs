@@ -204,6 +204,7 @@ impl Follower {
     /// One that starts from where `motion`, shape [N, V], is in frame `n`.
     pub(super) fn at(n: usize, motion: &[Positions], levels: &mut [LevelSearch]) -> Self {
         let gains = levels.iter_mut().map(|level| {
+            level.looks.iter_mut().for_each(|look| look.set_ways(motion));
             level.update_gain(n, &motion[n]);
             level.gains(n)
         });
@@ -239,6 +240,10 @@ impl Follower {
         let mut scratch = Scratch::default();
         for (level, gains) in levels.iter_mut().zip(&mut self.gains) {
             level.set_gains(n, gains);
+            let frames = n as f64 - adjacent as f64;
+            for look in &mut level.looks {
+                look.set_way(n, predicted.iter().zip(last).map(|(x, last)| (*x - *last) / frames));
+            }
             level.follow_from(n, adjacent, last);
             (x, value) = level.fit_frame(n, x, &predicted, 1.0, &mut scratch);
             if !value.is_finite() {

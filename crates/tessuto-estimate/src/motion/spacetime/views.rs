@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 
 use super::proof::{disturbed, gradient_error, of_images, scene, system_of};
 use super::{LevelSearch, Positions, Problem, SpacetimeSettings};
-use crate::motion::terms::{FrameTerms, OfViews, Term};
+use crate::motion::terms::{FrameTerms, Term};
 use tessuto_core::camera::Pose;
 use tessuto_core::scene::{Scene, View};
 use tessuto_sim::Cloth;
@@ -22,6 +22,7 @@ fn with_another(pose: Pose) -> Scene {
         full_size: alone.full_size,
         frames: alone.frames.clone(),
         depths: alone.depths.as_ref().map(Arc::clone),
+        late: 0.0,
     };
     Scene { more: vec![view], ..alone }
 }
@@ -67,11 +68,16 @@ fn every_term_agrees_with_central_differences_from_two_sides() {
     // About the sheet, which is a metre away.
     let turn = DMat3::from_rotation_y(0.25) * DMat3::from_rotation_x(-0.1);
     let pose = Pose { rotation: turn, translation: DVec3::Z - turn * DVec3::Z };
-    with_search(&with_another(pose), |search, frames| {
+    let mut scene = with_another(pose);
+    // A third of a frame.
+    scene.more[0].late = 0.33 / scene.fps;
+    with_search(&scene, |search, frames| {
         let terms = search.terms(2);
-        let OfViews(colours) = &terms.colour;
+        let colours = &terms.colour.of;
         let [a, b] = [0, 1].map(|v| colours[v].value(&frames[2]));
         assert!(a > 0.0 && b > 0.0 && a != b, "{a} {b}");
+        let (later, on_its_way) = terms.colour.at(&frames[2]).nth(1).unwrap();
+        assert!(later.value(&on_its_way) != b, "the sheet goes on");
         for term in terms.list().into_iter().filter(|term| term.value(&frames[2]) > 0.0) {
             let worst = gradient_error(term, search.problem.cloth, &frames[2]);
             println!("{:<12} {worst:?}", term.name());

@@ -16,6 +16,8 @@ pub mod signed_bend;
 pub mod still;
 pub mod strain;
 
+use std::borrow::Cow;
+
 use glam::{DMat3, DVec3};
 
 use bend::Bend;
@@ -92,24 +94,44 @@ pub(super) fn outer(a: DVec3, b: DVec3) -> DMat3 {
 }
 
 /// A term of every camera's image, one for each: they add up.
-pub struct OfViews<T>(pub Vec<T>);
+pub struct OfViews<'a, T> {
+    /// The terms.
+    pub of: Vec<T>,
+    /// How far the vertices go until each camera takes its image `[m]`, shape `[V]`; held fixed.
+    ways: Vec<Option<&'a [DVec3]>>,
+}
 
-impl<T: Term> Term for OfViews<T> {
+impl<'a, T> OfViews<'a, T> {
+    /// Of as many `terms` as `ways`.
+    pub fn new(terms: impl Iterator<Item = T>, ways: impl Iterator<Item = Option<&'a [DVec3]>>) -> Self {
+        Self { of: terms.collect(), ways: ways.collect() }
+    }
+
+    /// Every term, and where the mesh at `x` is when its image is taken.
+    pub fn at<'x>(&'x self, x: &'x [DVec3]) -> impl Iterator<Item = (&'x T, Cow<'x, [DVec3]>)> {
+        self.of.iter().zip(&self.ways).map(|(term, way)| {
+            let then = way.map(|way| x.iter().zip(way).map(|(x, way)| *x + *way).collect());
+            (term, then.map_or(Cow::Borrowed(x), Cow::Owned))
+        })
+    }
+}
+
+impl<T: Term> Term for OfViews<'_, T> {
     fn name(&self) -> &'static str {
-        self.0[0].name()
+        self.of[0].name()
     }
 
     fn value(&self, x: &[DVec3]) -> f64 {
-        self.0.iter().map(|term| term.value(x)).sum()
+        self.at(x).map(|(term, x)| term.value(&x)).sum()
     }
 
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
-        self.0.iter().map(|term| term.add_system(x, system)).sum()
+        self.at(x).map(|(term, x)| term.add_system(&x, system)).sum()
     }
 
     #[cfg(test)]
     fn held<'s>(&'s self, x: &[DVec3]) -> Option<Function<'s>> {
-        let held: Option<Vec<Function>> = self.0.iter().map(|term| term.held(x)).collect();
+        let held: Option<Vec<Function>> = self.of.iter().map(|term| term.held(x)).collect();
         held.map(|held| Box::new(move |x: &[DVec3]| held.iter().map(|of| of(x)).sum()) as Function)
     }
 }
@@ -132,7 +154,7 @@ macro_rules! terms {
         pub struct FrameTerms<'a> {
             /// What the cloth is like.
             pub priors: &'a PriorTerms<'a>,
-            $($(#[$view_doc])* pub $view: OfViews<$View<'a>>,)*
+            $($(#[$view_doc])* pub $view: OfViews<'a, $View<'a>>,)*
             $($(#[$doc])* pub $term: $Term<'a>,)*
         }
 
@@ -202,10 +224,10 @@ impl FrameTerms<'_> {
     /// What of the terms that compare with the images every vertex bears, shape `[V]`.
     pub fn shares_of_pictures(&self, x: &[DVec3]) -> Vec<f64> {
         let mut shares = vec![0.0; x.len()];
-        self.colour.0.iter().for_each(|term| term.add_shares(x, &mut shares));
-        self.outline.0.iter().for_each(|term| term.add_shares(x, &mut shares));
-        self.shading.0.iter().for_each(|term| term.add_shares(x, &mut shares));
-        self.depth.0.iter().for_each(|term| term.add_shares(x, &mut shares));
+        self.colour.at(x).for_each(|(term, x)| term.add_shares(&x, &mut shares));
+        self.outline.at(x).for_each(|(term, x)| term.add_shares(&x, &mut shares));
+        self.shading.at(x).for_each(|(term, x)| term.add_shares(&x, &mut shares));
+        self.depth.at(x).for_each(|(term, x)| term.add_shares(&x, &mut shares));
         shares
     }
 

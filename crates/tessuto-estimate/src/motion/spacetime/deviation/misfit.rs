@@ -1,5 +1,9 @@
 //! How badly a frame's positions match what they should: what the deviations are scaled by.
 
+use std::borrow::Cow;
+
+use glam::DVec3;
+
 use super::super::LevelSearch;
 use super::super::look::Look;
 use crate::motion::terms::Term;
@@ -36,18 +40,18 @@ impl LevelSearch<'_, '_> {
         let terms = self.terms(frame);
         let count = x.len().max(1) as f64;
         let views = self.looks.len() as f64;
-        let outline = |(look, outline): (&Look, &Outline)| {
+        let outline = |(look, (outline, x)): (&Look, (&Outline, Cow<[DVec3]>))| {
             let view = &look.eye.observed.views[frame];
             let depth = x.iter().map(|p| view.depth(*p)).sum::<f64>() / count;
             let pixel = depth / (0.5 * (view.camera.fx + view.camera.fy));
-            outline.mean_square(x).sqrt().max(OUTLINE_FLOOR) * pixel.abs()
+            outline.mean_square(&x).sqrt().max(OUTLINE_FLOOR) * pixel.abs()
         };
         let texture = |look: &Look| look.texture_misfit(frame, &look.observe(frame, x, self.compares));
         // Smooth shear counts by the spread that the settings give, however large it was found to be.
         let mut shear = terms.priors.shear.clone();
         (shear.smooth, shear.rank) = (self.problem.settings.shear_smooth, FEW);
         Misfit {
-            outline: self.looks.iter().zip(&terms.outline.0).map(outline).sum::<f64>() / views,
+            outline: self.looks.iter().zip(terms.outline.at(x)).map(outline).sum::<f64>() / views,
             texture: self.looks.iter().map(texture).sum::<f64>() / views,
             prior: (terms.priors.strain.value(x) + shear.value(x)) / count,
         }
