@@ -138,10 +138,8 @@ mod tests {
             let moved = 1.5 * DVec2::new(rng.signed(), rng.signed());
             let linear = DMat2::from_angle(0.03 * rng.signed()) * (1.0 + 0.02 * rng.signed());
             let there = |p: DVec2| at + linear.inverse() * (p - at - moved);
-            let [a, b] = [
-                made::plain(120, 110, |p| made::waves(p)),
-                made::plain(120, 110, |p| 0.9 * made::waves(there(p))),
-            ];
+            let [a, b] =
+                [made::plain(120, 110, made::waves), made::plain(120, 110, |p| 0.9 * made::waves(there(p)))];
             let patch = Patch::of(&a.levels[0], 60, 55, 8).unwrap();
             let start = Warp { at, linear: DMat2::IDENTITY };
             let (found, left) = patch.matched(&b.levels[0], start, 1.0).unwrap();
@@ -151,7 +149,7 @@ mod tests {
         println!("{worst:.4} px off");
         assert!(worst < 0.02);
         // Nothing is found where there is nothing like it.
-        let a = made::plain(120, 110, |p| made::waves(p));
+        let a = made::plain(120, 110, made::waves);
         let other = made::plain(120, 110, |p| made::waves(p + DVec2::splat(40.0)));
         let patch = Patch::of(&a.levels[0], 60, 55, 8).unwrap();
         let found = patch.matched(&other.levels[0], Warp { at, linear: DMat2::IDENTITY }, 1.0);
