@@ -118,7 +118,8 @@ fn checked(camera: &Camera, found: &Found) -> Result<String> {
              treated as standing at one place"
         ),
         Freedom::All => format!(
-            "{of}: it turns by up to {turned:.2}°, and its translation shifts them against each other by {parallax:.2} px"
+            "{of}: it turns by up to {turned:.2}°, and its translation shifts them against each \
+             other by {parallax:.2} px"
         ),
     })
 }
