@@ -78,9 +78,8 @@ pub struct Arguments {
     /// (Stray Scanner), metadata (Record3D), keyframes (Polycam), poses.json; or a folder that holds one.
     #[arg(long, value_name = "PATH")]
     pub poses: Option<PathBuf>,
-    /// Find where the camera was, from what stands still around the fabric, by a program that is installed; needs
-    /// masks.
-    #[arg(long, value_enum, value_name = "PROGRAM", conflicts_with = "poses")]
+    /// Find where the camera was, from what stands still around the fabric; needs masks.
+    #[arg(long, value_enum, value_name = "HOW", conflicts_with = "poses")]
     pub camera_motion: Option<Motion>,
     /// Metres in one unit of the lengths of poses and rig; those of COLMAP have none, and it is found with the motion.
     #[arg(long, value_name = "METRES")]
@@ -133,6 +132,8 @@ pub struct Arguments {
 /// What finds the camera's motion.
 #[derive(Clone, Copy, ValueEnum)]
 pub enum Motion {
-    /// COLMAP, `colmap` in the search path.
+    /// By the frames alone; also for a hand that hardly moves.
+    Estimate,
+    /// By COLMAP, `colmap` in the search path.
     Colmap,
 }

@@ -8,7 +8,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use tessuto::Error;
 use tessuto::import::{
-    CARRIED_OVER, Masks, Settings, check_target, copy_template, expect_files, import, read_path, read_rig,
+    CARRIED_OVER, CameraMotion, Masks, Settings, check_target, copy_template, expect_files, import,
+    read_path, read_rig,
 };
 use tessuto::masks::{EmptyPlace, Request};
 use tessuto::output::{FolderKind, OutputFolder};
@@ -59,7 +60,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             _ => arguments.lens.calibration_of(&arguments.input)?,
         },
         poses: arguments.poses.as_deref().map(read_path).transpose()?,
-        colmap: arguments.camera_motion.map(|Motion::Colmap| PathBuf::from("colmap")),
+        camera_motion: arguments.camera_motion.map(|motion| match motion {
+            Motion::Estimate => CameraMotion::Estimate,
+            Motion::Colmap => CameraMotion::Colmap(PathBuf::from("colmap")),
+        }),
         pose_scale: arguments.pose_scale,
         depths: arguments.depths.clone(),
         depth_scale: arguments.depth_scale,

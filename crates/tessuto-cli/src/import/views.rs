@@ -77,7 +77,7 @@ fn view(
         masks,
         calibration,
         poses: None,
-        colmap: None,
+        camera_motion: None,
         depths: None,
         template: None,
         plate: None,

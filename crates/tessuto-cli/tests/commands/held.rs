@@ -122,6 +122,43 @@ fn the_motion_of_a_camera_is_found_from_the_surroundings() {
 }
 
 #[test]
+fn the_motion_of_a_hand_is_found_from_the_clip_alone() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "6", "--size", "480", "--grid", "7x7", "--seed", "9"];
+    tessuto(folder, &[&made[..], &["--shake", "10", "--surroundings"]].concat());
+    let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
+    let camera = ["--fx", "600", "--cx", "239.5", "--cy", "239.5", "--fps", "50"];
+    let how = ["--camera-motion", "estimate"];
+    let text = tessuto(folder, &[&import[..], &camera, &how].concat());
+    println!("{text}");
+    assert!(text.contains("places around the fabric") && text.contains("px"), "{text}");
+    let [truth, found] = ["made", "scene"].map(|name| read_poses(&folder.join(name), 6).unwrap().unwrap());
+    let turned: Vec<f64> = truth.iter().zip(&found).map(|(a, b)| a.apart(b)[0].to_degrees()).collect();
+    println!("turned by {turned:.3?}°");
+    assert!(turned.iter().all(|angle| *angle < 0.3));
+    // The same bytes for any number of threads.
+    let first = std::fs::read(folder.join("scene/poses.json")).unwrap();
+    tessuto(folder, &[&import[..], &camera, &how, &["--force", "--threads", "1"]].concat());
+    assert!(first == std::fs::read(folder.join("scene/poses.json")).unwrap());
+
+    // Nothing is to be seen around this one.
+    tessuto(folder, &["synth", "dark", "--frames", "3", "--size", "96", "--grid", "5x5", "--shake", "10"]);
+    let import = ["import", "dark/rgbs", "other", "--masks", "dark/masks", "--fx", "120", "--fps", "50"];
+    let output = Command::new(env!("CARGO_BIN_EXE_tessuto"))
+        .args([&import[..], &how].concat())
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(
+        !output.status.success() && text.contains("rgbs/rgb_000") && text.contains("--poses PATH"),
+        "{text}"
+    );
+    assert!(!folder.join("other").exists());
+}
+
+#[test]
 fn what_comes_after_a_result_takes_the_unit_that_it_found() {
     let home = tempfile::tempdir().unwrap();
     let folder = home.path();

@@ -63,6 +63,15 @@ pub enum Masks {
     Later,
 }
 
+/// What finds where the camera was, from what stands still around the fabric.
+#[derive(Debug, Clone, PartialEq)]
+pub enum CameraMotion {
+    /// The frames alone.
+    Estimate,
+    /// The program COLMAP, by its path.
+    Colmap(PathBuf),
+}
+
 /// What to import, and how.
 #[derive(Debug, Clone)]
 pub struct Settings {
@@ -80,8 +89,8 @@ pub struct Settings {
     pub calibration: Calibration,
     /// Where the camera was in every frame of the input, if it moved.
     pub poses: Option<CameraPath>,
-    /// The program COLMAP, which is to find that from the surroundings of the fabric.
-    pub colmap: Option<PathBuf>,
+    /// What is to find that from the surroundings of the fabric.
+    pub camera_motion: Option<CameraMotion>,
     /// Metres in one unit of its lengths, in place of what its file says.
     pub pose_scale: Option<f64>,
     /// Depth maps of the frames: a folder of them, or a capture that holds one.
@@ -175,12 +184,18 @@ pub fn import(
     let first = settings.frames.as_ref().map_or(0, |range| range.start);
     let chosen: Vec<usize> = (0..colours.frames.len()).map(|k| first + k * settings.stride).collect();
     let mut poses = None;
-    match &settings.colmap {
-        Some(program) => {
-            let path = path::estimate(program, folder, &camera, chosen.len(), progress)?;
-            let all: Vec<usize> = (0..chosen.len()).collect();
+    let all: Vec<usize> = (0..chosen.len()).collect();
+    match &settings.camera_motion {
+        Some(CameraMotion::Colmap(program)) => {
+            let path = path::by_colmap(program, folder, &camera, chosen.len(), progress)?;
             let written = all.iter().map(|k| PathBuf::from(format!("rgb_{k:03}.png"))).collect::<Vec<_>>();
             let inputs = Inputs { names: Some(&written), count: all.len() };
+            poses = Some(write_path(settings, &path, &inputs, &all, folder, &mut notes)?);
+        }
+        Some(CameraMotion::Estimate) => {
+            let (path, found) = path::from_clip(folder, &camera, chosen.len(), progress)?;
+            notes.push(found);
+            let inputs = Inputs { names: None, count: all.len() };
             poses = Some(write_path(settings, &path, &inputs, &all, folder, &mut notes)?);
         }
         None => {
@@ -222,7 +237,7 @@ fn validate(settings: &Settings) -> Result<()> {
             "images are not resampled: give one of them",
         )?;
     }
-    if settings.colmap.is_some() && settings.masks == Masks::Later {
+    if settings.camera_motion.is_some() && settings.masks == Masks::Later {
         let hint =
             "masks that are made from a clip need a camera that stands still: give masks of a segmenter";
         return Err(Error::usage("the camera's motion, without masks", hint));
@@ -283,7 +298,7 @@ fn write_path(
         .fold([0.0; 2], |most: [f64; 2], way| [most[0].max(way[0]), most[1].max(way[1])]);
     let what = if unit == PoseUnit::Unknown { "units, whose length is found with the motion," } else { "m" };
     notes.push(format!(
-        "the camera moves by up to {:.2} {what} and turns by up to {:.0}° from where it is in the first frame",
+        "the camera moves by up to {:.3} {what} and turns by up to {:.1}° from where it is in the first frame",
         far[1],
         far[0].to_degrees()
     ));

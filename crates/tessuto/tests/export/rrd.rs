@@ -248,6 +248,7 @@ fn an_exported_result_is_read_back_as_it_was() {
         first_frame: 7,
         camera: CAMERA,
         poses: Some((0..frames).map(pose).collect()),
+        others: Vec::new(),
         crop: CROP,
         images,
         video: None,

@@ -23,7 +23,7 @@ const MOST: u64 = 256 << 20;
 /// Poses that a message names at most.
 const NAMED: usize = 3;
 
-pub use estimate::estimate;
+pub use estimate::{by_colmap, from_clip};
 
 /// One pose of a file.
 #[derive(Debug, Clone, PartialEq)]

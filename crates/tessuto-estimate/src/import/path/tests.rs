@@ -39,7 +39,7 @@ fn settings(pose_scale: Option<f64>) -> Settings {
         largest_piece: false,
         calibration: super::super::Calibration::assumed(),
         poses: None,
-        colmap: None,
+        camera_motion: None,
         pose_scale,
         depths: None,
         depth_scale: None,

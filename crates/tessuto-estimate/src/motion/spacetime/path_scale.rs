@@ -21,7 +21,10 @@ use tessuto_sim::Cloth;
 
 /// Least ε, of the sheet's size: what is followed is not followed better.
 const REST: f64 = 2e-4;
-/// How often the sheet is followed, from then on with the path's length found so far.
+/// A length that nothing of the sheet tells is used, too, if it leaves the camera's place uncertain by less than this
+/// part of the sheet's size: a hand that shakes.
+const SHORT: f64 = 0.02;
+/// How often the sheet is followed, from then on with the path's length found so far; in the end it is refined, too.
 const PASSES: usize = 2;
 /// Rounds of weights.
 const ROUNDS: usize = 50;
@@ -31,6 +34,16 @@ const ROUNDS: usize = 50;
 struct Length {
     metres: f64,
     sd: f64,
+}
+
+impl Length {
+    /// Whether the unit of the camera's `path` is known, or the path so short that a sheet of this `size` `[m]` is
+    /// where it is anyway.
+    fn serves(self, path: &[DVec3], size: f64) -> bool {
+        let squares = path.iter().map(|c| c.distance_squared(path[0]));
+        let reach = (squares.sum::<f64>() / path.len() as f64).sqrt();
+        self.metres > 0.0 && (self.sd < self.metres || self.sd * reach < SHORT * size)
+    }
 }
 
 /// `scene` with the poses of its camera in metres.
@@ -52,18 +65,23 @@ pub fn scaled(scene: &Scene, cloth: &Cloth, settings: &SpacetimeSettings) -> Res
     };
     let path: Vec<DVec3> = poses.iter().map(|pose| pose.in_world(DVec3::ZERO)).collect();
     let mut found = Length { metres: 0.0, sd: 0.0 };
-    for _ in 0..PASSES {
+    for pass in 0..PASSES {
         // By the first camera alone: until the unit is known, others would see the sheet elsewhere.
         let moved = Scene { more: Vec::new(), ..with(found) };
-        let (pool, lost) = Problem::new(&moved, cloth, settings.clone())?.track(&mut Session::silent())?;
+        let mut problem = Problem::new(&moved, cloth, settings.clone())?;
+        let (mut pool, lost) = problem.track(&mut Session::silent())?;
         if let Some(lost) = lost {
             return Err(refused(&format!("cannot be found: the sheet is lost, {lost}")));
         }
-        let more = best(&pool.best, &path, scene.template.area().sqrt());
+        let frames = match pass + 1 == PASSES {
+            true => problem.refine(&mut pool, &mut Session::silent())?.0,
+            false => pool.best,
+        };
+        let more = best(&frames, &path, scene.template.area().sqrt());
         found = Length { metres: found.metres + more.metres, ..more };
     }
     let Length { metres, sd } = found;
-    if !(metres > 0.0 && sd < metres) {
+    if !found.serves(&path, scene.template.area().sqrt()) {
         return Err(refused(&format!("is {metres:.3} ± {sd:.3} m a unit: nothing of the sheet rests")));
     }
     Ok(with(found))
@@ -108,6 +126,16 @@ fn best(frames: &[Positions], path: &[DVec3], size: f64) -> Length {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_unit_that_nothing_tells_serves_where_the_camera_hardly_moves() {
+        let path = |way: f64| [DVec3::ZERO, DVec3::new(way, 0.0, 0.0), DVec3::new(0.0, way, 0.0)];
+        let known = Length { metres: 2.0, sd: 0.2 };
+        let unknown = Length { metres: 1.7, sd: 1.9 };
+        assert!(known.serves(&path(0.2), 0.5) && !unknown.serves(&path(0.2), 0.5));
+        assert!(unknown.serves(&path(0.005), 0.5));
+        assert!(!Length { metres: -0.1, sd: 0.1 }.serves(&path(0.005), 0.5));
+    }
 
     /// A sheet of which the upper row rests while the others swing and drift, seen by a camera that moves.
     #[test]

@@ -5,14 +5,13 @@ use std::process::Command;
 
 use rayon::prelude::*;
 
-use super::{CameraPath, read_path};
+use super::super::{CameraPath, read_path};
+use super::surroundings::{find, margin, widened};
 use crate::io::image;
 use tessuto_core::camera::Camera;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
 
-/// Pixels around the fabric that are left out, too, as a part of the image's width.
-const MARGIN: f64 = 0.01;
 /// Most frames of which each is compared with each.
 const ALL_PAIRS: usize = 60;
 /// Bytes of what the program printed that a message repeats.
@@ -136,28 +135,12 @@ fn largest(sparse: &Path) -> Result<CameraPath> {
     })
 }
 
-/// The image file of this name, whatever its ending.
-fn find(folder: &Path, name: &str) -> Result<PathBuf> {
-    let found = ["png", "jpg", "jpeg"].map(|ending| folder.join(format!("{name}.{ending}")));
-    let missing = || Error::input(folder.join(name).display().to_string(), "is missing", "import it again");
-    found.into_iter().find(|path| path.is_file()).ok_or_else(missing)
-}
-
 /// White where there is no fabric within the margin.
 fn surroundings(mask: &Image) -> Image {
-    let (width, height) = (mask.width, mask.height);
-    let reach = ((MARGIN * width as f64).ceil() as usize).max(2);
-    let widened = |data: &[f32], along: usize, count: usize, step: usize| -> Vec<f32> {
-        let at = |k: usize| {
-            let n = k / along % count;
-            let near = n.saturating_sub(reach)..(n + reach + 1).min(count);
-            near.map(|m| data[k - n * step + m * step]).fold(0.0, f32::max)
-        };
-        (0..data.len()).map(at).collect()
-    };
-    let rows = widened(&mask.data, 1, width, 1);
-    let both = widened(&rows, width, height, width);
-    Image { width, height, channels: 1, data: both.iter().map(|m| f32::from(u8::from(*m == 0.0))).collect() }
+    let fabric: Vec<bool> = mask.data.iter().map(|m| *m > 0.0).collect();
+    let taken = widened(&fabric, mask.width, margin(mask.width));
+    let data = taken.iter().map(|taken| f32::from(u8::from(!taken))).collect();
+    Image { width: mask.width, height: mask.height, channels: 1, data }
 }
 
 #[cfg(test)]
@@ -165,13 +148,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_margin_is_left_out_along_both_sides() {
+    fn the_fabric_and_its_margin_are_black() {
         let mut mask = Image::new(40, 30, 1);
         mask.data[15 * 40 + 20] = 1.0;
         let around = surroundings(&mask);
-        let dark: Vec<usize> = (0..around.data.len()).filter(|k| around.data[*k] == 0.0).collect();
-        assert_eq!(dark.len(), 25);
-        assert!(dark.iter().all(|k| (k % 40).abs_diff(20) <= 2 && (k / 40).abs_diff(15) <= 2));
+        assert_eq!(around.data.iter().filter(|v| **v == 0.0).count(), 25);
+        assert_eq!(around.data[15 * 40 + 18], 0.0);
     }
 
     #[test]
