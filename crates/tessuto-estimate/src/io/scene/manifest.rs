@@ -428,12 +428,15 @@ impl Manifest {
 const OF_VIEW: [&str; 12] =
     ["width", "height", "fx", "fy", "cx", "cy", "crop", "poses", "depth_unit", "rgbs", "masks", "depth"];
 
+/// A further view as the text of a scene of its own, and how much later than the first it takes its frames `[s]`.
+type Further = (String, f64);
+
 /// `text` with what its first view says, if it lists views, as of the scene itself; and one such text for every
 /// further view, and how much later than the first that takes its frames `[s]`. `None` if it lists none.
 ///
 /// # Errors
 /// [`Error::Input`] for a list without views, and for keys that a view cannot have.
-fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<(String, f64)>)>> {
+fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<Further>)>> {
     let Ok(mut scene) = serde_json::from_str::<Value>(text) else { return Ok(None) };
     let Some(views) = scene.as_object_mut().and_then(|scene| scene.remove("views")) else { return Ok(None) };
     let views: Vec<&Value> = views.as_array().map_or_else(Vec::new, |views| views.iter().collect());
@@ -494,7 +497,7 @@ fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<(String, f64)
 fn parse(text: &str, place: &str) -> Result<Manifest> {
     let Some((first, more)) = of_views(text, place)? else { return parse_one(text, place) };
     let mut manifest = parse_one(&first, place)?;
-    let view = |(text, late): &(String, f64)| Ok(Manifest { late: *late, ..parse_one(text, place)? });
+    let view = |(text, late): &Further| Ok(Manifest { late: *late, ..parse_one(text, place)? });
     manifest.more = more.iter().map(view).collect::<Result<_>>()?;
     Ok(manifest)
 }
