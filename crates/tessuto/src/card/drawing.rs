@@ -8,7 +8,7 @@ use super::laboratory::Tested;
 use tessuto_sim::textile::cantilever::SLOPE;
 use tessuto_sim::textile::drape::{DISC, PLATE};
 
-/// Points [mm] of a line.
+/// Points `[mm]` of a line.
 fn points(line: impl Iterator<Item = DVec2>) -> String {
     let words: Vec<String> = line.map(|p| format!("{:.2},{:.2}", 1e3 * p.x, 1e3 * p.y)).collect();
     words.join(" ")
