@@ -191,7 +191,8 @@ fn occluders(settings: &Settings, positions: &Positions) -> Vec<Occluder> {
     (0..settings.occluders).map(|k| Occluder::new(settings.seed, k, behind)).collect()
 }
 
-/// Times `[s]` and shapes that a frame at `time`, when the sheet is at `own`, sees while the shutter is open for `exposure` `[s]`: one for
+/// Times `[s]` and shapes that a frame at `time`, when the sheet is at `own`, sees while the shutter is open for
+/// `exposure` `[s]`: one for
 /// each pixel that anything moves by, spread evenly about the frame's own.
 fn shapes(
     trajectory: &Trajectory,
