@@ -183,7 +183,8 @@ mod tests {
     fn views_sizes_and_grids_are_read_or_explained() {
         assert_eq!(view("original"), Ok(View::Original));
         assert_eq!(view("-30, 20"), Ok(View::About(-30.0, 20.0)));
-        assert!(view("left").unwrap_err().contains("degrees"));
+        assert_eq!(view("left"), Ok(View::Camera("left".to_owned())), "a further camera, where there is one");
+        assert!(view("left,20").unwrap_err().contains("degrees"));
         assert_eq!(pixels("1280x720"), Ok([1280, 720]));
         assert!(pixels("1280").is_err() && pixels("0x9").is_err());
         assert_eq!(grid("9x12"), Ok([9, 12]));
