@@ -29,7 +29,7 @@ const PASSES: usize = 2;
 /// Rounds of weights.
 const ROUNDS: usize = 50;
 
-/// A length, and its standard deviation by what moves the vertices that move least `[m]`.
+/// A length, and its standard deviation by what moves the vertices that move least, and by its last change `[m]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Length {
     metres: f64,
@@ -78,7 +78,9 @@ pub fn scaled(scene: &Scene, cloth: &Cloth, settings: &SpacetimeSettings) -> Res
             false => pool.best,
         };
         let more = best(&frames, &path, scene.template.area().sqrt());
-        found = Length { metres: found.metres + more.metres, ..more };
+        // Refined with a wrong length, what rests spreads little; how far the length still went says more.
+        let sd = if pass + 1 == PASSES { more.sd.hypot(more.metres) } else { more.sd };
+        found = Length { metres: found.metres + more.metres, sd };
     }
     let Length { metres, sd } = found;
     if !found.serves(&path, scene.template.area().sqrt()) {
