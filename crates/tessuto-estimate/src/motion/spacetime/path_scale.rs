@@ -29,7 +29,7 @@ const PASSES: usize = 2;
 /// Rounds of weights.
 const ROUNDS: usize = 50;
 
-/// A length, and its standard deviation by what moves the vertices that move least, and by its last change `[m]`.
+/// A length, and its standard deviation by what moves the vertices that move least `[m]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Length {
     metres: f64,
@@ -78,9 +78,7 @@ pub fn scaled(scene: &Scene, cloth: &Cloth, settings: &SpacetimeSettings) -> Res
             false => pool.best,
         };
         let more = best(&frames, &path, scene.template.area().sqrt());
-        // Refined with a wrong length, what rests spreads little; how far the length still went says more.
-        let sd = if pass + 1 == PASSES { more.sd.hypot(more.metres) } else { more.sd };
-        found = Length { metres: found.metres + more.metres, sd };
+        found = Length { metres: found.metres + more.metres, ..more };
     }
     let Length { metres, sd } = found;
     if !found.serves(&path, scene.template.area().sqrt()) {
