@@ -158,15 +158,15 @@ impl Scene {
     }
 
     /// What camera `v` sees of a `motion`, shape [N, V], of the scene: where the sheet is when it takes its frames,
-    /// straight between the frames, and as before beyond the last one.
+    /// straight between the frames and on beyond them.
     pub fn when_seen_by<'a>(&self, v: usize, motion: &'a [Positions]) -> Cow<'a, [Positions]> {
         let late = v.checked_sub(1).map_or(0.0, |k| self.more[k].late);
         if late == 0.0 || motion.len() < 2 {
             return Cow::Borrowed(motion);
         }
         let at = |n: usize| {
-            let time = (n as f64 + late * self.fps).clamp(0.0, (motion.len() - 1) as f64);
-            let before = (time.floor() as usize).min(motion.len() - 2);
+            let time = n as f64 + late * self.fps;
+            let before = (time.max(0.0) as usize).min(motion.len() - 2);
             let pairs = motion[before].iter().zip(&motion[before + 1]);
             pairs.map(|(p, q)| p.lerp(*q, time - before as f64)).collect()
         };

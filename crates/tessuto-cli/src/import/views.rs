@@ -13,14 +13,15 @@ pub fn asked(
     rig: Option<&Rig>,
     settings: &Settings,
 ) -> tessuto::Result<Vec<ViewSettings>> {
-    let all = [
-        ("--view-masks", &arguments.view_masks),
-        ("--view-camera", &arguments.view_camera),
-        ("--view-poses", &arguments.view_poses),
+    let names = |named: &[(String, PathBuf)]| named.iter().map(|(name, _)| name.clone()).collect();
+    let all: [(&str, Vec<String>); 4] = [
+        ("--view-masks", names(&arguments.view_masks)),
+        ("--view-camera", names(&arguments.view_camera)),
+        ("--view-poses", names(&arguments.view_poses)),
+        ("--view-late", arguments.view_late.iter().map(|(name, _)| name.clone()).collect()),
     ];
     for (option, named) in all {
-        if let Some((name, _)) = named.iter().find(|(name, _)| arguments.view.iter().all(|(v, _)| v != name))
-        {
+        if let Some(name) = named.iter().find(|name| arguments.view.iter().all(|(v, _)| v != *name)) {
             return Err(Error::usage(
                 format!("{option} names the view {name}, which is not there"),
                 format!("add --view {name}=CLIP, or correct the name"),

@@ -45,6 +45,8 @@ fn two_clips_and_a_rig_go_through() {
     refused(folder, &[&first[..], &second, &["--fx", "120"]].concat(), &["right", "has no camera"]);
     refused(folder, &[&first[..], &second[..2], &with_rig].concat(), &["right", "--view-masks right=PATH"]);
     refused(folder, &[&first[..], &second[2..], &with_rig].concat(), &["--view right=CLIP"]);
+    let late = [&first[..], &second, &with_rig, &["--view-late", "left=0.01"]].concat();
+    refused(folder, &late, &["--view-late", "left", "--view left=CLIP"]);
     let short =
         ["--view", "right=made/view1/rgbs", "--view-masks", "right=made/view1/masks", "--frames", "0..9"];
     refused(folder, &[&first[..], &short, &with_rig].concat(), &["frames"]);

@@ -20,6 +20,7 @@ pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
     hash.update(bytemuck::cast_slice::<_, u8>(&template.positions));
     hash.update(bytemuck::cast_slice::<_, u8>(&template.uvs));
     hash.update(format!("{:?}", template.faces));
+    scene.more.iter().for_each(|view| hash.update(view.late.to_le_bytes()));
     for v in 0..scene.view_count() {
         add_view(&scene.seen_by(v), &mut hash)?;
     }

@@ -45,3 +45,19 @@ fn a_camera_that_is_late_sees_the_sheet_on_its_way() {
     println!("{errors:?} m where it is told that it is late, and where it is not");
     assert!(errors[0] < 0.3 * errors[1]);
 }
+
+#[test]
+fn a_late_camera_sees_a_steady_motion_go_on_beyond_its_ends() {
+    let small = |s: &mut Settings| (s.frames, s.size, s.grid, s.views, s.apart) = (3, 96, [5, 5], 2, 30.0);
+    let mut scene = synth::make(&Settings::default().with(small)).unwrap();
+    let steady: Vec<tessuto::Positions> =
+        (0..3).map(|n| vec![tessuto::glam::DVec3::X * f64::from(n); 25]).collect();
+    assert_eq!(scene.when_seen_by(1, &steady)[..], steady);
+    for frames in [0.5, -0.25, 1.5] {
+        scene.more[0].late = frames / scene.fps;
+        let seen = scene.when_seen_by(1, &steady);
+        let off = seen.iter().zip(&steady).map(|(a, b)| (a[7].x - b[7].x - frames).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-9, "{frames}: {off}");
+        assert_eq!(scene.when_seen_by(0, &steady)[..], steady, "the scene's own is never late");
+    }
+}
