@@ -5,6 +5,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use super::contact::Contact;
 use super::continuum::Continuum;
 use super::stiffness::{Energy, HessianKind, Stiffness};
 use super::{angle, lattice::Lattice, stretch};
@@ -77,6 +78,8 @@ pub struct Cloth {
     pub analysis: Arc<Analysis>,
     /// Of springs on a regular grid.
     pub lattice: Option<Arc<Lattice>>,
+    /// What it touches; `None` lets it pass through everything.
+    pub contact: Option<Arc<Contact>>,
 }
 
 impl Cloth {
@@ -136,6 +139,7 @@ impl Cloth {
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),
             lattice: Lattice::of(template).map(Arc::new),
+            contact: None,
         }
     }
 

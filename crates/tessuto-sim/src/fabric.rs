@@ -114,6 +114,7 @@ impl Cloth {
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),
             lattice: None,
+            contact: None,
         }
     }
 }

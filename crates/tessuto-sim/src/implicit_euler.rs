@@ -2,6 +2,9 @@
 //!
 //! x' = argmin Φ(x),  Φ(x) = ½ (x − y)ᵀ M (x − y)/h² + E(x),  y = x + h δ v + h² g;  v' = (x' − x)/h.
 //!
+//! With [`super::contact`] its energy and friction's are part of E, and no iteration goes farther than nothing is
+//! passed through.
+//!
 //! Newton's method with a line search, its systems solved by conjugate gradients, which an older factor or, where the
 //! exact Hessian is not positive definite, that of an upper bound preconditions. Unconditionally stable: every
 //! iteration lowers Φ. Crumpled cloth can take very many of them; after the limit the descent so far is taken, an
@@ -10,10 +13,11 @@
 use glam::DVec3;
 
 use super::cloth::Cloth;
+use super::contact::touch::{Far, Touch};
 use super::state::{State, StepGradients, StepSettings, StepTape, check_finite};
 use super::stiffness::{HessianKind, Stiffness};
 use tessuto_core::error::{Error, Result};
-use tessuto_core::math::block_matrix::BlockMatrix;
+use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern};
 use tessuto_core::math::conjugate_gradients::{End, Measure, conjugate_gradients};
 use tessuto_core::math::dot;
 use tessuto_core::math::factor::{Factor, Scratch};
@@ -25,6 +29,8 @@ const SUFFICIENT_DECREASE: f64 = 1e-4;
 const CG_TOLERANCE: f64 = 1e-2;
 /// Most iterations of conjugate gradients. A new factorisation takes little longer, and serves the next steps as well.
 const CG_LIMIT: usize = 5;
+/// The same with contact, whose blocks between layers no factor holds.
+const CONTACT_LIMIT: usize = 100;
 /// The same for the adjoint: ten digits.
 const ADJOINT_TOLERANCE: f64 = 1e-20;
 /// As many iterations as take about as long as the adjoint's own factor would.
@@ -73,10 +79,13 @@ pub fn step_near(
         .collect();
     // Displacements d = x' − x keep the precision that positions would lose.
     let mut d: Vec<DVec3> = before.v.iter().map(|v| *v * (h * settings.damping)).collect();
-    let potential = Potential { cloth, stiffness, x: &before.x, inertial: &inertial, h };
+    let touch = cloth.contact.as_ref().map(|contact| Touch::new(contact, &before.x, &d, h)).transpose()?;
+    let mut potential = Potential { cloth, stiffness, x: &before.x, inertial: &inertial, h, touch };
+    potential.shorten(&mut d);
     let (mut value, mut gradient) = potential.at(&d);
     if let Some(near) = near {
-        let to: Vec<DVec3> = near.iter().zip(&before.x).map(|(near, x)| *near - *x).collect();
+        let mut to: Vec<DVec3> = near.iter().zip(&before.x).map(|(near, x)| *near - *x).collect();
+        potential.shorten(&mut to);
         let there = potential.at(&to);
         if there.0 < value {
             (d, (value, gradient)) = (to, there);
@@ -109,7 +118,7 @@ pub fn step_near(
         // Shorten the step until the potential falls enough. Near the solution the promised decrease
         // drowns in the potential's round-off; there Newton's step is right and taken whole.
         let blind = slope.abs() < 1e-10 * value.abs();
-        let mut scale = 1.0;
+        let mut scale = potential.free_part(&d, &newton);
         (d, (value, gradient)) = loop {
             let next: Vec<DVec3> = d.iter().zip(&newton).map(|(d, s)| *d - *s * scale).collect();
             let there = potential.at(&next);
@@ -155,6 +164,8 @@ struct Potential<'a> {
     /// y − x.
     inertial: &'a [DVec3],
     h: f64,
+    /// The cloth's contact in this step.
+    touch: Option<Touch<'a>>,
 }
 
 impl Potential<'_> {
@@ -162,14 +173,39 @@ impl Potential<'_> {
         self.x.iter().zip(d).map(|(x, d)| *x + *d).collect()
     }
 
+    /// Ends the way `d` before anything is passed through.
+    fn shorten(&mut self, d: &mut [DVec3]) {
+        if let Some(touch) = &mut self.touch {
+            let ends: Positions = self.x.iter().zip(&*d).map(|(x, d)| *x + *d).collect();
+            touch.cover(&ends);
+            let part = touch.free_part(self.x, d);
+            d.iter_mut().for_each(|d| *d *= part);
+        }
+    }
+
+    /// The part of the way from `d` by −`newton` in which nothing is passed through.
+    fn free_part(&mut self, d: &[DVec3], newton: &[DVec3]) -> f64 {
+        let from = self.moved(d);
+        let Some(touch) = &mut self.touch else { return 1.0 };
+        let ends: Positions = from.iter().zip(newton).map(|(x, s)| *x - *s).collect();
+        touch.cover(&ends);
+        touch.free_part(&from, &newton.iter().map(|s| -*s).collect::<Positions>())
+    }
+
     /// Φ and ∂Φ.
-    fn at(&self, d: &[DVec3]) -> (f64, Positions) {
+    fn at(&mut self, d: &[DVec3]) -> (f64, Positions) {
         let (masses, sq_h) = (&self.cloth.masses, self.h * self.h);
         let off: Positions = d.iter().zip(self.inertial).map(|(d, y)| *d - *y).collect();
         let kinetic: f64 = masses.iter().zip(&off).map(|(m, off)| m * off.length_squared()).sum();
         let mut gradient: Positions = masses.iter().zip(&off).map(|(m, off)| *off * (m / sq_h)).collect();
-        let elastic = self.cloth.add_gradient(self.stiffness, &self.moved(d), 1.0, &mut gradient);
-        (0.5 * kinetic / sq_h + elastic, gradient)
+        let x = self.moved(d);
+        let elastic = self.cloth.add_gradient(self.stiffness, &x, 1.0, &mut gradient);
+        let mut value = 0.5 * kinetic / sq_h + elastic;
+        if let Some(touch) = &mut self.touch {
+            touch.cover(&x);
+            value += touch.add_gradient(&x, &mut gradient);
+        }
+        (value, gradient)
     }
 
     /// Solves ∂²Φ s = `gradient`, as far as ∂²Φ is positive. `kept` is the factor of an earlier matrix of this
@@ -191,12 +227,13 @@ impl Potential<'_> {
     ) -> Positions {
         let x = self.moved(d);
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
-        let exact = hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Exact, scratch);
+        let exact = self.system(&x, HessianKind::Exact, scratch);
+        let limit = if self.touch.is_some() { CONTACT_LIMIT } else { CG_LIMIT };
         let (mut step, mut definite) = (None, true);
         let digits = -tolerance.ln();
         match kept.take() {
             None => {}
-            Some(old) if old.slowness * digits > CG_LIMIT as f64 => scratch.recycle(old.factor),
+            Some(old) if old.slowness * digits > limit as f64 => scratch.recycle(old.factor),
             Some(old) => {
                 let (found, end, iterations) =
                     self.iterate(&exact, &old.factor, (gradient, chord), tolerance, scratch);
@@ -210,10 +247,9 @@ impl Potential<'_> {
             }
         }
         let step = step.unwrap_or_else(|| {
-            let of_exact = definite.then(|| analysis.definite_rounded(pattern, &exact, scratch)).flatten();
+            let of_exact = definite.then(|| analysis.definite_rounded(pattern, &exact.0, scratch)).flatten();
             let factor = of_exact.unwrap_or_else(|| {
-                let projected =
-                    hessian(self.cloth, self.stiffness, &x, self.h, HessianKind::Projected, scratch);
+                let (projected, _) = self.system(&x, HessianKind::Projected, scratch);
                 let rounded = analysis.definite_rounded(pattern, &projected, scratch);
                 let factor = rounded.unwrap_or_else(|| analysis.factorize(pattern, &projected, scratch));
                 scratch.recycle_matrix(projected);
@@ -226,28 +262,51 @@ impl Potential<'_> {
             }
             step
         });
-        scratch.recycle_matrix(exact);
+        scratch.recycle_matrix(exact.0);
         step
+    }
+
+    /// ∂²Φ at `x`: what the pattern holds, and what contact couples beyond it.
+    fn system(&self, x: &[DVec3], kind: HessianKind, scratch: &mut Scratch) -> (BlockMatrix, Option<Far>) {
+        let mut matrix = hessian(self.cloth, self.stiffness, x, self.h, kind, scratch);
+        let is_exact = kind == HessianKind::Exact;
+        let add = |touch: &Touch| touch.add_hessian(x, is_exact, (&self.cloth.pattern, &mut matrix));
+        let far = self.touch.as_ref().map(add);
+        (matrix, far)
     }
 
     /// Solves `matrix` s = `gradient`, preconditioned with `factor`, whose own solution is the `chord`.
     fn iterate(
         &self,
-        matrix: &BlockMatrix,
+        (matrix, far): &(BlockMatrix, Option<Far>),
         factor: &Factor,
         (gradient, mut chord): (&Positions, Option<Positions>),
         tolerance: f64,
         scratch: &mut Scratch,
     ) -> (Positions, End, usize) {
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
-        let multiply = |p: &Positions| matrix.multiply(pattern, p);
+        let limit = if self.touch.is_some() { CONTACT_LIMIT } else { CG_LIMIT };
+        let multiply = |p: &Positions| product(pattern, (matrix, far.as_ref()), p);
         let precondition =
             |r: &Positions| chord.take().unwrap_or_else(|| analysis.solve(pattern, factor, r, scratch));
-        conjugate_gradients(gradient, multiply, precondition, (Measure::Plain, tolerance), CG_LIMIT)
+        conjugate_gradients(gradient, multiply, precondition, (Measure::Plain, tolerance), limit)
     }
 }
 
-/// ∂²Φ = M/h² + ∂²E.
+/// A matrix times a field, with what contact couples beyond its pattern.
+fn product(
+    pattern: &BlockPattern,
+    (matrix, far): (&BlockMatrix, Option<&Far>),
+    field: &Positions,
+) -> Positions {
+    let mut out = matrix.multiply(pattern, field);
+    if let Some(far) = far {
+        far.add_product(field, &mut out);
+    }
+    out
+}
+
+/// M/h² + ∂²E: ∂²Φ without contact.
 pub fn hessian(
     cloth: &Cloth,
     stiffness: &Stiffness,
@@ -276,12 +335,23 @@ pub fn step_vjp(
 ) {
     let h = settings.step;
     let x = &tape.after.x;
-    let matrix = hessian(cloth, stiffness, x, h, HessianKind::Exact, scratch);
+    let mut matrix = hessian(cloth, stiffness, x, h, HessianKind::Exact, scratch);
+    let touch = cloth.contact.as_ref().map(|contact| {
+        let way: Positions = x.iter().zip(&tape.before.x).map(|(after, before)| *after - *before).collect();
+        let mut touch = Touch::new(contact, &tape.before.x, &way, h).expect("the step began from there");
+        touch.cover(x);
+        touch
+    });
+    let far = touch.as_ref().map(|touch| touch.add_hessian(x, true, (&cloth.pattern, &mut matrix)));
     let rhs: Vec<DVec3> = gradients.x.iter().zip(&gradients.v).map(|(x, v)| *x + *v / h).collect();
-    let near = tape.factor.as_ref().and_then(|factor| solve_near(cloth, &matrix, factor, &rhs, scratch));
+    let system = (&matrix, far.as_ref());
+    let near = tape.factor.as_ref().and_then(|factor| solve_near(cloth, system, factor, &rhs, scratch));
     let mu = near.unwrap_or_else(|| {
         let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
-        let mu = cloth.analysis.solve(&cloth.pattern, &factor, &rhs, scratch);
+        let mu = match far {
+            Some(_) => solve_far(cloth, system, &factor, &rhs, scratch),
+            None => cloth.analysis.solve(&cloth.pattern, &factor, &rhs, scratch),
+        };
         scratch.recycle(factor);
         mu
     });
@@ -291,6 +361,9 @@ pub fn step_vjp(
         gradients.x[i] = m_mu / (h * h) - gradients.v[i] / h;
         gradients.v[i] = m_mu * (settings.damping / h);
         gradients.acceleration[i] = m_mu;
+    }
+    if let Some(touch) = &touch {
+        touch.add_vjp(x, &mu, gradients);
     }
     cloth.add_gradient_by_stiffness(x, &mu, -1.0, &mut gradients.stiffness);
     for ((edge, &k), out) in cloth.edges.iter().zip(&stiffness.stretch).zip(&mut gradients.rest_lengths) {
@@ -302,17 +375,33 @@ pub fn step_vjp(
 /// Solves `matrix` x = `rhs` given the `factor` of a matrix near it; `None` where it is not near enough to be worth it.
 fn solve_near(
     cloth: &Cloth,
-    matrix: &BlockMatrix,
+    matrix: (&BlockMatrix, Option<&Far>),
     factor: &Factor,
     rhs: &Positions,
     scratch: &mut Scratch,
 ) -> Option<Positions> {
     let (analysis, pattern) = (&cloth.analysis, &cloth.pattern);
-    let multiply = |p: &Positions| matrix.multiply(pattern, p);
+    let multiply = |p: &Positions| product(pattern, matrix, p);
     let precondition = |r: &Positions| analysis.solve(pattern, factor, r, scratch);
     let end = (Measure::Plain, ADJOINT_TOLERANCE);
-    let (x, end, _) = conjugate_gradients(rhs, multiply, precondition, end, ADJOINT_LIMIT);
+    let limit = if matrix.1.is_some() { CONTACT_LIMIT } else { ADJOINT_LIMIT };
+    let (x, end, _) = conjugate_gradients(rhs, multiply, precondition, end, limit);
     (end == End::Converged).then_some(x)
+}
+
+/// The same for a matrix beyond its pattern, whatever it takes: it is positive definite where the step has ended.
+fn solve_far(
+    cloth: &Cloth,
+    matrix: (&BlockMatrix, Option<&Far>),
+    factor: &Factor,
+    rhs: &Positions,
+    scratch: &mut Scratch,
+) -> Positions {
+    let (analysis, pattern) = (&cloth.analysis, &cloth.pattern);
+    let multiply = |p: &Positions| product(pattern, matrix, p);
+    let precondition = |r: &Positions| analysis.solve(pattern, factor, r, scratch);
+    let end = (Measure::Plain, ADJOINT_TOLERANCE);
+    conjugate_gradients(rhs, multiply, precondition, end, 3 * rhs.len()).0
 }
 
 #[cfg(test)]
@@ -456,13 +545,13 @@ mod tests {
         let after = step(&cloth, &SETTINGS, &stiffness, before.clone(), &gravity, scratch).unwrap().after;
         // There the forces are in balance and the plain factorisation finds no negative direction.
         let inertial: Vec<DVec3> = gravity.iter().map(|g| *g * (h * h)).collect();
-        let potential =
-            Potential { cloth: &cloth, stiffness: &stiffness, x: &before.x, inertial: &inertial, h };
+        let (stiffness, inertial) = (&stiffness, &inertial);
+        let mut potential = Potential { cloth: &cloth, stiffness, x: &before.x, inertial, h, touch: None };
         let d: Positions = after.x.iter().zip(&before.x).map(|(x, x0)| *x - *x0).collect();
-        let size = |d: Positions| potential.at(&d).1.iter().fold(0.0, |m: f64, g| m.max(g.length()));
+        let mut size = |d: Positions| potential.at(&d).1.iter().fold(0.0, |m: f64, g| m.max(g.length()));
         let (left, start) = (size(d.clone()), size(vec![DVec3::ZERO; d.len()]));
         assert!(left < 1e-8 * start, "{left} N of {start} N");
-        let matrix = hessian(&cloth, &stiffness, &after.x, h, HessianKind::Exact, scratch);
+        let matrix = hessian(&cloth, stiffness, &after.x, h, HessianKind::Exact, scratch);
         assert!(cloth.analysis.definite(&cloth.pattern, &matrix, scratch).is_some());
     }
 }

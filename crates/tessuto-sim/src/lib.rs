@@ -46,6 +46,7 @@ pub mod air;
 #[doc(hidden)]
 pub mod angle;
 pub mod cloth;
+pub mod contact;
 pub mod continuum;
 pub mod fabric;
 mod flat;

@@ -54,6 +54,8 @@ pub struct RolloutGradients {
     pub initial: State,
     /// By the rest lengths of the edges.
     pub rest_lengths: Vec<f64>,
+    /// By every coefficient of friction: [`super::contact::Contact::frictions`]; empty without contact.
+    pub friction: Vec<f64>,
 }
 
 /// The record of a rollout over `frames.len()` frames.
@@ -167,6 +169,7 @@ pub fn rollout_vjp(
         stiffness: gradients.stiffness,
         initial: State { x: gradients.x, v: gradients.v },
         rest_lengths: gradients.rest_lengths,
+        friction: gradients.friction,
     }
 }
 

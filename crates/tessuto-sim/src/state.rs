@@ -90,6 +90,8 @@ pub struct StepGradients {
     pub stiffness: Stiffness,
     /// By every edge's rest length, accumulated.
     pub rest_lengths: Vec<f64>,
+    /// By every coefficient of friction, accumulated: [`super::contact::Contact::frictions`]; empty without contact.
+    pub friction: Vec<f64>,
 }
 
 impl StepGradients {
@@ -102,6 +104,7 @@ impl StepGradients {
             acceleration: zeros,
             stiffness: Stiffness::uniform(cloth, [0.0; 3]),
             rest_lengths: vec![0.0; cloth.edges.len()],
+            friction: cloth.contact.as_ref().map_or(Vec::new(), |c| vec![0.0; c.frictions().len()]),
         }
     }
 }

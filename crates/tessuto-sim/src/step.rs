@@ -6,14 +6,14 @@ use super::cloth::Cloth;
 use super::state::{Integrator, State, StepGradients, StepSettings, StepTape};
 use super::stiffness::Stiffness;
 use super::{implicit_euler, linearized_euler, surrogate};
-use tessuto_core::error::Result;
+use tessuto_core::error::{Error, Result};
 use tessuto_core::math::factor::Scratch;
 
 /// Takes one sub-step under external `acceleration` [m/s²], shape `[V]`.
 ///
 /// # Errors
 /// [`tessuto_core::Error::Numerical`] if the result is not finite; [`tessuto_core::Error::Input`] if the
-/// integrator cannot take the cloth.
+/// integrator cannot take the cloth or, with contact, the cloth passes through something already.
 pub fn step(
     cloth: &Cloth,
     settings: &StepSettings,
@@ -22,6 +22,9 @@ pub fn step(
     acceleration: &[DVec3],
     scratch: &mut Scratch,
 ) -> Result<StepTape> {
+    if cloth.contact.is_some() && settings.integrator != Integrator::ImplicitEuler {
+        return Err(Error::input("simulation", "the integrator knows no contact", "choose implicit_euler"));
+    }
     in_pool(|| match settings.integrator {
         Integrator::LinearizedEuler => {
             linearized_euler::step(cloth, settings, stiffness, before, acceleration, scratch)

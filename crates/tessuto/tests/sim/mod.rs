@@ -1,5 +1,6 @@
 //! The simulation and its derivatives.
 
+mod contact;
 mod continuum;
 mod gradient;
 mod standards;
