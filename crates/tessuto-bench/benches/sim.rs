@@ -7,10 +7,12 @@ use tessuto::math::factor::Scratch;
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
 use tessuto::sim::Fabric;
+use tessuto::sim::contact::{Body, ContactSettings, Shape};
 use tessuto::sim::state::StepGradients;
 use tessuto::sim::step::{step, step_vjp};
 use tessuto::sim::{
-    Accelerations, Cloth, Integrator, RolloutInputs, State, StepSettings, Stiffness, rollout, rollout_vjp,
+    Accelerations, Cloth, Integrator, RolloutInputs, State, StepSettings, Stiffness, play, rollout,
+    rollout_vjp,
 };
 
 /// A woven cotton, about.
@@ -109,9 +111,41 @@ fn bench_rollout(c: &mut Criterion) {
     });
 }
 
+/// 200 sub-steps of a sheet that is dropped on a ball, falls over it and comes to lie in folds; and of one that falls
+/// past it.
+fn bench_contact(c: &mut Criterion) {
+    let n = 26;
+    let mut mesh = grid(n, n, DVec2::splat(0.5), 0.0);
+    mesh.positions.iter_mut().for_each(|x| *x = DVec3::new(x.x, 0.0, x.y));
+    let ball =
+        Body { shape: Shape::Sphere { centre: DVec3::new(0.02, 0.16, 0.01), radius: 0.12 }, friction: 0.2 };
+    let settings = ContactSettings { bodies: vec![ball], ..ContactSettings::default() };
+    let free = Cloth::new(&mesh);
+    let cloths =
+        [("without contact", free.clone()), ("contact", free.with_contact(&mesh, &settings).unwrap())];
+    let mut accelerations = Accelerations::zeros(51, 1, n * n);
+    accelerations.constant = DVec3::Y * 9.81;
+    let step = StepSettings {
+        integrator: Integrator::ImplicitEuler,
+        step: 5e-3,
+        damping: 1.0,
+        tolerance: 1e-6,
+        newton_limit: 200,
+    };
+    for (name, cloth) in cloths {
+        let stiffness = Stiffness::uniform(&cloth, [200.0, 1e-4, 1e-4]);
+        let initial = State { x: mesh.positions.clone(), v: vec![DVec3::ZERO; n * n] };
+        let inputs =
+            RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &stiffness };
+        c.bench_function(&format!("drop on a ball 26x26, 200 sub-steps, {name}"), |b| {
+            b.iter(|| play(&cloth, &step, 4, 51, &inputs).unwrap());
+        });
+    }
+}
+
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(20);
-    targets = bench, bench_rollout
+    targets = bench, bench_rollout, bench_contact
 }
 criterion_main!(benches);

@@ -122,6 +122,25 @@ pub struct Known {
     pub down: Option<DVec3>,
     /// Vertices of the template that something holds, in ascending order.
     pub held: Option<Vec<usize>>,
+    /// What it lies on.
+    pub planes: Vec<Plane>,
+}
+
+/// A plane that the fabric does not pass through, such as a table, in the world's frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// Unit vector across it, to the side where the fabric is.
+    pub normal: DVec3,
+    /// Signed distance of the world's origin, times −1: n·x of its points `[m]`.
+    pub height: f64,
+}
+
+impl Plane {
+    /// How far a point is above it `[m]`; below 0 it is behind.
+    #[inline]
+    pub fn above(&self, point: DVec3) -> f64 {
+        self.normal.dot(point) - self.height
+    }
 }
 
 impl Scene {

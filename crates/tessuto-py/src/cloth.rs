@@ -8,6 +8,7 @@ use tessuto::glam::DVec3;
 use tessuto::math::factor::Scratch;
 use tessuto::mesh::Mesh;
 use tessuto::sim::cloth::AngleSpring;
+use tessuto::sim::contact::ContactSettings;
 use tessuto::sim::state::{StepGradients, StepTape};
 use tessuto::sim::step::{step, step_vjp};
 use tessuto::sim::{self, Accelerations, Integrator, RolloutInputs, State, StepSettings, Stiffness};
@@ -19,6 +20,7 @@ use crate::error::IntoPython as _;
 #[pyclass(frozen, module = "tessuto._native")]
 pub struct Cloth {
     cloth: Arc<sim::Cloth>,
+    template: Mesh,
 }
 
 type Vertices<'py> = Bound<'py, PyArray2<f64>>;
@@ -43,7 +45,7 @@ impl Cloth {
                 "vertex {k} has no mass: give it a face with an area"
             )));
         }
-        Ok(Self { cloth: Arc::new(cloth) })
+        Ok(Self { cloth: Arc::new(cloth), template: mesh })
     }
 
     #[getter]
@@ -70,6 +72,17 @@ impl Cloth {
     #[getter]
     fn shears<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
         angles(py, &self.cloth.shears)
+    }
+}
+
+impl Cloth {
+    /// With contact by these settings, JSON.
+    fn touching(&self, contact: Option<&str>) -> PyResult<Arc<sim::Cloth>> {
+        let Some(text) = contact else { return Ok(self.cloth.clone()) };
+        let settings: ContactSettings =
+            serde_json::from_str(text).map_err(|e| crate::error::refused(format!("contact: {e}")))?;
+        let cloth = self.cloth.as_ref().clone().with_contact(&self.template, &settings);
+        cloth.map(Arc::new).map_err(|e| crate::error::refused(e.to_string()))
     }
 }
 
@@ -132,8 +145,9 @@ pub fn cloth_step<'py>(
     acceleration: PyReadonlyArray2<'py, f64>,
     stiffnesses: Stiffnesses<'py>,
     stepping: Stepping,
+    contact: Option<&str>,
 ) -> PyResult<(Vertices<'py>, Vertices<'py>, ClothStep)> {
-    let cloth = cloth.cloth.clone();
+    let cloth = cloth.touching(contact)?;
     let count = cloth.vertex_count();
     let before = State { x: field(x.as_array(), count, "x")?, v: field(v.as_array(), count, "v")? };
     let acceleration = field(acceleration.as_array(), count, "acceleration")?;
@@ -144,9 +158,14 @@ pub fn cloth_step<'py>(
     Ok((x, v, ClothStep { cloth, settings, stiffness, tape }))
 }
 
-/// Gradients by x, v, acceleration, and the stiffnesses of all springs.
-type StepAdjoint<'py> =
-    (Vertices<'py>, Vertices<'py>, Vertices<'py>, (Elements<'py>, Elements<'py>, Elements<'py>));
+/// Gradients by x, v, acceleration, the stiffnesses of all springs, and the coefficients of friction.
+type StepAdjoint<'py> = (
+    Vertices<'py>,
+    Vertices<'py>,
+    Vertices<'py>,
+    (Elements<'py>, Elements<'py>, Elements<'py>),
+    Elements<'py>,
+);
 
 #[pymethods]
 impl ClothStep {
@@ -170,7 +189,8 @@ impl ClothStep {
         let rows = |field: &[DVec3]| arrays::to_rows(py, field);
         let of_state = (rows(&gradients.x)?, rows(&gradients.v)?, rows(&gradients.acceleration)?);
         let (x, v, acceleration) = of_state;
-        Ok((x, v, acceleration, of_springs(py, gradients.stiffness)))
+        let friction = PyArray1::from_vec(py, gradients.friction);
+        Ok((x, v, acceleration, of_springs(py, gradients.stiffness), friction))
     }
 }
 
@@ -199,8 +219,9 @@ pub fn rollout<'py>(
     stiffnesses: Stiffnesses<'py>,
     substeps: usize,
     stepping: Stepping,
+    contact: Option<&str>,
 ) -> PyResult<(Bound<'py, PyArray3<f64>>, Rollout)> {
-    let cloth = cloth.cloth.clone();
+    let cloth = cloth.touching(contact)?;
     let count = cloth.vertex_count();
     let initial = State { x: field(x.as_array(), count, "x")?, v: field(v.as_array(), count, "v")? };
     let [entries, vertices, _] = *dynamic.as_array().shape() else { unreachable!("three axes") };
@@ -224,13 +245,15 @@ pub fn rollout<'py>(
     Ok((motion, Rollout { cloth, settings, initial, accelerations, stiffness, rollout }))
 }
 
-/// Gradients by x, v, constant and dynamic accelerations, and the stiffnesses of all springs.
+/// Gradients by x, v, constant and dynamic accelerations, the stiffnesses of all springs, and the coefficients of
+/// friction.
 type RolloutAdjoint<'py> = (
     Vertices<'py>,
     Vertices<'py>,
     [f64; 3],
     Bound<'py, PyArray3<f64>>,
     (Elements<'py>, Elements<'py>, Elements<'py>),
+    Elements<'py>,
 );
 
 #[pymethods]
@@ -264,6 +287,7 @@ impl Rollout {
             gradients.constant.to_array(),
             arrays::to_frames(py, &gradients.dynamic, count)?,
             of_springs(py, gradients.stiffness),
+            PyArray1::from_vec(py, gradients.friction),
         ))
     }
 }

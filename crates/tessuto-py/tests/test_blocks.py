@@ -65,6 +65,57 @@ def test_a_rollout_and_its_adjoint() -> None:
         check(loss, everything[k], gradients[k], step, 1e-5)
 
 
+def sliding(friction: float, entries: int = 4) -> tuple[Any, Any]:
+    """A sheet that lies on a table and is pushed along it: its motion, and the tape."""
+    vertices, faces, _ = grid(4, 3)
+    vertices = np.stack([vertices[:, 0], np.full(len(vertices), -1.5e-3), vertices[:, 1]], axis=-1)
+    table = tessuto.Plane((0, 0, 0), (0, -1, 0), friction)
+    contact = tessuto.Contact(bodies=(table,), slip=0.05)
+    v = np.tile([1.0, 0.0, 0.0], (len(vertices), 1))
+    dynamic = np.zeros((entries, 3))
+    options = {**STEP, "damping": 1.0, "substeps": 4, "contact": contact}
+    return tessuto.rollout(
+        tessuto.Cloth(vertices, faces), vertices, v, (0, 9.81, 0), dynamic, *STIFFNESS, **options
+    )
+
+
+def test_friction_is_fitted_through_the_adjoint() -> None:
+    truth = 0.37
+    goal, _ = sliding(truth)
+    assert goal[-1, :, 0].mean() - goal[0, :, 0].mean() < 0.075, "friction has slowed it"
+
+    def loss(friction: float) -> tuple[float, float]:
+        motion, tape = sliding(friction)
+        gradients = tessuto.rollout_vjp(tape, motion - goal)
+        assert gradients.friction.shape == (2,)
+        return 0.5 * float(np.sum((motion - goal) ** 2)), float(gradients.friction[1])
+
+    h = 1e-4
+    slope, numeric = loss(0.2)[1], (loss(0.2 + h)[0] - loss(0.2 - h)[0]) / (2 * h)
+    assert abs(slope / numeric - 1) < 1e-4, (slope, numeric)
+    # Newton's method on the slope, by secants.
+    at, before = 0.2, 0.25
+    for _ in range(8):
+        here, there = loss(at)[1], loss(before)[1]
+        if here == there:
+            break
+        at, before = at - here * (at - before) / (here - there), at
+    assert abs(at - truth) < 1e-4, at
+
+
+def test_contact_that_cannot_be_is_refused_by_name() -> None:
+    cloth, given = simulated()
+    for contact, part in [
+        ("table", "contact"),
+        (tessuto.Contact(bodies=("table",)), "bodies"),  # type: ignore[arg-type]
+        (tessuto.Contact(bodies=(tessuto.Sphere((0, 0, 1), -1.0),)), "radius"),
+        (tessuto.Contact(bodies=(tessuto.Sphere((0, 0, 1), 0.5),)), "within body 0"),
+        (tessuto.Contact(friction=-1.0), "friction"),
+    ]:
+        with pytest.raises(tessuto.Error, match=part):
+            tessuto.rollout(cloth, *given, *STIFFNESS, **STEP, contact=contact)
+
+
 def test_a_stiffness_per_spring_is_one_for_all_of_them() -> None:
     cloth, given = simulated()
     one, tape = tessuto.rollout(cloth, *given, *STIFFNESS, **STEP)

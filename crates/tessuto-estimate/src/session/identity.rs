@@ -6,8 +6,8 @@ use tessuto_core::error::Result;
 use tessuto_core::scene::Scene;
 use tessuto_core::text::hex;
 
-/// SHA-256 of everything that is computed with: `settings` as text, every camera and its poses, the template and all
-/// pixels.
+/// SHA-256 of everything that is computed with: `settings` as text, every camera and its poses, the template, what is
+/// known of causes, and all pixels.
 ///
 /// # Errors
 /// Those of reading the frames.
@@ -20,6 +20,7 @@ pub fn identity(scene: &Scene, settings: &str) -> Result<String> {
     hash.update(bytemuck::cast_slice::<_, u8>(&template.positions));
     hash.update(bytemuck::cast_slice::<_, u8>(&template.uvs));
     hash.update(format!("{:?}", template.faces));
+    hash.update(format!("{:?}", scene.known));
     scene.more.iter().for_each(|view| hash.update(view.late.to_le_bytes()));
     for v in 0..scene.view_count() {
         add_view(&scene.seen_by(v), &mut hash)?;

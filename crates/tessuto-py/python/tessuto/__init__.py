@@ -26,6 +26,7 @@ from ._cloth import (  # noqa: E402
     rollout,
     rollout_vjp,
 )
+from ._contact import Contact, Obstacle, Plane, Sphere  # noqa: E402
 from ._errors import (  # noqa: E402
     Error,
     InputError,
@@ -48,6 +49,7 @@ __version__: str = _version()
 __all__ = [
     "Camera",
     "Cloth",
+    "Contact",
     "DirectLight",
     "DirectLightGradients",
     "Error",
@@ -55,7 +57,9 @@ __all__ = [
     "InputError",
     "InterruptedError",
     "NumericalError",
+    "Obstacle",
     "OutputError",
+    "Plane",
     "ProcessorError",
     "RasterGradients",
     "Rasterizer",
@@ -63,6 +67,7 @@ __all__ = [
     "RolloutGradients",
     "Scene",
     "SceneWarning",
+    "Sphere",
     "Step",
     "StepGradients",
     "UsageError",

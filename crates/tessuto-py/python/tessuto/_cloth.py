@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _native
 from ._arrays import ArrayLike, Faces, Float64, UInt32, corners, doubles, shaped
+from ._contact import Contact, settings_of
 from ._errors import InputError, UsageError
 
 #: A stiffness: one number, or one per spring.
@@ -126,7 +127,10 @@ def _step_again(cloth: Cloth, given: tuple[Any, ...], options: dict[str, Any]) -
 
 
 class StepGradients(NamedTuple):
-    """Gradients of a loss by what goes into a step, in the shapes of these."""
+    """Gradients of a loss by what goes into a step, in the shapes of these.
+
+    `friction` is by the coefficients: between layers, then of every body; empty without contact.
+    """
 
     x: Float64
     v: Float64
@@ -134,6 +138,7 @@ class StepGradients(NamedTuple):
     stretch: Float64
     bend: Float64
     shear: Float64
+    friction: Float64
 
 
 def cloth_step(
@@ -150,6 +155,7 @@ def cloth_step(
     integrator: str = "implicit_euler",
     tolerance: float = 1e-9,
     newton_limit: int = 50,
+    contact: Optional[Contact] = None,
 ) -> tuple[Float64, Float64, StepTape]:
     """One time step of the cloth.
 
@@ -163,6 +169,7 @@ def cloth_step(
         integrator: "implicit_euler", the minimum of the incremental potential, or "linearized_euler", one linear solve.
         tolerance: Newton's method ends when no coordinate moves by more, m.
         newton_limit: Most iterations of Newton's method.
+        contact: What the cloth touches, with "implicit_euler"; it passes through everything where None.
 
     Returns:
         Positions and velocities after the step, [V, 3], and what `cloth_step_vjp` needs.
@@ -177,21 +184,22 @@ def cloth_step(
         shaped("acceleration", acceleration, len(cloth.masses), 3),
         _of_springs(cloth, stretch, bend, shear),
         _stepping(dt, damping, integrator, tolerance, newton_limit),
+        settings_of(contact),
     )
     stiffness = _kept(stretch, bend, shear)
     options: dict[str, Any] = {"dt": dt, "damping": damping, "integrator": integrator}
-    options |= {"tolerance": tolerance, "newton_limit": newton_limit}
+    options |= {"tolerance": tolerance, "newton_limit": newton_limit, "contact": contact}
     made = (cloth, (*_kept(x, v, acceleration), *stiffness), options)
     return native[0], native[1], StepTape(native[2], (stiffness[0], stiffness[1], stiffness[2]), made)
 
 
 def cloth_step_vjp(tape: StepTape, grad_x: ArrayLike, grad_v: ArrayLike) -> StepGradients:
     """Adjoint of `cloth_step`: gradients of a loss from those by the positions and velocities after it, [V, 3]."""
-    x, v, acceleration, springs = tape.native.vjp(
+    x, v, acceleration, springs, friction = tape.native.vjp(
         shaped("grad_x", grad_x, "V", 3), shaped("grad_v", grad_v, "V", 3)
     )
     stretch, bend, shear = (_summed(g, k) for g, k in zip(springs, tape.stiffness))
-    return StepGradients(x, v, acceleration, stretch, bend, shear)
+    return StepGradients(x, v, acceleration, stretch, bend, shear, friction)
 
 
 class RolloutTape(NamedTuple):
@@ -212,7 +220,10 @@ def _rollout_again(cloth: Cloth, given: tuple[Any, ...], options: dict[str, Any]
 
 
 class RolloutGradients(NamedTuple):
-    """Gradients of a loss by what goes into a rollout, in the shapes of these."""
+    """Gradients of a loss by what goes into a rollout, in the shapes of these.
+
+    `friction` is by the coefficients: between layers, then of every body; empty without contact.
+    """
 
     x: Float64
     v: Float64
@@ -221,6 +232,7 @@ class RolloutGradients(NamedTuple):
     stretch: Float64
     bend: Float64
     shear: Float64
+    friction: Float64
 
 
 def rollout(
@@ -240,6 +252,7 @@ def rollout(
     integrator: str = "implicit_euler",
     tolerance: float = 1e-9,
     newton_limit: int = 50,
+    contact: Optional[Contact] = None,
 ) -> tuple[Float64, RolloutTape]:
     """Simulate a clip of N frames.
 
@@ -257,7 +270,7 @@ def rollout(
         substeps: Sub-steps per frame.
         parts: Entries of `dynamic` per frame, each held for substeps/parts sub-steps.
         damping: Factor on the velocity before every sub-step.
-        integrator, tolerance, newton_limit: See `cloth_step`.
+        integrator, tolerance, newton_limit, contact: See `cloth_step`.
 
     Returns:
         Positions in every frame, [N, V, 3] m, and what `rollout_vjp` needs.
@@ -282,10 +295,11 @@ def rollout(
         _of_springs(cloth, stretch, bend, shear),
         int(substeps),
         _stepping(dt, damping, integrator, tolerance, newton_limit),
+        settings_of(contact),
     )
     stiffness = _kept(stretch, bend, shear)
     options: dict[str, Any] = {"dt": dt, "substeps": substeps, "parts": parts, "damping": damping}
-    options |= {"integrator": integrator, "tolerance": tolerance, "newton_limit": newton_limit}
+    options |= {"integrator": integrator, "tolerance": tolerance, "newton_limit": newton_limit, "contact": contact}
     made = (cloth, (*_kept(x, v, constant, dynamic), *stiffness), options)
     return native[0], RolloutTape(
         native[1], (stiffness[0], stiffness[1], stiffness[2]), np.ndim(dynamic) == 2, made
@@ -294,8 +308,9 @@ def rollout(
 
 def rollout_vjp(tape: RolloutTape, grad_motion: ArrayLike) -> RolloutGradients:
     """Adjoint of `rollout`: gradients of a loss from those by the positions in every frame, [N, V, 3]."""
-    x, v, constant, dynamic, springs = tape.native.vjp(shaped("grad_motion", grad_motion, "N", "V", 3))
+    given = shaped("grad_motion", grad_motion, "N", "V", 3)
+    x, v, constant, dynamic, springs, friction = tape.native.vjp(given)
     if tape.uniform:
         dynamic = dynamic.sum(axis=1)
     stretch, bend, shear = (_summed(g, k) for g, k in zip(springs, tape.stiffness))
-    return RolloutGradients(x, v, np.array(constant), dynamic, stretch, bend, shear)
+    return RolloutGradients(x, v, np.array(constant), dynamic, stretch, bend, shear, friction)

@@ -138,14 +138,20 @@ class Cloth:
     def shears(self) -> _U32: ...
 
 class ClothStep:
-    def vjp(self, grad_x: _F64, grad_v: _F64) -> tuple[_F64, _F64, _F64, OfSprings]: ...
+    def vjp(self, grad_x: _F64, grad_v: _F64) -> tuple[_F64, _F64, _F64, OfSprings, _F64]: ...
 
 def cloth_step(
-    cloth: Cloth, x: _F64, v: _F64, acceleration: _F64, stiffnesses: OfSprings, stepping: _Stepping
+    cloth: Cloth,
+    x: _F64,
+    v: _F64,
+    acceleration: _F64,
+    stiffnesses: OfSprings,
+    stepping: _Stepping,
+    contact: Optional[str],
 ) -> tuple[_F64, _F64, ClothStep]: ...
 
 class Rollout:
-    def vjp(self, grad_motion: _F64) -> tuple[_F64, _F64, list[float], _F64, OfSprings]: ...
+    def vjp(self, grad_motion: _F64) -> tuple[_F64, _F64, list[float], _F64, OfSprings, _F64]: ...
 
 def rollout(
     cloth: Cloth,
@@ -157,6 +163,7 @@ def rollout(
     stiffnesses: OfSprings,
     substeps: int,
     stepping: _Stepping,
+    contact: Optional[str],
 ) -> tuple[_F64, Rollout]: ...
 
 class Rasterizer:

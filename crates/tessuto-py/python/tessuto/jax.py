@@ -89,7 +89,7 @@ class _ClothStep(_Call):
     def gradients(self, given: Sequence[Any], of_values: Sequence[Any]) -> Sequence[Any]:
         x, v, acceleration, stretch, bend, shear = given
         tape = _cloth.cloth_step(self.cloth, x, v, acceleration, stretch, bend, shear, **self.options)[2]
-        return _cloth.cloth_step_vjp(tape, of_values[0], of_values[1])
+        return _cloth.cloth_step_vjp(tape, of_values[0], of_values[1])[: len(given)]
 
     def shapes(self, *given: Any) -> list[tuple[int, ...]]:
         return [given[0].shape, given[0].shape]
@@ -119,7 +119,7 @@ class _Rollout(_Call):
         return [self._run(given)[0]]
 
     def gradients(self, given: Sequence[Any], of_values: Sequence[Any]) -> Sequence[Any]:
-        return _cloth.rollout_vjp(self._run(given)[1], of_values[0])
+        return _cloth.rollout_vjp(self._run(given)[1], of_values[0])[: len(given)]
 
     def shapes(self, *given: Any) -> list[tuple[int, ...]]:
         frames = given[3].shape[0] // int(self.options.get("parts", 1)) + 1

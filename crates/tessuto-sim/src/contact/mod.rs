@@ -35,6 +35,7 @@
 //! ```
 
 mod advance;
+pub mod apart;
 mod barrier;
 mod candidates;
 mod closest;

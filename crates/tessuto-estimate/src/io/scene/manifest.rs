@@ -6,16 +6,17 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::planes::{self, ListedPlane};
 use super::poses::{self, POSES};
 use crate::io::image::MAX_SIDE;
+use crate::io::read_bounded;
 use crate::io::text::decode;
-use crate::io::{atomic_write, read_bounded};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::scene::{Known, PoseUnit};
 use tessuto_core::text::edits;
 
-const KNOWN: [&str; 20] = [
+const KNOWN: [&str; 21] = [
     "name",
     "fps",
     "n_frames",
@@ -31,6 +32,7 @@ const KNOWN: [&str; 20] = [
     "depth_unit",
     "gravity",
     "held",
+    "planes",
     "notes",
     "rgbs",
     "masks",
@@ -80,6 +82,9 @@ pub(crate) struct Manifest {
     pub gravity: Option<[f64; 3]>,
     /// Vertices of the template that something holds, numbered from 0.
     pub held: Option<Vec<usize>>,
+    /// What the fabric lies on.
+    #[serde(default)]
+    planes: Vec<ListedPlane>,
     /// Anything; what tessuto reads of it is [`camera_doubt`](Self::camera_doubt).
     #[serde(default)]
     notes: Value,
@@ -101,113 +106,6 @@ fn masks() -> String {
 
 fn depth() -> String {
     super::depths::FOLDER.to_owned()
-}
-
-/// Writes the scene.json of a folder with `frames` frames, seen by `camera`, lengths in metres; `notes` may be
-/// anything.
-///
-/// # Errors
-/// [`Error::Output`].
-pub fn write_manifest(
-    folder: &Path,
-    name: &str,
-    fps: f64,
-    frames: usize,
-    camera: &Camera,
-    notes: Value,
-) -> Result<()> {
-    let manifest = json!({
-        "name": name,
-        "fps": fps,
-        "n_frames": frames,
-        "width": camera.width,
-        "height": camera.height,
-        "fx": camera.fx,
-        "fy": camera.fy,
-        "cx": camera.cx,
-        "cy": camera.cy,
-        "units": "m",
-        "notes": notes,
-    });
-    let text = serde_json::to_string_pretty(&manifest).expect("plain data") + "\n";
-    atomic_write(&folder.join("scene.json"), text.as_bytes())
-}
-
-/// Gives the scene in `folder` another camera, of images of the same size; all else in scene.json stays. `source`
-/// says where it is from, `uncertainty` is the standard deviation of its focal length, as a fraction.
-///
-/// # Errors
-/// [`Error::Input`] if scene.json cannot be used; [`Error::Output`].
-pub fn replace_camera(folder: &Path, camera: &Camera, source: &str, uncertainty: Option<f64>) -> Result<()> {
-    Manifest::read(folder)?;
-    change(folder, |scene| {
-        for (key, value) in [("fx", camera.fx), ("fy", camera.fy), ("cx", camera.cx), ("cy", camera.cy)] {
-            scene[key] = json!(value);
-        }
-        if !scene["notes"].is_object() {
-            let before = scene["notes"].take();
-            scene["notes"] = if before.is_null() { json!({}) } else { json!({ "text": before }) };
-        }
-        scene["notes"]["camera"] = json!({ "source": source, "uncertainty": uncertainty });
-    })
-}
-
-/// Tells the scene in `folder` which way is down, in the frame of the camera in frame 0.
-///
-/// # Errors
-/// As [`replace_camera`].
-pub(crate) fn set_gravity(folder: &Path, down: DVec3) -> Result<()> {
-    change(folder, |scene| scene["gravity"] = json!(down.normalize().to_array()))
-}
-
-/// A further camera, as scene.json lists it. Its files are in a folder of its name: rgbs, masks, poses.json, and depth
-/// where it has any.
-#[derive(Debug, Clone)]
-pub struct ListedView {
-    /// Its name.
-    pub name: String,
-    /// Camera of its full image.
-    pub camera: Camera,
-    /// Whether it has depth maps.
-    pub depth: bool,
-    /// How much later than the scene's own camera it takes its frames `[s]`.
-    pub late: f64,
-}
-
-/// Tells the scene in `folder` of the cameras `more`, beside its own.
-///
-/// # Errors
-/// As [`replace_camera`].
-pub fn write_views(folder: &Path, more: &[ListedView]) -> Result<()> {
-    let of = |view: &ListedView| {
-        let Camera { fx, fy, cx, cy, width, height } = view.camera;
-        let inside = |name: &str| format!("{}/{name}", view.name);
-        let mut listed = json!({
-            "name": view.name, "width": width, "height": height, "fx": fx, "fy": fy, "cx": cx, "cy": cy,
-            "rgbs": inside("rgbs"), "masks": inside("masks"), "poses": inside(POSES),
-        });
-        if view.late != 0.0 {
-            listed["time_offset"] = json!(view.late);
-        }
-        if view.depth {
-            listed["depth"] = json!(inside(super::depths::FOLDER));
-        }
-        listed
-    };
-    let all: Vec<Value> = std::iter::once(json!({ "name": "first" })).chain(more.iter().map(of)).collect();
-    change(folder, |scene| scene["views"] = json!(all))
-}
-
-fn change(folder: &Path, by: impl FnOnce(&mut Value)) -> Result<()> {
-    let path = folder.join("scene.json");
-    let place = path.display().to_string();
-    let text = crate::io::read_text(&path)?;
-    let unusable = |problem: String| Error::input(&place, problem, "correct the file");
-    let mut scene: Value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
-        .map_err(|e| unusable(format!("is not valid JSON: {e}")))?;
-    by(&mut scene);
-    let text = serde_json::to_string_pretty(&scene).expect("plain data") + "\n";
-    atomic_write(&path, text.as_bytes())
 }
 
 /// Unit of every length in the folder's files.
@@ -268,6 +166,7 @@ impl Manifest {
             depth_unit: None,
             gravity: None,
             held: None,
+            planes: Vec::new(),
             notes: Value::Null,
             more: Vec::new(),
             late: 0.0,
@@ -321,7 +220,8 @@ impl Manifest {
                 return Err(Error::input(place, problem, "number vertices from 0, in template.obj's order"));
             }
         }
-        Ok(Known { down: self.gravity.map(|g| DVec3::from_array(g).normalize()), held })
+        let down = self.gravity.map(|g| DVec3::from_array(g).normalize());
+        Ok(Known { down, held, planes: planes::read(&self.planes, self.units.scale(), place)? })
     }
 
     /// Poses of all frames as they are listed; poses.json counts for the first camera where it is there and nothing is
@@ -467,7 +367,7 @@ fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<Further>)>> {
         let mut merged = scene.clone();
         if k > 0 {
             // Of the scene's own camera.
-            ["crop", "poses", "depth_unit", "rgbs", "masks", "depth", "gravity", "held", "notes"]
+            ["crop", "poses", "depth_unit", "rgbs", "masks", "depth", "gravity", "held", "planes", "notes"]
                 .iter()
                 .filter_map(|key| merged.as_object_mut()?.remove(*key))
                 .for_each(drop);

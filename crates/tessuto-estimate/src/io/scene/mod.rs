@@ -12,12 +12,14 @@
 
 mod colours;
 mod depths;
+mod edit;
 mod first_frame;
 mod frames;
 mod further;
 mod listing;
 mod manifest;
 mod memory;
+mod planes;
 mod poses;
 mod record;
 mod rectangle;
@@ -31,10 +33,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use colours::{ColourFiles, colour_files};
+pub(crate) use edit::set_gravity;
+pub use edit::{ListedView, replace_camera, set_planes, write_manifest, write_views};
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
-pub(crate) use manifest::set_gravity;
-pub use manifest::{ListedView, replace_camera, write_manifest, write_views};
 pub use memory::{RecordedView, Recording, assemble};
 pub use poses::{POSES, read_poses, write_poses};
 pub(crate) use poses::{listed as listed_poses, moving};

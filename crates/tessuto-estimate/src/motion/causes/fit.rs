@@ -319,7 +319,7 @@ mod tests {
 
         // What is known is taken: gravity a little off, and held vertices that would not be guessed.
         let down = (truth.down + DVec3::new(0.02, 0.0, -0.01)).normalize();
-        let known = Known { down: Some(down), held: Some(vec![0, 3, 6]) };
+        let known = Known { down: Some(down), held: Some(vec![0, 3, 6]), ..Known::default() };
         let brief = CauseSettings { iterations: 2, ..settings };
         let found = find((&mesh, &known, &views), &frames, Some(&deviations), (50.0, &dynamics), &brief);
         assert_eq!(found.held, [0, 3, 6]);

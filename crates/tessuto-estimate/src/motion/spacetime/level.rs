@@ -5,6 +5,8 @@ use rayon::prelude::*;
 use super::look::Look;
 use super::noise::Asked;
 use super::{Positions, Problem, acceleration};
+use crate::motion::terms::plane::Planes;
+use crate::motion::terms::robust::Noise;
 use crate::motion::terms::shading::{HARMONICS, Light};
 use crate::motion::terms::still::Still;
 use crate::motion::terms::{FrameTerms, OfViews, PriorTerms, TERMS};
@@ -112,6 +114,11 @@ impl LevelSearch<'_, '_> {
                 first: &p.scene.template.positions,
                 vertices: &self.still,
                 sigma: p.settings.still,
+            },
+            planes: Planes {
+                cloth: p.cloth,
+                planes: &p.scene.known.planes,
+                noise: Noise { sigma: p.settings.plane, tail: p.settings.depth_tail },
             },
         }
     }

@@ -17,7 +17,7 @@ use tessuto_core::math::gradient_check::{Worst, check, check_coarse};
 use tessuto_core::math::rng::Rng;
 use tessuto_core::math::{dot, flat, vectors};
 use tessuto_core::mesh::{Mesh, Positions, grid};
-use tessuto_core::scene::{Depths, Scene, Truth};
+use tessuto_core::scene::{Depths, Known, Plane, Scene, Truth};
 use tessuto_core::video::{Frame, Video};
 use tessuto_sim::Cloth;
 
@@ -70,7 +70,10 @@ pub(super) fn scene() -> Scene {
         first_frame: 0,
         template: Mesh { positions, ..flat },
         frames: Video::from((0..FRAMES).map(frame).collect::<Vec<_>>()),
-        known: Default::default(),
+        known: Known {
+            planes: vec![Plane { normal: DVec3::new(0.0, 0.6, -0.8), height: -0.8 }],
+            ..Known::default()
+        },
         truth: Truth::default(),
     }
 }

@@ -26,6 +26,9 @@ settings! {
         shear_smooth: f64 = 0.0015, number(1e-6..=1e3, "rad");
         /// Standard deviation σ of vertices on edges detected as fixed; larger is weaker.
         still: f64 = 0.0001, number(1e-6..=1e6, "m");
+        /// Spread σ of the height of vertices over a given plane on which they lie; larger is weaker. The tail of
+        /// measured depth is its tail.
+        plane: f64 = 0.001, number(1e-6..=1e3, "m");
         /// Spread σ of the acceleration of a vertex while the sheet is first followed; larger is weaker. After
         /// that it is the clip's own, a tenth of this at least.
         acceleration: f64 = 10.0, number(1e-4..=1e6, "m/s²");

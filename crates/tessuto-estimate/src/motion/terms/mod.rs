@@ -9,6 +9,7 @@ pub mod colour;
 pub mod depth;
 pub mod low_rank;
 pub mod outline;
+pub mod plane;
 pub mod robust;
 pub mod shading;
 pub mod shear;
@@ -25,6 +26,7 @@ use colour::Colour;
 use depth::Depth;
 use low_rank::LowRank;
 use outline::Outline;
+use plane::Planes;
 use shading::Shading;
 use shear::Shear;
 use signed_bend::SignedBend;
@@ -194,6 +196,8 @@ terms! {
     frame {
         /// Against where it is fixed.
         still: Still,
+        /// Against what it lies on.
+        planes: Planes,
     }
 }
 
