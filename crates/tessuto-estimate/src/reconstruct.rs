@@ -13,6 +13,7 @@ use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Motion, Positions};
 use tessuto_core::scene::Scene;
 use tessuto_render::raster::{Rasterizer, Texture};
+use tessuto_sim::contact::apart::put_apart;
 use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 
 /// What was found about the fabric.
@@ -134,6 +135,9 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
         true => Some(problem.deviations(&frames, &pool, config.seed, session)?),
         false => None,
     };
+    if let Some(deviations) = &deviations {
+        frames = put_apart(&scene.template, frames, deviations, scene.fps);
+    }
     session.begin("forces and stiffnesses");
     let dynamics = config.dynamics.at(scene.fps);
     let (mut causes, mut made) = (None, None);
@@ -148,6 +152,9 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
             // What was found before stays where it explains the images better.
             let along = problem.along(frames.clone(), &made);
             frames = problem.by_pictures(frames, along);
+            if let Some(deviations) = &deviations {
+                frames = put_apart(&scene.template, frames, deviations, scene.fps);
+            }
         }
         let found = begun.explain(&frames, advance);
         causes = Some(found.explained);

@@ -228,7 +228,7 @@ impl Potential<'_> {
         let x = self.moved(d);
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
         let exact = self.system(&x, HessianKind::Exact, scratch);
-        let limit = if self.touch.is_some() { CONTACT_LIMIT } else { CG_LIMIT };
+        let limit = limit(exact.1.as_ref());
         let (mut step, mut definite) = (None, true);
         let digits = -tolerance.ln();
         match kept.take() {
@@ -285,7 +285,7 @@ impl Potential<'_> {
         scratch: &mut Scratch,
     ) -> (Positions, End, usize) {
         let (analysis, pattern) = (&self.cloth.analysis, &self.cloth.pattern);
-        let limit = if self.touch.is_some() { CONTACT_LIMIT } else { CG_LIMIT };
+        let limit = limit(far.as_ref());
         let multiply = |p: &Positions| product(pattern, (matrix, far.as_ref()), p);
         let precondition =
             |r: &Positions| chord.take().unwrap_or_else(|| analysis.solve(pattern, factor, r, scratch));
@@ -304,6 +304,11 @@ fn product(
         far.add_product(field, &mut out);
     }
     out
+}
+
+/// Most iterations of conjugate gradients for a matrix with these blocks beyond its pattern.
+fn limit(far: Option<&Far>) -> usize {
+    if far.is_some_and(|far| !far.is_empty()) { CONTACT_LIMIT } else { CG_LIMIT }
 }
 
 /// M/h² + ∂²E: ∂²Φ without contact.
@@ -348,7 +353,7 @@ pub fn step_vjp(
     let near = tape.factor.as_ref().and_then(|factor| solve_near(cloth, system, factor, &rhs, scratch));
     let mu = near.unwrap_or_else(|| {
         let factor = cloth.analysis.factorize(&cloth.pattern, &matrix, scratch);
-        let mu = match far {
+        let mu = match far.as_ref().filter(|far| !far.is_empty()) {
             Some(_) => solve_far(cloth, system, &factor, &rhs, scratch),
             None => cloth.analysis.solve(&cloth.pattern, &factor, &rhs, scratch),
         };
@@ -384,7 +389,7 @@ fn solve_near(
     let multiply = |p: &Positions| product(pattern, matrix, p);
     let precondition = |r: &Positions| analysis.solve(pattern, factor, r, scratch);
     let end = (Measure::Plain, ADJOINT_TOLERANCE);
-    let limit = if matrix.1.is_some() { CONTACT_LIMIT } else { ADJOINT_LIMIT };
+    let limit = if limit(matrix.1) == CONTACT_LIMIT { CONTACT_LIMIT } else { ADJOINT_LIMIT };
     let (x, end, _) = conjugate_gradients(rhs, multiply, precondition, end, limit);
     (end == End::Converged).then_some(x)
 }

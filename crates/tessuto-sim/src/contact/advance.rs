@@ -16,12 +16,15 @@ const LIMIT: usize = 1000;
 
 /// The part of the way `step` `[m]` from `x` that keeps the gap above [`LEFT`] of what it is; 1: all of it.
 pub fn advance(pair: &Pair, x: &Corners, step: &Corners) -> f64 {
-    let start = pair.gap_size(x);
     let speed = match pair.kind {
         Kind::Plane(normal, _) => (-normal.dot(step[0])).max(0.0),
         Kind::PointTriangle => fastest(step, 1),
         Kind::EdgeEdge(_) => fastest(step, 2),
     };
+    if SURELY * pair.gap_at_least(x) >= speed {
+        return 1.0;
+    }
+    let start = pair.gap_size(x);
     if SURELY * start >= speed {
         return 1.0;
     }

@@ -1,4 +1,4 @@
-//! Which elements can come near each other while every node stays within its box: sorted along one axis, swept.
+//! Which elements can come near each other while every node stays within its box: by a grid.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -59,27 +59,93 @@ impl Bounds {
 
 /// Indices of all `first` and `second` boxes that meet, in ascending order of the first.
 pub fn meetings(first: &[Bounds], second: &[Bounds]) -> Vec<[u32; 2]> {
-    let Some(all) =
-        second.iter().copied().reduce(|a, b| Bounds { low: a.low.min(b.low), high: a.high.max(b.high) })
-    else {
-        return Vec::new();
-    };
-    let axis = (all.high - all.low).max_position();
-    let mut order: Vec<u32> = (0..second.len() as u32).collect();
-    order.sort_unstable_by(|&a, &b| {
-        second[a as usize].low[axis].total_cmp(&second[b as usize].low[axis]).then(a.cmp(&b))
-    });
-    let sorted: Vec<Bounds> = order.iter().map(|k| second[*k as usize]).collect();
-    let longest = sorted.iter().map(|b| b.high[axis] - b.low[axis]).fold(0.0, f64::max);
-    let of = |(i, own): (usize, &Bounds)| {
-        let start = sorted.partition_point(|b| b.low[axis] < own.low[axis] - longest);
-        let own = *own;
-        let near = sorted[start..].iter().zip(&order[start..]);
-        near.take_while(move |(b, _)| b.low[axis] <= own.high[axis])
-            .filter(move |(b, _)| b.meets(&own))
-            .map(move |(_, j)| [i as u32, *j])
-    };
+    let Some(grid) = Grid::new(second) else { return Vec::new() };
+    let of = |(i, own): (usize, &Bounds)| grid.meeting(*own).map(move |j| [i as u32, j]);
     first.par_iter().enumerate().with_min_len(TASK).flat_map_iter(of).collect()
+}
+
+/// Boxes in the cells of a grid over the two axes along which they spread most, each in the cell of its low corner.
+struct Grid {
+    axes: [usize; 2],
+    /// Low corner of the grid, and of a cell the size, on these axes.
+    low: [f64; 2],
+    cell: [f64; 2],
+    counts: [usize; 2],
+    /// Largest size of a box on these axes.
+    longest: [f64; 2],
+    /// Where every cell begins in `order`, then the end.
+    starts: Vec<u32>,
+    order: Vec<u32>,
+    sorted: Vec<Bounds>,
+}
+
+impl Grid {
+    /// `None` of no boxes.
+    fn new(boxes: &[Bounds]) -> Option<Self> {
+        let join = |a: Bounds, b: Bounds| Bounds { low: a.low.min(b.low), high: a.high.max(b.high) };
+        let all = boxes.iter().copied().reduce(join)?;
+        let size = all.high - all.low;
+        let least = size.min_position();
+        let axes = [(least + 1) % 3, (least + 2) % 3];
+        let longest = axes.map(|axis| boxes.iter().map(|b| b.high[axis] - b.low[axis]).fold(0.0, f64::max));
+        // About one box in a cell, but no cell smaller than the largest box.
+        let side = (boxes.len() as f64).sqrt();
+        let count = |k: usize| {
+            let most = size[axes[k]] / longest[k];
+            if most.is_finite() { (most.min(side).floor() as usize).max(1) } else { 1 }
+        };
+        let counts = [count(0), count(1)];
+        let cell = [0, 1].map(|k| size[axes[k]] / counts[k] as f64);
+        let low = axes.map(|axis| all.low[axis]);
+        let mut grid = Self {
+            axes,
+            low,
+            cell,
+            counts,
+            longest,
+            starts: vec![0; counts[0] * counts[1] + 1],
+            order: vec![0; boxes.len()],
+            sorted: Vec::new(),
+        };
+        let cells: Vec<usize> = boxes
+            .iter()
+            .map(|b| {
+                let [i, j] = [0, 1].map(|k| grid.index(k, b.low[grid.axes[k]]));
+                i * grid.counts[1] + j
+            })
+            .collect();
+        cells.iter().for_each(|c| grid.starts[c + 1] += 1);
+        (1..grid.starts.len()).for_each(|c| grid.starts[c] += grid.starts[c - 1]);
+        let mut next = grid.starts.clone();
+        for (item, c) in cells.iter().enumerate() {
+            grid.order[next[*c] as usize] = item as u32;
+            next[*c] += 1;
+        }
+        grid.sorted = grid.order.iter().map(|k| boxes[*k as usize]).collect();
+        Some(grid)
+    }
+
+    /// The cell of a coordinate on the `k`-th of the axes.
+    fn index(&self, k: usize, at: f64) -> usize {
+        // Casts of what is below 0, or no number, give 0.
+        (((at - self.low[k]) / self.cell[k]) as usize).min(self.counts[k] - 1)
+    }
+
+    /// The boxes that meet `own`.
+    fn meeting(&self, own: Bounds) -> impl Iterator<Item = u32> + '_ {
+        let range = |k: usize| {
+            let axis = self.axes[k];
+            self.index(k, own.low[axis] - self.longest[k])..=self.index(k, own.high[axis])
+        };
+        let (rows, columns) = (range(0), range(1));
+        rows.flat_map(move |i| {
+            let cell = |j: usize| self.starts[i * self.counts[1] + j] as usize;
+            let in_row = cell(*columns.start())..cell(columns.end() + 1);
+            self.sorted[in_row.clone()].iter().zip(&self.order[in_row])
+        })
+        .filter(move |(b, _)| b.meets(&own))
+        .map(|(_, j)| *j)
+    }
 }
 
 #[cfg(test)]

@@ -55,7 +55,7 @@ use tessuto_core::mesh::{Mesh, Positions, triangle_area};
 
 /// The thickness, where none is given: this part of the shortest edge. Elements that share no corner are farther
 /// apart at rest on any mesh of sound triangles.
-const OF_EDGE: f64 = 0.25;
+const OF_EDGE: f64 = 0.1;
 
 /// What touches what, and how.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -148,6 +148,23 @@ impl Pair {
         if matches!(self.kind, Kind::Plane(..)) { 1 } else { 4 }
     }
 
+    /// Less than δ, or δ itself, by boxes around the two elements `[m]`: much sooner known.
+    #[inline]
+    pub fn gap_at_least(&self, x: &Corners) -> f64 {
+        let between = match self.kind {
+            Kind::Plane(normal, height) => return normal.dot(x[0]) - height - self.offset,
+            Kind::PointTriangle => {
+                let (low, high) = (x[1].min(x[2]).min(x[3]), x[1].max(x[2]).max(x[3]));
+                (low - x[0]).max(x[0] - high)
+            }
+            Kind::EdgeEdge(_) => {
+                let (low, high) = (x[0].min(x[1]), x[0].max(x[1]));
+                (low - x[2].max(x[3])).max(x[2].min(x[3]) - high)
+            }
+        };
+        between.max(DVec3::ZERO).length() - self.offset
+    }
+
     /// δ alone `[m]`.
     pub fn gap_size(&self, x: &Corners) -> f64 {
         let distance = match self.kind {
@@ -160,6 +177,9 @@ impl Pair {
 
     /// The gap, if it is below `reach` `[m]` and has energy.
     pub fn gap(&self, x: &Corners, reach: f64) -> Option<Gap> {
+        if self.gap_at_least(x) >= reach {
+            return None;
+        }
         let closest = match self.kind {
             Kind::Plane(normal, height) => {
                 let size = normal.dot(x[0]) - height - self.offset;
@@ -278,6 +298,7 @@ mod tests {
             let x = [0; 4].map(|_| rng.vector());
             let kind = kinds[found.len() % 4];
             let pair = Pair { nodes: [0, 1, 2, 3], kind, area: 0.7, offset: 0.02, surface: 0 };
+            assert!(pair.gap_at_least(&x) <= pair.gap_size(&x));
             if pair.gap(&x, LAW.thickness).is_some_and(|g| g.size > 0.02 && g.size < 0.29) {
                 found.push((pair, x));
             }

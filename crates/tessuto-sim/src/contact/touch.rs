@@ -14,6 +14,9 @@ use tessuto_core::error::{Error, Result};
 use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern};
 use tessuto_core::mesh::Positions;
 
+/// How much larger boxes are than what they are to hold, in thicknesses: smaller ones are left sooner, larger ones
+/// meet more.
+const MARGIN: f64 = 0.5;
 /// Pairs of one parallel task.
 const TASK: usize = 256;
 
@@ -27,7 +30,12 @@ pub struct Touch<'a> {
     slips: Vec<Slip>,
     /// Before the step, with the bodies' nodes.
     before: Positions,
+    /// Where the energy was last asked for, with the bodies' nodes, and the pairs that are near there.
+    last: (Positions, Vec<Near>),
 }
+
+/// A pair within the thickness, its gap and corners.
+type Near = (Pair, Gap, Corners);
 
 /// Blocks of a matrix between vertices that its pattern does not couple.
 #[derive(Debug, Default)]
@@ -39,8 +47,8 @@ impl<'a> Touch<'a> {
     /// # Errors
     /// [`Error::Input`] if the sheet is within a body.
     pub fn new(contact: &'a Contact, x: &[DVec3], way: &[DVec3], h: f64) -> Result<Self> {
-        let margin = contact.law.thickness;
-        let boxes = x.iter().zip(way).map(|(x, way)| Bounds::of(*x, *x + *way).grown(0.5 * margin)).collect();
+        let margin = MARGIN * contact.law.thickness;
+        let boxes = x.iter().zip(way).map(|(x, way)| Bounds::of(*x, *x + *way).grown(margin)).collect();
         let mut touch = Self {
             contact,
             frictions: contact.frictions(),
@@ -48,6 +56,7 @@ impl<'a> Touch<'a> {
             slips: Vec::new(),
             before: contact.with_bodies(x),
             boxes,
+            last: Default::default(),
         };
         touch.pairs = contact.pairs(&touch.boxes);
         let near = touch.near(&touch.before);
@@ -64,7 +73,7 @@ impl<'a> Touch<'a> {
         if self.boxes.iter().zip(x).all(|(b, x)| b.holds(*x)) {
             return;
         }
-        let margin = 0.5 * self.contact.law.thickness;
+        let margin = MARGIN * self.contact.law.thickness;
         for (bounds, x) in self.boxes.iter_mut().zip(x) {
             if !bounds.holds(*x) {
                 *bounds = bounds.with(*x).grown(margin);
@@ -74,7 +83,7 @@ impl<'a> Touch<'a> {
     }
 
     /// The pairs within the thickness at `nodes`, with their gaps and corners.
-    fn near(&self, nodes: &[DVec3]) -> Vec<(Pair, Gap, Corners)> {
+    fn near(&self, nodes: &[DVec3]) -> Vec<Near> {
         let reach = self.contact.law.thickness;
         let of = |pair: &Pair| {
             let corners = pair.corners(nodes);
@@ -85,13 +94,14 @@ impl<'a> Touch<'a> {
 
     /// Adds the derivatives of the energy of contact and friction at `x` to `out`, and returns it `[J]`. The boxes
     /// must [`cover`](Self::cover) `x`.
-    pub fn add_gradient(&self, x: &[DVec3], out: &mut [DVec3]) -> f64 {
+    pub fn add_gradient(&mut self, x: &[DVec3], out: &mut [DVec3]) -> f64 {
         let nodes = self.contact.with_bodies(x);
+        let near = self.near(&nodes);
         let mut energy = 0.0;
-        for (pair, gap, _) in self.near(&nodes) {
-            let (value, gradient) = pair.energy_and_gradient(&self.contact.law, &gap);
+        for (pair, gap, _) in &near {
+            let (value, gradient) = pair.energy_and_gradient(&self.contact.law, gap);
             energy += value;
-            scatter(&pair, &gradient, out);
+            scatter(pair, &gradient, out);
         }
         for slip in &self.slips {
             let friction = self.frictions[slip.pair.surface];
@@ -99,6 +109,7 @@ impl<'a> Touch<'a> {
             energy += value;
             scatter(&slip.pair, &gradient, out);
         }
+        self.last = (nodes, near);
         energy
     }
 
@@ -111,7 +122,8 @@ impl<'a> Touch<'a> {
         (pattern, matrix): (&BlockPattern, &mut BlockMatrix),
     ) -> Far {
         let nodes = self.contact.with_bodies(x);
-        let near = self.near(&nodes);
+        let fresh = (self.last.0 != nodes).then(|| self.near(&nodes));
+        let near = fresh.as_ref().unwrap_or(&self.last.1);
         let blocks: Vec<Blocks> = near
             .par_iter()
             .with_min_len(TASK / 4)
@@ -178,6 +190,11 @@ impl<'a> Touch<'a> {
 }
 
 impl Far {
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Adds the blocks' product with `field` to `out`.
     pub fn add_product(&self, field: &[DVec3], out: &mut [DVec3]) {
         for (a, b, block) in &self.0 {
