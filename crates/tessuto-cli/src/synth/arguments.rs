@@ -9,6 +9,9 @@ use tessuto::synth::{Mover, Settings};
 /// Strength of the gust where hands carry the cloth [m/s²]: their motion shall be seen.
 const HANDS_WIND: f64 = 2.0;
 
+/// On a table, where hands take their time.
+const TABLE_FPS: f64 = 10.0;
+
 /// Velocity of the wind, where it is one [m/s].
 const AIR_WIND: f64 = 1.0;
 
@@ -21,6 +24,8 @@ Examples:
   tessuto synth scenes/canvas --grid 25x31 --size 640 --bend 1e-3
   tessuto synth scenes/carried --hands --blur --fps 15
   tessuto synth scenes/sheet --paper --occluders
+  tessuto synth scenes/table --table
+  tessuto synth scenes/folded --fold --grid 25x25 --bend 1e-4
   tessuto synth scenes/held --orbit 25 --shake 5
   tessuto synth scenes/two --views 2 --apart 40
 
@@ -47,6 +52,12 @@ pub struct Arguments {
     /// A flat sheet of paper, bent about turning axes without stretch; has no wind and no stiffness.
     #[arg(long, conflicts_with_all = ["hands", "wind", "stretch", "bend", "shear"])]
     paper: bool,
+    /// It lies on a table, and two hands lift one side of it and lay it down; scene.json has the table.
+    #[arg(long, conflicts_with_all = ["hands", "paper", "air", "wind"])]
+    table: bool,
+    /// On a table, the side is laid over the sheet.
+    #[arg(long, conflicts_with_all = ["hands", "paper", "air", "wind"])]
+    fold: bool,
     /// The wind is moving air that presses on the sheet, and gravity is tilted against the camera. The true
     /// physics is written to gt/physics.json, the same cloth in still air and ten times stiffer to gt/calm.npy and
     /// gt/stiffer.npy.
@@ -67,9 +78,10 @@ pub struct Arguments {
     /// Darkening where the cloth turns away from the light, 0 to 1.
     #[arg(long, default_value_t = Settings::default().shading)]
     shading: f64,
-    /// Frames per second; the motion in time stays the same.
-    #[arg(long, default_value_t = Settings::default().fps)]
-    fps: f64,
+    /// Frames per second; the motion in time stays the same, but on a table it takes the whole clip [default: 50, with
+    /// --table and --fold 10].
+    #[arg(long)]
+    fps: Option<f64>,
     /// Motion blur: how long the shutter is open, as a fraction of the time from frame to frame [0.5 if not given].
     #[arg(long, value_name = "FRACTION", num_args = 0..=1, require_equals = true, default_missing_value = "0.5")]
     blur: Option<f64>,
@@ -121,7 +133,8 @@ impl Arguments {
     /// Writes what was asked for into `s`.
     pub fn put_into(&self, s: &mut Settings) {
         s.frames = self.frames;
-        s.fps = self.fps;
+        let table = self.table || self.fold;
+        s.fps = self.fps.unwrap_or(if table { TABLE_FPS } else { s.fps });
         s.size = self.size;
         s.grid = self.grid;
         s.mesh = match self.mesh {
@@ -140,11 +153,13 @@ impl Arguments {
         s.shear = self.shear;
         s.shading = self.shading;
         s.seed = self.seed;
-        s.mover = match (self.hands, self.paper) {
-            (true, _) => Mover::Hands,
-            (_, true) => Mover::Paper,
+        s.mover = match (self.hands, self.paper, table) {
+            (true, ..) => Mover::Hands,
+            (_, true, _) => Mover::Paper,
+            (.., true) => Mover::Table,
             _ => Mover::Wind,
         };
+        s.fold = self.fold;
         s.occluders = self.occluders.unwrap_or(0);
         s.amodal = self.amodal;
         s.blur = self.blur.unwrap_or(0.0);

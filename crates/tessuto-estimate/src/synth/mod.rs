@@ -13,6 +13,7 @@ pub(crate) mod settings;
 pub(crate) mod shade;
 pub(crate) mod sheet;
 pub(crate) mod surroundings;
+pub(crate) mod table;
 pub(crate) mod texture;
 pub(crate) mod trajectory;
 pub(crate) mod view;
@@ -32,7 +33,7 @@ use tessuto_core::camera::{Camera, Pose, Rect, Viewpoint};
 use tessuto_core::error::Result;
 use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::{Mesh, Motion, Positions};
-use tessuto_core::scene::{Depths, Scene, Truth};
+use tessuto_core::scene::{Depths, Known, Scene, Truth};
 use tessuto_core::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 use trajectory::Trajectory;
@@ -68,7 +69,9 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
     let trajectory = match settings.mover {
         Mover::Wind | Mover::Hands => gust::simulate(settings)?,
         Mover::Paper => paper::bend(settings),
+        Mover::Table => table::simulate(settings)?,
     };
+    let planes = if settings.mover == Mover::Table { vec![table::plane(settings)] } else { Vec::new() };
     let camera = settings.camera();
     let mesh = trajectory.mesh.clone();
     let motion = trajectory.frames.clone();
@@ -108,7 +111,7 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
         first_frame: 0,
         template,
         frames,
-        known: Default::default(),
+        known: Known { planes, ..Known::default() },
         truth: Truth { points: Some(points), vertices: Some(Motion::new(motion)?), tracks: None },
     })
 }

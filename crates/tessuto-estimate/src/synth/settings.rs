@@ -16,6 +16,8 @@ pub enum Mover {
     Hands,
     /// It is paper, bent from flat without being stretched.
     Paper,
+    /// It lies on a table; two hands lift one side of it.
+    Table,
 }
 
 /// What to make; begin with the defaults and change them [`with`](Settings::with).
@@ -81,6 +83,9 @@ pub struct Settings {
     /// How much later than the first camera the others take each frame `[s]`.
     #[serde(skip_serializing_if = "is_default")]
     pub late: f64,
+    /// The side that is lifted from the table is laid over the sheet, not down again.
+    #[serde(skip_serializing_if = "is_default")]
+    pub fold: bool,
 }
 
 /// What was not asked for is not written down: scenes without it are the same bytes as before it existed.
@@ -118,6 +123,7 @@ impl Default for Settings {
             views: 1,
             apart: 0.0,
             late: 0.0,
+            fold: false,
         }
     }
 }

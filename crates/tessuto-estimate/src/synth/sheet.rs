@@ -18,6 +18,7 @@ pub fn depth(mover: Mover) -> f64 {
         Mover::Wind => 1.0,
         Mover::Hands => 1.3,
         Mover::Paper => 1.15,
+        Mover::Table => 1.25,
     }
 }
 

@@ -58,6 +58,9 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         };
         io::scene::write_views(folder, &scene.more.iter().map(listed).collect::<Vec<_>>())?;
     }
+    if !scene.known.planes.is_empty() {
+        io::scene::set_planes(folder, &scene.known.planes)?;
+    }
     io::obj::write(&folder.join("template.obj"), &scene.template, None)?;
     if settings.mover == Mover::Hands || settings.air {
         let text = format!("{:#}\n", causes::physics(settings));
