@@ -91,6 +91,7 @@ impl Scene {
         true_points: Option<Vec<PyReadonlyArray2<'_, f64>>>,
         poses: Option<PyReadonlyArray3<'_, f64>>,
         views: Vec<Further<'_>>,
+        planes: Vec<([f64; 3], [f64; 3])>,
     ) -> PyResult<Self> {
         let template = arrays::mesh(vertices.as_array(), uv.as_array(), faces, uv_faces)?;
         let vertices = true_vertices.map(|array| arrays::frames(array.as_array())).transpose()?;
@@ -117,6 +118,7 @@ impl Scene {
             frames: frames.samples(),
             masks: masks.samples(),
             template,
+            planes: planes.iter().map(|(point, normal)| [(*point).into(), (*normal).into()]).collect(),
             truth: Truth {
                 vertices: vertices.map(Motion::new).transpose().into_python(py)?,
                 points,
@@ -168,6 +170,13 @@ impl Scene {
     }
 
     /// Names of the further cameras.
+    /// Normal and height of every plane that the fabric lies on.
+    #[getter]
+    fn planes(&self) -> Vec<([f64; 3], f64)> {
+        let planes = &self.loaded.scene.known.planes;
+        planes.iter().map(|plane| (plane.normal.to_array(), plane.height)).collect()
+    }
+
     #[getter]
     fn views(&self) -> Vec<String> {
         self.loaded.scene.more.iter().map(|view| view.name.clone()).collect()

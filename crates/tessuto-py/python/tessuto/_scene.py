@@ -150,6 +150,8 @@ class Scene:
         poses: Where the camera was in every frame, if it moved: camera from world, [N, 4, 4], OpenCV axes, m. The world
             of the scene is then the camera's frame in the first frame.
         views: What further cameras filmed at the same times.
+        planes: What the fabric lies on and does not pass, such as a table: (a point of it, the direction across it),
+            [3] m each, in the world of the scene. `Contact` simulates with such planes.
 
     Raises:
         InputError: naming the array and frame.
@@ -172,6 +174,7 @@ class Scene:
         true_points: Optional[Sequence[ArrayLike]] = None,
         poses: Optional[ArrayLike] = None,
         views: Sequence[View] = (),
+        planes: Sequence[tuple[ArrayLike, ArrayLike]] = (),
     ) -> None:
         colours, coverages = _images(frames, masks, camera, "")
         self._native: _native.Scene = _native.Scene.assemble(
@@ -191,6 +194,7 @@ class Scene:
             else [shaped("true_points", points, "P", 3) for points in true_points],
             None if poses is None else shaped("poses", poses, "N", 4, 4),
             [view._native_view() for view in views],
+            [(shaped("planes", point, 3), shaped("planes", across, 3)) for point, across in planes],
         )
         given = (
             frames,
@@ -207,6 +211,7 @@ class Scene:
             true_points,
             poses,
             tuple(views),
+            tuple(planes),
         )
         self._made: tuple[Any, ...] = (_assembled, given)
 
@@ -250,6 +255,11 @@ class Scene:
     def poses(self) -> Optional[Float64]:
         """Where the camera was in every frame, camera from world, [N, 4, 4]; None if it stood still."""
         return self._native.poses
+
+    @property
+    def planes(self) -> list[tuple[Float64, float]]:
+        """Planes that the fabric lies on: the unit vector n across each, [3], and n·x of its points, m."""
+        return [(np.array(normal), height) for normal, height in self._native.planes]
 
     @property
     def views(self) -> list[str]:
@@ -308,7 +318,7 @@ class Scene:
 
 def _assembled(*given: Any) -> Scene:
     frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, *rest = given
-    true_vertices, true_points, poses, views = rest
+    true_vertices, true_points, poses, views, planes = rest
     return Scene(
         frames,
         masks,
@@ -324,6 +334,7 @@ def _assembled(*given: Any) -> Scene:
         true_points=true_points,
         poses=poses,
         views=views,
+        planes=planes,
     )
 
 

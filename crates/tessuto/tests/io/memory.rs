@@ -26,6 +26,7 @@ fn recording(tiny: &TinyScene) -> Recording {
         frames: (0..FRAMES).map(frame).collect(),
         masks: (0..FRAMES).map(mask).collect(),
         template: io::obj::read(&tiny.path("template.obj")).unwrap(),
+        planes: Vec::new(),
         more: Vec::new(),
         truth: Truth::default(),
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use glam::DVec3;
 use serde_json::json;
 
 use super::frames::{self, Source, Sources};
@@ -13,7 +14,7 @@ use crate::io::image::{ImageFile, Samples};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Result, Warning};
 use tessuto_core::mesh::Mesh;
-use tessuto_core::scene::{Scene, Truth, View};
+use tessuto_core::scene::{Known, Scene, Truth, View};
 
 /// A video, its masks and what was filmed, in memory.
 #[derive(Debug, Clone)]
@@ -34,6 +35,8 @@ pub struct Recording {
     pub masks: Vec<Samples>,
     /// The fabric in the first frame, camera frame `[m]`.
     pub template: Mesh,
+    /// Planes that the fabric lies on: a point `[m]` and the direction across, in the camera's frame in the first frame.
+    pub planes: Vec<[DVec3; 2]>,
     /// What is known of the true motion.
     pub truth: Truth,
     /// What further cameras filmed at the same times.
@@ -60,7 +63,8 @@ pub struct RecordedView {
 /// # Errors
 /// [`Error::Input`] naming the first thing that is wrong, in the order of a folder's.
 pub fn assemble(recording: Recording) -> Result<Loaded> {
-    let Recording { name, fps, camera, poses, crop, frames, masks, template, truth, more } = recording;
+    let Recording { name, fps, camera, poses, crop, frames, masks, template, planes, truth, more } =
+        recording;
     let frame_count = frames.len();
     if masks.len() != frame_count {
         let problem = format!("{} masks of {frame_count} frames", masks.len());
@@ -103,7 +107,7 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         first_frame: 0,
         template,
         frames,
-        known: Default::default(),
+        known: Known { planes: super::planes::through(&planes, "planes")?, ..Known::default() },
         truth,
     };
     scene.check()?;

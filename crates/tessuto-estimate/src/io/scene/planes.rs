@@ -20,14 +20,22 @@ pub(crate) struct ListedPlane {
 /// # Errors
 /// [`Error::Input`] for numbers that make no plane, and a plane that the camera is in.
 pub(super) fn read(listed: &[ListedPlane], scale: f64, place: &str) -> Result<Vec<Plane>> {
-    let of = |(k, plane): (usize, &ListedPlane)| {
+    let of = |plane: &ListedPlane| [DVec3::from_array(plane.point) * scale, DVec3::from_array(plane.normal)];
+    through(&listed.iter().map(of).collect::<Vec<_>>(), place)
+}
+
+/// The planes through these points `[m]` across these directions.
+///
+/// # Errors
+/// As [`read`].
+pub(super) fn through(planes: &[[DVec3; 2]], place: &str) -> Result<Vec<Plane>> {
+    let of = |(k, [point, across]): (usize, &[DVec3; 2])| {
         let place = format!("{place}, plane {k}");
-        let (point, normal) = (DVec3::from_array(plane.point) * scale, DVec3::from_array(plane.normal));
-        let normal = normal.try_normalize().filter(|_| point.is_finite()).ok_or_else(|| {
-            let problem = format!("\"point\" is {:?}, \"normal\" {:?}", plane.point, plane.normal);
+        let normal = across.try_normalize().filter(|_| point.is_finite()).ok_or_else(|| {
+            let problem = format!("its point is {point} m, its normal {across}");
             Error::input(&place, problem, "give a point of the plane, and the direction across it")
         })?;
-        let height = normal.dot(point);
+        let height = normal.dot(*point);
         if height == 0.0 {
             let hint = "give a point of it in the camera's frame: x right, y down, z ahead";
             return Err(Error::input(&place, "the camera is in it", hint));
@@ -35,7 +43,7 @@ pub(super) fn read(listed: &[ListedPlane], scale: f64, place: &str) -> Result<Ve
         // The camera is at the origin.
         Ok(if height > 0.0 { Plane { normal: -normal, height: -height } } else { Plane { normal, height } })
     };
-    listed.iter().enumerate().map(of).collect()
+    planes.iter().enumerate().map(of).collect()
 }
 
 #[cfg(test)]
