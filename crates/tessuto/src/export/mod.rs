@@ -1,7 +1,7 @@
 //! A result for other programs: animated GLB and USD with material, sequences of OBJ and PLY, a PC2
-//! point cache, and NPZ with everything numeric.
+//! point cache, NPZ with everything numeric, and the fabric for simulators and libraries of materials.
 //!
-//! All but NPZ and RRD have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
+//! All but NPZ, RRD and MuJoCo, which has z up, have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
 //! and handedness stay. The camera is at the origin and looks along −z, as glTF and USD have it.
 //!
 //! A clip may lack frames ([`Clip::without_lost`]); all others keep their times and numbers. The samples of USD,
@@ -14,15 +14,20 @@ mod clip;
 mod cloth_preset;
 mod format;
 mod glb;
+mod mujoco;
 mod npz;
 mod obj;
 mod pc2;
 mod ply;
+mod ppf;
 mod recording;
 mod row;
 #[cfg(feature = "rerun")]
 pub mod rrd;
 mod sequence;
+mod sheet;
+pub mod shell;
+mod u3m;
 mod usd;
 mod usd_fabric;
 
