@@ -235,7 +235,8 @@ def main():
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as home:
         folder, card = Path(home) / "export", Path(home) / "card.html"
-        run = lambda *words: subprocess.run([arguments.tessuto, *map(str, words)], check=True, stdout=subprocess.DEVNULL)
+        quiet = {"check": True, "stdout": subprocess.DEVNULL}
+        run = lambda *words: subprocess.run([arguments.tessuto, *map(str, words)], **quiet)
         run("export", arguments.result, "--to", "usd,mujoco", "--out", folder)
         run("fabric", arguments.result, "--out", card)
         # Of warp and weft; the overhang goes with the cube root of the stiffness.

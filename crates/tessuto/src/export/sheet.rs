@@ -8,7 +8,8 @@ use tessuto_core::error::{Error, Result};
 use tessuto_sim::panel;
 
 /// What to do where stiffnesses per width are missing.
-pub(super) const WAY_OUT: &str = "reconstruct with the default method, from a template whose texture coordinates are a flat panel to scale";
+pub(super) const WAY_OUT: &str = "reconstruct with the default method, from a template whose texture \
+     coordinates are a flat panel to scale";
 
 /// What a simulator needs beside the first frame.
 pub(super) struct Sheet {
