@@ -42,9 +42,13 @@ Formats:";
 
 /// Examples, and the formats that there are.
 fn help() -> String {
+    let widest = Format::KNOWN.iter().map(|format| format.key().len()).max().unwrap_or(0);
     Format::KNOWN.iter().fold(EXAMPLES.to_owned(), |help, format| {
-        let needs = format.feature().map_or("", |_| ";\n        in builds with --features full");
-        format!("{help}\n  {:<5} {}{needs}", format.key(), format.content())
+        let indent = " ".repeat(widest + 4);
+        let needs = format
+            .feature()
+            .map_or_else(String::new, |_| format!(";\n{indent}in builds with --features full"));
+        format!("{help}\n  {:<widest$}  {}{needs}", format.key(), format.content())
     }) + "\n\nCamera axes are x right, y down, z forward."
 }
 

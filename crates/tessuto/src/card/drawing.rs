@@ -38,7 +38,7 @@ pub(super) fn strips(tested: &Tested) -> String {
          y=\"{:.2}\">{SLOPE}°</text>",
         end.x,
         end.y,
-        0.2 * longest,
+        0.14 * longest,
         0.32 * longest
     );
     for (k, name) in ["warp", "weft"].into_iter().enumerate() {
@@ -46,7 +46,7 @@ pub(super) fn strips(tested: &Tested) -> String {
         let on_table = DVec2::new(1e-3 * left, 0.0);
         let _ = writeln!(
             out,
-            "<polyline class=\"{name}\" points=\"{}\"><title>{name}: {:.1} mm</title></polyline>",
+            "<polyline class=\"{name}\" pathLength=\"100\" points=\"{}\"><title>{name}: {:.1} mm</title></polyline>",
             points(std::iter::once(on_table).chain(line.iter().copied())),
             1e3 * tested.strips[k].overhang
         );

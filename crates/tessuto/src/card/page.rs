@@ -7,6 +7,7 @@ use askama::Template;
 use super::combine::{Answer, Clip, NAMES, limit};
 use super::laboratory::Tested;
 use super::{digits, drawing};
+use crate::export::shell::terms;
 use crate::run::fabric::{Fabric, bending_length};
 use tessuto_core::error::Result;
 use tessuto_estimate::io;
@@ -58,7 +59,15 @@ struct Page<'a> {
     disc: String,
     alike: &'a [[String; 4]],
     among: usize,
+    programs: Vec<Program>,
     version: &'static str,
+}
+
+/// One program's terms.
+struct Program {
+    name: &'static str,
+    /// Name, value, unit and formula.
+    terms: Vec<[String; 4]>,
 }
 
 /// One stiffness.
@@ -150,6 +159,19 @@ fn agreement(clips: &[Clip], answer: &Answer) -> Vec<Agreement> {
     vec![of(1), of(0), of(2)]
 }
 
+/// The numbers in other programs' terms.
+fn programs(answer: &Answer) -> Vec<Program> {
+    let mut programs: Vec<Program> = Vec::new();
+    for term in terms(&answer.per_width) {
+        if programs.last().is_none_or(|program| program.name != term.program) {
+            programs.push(Program { name: term.program, terms: Vec::new() });
+        }
+        let shown = [term.name.into(), digits(term.value), term.unit.into(), term.formula.into()];
+        programs.last_mut().expect("one was pushed").terms.push(shown);
+    }
+    programs
+}
+
 /// The page's text.
 pub fn render(card: &Card) -> String {
     let (answer, tested) = (card.answer, card.tested);
@@ -200,6 +222,7 @@ pub fn render(card: &Card) -> String {
         disc: drawing::drapes(tested),
         alike: &alike,
         among: card.among,
+        programs: programs(answer),
         version: env!("CARGO_PKG_VERSION"),
     };
     page.render().expect("a string takes every text")

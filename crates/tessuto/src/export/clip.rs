@@ -89,6 +89,8 @@ pub struct Clip {
     pub parameters: Parameters,
     /// Stiffnesses per width, of results with causes.
     pub fabric: Option<Measured>,
+    /// Vertices that something holds, of results with causes, ascending.
+    pub held: Vec<usize>,
     /// How often what was seen, where that is known: name, shape, numbers.
     pub seen: Vec<NamedArray>,
 }
@@ -124,6 +126,7 @@ impl Clip {
             crop: folder.crop,
             parameters: folder.parameters.clone(),
             fabric: folder.measured(),
+            held: folder.found.as_ref().map_or_else(Vec::new, |found| found.held.clone()),
             seen: seen(folder.path())?,
         })
     }
@@ -315,6 +318,7 @@ pub(super) mod tests {
                 accelerations: Accelerations { constant: DVec3::Y, ..Accelerations::zeros(1, 1, 0) },
             },
             fabric: None,
+            held: Vec::new(),
             seen: Vec::new(),
             mesh,
         }

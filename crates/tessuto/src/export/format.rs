@@ -40,6 +40,12 @@ formats! {
     /// Recording for the viewer of rerun: video, camera, mesh and texture over time, in the camera frame. Needs
     /// the cargo feature `rerun`.
     Rrd = recording;
+    /// Model of MuJoCo: the sheet as a flex, in the shape of the first frame.
+    Mujoco = mujoco;
+    /// Material preset of ZOZO's contact solver.
+    Ppf = ppf;
+    /// U3M 1.1: the maps and the weight for programs of the fashion trade.
+    U3m = u3m;
 }
 
 impl Format {
@@ -90,7 +96,7 @@ mod tests {
         let mut keys: Vec<_> = Format::KNOWN.iter().map(|format| format.key()).collect();
         let mut ends: Vec<_> =
             Format::KNOWN.iter().flat_map(|format| format.row().files.iter().map(|(end, _)| *end)).collect();
-        for (names, count) in [(&mut keys, Format::KNOWN.len()), (&mut ends, 9)] {
+        for (names, count) in [(&mut keys, Format::KNOWN.len()), (&mut ends, 12)] {
             names.sort_unstable();
             names.dedup();
             assert_eq!(names.len(), count, "{names:?}");

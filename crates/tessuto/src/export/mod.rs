@@ -1,28 +1,34 @@
 //! A result for other programs: animated GLB and USD with material, sequences of OBJ and PLY, a PC2
-//! point cache, and NPZ with everything numeric.
+//! point cache, NPZ with everything numeric, and the fabric for simulators and libraries of materials.
 //!
-//! All but NPZ and RRD have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that windings
-//! and handedness stay. The camera is at the origin and looks along −z, as glTF and USD have it.
+//! All but NPZ, RRD and MuJoCo have y up: (x, y, z) of the camera frame becomes (x, −y, −z), a rotation, so that
+//! windings and handedness stay. The camera is at the origin and looks along −z, as glTF and USD have it. MuJoCo has
+//! z up, (x, z, −y), and looks along +y.
 //!
 //! A clip may lack frames ([`Clip::without_lost`]); all others keep their times and numbers. The samples of USD,
 //! the files of the sequences and the arrays of NPZ have gaps there; played, GLB and USD go straight between the
 //! neighbours in time. PC2, which cannot have gaps, holds samples on that line. RRD shows the frame before. Each
-//! file says what it lacks, but RRD.
+//! file says what it lacks, but RRD. Simulators get the first frame that is there.
 
 mod blender;
 mod clip;
 mod cloth_preset;
 mod format;
 mod glb;
+mod mujoco;
 mod npz;
 mod obj;
 mod pc2;
 mod ply;
+mod ppf;
 mod recording;
 mod row;
 #[cfg(feature = "rerun")]
 pub mod rrd;
 mod sequence;
+mod sheet;
+pub mod shell;
+mod u3m;
 mod usd;
 mod usd_fabric;
 

@@ -1,6 +1,6 @@
 //! USD as text: the template's polygons with points, normals and extent as time samples, a preview surface with
 //! the maps, the exact camera, the light where it was estimated, and the size at which square pixels show the
-//! video.
+//! video. With estimated physics also what a simulator takes: [`usd_fabric`].
 //!
 //! Source: Pixar, *USD documentation*, UsdGeomMesh, UsdGeomCamera, *UsdPreviewSurface Specification*.
 
@@ -20,10 +20,10 @@ const FILM_WIDTH: f64 = 0.36;
 /// The row of the format.
 pub(super) const FORMAT: Row = Row {
     key: "usd",
-    programs: "Houdini, Unreal",
-    content: "text: points as time samples, UsdPreviewSurface, camera (y up)",
+    programs: "Houdini, Unreal, Newton",
+    content: "text: points as time samples, material, camera, physics (y up)",
     files: &[
-        (".usda", "moving mesh with camera and light: Houdini, Unreal"),
+        (".usda", "moving mesh with camera, light and physics: Houdini, Unreal, Newton"),
         ("_textures", "texture and maps of the USD file"),
     ],
     feature: None,
@@ -65,6 +65,7 @@ fn encode(clip: &Clip, textures: &str) -> Vec<u8> {
         camera(&name, &other.camera, &path(clip, &clip.path_y_up(other)), &mut out);
     }
     light(clip, &mut out);
+    usd_fabric::simulation(clip, &mut out);
     out.push_str("}\n");
     render_settings(clip, &mut out);
     out.into_bytes()
@@ -82,16 +83,25 @@ fn list<T>(values: impl IntoIterator<Item = T>, text: impl Fn(&mut String, T)) -
     out
 }
 
-fn vectors(values: &[Vec3]) -> String {
+/// `values` in brackets.
+pub(super) fn vectors(values: &[Vec3]) -> String {
     list(values, |out, v| {
         let _ = write!(out, "({}, {}, {})", v.x, v.y, v.z);
     })
 }
 
-fn integers(values: impl IntoIterator<Item = u32>) -> String {
+/// `values` in brackets.
+pub(super) fn integers(values: impl IntoIterator<Item = u32>) -> String {
     list(values, |out, v| {
         let _ = write!(out, "{v}");
     })
+}
+
+/// The corners of the box around `points`.
+pub(super) fn bounds(points: &[Vec3]) -> String {
+    let low = points.iter().copied().reduce(Vec3::min).unwrap_or_default();
+    let high = points.iter().copied().reduce(Vec3::max).unwrap_or_default();
+    vectors(&[low, high])
 }
 
 fn samples(clip: &Clip, of: impl Fn(usize) -> String + Sync) -> String {
@@ -110,22 +120,22 @@ fn mesh(clip: &Clip, out: &mut String) {
     let uvs = list(&mesh.uvs, |out, uv| {
         let _ = write!(out, "({}, {})", uv.x as f32, uv.y as f32);
     });
-    let bounds = |positions: &[Vec3]| {
-        let low = positions.iter().copied().reduce(Vec3::min).unwrap_or_default();
-        let high = positions.iter().copied().reduce(Vec3::max).unwrap_or_default();
-        vectors(&[low, high])
+    // Programs that play nothing read the default value: the first frame.
+    let varying = |kind: &str, name: &str, of: &(dyn Fn(usize) -> String + Sync)| {
+        format!("{kind}[] {name} = {}\n        {kind}[] {name}.timeSamples = {}", of(0), samples(clip, of))
     };
-    let extent = samples(clip, |n| bounds(&Clip::y_up(&clip.motion[n])));
-    let points = samples(clip, |n| vectors(&Clip::y_up(&clip.motion[n])));
+    let extent = varying("float3", "extent", &|n| bounds(&Clip::y_up(&clip.motion[n])));
+    let points = varying("point3f", "points", &|n| vectors(&Clip::y_up(&clip.motion[n])));
     let normals = samples(clip, |n| vectors(&clip.normals(&clip.motion[n])));
+    let still = vectors(&clip.normals(&clip.motion[0]));
     let _ = write!(
         out,
         "    def Mesh \"Fabric\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    \
          {{\n        \
          uniform bool doubleSided = 1\n        uniform token subdivisionScheme = \"none\"\n        \
          int[] faceVertexCounts = {counts}\n        int[] faceVertexIndices = {indices}\n        \
-         float3[] extent.timeSamples = {extent}\n        point3f[] points.timeSamples = {points}\n        \
-         normal3f[] normals (\n            interpolation = \"vertex\"\n        )\n        \
+         {extent}\n        {points}\n        \
+         normal3f[] normals = {still} (\n            interpolation = \"vertex\"\n        )\n        \
          normal3f[] normals.timeSamples = {normals}\n        \
          texCoord2f[] primvars:st = {uvs} (\n            interpolation = \"faceVarying\"\n        )\n        \
          int[] primvars:st:indices = {uv_indices}\n        \
@@ -145,9 +155,10 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
     };
     let mut found = String::new();
     usd_fabric::attributes(clip, &mut found);
+    let schemas = usd_fabric::schemas(clip);
     let _ = write!(
         out,
-        "    def Scope \"Materials\"\n    {{\n        def Material \"Fabric\"\n        {{\n{found}            \
+        "    def Scope \"Materials\"\n    {{\n        def Material \"Fabric\"{schemas}\n        {{\n{found}            \
          token outputs:surface.connect = <{path}/surface.outputs:surface>\n\n            \
          def Shader \"surface\"\n            {{\n                \
          uniform token info:id = \"UsdPreviewSurface\"\n                \

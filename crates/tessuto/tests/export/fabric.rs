@@ -6,7 +6,7 @@ use tessuto::sim::per_width::PerWidth;
 
 use super::files::clip;
 
-fn measured() -> Clip {
+pub(super) fn measured() -> Clip {
     let per_width = PerWidth {
         bending: [1e-4, 4e-4],
         shear: 2.5,
@@ -30,20 +30,24 @@ fn usd_tells_stiffness_per_width_with_units_and_certainty() {
         "custom float tessuto:shearStiffness = 2.5 ( customData = { bool informed = 1",
         "custom float2 tessuto:membraneStiffness = (100, 400) ( customData = { bool informed = 0",
         "custom float tessuto:areaDensity = 0.1 ( customData = { bool assumed = 1 string unit = \"kg/m^2\" } )",
-        "tessuto:physics:surfaceThickness = 0.0005",
-        "tessuto:physics:density = 200",
-        "tessuto:physics:surfaceStretchStiffness = 400000",
-        "tessuto:physics:surfaceShearStiffness = 5000",
-        // 2e-4 N m over the cube of the thickness.
-        "tessuto:physics:surfaceBendStiffness = 1600000",
+        "def Material \"Fabric\" ( prepend apiSchemas = [\"PhysicsMaterialAPI\", \
+         \"PhysicsSurfaceDeformableMaterialAPI\"] )",
+        "float physics:density = 200",
+        "float physics:surfaceStretchStiffness = 200 ",
+        "float physics:surfaceShearStiffness = 2.5 ",
+        "float physics:surfaceBendStiffness = 0.0002 ",
         "kilogramsPerUnit = 1",
     ] {
         assert!(flat.contains(part), "{part} is missing");
     }
+    // The proposal has given up the thickness of a material, and moduli in its place; a seam is no flat panel.
+    for part in ["tessuto:physics", "surfaceThickness", "PhysicsDeformableBodyAPI"] {
+        assert!(!flat.contains(part), "{part}");
+    }
     // Effective values that only replay a motion are no stiffnesses.
     let other = tempfile::tempdir().unwrap();
     let names: Vec<_> = export(&clip(false), &[Format::Usd], other.path(), false).unwrap();
-    assert!(!std::fs::read_to_string(other.path().join("cloth.usda")).unwrap().contains("tessuto:"));
+    assert!(!std::fs::read_to_string(other.path().join("cloth.usda")).unwrap().contains("physics:"));
     assert!(names.iter().all(|path| !path.to_string_lossy().contains("blender_cloth")));
 }
 

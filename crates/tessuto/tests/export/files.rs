@@ -58,9 +58,15 @@ pub(super) fn clip(maps: bool) -> Clip {
             },
         },
         fabric: None,
+        held: Vec::new(),
         seen: vec![("seen_vertices", vec![3], vec![4.0, 0.0, 2.0])],
         mesh: grid,
     }
+}
+
+/// The formats of this build that need no estimated physics.
+fn of_any_result() -> Vec<Format> {
+    Format::built().filter(|format| ![Format::Mujoco, Format::Ppf].contains(format)).collect()
 }
 
 pub(super) fn floats(bytes: &[u8]) -> Vec<f32> {
@@ -163,7 +169,7 @@ fn usd_is_the_text_it_should_be() {
 fn sequences_and_caches_hold_every_frame() {
     let (clip, folder) = (clip(false), tempfile::tempdir().unwrap());
     let at = |name: &str| folder.path().join(name);
-    export(&clip, &Format::built().collect::<Vec<_>>(), folder.path(), false).unwrap();
+    export(&clip, &of_any_result(), folder.path(), false).unwrap();
     for n in 0..FRAMES {
         let mesh: Mesh = io::obj::read(&at(&format!("cloth_obj/cloth_{:04}.obj", n + 7))).unwrap();
         let found: Vec<f32> = mesh.positions.iter().flat_map(|p| p.as_vec3().to_array()).collect();
@@ -218,7 +224,7 @@ fn nothing_is_replaced_without_force() {
     let target = folder.path().join("out");
     std::fs::create_dir(&target).unwrap();
     std::fs::write(target.join("cloth.glb"), b"mine").unwrap();
-    let all: Vec<Format> = Format::built().collect();
+    let all: Vec<Format> = of_any_result();
     let error = export(&clip, &all, &target, false).unwrap_err();
     assert_eq!(error.exit_code(), 3);
     assert!(error.to_string().contains("cloth.glb"), "{error}");

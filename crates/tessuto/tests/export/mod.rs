@@ -8,3 +8,4 @@ mod gaps;
 mod path;
 #[cfg(feature = "rerun")]
 mod rrd;
+mod simulators;

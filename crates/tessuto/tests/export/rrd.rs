@@ -254,6 +254,7 @@ fn an_exported_result_is_read_back_as_it_was() {
         video: None,
         environment: None,
         fabric: None,
+        held: Vec::new(),
         material: Material {
             name: "cloth".into(),
             base_colour: Image { width: 4, height: 3, channels: 3, data: print },

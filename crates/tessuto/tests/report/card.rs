@@ -41,6 +41,17 @@ fn the_page_is_alone_and_says_what_the_clips_say() {
     {
         assert!(page.contains(part), "{part}");
     }
+    // The same numbers in other programs' terms: ρ is 142 g/m², and h 0.5 mm.
+    for part in [
+        "MuJoCo",
+        "Omniverse, PhysX",
+        "ZOZO&#39;s solver",
+        "physics:surfaceBendStiffness",
+        "bend_weft",
+        "284",
+    ] {
+        assert!(page.contains(part), "{part}");
+    }
     assert_eq!(page.matches("<svg").count(), 2);
     assert_eq!(page.matches("<polygon").count(), 3);
     assert!(page.len() < 100_000, "{}", page.len());
