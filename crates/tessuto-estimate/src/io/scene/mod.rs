@@ -31,6 +31,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use colours::{ColourFiles, colour_files};
+pub use depths::first as first_depth;
 pub use first_frame::{FirstFrame, first_frame};
 use manifest::Manifest;
 pub(crate) use manifest::set_gravity;
@@ -38,7 +39,7 @@ pub use manifest::{ListedView, replace_camera, write_manifest, write_views};
 pub use memory::{RecordedView, Recording, assemble};
 pub use poses::{POSES, read_poses, write_poses};
 pub(crate) use poses::{listed as listed_poses, moving};
-pub use record::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};
+pub use record::{CameraRecord, DepthRecord, TableRecord, TemplateKind, TemplateRecord};
 pub use rectangle::{template_misfit, write_template};
 use tessuto_core::camera::Pose;
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
