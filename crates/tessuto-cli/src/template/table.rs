@@ -14,6 +14,11 @@ use crate::values::{Pair, Tilt};
 
 /// The fabric in the mask of the first frame, flat on a table whose plane the arguments or the scene's depth say.
 pub(super) fn on_table(arguments: &Arguments, view: &mut View, scene: bool) -> Result<Made> {
+    if arguments.lens.is_estimated() {
+        let hint = "give the camera when the clip is imported, or estimate it first, from a flat rectangle \
+                    (--flat WxH --corners … --camera estimate)";
+        return Err(Error::usage("--on-table with --camera estimate", hint));
+    }
     let depth = measured_depth(arguments, view, scene)?;
     let Some((mask, _)) = &view.mask else {
         let hint = "make masks first (tessuto masks), or name one with --mask";

@@ -84,8 +84,8 @@ pub(super) fn read(
     Ok(Some(Depths::new(camera, maps, &within)))
 }
 
-/// The map of the first frame of the scene in `folder`, the camera in its pixels, and its file; `None` in a scene without
-/// maps.
+/// The map of the first frame of the scene in `folder`, the camera in its pixels, and its file; `None` in a scene
+/// without maps.
 ///
 /// # Errors
 /// [`Error::Input`] naming the map that cannot be used.

@@ -1,9 +1,9 @@
 //! A template of any outline: a garment or cloth that lies flat on a table, from the mask of the first frame and the
 //! plane of the table.
 //!
-//! The outline with its holes is traced in the mask to parts of a pixel, smoothed with its corners kept, and seen through
-//! the camera on the plane. Triangles of even size fill it. The mesh is flat, so the flat shape is the one at rest; texture
-//! coordinates are lengths on the table, of one scale for both directions.
+//! The outline with its holes is traced in the mask to parts of a pixel, smoothed with its corners kept, and seen
+//! through the camera on the plane. Triangles of even size fill it. The mesh is flat, so the flat shape is the one
+//! at rest; texture coordinates are lengths on the table, of one scale for both directions.
 //!
 //! The plane comes from a sheet of paper, from measured depths, from one measured distance and the table's tilt, or is
 //! given: [`PlaneFrom`].
@@ -22,7 +22,7 @@ pub use plane::{FoundPlane, Plane, Residual};
 use crate::io::depth::DepthMap;
 use sides::{Curve, smooth};
 use tessuto_core::camera::Camera;
-use tessuto_core::error::{Error, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Face, Mesh};
 use trace::{Traced, trace};
@@ -32,8 +32,13 @@ use triangles::{Border, Sheet, smallest_angle, triangles};
 pub const CLICK: f64 = 1.0;
 /// Fewest and most vertices.
 pub const VERTICES: [usize; 2] = [16, 4000];
-/// An outline may bulge by this from its chords `[px]`: it is not known better.
+/// An outline may bulge by this from its chords `[px]`, or more where the mask is ragged: it is not known better.
 const FINE: f64 = 0.3;
+
+/// The mask is blurred by this part of a triangle's side, and at least and at most by these `[px]`: masks are
+/// ragged, and coarse triangles do not show it.
+const BLUR: f64 = 0.08;
+const BLURRED: [f64; 2] = [0.8, 3.0];
 
 /// Where the plane of the table comes from; all in the camera's frame of the first frame.
 #[derive(Debug, Clone, Copy)]
@@ -95,9 +100,9 @@ pub struct FromOutline {
 /// found.
 ///
 /// # Errors
-/// [`Error::Input`] if the mask is empty, has several pieces, or touches the border of the image, if the plane is not found
-/// or seen edge-on, or if the fabric has a hole or a part too small for triangles of this size; [`Error::Usage`] of
-/// numbers that make no plane, or too few or many vertices.
+/// [`Error::Input`] if the mask is empty, has several pieces, or touches the border of the image, if the plane is
+/// not found or seen edge-on, or if the fabric has a hole or a part too small for triangles of this size;
+/// [`Error::Usage`] of numbers that make no plane, or too few or many vertices.
 pub fn from_outline(
     camera: &Camera,
     (mask, place): (&Image, &str),
@@ -112,27 +117,26 @@ pub fn from_outline(
     tell(found.sentence(camera, traced.middle));
     if let Some(angle) = found.rival {
         tell(format!(
-            "note: a table tilted otherwise, by {:.0}°, fits nearly as well: look at the template on the first frame, and \
-             film nearer or with a larger sheet",
+            "note: a table tilted otherwise, by {:.0}°, fits nearly as well: look at the template on the first frame, \
+             and film nearer or with a larger sheet",
             angle.to_degrees()
         ));
     }
     let flat = flat(camera, &found.plane, &traced)?;
-    let corners =
-        |p: &dyn Fn(DVec2, DVec2) -> DVec2| flat.outline[0].iter().copied().reduce(p).unwrap_or_default();
-    let (low, high) = (corners(&DVec2::min), corners(&DVec2::max));
-    let size = high - low;
+    let [_, size] = extent(&flat.outline[0]);
     let side = length(side, size, flat.area)?;
     let pixel = (flat.area / traced.count as f64).sqrt();
+    let sigma = (BLUR * side / pixel).clamp(BLURRED[0], BLURRED[1]);
+    let traced = traced.blurred(sigma, place)?;
     let borders: Vec<Border> = std::iter::once(&traced.outer)
         .chain(&traced.holes)
-        .map(|points| border(camera, &found.plane, points, side / pixel, &flat))
+        .map(|points| border(camera, &found.plane, points, [side, pixel], &flat))
         .collect::<Result<_>>()?;
     let name = |p: DVec2| {
         let q = camera.project(flat.at(p));
         format!("pixel {:.0},{:.0}", q.x, q.y)
     };
-    let sheet = triangles(&borders, side, FINE * pixel, place, &name)?;
+    let sheet = triangles(&borders, side, place, &name)?;
     let angle = |t: &[u32; 3]| smallest_angle(t.map(|v| sheet.points[v as usize]));
     let smallest_angle = sheet.triangles.iter().map(angle).fold(f64::INFINITY, f64::min);
     let holes = traced.holes.len();
@@ -150,7 +154,7 @@ pub fn from_outline(
         tell("note: the fabric is narrow in places: triangles are smaller there".to_owned());
     }
     tell("note: layers that lie on one another, as those of a shirt, are treated as one sheet".to_owned());
-    let mesh = mesh(&sheet, &flat, low, size.max_element());
+    let mesh = mesh(&sheet, &flat);
     Ok(FromOutline { mesh, plane: found, size, holes, side, smallest_angle })
 }
 
@@ -244,23 +248,36 @@ fn length(side: Side, size: DVec2, area: f64) -> Result<f64> {
         1e3 * side
     );
     let [large, small] = VERTICES.map(|n| 1e3 * (area / (0.866 * n as f64)).sqrt());
-    Err(Error::usage(
-        problem,
-        format!("ask for triangles of {small:.0} to {large:.0} mm; 400 vertices are usual"),
-    ))
+    let hint = format!("ask for triangles of {small:.0} to {large:.0} mm; 400 vertices are usual");
+    Err(Error::usage(problem, Hint::from(hint).with(Remedy::TriangleSide)))
 }
 
-/// A border on the plane, smooth, with its corners. `detail` `[px]` is a triangle's side.
-fn border(camera: &Camera, plane: &Plane, traced: &[DVec2], detail: f64, flat: &Flat) -> Result<Border> {
-    let line = smooth(traced, detail);
+/// A border on the plane, smooth, with its corners. `side` is a triangle's, `pixel` the size of one there `[m]`.
+fn border(
+    camera: &Camera,
+    plane: &Plane,
+    traced: &[DVec2],
+    [side, pixel]: [f64; 2],
+    flat: &Flat,
+) -> Result<Border> {
+    let line = smooth(traced, side / pixel);
     let points = line.points.iter().map(|p| Ok(within(flat, on_plane(camera, plane, *p)?)));
     let curve = Curve::new(points.collect::<Result<_>>()?);
     let corners = line.corners.iter().map(|k| curve.until(*k)).collect();
-    Ok(Border { curve, corners })
+    Ok(Border { curve, corners, fine: FINE.max(line.ragged) * pixel })
 }
 
-/// The template: faces are wound as those of a grid, uv are lengths in `whole` from `low` on.
-fn mesh(sheet: &Sheet, flat: &Flat, low: DVec2, whole: f64) -> Mesh {
+/// The smallest rectangle along the axes around `points`: its first corner and its size.
+fn extent(points: &[DVec2]) -> [DVec2; 2] {
+    let low = points.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+    let high = points.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+    [low, high - low]
+}
+
+/// The template: faces are wound as those of a grid, uv are lengths in the longer side of the outline.
+fn mesh(sheet: &Sheet, flat: &Flat) -> Mesh {
+    let [low, size] = extent(&sheet.points);
+    let whole = size.max_element();
     let uv = |p: &DVec2| {
         let q = (*p - low) / whole;
         DVec2::new(q.x, 1.0 - q.y).clamp(DVec2::ZERO, DVec2::ONE)

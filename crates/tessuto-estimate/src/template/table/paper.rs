@@ -15,9 +15,9 @@ const LEAST_MISFIT: f64 = 3.0;
 /// Planes this near to each other [rad] are the same.
 const SAME: f64 = 0.05;
 
-/// The plane that a sheet of paper of `size` `[m]`, in either order, lies on; its corners are seen at `corners` `[px]`, in
-/// any order, each known to `click` `[px]` in either direction. `at` `[px]` is the middle of the fabric, where the
-/// uncertainty of lengths counts.
+/// The plane that a sheet of paper of `size` `[m]`, in either order, lies on; its corners are seen at `corners`
+/// `[px]`, in any order, each known to `click` `[px]` in either direction. `at` `[px]` is the middle of the fabric,
+/// where the uncertainty of lengths counts.
 ///
 /// # Errors
 /// [`Error::Usage`] if the four points are no convex quadrilateral; [`Error::Input`] if no sheet of this size can look
@@ -48,8 +48,8 @@ pub fn from_paper(
             1e3 * size.x,
             1e3 * size.y
         );
-        let hint = "see whether the corners are the paper's own in the first frame, its size is right, it lies flat, and \
-                    the camera is right";
+        let hint = "see whether the corners are the paper's own in the first frame, its size is right, it lies flat, \
+                    and the camera is right";
         return Err(Error::input("the paper", problem, hint));
     };
     // Eight numbers were seen, six are found: two remain to judge a click by.

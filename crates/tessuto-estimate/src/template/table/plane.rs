@@ -56,7 +56,8 @@ impl Plane {
         let height = n.dot(point);
         // A plane whose points are all in the direction of the camera's centre is seen as a line.
         if height.abs() <= 1e-9 * point.length().max(1e-9) {
-            let hint = "give a point of the table and its normal, both in the camera's frame: x right, y down, z forward";
+            let hint = "give a point of the table and its normal, both in the camera's frame (x right, y down, z \
+                        forward)";
             return Err(Error::usage(
                 format!("the plane through {point} with the normal {normal} contains the camera"),
                 hint,
@@ -96,8 +97,8 @@ impl Plane {
             return Ok(());
         }
         let problem = format!(
-            "the camera sees it edge-on: {:.1}° from the plane itself at the fabric's middle, pixel {:.0},{:.0}; {:.1}° \
-             at least",
+            "the camera sees it edge-on: {:.1}° from the plane itself at the fabric's middle, pixel {:.0},{:.0}; \
+             {:.1}° at least",
             sine.asin().to_degrees(),
             p_pixel.x,
             p_pixel.y,
@@ -164,7 +165,8 @@ pub fn from_distance(
     let apart = |p: [DVec2; 2]| Some(one.meet(camera.ray(p[0]))?.distance(one.meet(camera.ray(p[1]))?));
     let Some(found) = apart(between).filter(|d| *d > 1e-6) else {
         let text = between.map(|p| format!("{:.0},{:.0}", p.x, p.y)).join(" and ");
-        let hint = "give two points on the table that are far from each other, and a tilt with which both are seen from above";
+        let hint = "give two points on the table that are far from each other, and a tilt with which both are seen \
+                    from above";
         return Err(Error::usage(format!("the points {text} have no distance on such a plane"), hint));
     };
     if !(length > 0.0 && length.is_finite()) {

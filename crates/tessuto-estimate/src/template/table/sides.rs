@@ -3,8 +3,11 @@
 use glam::{DMat3, DVec2, DVec3};
 
 /// Pixels along the outline that a corner is judged by, at least and at most.
-const REACH: [f64; 2] = [8.0, 24.0];
-/// A turn by more than this [rad] within that reach is a corner, if it does not shrink with the reach, as that of a curve.
+const REACH: [f64; 2] = [12.0, 40.0];
+/// Farthest pixel that the straight lines at a corner go through: sides are curved.
+const STRAIGHT: usize = 20;
+/// A turn by more than this [rad] within that reach is a corner, if it does not shrink with the reach, as that of a
+/// curve.
 const TURN: f64 = 0.6;
 const SUDDEN: f64 = 0.7;
 /// A corner is not moved farther than this part of the reach.
@@ -20,13 +23,15 @@ pub(super) struct Line {
     pub(super) points: Vec<DVec2>,
     /// Indices of its corners, ascending.
     pub(super) corners: Vec<usize>,
+    /// How far what was traced is from it, root mean square `[px]`: how ragged the mask is.
+    pub(super) ragged: f64,
 }
 
 /// The line through the closed sequence `traced` `[px]`, whose details smaller than `detail` `[px]` do not matter.
 pub(super) fn smooth(traced: &[DVec2], detail: f64) -> Line {
     let mut points = evenly(traced);
     let n = points.len();
-    let reach = (0.6 * detail).clamp(REACH[0], REACH[1]).min(n as f64 / 8.0).max(2.0) as usize;
+    let reach = detail.clamp(REACH[0], REACH[1]).min(n as f64 / 8.0).max(2.0) as usize;
     let corners = corners(&points, reach);
     let moved: Vec<DVec2> = corners.iter().map(|k| sharpened(&points, *k, reach)).collect();
     corners.iter().zip(&moved).for_each(|(k, p)| points[*k] = *p);
@@ -57,7 +62,8 @@ pub(super) fn smooth(traced: &[DVec2], detail: f64) -> Line {
             out[(first + k) % n] = regressed(&datum, width, [-(k as i64), (length - k) as i64]);
         }
     }
-    Line { points: out, corners }
+    let square: f64 = points.iter().zip(&out).map(|(a, b)| a.distance_squared(*b)).sum();
+    Line { points: out, corners, ragged: (square / n as f64).sqrt() }
 }
 
 /// Points one pixel apart, or a little less, along a closed sequence.
@@ -92,7 +98,7 @@ fn sharpened(points: &[DVec2], corner: usize, reach: usize) -> DVec2 {
     let n = points.len();
     let line = |sign: i64| {
         let at = |j: i64| points[(corner as i64 + sign * j).rem_euclid(n as i64) as usize];
-        fit_line((2..=reach.max(4) as i64).map(at))
+        fit_line((2..=reach.clamp(4, STRAIGHT) as i64).map(at))
     };
     let ((a, d), (b, e)) = (line(-1), line(1));
     let sine = d.perp_dot(e);
@@ -113,8 +119,8 @@ fn fit_line(points: impl Iterator<Item = DVec2> + Clone) -> (DVec2, DVec2) {
     (mean, DVec2::from_angle(0.5 * (2.0 * xy).atan2(xx - yy)))
 }
 
-/// The value at 0 of the parabola nearest to the data `datum(j)`, a point and its weight, with |j| < `width` and j within
-/// `ends`.
+/// The value at 0 of the parabola nearest to the data `datum(j)`, a point and its weight, with |j| < `width` and j
+/// within `ends`.
 fn regressed(datum: &dyn Fn(i64) -> (DVec2, f64), width: f64, [low, high]: [i64; 2]) -> DVec2 {
     let reach = width.ceil() as i64;
     let (mut matrix, mut x, mut y) = (DMat3::ZERO, DVec3::ZERO, DVec3::ZERO);
@@ -211,6 +217,7 @@ mod tests {
             let off: Vec<f64> = line.points.iter().map(|p| p.distance(middle) - radius).collect();
             let rms = (off.iter().map(|e| e * e).sum::<f64>() / off.len() as f64).sqrt();
             let worst = off.iter().map(|e| e.abs()).fold(0.0, f64::max);
+            assert!(line.ragged > 0.05 && line.ragged < 0.4, "{radius}: {}", line.ragged);
             assert!(rms < 0.15 && worst < 0.5, "{radius}: {rms} {worst}");
         }
     }

@@ -1,13 +1,13 @@
-//! Triangles of even size within a closed outline with holes: points along the borders, a triangular grid of points between
-//! them, moved until they are evenly spread, and the Delaunay triangles over all.
+//! Triangles of even size within a closed outline with holes: points along the borders, a triangular grid of points
+//! between them, moved until they are evenly spread, and the Delaunay triangles over all.
 //!
-//! Where the fabric is narrow the border gets more points, until no point of another border lies in the circle over a side:
-//! then all sides are among the Delaunay triangles'.
+//! Where the fabric is narrow the border gets more points, until no point of another border lies in the circle over
+//! a side: then all sides are among the Delaunay triangles'.
 
 use glam::DVec2;
 
 use super::sides::Curve;
-use tessuto_core::error::{Error, Result};
+use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::math::delaunay::delaunay;
 
 /// Farthest that an outline bulges from its chord, as a part of a triangle's side.
@@ -43,17 +43,19 @@ pub(super) struct Sheet {
 pub(super) struct Border {
     pub(super) curve: Curve,
     pub(super) corners: Vec<f64>,
+    /// It may bulge by this from its chords.
+    pub(super) fine: f64,
 }
 
-/// Triangles with sides of about `side` between the `borders`, the outer one first. Borders may bulge by `fine` from
-/// their chords. `name` says where in the image a place is.
+/// Triangles with sides of about `side` between the `borders`, the outer one first. `name` says where in the image a
+/// place is.
 ///
 /// # Errors
-/// [`Error::Input`] at `place` if a hole is smaller than a triangle or the fabric is narrower than a few hundredths of one.
+/// [`Error::Input`] at `place` if a hole is smaller than a triangle or the fabric is narrower than a few hundredths
+/// of one.
 pub(super) fn triangles(
     borders: &[Border],
     side: f64,
-    fine: f64,
     place: &str,
     name: &dyn Fn(DVec2) -> String,
 ) -> Result<Sheet> {
@@ -62,16 +64,17 @@ pub(super) fn triangles(
         let around = border.curve.length();
         if k > 0 && around < SIDES as f64 * SHORT * side {
             let problem = format!(
-                "the hole around {} is too small for the mesh: {:.0} mm around, {:.0} mm at least for triangles of {:.0} mm",
+                "the hole around {} is too small for the mesh: {:.0} mm around, {:.0} mm at least for triangles \
+                 of {:.0} mm",
                 name(border.curve.at(0.0)),
                 1e3 * around,
                 1e3 * SIDES as f64 * SHORT * side,
                 1e3 * side
             );
             let hint = "make the triangles smaller, or close the hole in the mask";
-            return Err(Error::input(place, problem, hint));
+            return Err(Error::input(place, problem, smaller(hint)));
         }
-        lengths.push(divided(border, side, fine.max(BULGE * side)));
+        lengths.push(divided(border, side, border.fine.max(BULGE * side)));
     }
     let halved = widened(borders, &mut lengths, side, place, name)?;
     let outline = Outline::new(borders, &lengths);
@@ -113,9 +116,14 @@ pub(super) fn triangles(
             "the outline cannot be filled with triangles around {}",
             name(outline.points[*a as usize])
         );
-        return Err(Error::input(place, problem, hint));
+        return Err(Error::input(place, problem, smaller(hint)));
     }
     Ok(Sheet { points: kept, triangles, borders: outline.borders, halved })
+}
+
+/// A hint that ends with what sets the size of the triangles.
+fn smaller(hint: &str) -> Hint {
+    Hint::from(hint).with(Remedy::TriangleSide)
 }
 
 /// Where a border is divided, as lengths: at its corners and evenly between them.
@@ -156,9 +164,9 @@ fn widened(
             name(p),
             1e3 * side
         );
-        let hint = "make the triangles smaller, or correct the mask there: a slit of pixels, or two parts that touch in \
-                    a few";
-        Error::input(place, problem, hint)
+        let hint = "make the triangles smaller, or correct the mask there: a slit of pixels, or two parts that touch \
+                    in a few";
+        Error::input(place, problem, smaller(hint))
     };
     for _ in 0..HALVINGS {
         let outline = Outline::new(borders, lengths);
@@ -187,7 +195,7 @@ fn widened(
         }
     }
     let hint = "make the triangles smaller, or smooth the mask";
-    Err(Error::input(place, "the outline crosses or touches itself", hint))
+    Err(Error::input(place, "the outline crosses or touches itself", smaller(hint)))
 }
 
 /// The points along all borders.
@@ -338,7 +346,7 @@ mod tests {
     fn border(points: Vec<DVec2>, corners: &[usize]) -> Border {
         let curve = Curve::new(points);
         let corners = corners.iter().map(|k| curve.until(*k)).collect();
-        Border { curve, corners }
+        Border { curve, corners, fine: 0.0 }
     }
 
     fn circle(middle: [f64; 2], radius: f64, sign: f64) -> Border {
@@ -371,7 +379,7 @@ mod tests {
     }
 
     fn made(borders: &[Border], side: f64) -> Result<Sheet> {
-        triangles(borders, side, 0.0, "mask", &|p| format!("{:.2},{:.2}", p.x, p.y))
+        triangles(borders, side, "mask", &|p| format!("{:.2},{:.2}", p.x, p.y))
     }
 
     #[test]
