@@ -28,7 +28,9 @@ impl Filmed {
         let (camera, table) = (camera(WIDTH), Table::tilted());
         let made = Self { home: tempfile::tempdir().unwrap(), camera, table };
         let shape = Self::shape();
-        ["rgbs", "masks"].map(|sub| std::fs::create_dir_all(made.path(sub)).unwrap());
+        for sub in ["rgbs", "masks"] {
+            std::fs::create_dir_all(made.path(sub)).unwrap();
+        }
         for n in 0..FRAMES {
             let time = n as f64 / 8.0;
             let at: Vec<DVec3> = shape.positions.iter().map(|p| table.at(lifted(*p, time))).collect();
