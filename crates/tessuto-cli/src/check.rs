@@ -60,7 +60,9 @@ pub fn check_without_template(scene: &Path) -> anyhow::Result<()> {
         .findings
         .retain(|f| !(f.level == Level::Error && Path::new(&f.what) == scene.join("template.obj")));
     say::output(format_args!("{}", table(&report.findings)));
-    say!("next: the template, the fabric in the first frame; a flat rectangle from its size, or any mesh:");
+    say!(
+        "next: the template, the fabric in the first frame; a flat rectangle, a garment on a table, or any mesh:"
+    );
     make_template(scene).iter().for_each(|command| say!("  {command}"));
     verdict(scene, &report)
 }

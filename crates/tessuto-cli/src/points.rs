@@ -3,7 +3,8 @@
 use std::ffi::OsString;
 
 /// Options that take points, and places in frames.
-const OPTIONS: [&str; 4] = ["--outline", "--corners", "--inside", "--outside"];
+const OPTIONS: [&str; 6] =
+    ["--outline", "--corners", "--inside", "--outside", "--paper-corners", "--between"];
 
 /// The arguments with the points that follow such an option joined to one value. A word ends the list where it is
 /// none: the next option, or the name of a scene.

@@ -71,6 +71,7 @@ fn options(remedy: &Remedy) -> String {
         Remedy::MakeTemplate(folder) => make_template(folder).join(", or "),
         Remedy::Remesh => "tessuto template SCENE --remesh 32 --from MESH".into(),
         Remedy::Regrid => "tessuto template SCENE --remesh 32 --force".into(),
+        Remedy::TriangleSide => "--side LENGTH, such as 20mm".into(),
         Remedy::Weld => "--weld".into(),
         Remedy::DepthScale => "--depth-scale METRES, such as 0.00025".into(),
         Remedy::WithoutLost => "tessuto export RESULT --to glb --without-lost --force".into(),
@@ -89,11 +90,13 @@ pub fn make_masks(scene: &str) -> String {
     format!("tessuto masks {scene} --outline \"X,Y X,Y X,Y X,Y\"")
 }
 
-/// The two commands that make a template in the scene `folder`: a flat rectangle from its size, or any mesh.
-pub fn make_template(folder: &Path) -> [String; 2] {
+/// The commands that make a template in the scene `folder`: a flat rectangle from its size, a garment on a table,
+/// or any mesh.
+pub fn make_template(folder: &Path) -> [String; 3] {
     let corners = corners_of(folder).map_or_else(|| "--from-mask".to_owned(), |c| format!("--corners {c}"));
     let scene = quoted(folder);
-    [format!("--flat WIDTHxHEIGHTm {corners}"), "--remesh 32 --from MESH.obj".to_owned()]
+    let garment = "--on-table --paper A4 --paper-corners X,Y X,Y X,Y X,Y".to_owned();
+    [format!("--flat WIDTHxHEIGHTm {corners}"), garment, "--remesh 32 --from MESH.obj".to_owned()]
         .map(|options| format!("tessuto template {scene} {options}"))
 }
 
@@ -140,7 +143,7 @@ mod tests {
                 "largest_piece": false, "noise": 1.0, "frames": [], "notes": []}}"#
             );
             std::fs::write(folder.path().join("masks.json"), text).unwrap();
-            let [flat, mesh] = make_template(folder.path());
+            let [flat, _, mesh] = make_template(folder.path());
             assert!(mesh.ends_with("--remesh 32 --from MESH.obj"));
             flat.split_once("WIDTHxHEIGHTm ").unwrap().1.to_owned()
         };

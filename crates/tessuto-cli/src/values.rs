@@ -17,6 +17,74 @@ pub fn lengths(text: &str) -> Result<Pair, String> {
     Ok([side(w).ok_or(hint)?, side(h).ok_or(hint)?])
 }
 
+/// A length with an optional unit; metres.
+pub fn length(text: &str) -> Result<f64, String> {
+    let hint = "write a length and its unit, such as 20mm, 62cm or 0.62m";
+    let units = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("", 1.0)];
+    let (number, scale) = units.iter().find_map(|(u, s)| Some((text.strip_suffix(u)?, *s))).ok_or(hint)?;
+    let length = number.trim().parse::<f64>().ok().map(|v| v * scale).filter(|v| *v > 0.0 && *v < 1e3);
+    length.ok_or_else(|| hint.to_owned())
+}
+
+/// Sizes of paper that have names [m].
+const PAPERS: [(&str, Pair); 6] = [
+    ("a3", [0.297, 0.42]),
+    ("a4", [0.21, 0.297]),
+    ("a5", [0.148, 0.21]),
+    ("letter", [0.2159, 0.2794]),
+    ("legal", [0.2159, 0.3556]),
+    ("tabloid", [0.2794, 0.4318]),
+];
+
+/// The name of a size of paper, or `WxH` with an optional unit; metres.
+pub fn paper(text: &str) -> Result<Pair, String> {
+    let name = text.to_lowercase();
+    let known = PAPERS.iter().find(|(known, _)| *known == name).map(|(_, size)| *size);
+    let hint = "write A3, A4, A5, letter, legal, tabloid, or width x height and the unit, such as 210x297mm";
+    known.map_or_else(|| lengths(text).map_err(|_| hint.to_owned()), Ok)
+}
+
+/// `N` numbers between commas.
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let found: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    <[f64; N]>::try_from(found?).ok().filter(|found| found.iter().all(|v| v.is_finite()))
+}
+
+/// A point and a normal.
+pub fn plane(text: &str) -> Result<[f64; 6], String> {
+    let hint = "write a point and a normal, such as 0,0.1,0.9,0,-0.7,-0.7";
+    numbers(text).ok_or_else(|| hint.to_owned())
+}
+
+/// How a table is tilted.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Tilt {
+    /// Gravity is perpendicular to it.
+    Level,
+    /// The camera looks along its normal.
+    Facing,
+    /// Its normal.
+    Normal([f64; 3]),
+}
+
+/// `level`, `facing` or `X,Y,Z`.
+pub fn tilt(text: &str) -> Result<Tilt, String> {
+    match text {
+        "level" => Ok(Tilt::Level),
+        "facing" => Ok(Tilt::Facing),
+        _ => {
+            numbers(text).map(Tilt::Normal).ok_or_else(|| "write level, facing, or a normal X,Y,Z".to_owned())
+        }
+    }
+}
+
+/// Two points `X,Y X,Y`.
+pub fn two_points(text: &str) -> Result<[Pair; 2], String> {
+    let points: Vec<Pair> = text.split_whitespace().map(point).collect::<Result<_, _>>()?;
+    let count = points.len();
+    points.try_into().map_err(|_| format!("{count} points; write two, such as 312,208 930,215"))
+}
+
 /// A number above 0.
 pub fn positive(text: &str) -> Result<f64, String> {
     let number = text.trim().parse::<f64>().ok().filter(|v| *v > 0.0 && v.is_finite());
@@ -177,6 +245,24 @@ mod tests {
         for bad in ["70", "70x", "ax5", "-1x5m", "0x5m", "70x50in"] {
             assert!(lengths(bad).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn tables_are_read_or_explained() {
+        assert_eq!(paper("A4"), Ok([0.21, 0.297]));
+        assert_eq!(paper("Letter"), Ok([0.2159, 0.2794]));
+        assert_eq!(paper("0.2x0.3m"), Ok([0.2, 0.3]));
+        assert!(paper("A9").unwrap_err().contains("tabloid"));
+        let mm = length("20mm").unwrap();
+        assert!((mm - 0.02).abs() < 1e-15 && length("0.5") == Ok(0.5));
+        assert!(length("-2mm").is_err() && length("2in").is_err());
+        assert_eq!(plane("0,0.1,0.9, 0,-0.7,-0.7"), Ok([0.0, 0.1, 0.9, 0.0, -0.7, -0.7]));
+        assert!(plane("0,0,1").is_err() && plane("0,0,1,0,0,NaN").is_err());
+        assert_eq!(tilt("level"), Ok(Tilt::Level));
+        assert_eq!(tilt("0,-1,-1"), Ok(Tilt::Normal([0.0, -1.0, -1.0])));
+        assert!(tilt("flat").is_err());
+        assert_eq!(two_points("1,2 3,4"), Ok([[1.0, 2.0], [3.0, 4.0]]));
+        assert!(two_points("1,2").unwrap_err().contains("write two"));
     }
 
     #[test]

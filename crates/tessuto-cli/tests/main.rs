@@ -7,3 +7,5 @@ mod commands;
 mod missing;
 #[path = "../../tessuto/tests/support/scene_maker.rs"]
 mod scene_maker;
+#[path = "../../tessuto/tests/template/shapes.rs"]
+mod shapes;

@@ -37,9 +37,11 @@ fn way(remedy: &Remedy) -> String {
         Remedy::WithoutLost => "without_lost=True".into(),
         Remedy::Object => "masks == N, or the program's `tessuto import SCENE --object N`".into(),
         Remedy::Outline | Remedy::Plate | Remedy::MakeMasks(_) => "the program's `tessuto masks`".into(),
-        Remedy::MakeTemplate(_) | Remedy::Remesh | Remedy::Regrid | Remedy::EstimateCamera => {
-            "the program's `tessuto template`".into()
-        }
+        Remedy::MakeTemplate(_)
+        | Remedy::Remesh
+        | Remedy::Regrid
+        | Remedy::EstimateCamera
+        | Remedy::TriangleSide => "the program's `tessuto template`".into(),
         Remedy::RepairTemplate(repair) => self::repair(repair),
         Remedy::Weld => "merge vertices that touch".into(),
         // Scenes of other programs are imported by the program.

@@ -17,3 +17,4 @@ mod run;
 mod sim;
 mod support;
 mod synth;
+mod template;

@@ -7,7 +7,7 @@ use tessuto::template::remesh::Resolution;
 
 use crate::lens::Lens;
 use crate::masks::Choice;
-use crate::values::{self, Pair};
+use crate::values::{self, Pair, Tilt};
 
 /// Make or repair the template, the mesh of the fabric in the first frame.
 #[derive(Args)]
@@ -21,6 +21,10 @@ Examples:
   tessuto template scenes/flag --depth capture/ --from-mask
   tessuto template scenes/flag --depth first.png --depth-scale 0.00025 \\
     --from-mask
+
+  # a garment that lies on a table, and a sheet of paper beside it
+  tessuto template scenes/shirt --on-table --paper A4 \\
+    --paper-corners 812,410 1020,402 1051,551 829,562
 
   # any mesh: as a grid, as triangles, with other axes and units
   tessuto template scenes/flag --remesh 32 --from flag.glb
@@ -93,6 +97,8 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     pub mask: Option<PathBuf>,
     #[command(flatten)]
+    pub table: Table,
+    #[command(flatten)]
     pub choice: Choice,
     /// File to write [default: the scene's template.obj].
     #[arg(long, value_name = "FILE.obj")]
@@ -102,4 +108,45 @@ pub struct Arguments {
     pub force: bool,
     #[command(flatten)]
     pub lens: Lens,
+}
+
+/// A garment or cloth of any outline, on a table.
+#[derive(Args)]
+#[command(next_help_heading = "On a table")]
+pub struct Table {
+    /// The fabric lies flat on a table: a mesh of triangles from the outline and the holes of the first mask. The plane
+    /// of the table comes from --paper, --plane, --distance, or else from --depth or the scene's own depth maps. Layers
+    /// that lie on one another are treated as one sheet.
+    #[arg(long, conflicts_with_all = ["flat", "remesh", "irregular", "from", "scale", "flip", "swap", "weld", "corners",
+          "from_mask", "straight"])]
+    pub on_table: bool,
+    /// A sheet of paper lies on the table: A3, A4, A5, letter, legal, tabloid or WxH, such as 210x297mm.
+    #[arg(long, value_name = "SIZE", value_parser = values::paper, requires = "on_table", requires = "paper_corners",
+          conflicts_with_all = ["plane", "distance", "depth"])]
+    pub paper: Option<Pair>,
+    /// Where the paper's corners are in the first frame [px], in any order.
+    #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = values::corners, allow_hyphen_values = true,
+          requires = "paper")]
+    pub paper_corners: Option<[Pair; 4]>,
+    /// The plane of the table: a point in the scene's unit and the normal, in the camera's frame of the first frame (x
+    /// right, y down, z forward).
+    #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", value_parser = values::plane, allow_hyphen_values = true,
+          requires = "on_table", conflicts_with_all = ["distance", "depth"])]
+    pub plane: Option<[f64; 6]>,
+    /// A distance measured on the table, such as 62cm, between the points of --between.
+    #[arg(long, value_name = "LENGTH", value_parser = values::length, requires = "on_table", requires = "between",
+          requires = "tilt", conflicts_with = "depth")]
+    pub distance: Option<f64>,
+    /// Two points on the table in the first frame [px].
+    #[arg(long, value_name = "X,Y X,Y", value_parser = values::two_points, allow_hyphen_values = true,
+          requires = "distance")]
+    pub between: Option<[Pair; 2]>,
+    /// How the table is tilted: level (scene.json knows gravity), facing (the camera looks straight down on it), or its
+    /// normal in the camera's frame.
+    #[arg(long, value_name = "level|facing|X,Y,Z", value_parser = values::tilt, allow_hyphen_values = true,
+          requires = "distance")]
+    pub tilt: Option<Tilt>,
+    /// Length of a triangle's side, such as 20mm [default: by --grid, vertices along the longer side].
+    #[arg(long, value_name = "LENGTH", value_parser = values::length, requires = "on_table")]
+    pub side: Option<f64>,
 }

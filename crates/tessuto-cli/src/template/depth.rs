@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tessuto::import::read_depth;
+use tessuto::import::{Captured, read_depth};
 use tessuto::io::scene::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};
 use tessuto::template::depth;
 use tessuto::{Camera, Error, Result};
@@ -14,12 +14,20 @@ use crate::say::say;
 /// A map is of another shape than the video if their proportions differ by more than this fraction.
 const SKEW: f64 = 0.02;
 
-/// The fabric as the depth map at `path` has it; the camera that comes with the map replaces the scene's.
-pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) -> Result<Made> {
-    let captured = read_depth(path, arguments.depth_camera.as_deref(), arguments.depth_scale)?;
+/// A depth map of the first frame, with the camera in its pixels.
+pub(super) struct Measured {
+    pub captured: Captured,
+    pub sensor: Camera,
+    /// The camera that came with the map.
+    pub record: Option<CameraRecord>,
+}
+
+/// The depth map at `path`; the camera that comes with it replaces the scene's.
+pub(super) fn measured(arguments: &Arguments, view: &mut View, path: &Path) -> Result<Measured> {
+    let mut captured = read_depth(path, arguments.depth_camera.as_deref(), arguments.depth_scale)?;
     let size = [view.camera.width, view.camera.height];
     let mut notes = Vec::new();
-    let found = captured.calibration.map(|calibration| {
+    let found = captured.calibration.take().map(|calibration| {
         let camera = calibration.scaled_to(size, &mut notes)?;
         Ok::<_, tessuto::Error>((camera, calibration.place))
     });
@@ -47,6 +55,13 @@ pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) ->
         return Err(Error::input(captured.file.display().to_string(), problem, hint));
     }
     let sensor = view.camera.resized([map.width as u32, map.height as u32]);
+    Ok(Measured { captured, sensor, record })
+}
+
+/// The fabric as the depth map at `path` has it; the camera that comes with the map replaces the scene's.
+pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) -> Result<Made> {
+    let Measured { captured, sensor, record } = measured(arguments, view, path)?;
+    let map = &captured.map;
     let mask = view.mask.take();
     let place = place_of(mask.as_ref());
     let from = corners(arguments, mask.as_ref(), &place)?;
@@ -89,5 +104,5 @@ pub(super) fn from_depth(arguments: &Arguments, view: &mut View, path: &Path) ->
         ..TemplateRecord::new(TemplateKind::Depth)
     };
     view.mask = mask;
-    Ok(Made { mesh: made.mesh, record, misfit: None, raw: false })
+    Ok(Made { mesh: made.mesh, record, misfit: None, table: None, raw: false })
 }

@@ -17,7 +17,7 @@ use crate::values::Pair;
 /// How well a person or the mask knows a corner of fabric, in either direction `[px]`.
 const CLICK: f64 = 1.0;
 
-fn say_line(line: String) {
+pub(super) fn say_line(line: String) {
     say!("{line}");
 }
 
@@ -42,7 +42,7 @@ pub(super) fn flat(arguments: &Arguments, view: &mut View, size: Pair) -> Result
     };
     view.mask = mask;
     let misfit = (!found.plane).then_some(found.residual);
-    Ok(Made { mesh: found.mesh, record, misfit, raw: false })
+    Ok(Made { mesh: found.mesh, record, misfit, table: None, raw: false })
 }
 
 /// What messages call the mask.
@@ -124,6 +124,7 @@ pub(super) fn from_mesh(arguments: &Arguments, scene: bool) -> Result<Made> {
         mesh: from_file(&path, &changes, &mut say_line)?,
         record,
         misfit: template_misfit(&path),
+        table: None,
         raw: true,
     })
 }

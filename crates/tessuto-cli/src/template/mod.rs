@@ -3,12 +3,14 @@
 mod arguments;
 mod depth;
 mod mesh;
+mod table;
 mod view;
 
 use std::path::Path;
 
 use tessuto::io::scene::{TemplateRecord, replace_camera, write_template};
 use tessuto::output::manifest;
+use tessuto::template::table::Plane;
 use tessuto::template::{gate, overlap_with_mask};
 use tessuto::text::quoted;
 use tessuto::{Error, Mesh, Result};
@@ -26,6 +28,8 @@ struct Made {
     record: TemplateRecord,
     /// What template.obj says of a rectangle that does not fit `[px]`.
     misfit: Option<f64>,
+    /// The table that the fabric lies on, in the scene's unit of length.
+    table: Option<Plane>,
     /// Lengths are in the file's unit: a mesh is changed as it is.
     raw: bool,
 }
@@ -51,6 +55,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let mut view = view(arguments, scene)?;
     let mut made = match (arguments.flat, &arguments.depth) {
+        _ if arguments.table.on_table => table::on_table(arguments, &mut view, scene)?,
         (Some(size), _) => flat(arguments, &mut view, size)?,
         (None, Some(path)) => depth::from_depth(arguments, &mut view, path)?,
         (None, None) => from_mesh(arguments, scene)?,
@@ -67,6 +72,9 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     let own = scene && arguments.out.is_none();
     write(&out, &made, own.then_some((&*arguments.target, &view)))?;
     say!("{}: {} vertices, {} faces", out.display(), made.mesh.positions.len(), made.mesh.faces.len());
+    if let Some(plane) = &made.table {
+        table::say_plane(plane);
+    }
     if let Some(overlap) = made.record.overlap {
         let expected = if overlap < 0.85 { ", 0.85 expected" } else { "" };
         say!("overlap with the mask of the first frame: {overlap:.3}{expected}");

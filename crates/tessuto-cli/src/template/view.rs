@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use tessuto::glam::DVec3;
 use tessuto::io::scene::first_frame;
 use tessuto::io::{image, mask};
 use tessuto::{Camera, Error, Image, Result};
@@ -15,13 +16,15 @@ pub(super) struct View {
     pub mask: Option<(Image, PathBuf)>,
     /// Metres in one unit of the file to write.
     pub metres: f64,
+    /// Which way gravity pulls, where that is known.
+    pub down: Option<DVec3>,
 }
 
 /// The first frame that the arguments name.
 pub(super) fn view(arguments: &Arguments, scene: bool) -> Result<View> {
     if scene {
         let first = first_frame(&arguments.target)?;
-        return Ok(View { camera: first.camera, mask: first.mask, metres: first.metres });
+        return Ok(View { camera: first.camera, mask: first.mask, metres: first.metres, down: first.down });
     }
     let size = image::size(&arguments.target)?;
     let calibration = arguments.lens.calibration()?;
@@ -42,5 +45,5 @@ pub(super) fn view(arguments: &Arguments, scene: bool) -> Result<View> {
         }
         Ok((mask, path.clone()))
     });
-    Ok(View { camera, mask: mask.transpose()?, metres: 1.0 })
+    Ok(View { camera, mask: mask.transpose()?, metres: 1.0, down: None })
 }

@@ -13,6 +13,7 @@ mod import_video;
 #[cfg(feature = "man")]
 mod man_pages;
 mod masks;
+mod on_table;
 mod output;
 mod physics;
 mod render;

@@ -78,6 +78,8 @@ pub enum Remedy {
     Remesh,
     /// Re-sample the template of the scene as a grid: `Resample::Grid`.
     Regrid,
+    /// Smaller or larger triangles for an outline on a table: `template::table::Side`.
+    TriangleSide,
     /// Merge vertices that touch: `Changes::weld`.
     Weld,
     /// What a unit of the depth map is: `read_depth`.
@@ -174,6 +176,7 @@ impl fmt::Display for Remedy {
             Self::MakeTemplate(_) => f.write_str("template::make"),
             Self::Remesh => f.write_str("remesh"),
             Self::Regrid => f.write_str("remesh the template as a grid"),
+            Self::TriangleSide => f.write_str("template::table::Side"),
             Self::Weld => f.write_str("weld = true"),
             Self::DepthScale => f.write_str("scale of the depth map"),
             Self::WithoutLost => f.write_str("without_lost"),

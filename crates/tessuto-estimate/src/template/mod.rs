@@ -4,6 +4,7 @@
 //! - any textured mesh, as a regular grid of quads: [`remesh`]; or as an irregular mesh of triangles:
 //!   [`irregular`](mod@irregular)
 //! - a depth map of the first frame: [`depth`]
+//! - a garment of any outline that lies on a table: [`table`]
 //! - the camera, from the corners of such a sheet: [`focal`]
 //! - a mesh in another unit or with other axes: [`fix`]
 //!
@@ -19,6 +20,7 @@ pub mod make;
 pub(crate) mod outline;
 pub(crate) mod rectangle;
 pub mod remesh;
+pub mod table;
 
 use tessuto_core::camera::Camera;
 use tessuto_core::image::Image;

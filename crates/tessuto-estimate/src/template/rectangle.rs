@@ -126,6 +126,11 @@ impl Pose {
         self.rotation * p.extend(0.0) + self.translation
     }
 
+    /// A point of its plane `[m]`, and the plane's normal.
+    pub(super) fn plane(&self) -> (DVec3, DVec3) {
+        (self.translation, self.rotation.z_axis)
+    }
+
     fn moved(&self, step: &[f64]) -> Self {
         let turn = glam::DQuat::from_scaled_axis(DVec3::new(step[0], step[1], step[2]));
         Self {

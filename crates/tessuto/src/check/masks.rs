@@ -6,6 +6,7 @@ use tessuto_core::image::Image;
 use tessuto_core::mesh::pieces;
 use tessuto_core::scene::Scene;
 use tessuto_estimate::masks::Record;
+use tessuto_render::raster::coverage::template_coverage;
 
 /// The largest piece of a mask holds less than this: error, and warning.
 const LARGEST: [f64; 2] = [0.5, 0.998];
@@ -13,8 +14,10 @@ const LARGEST: [f64; 2] = [0.5, 0.998];
 /// pixels are a few percent, a sheet that is blurred by its own width is half grey, an image in place of a mask is
 /// all of it.
 const GREY: [f64; 2] = [0.8, 0.25];
-/// Fraction of holes that is doubtful.
+/// Fraction of holes that is doubtful, beside those that the template itself has.
 const HOLES: f64 = 0.01;
+/// A hole of the template may look larger by this factor in another frame, as a fraction of the fabric.
+const LARGER: f64 = 1.5;
 
 /// Shape of one mask.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -131,7 +134,8 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
         ));
     }
     out.extend(made(scene));
-    if let Some((level, frame, shape)) = worst(&|s| s.holes, [f64::INFINITY, HOLES]) {
+    let own = LARGER * own_holes(scene);
+    if let Some((level, frame, shape)) = worst(&|s| s.holes - own, [f64::INFINITY, HOLES]) {
         let detail =
             format!("the mask of frame {frame} has holes, {:.1} % of the fabric", 100.0 * shape.holes);
         out.push(finding(
@@ -141,6 +145,14 @@ pub(super) fn findings(scene: &Scene, shapes: &[MaskShape]) -> Vec<Finding> {
         ));
     }
     out
+}
+
+/// Holes of the template as the camera sees it in the first frame, as a fraction of the fabric.
+fn own_holes(scene: &Scene) -> f64 {
+    let (mesh, camera) = (&scene.template, scene.camera);
+    let covered = template_coverage(mesh, &mesh.positions, camera);
+    let data = covered.iter().map(|c| f32::from(u8::from(*c))).collect();
+    MaskShape::of(&Image { width: camera.width, height: camera.height, channels: 1, data }).holes
 }
 
 /// What was doubtful when the masks were made from the clip.

@@ -84,6 +84,23 @@ pub(super) fn read(
     Ok(Some(Depths::new(camera, maps, &within)))
 }
 
+/// The map of the first frame of the scene in `folder`, the camera in its pixels, and its file; `None` in a scene
+/// without maps.
+///
+/// # Errors
+/// [`Error::Input`] naming the map that cannot be used.
+pub fn first(folder: &Path) -> Result<Option<(DepthMap, Camera, PathBuf)>> {
+    let manifest = Manifest::read(folder)?;
+    if !folder.join(&manifest.depth).is_dir() {
+        return Ok(None);
+    }
+    let numbers = (0..1, manifest.n_frames);
+    let file = numbered(folder, &manifest.depth, PREFIX, &ENDINGS, numbers, &mut Vec::new())?.remove(0);
+    let map = DepthMap::read(&file, manifest.depth_unit)?;
+    let camera = camera(&manifest.camera(), [map.width, map.height]);
+    Ok(Some((map, camera, file)))
+}
+
 /// Every `factor`-th pixel of a map along both sides: means would mix what lies on both sides of a border.
 fn thinned(map: &DepthMap, factor: usize) -> Vec<f32> {
     let at = |n: usize| n * factor + factor / 2;

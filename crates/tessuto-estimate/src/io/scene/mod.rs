@@ -33,6 +33,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 pub use colours::{ColourFiles, colour_files};
+pub use depths::first as first_depth;
 pub(crate) use edit::set_gravity;
 pub use edit::{ListedView, replace_camera, set_planes, write_manifest, write_views};
 pub use first_frame::{FirstFrame, first_frame};
@@ -40,7 +41,7 @@ use manifest::Manifest;
 pub use memory::{RecordedView, Recording, assemble};
 pub use poses::{POSES, read_poses, write_poses};
 pub(crate) use poses::{listed as listed_poses, moving};
-pub use record::{CameraRecord, DepthRecord, TemplateKind, TemplateRecord};
+pub use record::{CameraRecord, DepthRecord, TableRecord, TemplateKind, TemplateRecord};
 pub use rectangle::{template_misfit, write_template};
 use tessuto_core::camera::Pose;
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};

@@ -9,6 +9,7 @@ use sha2::{Digest, Sha256};
 use crate::io::depth_unit::Unit;
 use crate::io::text::decode;
 use crate::io::{atomic_write, read_bounded};
+use crate::template::table::{FoundPlane, Residual};
 use tessuto_core::error::{Error, Result};
 
 /// What a template was made of.
@@ -19,6 +20,8 @@ pub enum TemplateKind {
     Flat,
     /// A depth map of the first frame.
     Depth,
+    /// An outline on a table.
+    Outline,
     /// A mesh.
     Mesh,
 }
@@ -53,12 +56,50 @@ pub struct DepthRecord {
     pub unit_told: bool,
 }
 
+/// The plane of the table that the fabric lies on.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct TableRecord {
+    /// What it was found from.
+    pub source: String,
+    /// One of its points, camera frame of the first frame `[m]`.
+    pub point: [f64; 3],
+    /// Its normal towards the camera, of length 1.
+    pub normal: [f64; 3],
+    /// How far a sheet of paper's corners are from those seen, root mean square `[px]`.
+    pub residual_px: Option<f64>,
+    /// How far measured depths are off, root mean square `[m]`.
+    pub residual_m: Option<f64>,
+    /// Standard deviation of its tilt `[rad]`.
+    pub tilt_deviation: Option<f64>,
+    /// Standard deviation of lengths on it, as a fraction.
+    pub length_deviation: Option<f64>,
+    /// Angle to another plane that fits nearly as well `[rad]`.
+    pub rival: Option<f64>,
+}
+
+impl TableRecord {
+    /// Of a plane that was found from `source`.
+    pub fn of(found: &FoundPlane, source: impl Into<String>) -> Self {
+        let residual = |unit: fn(Residual) -> Option<f64>| found.residual.and_then(unit);
+        Self {
+            source: source.into(),
+            point: found.plane.point.to_array(),
+            normal: found.plane.normal.to_array(),
+            residual_px: residual(|r| if let Residual::Pixels(off) = r { Some(off) } else { None }),
+            residual_m: residual(|r| if let Residual::Metres(off) = r { Some(off) } else { None }),
+            tilt_deviation: found.tilt_deviation,
+            length_deviation: found.length_deviation,
+            rival: found.rival,
+        }
+    }
+}
+
 /// See the module.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct TemplateRecord {
     /// What it was made of.
     pub kind: TemplateKind,
-    /// Width along the upper side and height of the rectangle `[m]`.
+    /// Width along the upper side and height of the rectangle, or of the outline along the image's rows `[m]`.
     pub size: Option<[f64; 2]>,
     /// Corners in the first frame, clockwise from the upper left `[px]`.
     pub corners: Option<[[f64; 2]; 4]>,
@@ -74,6 +115,9 @@ pub struct TemplateRecord {
     pub camera: Option<CameraRecord>,
     /// The depth map, where it was made of one.
     pub depth: Option<DepthRecord>,
+    /// The table, where the fabric lies on one.
+    #[serde(default)]
+    pub table: Option<TableRecord>,
     /// SHA-256 of the template.obj it is about, set when it is [written](Self::write).
     #[serde(default)]
     pub template_sha256: String,
@@ -95,6 +139,7 @@ impl TemplateRecord {
             overlap: None,
             camera: None,
             depth: None,
+            table: None,
             template_sha256: String::new(),
         }
     }
@@ -122,6 +167,7 @@ impl TemplateRecord {
         let mut parts = vec![match (self.kind, self.residual) {
             (TemplateKind::Flat, Some(off)) => format!("flat sheet{size}, its corners off by {off:.2} px"),
             (TemplateKind::Flat, None) => format!("flat sheet{size}"),
+            (TemplateKind::Outline, _) => format!("outline{size} on a table"),
             (TemplateKind::Depth, _) => "from a depth map".to_owned(),
             (TemplateKind::Mesh, _) => "from a mesh".to_owned(),
         }];
@@ -130,6 +176,10 @@ impl TemplateRecord {
             let unit = d.unit.map(|metres| Unit { metres, told: d.unit_told }.name());
             let unit = unit.map_or_else(String::new, |name| format!(" in units of {name}"));
             format!("{}{unit}, noise {noise:.1} mm, {filled:.0} % filled in", d.file)
+        }));
+        parts.extend(self.table.as_ref().map(|table| match table.length_deviation {
+            Some(part) => format!("the table from {}, lengths ± {:.1} %", table.source, 100.0 * part),
+            None => format!("the table from {}", table.source),
         }));
         parts.extend(self.camera.as_ref().map(|c| match c.interval {
             Some([low, high]) => format!("focal length {:.0} px ({low:.0} to {high:.0}) {}", c.fx, c.source),
@@ -175,6 +225,30 @@ mod tests {
             "flat sheet of 0.550×0.560 m, its corners off by 1.50 px; focal length 800 px (760 to 850) \
              estimated from the corners"
         );
+        // Of an outline, and of one that an older version wrote.
+        let outline = TemplateRecord {
+            size: Some([0.6, 0.5]),
+            table: Some(TableRecord {
+                source: "a sheet of paper".into(),
+                point: [0.0, 0.0, 1.0],
+                normal: [0.0, 0.0, -1.0],
+                residual_px: Some(0.4),
+                residual_m: None,
+                tilt_deviation: Some(0.01),
+                length_deviation: Some(0.012),
+                rival: None,
+            }),
+            ..TemplateRecord::new(TemplateKind::Outline)
+        };
+        outline.write(folder.path()).unwrap();
+        let found = TemplateRecord::read(folder.path()).unwrap();
+        assert_eq!(
+            found.sentence(),
+            "outline of 0.600×0.500 m on a table; the table from a sheet of paper, lengths ± 1.2 %"
+        );
+        let mut old = serde_json::to_value(&record).unwrap();
+        old.as_object_mut().unwrap().remove("table");
+        assert_eq!(serde_json::from_value::<TemplateRecord>(old).unwrap(), record);
         std::fs::write(folder.path().join("template.obj"), "v 0 0 2\n").unwrap();
         assert_eq!(TemplateRecord::read(folder.path()), None);
     }
