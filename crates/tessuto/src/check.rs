@@ -8,6 +8,7 @@ mod drawing;
 mod findings;
 mod masks;
 mod outline;
+mod planes;
 mod repeats;
 mod views;
 
@@ -98,8 +99,10 @@ fn all_findings(scene: &Scene) -> Result<(Vec<Finding>, f64)> {
     let first = scene.frames.frame(0)?;
     let iou = overlap(&covered, &first.mask);
     let of_template = findings::of_template(scene, &first.mask, &covered, iou);
+    let of_planes = planes::findings(scene);
     let of_views = views::findings(scene)?;
-    Ok((findings::of_video(scene)?.into_iter().chain(of_template).chain(of_views).collect(), iou))
+    let all = findings::of_video(scene)?.into_iter().chain(of_template).chain(of_planes).chain(of_views);
+    Ok((all.collect(), iou))
 }
 
 /// Checks what is there of a scene whose template cannot be read.

@@ -8,7 +8,7 @@ mod view;
 
 use std::path::Path;
 
-use tessuto::io::scene::{TemplateRecord, replace_camera, write_template};
+use tessuto::io::scene::{TemplateRecord, replace_camera, set_planes, write_template};
 use tessuto::output::manifest;
 use tessuto::template::table::Plane;
 use tessuto::template::{gate, overlap_with_mask};
@@ -95,15 +95,21 @@ fn write(out: &Path, made: &Made, scene: Option<(&Path, &View)>) -> Result<()> {
     keep_foreign(&record)?;
     made.record.write(folder)?;
     let mut written = vec![record];
-    if let Some(camera) = &made.record.camera {
-        let doubt = camera.interval.map(|[low, high]| (high - low) / (camera.fx + camera.fy));
-        let path = folder.join("scene.json");
+    let path = folder.join("scene.json");
+    if made.record.camera.is_some() || made.table.is_some() {
         let before = std::fs::read(&path).map_err(|source| Error::Output { path: path.clone(), source })?;
         if keep_foreign(&path)? {
             tessuto::io::atomic_write(&path, &before)?;
         }
-        replace_camera(folder, &view.camera, &camera.source, doubt)?;
         written.push(path);
+    }
+    if let Some(camera) = &made.record.camera {
+        let doubt = camera.interval.map(|[low, high]| (high - low) / (camera.fx + camera.fy));
+        replace_camera(folder, &view.camera, &camera.source, doubt)?;
+    }
+    if let Some(table) = &made.table {
+        let Plane { point, normal } = table.scaled(view.metres);
+        set_planes(folder, &[tessuto::Plane { normal, height: normal.dot(point) }])?;
     }
     manifest::record(&written)
 }
