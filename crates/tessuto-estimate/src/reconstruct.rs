@@ -10,10 +10,10 @@ use crate::motion::spacetime;
 use crate::motion::texture::{Window, fit_texture};
 use crate::session::{Epoch, Session, foreign_state};
 use tessuto_core::error::{Error, Result};
-use tessuto_core::mesh::{Motion, Positions};
+use tessuto_core::mesh::{Mesh, Motion, Positions};
 use tessuto_core::scene::Scene;
 use tessuto_render::raster::{Rasterizer, Texture};
-use tessuto_sim::contact::apart::put_apart;
+use tessuto_sim::contact::apart::{crossed, put_apart};
 use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
 
 /// What was found about the fabric.
@@ -99,6 +99,10 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
             simulate(cut.as_ref().unwrap_or(&cloth), config, scene.fps, template, &parameters)?
         }
     };
+    let motion = match &deviations {
+        Some((found, _)) => not_through_itself(&scene.template, motion, found)?,
+        None => motion,
+    };
     let deviations = deviations.map(|(found, deviations)| of_motion(deviations, &found, &motion));
     session.end();
     let history = session.history_of(&["texture", "track", "refine", "fuse", "rollout"]);
@@ -178,6 +182,14 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
     Ok(Found { parameters, deviations, causes, made, failure: lost.or(stuck).or(loose) })
 }
 
+/// The simulated `motion`, or what was `found` where the simulation passes through itself more than that: layers a
+/// millimetre apart are moved by less.
+fn not_through_itself(template: &Mesh, motion: Motion, found: &[Positions]) -> Result<Motion> {
+    let triangles = template.triangles();
+    let all = |frames: &[Positions]| crossed(&triangles, frames).iter().sum::<f64>();
+    if all(&motion) > all(found) { Motion::new(found.to_vec()) } else { Ok(motion) }
+}
+
 /// `deviations` of the `found` positions, with what the simulated `motion` is off from these added.
 fn of_motion(mut deviations: Vec<Vec<f64>>, found: &[Positions], motion: &Motion) -> Vec<Vec<f64>> {
     for ((deviations, found), x) in deviations.iter_mut().zip(found).zip(motion.iter()) {
@@ -204,4 +216,31 @@ pub fn simulate(
         RolloutInputs { initial: &initial, accelerations: &parameters.accelerations, stiffness: &stiffness };
     let frame_count = parameters.accelerations.dynamic.len() / parameters.accelerations.entries_per_frame + 1;
     Motion::new(play(cloth, &dynamics.step, dynamics.substeps, frame_count, &inputs)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec2, DVec3};
+
+    use super::*;
+
+    #[test]
+    fn a_simulation_that_passes_through_itself_is_not_told() {
+        let mesh = tessuto_core::mesh::grid(11, 11, DVec2::splat(0.1), 1.0);
+        // The right half turned over to the left; with a slope its rim comes out below.
+        let folded = |slope: f64| -> Positions {
+            let of = |x: &DVec3| match x.x {
+                ..=0.001 => *x,
+                out => DVec3::new(-out, x.y + 0.003, x.z - 0.01 + slope * out),
+            };
+            mesh.positions.iter().map(of).collect()
+        };
+        let (sound, crossing) = (folded(0.0), folded(0.3));
+        let told = |simulated: &Positions, found: &Positions| {
+            let motion = Motion::new(vec![simulated.clone()]).unwrap();
+            not_through_itself(&mesh, motion, std::slice::from_ref(found)).unwrap()[0].clone()
+        };
+        assert!(told(&crossing, &sound) == sound && told(&sound, &crossing) == sound);
+        assert!(told(&crossing, &crossing) == crossing);
+    }
 }

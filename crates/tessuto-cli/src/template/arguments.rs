@@ -116,13 +116,13 @@ pub struct Arguments {
 pub struct Table {
     /// The fabric lies flat on a table: a mesh of triangles from the outline and the holes of the first mask. The plane
     /// of the table comes from --paper, --plane, --distance, or else from --depth or the scene's own depth maps. Layers
-    /// that lie on one another are treated as one sheet.
-    #[arg(long, conflicts_with_all = ["flat", "remesh", "irregular", "from", "scale", "flip", "swap", "weld", "corners",
-          "from_mask", "straight"])]
+    /// that lie on one another are treated as one sheet. With --flat the rectangle lies there. Either way scene.json
+    /// gets the plane, behind which nothing is found.
+    #[arg(long, conflicts_with_all = ["remesh", "irregular", "from", "scale", "flip", "swap", "weld"])]
     pub on_table: bool,
     /// A sheet of paper lies on the table: A3, A4, A5, letter, legal, tabloid or WxH, such as 210x297mm.
     #[arg(long, value_name = "SIZE", value_parser = values::paper, requires = "on_table", requires = "paper_corners",
-          conflicts_with_all = ["plane", "distance", "depth"])]
+          conflicts_with_all = ["plane", "distance", "depth", "flat"])]
     pub paper: Option<Pair>,
     /// Where the paper's corners are in the first frame [px], in any order.
     #[arg(long, value_name = "X,Y X,Y X,Y X,Y", value_parser = values::corners, allow_hyphen_values = true,
@@ -131,11 +131,11 @@ pub struct Table {
     /// The plane of the table: a point in the scene's unit and the normal, in the camera's frame of the first frame (x
     /// right, y down, z forward).
     #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", value_parser = values::plane, allow_hyphen_values = true,
-          requires = "on_table", conflicts_with_all = ["distance", "depth"])]
+          requires = "on_table", conflicts_with_all = ["distance", "depth", "flat"])]
     pub plane: Option<[f64; 6]>,
     /// A distance measured on the table, such as 62cm, between the points of --between.
     #[arg(long, value_name = "LENGTH", value_parser = values::length, requires = "on_table", requires = "between",
-          requires = "tilt", conflicts_with = "depth")]
+          requires = "tilt", conflicts_with_all = ["depth", "flat"])]
     pub distance: Option<f64>,
     /// Two points on the table in the first frame [px].
     #[arg(long, value_name = "X,Y X,Y", value_parser = values::two_points, allow_hyphen_values = true,
@@ -147,6 +147,6 @@ pub struct Table {
           requires = "distance")]
     pub tilt: Option<Tilt>,
     /// Length of a triangle's side, such as 20mm [default: by --grid, vertices along the longer side].
-    #[arg(long, value_name = "LENGTH", value_parser = values::length, requires = "on_table")]
+    #[arg(long, value_name = "LENGTH", value_parser = values::length, requires = "on_table", conflicts_with = "flat")]
     pub side: Option<f64>,
 }

@@ -55,8 +55,14 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     }
     let mut view = view(arguments, scene)?;
     let mut made = match (arguments.flat, &arguments.depth) {
+        (Some(size), _) => {
+            let mut made = flat(arguments, &mut view, size)?;
+            if arguments.table.on_table {
+                made.table = Some(table::below(&made.mesh)?.scaled(1.0 / view.metres));
+            }
+            made
+        }
         _ if arguments.table.on_table => table::on_table(arguments, &mut view, scene)?,
-        (Some(size), _) => flat(arguments, &mut view, size)?,
         (None, Some(path)) => depth::from_depth(arguments, &mut view, path)?,
         (None, None) => from_mesh(arguments, scene)?,
     };

@@ -4,7 +4,7 @@ use tessuto::glam::DVec3;
 use tessuto::io::scene::{TableRecord, TemplateKind, TemplateRecord, first_depth};
 use tessuto::template::remesh::Resolution;
 use tessuto::template::table::{Plane, PlaneFrom, Side, from_outline};
-use tessuto::{Error, Result};
+use tessuto::{Error, Mesh, Result};
 
 use super::depth::{Measured, measured};
 use super::mesh::{place_of, say_line};
@@ -74,6 +74,16 @@ pub(super) fn on_table(arguments: &Arguments, view: &mut View, scene: bool) -> R
     };
     let table = Some(found.plane.plane.scaled(1.0 / view.metres));
     Ok(Made { mesh: found.mesh, record, misfit: None, table, raw: false })
+}
+
+/// The plane in which the flat `mesh` lies `[m]`.
+pub(super) fn below(mesh: &Mesh) -> Result<Plane> {
+    let x = &mesh.positions;
+    let across = |[a, b, c]: [u32; 3]| {
+        let [a, b, c] = [a, b, c].map(|k| x[k as usize]);
+        (b - a).cross(c - a)
+    };
+    Plane::new(x.iter().sum::<DVec3>() / x.len() as f64, mesh.triangles().into_iter().map(across).sum())
 }
 
 /// The plane as an argument of this command, in the scene's unit.

@@ -157,7 +157,8 @@ fn the_adjoint_of_a_fold_is_that_of_differences() {
     assert!(touching > 5, "it folds");
     let inputs = RolloutInputs { initial: &initial, accelerations: &accelerations, stiffness: &k };
     let g = rollout_vjp(&cloth, &settings, &inputs, &found, &weights);
-    let n = 20;
+    assert!(g.friction.iter().all(|g| g.abs() > 1e-6), "layers and the table rub: {:?}", g.friction);
+    let n = 4;
     let by_start = check(flat(&initial.v), flat(&g.initial.v), 1e-5, n, 1, |v| {
         run(&cloth, &State { v: vectors(v), ..initial.clone() }, c, &k).1
     });
@@ -168,12 +169,12 @@ fn the_adjoint_of_a_fold_is_that_of_differences() {
         run(&cloth, &initial, DVec3::from_slice(c), &k).1
     });
     let frictions = cloth.contact.as_ref().unwrap().frictions();
-    let by_friction = check(&frictions, &g.friction, 1e-4, 4, 4, |f| {
+    let by_friction = check(&frictions, &g.friction, 1e-4, 2, 4, |f| {
         let mut other = cloth.clone();
         other.contact = Some(cloth.contact.as_ref().unwrap().with_frictions(f).into());
         run(&other, &initial, c, &k).1
     });
-    let by_stretch = check(&k.stretch, &g.stiffness.stretch, 1e-2, 8, 5, |s| {
+    let by_stretch = check(&k.stretch, &g.stiffness.stretch, 1e-2, 3, 5, |s| {
         run(&cloth, &initial, c, &Stiffness { stretch: s.to_vec(), ..k.clone() }).1
     });
     let all = [

@@ -35,7 +35,7 @@ pub struct Recording {
     pub masks: Vec<Samples>,
     /// The fabric in the first frame, camera frame `[m]`.
     pub template: Mesh,
-    /// Planes that the fabric lies on: a point `[m]` and the direction across, in the camera's frame in the first frame.
+    /// Planes that the fabric lies on: a point `[m]` and the direction across, in the template's frame.
     pub planes: Vec<[DVec3; 2]>,
     /// What is known of the true motion.
     pub truth: Truth,
