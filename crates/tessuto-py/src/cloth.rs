@@ -137,6 +137,7 @@ pub struct ClothStep {
 
 /// Positions and velocities after one sub-step, and its record.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "everything that determines a step")]
 pub fn cloth_step<'py>(
     py: Python<'py>,
     cloth: &Cloth,

@@ -1,9 +1,9 @@
 //! Contact: layers of one sheet that do not pass through each other, and bodies that the sheet lies on.
 //!
-//! Every pair of elements that comes nearer than a thickness has a barrier's energy ([`pair`]): vertices and
+//! Every pair of elements that comes nearer than a thickness has a barrier's energy (`pair.rs`): vertices and
 //! triangles, edges and edges of the sheet and of bodies; vertices and planes; triangles and spheres. It is part of
-//! the incremental potential of [`super::implicit_euler`], and so is friction ([`slip`]). No step passes through: a
-//! collision test along each iteration's way bounds it ([`advance`]). The same bits for any number of threads.
+//! the incremental potential of [`super::implicit_euler`], and so is friction (`slip.rs`). No step passes through: a
+//! collision test along each iteration's way bounds it (`advance.rs`). The same bits for any number of threads.
 //!
 //! ```
 //! use tessuto_core::glam::{DVec2, DVec3};

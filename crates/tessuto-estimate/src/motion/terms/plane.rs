@@ -70,7 +70,7 @@ mod tests {
         let cloth = Cloth::new(&mesh);
         let planes = [Plane { normal: -DVec3::Z, height: -1.0 }];
         let term = Planes { cloth: &cloth, planes: &planes, noise: Noise { sigma: 1e-3, tail: 3.0 } };
-        let at = |h: f64| term.value(&vec![DVec3::new(0.0, 0.0, 1.0 - h); 4]);
+        let at = |h: f64| term.value(&[DVec3::new(0.0, 0.0, 1.0 - h); 4]);
         assert!((at(-5e-3) - 4.0 * 12.5).abs() < 1e-9 && at(0.0) == 0.0);
         assert!((at(1e-3) - 4.0 * 0.45).abs() < 1e-9 && (at(0.1) / at(0.2) - 1.0).abs() < 1e-3);
         assert_eq!(Planes { planes: &[], ..term }.value(&mesh.positions).to_bits(), 0);

@@ -92,7 +92,7 @@ pub struct FromOutline {
     pub holes: usize,
     /// Length of a triangle's side `[m]`.
     pub side: f64,
-    /// Smallest angle of a triangle [rad].
+    /// Smallest angle of a triangle `[rad]`.
     pub smallest_angle: f64,
 }
 
