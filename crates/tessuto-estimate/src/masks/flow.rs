@@ -182,35 +182,55 @@ pub(super) fn flow(from: &Colours, to: &Colours, inside: &Region, rect: Rect) ->
     Flow { rect, step, columns, rows, data, arriving: Vec::new() }.turned()
 }
 
-/// How far, in the median, the textured windows outside of `region` move `[px]`; `None` where there are too few to
-/// tell.
-pub(super) fn shift(from: &Colours, to: &Colours, region: &Region, rect: Rect) -> Option<f32> {
-    const SIDE: usize = 14;
+/// Displacements `[px]` of the textured windows outside of `region`, spread evenly over `rect`; `None` where there are
+/// too few to tell. `noise`: standard deviation of a channel `[grey levels]`.
+pub(super) fn outside(
+    from: &Colours,
+    to: &Colours,
+    region: &Region,
+    rect: Rect,
+    noise: f32,
+) -> Option<Vec<[f32; 2]>> {
+    const SIDE: usize = 20;
     const FEWEST: usize = 8;
-    /// Mean squared gradient in every direction, beyond noise.
-    const TEXTURED: f32 = 6.0;
     let outside = Region { rect, inside: region.within(rect).inside.iter().map(|i| !i).collect() };
     let levels = pyramid(from, to, &outside, rect);
     let size = [rect.width(), rect.height()];
-    let moved: Vec<f32> = (0..SIDE * SIDE)
-        .into_par_iter()
-        .filter_map(|k| {
-            let at = [k % SIDE, k / SIDE];
-            let at: [f32; 2] = std::array::from_fn(|c| (at[c] as f32 + 0.5) * size[c] as f32 / SIDE as f32);
-            let mut found: Option<Matched> = None;
-            for (k, level) in levels.iter().enumerate().rev() {
-                let scale = (1 << k) as f32;
-                let start = found.map_or([0.0; 2], |f| f.displacement.map(|v| 2.0 * v));
-                found = Some(level.matched(at.map(|v| (v / scale).round()), start));
-            }
-            let Matched { displacement: d, tensor: [a, b, c] } = found?;
-            let weakest = 0.5 * (a + c - ((a - c).powi(2) + 4.0 * b * b).sqrt());
-            (weakest > TEXTURED).then(|| d[0].hypot(d[1]))
-        })
-        .collect();
-    let mut moved = moved;
-    moved.sort_by(f32::total_cmp);
-    (moved.len() >= FEWEST).then(|| moved[moved.len() / 2])
+    let window = |k: usize| {
+        let at = [k % SIDE, k / SIDE];
+        let at: [f32; 2] = std::array::from_fn(|c| (at[c] as f32 + 0.5) * size[c] as f32 / SIDE as f32);
+        window(&levels, at, noise)
+    };
+    let moved: Vec<[f32; 2]> = (0..SIDE * SIDE).into_par_iter().filter_map(window).collect();
+    (moved.len() >= FEWEST).then_some(moved)
+}
+
+/// The displacement `[px]` of the window around `at`, if it is textured.
+fn window(levels: &[Level], at: [f32; 2], noise: f32) -> Option<[f32; 2]> {
+    /// Mean squared gradient in every direction, beyond noise.
+    const TEXTURED: f32 = 6.0;
+    /// Levels at which something that stands still is looked for by itself: beside something that moves the coarser
+    /// ones see only that, and the finest sees least of a smooth wall. How far it may be off there `[px]`.
+    const STILL: (usize, f32) = (3, 0.4);
+    let weakest = |m: &Matched| {
+        let [a, b, c] = m.tensor;
+        0.5 * (a + c - ((a - c).powi(2) + 4.0 * b * b).sqrt())
+    };
+    let place = |k: usize| at.map(|v| (v / (1 << k) as f32).round());
+    for (k, level) in levels.iter().enumerate().take(STILL.0) {
+        let m = level.matched(place(k), [0.0; 2]);
+        // Of a mean of three channels: what noise leaves, and compression.
+        let alike = m.mismatch < noise * noise + 4.0;
+        if alike && weakest(&m) > TEXTURED && m.displacement[0].hypot(m.displacement[1]) < STILL.1 {
+            return Some(m.displacement.map(|v| v * (1 << k) as f32));
+        }
+    }
+    let mut found: Option<Matched> = None;
+    for (k, level) in levels.iter().enumerate().rev() {
+        let start = found.map_or([0.0; 2], |f| f.displacement.map(|v| 2.0 * v));
+        found = Some(level.matched(place(k), start));
+    }
+    found.filter(|m| weakest(m) > TEXTURED).map(|m| m.displacement)
 }
 
 /// A window's displacement, and how sure each direction of it is.
@@ -218,6 +238,8 @@ struct Matched {
     displacement: [f32; 2],
     /// xx, xy, yy of the mean squared gradient, less where the match is bad.
     tensor: [f32; 3],
+    /// Mean squared difference that is left, without that of the means.
+    mismatch: f32,
 }
 
 impl Level {
@@ -233,7 +255,7 @@ impl Level {
 
     /// Matches the window around `at`, beginning with a displacement.
     fn matched(&self, at: [f32; 2], start: [f32; 2]) -> Matched {
-        let nothing = Matched { displacement: start, tensor: [0.0; 3] };
+        let nothing = Matched { displacement: start, tensor: [0.0; 3], mismatch: f32::MAX };
         let (w, h) = (self.width, self.height);
         let clamp = |v: f32, n: usize| (v.max(0.0) as usize).min(n - 1);
         let (cx, cy) = (clamp(at[0], w), clamp(at[1], h));
@@ -308,7 +330,7 @@ impl Level {
         // Seldom whole windows of fabric: those at the border count less.
         let sure = total / ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
         let weight = sure / (1.0 + mismatch / (MISMATCH * MISMATCH)).powi(2) / total;
-        Matched { displacement: d, tensor: tensor.map(|v| v * weight) }
+        Matched { displacement: d, tensor: tensor.map(|v| v * weight), mismatch }
     }
 }
 
@@ -336,7 +358,7 @@ fn membrane(data: &mut [[f32; 2]], matched: &[Matched], columns: usize) {
                 sum = [sum[0] + data[j][0], sum[1] + data[j][1]];
                 count += 1.0;
             }
-            let Matched { displacement: d, tensor: [a, b, c] } = &matched[i];
+            let Matched { displacement: d, tensor: [a, b, c], .. } = &matched[i];
             let stiff = MEMBRANE * count;
             let right = [a * d[0] + b * d[1] + MEMBRANE * sum[0], b * d[0] + c * d[1] + MEMBRANE * sum[1]];
             let (a, c) = (a + stiff, c + stiff);

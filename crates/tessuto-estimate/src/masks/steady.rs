@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::flow::shift;
+use super::flow::outside;
 use super::frames::Frames;
 use super::region::Region;
 use tessuto_core::camera::Rect;
@@ -14,6 +14,13 @@ const CUT: f64 = 0.5;
 /// Shifts of the surroundings `[px]` of an image of 640 columns: doubtful, and too much.
 const SHAKEN: f32 = 1.5;
 const MOVED: f32 = 6.0;
+/// Fraction of the textured surroundings that stands still where the camera does, and how many windows at least: people
+/// sway, and cover most of the place.
+const STILL: (f64, usize) = (0.12, 5);
+/// Windows agree on a motion within this, of a shift and `[px]` of an image of 640 columns.
+const AGREE: (f32, f32) = (0.2, 1.5);
+/// Fraction of the surroundings whose motion is worth a note.
+const SWAYING: f64 = 0.2;
 /// Frames at which the shift is looked at, before the one in which it begins is looked for.
 const LOOKS: usize = 16;
 
@@ -26,10 +33,43 @@ pub(super) struct Steadiness {
     pub moved: Option<(usize, f32)>,
     /// The frame with the largest smaller shift that is seen.
     pub shaken: Option<(usize, f32)>,
+    /// The frame in which the largest part of the surroundings moves while the rest stands still, and that part.
+    pub swaying: Option<(usize, f64)>,
 }
 
-/// Looks at what is outside of `fabric`, the region in the first frame.
-pub(super) fn steadiness(frames: &Frames, fabric: &Region) -> Steadiness {
+/// What the textured surroundings did since the first frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Shift {
+    /// Of the whole `[px]`: of what stands still if that is enough, else of the most that agree.
+    pixels: f32,
+    /// Fraction that moves by too much while the rest stands still.
+    swaying: f64,
+}
+
+/// The shift of the whole, from those of windows; `unit`: pixels of the image to one of 640 columns.
+fn shift(windows: &[[f32; 2]], unit: f32) -> Shift {
+    let median = |mut lengths: Vec<f32>| {
+        lengths.sort_by(f32::total_cmp);
+        lengths[lengths.len() / 2]
+    };
+    let length = |d: &[f32; 2]| d[0].hypot(d[1]);
+    let still: Vec<f32> = windows.iter().map(length).filter(|l| *l <= SHAKEN * unit).collect();
+    if still.len() >= STILL.1 && still.len() as f64 >= STILL.0 * windows.len() as f64 {
+        let away = windows.iter().filter(|d| length(d) > MOVED * unit).count();
+        return Shift { pixels: median(still), swaying: away as f64 / windows.len() as f64 };
+    }
+    let agree = |a: &[f32; 2]| {
+        let near = AGREE.0 * length(a) + AGREE.1 * unit;
+        windows.iter().filter(|b| (a[0] - b[0]).hypot(a[1] - b[1]) < near).count()
+    };
+    let most = windows.iter().map(|d| (agree(d), d)).reduce(|a, b| if b.0 > a.0 { b } else { a });
+    let clear = most.filter(|(count, _)| 2 * count > windows.len()).map(|(_, d)| length(d));
+    // Turned or moved near things: no two windows agree, and none stands still.
+    Shift { pixels: clear.unwrap_or_else(|| median(windows.iter().map(length).collect())), swaying: 0.0 }
+}
+
+/// Looks at what is outside of `fabric`, the region in the first frame. `noise`: of a channel `[grey levels]`.
+pub(super) fn steadiness(frames: &Frames, fabric: &Region, noise: f32) -> Steadiness {
     let [width, height] = frames.size;
     let rect = Rect { x0: 0, y0: 0, x1: width, y1: height };
     let margin = (fabric.area() as f32).sqrt() * 0.15;
@@ -47,20 +87,25 @@ pub(super) fn steadiness(frames: &Frames, fabric: &Region) -> Steadiness {
         return Steadiness { cut: Some(cut + 1), ..Steadiness::default() };
     }
     let unit = width as f32 / 640.0;
-    let of = |n: usize| Some((n, shift(&frames.images[0], &frames.images[n], &near, rect)?));
+    let of = |n: usize| {
+        let windows = outside(&frames.images[0], &frames.images[n], &near, rect, noise)?;
+        Some((n, shift(&windows, unit)))
+    };
     let last = frames.images.len() - 1;
     let looked: Vec<usize> =
         (1..=last).filter(|n| n % last.div_ceil(LOOKS).max(1) == 0 || *n == last).collect();
-    let shifts: Vec<(usize, f32)> = looked.into_par_iter().filter_map(of).collect();
-    let recorded = |(n, s): (usize, f32)| (n, s * frames.factor as f32);
-    let moved = shifts.iter().find(|(_, s)| *s > MOVED * unit).copied();
+    let shifts: Vec<(usize, Shift)> = looked.into_par_iter().filter_map(of).collect();
+    let recorded = |(n, s): (usize, Shift)| (n, s.pixels * frames.factor as f32);
+    let moved = shifts.iter().find(|(_, s)| s.pixels > MOVED * unit).copied();
     // Frames between two that were looked at.
     let first = moved.and_then(|(n, _)| {
-        (n.saturating_sub(last / LOOKS).max(1)..=n).filter_map(of).find(|(_, s)| *s > MOVED * unit)
+        (n.saturating_sub(last / LOOKS).max(1)..=n).filter_map(of).find(|(_, s)| s.pixels > MOVED * unit)
     });
     let moved = first.or(moved).map(recorded);
-    let most = shifts.iter().copied().max_by(|a, b| a.1.total_cmp(&b.1)).filter(|(_, s)| *s > SHAKEN * unit);
-    Steadiness { cut: None, moved, shaken: most.map(recorded).filter(|_| moved.is_none()) }
+    let most = shifts.iter().copied().max_by(|a, b| a.1.pixels.total_cmp(&b.1.pixels));
+    let shaken = most.filter(|(_, s)| s.pixels > SHAKEN * unit).map(recorded).filter(|_| moved.is_none());
+    let swaying = shifts.iter().map(|(n, s)| (*n, s.swaying)).reduce(|a, b| if b.1 > a.1 { b } else { a });
+    Steadiness { cut: None, moved, shaken, swaying: swaying.filter(|s| s.1 > SWAYING) }
 }
 
 /// Fraction of the surroundings that looks otherwise than in the frame before.
