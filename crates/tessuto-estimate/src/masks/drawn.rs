@@ -26,12 +26,12 @@ const PART: f32 = 0.5;
 const OCCURS: f32 = 0.01;
 const ALIKE: f64 = 0.6;
 
-/// A piece stays, or moves, if the other explains its colours worse by this factor, beyond the noise; where the fabric has
-/// moved by so much `[px]`.
+/// Motion says something about a piece where the fabric has moved by so much `[px]`. It stays, or moves, if the other
+/// explains its colours worse by this factor, beyond the noise.
+const MOVED: f32 = 3.0;
 const WORSE: f32 = 2.0;
 /// Fabric that moves differs by no more from itself `[grey levels]`, root mean square of a channel.
 const UNLIKE: f32 = 9.0;
-const MOVED: f32 = 3.0;
 /// Step between the marks in a piece `[px]`.
 const GRID: usize = 4;
 

@@ -72,7 +72,8 @@ fn often(frames: &Frames, distances: &[Field]) -> Vec<bool> {
     rows.collect()
 }
 
-/// Whether a place of the outline is where it was drawn, and the print beside it rests, too: a half that lies on a table.
+/// Whether a place of the outline is where it was in the first frame, and the print beside it rests, too: a half that
+/// lies on a table.
 fn rests(frames: &Frames, drawn: &Rest, n: usize, at: [f32; 2], inward: [f32; 2]) -> bool {
     let off = drawn.found.sample(at[0], at[1]).abs();
     if off > DRAWN || drawn.drawn.sample(at[0], at[1]).abs() > drawn.bent {
