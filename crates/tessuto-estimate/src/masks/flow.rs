@@ -219,8 +219,8 @@ fn window(levels: &[Level], at: [f32; 2], noise: f32) -> Option<[f32; 2]> {
     let place = |k: usize| at.map(|v| (v / (1 << k) as f32).round());
     for (k, level) in levels.iter().enumerate().take(STILL.0) {
         let m = level.matched(place(k), [0.0; 2]);
-        // Of a mean of three channels: what noise leaves, and compression.
-        let alike = m.mismatch < noise * noise + 4.0;
+        // What noise and compression leave; the noise that was measured has motion in it.
+        let alike = m.mismatch < noise.min(2.0).powi(2) + 4.0;
         if alike && weakest(&m) > TEXTURED && m.displacement[0].hypot(m.displacement[1]) < STILL.1 {
             return Some(m.displacement.map(|v| v * (1 << k) as f32));
         }

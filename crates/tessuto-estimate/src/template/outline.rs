@@ -12,8 +12,6 @@ const HULL_CORNERS: usize = 48;
 const STRAIGHT: f64 = 0.006;
 /// A refined corner stays within this fraction of the mean side of the one it replaces.
 const REFINED: f64 = 0.03;
-/// The same where something hides the corner: the lines of both sides meet outside of the fabric.
-const HIDDEN: f64 = 0.25;
 
 /// The border of the largest piece of fabric.
 #[derive(Debug, Clone)]
@@ -66,31 +64,21 @@ impl Outline {
     /// lower left.
     pub fn corners(&self) -> [DVec2; 4] {
         let quad = widest_quad(&simplified(hull(&self.points), HULL_CORNERS));
-        // Once more: a side to a corner that was hidden has another line.
-        let better = |quad: [DVec2; 4]| {
-            let refined = self.refined(quad);
-            if self.overlap(refined) >= self.overlap(quad) { refined } else { quad }
-        };
-        from_upper_left(better(better(quad)).map(|c| self.on_fabric(c)))
+        let refined = self.refined(quad);
+        let corners = if self.overlap(refined) >= self.overlap(quad) { refined } else { quad };
+        from_upper_left(corners.map(|c| self.on_fabric(c)))
     }
 
-    /// `p`, or the outline's point nearest to it if it is just outside: sides that bulge have corners inside their
-    /// lines. Farther outside the corner is hidden, and `p` where the lines of its sides meet.
+    /// `p`, or the outline's point nearest to it if it is outside: sides that bulge have corners inside their lines.
     fn on_fabric(&self, p: DVec2) -> DVec2 {
-        if self.covers(p) {
+        let (x, y) = (p.x.round(), p.y.round());
+        let in_picture = x >= 0.0 && y >= 0.0 && x < self.size[0] as f64 && y < self.size[1] as f64;
+        if in_picture && self.inside[y as usize * self.size[0] + x as usize] {
             return p;
         }
         let nearest =
             self.points.iter().min_by(|a, b| a.distance_squared(p).total_cmp(&b.distance_squared(p)));
-        let hidden = |q: &&DVec2| q.distance(p) > REFINED * (self.points.len() as f64 / 4.0);
-        nearest.filter(|q| !hidden(q)).copied().unwrap_or(p)
-    }
-
-    /// Whether the pixel at `p` is fabric.
-    fn covers(&self, p: DVec2) -> bool {
-        let (x, y) = (p.x.round(), p.y.round());
-        let in_picture = x >= 0.0 && y >= 0.0 && x < self.size[0] as f64 && y < self.size[1] as f64;
-        in_picture && self.inside[y as usize * self.size[0] + x as usize]
+        nearest.copied().unwrap_or(p)
     }
 
     /// Intersection over union of the piece and a quadrilateral.
@@ -116,8 +104,7 @@ impl Outline {
             let (Some((a, d)), Some((b, e))) = (lines[(k + 3) % 4], lines[k]) else { return quad[k] };
             let sine = d.perp_dot(e);
             let p = a + d * ((b - a).perp_dot(e) / sine);
-            let most = if self.covers(p) { REFINED } else { HIDDEN };
-            if sine.abs() > 0.2 && p.distance(quad[k]) < most * mean { p } else { quad[k] }
+            if sine.abs() > 0.2 && p.distance(quad[k]) < REFINED * mean { p } else { quad[k] }
         })
     }
 
@@ -331,27 +318,6 @@ mod tests {
             assert!(found[k].distance(quad[k]) < 1.0, "corner {k}: {} instead of {}", found[k], quad[k]);
         }
         assert!(outline.overlap(found) > 0.98);
-    }
-
-    #[test]
-    fn a_corner_behind_a_finger_is_where_its_sides_meet() {
-        let quad =
-            [(40.3, 30.2), (161.7, 21.4), (170.1, 130.6), (31.8, 121.9)].map(|(x, y)| DVec2::new(x, y));
-        let mut mask = painted(quad, |_, _| false);
-        for y in 0..160 {
-            for x in 0..200 {
-                let at = DVec2::new(x as f64, y as f64);
-                // A thumb from the left, and a hand below.
-                let thumb = (at - quad[0]).dot(DVec2::new(0.8, 0.6)) < 13.0;
-                if thumb || at.distance(quad[2]) < 18.0 {
-                    mask.pixel_mut(x, y)[0] = 0.0;
-                }
-            }
-        }
-        let found = Outline::new(&mask, "mask").unwrap().corners();
-        for k in 0..4 {
-            assert!(found[k].distance(quad[k]) < 1.5, "corner {k}: {} instead of {}", found[k], quad[k]);
-        }
     }
 
     #[test]
