@@ -6,7 +6,6 @@
 use rayon::prelude::*;
 
 use super::frames::{Colours, squared};
-use super::palette::Palette;
 use super::plate::Plate;
 use super::region::Field;
 use tessuto_core::camera::Rect;
@@ -21,9 +20,6 @@ const SURE: [f32; 2] = [0.5, 0.8];
 const ANYTHING: f32 = 2e-3;
 /// How much less likely something unexpected is where the background is known.
 const UNEXPECTED: f32 = 0.6;
-/// From so large a part of the fabric in the first frame on a colour is one of its own, and of samples nearby that of
-/// the surroundings: what is plain and of a colour of the print; the last where the outline was drawn.
-const OCCURS: (f32, f32, f32) = (0.01, 0.3, 0.04);
 /// A pixel counts for no more than this.
 const MOST: f32 = 5.0;
 /// A shadow leaves this much of the companded colour at least, and is so likely.
@@ -50,10 +46,6 @@ pub(super) struct Known<'a> {
     pub noise: f32,
     /// Colours clicked as fabric, and as not fabric.
     pub clicked: &'a [Vec<[f32; 3]>; 2],
-    /// Colours that are surely the fabric's.
-    pub own: &'a Palette,
-    /// How far the prediction is to be believed where colours are those of either side, 0 … 1; none: inside of it.
-    pub trust: Option<Field>,
 }
 
 /// Samples of both sides near a cell.
@@ -66,8 +58,6 @@ struct Samples {
 pub(super) struct Evidence {
     pub ratio: Field,
     pub background: Field,
-    /// How far the colour is one of either side, 0 … 1.
-    pub both: Field,
 }
 
 /// Computes the evidence in the rectangle of the prior.
@@ -78,14 +68,14 @@ pub(super) fn evidence(known: &Known) -> Evidence {
     let samples = samples(known, cell, columns);
     let kernel = (KERNEL * KERNEL + known.noise * known.noise).sqrt();
     let density = Density { scale: 1.0 / (8.0 * kernel * kernel) };
-    let rows: Vec<Vec<[f32; 3]>> = (0..rect.height())
+    let rows: Vec<Vec<[f32; 2]>> = (0..rect.height())
         .into_par_iter()
         .map(|row| {
             (0..rect.width())
                 .map(|column| {
                     let distance = known.prior.data[row * rect.width() + column];
                     if distance >= known.band[0] || distance <= -known.band[1] {
-                        return [0.0; 3];
+                        return [0.0; 2];
                     }
                     let near = &samples[(row / cell) * columns + column / cell];
                     pixel(known, &density, kernel, near, column + rect.x0, row + rect.y0)
@@ -93,12 +83,10 @@ pub(super) fn evidence(known: &Known) -> Evidence {
                 .collect()
         })
         .collect();
-    let nothing = Field::new(rect, 0.0);
-    let mut evidence = Evidence { ratio: nothing.clone(), background: nothing.clone(), both: nothing };
-    for (i, [ratio, background, both]) in rows.into_iter().flatten().enumerate() {
+    let mut evidence = Evidence { ratio: Field::new(rect, 0.0), background: Field::new(rect, 0.0) };
+    for (i, [ratio, background]) in rows.into_iter().flatten().enumerate() {
         evidence.ratio.data[i] = ratio;
         evidence.background.data[i] = background;
-        evidence.both.data[i] = both;
     }
     evidence
 }
@@ -122,7 +110,7 @@ impl Density {
     }
 }
 
-fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize, y: usize) -> [f32; 3] {
+fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize, y: usize) -> [f32; 2] {
     let colour = known.frame.at(x, y);
     let peak = |sigma: f32| (kernel / sigma).powi(3).min(20.0);
     // Fabric.
@@ -142,10 +130,6 @@ fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize
     }
     // Background.
     let mut around = density.of(colour, &near.around);
-    let occurs = match known.trust {
-        Some(_) => (around / OCCURS.2).min(1.0),
-        None => (around / OCCURS.1).min(1.0).powi(2),
-    };
     let (behind, sure, spread) = known.plate.at(x, y);
     let mut explained = 0.0;
     if sure > 0.0 {
@@ -158,8 +142,7 @@ fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize
     }
     let anything = [ANYTHING, ANYTHING * (1.0 - UNEXPECTED * sure)];
     let ratio = ((fabric + anything[0]) / (around + anything[1])).ln().clamp(-MOST, MOST);
-    let both = (known.own.fraction(colour) / OCCURS.0).min(1.0) * occurs;
-    [ratio, explained * sure, both]
+    [ratio, explained * sure]
 }
 
 /// The background as it would look in a shadow that makes it most like `colour`.

@@ -4,13 +4,12 @@
 //! motion predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not
 //! by its colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then
 //! every frame again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`).
-//! In the first frame what was drawn holds (`drawn`). Hands and people in front are neither fabric nor background
-//! (`front`). What looks wrong is named with its frames (`judge`, `steady`, `findings`).
+//! Hands and people in front are neither fabric nor background (`front`). What looks wrong is named with its frames
+//! (`judge`, `steady`, `findings`).
 
 mod beyond;
 mod conserved;
 mod cut;
-mod drawn;
 mod evidence;
 mod files;
 mod findings;
@@ -116,7 +115,6 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     notes.extend(refuse::clip(&frames, &first, noise, origin)?);
     record.notes = notes;
     let given = Given {
-        drawn: drawn::Drawn::new(&first, &corners(&record, &frames), !rough),
         first,
         rough,
         plate: given_plate,
@@ -169,11 +167,6 @@ fn shrunk(region: &Region, frames: &Frames) -> Region {
     let inside =
         (0..w * h).map(|i| region.at((i % w) * frames.factor + half, (i / w) * frames.factor + half));
     Region { rect, inside: inside.collect() }
-}
-
-/// Corners of the outline that was drawn, on frames that may be smaller; none where it was given otherwise.
-fn corners(record: &Record, frames: &Frames) -> Vec<[f32; 2]> {
-    record.outline.iter().flatten().map(|corner| frames.place(*corner)).collect()
 }
 
 /// Clicks, per frame, on frames that may be smaller.

@@ -7,12 +7,11 @@ const CELLS: usize = 256 / CELL;
 /// How often colours occur.
 pub(super) struct Palette {
     cells: Vec<f32>,
-    total: f32,
 }
 
 impl Palette {
     pub fn new() -> Self {
-        Self { cells: vec![0.0; CELLS * CELLS * CELLS], total: 0.0 }
+        Self { cells: vec![0.0; CELLS * CELLS * CELLS] }
     }
 
     fn cell(colour: [f32; 3]) -> [usize; 3] {
@@ -22,17 +21,11 @@ impl Palette {
     pub fn add(&mut self, colour: [f32; 3], weight: f32) {
         let [r, g, b] = Self::cell(colour);
         self.cells[(r * CELLS + g) * CELLS + b] += weight;
-        self.total += weight;
     }
 
     pub fn count(&self, colour: [f32; 3]) -> f32 {
         let [r, g, b] = Self::cell(colour);
         self.cells[(r * CELLS + g) * CELLS + b]
-    }
-
-    /// How often a colour occurs, as a fraction of all.
-    pub fn fraction(&self, colour: [f32; 3]) -> f32 {
-        self.count(colour) / self.total.max(1.0)
     }
 
     /// Each cell with those beside it.

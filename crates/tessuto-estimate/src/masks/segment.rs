@@ -11,11 +11,6 @@ use super::region::{Field, Region};
 const SMOOTH: (f32, f32) = (3.0, 0.08);
 /// What it costs to leave the prediction by the whole band.
 const PREDICTION: f32 = 1.2;
-/// Where the colour is one of either side, how often it is says little, for prints have large patches: the evidence
-/// counts less by this fraction, the prediction more by this factor.
-const EVEN: (f32, f32) = (1.0, 3.0);
-/// How near to the prediction a border may be that colours do not show `[px]`.
-const PREDICTED: f32 = 1.5;
 /// Capacities are whole numbers: this many to one.
 const UNIT: f32 = 256.0;
 /// Radius around a click that is certain `[px]`.
@@ -36,7 +31,7 @@ pub(super) struct Segmented {
 
 /// Segments a frame; what lies beyond the band is as predicted.
 pub(super) fn segment(known: &Known, marks: &[Mark]) -> Segmented {
-    let Evidence { ratio, background, both } = evidence(known);
+    let Evidence { ratio, background } = evidence(known);
     let rect = known.prior.rect;
     let (w, h) = (rect.width(), rect.height());
     // Numbers of the unknown pixels.
@@ -79,27 +74,16 @@ pub(super) fn segment(known: &Known, marks: &[Mark]) -> Segmented {
     }
     let scale =
         1.0 / (2.0 * (mean.0 / mean.1.max(1) as f64) as f32).max(2.0 * known.noise * known.noise).max(1.0);
-    // How far the prediction is believed rather than the colour.
-    let even = |i: usize| {
-        let cuts_out = known.prior.data[i] > 0.0 && ratio.data[i] < 0.0;
-        both.data[i] * known.trust.as_ref().map_or(f32::from(u8::from(cuts_out)), |trust| trust.data[i])
-    };
     let mut graph = Graph::new(unknown.len(), 4 * unknown.len());
     for (k, &i) in unknown.iter().enumerate() {
         let distance = known.prior.data[i];
         let half = if distance > 0.0 { known.band[0] } else { known.band[1] };
-        let even = even(i);
-        let own =
-            (1.0 - EVEN.0 * even) * ratio.data[i] + PREDICTION * (1.0 + EVEN.1 * even) * (distance / half);
+        let own = ratio.data[i] + PREDICTION * (distance / half);
         graph.add_terminal(k, (UNIT * own) as i32);
     }
     // All pixels of the rectangle: links to fixed ones go by either end.
     let strength = |i: usize, j: usize, nearness: f32| {
-        // Where colours do not show a border, one is where it is predicted.
-        let distances = [known.prior.data[i], known.prior.data[j]];
-        let near = distances[0].abs().min(distances[1].abs()) / PREDICTED;
-        let hidden = even(i).max(even(j)) * (-near * near).exp();
-        let alike = (1.0 - hidden) * (-contrast(i, j) * scale).exp();
+        let alike = (-contrast(i, j) * scale).exp();
         (UNIT * SMOOTH.0 * nearness * (SMOOTH.1 + (1.0 - SMOOTH.1) * alike)) as i32
     };
     for i in 0..w * h {

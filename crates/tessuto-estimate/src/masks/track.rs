@@ -4,11 +4,9 @@
 use rayon::prelude::*;
 
 use super::beyond::{FRAMES, behind};
-use super::drawn::{Drawn, Piece};
 use super::evidence::{Expected, Known};
 use super::flow::{Flow, flow};
 use super::frames::{Colours, Frames};
-use super::palette::Palette;
 use super::plate::Plate;
 use super::region::{Field, Region};
 use super::segment::{Mark, impose, segment};
@@ -30,17 +28,12 @@ const PINHOLES: f64 = 0.002;
 /// Around a click, in whatever frame it was made, everything is looked at anew within this fraction of the size.
 const OPENED: f32 = 0.2;
 
-/// Deeper inside of the drawn outline than this fraction of the size everything is fabric.
-const DEEP: f32 = 0.11;
-
 /// What is given beside the frames.
 pub(super) struct Given {
     /// The fabric in the first frame, as drawn.
     pub first: Region,
     /// Whether it may be wrong by more than a few pixels.
     pub rough: bool,
-    /// How far its outline may be off.
-    pub drawn: Drawn,
     pub plate: Option<Plate>,
     /// Places that were clicked, per frame.
     pub marks: Vec<Vec<Mark>>,
@@ -67,8 +60,6 @@ struct Tracker<'a> {
     /// Per frame: those given, and in the first frame those of what stays behind.
     marks: Vec<Vec<Mark>>,
     clicked: [Vec<[f32; 3]>; 2],
-    /// Colours deep inside of what was drawn.
-    own: Palette,
 }
 
 /// Finds the fabric in all frames. `progress` receives the fraction that is done. The number of the frame in which
@@ -84,20 +75,17 @@ pub(super) fn track(
         size: (given.first.area() as f32).sqrt(),
         marks: given.marks.clone(),
         clicked: clicked(frames, &given.marks),
-        own: own(frames, &given.first),
     };
     let count = frames.images.len() as f64;
-    let (mut regions, mut flows, pieces) = tracker.forward(&|n| progress(0.2 * n as f64 / count))?;
+    let (mut regions, mut flows) = tracker.forward(&|n| progress(0.2 * n as f64 / count))?;
     if given.rough {
         let early = &regions[..regions.len().min(FRAMES + 1)];
         let distances: Vec<Field> = early.par_iter().map(|r| r.signed_distance(tracker.around(r))).collect();
         let behind = behind(&given.first, &distances, &flows);
-        let denied: Vec<Mark> = pieces.iter().flat_map(|p| p.denied(frames, &flows, given.noise)).collect();
-        if !behind.is_empty() || !denied.is_empty() {
+        if !behind.is_empty() {
             tracker.marks[0].extend(behind);
             tracker.clicked = clicked(frames, &tracker.marks);
-            tracker.marks[0].extend(denied);
-            (regions, flows, _) = tracker.forward(&|n| progress(0.2 + 0.2 * n as f64 / count))?;
+            (regions, flows) = tracker.forward(&|n| progress(0.2 + 0.2 * n as f64 / count))?;
         }
     }
     let mut evidence = Vec::new();
@@ -146,19 +134,15 @@ impl Tracker<'_> {
     }
 
     /// The first frame, from what was drawn.
-    fn first(&self, plate: &Plate) -> (Region, Vec<Piece>) {
+    fn first(&self, plate: &Plate) -> Region {
         let mut region = self.given.first.clone();
         let bands: &[[f32; 2]] = if self.given.rough { &[DRAWN, FOUND, FOUND] } else { &[NEXT] };
         for band in bands {
-            let mut prior = region.signed_distance(self.around(&region));
-            self.given.drawn.hold(&mut prior, self.band(*band));
-            let prior = self.opened(prior, self.band(*band));
+            let prior = self.opened(region.signed_distance(self.around(&region)), self.band(*band));
             let known = self.known(0, &prior, self.band(*band), plate, &[]);
             region = self.tidy(segment(&known, &self.marks[0]).region, 0);
         }
-        let (mut region, pieces) = self.given.drawn.mended(region, &self.frames.images[0]);
-        impose(&mut region, &self.marks[0]);
-        (region, pieces)
+        region
     }
 
     fn known<'a>(
@@ -170,9 +154,7 @@ impl Tracker<'_> {
         expected: &'a [Expected<'a>],
     ) -> Known<'a> {
         let frame = &self.frames.images[n];
-        let trust = (n == 0).then(|| self.given.drawn.trust(prior.rect, band));
-        let noise = self.given.noise;
-        Known { frame, prior, band, plate, expected, noise, clicked: &self.clicked, own: &self.own, trust }
+        Known { frame, prior, band, plate, expected, noise: self.given.noise, clicked: &self.clicked }
     }
 
     /// The prediction, taken back where somebody clicked against it in any frame.
@@ -191,10 +173,9 @@ impl Tracker<'_> {
     }
 
     /// All frames, each from the one before.
-    fn forward(&self, progress: &dyn Fn(usize)) -> Result<(Vec<Region>, Vec<Flow>, Vec<Piece>), usize> {
+    fn forward(&self, progress: &dyn Fn(usize)) -> Result<(Vec<Region>, Vec<Flow>), usize> {
         let mut plate = self.given.plate.clone().unwrap_or_else(|| Plate::unknown(self.frames.size));
-        let (first, pieces) = self.first(&plate);
-        let mut regions = vec![first];
+        let mut regions = vec![self.first(&plate)];
         let mut flows: Vec<Flow> = Vec::new();
         for n in 1..self.frames.images.len() {
             let before = &regions[n - 1];
@@ -226,7 +207,7 @@ impl Tracker<'_> {
             flows.push(flow);
             progress(n);
         }
-        Ok((regions, flows, pieces))
+        Ok((regions, flows))
     }
 
     /// One frame again, from itself and both its neighbours.
@@ -265,15 +246,9 @@ impl Tracker<'_> {
             count += 1.0;
         }
         prior.data.iter_mut().for_each(|p| *p /= count);
-        if n == 0 {
-            self.given.drawn.hold(&mut prior, self.band(band));
-        }
         let prior = self.opened(prior, self.band(band));
         let known = self.known(n, &prior, self.band(band), plate, &expected);
-        let mut found = segment(&known, &self.marks[n]);
-        if n == 0 {
-            found.region = self.given.drawn.mended(found.region, &self.frames.images[0]).0;
-        }
+        let found = segment(&known, &self.marks[n]);
         (self.tidy(found.region, n), found.evidence)
     }
 }
@@ -288,18 +263,6 @@ fn expected<'a>(
         let [x, y] = origin(x, y);
         (distance.sample(x, y) > 1.0).then(|| frame.sample(x, y))
     })
-}
-
-/// Colours of the first frame deep inside of what was drawn.
-fn own(frames: &Frames, first: &Region) -> Palette {
-    let distance = first.signed_distance(first.rect);
-    let deep = DEEP * (first.area() as f32).sqrt();
-    let mut own = Palette::new();
-    for (i, _) in distance.data.iter().enumerate().filter(|(_, d)| **d > deep) {
-        let width = first.rect.width();
-        own.add(frames.images[0].at(i % width + first.rect.x0, i / width + first.rect.y0), 1.0);
-    }
-    own.spread()
 }
 
 /// Colours around the clicks of each side.

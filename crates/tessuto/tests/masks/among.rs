@@ -47,8 +47,7 @@ fn said(made: &Made) -> String {
     made.record.notes.iter().cloned().chain(findings).collect::<Vec<_>>().join("\n")
 }
 
-/// A person in a printed shirt, who sways, covers two thirds of what is around the sheet; the camera moves by so
-/// many pixels a frame.
+/// A person in a printed shirt, who sways, covers most of a papered wall; the camera moves by so many pixels a frame.
 fn swaying(pan: f64) -> impl Fn(usize, f64, f64) -> [f64; 3] {
     move |n, x, y| {
         if let Some(place) = on_sheet(n, x, y) {
@@ -57,18 +56,20 @@ fn swaying(pan: f64) -> impl Fn(usize, f64, f64) -> [f64; 3] {
         let x = x + pan * n as f64;
         let sway = 9.0 * (n as f64 / 3.0).sin();
         let u = x - sway;
-        if (30.0..135.0).contains(&u) && y > 8.0 {
+        if (36.0..133.0).contains(&u) && y > 8.0 {
             let shirt = 0.1 * ((u / 3.7).sin() * (y / 4.3).cos() + (u / 9.0 - y / 5.0).cos());
             return [0.45 + shirt, 0.3 - shirt, 0.3 + 0.3 * shirt];
         }
-        wall(x, y)
+        let paper = 0.15 * (x / 2.7 + y / 9.0).sin() * (y / 2.3 - x / 13.0).cos();
+        wall(x, y).map(|c| c + paper)
     }
 }
 
 #[test]
 fn a_person_who_sways_is_no_camera_that_moves() {
     let folder = filmed(14, &swaying(0.0));
-    make(folder.path(), &drawn(), &|_| {}).unwrap();
+    let made = make(folder.path(), &drawn(), &|_| {}).unwrap();
+    assert!(said(&made).contains("while the rest stands still"), "{}", said(&made));
     let truth = |n: usize, x: f64, y: f64| on_sheet(n, x, y).is_some();
     let worst = (0..14).map(|n| overlap(folder.path(), n, &truth)).fold(1.0, f64::min);
     assert!(worst > 0.95, "{worst}");
@@ -101,62 +102,8 @@ fn a_half_that_rests_on_a_table_is_right() {
     let truth = |n: usize, x: f64, y: f64| on_towel(n, x, y).is_some();
     let worst = (0..count).map(|n| overlap(folder.path(), n, &truth)).fold(1.0, f64::min);
     assert!(worst > 0.96, "{worst}");
-    // At the end of the clip one direction alone shows what comes and goes.
+    // At the end of the clip one direction alone shows what comes and goes, and frame 23 is named.
     assert!(made.record.doubtful().count() <= 1, "{}", said(&made));
-}
-
-#[test]
-fn what_was_drawn_holds_where_colours_are_those_of_the_table() {
-    // White diamonds of the print, two of them at the border, over a white table.
-    let white = [0.88, 0.87, 0.86];
-    let diamonds =
-        [(0.0, 28.0, 9.0), (70.0, 20.0, 8.0), (36.0, 30.0, 10.0), (20.0, 10.0, 6.0), (30.0, 60.0, 9.0)];
-    let count = 12;
-    let folder = filmed(count, &|n, x, y| match on_sheet(n, x, y) {
-        Some([u, v]) => {
-            let is_white = diamonds.iter().any(|(a, b, r)| (u - a).abs() + (v - b).abs() < *r);
-            if is_white { white } else { print([u, v]) }
-        }
-        None => white.map(|c| c + 0.01 * (x / 9.0).sin()),
-    });
-    make(folder.path(), &drawn(), &|_| {}).unwrap();
-    let truth = |n: usize, x: f64, y: f64| on_sheet(n, x, y).is_some();
-    let overlaps: Vec<f64> = (0..count).map(|n| overlap(folder.path(), n, &truth)).collect();
-    assert!(overlaps[0] > 0.965 && overlaps.iter().all(|o| *o > 0.96), "{overlaps:?}");
-}
-
-/// A vest with armholes, and dark checks.
-fn on_vest(n: usize, x: f64, y: f64) -> Option<[f64; 2]> {
-    let [u, v] = on_sheet(n, x, y)?;
-    let armhole = |side: f64| (u - side).hypot((v - 20.0) / 1.5) < 11.0;
-    (!armhole(0.0) && !armhole(SHEET[0])).then_some([u, v])
-}
-
-#[test]
-fn trousers_in_an_armhole_are_no_fabric() {
-    let count = 12;
-    let dark = [0.14, 0.13, 0.17];
-    let folder = filmed(count, &|n, x, y| match on_vest(n, x, y) {
-        Some([u, v]) => {
-            let check = ((u / 7.0).floor() + (v / 7.5).floor()) as i64 % 2 == 0;
-            if check { dark } else { [0.75, 0.5, 0.2].map(|c| c + 0.05 * (u / 3.0).sin()) }
-        }
-        None if (58.0..108.0).contains(&x) => dark.map(|c| c + 0.01 * (y / 5.0).sin()),
-        None => wall(x, y),
-    });
-    // Drawn every 3 px down the right side and up the left.
-    let edge = |v: f64| {
-        let rise = ((v - 20.0) / 1.5).abs();
-        if rise < 11.0 { (121.0_f64 - rise * rise).sqrt() } else { 0.0 }
-    };
-    let [x0, y0] = corner(0);
-    let rows: Vec<f64> = (0..=20).map(|k| 3.0 * k as f64).collect();
-    let right = rows.iter().map(|v| [x0 + SHEET[0] - edge(*v), y0 + v]);
-    let left = rows.iter().rev().map(|v| [x0 + edge(*v), y0 + v]);
-    make(folder.path(), &outlined(right.chain(left).collect()), &|_| {}).unwrap();
-    let truth = |n: usize, x: f64, y: f64| on_vest(n, x, y).is_some();
-    let overlaps: Vec<f64> = (0..count).map(|n| overlap(folder.path(), n, &truth)).collect();
-    assert!(overlaps[0] > 0.95 && overlaps.iter().all(|o| *o > 0.91), "{overlaps:?}");
 }
 
 #[test]
