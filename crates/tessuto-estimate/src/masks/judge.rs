@@ -24,9 +24,6 @@ const LEAVES: f64 = 0.02;
 const STILL: (f64, f64) = (0.004, 0.02);
 const COMES: (f64, f64) = (0.015, 0.025);
 
-/// How far the first mask may leave what was drawn and still count as right, as a fraction of the fabric's size.
-const BENT: f32 = 0.06;
-
 /// What is said of one frame's mask.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Judgement {
@@ -44,8 +41,7 @@ pub(super) fn judge(frames: &Frames, tracked: &Tracked, given: &Given) -> Vec<Ju
         .map(|n| tracked.regions[n].signed_distance(tracked.evidence[n].rect))
         .collect();
     let drawn = given.first.signed_distance(tracked.evidence[0].rect);
-    let bent = (BENT * (given.first.area() as f32).sqrt()).max(3.0);
-    let rest = Rest { drawn: &drawn, found: &distances[0], bent, noise: given.noise };
+    let rest = Rest { drawn: &drawn, found: &distances[0], noise: given.noise };
     let still = standing_still(frames, tracked, &distances, &rest);
     let comes = comes_and_goes(frames, tracked, &distances, given.noise);
     let one = |n| one(frames, tracked, &distances, [still[n], comes[n]], n);

@@ -24,7 +24,7 @@ const BORDER: f32 = 8.0;
 /// The outline that was drawn is right within this distance `[px]` of it, where what lies this deep inside of it `[px]`
 /// looks as in the first frame: within this difference of a channel `[grey levels]`, and so many deviations.
 const DRAWN: f32 = 3.0;
-const DEPTHS: [f32; 3] = [2.0, 4.0, 6.0];
+const DEPTHS: [f32; 5] = [2.0, 4.0, 6.0, 10.0, 14.0];
 const ALIKE: (f32, f32) = (8.0, 4.0);
 /// What deceives one frame deceives those around: means over this many before and after.
 const AROUND: usize = 5;
@@ -34,8 +34,6 @@ pub(super) struct Rest<'a> {
     /// Distances `[px]` to the outline that was given, and to the one that was found from it.
     pub drawn: &'a Field,
     pub found: &'a Field,
-    /// How far they may be apart `[px]`.
-    pub bent: f32,
     /// Of a channel `[grey levels]`.
     pub noise: f32,
 }
@@ -76,7 +74,7 @@ fn often(frames: &Frames, distances: &[Field]) -> Vec<bool> {
 /// lies on a table.
 fn rests(frames: &Frames, drawn: &Rest, n: usize, at: [f32; 2], inward: [f32; 2]) -> bool {
     let off = drawn.found.sample(at[0], at[1]).abs();
-    if off > DRAWN || drawn.drawn.sample(at[0], at[1]).abs() > drawn.bent {
+    if off > DRAWN || drawn.drawn.sample(at[0], at[1]).abs() > DRAWN {
         return false;
     }
     let limit = ALIKE.0.hypot(ALIKE.1 * drawn.noise);
@@ -188,7 +186,7 @@ mod tests {
         let frames = Frames { size, factor: 1, images: Vec::new() };
         // Drawn far away: nothing of the outline is known to be right.
         let far = Field::new(rect, -99.0);
-        let rest = Rest { drawn: &far, found: &far, bent: 3.0, noise: 1.0 };
+        let rest = Rest { drawn: &far, found: &far, noise: 1.0 };
         standing_still(&frames, &tracked, &distances, &rest)
     }
 
