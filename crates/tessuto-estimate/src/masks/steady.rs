@@ -14,8 +14,8 @@ const CUT: f64 = 0.5;
 /// Shifts of the surroundings `[px]` of an image of 640 columns: doubtful, and too much.
 const SHAKEN: f32 = 1.5;
 const MOVED: f32 = 6.0;
-/// Where the camera stands still, so does this fraction of the textured surroundings in the left quarter of the image and
-/// in the right one, of this many windows each at least: people sway, and cover most of the place between.
+/// Where the camera stands still, so does this fraction of the textured surroundings in the left quarter of the image
+/// and in the right one, of this many windows each at least: people sway, and cover most of the place between.
 const STILL: (f64, usize) = (0.15, 4);
 const SIDE: f32 = 0.25;
 /// Windows agree on a motion within this, of a shift and `[px]` of an image of 640 columns.
