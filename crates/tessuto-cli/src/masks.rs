@@ -133,8 +133,11 @@ fn report(folder: &Path, record: &Record) {
         least.map_or_else(String::new, |f| format!(", least {:.2} (frame {})", f.confidence, f.frame));
     say!("{}: {} masks, confidence {mean:.2}{worst}", folder.join("masks").display(), frames.len());
     record.notes.iter().for_each(|note| aside!("note: {note}"));
-    for frame in record.doubtful() {
-        say!("look at frame {}: {}", frame.frame, frame.reason.as_deref().unwrap_or_default());
+    for finding in &record.findings {
+        match finding.doubtful {
+            true => say!("look at {}: {}", finding.frames(), finding.text),
+            false => aside!("note: {}: {}", finding.frames(), finding.text),
+        }
     }
     if record.doubtful().next().is_some() {
         say!("  mend them: tessuto masks {} --inside \"FRAME:X,Y\" --outside \"FRAME:X,Y\"", quoted(folder));

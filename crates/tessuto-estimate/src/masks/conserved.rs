@@ -4,6 +4,7 @@
 
 use rayon::prelude::*;
 
+use super::frames::Frames;
 use super::region::Field;
 use super::track::Tracked;
 
@@ -18,16 +19,23 @@ const STRIDE: usize = 3;
 const TURNS: (f64, f64) = (0.1, 0.1);
 /// Depth inside of the outline from which that is measured, as a fraction of the fabric's size.
 const DEEP: f32 = 0.1;
+/// A place looks the same within this difference of a channel `[grey levels]`, and so many deviations.
+const ALIKE: (f32, f32) = (8.0, 4.0);
 /// What one direction alone shows, near the ends of the clip, is believed by half: folds open and close.
 const ALONE: f64 = 0.5;
 
 /// Fraction of each frame's mask that comes from outside of the outline and goes there. `distances`: to the
-/// outlines `[px]`, positive inside.
-pub(super) fn comes_and_goes(tracked: &Tracked, distances: &[Field]) -> Vec<f64> {
+/// outlines `[px]`, positive inside; `noise`: of a channel `[grey levels]`.
+pub(super) fn comes_and_goes(
+    frames: &Frames,
+    tracked: &Tracked,
+    distances: &[Field],
+    noise: f32,
+) -> Vec<f64> {
     (0..distances.len())
         .into_par_iter()
         .map(|n| {
-            let told = [true, false].map(|ahead| outside(tracked, distances, n, ahead));
+            let told = [true, false].map(|ahead| outside(frames, tracked, distances, (n, ahead), noise));
             match told {
                 [Some(goes), Some(comes)] => goes.min(comes),
                 [Some(one), None] | [None, Some(one)] => ALONE * one,
@@ -38,7 +46,13 @@ pub(super) fn comes_and_goes(tracked: &Tracked, distances: &[Field]) -> Vec<f64>
 }
 
 /// Fraction of the mask of frame `n` that is outside of the outline some frames on. `None` where the clip ends before.
-fn outside(tracked: &Tracked, distances: &[Field], n: usize, ahead: bool) -> Option<f64> {
+fn outside(
+    frames: &Frames,
+    tracked: &Tracked,
+    distances: &[Field],
+    (n, ahead): (usize, bool),
+    noise: f32,
+) -> Option<f64> {
     let other = if ahead { n + FRAMES } else { n.checked_sub(FRAMES)? };
     let there = distances.get(other)?;
     let own = &distances[n];
@@ -46,6 +60,12 @@ fn outside(tracked: &Tracked, distances: &[Field], n: usize, ahead: bool) -> Opt
     let size = (own.data.iter().filter(|d| **d > 0.0).count() as f32).sqrt();
     let (mut all, mut outside) = (0_usize, 0_usize);
     let mut extents = [Extent::default(); 2];
+    // Fabric that lies still, and is plain: the motion of the rest of it was carried there.
+    let limit = ALIKE.0.hypot(ALIKE.1 * noise);
+    let rests = |x: usize, y: usize| {
+        let (now, then) = (frames.images[n].at(x, y), frames.images[other].at(x, y));
+        (0..3).all(|c| (now[c] - then[c]).abs() < limit)
+    };
     for y in (rect.y0..rect.y1).step_by(STRIDE) {
         for x in (rect.x0..rect.x1).step_by(STRIDE) {
             let depth = own.data[(y - rect.y0) * w + x - rect.x0];
@@ -66,7 +86,8 @@ fn outside(tracked: &Tracked, distances: &[Field], n: usize, ahead: bool) -> Opt
                 extents[1].add(at);
             }
             all += 1;
-            outside += usize::from(there.sample(at[0], at[1]) < -(OUTSIDE.0 * size).max(OUTSIDE.1 * way));
+            let goes = there.sample(at[0], at[1]) < -(OUTSIDE.0 * size).max(OUTSIDE.1 * way);
+            outside += usize::from(goes && !(there.sample(from[0], from[1]) > 0.0 && rests(x, y)));
         }
     }
     let grown = extents[1].area() / extents[0].area().max(1e-9);
@@ -104,6 +125,7 @@ impl Extent {
 mod tests {
     use super::*;
     use crate::masks::flow::Flow;
+    use crate::masks::frames::Colours;
     use crate::masks::plate::Plate;
     use crate::masks::region::Region;
     use tessuto_core::camera::Rect;
@@ -125,7 +147,9 @@ mod tests {
         let distances: Vec<Field> = regions.iter().map(|r| r.signed_distance(rect)).collect();
         let flows = (0..29).map(|_| Flow::uniform(rect, [2.0, 0.0])).collect();
         let tracked = Tracked { regions, evidence: distances.clone(), flows, plate: Plate::unknown(size) };
-        for (n, fraction) in comes_and_goes(&tracked, &distances).into_iter().enumerate() {
+        let image = || Colours { width: size[0], data: vec![0; 3 * size[0] * size[1]] };
+        let frames = Frames { size, factor: 1, images: (0..30).map(|_| image()).collect() };
+        for (n, fraction) in comes_and_goes(&frames, &tracked, &distances, 1.0).into_iter().enumerate() {
             // 800 px of 3800, less a rim.
             let expected = if (12..16).contains(&n) { 0.12..0.22 } else { 0.0..1e-9 };
             assert!(expected.contains(&fraction), "frame {n}: {fraction}");

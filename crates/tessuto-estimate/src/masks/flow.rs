@@ -182,35 +182,69 @@ pub(super) fn flow(from: &Colours, to: &Colours, inside: &Region, rect: Rect) ->
     Flow { rect, step, columns, rows, data, arriving: Vec::new() }.turned()
 }
 
-/// How far, in the median, the textured windows outside of `region` move `[px]`; `None` where there are too few to
-/// tell.
-pub(super) fn shift(from: &Colours, to: &Colours, region: &Region, rect: Rect) -> Option<f32> {
-    const SIDE: usize = 14;
+/// A textured window of the surroundings.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Window {
+    /// Place in the first frame `[px]`.
+    pub at: [f32; 2],
+    /// Displacement `[px]`; none where what was there is not found again.
+    pub moved: Option<[f32; 2]>,
+}
+
+/// The textured windows outside of `region`, spread evenly over `rect`; `None` where there are too few to tell.
+/// `noise`: standard deviation of a channel `[grey levels]`.
+pub(super) fn outside(
+    from: &Colours,
+    to: &Colours,
+    region: &Region,
+    rect: Rect,
+    noise: f32,
+) -> Option<Vec<Window>> {
+    const SIDE: usize = 20;
     const FEWEST: usize = 8;
-    /// Mean squared gradient in every direction, beyond noise.
-    const TEXTURED: f32 = 6.0;
     let outside = Region { rect, inside: region.within(rect).inside.iter().map(|i| !i).collect() };
     let levels = pyramid(from, to, &outside, rect);
     let size = [rect.width(), rect.height()];
-    let moved: Vec<f32> = (0..SIDE * SIDE)
-        .into_par_iter()
-        .filter_map(|k| {
-            let at = [k % SIDE, k / SIDE];
-            let at: [f32; 2] = std::array::from_fn(|c| (at[c] as f32 + 0.5) * size[c] as f32 / SIDE as f32);
-            let mut found: Option<Matched> = None;
-            for (k, level) in levels.iter().enumerate().rev() {
-                let scale = (1 << k) as f32;
-                let start = found.map_or([0.0; 2], |f| f.displacement.map(|v| 2.0 * v));
-                found = Some(level.matched(at.map(|v| (v / scale).round()), start));
-            }
-            let Matched { displacement: d, tensor: [a, b, c] } = found?;
-            let weakest = 0.5 * (a + c - ((a - c).powi(2) + 4.0 * b * b).sqrt());
-            (weakest > TEXTURED).then(|| d[0].hypot(d[1]))
-        })
-        .collect();
-    let mut moved = moved;
-    moved.sort_by(f32::total_cmp);
-    (moved.len() >= FEWEST).then(|| moved[moved.len() / 2])
+    let of = |k: usize| {
+        let at = [k % SIDE, k / SIDE];
+        let at: [f32; 2] = std::array::from_fn(|c| (at[c] as f32 + 0.5) * size[c] as f32 / SIDE as f32);
+        let place = [at[0] + rect.x0 as f32, at[1] + rect.y0 as f32];
+        Some(Window { at: place, moved: window(&levels, at, noise)? })
+    };
+    let windows: Vec<Window> = (0..SIDE * SIDE).into_par_iter().filter_map(of).collect();
+    (windows.iter().filter(|w| w.moved.is_some()).count() >= FEWEST).then_some(windows)
+}
+
+/// The displacement `[px]` of the window around `at`, if it is textured; within that none if it is not found again.
+fn window(levels: &[Level], at: [f32; 2], noise: f32) -> Option<Option<[f32; 2]>> {
+    /// Mean squared gradient in every direction, beyond noise.
+    const TEXTURED: f32 = 6.0;
+    /// Levels that show whether something stands still: the finest sees least of a smooth wall, the coarser ones see
+    /// only what moves beside it.
+    const SEEN: usize = 3;
+    /// How far what stands still may be off there `[px]`.
+    const STILL: f32 = 0.4;
+    let place = |k: usize| at.map(|v| (v / (1 << k) as f32).round());
+    let mut textured = false;
+    for (k, level) in levels.iter().enumerate().take(SEEN) {
+        let m = level.matched(place(k), [0.0; 2]);
+        textured |= m.texture > TEXTURED;
+        // What noise and compression leave; the noise that was measured has motion in it.
+        let alike = m.mismatch < noise.min(2.0).powi(2) + 4.0;
+        if alike && m.weakest() > TEXTURED && m.displacement[0].hypot(m.displacement[1]) < STILL {
+            return Some(Some(m.displacement.map(|v| v * (1 << k) as f32)));
+        }
+    }
+    // What moves, by the finest level that sees its texture.
+    let (mut start, mut found) = ([0.0; 2], None);
+    for (k, level) in levels.iter().enumerate().rev() {
+        let m = level.matched(place(k), start);
+        if m.texture > TEXTURED && k < SEEN {
+            found = (m.weakest() > TEXTURED).then(|| m.displacement.map(|v| v * (1 << k) as f32));
+        }
+        start = m.displacement.map(|v| 2.0 * v);
+    }
+    textured.then_some(found)
 }
 
 /// A window's displacement, and how sure each direction of it is.
@@ -218,6 +252,22 @@ struct Matched {
     displacement: [f32; 2],
     /// xx, xy, yy of the mean squared gradient, less where the match is bad.
     tensor: [f32; 3],
+    /// Mean squared difference that is left, without that of the means.
+    mismatch: f32,
+    /// Mean squared gradient of the first frame in its weakest direction.
+    texture: f32,
+}
+
+impl Matched {
+    /// That of the tensor.
+    fn weakest(&self) -> f32 {
+        weakest(self.tensor)
+    }
+}
+
+/// The lesser eigenvalue of a symmetric matrix xx, xy, yy.
+fn weakest([a, b, c]: [f32; 3]) -> f32 {
+    0.5 * (a + c - ((a - c).powi(2) + 4.0 * b * b).sqrt())
 }
 
 impl Level {
@@ -233,7 +283,7 @@ impl Level {
 
     /// Matches the window around `at`, beginning with a displacement.
     fn matched(&self, at: [f32; 2], start: [f32; 2]) -> Matched {
-        let nothing = Matched { displacement: start, tensor: [0.0; 3] };
+        let nothing = Matched { displacement: start, tensor: [0.0; 3], mismatch: f32::MAX, texture: 0.0 };
         let (w, h) = (self.width, self.height);
         let clamp = |v: f32, n: usize| (v.max(0.0) as usize).min(n - 1);
         let (cx, cy) = (clamp(at[0], w), clamp(at[1], h));
@@ -300,15 +350,16 @@ impl Level {
                 break;
             }
         }
+        // Seldom whole windows of fabric: those at the border count less.
+        let sure = total / ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
+        let texture = weakest(tensor.map(|v| v * sure / total));
         // A window that ran away has lost what it followed.
         let away = (d[0] - start[0]).hypot(d[1] - start[1]);
         if away.is_nan() || away > RADIUS as f32 {
-            return nothing;
+            return Matched { texture, ..nothing };
         }
-        // Seldom whole windows of fabric: those at the border count less.
-        let sure = total / ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f32;
         let weight = sure / (1.0 + mismatch / (MISMATCH * MISMATCH)).powi(2) / total;
-        Matched { displacement: d, tensor: tensor.map(|v| v * weight) }
+        Matched { displacement: d, tensor: tensor.map(|v| v * weight), mismatch, texture }
     }
 }
 
@@ -336,7 +387,7 @@ fn membrane(data: &mut [[f32; 2]], matched: &[Matched], columns: usize) {
                 sum = [sum[0] + data[j][0], sum[1] + data[j][1]];
                 count += 1.0;
             }
-            let Matched { displacement: d, tensor: [a, b, c] } = &matched[i];
+            let Matched { displacement: d, tensor: [a, b, c], .. } = &matched[i];
             let stiff = MEMBRANE * count;
             let right = [a * d[0] + b * d[1] + MEMBRANE * sum[0], b * d[0] + c * d[1] + MEMBRANE * sum[1]];
             let (a, c) = (a + stiff, c + stiff);

@@ -73,6 +73,11 @@ impl Frames {
         let images = read.into_iter().collect::<Result<Vec<_>>>()?;
         Ok(Self { size: size.map(|n| n / factor), factor, images })
     }
+
+    /// A place of the recording (column, row) `[px]` on these frames.
+    pub fn place(&self, at: [f64; 2]) -> [f32; 2] {
+        at.map(|v| ((v + 0.5) / self.factor as f64 - 0.5) as f32)
+    }
 }
 
 /// One image of the recording as frames are kept.

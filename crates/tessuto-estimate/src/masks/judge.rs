@@ -3,10 +3,11 @@
 use rayon::prelude::*;
 
 use super::conserved::comes_and_goes;
+use super::findings::Fault;
 use super::frames::Frames;
 use super::region::{Field, Region};
-use super::still::standing_still;
-use super::track::Tracked;
+use super::still::{Rest, standing_still};
+use super::track::{Given, Tracked};
 
 /// Below this confidence a frame is named.
 pub(super) const DOUBTFUL: f64 = 0.6;
@@ -25,22 +26,24 @@ const COMES: (f64, f64) = (0.015, 0.025);
 
 /// What is said of one frame's mask.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Judgement {
+pub(super) struct Judgement {
     /// 0 … 1.
     pub confidence: f64,
     /// Why the mask is doubtful, where it is.
-    pub reason: Option<String>,
+    pub fault: Option<Fault>,
 }
 
 /// Judges every frame.
-pub(super) fn judge(frames: &Frames, tracked: &Tracked) -> Vec<Judgement> {
+pub(super) fn judge(frames: &Frames, tracked: &Tracked, given: &Given) -> Vec<Judgement> {
     let count = tracked.regions.len();
     let distances: Vec<Field> = (0..count)
         .into_par_iter()
         .map(|n| tracked.regions[n].signed_distance(tracked.evidence[n].rect))
         .collect();
-    let still = standing_still(frames, tracked, &distances);
-    let comes = comes_and_goes(tracked, &distances);
+    let drawn = given.first.signed_distance(tracked.evidence[0].rect);
+    let rest = Rest { drawn: &drawn, found: &distances[0], noise: given.noise };
+    let still = standing_still(frames, tracked, &distances, &rest);
+    let comes = comes_and_goes(frames, tracked, &distances, given.noise);
     let one = |n| one(frames, tracked, &distances, [still[n], comes[n]], n);
     (0..count).into_par_iter().map(one).collect()
 }
@@ -78,24 +81,17 @@ fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], wrong: [f64; 2],
         1.0 - ((wrong[1] - COMES.0) / COMES.1).clamp(0.0, 1.0),
     ];
     let confidence = steps.iter().product::<f64>();
-    let reasons = [
-        format!("fabric and surroundings look alike along {:.0} % of the outline", 100.0 * (1.0 - clear)),
-        format!("it overlaps what its neighbours predict by {:.0} % only", 100.0 * agreement),
-        "the fabric leaves the image".to_owned(),
-        format!("its area is {jump:.2} times that of the frames around"),
-        format!(
-            "part of its outline stands still while the fabric moves, {:.1} % of it or more: something behind \
-             in the same colours",
-            100.0 * wrong[0]
-        ),
-        format!(
-            "{:.1} % of it come from outside and go there again: something that moves past behind",
-            100.0 * wrong[1]
-        ),
+    let faults = [
+        Fault::Alike(1.0 - clear),
+        Fault::Predicted(agreement),
+        Fault::Leaves(leaves),
+        Fault::Jumps(jump),
+        Fault::Still(wrong[0]),
+        Fault::Passes(wrong[1]),
     ];
     let worst = (0..steps.len()).min_by(|a, b| steps[*a].total_cmp(&steps[*b])).unwrap_or(0);
-    let reason = (confidence < DOUBTFUL).then(|| reasons[worst].clone());
-    Judgement { confidence: (confidence * 1e3).round() / 1e3, reason }
+    let fault = (confidence < DOUBTFUL).then(|| faults[worst]);
+    Judgement { confidence: (confidence * 1e3).round() / 1e3, fault }
 }
 
 /// Fraction of the outline with clear evidence on both sides.

@@ -4,18 +4,22 @@
 //! motion predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not
 //! by its colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then
 //! every frame again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`).
-//! What looks wrong is named with the frame (`judge`, `steady`).
+//! Hands and people in front are neither fabric nor background (`front`). What looks wrong is named with its frames
+//! (`judge`, `steady`, `findings`).
 
 mod beyond;
 mod conserved;
 mod cut;
 mod evidence;
 mod files;
+mod findings;
 mod flow;
 mod frames;
+mod front;
 mod judge;
 mod matte;
 mod page;
+mod palette;
 mod plate;
 mod record;
 mod refuse;
@@ -32,6 +36,7 @@ use rayon::prelude::*;
 
 use crate::io::mask::Object;
 use crate::io::scene::colour_files;
+pub use findings::Finding;
 use frames::Frames;
 pub use record::{Click, Frame, Record};
 use region::{Field, Region};
@@ -117,14 +122,15 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
         largest_piece: record.largest_piece,
         noise,
     };
-    let tracked = track(&frames, &given, &|part| progress(0.1 + 0.8 * part))
+    let mut tracked = track(&frames, &given, &|part| progress(0.1 + 0.8 * part))
         .map_err(|n| refuse::lost(&clip.paths[n], n, origin))?;
     refuse::outline(&given.first, &tracked, rough)?;
-    let judgements = judge::judge(&frames, &tracked);
+    let judgements = judge::judge(&frames, &tracked, &given);
+    let fronts = front::take_out(&frames, &mut tracked, noise);
     let coverage = coverages(&frames, &tracked, noise);
     let pixels = (frames.size[0] * frames.size[1]) as f64;
     let areas: Vec<f64> = tracked.regions.iter().map(|r| r.area() as f64 / pixels).collect();
-    record.judged(judgements, &areas);
+    record.judged(&judgements, &fronts, &areas);
     let enlarged = |k: usize| frames::enlarged(&coverage[k], frames.factor, size);
     let outlines: Vec<String> =
         (0..coverage.len()).into_par_iter().map(|k| page::outline(&coverage[k], frames.factor)).collect();
@@ -167,8 +173,7 @@ fn shrunk(region: &Region, frames: &Frames) -> Region {
 fn marks(clicks: &[Click], frames: &Frames) -> Vec<Vec<Mark>> {
     let mut marks = vec![Vec::new(); frames.images.len()];
     for click in clicks {
-        let at = [click.x, click.y].map(|v| ((v + 0.5) / frames.factor as f64 - 0.5) as f32);
-        marks[click.frame].push(Mark { at, inside: click.inside });
+        marks[click.frame].push(Mark { at: frames.place([click.x, click.y]), inside: click.inside });
     }
     marks
 }

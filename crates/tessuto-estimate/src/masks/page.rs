@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 
 use askama::Template;
 
+use super::findings::Finding;
 use super::record::Record;
 use super::region::Field;
 use crate::io::scene::ColourFiles;
@@ -20,7 +21,8 @@ struct Page<'a> {
     width: usize,
     height: usize,
     notes: &'a [String],
-    doubtful: Vec<usize>,
+    doubtful: Vec<&'a Finding>,
+    others: Vec<&'a Finding>,
     mean: String,
 }
 
@@ -53,7 +55,8 @@ pub(super) fn page(
         width,
         height,
         notes: &record.notes,
-        doubtful: record.doubtful().map(|f| f.frame).collect(),
+        doubtful: record.findings.iter().filter(|f| f.doubtful).collect(),
+        others: record.findings.iter().filter(|f| !f.doubtful).collect(),
         mean: format!("{:.0} %", 100.0 * mean),
     };
     page.render().map_err(|e| Error::Numerical {

@@ -4,6 +4,8 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::findings::{Fault, Finding, findings};
+use super::front::Front;
 use super::judge::Judgement;
 use crate::io::{atomic_write, read_text};
 use tessuto_core::error::{Error, Result};
@@ -41,6 +43,9 @@ pub struct Record {
     pub noise: f64,
     /// Of every frame.
     pub frames: Vec<Frame>,
+    /// What was found, frames with the same fault together; those that may be wrong first.
+    #[serde(default)]
+    pub findings: Vec<Finding>,
     /// What a user should know.
     pub notes: Vec<String>,
 }
@@ -69,6 +74,7 @@ impl Record {
             largest_piece: false,
             noise: 0.0,
             frames: Vec::new(),
+            findings: Vec::new(),
             notes: Vec::new(),
         }
     }
@@ -85,9 +91,18 @@ impl Record {
         let damaged = |problem: String| {
             Error::input(path.display().to_string(), problem, "remove the file, and give the outline again")
         };
-        let record: Self = serde_json::from_str(&read_text(&path)?).map_err(|e| damaged(e.to_string()))?;
+        let mut record: Self =
+            serde_json::from_str(&read_text(&path)?).map_err(|e| damaged(e.to_string()))?;
         if record.format != FORMAT {
             return Err(damaged(format!("the format is “{}”, not “{FORMAT}”", record.format)));
+        }
+        if record.findings.is_empty() {
+            // Earlier versions wrote those of single frames only.
+            let single = |f: &Frame| {
+                let text = f.reason.clone()?;
+                Some(Finding { first: f.frame, last: f.frame, text, doubtful: true })
+            };
+            record.findings = record.frames.iter().filter_map(single).collect();
         }
         Ok(Some(record))
     }
@@ -103,15 +118,17 @@ impl Record {
         self.frames.iter().filter(|f| f.reason.is_some())
     }
 
-    pub(super) fn judged(&mut self, judgements: Vec<Judgement>, areas: &[f64]) {
-        let all = judgements.into_iter().zip(areas).enumerate();
+    pub(super) fn judged(&mut self, judgements: &[Judgement], fronts: &[Front], areas: &[f64]) {
+        let all = judgements.iter().zip(areas).enumerate();
         self.frames = all
             .map(|(frame, (j, area))| Frame {
                 frame,
                 confidence: j.confidence,
                 area: (area * 1e5).round() / 1e5,
-                reason: j.reason,
+                reason: j.fault.map(Fault::own_text),
             })
             .collect();
+        let faults: Vec<_> = judgements.iter().map(|j| j.fault).collect();
+        self.findings = findings(&faults, fronts);
     }
 }

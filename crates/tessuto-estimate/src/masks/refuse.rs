@@ -113,7 +113,7 @@ pub(super) fn size(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Resu
 
 /// Refuses a cut and a camera that moves; notes about smaller faults.
 pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) -> Result<Vec<String>> {
-    let found = steadiness(frames, first);
+    let found = steadiness(frames, first, noise);
     if let Some(n) = found.cut {
         // The fabric is known in frame 0, which the take behind the cut has not, however long it is.
         return Err(Error::input(
@@ -155,7 +155,14 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) 
             "the surroundings are {shift:.1} px off in frame {n}: the camera shakes; masks and motion suffer"
         )
     });
-    Ok(shaken.into_iter().collect())
+    let swaying = found.swaying.map(|(n, part)| {
+        format!(
+            "{:.0} % of the surroundings move in frame {n} while the rest stands still: somebody who moves, not the \
+             camera",
+            100.0 * part
+        )
+    });
+    Ok(shaken.into_iter().chain(swaying).collect())
 }
 
 /// Refuses an outline in which no fabric was found.

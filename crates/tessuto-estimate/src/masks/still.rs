@@ -21,16 +21,35 @@ const OFTEN: f64 = 0.5;
 const NEAR: f32 = 1.6;
 /// What is so near to the border of the image `[px]` leaves it; that is another matter.
 const BORDER: f32 = 8.0;
+/// The outline that was drawn is right within this distance `[px]` of it, where what lies this deep inside of it `[px]`
+/// looks as in the first frame: within this difference of a channel `[grey levels]`, and so many deviations.
+const DRAWN: f32 = 3.0;
+const DEPTHS: [f32; 5] = [2.0, 4.0, 6.0, 10.0, 14.0];
+const ALIKE: (f32, f32) = (8.0, 4.0);
 /// What deceives one frame deceives those around: means over this many before and after.
 const AROUND: usize = 5;
 
+/// What the first frame says about an outline that rests.
+pub(super) struct Rest<'a> {
+    /// Distances `[px]` to the outline that was given, and to the one that was found from it.
+    pub drawn: &'a Field,
+    pub found: &'a Field,
+    /// Of a channel `[grey levels]`.
+    pub noise: f32,
+}
+
 /// How much of every frame's mask is wrong at least, as a fraction: where the outline stands still, so far as the
 /// fabric moves across it. `distances`: to the outlines, positive inside.
-pub(super) fn standing_still(frames: &Frames, tracked: &Tracked, distances: &[Field]) -> Vec<f64> {
+pub(super) fn standing_still(
+    frames: &Frames,
+    tracked: &Tracked,
+    distances: &[Field],
+    drawn: &Rest,
+) -> Vec<f64> {
     let often = often(frames, distances);
     let own: Vec<f64> = (0..distances.len())
         .into_par_iter()
-        .map(|n| of_frame(frames, tracked, distances, &often, n))
+        .map(|n| of_frame(frames, tracked, distances, (&often, drawn), n))
         .collect();
     let around = |n: usize| &own[n.saturating_sub(AROUND)..(n + AROUND + 1).min(own.len())];
     (0..own.len()).map(|n| around(n).iter().sum::<f64>() / around(n).len() as f64).collect()
@@ -51,7 +70,28 @@ fn often(frames: &Frames, distances: &[Field]) -> Vec<bool> {
     rows.collect()
 }
 
-fn of_frame(frames: &Frames, tracked: &Tracked, distances: &[Field], often: &[bool], n: usize) -> f64 {
+/// Whether a place of the outline is where it was in the first frame, and the print beside it rests, too: a half that
+/// lies on a table.
+fn rests(frames: &Frames, drawn: &Rest, n: usize, at: [f32; 2], inward: [f32; 2]) -> bool {
+    let off = drawn.found.sample(at[0], at[1]).abs();
+    if off > DRAWN || drawn.drawn.sample(at[0], at[1]).abs() > DRAWN {
+        return false;
+    }
+    let limit = ALIKE.0.hypot(ALIKE.1 * drawn.noise);
+    DEPTHS.iter().all(|depth| {
+        let [x, y] = [at[0] + depth * inward[0], at[1] + depth * inward[1]];
+        let (first, now) = (frames.images[0].sample(x, y), frames.images[n].sample(x, y));
+        (0..3).all(|c| (first[c] - now[c]).abs() < limit)
+    })
+}
+
+fn of_frame(
+    frames: &Frames,
+    tracked: &Tracked,
+    distances: &[Field],
+    (often, drawn): (&[bool], &Rest),
+    n: usize,
+) -> f64 {
     let distance = &distances[n];
     let rect = distance.rect;
     let w = rect.width();
@@ -70,7 +110,7 @@ fn of_frame(frames: &Frames, tracked: &Tracked, distances: &[Field], often: &[bo
         ];
         let length = slope[0].hypot(slope[1]).max(1e-3);
         let inward = slope.map(|s| s / length);
-        if !often[y as usize * frames.size[0] + x as usize] {
+        if !often[y as usize * frames.size[0] + x as usize] || rests(frames, drawn, n, [x, y], inward) {
             continue;
         }
         // Both ways, where both show something.
@@ -144,7 +184,10 @@ mod tests {
         let flows = (0..9).map(|_| Flow::uniform(rect, [2.0, 0.0])).collect();
         let tracked = Tracked { regions, evidence: distances.clone(), flows, plate: Plate::unknown(size) };
         let frames = Frames { size, factor: 1, images: Vec::new() };
-        standing_still(&frames, &tracked, &distances)
+        // Drawn far away: nothing of the outline is known to be right.
+        let far = Field::new(rect, -99.0);
+        let rest = Rest { drawn: &far, found: &far, noise: 1.0 };
+        standing_still(&frames, &tracked, &distances, &rest)
     }
 
     #[test]

@@ -167,14 +167,13 @@ fn made(scene: &Scene) -> Option<Finding> {
         Ok(record) => record?,
         Err(error) => return Some(finding(error.to_string(), "make the masks again".into())),
     };
-    let doubtful: Vec<_> = record.doubtful().collect();
-    let first = doubtful.first()?;
+    let first = record.findings.iter().find(|f| f.doubtful)?;
     let detail = format!(
-        "{} of {} masks made from the clip look wrong, first that of frame {}: {}",
-        doubtful.len(),
+        "{} of {} masks made from the clip look wrong, first {}: {}",
+        record.doubtful().count(),
         record.frames.len(),
-        first.frame,
-        first.reason.as_deref().unwrap_or_default()
+        first.frames(),
+        first.text
     );
     Some(finding(
         detail,

@@ -1,5 +1,7 @@
 //! Masks made from small clips: a printed cloth that moves over a wall with things on it, good clips and bad ones.
 
+mod among;
+
 use std::path::Path;
 
 use tempfile::TempDir;
@@ -64,10 +66,15 @@ fn colour(clip: Clip, n: usize, x: f64, y: f64) -> [f64; 3] {
 
 /// A scene folder of colour frames alone.
 fn scene(clip: Clip) -> TempDir {
+    filmed(FRAMES, &|n, x, y| colour(clip, n, x, y))
+}
+
+/// A scene folder of frames in which a place has the colour that `colour` says of frame, column and row.
+fn filmed(count: usize, colour: &dyn Fn(usize, f64, f64) -> [f64; 3]) -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     std::fs::create_dir(folder.path().join("rgbs")).unwrap();
     let mut random = Rng::new(11, 0);
-    for n in 0..FRAMES {
+    for n in 0..count {
         let mut image = Image::new(SIZE[0], SIZE[1], 3);
         for y in 0..SIZE[1] {
             for x in 0..SIZE[0] {
@@ -75,7 +82,7 @@ fn scene(clip: Clip) -> TempDir {
                 let mut sum = [0.0; 3];
                 for k in 0..9 {
                     let [dx, dy] = [k % 3, k / 3].map(|v| (f64::from(v) - 1.0) / 3.0);
-                    let c = colour(clip, n, x as f64 + dx, y as f64 + dy);
+                    let c = colour(n, x as f64 + dx, y as f64 + dy);
                     (0..3).for_each(|k| sum[k] += c[k] / 9.0);
                 }
                 let noisy = sum.map(|c| (c + 0.01 * random.signed()) as f32);
@@ -85,7 +92,7 @@ fn scene(clip: Clip) -> TempDir {
         write_png(&folder.path().join(format!("rgbs/rgb_{n:03}.png")), &image).unwrap();
     }
     let camera = Camera { fx: 200.0, fy: 200.0, cx: 84.5, cy: 64.5, width: SIZE[0], height: SIZE[1] };
-    write_manifest(folder.path(), "small", 25.0, FRAMES, &camera, serde_json::Value::Null).unwrap();
+    write_manifest(folder.path(), "small", 25.0, count, &camera, serde_json::Value::Null).unwrap();
     folder
 }
 
@@ -97,20 +104,22 @@ fn clicked() -> Request {
 
 /// Least intersection over union with the truth.
 fn worst_overlap(clip: Clip, folder: &Path) -> f64 {
-    let of_frame = |n: usize| {
-        let (mask, _) = read_mask(&folder.join(format!("masks/mask_{n:03}.png"))).unwrap();
-        let (mut both, mut any) = (0.0, 0.0);
-        for y in 0..SIZE[1] {
-            for x in 0..SIZE[0] {
-                let (found, truth) =
-                    (mask.pixel(x, y)[0] >= 0.5, cloth(clip, n, x as f64, y as f64).is_some());
-                both += f64::from(u8::from(found && truth));
-                any += f64::from(u8::from(found || truth));
-            }
+    let truth = |n: usize, x: f64, y: f64| cloth(clip, n, x, y).is_some();
+    (0..FRAMES).map(|n| overlap(folder, n, &truth)).fold(1.0, f64::min)
+}
+
+/// Intersection over union of the mask of frame `n` with what is true at a frame, column and row.
+fn overlap(folder: &Path, n: usize, truth: &dyn Fn(usize, f64, f64) -> bool) -> f64 {
+    let (mask, _) = read_mask(&folder.join(format!("masks/mask_{n:03}.png"))).unwrap();
+    let (mut both, mut any) = (0.0, 0.0);
+    for y in 0..SIZE[1] {
+        for x in 0..SIZE[0] {
+            let (found, truth) = (mask.pixel(x, y)[0] >= 0.5, truth(n, x as f64, y as f64));
+            both += f64::from(u8::from(found && truth));
+            any += f64::from(u8::from(found || truth));
         }
-        both / any
-    };
-    (0..FRAMES).map(of_frame).fold(1.0, f64::min)
+    }
+    both / any
 }
 
 fn error(clip: Clip, request: &Request) -> String {
