@@ -43,6 +43,7 @@ fn filmed(mesh: &Mesh, width: usize, side: f64) -> Scene {
         masks: images.iter().map(|(_, mask)| bytes(mask)).collect(),
         template: made.mesh,
         truth: Truth { vertices: Some(Motion::new(vertices).unwrap()), ..Truth::default() },
+        planes: Vec::new(),
         more: Vec::new(),
     };
     let loaded = assemble(recording).unwrap();
