@@ -4,9 +4,9 @@
 //! its steps, by the residuals there and the derivatives at the optimum. The lower objective of both counts. Beyond a
 //! factor that is excluded no other one is tried.
 //!
-//! Found positions stretch less than the sheet does, and lengths are known to [`LENGTH_SPREAD`] only: a stretch stiffness
-//! is no farther from the found one than the strains that it makes are, in these spreads, root mean square. A sheet
-//! that does not stretch visibly has a lower bound.
+//! Strains of found positions are mostly noise, and lengths are known to [`LENGTH_SPREAD`] only: a stretch stiffness
+//! is no farther from the found one than the strains that it makes are, in these spreads, root mean square. So a
+//! sheet that does not stretch visibly has a lower bound at most.
 
 use rayon::prelude::*;
 
