@@ -152,8 +152,8 @@ const REMARK_OF_CAUSES: &str = "Stiffnesses, gravity and air are found from the 
                                 deviations (sd) and a constraint: what the video says of them; \
                                 where informed is false, the value is mostly what was assumed before. \
                                 On real clips they were not compared with measurements. With them and \
-                                forces.npy the simulation replays the motion. All of them are relative to area_density, \
-                                which is assumed.";
+                                forces.npy the simulation replays the motion. All of them are relative to \
+                                area_density, which is assumed.";
 
 /// parameters.json.
 #[derive(Debug, Clone, Serialize, Deserialize)]

@@ -29,7 +29,8 @@ fn usd_tells_stiffness_per_width_with_units_and_certainty() {
     for part in [
         "custom float2 tessuto:bendingStiffness = (0.0001, 0.0004) ( customData = { string constraint = \
          \"constrained\" bool informed = 1 double sdOfLn = 0.1250 string unit = \"N*m\" } )",
-        "custom float tessuto:shearStiffness = 2.5 ( customData = { string constraint = \"constrained\" bool informed = 1",
+        "custom float tessuto:shearStiffness = 2.5 ( customData = { string constraint = \
+         \"constrained\" bool informed = 1",
         "custom float2 tessuto:membraneStiffness = (100, 400) ( customData = { string constraint = \
          \"unconstrained\" bool informed = 0",
         "custom float tessuto:areaDensity = 0.1 ( customData = { bool assumed = 1 string unit = \"kg/m^2\" } )",
