@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use tessuto::Error;
 use tessuto::card::{self, Answer, Card, Clip, combine};
+use tessuto::motion::causes::Constraint;
 use tessuto::output::manifest;
 use tessuto::result::Folder;
 use tessuto::run::fabric::{Fabric, bending_length, measured, nearest, read_table};
@@ -112,14 +113,21 @@ fn numbers(answer: &Answer, weighed: bool) -> String {
     let sheet = &answer.per_width;
     let mut out = String::new();
     let mut line = |name: &str, values: &[f64], unit: &str, k: usize| {
-        let shown: Vec<String> = values.iter().map(|v| format!("{v:.3e}")).collect();
-        let informed = if answer.is_informed(k) { "" } else { "; the video says little of it" };
-        let spread = answer.parameters[k].sd_of_ln.exp();
-        let _ = writeln!(
-            out,
-            "{name:<18} {:<22} {unit:<4} within a factor {spread:.2}{informed}",
-            shown.join(" · ")
-        );
+        let constraint = answer.parameters[k].constraint;
+        let shown: Vec<String> =
+            values.iter().map(|v| format!("{:.3e}", constraint.bound(*v).unwrap_or(*v))).collect();
+        let (shown, spread) = (shown.join(" · "), answer.parameters[k].sd_of_ln.exp());
+        let _ = match constraint {
+            Constraint::Constrained => {
+                writeln!(out, "{name:<18} {shown:<22} {unit:<4} constrained, within a factor {spread:.2}")
+            }
+            Constraint::AtLeast { .. } => writeln!(out, "{name:<18} at least {shown} {unit}"),
+            Constraint::AtMost { .. } => writeln!(out, "{name:<18} at most {shown} {unit}"),
+            Constraint::TradedOff { .. } | Constraint::Unconstrained => {
+                let said = constraint.text(0.0, |v| v.to_string());
+                writeln!(out, "{name:<18} {shown:<22} {unit:<4} {said}, assumed within a factor {spread:.2}")
+            }
+        };
     };
     line("bending, warp·weft", &sheet.bending, "N·m", 1);
     line("shear", &[sheet.shear], "N/m", 2);

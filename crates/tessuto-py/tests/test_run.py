@@ -60,6 +60,11 @@ def test_a_result_has_its_arrays(result: tessuto.Result, scene: tessuto.Scene) -
     assert np.array_equal(result.uv, scene.uv) and result.uv_faces == scene.uv_faces
     assert result.fps == scene.fps and result.camera.width == 64
     assert result.stiffness[0] == result.parameters["stretch"]["value"]
+    said = result.constraints
+    assert set(said) == {"stretch", "bend", "shear", "gravity", "drag", "friction"}
+    assert {c.word for c in said.values()} <= {"constrained", "at_least", "at_most", "traded_off", "unconstrained"}
+    assert all((c.bound is not None) == c.word.startswith("at_") for c in said.values())
+    assert all((c.traded_with is not None) == (c.word == "traded_off") for c in said.values())
     history = result.history
     assert set(history["stage"]) == {"texture", "track", "refine", "fuse"}
     total = history["loss.total"]

@@ -112,15 +112,21 @@ fn main() -> tessuto::Result<()> {
     let k = c.stiffness();
     for (i, name) in names.iter().enumerate() {
         let factor = number(name).map(|t| k[i] / t).unwrap_or(f64::NAN);
-        println!("{name:8} {:.3e}  factor {factor:.2}  sd of ln {:.2}", k[i], found.spread.ln_stiffness[i]);
+        let said = found.constraints.stiffness[i].text(k[i], |bound| format!("{bound:.3e}"));
+        let sd = found.spread.ln_stiffness[i];
+        println!("{name:8} {:.3e}  factor {factor:.2}  sd of ln {sd:.2}  {said}", k[i]);
     }
-    println!("drag     {:.2} (sd of ln {:.2})", c.drag(), found.spread.ln_drag);
-    println!("friction {:.2e} (sd of ln {:.2})", c.friction(), found.spread.ln_friction);
+    let said = &found.constraints;
+    let [drag, friction] = [(said.drag, c.drag()), (said.friction, c.friction())]
+        .map(|(said, value)| said.text(value, |bound| format!("{bound:.2e}")));
+    println!("drag     {:.2} (sd of ln {:.2}) {drag}", c.drag(), found.spread.ln_drag);
+    println!("friction {:.2e} (sd of ln {:.2}) {friction}", c.friction(), found.spread.ln_friction);
     let down = truth
         .as_ref()
         .map(|t| DVec3::from_array([0, 1, 2].map(|k| t["gravity"][k].as_f64().expect("gravity"))));
     let off = down.map_or(f64::NAN, |g| c.down.angle_between(g).to_degrees());
-    println!("down {:.3} off {off:.1}° (sd {:.1}°)", c.down, found.spread.down.to_degrees());
+    let (sd, said) = (found.spread.down.to_degrees(), said.down.text(0.0, |bound| bound.to_string()));
+    println!("down {:.3} off {off:.1}° (sd {sd:.1}°) {said}", c.down);
     println!("held {:?}; misfit {:.2}; {seconds:.1} s", found.held, found.misfit);
     for factor in &profile {
         let bend = k[1] * factor;

@@ -148,7 +148,8 @@ fn causes_are_found_and_changed() {
     let quick = ["--no-appearance", "--frames", "0..3", "--set", "texture.size=32"];
     succeed(&[&["reconstruct", text(&scene()), "--out", text(&result)], &quick[..]].concat());
     let parameters = std::fs::read_to_string(result.join("parameters.json")).unwrap();
-    for word in ["\"informed\": ", "\"gravity\"", "\"friction\"", "\"wind\"", "\"held\""] {
+    for word in ["\"informed\": ", "\"constraint\": ", "\"gravity\"", "\"friction\"", "\"wind\"", "\"held\""]
+    {
         assert!(parameters.contains(word), "{word}: {parameters}");
     }
     assert!(result.join("forces.npz").is_file() && result.join("rest_lengths.npy").is_file());

@@ -3,6 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use crate::motion::causes::Constraint;
 use tessuto_core::mesh::Positions;
 
 /// What is known of a scene's causes; keys that are not there are not known.
@@ -31,6 +32,13 @@ pub struct Ratio {
     pub inside: bool,
     /// Whether the result says that the video constrains it.
     pub informed: bool,
+    /// What the result says of it; unconstrained in metrics of earlier versions that have no such word.
+    #[serde(default)]
+    pub constraint: Constraint,
+    /// Whether that is true: of a value, that the truth lies within two standard deviations, of a bound, that it
+    /// lies on its side. Nothing else is claimed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub right: Option<bool>,
 }
 
 /// A number as it was found.
@@ -40,15 +48,23 @@ pub struct Found {
     pub value: f64,
     /// Standard deviation of its natural logarithm.
     pub sd_of_ln: f64,
-    /// See [`Ratio::informed`].
-    pub informed: bool,
+    /// See [`Ratio::constraint`].
+    pub constraint: Constraint,
 }
 
 impl Found {
     fn against(&self, truth: f64) -> Ratio {
         let ln = (self.value / truth).ln();
         let inside = ln.abs() <= 2.0 * self.sd_of_ln;
-        Ratio { log10: ln / std::f64::consts::LN_10, inside, informed: self.informed }
+        let constraint = self.constraint;
+        let right = match constraint {
+            Constraint::Constrained => Some(inside),
+            Constraint::AtLeast { factor } => Some(truth >= self.value * factor),
+            Constraint::AtMost { factor } => Some(truth <= self.value * factor),
+            Constraint::TradedOff { .. } | Constraint::Unconstrained => None,
+        };
+        let informed = constraint.is_constrained();
+        Ratio { log10: ln / std::f64::consts::LN_10, inside, informed, constraint, right }
     }
 }
 
@@ -173,8 +189,8 @@ impl CauseMetrics {
         for (name, ratio) in ratios {
             let Some(r) = ratio else { continue };
             let inside = if r.inside { "within" } else { "beyond" };
-            let informed = if r.informed { "" } else { "; the video says little of it" };
-            let meaning = format!("of the truth, {inside} two standard deviations{informed}");
+            let said = r.constraint.text(10f64.powf(r.log10), |over| format!("{over:.2} × the truth"));
+            let meaning = format!("of the truth, {inside} two standard deviations; {said}");
             rows.push((name, format!("{:.2} ×", 10f64.powf(r.log10)), meaning));
         }
         if let Some(g) = self.gravity {
@@ -217,7 +233,7 @@ mod tests {
             held: Some(vec![0, 4, 7]),
             ..KnownCauses::default()
         };
-        let found = |value: f64| Found { value, sd_of_ln: 0.3, informed: true };
+        let found = |value: f64| Found { value, sd_of_ln: 0.3, constraint: Constraint::Constrained };
         let down = DVec3::new(0.0, 1.0, 0.1);
         let metrics = CauseMetrics::new(&known, [found(2e-3); 4], (down, 0.04), &[0, 1, 7]);
         let bend = metrics.bend.unwrap();
@@ -228,7 +244,14 @@ mod tests {
         assert_eq!(metrics.held, Some(Held { truth: 3, found: 3, right: 2 }));
         assert!(metrics.stretch.is_none() && metrics.drag.is_none());
         assert_eq!(metrics.rows().len(), 3);
-        assert!(Found { value: 1.5e-3, sd_of_ln: 0.3, informed: true }.against(1e-3).inside);
+        let near = found(1.5e-3).against(1e-3);
+        assert!(near.inside && near.informed && near.right == Some(true) && bend.right == Some(false));
+        let of = |constraint: Constraint| Found { constraint, ..found(2e-3) }.against(1e-3).right;
+        assert_eq!(of(Constraint::AtLeast { factor: 0.4 }), Some(true));
+        assert_eq!(of(Constraint::AtLeast { factor: 0.6 }), Some(false));
+        assert_eq!(of(Constraint::AtMost { factor: 0.6 }), Some(true));
+        assert_eq!(of(Constraint::AtMost { factor: 0.4 }), Some(false));
+        assert_eq!(of(Constraint::Unconstrained), None);
     }
 
     #[test]

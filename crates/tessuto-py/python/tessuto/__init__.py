@@ -40,7 +40,17 @@ from ._errors import (  # noqa: E402
 from ._light import DirectLight, DirectLightGradients, direct_light, direct_light_vjp  # noqa: E402
 from ._native import version as _version  # noqa: E402
 from ._raster import RasterGradients, Rasterizer, rasterize, rasterize_vjp  # noqa: E402
-from ._result import FORMATS, Result, evaluate, export, open, read_image, render, simulate  # noqa: E402
+from ._result import (  # noqa: E402
+    FORMATS,
+    Constraint,
+    Result,
+    evaluate,
+    export,
+    open,
+    read_image,
+    render,
+    simulate,
+)
 from ._run import Step, appearance, reconstruct  # noqa: E402
 from ._scene import Camera, Scene, View  # noqa: E402
 
@@ -49,6 +59,7 @@ __version__: str = _version()
 __all__ = [
     "Camera",
     "Cloth",
+    "Constraint",
     "Contact",
     "DirectLight",
     "DirectLightGradients",

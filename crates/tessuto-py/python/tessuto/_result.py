@@ -12,7 +12,7 @@ import weakref
 from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Optional, Union
+from typing import Any, NamedTuple, Optional, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,21 @@ from ._scene import Camera, Scene
 
 FORMATS: dict[str, str] = dict(_native.formats())
 """What `export` can write: the name of each format, and what it holds."""
+
+
+class Constraint(NamedTuple):
+    """What the video says about one parameter.
+
+    Attributes:
+        word: "constrained" (the value, within its standard deviation), "at_least" or "at_most" (a bound only),
+            "traded_off" (only the combination with another parameter is constrained) or "unconstrained".
+        bound: The bound, in the parameter's unit, of "at_least" and "at_most".
+        traded_with: The other parameter, of "traded_off".
+    """
+
+    word: str
+    bound: Optional[float] = None
+    traded_with: Optional[str] = None
 
 
 class Result:
@@ -98,6 +113,21 @@ class Result:
         """Stretch N/m, bend J/rad² and shear J/rad²: effective values of the replay, no measurements."""
         stretch, bend, shear = (float(self.parameters[k]["value"]) for k in ("stretch", "bend", "shear"))
         return stretch, bend, shear
+
+    @cached_property
+    def constraints(self) -> dict[str, Constraint]:
+        """What the video says about "stretch", "bend" and "shear" stiffness, "gravity", "drag" and "friction".
+
+        Empty where causes were not searched, and in results of earlier versions.
+        """
+        found = {**self.parameters, **(self.parameters.get("causes") or {})}
+        names = ("stretch", "bend", "shear", "gravity", "drag", "friction")
+        said = {name: found.get(name) or {} for name in names}
+        return {
+            name: Constraint(number["constraint"], number.get("bound"), number.get("with"))
+            for name, number in said.items()
+            if "constraint" in number
+        }
 
     @cached_property
     def history(self) -> dict[str, npt.NDArray[Any]]:

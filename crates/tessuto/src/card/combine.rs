@@ -3,13 +3,15 @@
 //! The logarithm of every stiffness over density is a Gaussian of each clip's standard deviation σ, and clips are
 //! independent. Their product has the mean Σ x/σ² / Σ 1/σ² and the standard deviation (Σ 1/σ²)^−½. A clip that does
 //! not constrain a parameter says its prior and is left out. The prior that is in each of the others counts as often
-//! as there are clips: it has at most a sixth of their weight.
+//! as there are clips: it has at most a sixth of their weight. Where no clip constrains it, their bounds are left: the
+//! highest lower one, or else the lowest upper one.
 //!
 //! Whether the clips agree is χ² = Σ (x − mean)²/σ² against its 95 % limit for one degree of freedom less than
 //! clips. Where it is larger, they contradict each other, and the standard deviation is multiplied by (χ²/degrees)^½
 //! (Birge 1932).
 
 use crate::result::Measured;
+use tessuto_estimate::motion::causes::Constraint;
 use tessuto_sim::per_width::PerWidth;
 
 /// What is combined, in the order of [`Measured::sd_of_ln`].
@@ -53,6 +55,8 @@ pub struct Parameter {
     pub chi_square: f64,
     /// If it is too large.
     pub contradiction: Option<Contradiction>,
+    /// What all clips say.
+    pub constraint: Constraint,
 }
 
 /// What all clips say.
@@ -133,7 +137,8 @@ fn logarithms(w: &PerWidth) -> [[f64; 2]; 3] {
 /// Means of both directions, and the rest, of parameter `k`.
 fn combine_one(values: &[[f64; 2]], clips: &[Clip], k: usize) -> ([f64; 2], Parameter) {
     let sd = |i: usize| clips[i].measured.sd_of_ln[k].max(1e-6);
-    let informing: Vec<usize> = (0..clips.len()).filter(|i| clips[*i].measured.informed[k]).collect();
+    let informing: Vec<usize> =
+        (0..clips.len()).filter(|i| clips[*i].measured.constraints[k].is_constrained()).collect();
     let used = if informing.is_empty() { (0..clips.len()).collect() } else { informing.clone() };
     let weight = |i: usize| sd(i).powi(-2);
     let sum: f64 = used.iter().map(|i| weight(*i)).sum();
@@ -141,7 +146,11 @@ fn combine_one(values: &[[f64; 2]], clips: &[Clip], k: usize) -> ([f64; 2], Para
     if informing.is_empty() {
         // Priors, of which one does not confirm another.
         let sd_of_ln = used.iter().map(|i| sd(*i)).fold(f64::INFINITY, f64::min);
-        return (mean, Parameter { sd_of_ln, clips: informing, chi_square: 0.0, contradiction: None });
+        let constraint = bound(values, mean[0], clips, k);
+        return (
+            mean,
+            Parameter { sd_of_ln, clips: informing, chi_square: 0.0, contradiction: None, constraint },
+        );
     }
     // Both directions follow from one parameter.
     let middle = |v: &[f64; 2]| 0.5 * (v[0] + v[1]);
@@ -158,7 +167,28 @@ fn combine_one(values: &[[f64; 2]], clips: &[Clip], k: usize) -> ([f64; 2], Para
         let pairs = used.iter().flat_map(|a| used.iter().map(move |b| apart(*a, *b)));
         pairs.max_by(|a, b| a.deviations.total_cmp(&b.deviations)).expect("two clips")
     });
-    (mean, Parameter { sd_of_ln, clips: informing, chi_square, contradiction })
+    let constraint = Constraint::Constrained;
+    (mean, Parameter { sd_of_ln, clips: informing, chi_square, contradiction, constraint })
+}
+
+/// What `clips` of which none constrains parameter `k` say of it, whose ln is `mean`, of the warp: the highest lower
+/// bound, or else the lowest upper one, or else what the first one says that says anything.
+fn bound(values: &[[f64; 2]], mean: f64, clips: &[Clip], k: usize) -> Constraint {
+    let said =
+        || clips.iter().zip(values).map(|(clip, [ln, _])| (clip.measured.constraints[k], (ln - mean).exp()));
+    let lower = said().filter_map(|(said, over)| match said {
+        Constraint::AtLeast { factor } => Some(factor * over),
+        _ => None,
+    });
+    let upper = said().filter_map(|(said, over)| match said {
+        Constraint::AtMost { factor } => Some(factor * over),
+        _ => None,
+    });
+    let traded = said().map(|(said, _)| said).find(|said| said.with().is_some());
+    None.or_else(|| lower.reduce(f64::max).map(|factor| Constraint::AtLeast { factor }))
+        .or_else(|| upper.reduce(f64::min).map(|factor| Constraint::AtMost { factor }))
+        .or(traded)
+        .unwrap_or_default()
 }
 
 /// Below this is 95 % of χ². From six degrees of freedom on by Wilson and Hilferty 1931.
@@ -181,7 +211,8 @@ mod tests {
             bent: 0.2,
             area_density: 0.1,
         };
-        Clip { name: name.to_owned(), measured: Measured { per_width, sd_of_ln: [sd; 3], informed } }
+        let constraints = informed.map(|yes| Constraint::of_deviation(if yes { 0.0 } else { 1.0 }, 1.0));
+        Clip { name: name.to_owned(), measured: Measured { per_width, sd_of_ln: [sd; 3], constraints } }
     }
 
     #[test]
@@ -218,6 +249,28 @@ mod tests {
         assert!(answer.next_clip().contains("shear stiffness is constrained by no clip"));
         let sure = combine(&[clip("a", 1.0, 0.3, [true; 3])]);
         assert!(sure.next_clip().contains("within a factor of 1.35"), "{}", sure.next_clip());
+    }
+
+    #[test]
+    fn without_values_the_tightest_bound_counts() {
+        let bounded = |name: &str, factor: f64, said: Constraint| {
+            let mut clip = clip(name, factor, 0.9, [false; 3]);
+            clip.measured.constraints = [said; 3];
+            clip
+        };
+        let least = |factor: f64| Constraint::AtLeast { factor };
+        // At least 0.5 of 100 and 0.2 of 400 N/m, over their mean of 200.
+        let clips = [bounded("a", 1.0, least(0.5)), bounded("b", 4.0, least(0.2))];
+        let answer = combine(&clips);
+        let bound = |answer: &Answer| answer.parameters[0].constraint.bound(answer.per_width.membrane[1]);
+        assert!((bound(&answer).unwrap() / 80.0 - 1.0).abs() < 1e-9, "{answer:?}");
+        let most = bounded("c", 1.0, Constraint::AtMost { factor: 2.0 });
+        assert!((bound(&combine(std::slice::from_ref(&most))).unwrap() / 200.0 - 1.0).abs() < 1e-9);
+        let mixed = combine(&[most, clips[0].clone()]);
+        assert!(matches!(mixed.parameters[0].constraint, Constraint::AtLeast { .. }), "{mixed:?}");
+        // A value counts more than any bound.
+        let told = combine(&[clips[0].clone(), clip("d", 1.0, 0.3, [true; 3])]);
+        assert_eq!(told.parameters[0].constraint, Constraint::Constrained);
     }
 
     #[test]

@@ -11,6 +11,7 @@ use crate::export::shell::terms;
 use crate::run::fabric::{Fabric, bending_length};
 use tessuto_core::error::Result;
 use tessuto_estimate::io;
+use tessuto_estimate::motion::causes::Constraint;
 use tessuto_sim::textile::cantilever::SLOPE;
 
 const STYLE: &str = include_str!("../../assets/report/page.css");
@@ -77,6 +78,8 @@ struct Row {
     band: String,
     unit: &'static str,
     informed: bool,
+    /// What the video says of it.
+    said: String,
 }
 
 /// What the clips say of one parameter.
@@ -97,12 +100,21 @@ fn band(value: f64, sd_of_ln: f64) -> String {
 
 fn rows(answer: &Answer) -> Vec<Row> {
     let w = &answer.per_width;
-    let row = |name: &str, value: f64, unit: &'static str, k: usize, power: f64| Row {
-        name: name.to_owned(),
-        value: digits(value),
-        band: band(value, answer.parameters[k].sd_of_ln * power),
-        unit,
-        informed: answer.is_informed(k),
+    let row = |name: &str, value: f64, unit: &'static str, k: usize, power: f64| {
+        let constraint = answer.parameters[k].constraint.powered(power);
+        let (value, band) = match constraint.bound(value) {
+            // One side is open: there is no band.
+            Some(_) => (constraint.text(value, digits), String::new()),
+            None => (digits(value), band(value, answer.parameters[k].sd_of_ln * power)),
+        };
+        let said = match constraint {
+            Constraint::Constrained => "constrains it".to_owned(),
+            Constraint::AtLeast { .. } => "gives a lower bound only".to_owned(),
+            Constraint::AtMost { .. } => "gives an upper bound only".to_owned(),
+            Constraint::TradedOff { with } => format!("constrains it only together with {}", with.name()),
+            Constraint::Unconstrained => "does not constrain it: this is the prior".to_owned(),
+        };
+        Row { name: name.to_owned(), value, band, unit, informed: answer.is_informed(k), said }
     };
     let length = w.bending.map(|d| 1e3 * bending_length(d, w.area_density));
     vec![

@@ -104,7 +104,8 @@ fn encode(clip: &Clip) -> Value {
             "version": clip.version,
             "stiffness_per_width": fabric.per_width,
             "sd_of_ln_membrane_bending_shear": fabric.sd_of_ln,
-            "informed_membrane_bending_shear": fabric.informed,
+            "informed_membrane_bending_shear": fabric.informed(),
+            "constraint_membrane_bending_shear": fabric.constraints.map(|said| said.word()),
             "other_programs": terms(&fabric.per_width),
         }})
     });

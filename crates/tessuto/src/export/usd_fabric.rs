@@ -28,14 +28,17 @@ pub(super) fn schemas(clip: &Clip) -> &'static str {
 
 /// Attributes of the fabric's material; nothing of results without stiffnesses per width.
 pub(super) fn attributes(clip: &Clip, out: &mut String) {
-    let Some(Measured { per_width: w, sd_of_ln, informed }) = clip.fabric else { return };
+    let Some(Measured { per_width: w, sd_of_ln, constraints }) = clip.fabric else { return };
     let mut found = |kind: &str, name: &str, value: String, unit: &str, k: Option<usize>| {
         let sure = k.map_or_else(
             || "                    bool assumed = 1\n".to_owned(),
             |k| {
                 format!(
-                    "                    bool informed = {}\n                    double sdOfLn = {:.4}\n",
-                    u8::from(informed[k]),
+                    "                    string constraint = \"{}\"\n                    bool informed = {}\n\
+                    {:20}double sdOfLn = {:.4}\n",
+                    constraints[k].word(),
+                    u8::from(constraints[k].is_constrained()),
+                    "",
                     sd_of_ln[k]
                 )
             },

@@ -4,6 +4,7 @@
 use serde::Serialize;
 
 use super::EmbeddedMotion;
+use tessuto_estimate::motion::causes::Constraint;
 
 /// What is known of the causes of a motion.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -64,8 +65,8 @@ pub struct CauseRow {
     pub unit: &'static str,
     /// How sure it is.
     pub spread: Option<CauseSpread>,
-    /// Whether the video constrains it; unknown for what follows from others.
-    pub informed: Option<bool>,
+    /// What the video says of it; unknown for what follows from others.
+    pub constraint: Option<Constraint>,
     /// Between which values 95 of 100 known fabrics are.
     pub known: Option<[f64; 2]>,
     /// Anything worth saying; may be empty.

@@ -95,7 +95,8 @@ struct CauseLine {
     value: String,
     unit: &'static str,
     spread: String,
-    informed: Option<bool>,
+    /// What the video says of it, and whether it is a value.
+    said: Option<(String, bool)>,
     known: String,
     /// Percent along a bar: see [`bar`].
     bar: Option<[String; 4]>,
@@ -238,7 +239,7 @@ fn cause_line(row: &CauseRow) -> CauseLine {
         value: shown(row.value),
         unit: row.unit,
         spread,
-        informed: row.informed,
+        said: row.constraint.map(|said| (said.text(row.value, shown), said.is_constrained())),
         known: row.known.map_or_else(String::new, |[low, high]| match low < 1e-3 {
             true => format!("{low:e} to {high:e}"),
             false => format!("{} to {}", significant(low), significant(high)),

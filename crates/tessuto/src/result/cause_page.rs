@@ -9,7 +9,7 @@ use crate::report::{EmbeddedMotion, embed};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Positions;
 use tessuto_estimate::io::{self, npy, zip};
-use tessuto_estimate::motion::causes::{Found, cut_cloth};
+use tessuto_estimate::motion::causes::{Constraint, Found, cut_cloth};
 use tessuto_sim::cloth::AREA_DENSITY;
 use tessuto_sim::per_width::{PerWidth, bending_length};
 
@@ -125,17 +125,17 @@ pub(super) fn shares(saved: &Folder, forces: &Forces) -> Option<Chart> {
 }
 
 fn rows(saved: &Folder, found: &Found) -> Vec<CauseRow> {
-    let (causes, spread, prior) = (&found.causes, &found.spread, &found.prior);
-    let row = |label: &str, value: f64, unit: &'static str, sd_of_ln: f64, before: f64| CauseRow {
+    let (causes, spread, said) = (&found.causes, &found.spread, &found.constraints);
+    let row = |label: &str, value: f64, unit: &'static str, sd_of_ln: f64, said: Constraint| CauseRow {
         label: label.to_owned(),
         value,
         unit,
         spread: Some(CauseSpread::Factor(sd_of_ln.exp())),
-        informed: Some(found.is_informed(sd_of_ln, before)),
+        constraint: Some(said),
         ..CauseRow::default()
     };
     let stiffness = |label: &str, value: f64, unit: &'static str, k: usize| {
-        row(label, value, unit, spread.ln_stiffness[k], prior.ln_stiffness[k])
+        row(label, value, unit, spread.ln_stiffness[k], said.stiffness[k])
     };
     let plain = |label: &str, value: f64, unit: &'static str| CauseRow {
         label: label.to_owned(),
@@ -159,14 +159,14 @@ fn rows(saved: &Folder, found: &Found) -> Vec<CauseRow> {
     let mut down =
         plain("gravity, angle to the image's down", causes.down.angle_between(DVec3::Y).to_degrees(), "°");
     down.spread = Some(CauseSpread::Margin(spread.down.to_degrees()));
-    down.informed = Some(found.is_down_informed());
+    down.constraint = Some(said.down);
     let mut held = plain("held vertices", found.held.len() as f64, "");
     held.note = listed(&found.held);
     rows.extend([
         density,
         down,
-        row("drag coefficient of the air", causes.drag(), "", spread.ln_drag, prior.ln_drag),
-        row("internal friction", causes.friction(), "J·s/rad²", spread.ln_friction, prior.ln_friction),
+        row("drag coefficient of the air", causes.drag(), "", spread.ln_drag, said.drag),
+        row("internal friction", causes.friction(), "J·s/rad²", spread.ln_friction, said.friction),
         held,
     ]);
     if let Some(sizes) = saved.sizes {
@@ -192,6 +192,7 @@ fn of_width(w: &PerWidth, stiffness: &dyn Fn(&str, f64, &'static str, usize) -> 
         if let Some(CauseSpread::Factor(factor)) = &mut row.spread {
             *factor = factor.cbrt();
         }
+        row.constraint = row.constraint.map(|said| said.powered(1.0 / 3.0));
         row
     };
     let mut out = Vec::new();

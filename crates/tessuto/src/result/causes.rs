@@ -8,28 +8,57 @@ use super::{Quantity, quantity};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Positions};
 use tessuto_estimate::io;
-use tessuto_estimate::motion::causes::{Causes, Explained, Found, Knots, Sizes, Spread};
+use tessuto_estimate::motion::causes::{
+    Cause, Causes, Constraint, Constraints, Explained, Found, Knots, Sizes, Spread,
+};
 use tessuto_sim::per_width::PerWidth;
 
 /// Gravity.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Gravity {
     value: [f64; 3],
     unit: String,
     /// Of its direction.
     sd_degrees: f64,
     informed: bool,
+    #[serde(flatten)]
+    said: Said,
 }
 
 /// A number with its standard deviation.
 #[derive(Debug, Clone, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Measured {
     value: f64,
     sd: f64,
     unit: String,
     informed: bool,
+    #[serde(flatten)]
+    said: Said,
+}
+
+/// What the video says of a number; empty in results of earlier versions.
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
+pub(super) struct Said {
+    /// [`Constraint::word`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    constraint: Option<String>,
+    /// The bound, in the number's unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    bound: Option<f64>,
+    /// The number that it is traded off with.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    with: Option<Cause>,
+}
+
+impl Said {
+    /// Of a number of this `value`.
+    pub fn new(constraint: &Constraint, value: f64) -> Self {
+        Self {
+            constraint: Some(constraint.word().to_owned()),
+            bound: constraint.bound(value),
+            with: constraint.with(),
+        }
+    }
 }
 
 /// What a replay needs, to the last bit, beside forces.npy and rest_lengths.npy.
@@ -41,6 +70,9 @@ struct Model {
     prior: Spread,
     knots: Knots,
     misfit: f64,
+    /// Nothing in results of earlier versions.
+    #[serde(default)]
+    constraints: Option<Constraints>,
 }
 
 /// `causes` of parameters.json.
@@ -67,10 +99,9 @@ pub(super) struct CauseFile {
 /// File of the motion without the correction.
 pub(super) const LED: &str = "changed/by_causes.npy";
 
-/// Standard deviation of a stiffness, and whether the video constrains it.
-pub(super) fn certainty(found: &Found, k: usize) -> (f64, bool) {
-    let (sd, prior) = (found.spread.ln_stiffness[k], found.prior.ln_stiffness[k]);
-    (found.causes.stiffness()[k] * sd, found.is_informed(sd, prior))
+/// Standard deviation of a stiffness, and what the video says of it.
+pub(super) fn certainty(found: &Found, k: usize) -> (f64, Constraint) {
+    (found.causes.stiffness()[k] * found.spread.ln_stiffness[k], found.constraints.stiffness[k])
 }
 
 impl CauseFile {
@@ -78,11 +109,13 @@ impl CauseFile {
     pub fn new(explained: &Explained, frames: usize, fps: f64) -> Self {
         let found = &explained.found;
         let (causes, spread, prior) = (&found.causes, &found.spread, &found.prior);
-        let measured = |value: f64, [sd, before]: [f64; 2], unit: &str| Measured {
+        let said = &found.constraints;
+        let measured = |value: f64, sd: f64, unit: &str, constraint: &Constraint| Measured {
             value,
             sd: value * sd,
             unit: unit.to_owned(),
-            informed: found.is_informed(sd, before),
+            informed: constraint.is_constrained(),
+            said: Said::new(constraint, value),
         };
         let wind = |n: usize| causes.wind_at(&found.knots, n as f64 / fps).to_array();
         Self {
@@ -90,10 +123,11 @@ impl CauseFile {
                 value: causes.gravity().to_array(),
                 unit: "m/s^2".to_owned(),
                 sd_degrees: spread.down.to_degrees(),
-                informed: found.is_down_informed(),
+                informed: said.down.is_constrained(),
+                said: Said::new(&said.down, 1.0),
             },
-            drag: measured(causes.drag(), [spread.ln_drag, prior.ln_drag], "1"),
-            friction: measured(causes.friction(), [spread.ln_friction, prior.ln_friction], "J s/rad^2"),
+            drag: measured(causes.drag(), spread.ln_drag, "1", &said.drag),
+            friction: measured(causes.friction(), spread.ln_friction, "J s/rad^2", &said.friction),
             wind: quantity((0..frames).map(wind).collect(), "m/s"),
             held: found.held.clone(),
             sizes: quantity(explained.sizes, "m/s^2"),
@@ -104,6 +138,7 @@ impl CauseFile {
                 prior: *prior,
                 knots: found.knots,
                 misfit: found.misfit,
+                constraints: Some(*said),
             },
         }
     }
@@ -120,7 +155,7 @@ impl CauseFile {
                 rest_lengths.len()
             )));
         }
-        let Model { causes, spread, prior, knots, misfit } = self.model.clone();
+        let Model { causes, spread, prior, knots, misfit, constraints } = self.model.clone();
         let numbers =
             causes.ln_stiffness.iter().chain([&causes.ln_drag, &causes.ln_friction]).all(|x| x.is_finite());
         let vertices = mesh.positions.len();
@@ -136,7 +171,8 @@ impl CauseFile {
                 super::UNCHANGED,
             ));
         }
-        Ok(Found { causes, spread, prior, knots, held: self.held.clone(), rest_lengths, misfit })
+        let constraints = constraints.unwrap_or_else(|| Found::by_deviations(&causes, &spread, &prior));
+        Ok(Found { causes, spread, prior, knots, held: self.held.clone(), rest_lengths, misfit, constraints })
     }
 
     /// Multiplies the stiffnesses of the model by 10 to the power of `log10`.

@@ -129,12 +129,14 @@ struct FoundStiffness {
     sd: Option<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     informed: Option<bool>,
+    #[serde(flatten)]
+    said: causes::Said,
 }
 
 fn found_stiffness(value: f64, log_k: f64, range: StiffnessRange, unit: &str) -> FoundStiffness {
     let bounds = [range.low, range.high].map(|k| 10f64.powf(k));
     let at_bound = range.bound_at(log_k).is_some();
-    FoundStiffness { value, unit: unit.to_owned(), bounds, at_bound, sd: None, informed: None }
+    FoundStiffness { value, unit: unit.to_owned(), bounds, at_bound, ..FoundStiffness::default() }
 }
 
 /// What helps if a file of a result cannot be used.
@@ -147,11 +149,11 @@ const REMARK: &str = "Stiffnesses and forces are effective values: with them the
 
 /// The same where causes were found.
 const REMARK_OF_CAUSES: &str = "Stiffnesses, gravity and air are found from the motion, with standard \
-                                deviations (sd); where informed is false, the video says little and the \
-                                value is what was assumed before. On real clips they were not compared \
-                                with measurements. With them and forces.npy the \
-                                simulation replays the motion. All of them are relative to area_density, \
-                                which is assumed.";
+                                deviations (sd) and a constraint: what the video says of them; \
+                                where informed is false, the value is mostly what was assumed before. \
+                                On real clips they were not compared with measurements. With them and \
+                                forces.npy the simulation replays the motion. All of them are relative to \
+                                area_density, which is assumed.";
 
 /// parameters.json.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -313,9 +315,10 @@ impl ParameterFile {
     /// Adds causes of a motion of `frames` frames.
     fn explain(&mut self, explained: &Explained, frames: usize, fps: f64) {
         for (k, property) in self.model.properties().iter().enumerate() {
-            let (sd, informed) = causes::certainty(&explained.found, k);
+            let (sd, constraint) = causes::certainty(&explained.found, k);
             if let Some(stiffness) = self.properties.get_mut(property.key) {
-                (stiffness.sd, stiffness.informed) = (Some(sd), Some(informed));
+                (stiffness.sd, stiffness.informed) = (Some(sd), Some(constraint.is_constrained()));
+                stiffness.said = causes::Said::new(&constraint, stiffness.value);
             }
         }
         REMARK_OF_CAUSES.clone_into(&mut self.remark);

@@ -57,17 +57,12 @@ pub fn compare_causes(scene: &Path, truth: Option<&Motion>, result: &Folder) -> 
         return Ok(None);
     };
     let (causes, spread) = (&found.causes, &found.spread);
-    let informed = |sd: f64, before: f64| found.is_informed(sd, before);
     let stiffness = |k: usize| Found {
         value: causes.stiffness()[k],
         sd_of_ln: spread.ln_stiffness[k],
-        informed: informed(spread.ln_stiffness[k], found.prior.ln_stiffness[k]),
+        constraint: found.constraints.stiffness[k],
     };
-    let drag = Found {
-        value: causes.drag(),
-        sd_of_ln: spread.ln_drag,
-        informed: informed(spread.ln_drag, found.prior.ln_drag),
-    };
+    let drag = Found { value: causes.drag(), sd_of_ln: spread.ln_drag, constraint: found.constraints.drag };
     let numbers = [stiffness(0), stiffness(1), stiffness(2), drag];
     let mut metrics = CauseMetrics::new(&known, numbers, (causes.gravity(), spread.down), &found.held);
     metrics.unexplained = result.sizes.filter(|s| s.motion > 0.0).map(|s| s.residual / s.motion);

@@ -1,6 +1,7 @@
 //! Stiffnesses with their units in exports.
 
 use tessuto::export::{Clip, Format, export};
+use tessuto::motion::causes::Constraint;
 use tessuto::result::Measured;
 use tessuto::sim::per_width::PerWidth;
 
@@ -14,7 +15,8 @@ pub(super) fn measured() -> Clip {
         bent: 0.1,
         area_density: 0.1,
     };
-    let fabric = Measured { per_width, sd_of_ln: [0.5, 0.125, 0.0625], informed: [false, true, true] };
+    let constraints = [Constraint::Unconstrained, Constraint::Constrained, Constraint::Constrained];
+    let fabric = Measured { per_width, sd_of_ln: [0.5, 0.125, 0.0625], constraints };
     Clip { fabric: Some(fabric), ..clip(false) }
 }
 
@@ -25,10 +27,12 @@ fn usd_tells_stiffness_per_width_with_units_and_certainty() {
     let text = std::fs::read_to_string(home.path().join("cloth.usda")).unwrap();
     let flat = text.split_whitespace().collect::<Vec<_>>().join(" ");
     for part in [
-        "custom float2 tessuto:bendingStiffness = (0.0001, 0.0004) ( customData = { bool informed = 1 double \
-         sdOfLn = 0.1250 string unit = \"N*m\" } )",
-        "custom float tessuto:shearStiffness = 2.5 ( customData = { bool informed = 1",
-        "custom float2 tessuto:membraneStiffness = (100, 400) ( customData = { bool informed = 0",
+        "custom float2 tessuto:bendingStiffness = (0.0001, 0.0004) ( customData = { string constraint = \
+         \"constrained\" bool informed = 1 double sdOfLn = 0.1250 string unit = \"N*m\" } )",
+        "custom float tessuto:shearStiffness = 2.5 ( customData = { string constraint = \
+         \"constrained\" bool informed = 1",
+        "custom float2 tessuto:membraneStiffness = (100, 400) ( customData = { string constraint = \
+         \"unconstrained\" bool informed = 0",
         "custom float tessuto:areaDensity = 0.1 ( customData = { bool assumed = 1 string unit = \"kg/m^2\" } )",
         "def Material \"Fabric\" ( prepend apiSchemas = [\"PhysicsMaterialAPI\", \
          \"PhysicsSurfaceDeformableMaterialAPI\"] )",

@@ -1,6 +1,7 @@
 //! The card of a fabric, of made-up clips.
 
 use tessuto::card::{self, Card, Clip, combine};
+use tessuto::motion::causes::Constraint;
 use tessuto::result::Measured;
 use tessuto::run::fabric::{Fabric, bending_length};
 use tessuto::sim::per_width::PerWidth;
@@ -8,7 +9,8 @@ use tessuto::sim::textile::elastica;
 
 fn clip(name: &str, bending: [f64; 2]) -> Clip {
     let per_width = PerWidth { bending, shear: 20.0, membrane: [300.0, 250.0], bent: 0.2, area_density: 0.1 };
-    let measured = Measured { per_width, sd_of_ln: [0.9, 0.3, 0.5], informed: [false, true, true] };
+    let constraints = [Constraint::AtLeast { factor: 0.5 }, Constraint::Constrained, Constraint::Constrained];
+    let measured = Measured { per_width, sd_of_ln: [0.9, 0.3, 0.5], constraints };
     Clip { name: name.to_owned(), measured }
 }
 
@@ -36,9 +38,16 @@ fn the_page_is_alone_and_says_what_the_clips_say() {
         assert!(!page.contains(lone), "{lone}");
     }
     let named = "contradiction: other is 10.00 times as stiff as &#60;one&#62;";
-    for part in
-        [named, "no clip constrains it", "142 g/m², as weighed", "row 7", "of 9", "does not constrain it"]
-    {
+    // 300 N/m at 0.1 kg/m², at 0.142.
+    for part in [
+        named,
+        "no clip constrains it",
+        "142 g/m², as weighed",
+        "row 7",
+        "of 9",
+        "at least 213</td>",
+        "gives a lower bound only",
+    ] {
         assert!(page.contains(part), "{part}");
     }
     // The same numbers in other programs' terms: ρ is 142 g/m², and h 0.5 mm.

@@ -7,6 +7,7 @@ use tessuto::io::jpeg;
 use tessuto::io::rgb8::Rgb8;
 use tessuto::mesh::grid;
 use tessuto::metrics::{Evaluation, FrameAgreement, FrameMetrics, FrameVerdict, Metrics, State, judge};
+use tessuto::motion::causes::Constraint;
 use tessuto::report::causes::{CauseRow, CauseSpread, ForceArrows, Replay};
 use tessuto::report::chart::Series;
 use tessuto::report::embed::{Window, base64};
@@ -136,7 +137,11 @@ fn causes(motion: &[Positions]) -> CauseData {
         value,
         unit: "N·m",
         spread: Some(CauseSpread::Factor(1.25)),
-        informed: Some(value > 1e-5),
+        constraint: Some(if value > 1e-5 {
+            Constraint::Constrained
+        } else {
+            Constraint::AtLeast { factor: 0.5 }
+        }),
         known,
         note: "<i>assumed</i>".into(),
     };
@@ -346,9 +351,9 @@ fn causes_are_listed_with_their_spread_beside_known_fabrics() {
             r#"<td>bending<small class="soft">&#60;i&#62;assumed&#60;/i&#62;</small></td>"#,
             r#"<td class="number">2.00e-5</td><td>N·m</td>"#
         ),
-        r#"<td class="nowrap">× or ÷ 1.25</td><td class="nowrap"><b class="found">informed</b></td>"#,
+        r#"<td class="nowrap">× or ÷ 1.25</td><td class="nowrap"><b class="found">constrained</b></td>"#,
         r#"8e-7 to 1.2e-4<div class="range""#,
-        r#"<span class="soft">not informed</span></td><td class="nowrap soft"></td>"#,
+        r#"<span class="soft">at least 5.00e-7</span></td><td class="nowrap soft"></td>"#,
         r#""replays":[{"key":"let_go","label":"let go","note":"It falls.","from":7"#,
     ] {
         assert!(text.contains(part), "{part} is missing");

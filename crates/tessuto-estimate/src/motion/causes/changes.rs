@@ -208,7 +208,7 @@ impl<'a> Changes<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::causes::{Causes, Knots, Spread};
+    use crate::motion::causes::{Causes, Constraints, Knots, Spread};
     use crate::motion::parameters::StiffnessRange;
     use glam::DVec2;
     use tessuto_core::mesh::grid;
@@ -246,6 +246,7 @@ mod tests {
             held: Vec::new(),
             rest_lengths: cloth.edges.iter().map(|edge| edge.rest_length).collect(),
             misfit: 0.0,
+            constraints: Constraints::default(),
         };
         let told = Found { spread: Spread { down: 0.01, ..prior }, ..untold.clone() };
         let falls = |found: &Found, hold: Hold| {

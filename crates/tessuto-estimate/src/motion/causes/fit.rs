@@ -1,9 +1,13 @@
 //! What moves the cloth along found positions.
 
+use super::constraint::{judge, partner};
 use super::forces::{Causes, Spread};
 use super::search::{Attempt, Fit};
 use super::task::{COARSE, FINE, Sheet, Task};
-use super::{CauseSettings, DOUBTED, Explained, Explanation, Found, cut_cloth, follow, grips};
+use super::{
+    Cause, CauseSettings, Constraint, Constraints, DOUBTED, Explained, Explanation, Found, cut_cloth, follow,
+    grips, is_unlikely,
+};
 use crate::motion::inverse::accelerations::interpolated;
 use crate::motion::parameters::{Dynamics, Parameters};
 use tessuto_core::camera::Viewpoint;
@@ -57,6 +61,7 @@ pub fn begin<'a>(
         held: sheet.guess.held.clone(),
         rest_lengths: sheet.rest_lengths.clone(),
         misfit: 0.0,
+        constraints: Constraints::default(),
     };
     let mut begun = Begun { sheet, known, rough: None, others: Vec::new() };
     if found.len() >= 3 {
@@ -136,7 +141,8 @@ impl Begun<'_> {
             let others: Vec<(f64, Causes)> =
                 self.others.iter().map(|(weight, other)| (weight.powf(1.0 / doubt), other.clone())).collect();
             out.spread = wider(&fit, &others);
-            out.causes = fit.causes;
+            out.causes = fit.causes.clone();
+            out.constraints = constraints(&fit, &out);
         }
         Some(out)
     }
@@ -218,6 +224,29 @@ fn wider(Fit { causes, spread, .. }: &Fit, others: &[(f64, Causes)]) -> Spread {
         ln_drag: wider(spread.ln_drag, &|c| c.ln_drag - causes.ln_drag),
         ln_friction: wider(spread.ln_friction, &|c| c.ln_friction - causes.ln_friction),
     }
+}
+
+/// What the clip says of every number of `found`, whose causes are those of `fit`.
+fn constraints(fit: &Fit, found: &Found) -> Constraints {
+    let (sd, before) = (&found.spread, &found.prior);
+    let of = |k: usize| {
+        let cause = Cause::POSITIVE[k];
+        let sds = match cause {
+            Cause::Drag => [sd.ln_drag, before.ln_drag],
+            Cause::Friction => [sd.ln_friction, before.ln_friction],
+            _ => [sd.ln_stiffness[k], before.ln_stiffness[k]],
+        };
+        judge(&fit.profiles[k], sds, partner(&fit.matrix, cause, sds[1]))
+    };
+    let down = match Found::by_deviations(&found.causes, sd, before).down {
+        // Gravity has no bounds; a direction that stands for something else is not traded off but wrong.
+        Constraint::Unconstrained if !is_unlikely(&found.causes, before) => {
+            let with = partner(&fit.matrix, Cause::Gravity, before.down);
+            with.map_or(Constraint::Unconstrained, |with| Constraint::TradedOff { with })
+        }
+        word => word,
+    };
+    Constraints { stiffness: [of(0), of(1), of(2)], down, drag: of(3), friction: of(4) }
 }
 
 #[cfg(test)]
@@ -317,6 +346,17 @@ mod tests {
                 .all(|(sd, prior)| *sd < 0.4 * prior)
         );
 
+        // The clip gives values of bend and shear; of stretch, which is not visible here, it gives none.
+        println!("{:?}", found.constraints);
+        let [stretch, bend, shear] = found.constraints.stiffness;
+        assert_eq!([bend, shear, found.constraints.down], [Constraint::Constrained; 3]);
+        let right = match stretch {
+            Constraint::AtLeast { factor } => off(0) * factor <= 1.0,
+            Constraint::TradedOff { .. } | Constraint::Unconstrained => true,
+            Constraint::Constrained | Constraint::AtMost { .. } => false,
+        };
+        assert!(right, "{stretch:?}, {:.2} of the truth", off(0));
+
         // What is known is taken: gravity a little off, and held vertices that would not be guessed.
         let down = (truth.down + DVec3::new(0.02, 0.0, -0.01)).normalize();
         let known = Known { down: Some(down), held: Some(vec![0, 3, 6]), ..Known::default() };
@@ -330,6 +370,7 @@ mod tests {
         let found = find((&mesh, &known, &views), &frames, Some(&deviations), (50.0, &dynamics), &brief);
         println!("held wrongly: misfit {:.2}", found.misfit);
         assert!(found.misfit > DOUBTED && found.spread == found.prior);
+        assert_eq!(found.constraints, Constraints::default());
         let mut kept = found.causes.ln_stiffness.iter().zip([200f64, 1e-3, 1e-4]);
         assert!(kept.all(|(ln, start)| (ln - start.ln()).abs() < 1e-12));
         assert!(found.doubt().unwrap().to_string().contains("standard deviations off"));
@@ -347,7 +388,7 @@ mod tests {
         };
         let b = Causes { ln_stiffness: [5.0, -7.4, -9.0], ln_drag: 1.2, ..a.clone() };
         let spread = Spread { ln_stiffness: [0.5, 0.3, 0.1], down: 0.04, ln_drag: 0.5, ln_friction: 1.0 };
-        let fit = Fit { causes: a, spread, misfit: 1.0 };
+        let fit = Fit { causes: a, spread, misfit: 1.0, profiles: Default::default(), matrix: Vec::new() };
         // As likely as what was found: half of the squares count.
         let out = wider(&fit, &[(1.0, b.clone())]);
         assert!((out.ln_stiffness[1] - 0.17f64.sqrt()).abs() < 1e-12);

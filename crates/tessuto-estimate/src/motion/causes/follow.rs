@@ -150,7 +150,7 @@ fn tied_along(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::causes::{Causes, Knots, Spread};
+    use crate::motion::causes::{Causes, Constraints, Knots, Spread};
     use crate::motion::parameters::StiffnessRange;
     use glam::DVec2;
     use tessuto_core::mesh::{Mesh, grid};
@@ -186,6 +186,7 @@ mod tests {
             held: vec![0, 6],
             rest_lengths: cloth.edges.iter().map(|e| e.rest_length).collect(),
             misfit: 1.0,
+            constraints: Constraints::default(),
         };
         (mesh, cloth, dynamics, found)
     }

@@ -22,6 +22,7 @@
 //! ([`crate::motion::spacetime::Problem::along`]), and finely the causes of these ([`Begun::explain`]).
 
 mod changes;
+mod constraint;
 mod drive;
 mod explained;
 mod fit;
@@ -34,11 +35,13 @@ mod lead;
 mod lengths;
 mod objective;
 mod parts;
+mod profile;
 mod search;
 mod settings;
 mod task;
 
 pub use changes::{Changes, Hold, Otherwise};
+pub use constraint::{Cause, Constraint, Constraints};
 pub use explained::{Explained, Sizes};
 pub use fit::{Begun, PARTS, begin, find};
 pub use follow::follow;
@@ -78,18 +81,28 @@ pub struct Found {
     pub rest_lengths: Vec<f64>,
     /// RMS residual in units of 1.2 times the positions' standard deviations.
     pub misfit: f64,
+    /// What the clip says of every number.
+    pub constraints: Constraints,
 }
 
 impl Found {
-    /// Whether the video constrains a number that has a standard deviation of `sd`, and had `before` without the video.
-    pub fn is_informed(&self, sd: f64, before: f64) -> bool {
-        sd < INFORMED * before
-    }
-
     /// Whether the video constrains stretch, bend and shear stiffness.
     pub fn informed_stiffness(&self) -> [bool; 3] {
-        let (found, before) = (self.spread.ln_stiffness, self.prior.ln_stiffness);
-        [0, 1, 2].map(|k| self.is_informed(found[k], before[k]))
+        self.constraints.stiffness.map(|constraint| constraint.is_constrained())
+    }
+
+    /// What standard deviations alone say of every number: the constraints of a result without profiles.
+    pub fn by_deviations(causes: &Causes, spread: &Spread, prior: &Spread) -> Constraints {
+        let (found, before) = (spread.ln_stiffness, prior.ln_stiffness);
+        Constraints {
+            stiffness: [0, 1, 2].map(|k| Constraint::of_deviation(found[k], before[k])),
+            down: match is_unlikely(causes, prior) {
+                true => Constraint::Unconstrained,
+                false => Constraint::of_deviation(spread.down, prior.down),
+            },
+            drag: Constraint::of_deviation(spread.ln_drag, prior.ln_drag),
+            friction: Constraint::of_deviation(spread.ln_friction, prior.ln_friction),
+        }
     }
 
     /// A warning where the video constrains nothing, and all is the prior.
@@ -105,12 +118,11 @@ impl Found {
         let hint = "name what holds it as \"held\" in scene.json, or film it moving freely";
         (self.spread == self.prior).then(|| Warning::new("causes", found, hint))
     }
+}
 
-    /// Whether the video constrains the direction of gravity.
-    pub fn is_down_informed(&self) -> bool {
-        let likely = self.causes.down.angle_between(glam::DVec3::Y) < UNLIKELY * self.prior.down;
-        likely && self.is_informed(self.spread.down, self.prior.down)
-    }
+/// Whether gravity stands for something else.
+fn is_unlikely(causes: &Causes, prior: &Spread) -> bool {
+    causes.down.angle_between(glam::DVec3::Y) >= UNLIKELY * prior.down
 }
 
 /// The cloth of `template` as it was cut, with edges of `rest_lengths` `[m]` that hardly resist when shorter.

@@ -15,7 +15,7 @@ const ACROSS: f64 = 0.2;
 /// Least deviations along and across the view ray `[m]`: of the mesh as a model of the cloth.
 const LEAST: [f64; 2] = [1e-3, 5e-4];
 /// Spread of the logarithm of the panel's lengths: what the template's are off by as a whole.
-const LENGTH_SPREAD: f64 = 3e-3;
+pub(super) const LENGTH_SPREAD: f64 = 3e-3;
 /// Time within which found positions err together `[s]`, and independent errors of the whole sheet at one time.
 const MEMORY: f64 = 0.1;
 const INDEPENDENT: f64 = 10.0;
@@ -103,6 +103,14 @@ impl<'a> Data<'a> {
         0.5 * independent / INDEPENDENT
     }
 
+    /// Adds the gradient at `frames`, shape [N, V], by derivatives of shape [N, unknowns, V].
+    pub fn add_gradient(&self, frames: &[Positions], tangents: &[Vec<Positions>], gradient: &mut [f64]) {
+        self.sum(frames, |n, i, residual| {
+            let pull = residual.weighted(residual.e);
+            gradient.iter_mut().zip(&tangents[n]).for_each(|(g, tangent)| *g += tangent[i].dot(pull));
+        });
+    }
+
     /// Adds gradient and Gauss-Newton matrix.
     pub fn add_system(&self, trajectory: &Trajectory, system: &mut System) {
         let unknowns = system.gradient.len();
@@ -135,6 +143,17 @@ pub struct Prior {
 }
 
 impl Prior {
+    /// The part of [`Self::value`] that is of one stiffness, the drag or the internal friction, by its place among
+    /// the unknowns.
+    pub fn own(&self, causes: &Causes, place: usize) -> f64 {
+        let (off, spread) = match place {
+            5 => (causes.ln_drag - self.mean.ln_drag, self.spread.ln_drag),
+            6 => (causes.ln_friction - self.mean.ln_friction, self.spread.ln_friction),
+            k => (causes.ln_stiffness[k] - self.mean.ln_stiffness[k], self.spread.ln_stiffness[k]),
+        };
+        0.5 * (off / spread).powi(2)
+    }
+
     /// ½ Σ (r/spread)²; adds gradient and matrix to `system`.
     pub fn value(&self, causes: &Causes, mut system: Option<&mut System>) -> f64 {
         let mut sum = 0.0;
@@ -225,7 +244,20 @@ mod tests {
             &Trajectory { frames: frames.clone(), tangents: tangents.clone(), steps: Vec::new() },
             &mut system,
         );
+        let mut alone = vec![0.0; unknowns];
+        data.add_gradient(&frames, &tangents, &mut alone);
+        assert!(alone.iter().any(|g| g.abs() > 1e-2) && alone == system.gradient);
         prior.value(&causes, Some(&mut system));
+        for place in [0, 1, 2, 5, 6] {
+            let mut there = causes.clone();
+            match place {
+                5 => there.ln_drag = mean.ln_drag,
+                6 => there.ln_friction = mean.ln_friction,
+                k => there.ln_stiffness[k] = mean.ln_stiffness[k],
+            }
+            let own = prior.value(&causes, None) - prior.value(&there, None);
+            assert!(own > 0.0 && (prior.own(&causes, place) - own).abs() < 1e-9, "{place}");
+        }
         for _ in 0..3 {
             let direction: Vec<f64> = (0..unknowns).map(|_| rng.signed()).collect();
             let step = |s: f64| at(&direction.iter().map(|d| d * s).collect::<Vec<_>>());

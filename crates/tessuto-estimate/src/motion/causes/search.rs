@@ -1,8 +1,10 @@
 //! The search: Gauss-Newton with damping.
 
+use super::constraint::Profile;
 use super::drive::{Drive, Trajectory};
 use super::forces::{Causes, Spread};
 use super::objective::{Data, Prior, System};
+use super::profile::Optimum;
 use tessuto_core::error::Result;
 use tessuto_core::math::minimise::{Model, Policy};
 use tessuto_core::math::root::Root;
@@ -34,6 +36,10 @@ pub struct Fit {
     pub spread: Spread,
     /// [`Data::misfit`].
     pub misfit: f64,
+    /// [`Optimum::profiles`].
+    pub profiles: [Profile; 5],
+    /// The Gauss-Newton matrix, shape [unknowns, unknowns].
+    pub matrix: Vec<Vec<f64>>,
 }
 
 /// What a few iterations lead to.
@@ -94,9 +100,13 @@ impl<'a> Search<'a> {
     pub fn run(mut self, iterations: usize) -> Fit {
         self.objective.linearised = iterations + 1;
         POLICY.minimise(&mut self.objective, &mut self.state, iterations);
-        let spread = spread(&self.objective.system(&self.state));
-        let misfit = self.objective.data.misfit(&self.state.trajectory.frames);
-        Fit { causes: self.state.causes, spread, misfit }
+        let system = self.objective.system(&self.state);
+        let spread = spread(&system);
+        let Objective { drive, data, prior, .. } = self.objective;
+        let State { causes, trajectory, .. } = &self.state;
+        let misfit = data.misfit(&trajectory.frames);
+        let profiles = Optimum { drive, data, prior, causes, trajectory, system: &system }.profiles();
+        Fit { causes: self.state.causes, spread, misfit, profiles, matrix: system.matrix }
     }
 
     /// The same without standard deviations.
