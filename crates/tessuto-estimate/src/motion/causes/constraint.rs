@@ -51,7 +51,7 @@ impl Cause {
         Self::Wind,
     ];
 
-    /// Those of a positive value, in the order of [`Constraints::positive`].
+    /// Those of a positive value.
     pub(super) const POSITIVE: [Self; 5] =
         [Self::Stretch, Self::Bend, Self::Shear, Self::Drag, Self::Friction];
 

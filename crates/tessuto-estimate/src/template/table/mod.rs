@@ -192,7 +192,7 @@ struct Flat {
     axes: [DVec3; 2],
     /// The outer border first `[m]`.
     outline: Vec<Vec<DVec2>>,
-    /// Of the fabric, without its holes [m²].
+    /// Of the fabric, without its holes `[m²]`.
     area: f64,
 }
 
@@ -231,7 +231,7 @@ fn on_plane(camera: &Camera, plane: &Plane, p_pixel: DVec2) -> Result<DVec3> {
     })
 }
 
-/// Length of a triangle's side on an outline of this size `[m]` and area [m²].
+/// Length of a triangle's side on an outline of this size `[m]` and area `[m²]`.
 fn length(side: Side, size: DVec2, area: f64) -> Result<f64> {
     let side = match side {
         Side::Longer(count) => size.max_element() / (count.max(2) - 1) as f64,

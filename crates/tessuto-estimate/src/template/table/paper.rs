@@ -12,7 +12,7 @@ use tessuto_core::error::{Error, Result};
 /// its mean side, and px at least] are not its own, or the camera is another.
 const MISFIT: f64 = 0.02;
 const LEAST_MISFIT: f64 = 3.0;
-/// Planes this near to each other [rad] are the same.
+/// Planes this near to each other `[rad]` are the same.
 const SAME: f64 = 0.05;
 
 /// The plane that a sheet of paper of `size` `[m]`, in either order, lies on; its corners are seen at `corners`

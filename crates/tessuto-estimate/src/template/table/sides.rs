@@ -6,7 +6,7 @@ use glam::{DMat3, DVec2, DVec3};
 const REACH: [f64; 2] = [12.0, 40.0];
 /// Farthest pixel that the straight lines at a corner go through: sides are curved.
 const STRAIGHT: usize = 20;
-/// A turn by more than this [rad] within that reach is a corner, if it does not shrink with the reach, as that of a
+/// A turn by more than this `[rad]` within that reach is a corner, if it does not shrink with the reach, as that of a
 /// curve.
 const TURN: f64 = 0.6;
 const SUDDEN: f64 = 0.7;

@@ -329,7 +329,7 @@ impl Outline {
     }
 }
 
-/// Smallest angle of a triangle [rad].
+/// Smallest angle of a triangle `[rad]`.
 pub(super) fn smallest_angle(corners: [DVec2; 3]) -> f64 {
     let angle = |k: usize| {
         let (a, b) = (corners[(k + 1) % 3] - corners[k], corners[(k + 2) % 3] - corners[k]);
