@@ -46,6 +46,6 @@ mod tests {
         let Plane { normal, height } = scene.known.planes[0];
         scene.known.planes[0].height = height + 0.05;
         let found = &findings(&scene)[0];
-        assert!(found.level == Level::Warning && found.detail.contains("-49."), "{normal} {}", found.detail);
+        assert!(found.level == Level::Warning && found.detail.contains("-50.0"), "{normal} {}", found.detail);
     }
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::gain::Around;
-use super::proof::{disturbed, gradient_error, of_images, scene, system_of};
+use super::proof::{disturbed, gradient_error, lying, of_images, system_of};
 use super::{LevelSearch, Positions, Problem, SpacetimeSettings};
 use crate::motion::observed::Observed;
 use crate::motion::terms::Term;
@@ -11,7 +11,7 @@ use crate::motion::terms::shading::HARMONICS;
 use tessuto_core::camera::Pose;
 use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::Mesh;
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Known, Plane, Scene};
 use tessuto_sim::Cloth;
 
 /// Calls `test` with searches in a clip whose camera is at the origin and in the same one moved, which has that
@@ -20,12 +20,18 @@ fn with_both(
     frames: impl FnOnce(&Scene) -> Vec<Positions>,
     test: impl FnOnce([(LevelSearch, Vec<Positions>); 2], Pose),
 ) {
-    let scene = scene();
+    let scene = lying();
     let cloth = Cloth::new(&scene.template);
     let pose = Pose::random(&mut Rng::new(7, 0));
     let moved = |x: &Positions| -> Positions { x.iter().map(|p| pose.in_world(*p)).collect() };
     let template = Mesh { positions: moved(&scene.template.positions), ..scene.template.clone() };
-    let there = Scene { template, ..scene.clone() };
+    let turned = |plane: &Plane| {
+        let normal = pose.rotation.transpose() * plane.normal;
+        Plane { normal, height: normal.dot(pose.in_world(plane.normal * plane.height)) }
+    };
+    let planes = scene.known.planes.iter().map(turned).collect();
+    let known = Known { planes, ..scene.known.clone() };
+    let there = Scene { template, known, ..scene.clone() };
     let settings = SpacetimeSettings { resolution: 1e5, levels: 1, ..SpacetimeSettings::default() };
     let problem = Problem::new(&scene, &cloth, settings.clone()).unwrap();
     let mut posed = Problem::new(&scene, &cloth, settings).unwrap();
