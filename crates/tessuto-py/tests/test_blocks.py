@@ -105,13 +105,14 @@ def test_friction_is_fitted_through_the_adjoint() -> None:
 
 def test_contact_that_cannot_be_is_refused_by_name() -> None:
     cloth, given = simulated()
-    for contact, part in [
+    cases: list[tuple[Any, str]] = [
         ("table", "contact"),
         (tessuto.Contact(bodies=("table",)), "bodies"),  # type: ignore[arg-type]
         (tessuto.Contact(bodies=(tessuto.Sphere((0, 0, 1), -1.0),)), "radius"),
         (tessuto.Contact(bodies=(tessuto.Sphere((0, 0, 1), 0.5),)), "within body 0"),
         (tessuto.Contact(friction=-1.0), "friction"),
-    ]:
+    ]
+    for contact, part in cases:
         with pytest.raises(tessuto.Error, match=part):
             tessuto.rollout(cloth, *given, *STIFFNESS, **STEP, contact=contact)
 
