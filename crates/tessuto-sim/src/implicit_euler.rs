@@ -394,7 +394,8 @@ fn solve_near(
     (end == End::Converged).then_some(x)
 }
 
-/// The same for a matrix beyond its pattern, whatever it takes: it is positive definite where the step has ended.
+/// The same for a matrix beyond its pattern, whatever it takes: it is positive definite where the step has ended at a
+/// minimum. Where Newton's method reached its limit before, the derivatives are as inexact as the step.
 fn solve_far(
     cloth: &Cloth,
     matrix: (&BlockMatrix, Option<&Far>),

@@ -2,9 +2,9 @@
 //!
 //! The search knows no contact: where the sheet hides itself, what is behind may come out in front. In a run of
 //! such frames the sheet is led on from the frame before, by springs to where it was found that are as firm as that is
-//! certain, as a cloth whose layers touch: what the video shows stays, what is hidden gives
-//! way. A run is taken only if it stays within what is known of the motion that was found: a sheet that was found on
-//! the wrong side of itself cannot be led there, and stays as it is.
+//! certain, as a cloth whose layers touch: what the video shows stays, what is hidden gives way. A run is taken only
+//! if it stays within what is known of the motion that was found: a sheet that was found on the wrong side of itself
+//! cannot be led there, and stays as it is.
 
 use glam::DVec3;
 use rayon::prelude::*;
