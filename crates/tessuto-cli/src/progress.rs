@@ -44,6 +44,8 @@ pub struct Progress {
     verbose: bool,
     stages: Vec<Stage>,
     current: usize,
+    /// Which part of the clip is at work, of how many, and the stages that each goes through.
+    part: Option<(usize, usize, std::ops::Range<usize>)>,
     started: Instant,
     /// Part of the run that was done when this program began with it.
     before: Option<f64>,
@@ -61,6 +63,7 @@ impl Progress {
             verbose,
             stages: Vec::new(),
             current: 0,
+            part: None,
             started,
             before: None,
             last_line: None,
@@ -91,6 +94,14 @@ impl Progress {
         }
     }
 
+    /// The stages named are gone through for this `part` of the clip now.
+    pub fn part(&mut self, part: usize, of: usize, stages: &[&str]) {
+        let named = |stage: &Stage| stages.contains(&stage.name);
+        let first = self.stages.iter().position(named).unwrap_or(0);
+        let last = self.stages.iter().rposition(named).map_or(first, |last| last + 1);
+        self.part = Some((part, of, first..last));
+    }
+
     /// Shows that `done` of `of` parts of the stage are finished, and what is known of the last.
     pub fn show(&mut self, done: usize, of: usize, epoch: Option<&Epoch>) {
         let fraction = self.fraction(done as f64 / of.max(1) as f64);
@@ -113,10 +124,20 @@ impl Progress {
 
     /// Part of the run that is done.
     fn fraction(&self, of_stage: f64) -> f64 {
-        let total: f64 = self.stages.iter().map(|stage| stage.weight).sum();
-        let before: f64 = self.stages.iter().take(self.current).map(|stage| stage.weight).sum();
+        let weight = |stages: &[Stage]| stages.iter().map(|stage| stage.weight).sum::<f64>();
+        let until = |k: usize| weight(&self.stages[..k.min(self.stages.len())]);
         let present = self.stages.get(self.current).map_or(0.0, |stage| stage.weight);
-        if total > 0.0 { (before + of_stage * present) / total } else { 0.0 }
+        let mut done = until(self.current) + of_stage * present;
+        if let Some((part, of, stages)) = self.part.as_ref().filter(|(.., s)| s.contains(&self.current)) {
+            let first = until(stages.start);
+            let whole = until(stages.end) - first;
+            // Steps count among those of all parts.
+            let of_part = (of_stage * *of as f64 - *part as f64).clamp(0.0, 1.0);
+            done =
+                first + (*part as f64 * whole + until(self.current) - first + of_part * present) / *of as f64;
+        }
+        let total = weight(&self.stages);
+        if total > 0.0 { done / total } else { 0.0 }
     }
 
     /// A guess in words. One that has grown within its stage was wrong before and may be now: it is shown as less
@@ -131,7 +152,11 @@ impl Progress {
     fn text(&self, done: usize, of: usize, left: &str) -> String {
         let name = self.stages.get(self.current).map_or("", |stage| stage.name);
         let steps = if of > 0 { format!(" {done}/{of}") } else { String::new() };
-        format!("stage {} of {}, {name}{steps}{left}", self.current + 1, self.stages.len())
+        let part = match self.part.as_ref().filter(|(.., stages)| stages.contains(&self.current)) {
+            Some((part, of, _)) => format!(", part {} of {of}", part + 1),
+            None => String::new(),
+        };
+        format!("stage {} of {}, {name}{steps}{part}{left}", self.current + 1, self.stages.len())
     }
 
     /// Ends with the error of an interruption if the user asked to stop.
@@ -256,6 +281,31 @@ mod tests {
         assert!((progress.fraction(0.5) - 2.5 / 4.0).abs() < 1e-12);
         let text = progress.text(0, 0, &left);
         assert_eq!(text, "stage 2 of 2, forces and stiffnesses, maybe 50 min left");
+        assert!(15 + text.chars().count() < 80);
+    }
+
+    #[test]
+    fn parts_of_a_clip_follow_each_other() {
+        let mut progress = Progress::new(false);
+        let weights = [("texture", 1.0), ("track", 2.0), ("refine", 4.0), ("forces and stiffnesses", 3.0)];
+        progress.stages = weights.map(|(name, weight)| stage(name, weight)).to_vec();
+        let mut seen = vec![progress.fraction(1.0)];
+        for part in 0..3 {
+            progress.part(part, 3, &["track", "refine"]);
+            for current in [1, 2] {
+                progress.current = current;
+                seen.extend([0.0, 0.5, 1.0].map(|done| progress.fraction((part as f64 + done) / 3.0)));
+            }
+        }
+        progress.current = 3;
+        seen.push(progress.fraction(0.0));
+        println!("{seen:?}");
+        assert!((seen[0] - 0.1).abs() < 1e-12 && (seen[seen.len() - 1] - 0.7).abs() < 1e-12);
+        assert!((seen[7] - 0.3).abs() < 1e-12, "the first of three parts");
+        assert!(seen.windows(2).all(|two| two[0] <= two[1] + 1e-12));
+        progress.current = 2;
+        let text = progress.text(9_999, 9_999, ", maybe 50 min left");
+        assert_eq!(text, "stage 3 of 4, refine 9999/9999, part 3 of 3, maybe 50 min left");
         assert!(15 + text.chars().count() < 80);
     }
 

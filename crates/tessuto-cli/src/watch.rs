@@ -83,6 +83,10 @@ impl session::Observer for Watch {
         self.progress.stage(name);
     }
 
+    fn part(&mut self, part: usize, of: usize, stages: &[&str]) {
+        self.progress.part(part, of, stages);
+    }
+
     fn advance(&mut self, done: usize, of: usize) {
         self.progress.show(done, of, None);
     }

@@ -27,7 +27,7 @@ pub struct Camera {
 }
 
 /// Pixel rectangle, `x0 <= column < x1`, `y0 <= row < y1`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Rect {
     /// First column.

@@ -4,6 +4,7 @@ mod depth;
 mod tracks;
 
 use std::borrow::Cow;
+use std::ops::Range;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -174,6 +175,33 @@ impl Scene {
             more: Vec::new(),
             ..self.clone()
         })
+    }
+
+    /// The frames of a `range` alone, of all cameras, without truth. The template stays that of the clip's first frame.
+    ///
+    /// Panics if there are no such frames.
+    pub fn span(&self, range: Range<usize>) -> Self {
+        let depths =
+            |depths: &Option<Arc<Depths>>| depths.as_ref().map(|depths| Arc::new(depths.span(range.clone())));
+        let view = |view: &View| View {
+            poses: view.poses[range.clone()].to_vec(),
+            frames: view.frames.span(range.clone()),
+            depths: depths(&view.depths),
+            ..view.clone()
+        };
+        Self {
+            name: self.name.clone(),
+            folder: self.folder.clone(),
+            first_frame: self.first_frame + range.start,
+            poses: self.poses.as_ref().map(|poses| poses[range.clone()].to_vec()),
+            frames: self.frames.span(range.clone()),
+            depths: depths(&self.depths),
+            more: self.more.iter().map(view).collect(),
+            template: self.template.clone(),
+            known: self.known.clone(),
+            truth: Truth::default(),
+            ..*self
+        }
     }
 
     /// What camera `v` sees of a `motion`, shape [N, V], of the scene: where the sheet is when it takes its frames,

@@ -27,6 +27,8 @@ type Reader = dyn Fn(usize) -> Result<Frame> + Send + Sync;
 /// All frames, in order.
 #[derive(Clone)]
 pub struct Video {
+    /// Where its first frame is in the source.
+    start: usize,
     frame_count: usize,
     /// How many frames are worked on at once.
     together: usize,
@@ -41,7 +43,7 @@ enum Source {
 }
 
 /// Videos of more bytes than this are read again from their files instead of held.
-pub const HELD_BYTES: usize = 1 << 30;
+pub const HELD_BYTES: usize = 1 << 29;
 /// Bytes of one pixel of a [`Frame`].
 pub const PIXEL_BYTES: usize = 16;
 /// Bytes per pixel of a frame and of what is computed from it while it is worked on, about.
@@ -56,7 +58,7 @@ impl Video {
         read: impl Fn(usize) -> Result<Frame> + Send + Sync + 'static,
     ) -> Self {
         let together = (HELD_BYTES / (pixel_count * WORKING_BYTES).max(1)).max(1);
-        Self { frame_count, together, source: Source::Streamed(Arc::new(read)) }
+        Self { start: 0, frame_count, together, source: Source::Streamed(Arc::new(read)) }
     }
 
     /// Number of frames.
@@ -72,15 +74,25 @@ impl Video {
     /// The frames, if they are held in memory.
     pub fn held(&self) -> Option<&[Frame]> {
         match &self.source {
-            Source::Held(frames) => Some(frames),
+            Source::Held(frames) => Some(&frames[self.start..self.start + self.frame_count]),
             Source::Streamed(_) => None,
         }
+    }
+
+    /// The frames of a `range` alone; the same memory or files.
+    ///
+    /// Panics if there are no such frames.
+    pub fn span(&self, range: Range<usize>) -> Self {
+        assert!(range.start <= range.end && range.end <= self.frame_count, "frames {range:?}");
+        Self { start: self.start + range.start, frame_count: range.len(), ..self.clone() }
     }
 
     /// As [`held`](Self::held), to change them.
     pub fn held_mut(&mut self) -> Option<&mut [Frame]> {
         match &mut self.source {
-            Source::Held(frames) => Some(Arc::<Vec<Frame>>::make_mut(frames).as_mut_slice()),
+            Source::Held(frames) => {
+                Some(&mut Arc::<Vec<Frame>>::make_mut(frames)[self.start..self.start + self.frame_count])
+            }
             Source::Streamed(_) => None,
         }
     }
@@ -94,8 +106,8 @@ impl Video {
     pub fn frame(&self, n: usize) -> Result<Cow<'_, Frame>> {
         assert!(n < self.frame_count, "frame {n} of {}", self.frame_count);
         match &self.source {
-            Source::Held(frames) => Ok(Cow::Borrowed(&frames[n])),
-            Source::Streamed(read) => read(n).map(Cow::Owned),
+            Source::Held(frames) => Ok(Cow::Borrowed(&frames[self.start + n])),
+            Source::Streamed(read) => read(self.start + n).map(Cow::Owned),
         }
     }
 
@@ -125,6 +137,7 @@ impl Video {
 impl From<Vec<Frame>> for Video {
     fn from(frames: Vec<Frame>) -> Self {
         Self {
+            start: 0,
             frame_count: frames.len(),
             together: frames.len().max(1),
             source: Source::Held(Arc::new(frames)),

@@ -125,20 +125,8 @@ struct Found {
 /// The default method: the positions of all frames, then what moves the fabric, and the positions again in the
 /// light of that.
 fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Session) -> Result<Found> {
-    let mut problem = spacetime::Problem::new(scene, cloth, config.spacetime.clone())?;
-    session.begin("track");
-    let (mut pool, lost) = problem.track(session)?;
-    session.begin("refine");
-    let (mut frames, stuck) = problem.refine(&mut pool, session)?;
-    if stuck.is_none() {
-        session.begin("fuse");
-        frames = problem.fuse(frames, &pool, session)?;
-    }
-    session.begin("deviation");
-    let deviations = match lost.is_none() && stuck.is_none() {
-        true => Some(problem.deviations(&frames, &pool, config.seed, session)?),
-        false => None,
-    };
+    let mut search = spacetime::Search::new(scene, cloth, &config.spacetime);
+    let spacetime::Found { mut frames, deviations, failure } = search.find(config.seed, session)?;
     if let Some(deviations) = &deviations {
         frames = put_apart(&scene.template, frames, deviations, scene.fps);
     }
@@ -153,9 +141,7 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
         let clock = (scene.fps, &dynamics);
         let begun = causes::begin(sheet, &frames, deviations.as_deref(), clock, &config.causes, advance);
         if let Some(made) = begun.motion(&frames) {
-            // What was found before stays where it explains the images better.
-            let along = problem.along(frames.clone(), &made);
-            frames = problem.by_pictures(frames, along);
+            frames = search.along(&frames, &made)?;
             if let Some(deviations) = &deviations {
                 frames = put_apart(&scene.template, frames, deviations, scene.fps);
             }
@@ -179,7 +165,7 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
         (Parameters::of_springs(log_stiffness, accelerations), loose)
     };
     let deviations = deviations.map(|of_found| (frames, of_found));
-    Ok(Found { parameters, deviations, causes, made, failure: lost.or(stuck).or(loose) })
+    Ok(Found { parameters, deviations, causes, made, failure: failure.or(loose) })
 }
 
 /// The simulated `motion`, or what was `found` where the simulation passes through itself more than that: layers a

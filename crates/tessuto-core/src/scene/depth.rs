@@ -1,5 +1,7 @@
 //! What a depth sensor beside the camera measured.
 
+use std::ops::Range;
+
 use crate::camera::Camera;
 
 /// Depth maps of a clip, as the camera sees them.
@@ -39,6 +41,13 @@ impl Depths {
         differences.retain(|d| d.is_finite());
         let median = crate::math::median::median(differences).unwrap_or(LEAST);
         Self { camera, maps, noise: (OF_DIFFERENCES * median).max(LEAST) }
+    }
+
+    /// The maps of a `range` of frames; the noise stays that of all.
+    ///
+    /// Panics if there are no such frames.
+    pub fn span(&self, range: Range<usize>) -> Self {
+        Self { camera: self.camera, maps: self.maps[range].to_vec(), noise: self.noise }
     }
 }
 

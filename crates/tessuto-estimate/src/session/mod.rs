@@ -8,6 +8,7 @@ mod checkpoint;
 mod epoch;
 mod identity;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
@@ -28,6 +29,10 @@ const HISTORY: &str = "history";
 pub trait Observer {
     /// A stage begins.
     fn stage(&mut self, _name: &str) {}
+
+    /// The `stages` that follow are those of one of so many parts of the clip, which are gone through one after the
+    /// other, each with all of them; `part` counts from 0.
+    fn part(&mut self, _part: usize, _of: usize, _stages: &[&str]) {}
 
     /// Progress of a stage without steps of its own.
     fn advance(&mut self, _done: usize, _of: usize) {}
@@ -63,6 +68,8 @@ pub struct Session<'a> {
     stage: Option<(String, Instant)>,
     /// The observer's error, while a step is awaited that can be saved.
     stopping: Option<Error>,
+    /// The part of the clip at work, of how many, and the motion before it.
+    part: Option<(usize, usize, Vec<Positions>)>,
 }
 
 impl<'a> Session<'a> {
@@ -81,6 +88,7 @@ impl<'a> Session<'a> {
             timings: Vec::new(),
             stage: None,
             stopping: None,
+            part: None,
         }
     }
 
@@ -133,9 +141,11 @@ impl<'a> Session<'a> {
         motion: &[Positions],
         state: Option<&impl Serialize>,
     ) -> Result<()> {
+        let (epoch, motion) = self.of_clip(epoch, motion);
+        let epoch = &*epoch;
         self.history.push(epoch.clone());
         if self.stopping.is_none() {
-            self.stopping = self.observer.step(epoch, motion).err();
+            self.stopping = self.observer.step(epoch, &motion).err();
         }
         let Some(checkpoints) = &self.checkpoints else { return self.stopping.take().map_or(Ok(()), Err) };
         // Stopping waits for a step that can be saved.
@@ -154,6 +164,38 @@ impl<'a> Session<'a> {
     pub fn tell(&mut self, epoch: &Epoch) -> Result<()> {
         self.history.push(epoch.clone());
         self.observer.step(epoch, &[])
+    }
+
+    /// The `stages` that follow are those of `part` of `of` of the clip: their steps count among those of all parts,
+    /// and the motion so far begins with what was found `before`, shape [., V].
+    pub fn begin_part(&mut self, part: usize, of: usize, stages: &[&str], before: &[Positions]) {
+        self.part = Some((part, of, before.to_vec()));
+        self.observer.part(part, of, stages);
+    }
+
+    /// The last part of the clip is done: of the `stages` nothing is kept.
+    pub fn end_part(&mut self, stages: &[&str]) {
+        self.part = None;
+        stages.iter().for_each(|stage| drop(self.states.remove(*stage)));
+    }
+
+    /// A step of the present part, and its motion, as one of the whole clip.
+    fn of_clip<'e, 'm>(
+        &self,
+        epoch: &'e Epoch,
+        motion: &'m [Positions],
+    ) -> (Cow<'e, Epoch>, Cow<'m, [Positions]>) {
+        let Some((part, of, before)) = &self.part else {
+            return (Cow::Borrowed(epoch), Cow::Borrowed(motion));
+        };
+        let mut epoch = epoch.clone();
+        (epoch.step, epoch.of) = (part * epoch.of + epoch.step, of * epoch.of);
+        epoch.active_frames += before.len();
+        let motion = match motion.is_empty() {
+            true => Cow::Borrowed(motion),
+            false => Cow::Owned(before.iter().chain(motion).cloned().collect()),
+        };
+        (Cow::Owned(epoch), motion)
     }
 
     fn save(&mut self, epoch: &Epoch) -> Result<()> {
@@ -184,7 +226,11 @@ impl<'a> Session<'a> {
     /// Ends the present stage.
     pub fn end(&mut self) {
         if let Some((name, start)) = self.stage.take() {
-            self.timings.push((name, start.elapsed().as_secs_f64()));
+            let seconds = start.elapsed().as_secs_f64();
+            match self.timings.iter_mut().find(|(of, _)| *of == name) {
+                Some((_, sum)) => *sum += seconds,
+                None => self.timings.push((name, seconds)),
+            }
         }
     }
 
@@ -238,6 +284,29 @@ mod tests {
             session.step(&epoch, &[], k.is_multiple_of(2).then_some(&(k, sum)))?;
         }
         Ok(sum)
+    }
+
+    #[test]
+    fn steps_of_a_part_count_among_those_of_all_parts() {
+        let mut heard = Vec::new();
+        let mut session = Session::new(|epoch, motion| {
+            heard.push((epoch.step, epoch.of, epoch.active_frames, motion.len()));
+            Ok(())
+        });
+        let x = vec![glam::DVec3::ZERO; 2];
+        let epoch =
+            || Epoch { stage: "squares".into(), step: 3, of: 10, active_frames: 4, ..Epoch::default() };
+        session.begin_part(1, 3, &["squares"], &[x.clone(), x.clone()]);
+        session.begin("squares");
+        session.step(&epoch(), std::slice::from_ref(&x), None::<&()>).unwrap();
+        session.step(&epoch(), &[], None::<&()>).unwrap();
+        session.end_part(&["squares"]);
+        session.begin("squares");
+        session.step(&epoch(), &[x], None::<&()>).unwrap();
+        session.end();
+        assert_eq!(session.timings().len(), 1, "the times of a stage add up");
+        drop(session);
+        assert_eq!(heard, [(13, 30, 6, 3), (13, 30, 6, 0), (3, 10, 4, 1)]);
     }
 
     #[test]

@@ -57,6 +57,10 @@ impl session::Observer for Shared<'_, '_> {
         self.0.borrow_mut().stage(name);
     }
 
+    fn part(&mut self, part: usize, of: usize, stages: &[&str]) {
+        self.0.borrow_mut().part(part, of, stages);
+    }
+
     fn advance(&mut self, done: usize, of: usize) {
         self.0.borrow_mut().advance(done, of);
     }

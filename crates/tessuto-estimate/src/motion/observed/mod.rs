@@ -14,6 +14,7 @@ use pyramid::{Level, pyramid};
 use tessuto_core::camera::{Camera, Viewpoint};
 use tessuto_core::error::Result;
 use tessuto_core::scene::Scene;
+use tessuto_core::video::Frame;
 
 /// Most bytes that colours and what is computed from them may take, and that outlines may take.
 const COLOUR_MEMORY: usize = 3 << 30;
@@ -35,18 +36,20 @@ pub struct Observed {
     pub views: Vec<Viewpoint>,
     /// Pyramids; levels finer than the finest in use have no colours. Shape `[N][levels]`.
     pub levels: Vec<Vec<Level>>,
+    /// That of the clip's first frame, with which all are compared. Shape `[levels]`.
+    pub first: Vec<Level>,
     /// Outlines, shape `[N]`.
     pub outlines: Vec<OutlineDistance>,
 }
 
 impl Observed {
-    /// Looks at every frame of `scene`, magnified by `magnification`, at the levels `range` (finest, coarsest), or
-    /// at as many coarser ones where these would not fit into memory; at none that has fewer than two pixels a
-    /// side.
+    /// Looks at every frame of `scene`, a part of a `clip` or all of it, magnified by `magnification`, at the levels
+    /// `range` (finest, coarsest), or at as many coarser ones where these would not fit into memory; at none that
+    /// has fewer than two pixels a side.
     ///
     /// # Errors
     /// Those of reading the frames.
-    pub fn new(scene: &Scene, range: [usize; 2], magnification: usize) -> Result<Self> {
+    pub fn new(clip: &Scene, scene: &Scene, range: [usize; 2], magnification: usize) -> Result<Self> {
         let camera = scene.camera.magnified(magnification);
         let count = scene.frames.len();
         let finest = fitting(&camera, count * COLOUR_BYTES, COLOUR_MEMORY).max(range[0]);
@@ -55,14 +58,15 @@ impl Observed {
         let range = [finest, range[1] + finest - range[0]].map(|level| level.min(last));
         let scale = 1 << fitting(&camera, count * OUTLINE_BYTES, OUTLINE_MEMORY);
         let views: Vec<_> = scene.viewpoints().iter().map(|view| view.with_camera(camera)).collect();
-        let look = |(): &mut (), n: usize| {
-            let frame = scene.frames.frame(n)?;
-            let larger = (magnification > 1).then(|| magnified(&frame, magnification));
-            let frame = larger.as_ref().unwrap_or(&*frame);
-            Ok((pyramid(frame, &views[n], range), OutlineDistance::new(&frame.mask, scale)))
+        let look = |frame: &Frame, view: &Viewpoint| {
+            let larger = (magnification > 1).then(|| magnified(frame, magnification));
+            let frame = larger.as_ref().unwrap_or(frame);
+            (pyramid(frame, view, range), OutlineDistance::new(&frame.mask, scale))
         };
-        let (levels, outlines) = scene.frames.map(0..count, || (), look)?.into_iter().unzip();
-        Ok(Self { range, magnification, views, levels, outlines })
+        let looked = scene.frames.map(0..count, || (), |(), n| Ok(look(&*scene.frames.frame(n)?, &views[n])));
+        let (levels, outlines) = looked?.into_iter().unzip();
+        let first = look(&*clip.frames.frame(0)?, &clip.viewpoint(0).with_camera(camera)).0;
+        Ok(Self { range, magnification, views, levels, first, outlines })
     }
 
     /// The levels in use, coarse to fine.
@@ -98,7 +102,7 @@ mod tests {
         let settings = Settings { frames: 2, size: 48, grid: [4, 4], ..Settings::default() };
         let scene = crate::synth::make(&settings).unwrap();
         for (asked, found) in [([1, 2], [1, 2]), ([0, 8], [0, 4]), ([7, 8], [4, 4])] {
-            let observed = Observed::new(&scene, asked, 1).unwrap();
+            let observed = Observed::new(&scene, &scene, asked, 1).unwrap();
             assert_eq!(observed.range, found);
             assert_eq!(observed.levels[1].len(), found[1] + 1);
         }

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use tessuto_core::camera::Viewpoint;
+use tessuto_core::camera::{Rect, Viewpoint};
 use tessuto_core::video::{COVERED, Frame};
 
 /// One level: colours averaged over the fabric only, so that the background never bleeds in.
@@ -10,7 +10,9 @@ use tessuto_core::video::{COVERED, Frame};
 pub struct Level {
     /// How the frame is seen, in pixels of this level.
     pub view: Viewpoint,
-    /// sRGB colour and fraction of fabric, shape [height, width, 4].
+    /// The rectangle around the fabric.
+    rect: Rect,
+    /// sRGB colour and fraction of fabric within that, shape [height, width, 4].
     texels: Vec<[f32; 4]>,
 }
 
@@ -28,7 +30,9 @@ pub struct Colour {
 impl Level {
     /// Colour of a pixel; `None` off the fabric.
     pub fn texel(&self, x: usize, y: usize) -> Option<[f32; 3]> {
-        let [r, g, b, coverage] = self.texels[y * self.view.camera.width + x];
+        let Rect { x0, y0, x1, y1 } = self.rect;
+        let inside = x >= x0 && y >= y0 && x < x1 && y < y1;
+        let [r, g, b, coverage] = self.texels[inside.then(|| (y - y0) * (x1 - x0) + x - x0)?];
         (coverage >= COVERED).then_some([r, g, b])
     }
 
@@ -51,14 +55,15 @@ impl Level {
     /// the fabric.
     #[inline]
     fn cell(&self, p: DVec2) -> Option<(Cell<'_>, [f32; 2])> {
-        let (w, h) = (self.view.camera.width, self.view.camera.height);
-        let inside = p.x >= 0.0 && p.y >= 0.0 && p.x < (w - 1) as f64 && p.y < (h - 1) as f64;
+        let Rect { x0, y0, x1, y1 } = self.rect;
+        // Around it there is no fabric.
+        let inside = p.x >= x0 as f64 && p.y >= y0 as f64 && p.x < x1 as f64 - 1.0 && p.y < y1 as f64 - 1.0;
         if !inside {
             return None;
         }
         let (x, y) = (p.x as usize, p.y as usize);
         let (s, t) = ((p.x - x as f64) as f32, (p.y - y as f64) as f32);
-        let rows = [y, y + 1].map(|y| self.texels[y * w + x..].first_chunk::<2>());
+        let rows = [y, y + 1].map(|y| self.texels[(y - y0) * (x1 - x0) + x - x0..].first_chunk::<2>());
         let [Some(upper), Some(lower)] = rows else { return None };
         let covered = upper[0][3].min(upper[1][3]).min(lower[0][3]).min(lower[1][3]) >= COVERED;
         covered.then_some((Cell([upper, lower]), [s, t]))
@@ -121,10 +126,25 @@ pub fn pyramid(frame: &Frame, view: &Viewpoint, [finest, coarsest]: [usize; 2]) 
             let s = 1.0 / t[3].max(1e-6);
             [t[0] * s, t[1] * s, t[2] * s, t[3]]
         };
-        let texels = if level < finest { Vec::new() } else { weighted.iter().map(normalised).collect() };
-        levels.push(Level { view: view.with_camera(camera), texels });
+        let rect = if level < finest { Rect::default() } else { covered(&weighted, camera.width) };
+        let row = |y: usize| &weighted[y * camera.width + rect.x0..y * camera.width + rect.x1];
+        let texels = (rect.y0..rect.y1).flat_map(row).map(normalised).collect();
+        levels.push(Level { view: view.with_camera(camera), rect, texels });
     }
     levels
+}
+
+/// The smallest rectangle with all fabric.
+fn covered(texels: &[[f32; 4]], width: usize) -> Rect {
+    let mut rect: Option<Rect> = None;
+    for (y, row) in texels.chunks_exact(width).enumerate() {
+        let is_fabric = |t: &[f32; 4]| t[3] >= COVERED;
+        if let (Some(first), Some(last)) = (row.iter().position(is_fabric), row.iter().rposition(is_fabric)) {
+            let of_row = Rect { x0: first, y0: y, x1: last + 1, y1: y + 1 };
+            rect = Some(rect.map_or(of_row, |rect| rect.union(of_row)));
+        }
+    }
+    rect.unwrap_or_default()
 }
 
 fn halved(texels: &[[f32; 4]], width: usize, height: usize) -> Vec<[f32; 4]> {
@@ -173,14 +193,15 @@ mod tests {
         let mut rng = Rng::new(3, 0);
         let (mut rgb, mut mask) = (Image::new(w, h, 3), Image::new(w, h, 1));
         rgb.data.iter_mut().for_each(|c| *c = 0.5 + 0.5 * rng.signed() as f32);
-        mask.data.fill(1.0);
+        // Fabric but for some columns and rows.
+        mask.data.iter_mut().enumerate().for_each(|(i, m)| *m = f32::from(u8::from(i % w < 21 && i / w > 1)));
         let camera = Camera { fx: 1.0, fy: 1.0, cx: 0.0, cy: 0.0, width: w, height: h };
         let levels = pyramid(&Frame { rgb, mask }, &camera.into(), [0, 1]);
         for level in &levels {
             let mut largest = 0.0f32;
             for k in 0..50 {
                 // Inside one cell, where the colour is bilinear: there central differences are exact.
-                let cell = DVec2::new((k % 7) as f64, (k / 7) as f64);
+                let cell = DVec2::new((k % 7) as f64, 2.0 + (k / 7 % 6) as f64);
                 let p = cell + DVec2::new(0.2 + 0.6 * rng.uniform(), 0.2 + 0.6 * rng.uniform());
                 let at = level.sample(p).unwrap();
                 assert_eq!(level.colour(p), Some(at.value));
@@ -195,6 +216,14 @@ mod tests {
                 }
             }
             assert!(largest > 0.05, "no slope to compare");
+            assert!(level.colour(DVec2::new(1.5, 0.2)).is_none() && level.texel(1, 0).is_none());
         }
+        // Of the finer one, blurred by a pixel.
+        let (known, none) = ([[20, 2], [0, 19]], [[22, 2], [23, 19], [0, 0]]);
+        assert!(known.iter().all(|[x, y]| levels[0].texel(*x, *y).is_some()));
+        assert!(none.iter().all(|[x, y]| levels[0].texel(*x, *y).is_none()));
+        assert!(levels[0].colour(DVec2::new(19.5, 18.5)).is_some());
+        assert!(levels[0].colour(DVec2::new(20.5, 18.5)).is_none());
+        assert_eq!(levels[0].texels.len(), 21 * 18, "nothing is kept around the fabric");
     }
 }

@@ -96,7 +96,7 @@ impl Problem<'_> {
         let motion = |(follower, (backward, _)): (&Follower, &(bool, Start))| match backward {
             false => follower.frames.clone(),
             true => {
-                let first = std::iter::once(&self.scene.template.positions);
+                let first = std::iter::once(&self.start.known[0]);
                 first.chain(follower.frames.iter().rev()).take(self.scene.frames.len()).cloned().collect()
             }
         };

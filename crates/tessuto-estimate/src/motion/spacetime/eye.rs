@@ -39,12 +39,12 @@ pub(super) struct Eye<'a> {
 }
 
 impl<'a> Eye<'a> {
-    /// Looks at every frame of camera `v`.
-    pub fn new(all: &'a Scene, v: usize, settings: &SpacetimeSettings) -> Result<Self> {
-        let scene = all.seen_by(v);
-        let late = v.checked_sub(1).map_or(0.0, |k| all.more[k].late * all.fps);
+    /// Looks at every frame of camera `v` in a part of a `clip`.
+    pub fn new(clip: &Scene, part: &'a Scene, v: usize, settings: &SpacetimeSettings) -> Result<Self> {
+        let (clip, scene) = (clip.seen_by(v), part.seen_by(v));
+        let late = v.checked_sub(1).map_or(0.0, |k| part.more[k].late * part.fps);
         let template = &scene.template;
-        let size = size_in_image(template, &scene.viewpoint(0));
+        let size = size_in_image(template, &clip.viewpoint(0));
         let halvings = (size / settings.resolution).log2().floor();
         let finest = halvings.clamp(0.0, 16.0) as usize;
         let doublings = (-halvings).clamp(0.0, MOST_DOUBLINGS) as usize;
@@ -52,9 +52,9 @@ impl<'a> Eye<'a> {
         let magnification =
             (0..=doublings).rev().map(|k| 1 << k).find(|m| pixels * m * m <= MOST_PIXELS).unwrap_or(1);
         let coarsest = finest + settings.levels - 1 + settings.track_levels;
-        let observed = Observed::new(&scene, [finest, coarsest], magnification)?;
+        let observed = Observed::new(&clip, &scene, [finest, coarsest], magnification)?;
         let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
-        let boundary = boundary_points(template, &template.positions, &observed.views[0], spacing);
+        let boundary = boundary_points(template, &template.positions, &observed.first[0].view, spacing);
         let independent = NOMINAL_SIZE * f64::from(1u32 << observed.range[0]) / size;
         Ok(Self { scene, late, observed, boundary, independent, print: Vec::new() })
     }

@@ -111,7 +111,7 @@ impl LevelSearch<'_, '_> {
             depth: OfViews::new(self.looks.iter().map(|look| look.depth(frame)), ways()),
             still: Still {
                 cloth: p.cloth,
-                first: &p.scene.template.positions,
+                first: &p.start.known[0],
                 vertices: &self.still,
                 sigma: p.settings.still,
             },

@@ -113,7 +113,7 @@ impl LevelSearch<'_, '_> {
         let template = &self.problem.scene.template.positions;
         let pixel = look.pixel_area() * look.eye.independent;
         let (before, now) = (self.normals(template), self.normals(x));
-        let [now_view, first_view] = [frame, 0].map(|n| &look.eye.observed.views[n]);
+        let (now_view, first_view) = (&look.eye.observed.views[frame], &look.eye.observed.first[0].view);
         let of = |v: usize| -> Option<Turned> {
             let Around { products, area } = around[v];
             let a = now[v].dot(now_view.direction(x[v]));

@@ -50,7 +50,7 @@ impl<'a> Problem<'a> {
     /// What camera `v` shows at the search's `level`, with gains of 1.
     pub(super) fn look(&self, v: usize, level: usize) -> Look<'_, 'a> {
         let (template, eye) = (&self.scene.template, &self.eyes[v]);
-        let first = &eye.observed.levels[0][eye.kept(level)];
+        let first = &eye.observed.first[eye.kept(level)];
         // More points than the resolution asks for add nothing.
         let spacing = (size_in_image(template, &first.view) / self.settings.resolution).max(1.0);
         let samples = SurfaceSamples::new(template, &template.positions, &first.view, spacing);
@@ -173,11 +173,16 @@ impl Look<'_, '_> {
         }
     }
 
-    /// Sees anew what the first frame shows, where the sheet is when it is taken.
+    /// Sees anew what the clip's first frame shows, where the sheet is when it is taken.
     fn see_reference(&mut self) {
         if !self.ways.is_empty() {
-            let x = self.then(0, &self.problem.scene.template.positions).into_owned();
-            self.reference = self.samples.observe(self.image(0), &x, &[]);
+            let (p, first) = (self.problem, &self.eye.observed.first[self.eye.kept(self.level)]);
+            let template = &p.scene.template.positions;
+            let x = match &p.start.way {
+                None => self.then(0, template).into_owned(),
+                Some(way) => template.iter().zip(way).map(|(x, way)| *x + *way * self.eye.late).collect(),
+            };
+            self.reference = self.samples.observe(first, &x, &[]);
         }
     }
 
@@ -207,7 +212,7 @@ impl Look<'_, '_> {
             boundary: &self.eye.boundary,
             edges: &p.inner_edges,
             first: &p.scene.template.positions,
-            first_view: &observed.levels[0][observed.range[0]].view,
+            first_view: &observed.first[observed.range[0]].view,
         };
         let shown = Shown {
             level: &observed.levels[frame][observed.range[0]],
@@ -262,6 +267,10 @@ impl Look<'_, '_> {
         let observed: Vec<PointColours> = frames.par_iter().enumerate().map(observe).collect();
         let mut gains = std::mem::take(&mut self.gains);
         let fit = |(gain, seen): (&mut Gains, &PointColours)| self.fit_gain(seen, gain);
+        // Those of the clip's first frame are 1.
+        if self.problem.start.way.is_some() {
+            self.fit_gain(&observed[0], &mut gains[0]);
+        }
         let around: Vec<Vec<Around>> = gains.par_iter_mut().zip(&observed).skip(1).map(fit).collect();
         self.gains = gains;
         (observed, around)

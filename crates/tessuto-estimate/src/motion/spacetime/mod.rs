@@ -101,6 +101,8 @@
 //! Once the causes of the motion are known, `along` goes on at the finest level: accelerations are then expected
 //! to be those that the causes make, and spread about these as the motion found before does.
 //!
+//! Long clips are searched part by part ([`parts`]).
+//!
 //! How far the result may be off is estimated from the same system and from how badly each frame matches
 //! ([`deviation`]).
 
@@ -121,6 +123,7 @@ mod look;
 #[cfg(test)]
 mod moved;
 mod noise;
+mod parts;
 mod path_scale;
 mod print;
 #[cfg(test)]
@@ -145,6 +148,7 @@ use super::terms::strain::Strain;
 use eye::Eye;
 use level::LevelSearch;
 use look::Gains;
+pub use parts::{Found, Search};
 pub use path_scale::scaled;
 pub use settings::SpacetimeSettings;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
@@ -155,6 +159,15 @@ use tessuto_sim::Cloth;
 
 /// Positions, shape [N, V], and why they are not better if the search failed.
 pub type Fitted = (Vec<Positions>, Option<Error>);
+
+/// What is known before the search.
+struct Start {
+    /// Positions of the first frames, one at least, of which the first stays as it is. Shape [K, V].
+    known: Vec<Positions>,
+    /// Where the part of the clip does not begin with its first frame: the way of every vertex from that to the
+    /// clip's second `[m]`.
+    way: Option<Positions>,
+}
 
 /// Everything about the clip that stays fixed.
 pub struct Problem<'a> {
@@ -169,6 +182,8 @@ pub struct Problem<'a> {
     rasterizer: Rasterizer,
     /// What each camera saw; the first is the scene's own.
     eyes: Vec<Eye<'a>>,
+    /// What is known of the positions.
+    start: Start,
     /// The light, once it is known; zero before.
     light: Light,
     /// Spread of accelerations `[m/s²]`: that of the settings until the clip's own is known.
@@ -181,6 +196,21 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// Those of reading the frames.
     pub fn new(scene: &'a Scene, cloth: &'a Cloth, settings: SpacetimeSettings) -> Result<Self> {
+        let start = Start { known: vec![scene.template.positions.clone()], way: None };
+        Self::of_part(scene, scene, cloth, settings, start)
+    }
+
+    /// Looks at every frame of every camera of `scene`, a part of the `clip` whose first frame the template is of.
+    ///
+    /// # Errors
+    /// Those of reading the frames.
+    fn of_part(
+        clip: &Scene,
+        scene: &'a Scene,
+        cloth: &'a Cloth,
+        settings: SpacetimeSettings,
+        start: Start,
+    ) -> Result<Self> {
         let template = &scene.template;
         let s = &settings;
         let priors = PriorTerms {
@@ -189,7 +219,7 @@ impl<'a> Problem<'a> {
             bend: Bend::new(cloth, template, s.bend),
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
-        let eyes = (0..scene.view_count()).map(|v| Eye::new(scene, v, s)).collect::<Result<_>>()?;
+        let eyes = (0..scene.view_count()).map(|v| Eye::new(clip, scene, v, s)).collect::<Result<_>>()?;
         let mut problem = Self {
             scene,
             cloth,
@@ -198,6 +228,7 @@ impl<'a> Problem<'a> {
             inner_edges: inner_edges(template, cloth),
             rasterizer: Rasterizer::new(template),
             eyes,
+            start,
             light: [0.0; HARMONICS],
             acceleration: settings.acceleration,
             settings,

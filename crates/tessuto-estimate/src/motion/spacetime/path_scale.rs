@@ -66,8 +66,10 @@ pub fn scaled(scene: &Scene, cloth: &Cloth, settings: &SpacetimeSettings) -> Res
     let path: Vec<DVec3> = poses.iter().map(|pose| pose.in_world(DVec3::ZERO)).collect();
     let mut found = Length { metres: 0.0, sd: 0.0 };
     for pass in 0..PASSES {
-        // By the first camera alone: until the unit is known, others would see the sheet elsewhere.
+        // By the first camera alone: until the unit is known, others would see the sheet elsewhere. Of a long clip by
+        // what is searched together.
         let moved = Scene { more: Vec::new(), ..with(found) };
+        let moved = moved.span(0..scene.frames.len().min(settings.window));
         let mut problem = Problem::new(&moved, cloth, settings.clone())?;
         let (mut pool, lost) = problem.track(&mut Session::silent())?;
         if let Some(lost) = lost {
@@ -77,7 +79,7 @@ pub fn scaled(scene: &Scene, cloth: &Cloth, settings: &SpacetimeSettings) -> Res
             true => problem.refine(&mut pool, &mut Session::silent())?.0,
             false => pool.best,
         };
-        let more = best(&frames, &path, scene.template.area().sqrt());
+        let more = best(&frames, &path[..frames.len()], scene.template.area().sqrt());
         found = Length { metres: found.metres + more.metres, ..more };
     }
     let Length { metres, sd } = found;

@@ -74,6 +74,8 @@ settings! {
         /// The search starts with tails that are longer by this factor, close to least squares; they shorten to
         /// their own from coarse to fine.
         start_tail: f64 = 100.0, number(1.0..=1e9, "");
+        /// Most frames that are searched together; longer clips are searched part by part. Memory grows with it.
+        window: usize = 200, number(24.0..=1e6, "");
         /// Iterations over all frames at each level.
         iterations: usize = 22, number(0.0..=1e6, "");
         /// Iterations over all frames once the physics is known.

@@ -117,13 +117,13 @@ impl Problem<'_> {
         Ok((pool, None))
     }
 
-    /// Nothing but the first frame known, with the spread `smooth` of the smooth shear.
+    /// Nothing but the first frames known, with the spread `smooth` of the smooth shear.
     pub(super) fn start(&self, smooth: f64) -> Tracked {
-        let template = &self.scene.template.positions;
+        let known = &self.start.known;
         let levels = self.level_count();
         let follower = || Follower {
-            frames: vec![template.clone()],
-            gains: vec![vec![vec![[1.0; 3]; template.len()]; self.eyes.len()]; levels],
+            frames: known.clone(),
+            gains: vec![vec![vec![[1.0; 3]; known[0].len()]; self.eyes.len()]; levels],
             lost: None,
         };
         Tracked { smooth, followers: std::array::from_fn(|_| follower()) }
@@ -178,6 +178,13 @@ impl Problem<'_> {
         };
         if !(tracked.smooth > 0.0 && (1..=count).contains(&done) && tracked.followers.iter().all(matches)) {
             return Err(foreign_state("track"));
+        }
+        let known = &self.start.known;
+        if self.start.way.is_some() && done == known.len() {
+            // Only the gains of the clip's first frame are 1.
+            for (levels, follower) in searches.iter_mut().zip(&mut tracked.followers) {
+                follower.gains = Follower::at(done - 1, known, levels).gains;
+            }
         }
         let steps = self.forward_steps(tracked.smooth);
         for n in done..count {
