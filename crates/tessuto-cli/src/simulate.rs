@@ -7,6 +7,7 @@ use tessuto::motion::causes::{Hold, Otherwise};
 use tessuto::output::{FolderKind, OutputFolder, manifest};
 use tessuto::result::Folder;
 use tessuto::run::replay::{self, Changes, replay};
+use tessuto::sim::contact::ContactSettings;
 use tessuto::{Error, io};
 
 use crate::repeat;
@@ -25,6 +26,10 @@ Examples:
   # 20 more frames, without wind
   tessuto simulate results/curtain --continue 20 --air still --out calm.npy
   tessuto simulate results/curtain --hold release --out falling.npy
+
+  # it falls on a floor, and on itself
+  tessuto simulate results/curtain --hold release --continue 60 --contact floor.json \
+    --out results/fallen
 
 A folder at --out becomes a result that render, export and report read. With \
 --continue, changes to air and hold begin where the clip ends; without it, in the first \
@@ -58,6 +63,9 @@ pub struct Arguments {
     /// Gravity as found, or none.
     #[arg(long, value_enum, default_value_t = Gravity::Found)]
     gravity: Gravity,
+    /// What the cloth touches: its own layers alone, or also the bodies of a file (docs/formats.md, contact).
+    #[arg(long, value_name = "layers|FILE.json")]
+    contact: Option<PathBuf>,
     /// Result folder to write; or, if it ends in .npy, the motion alone, [N, V, 3] f32 [default:
     /// <RESULT>/simulated.npy].
     #[arg(long, value_name = "DIR|FILE.npy")]
@@ -101,6 +109,9 @@ impl Arguments {
         );
         add(!self.scale.is_empty(), format!("--scale {}", self.scale.join(",")));
         add(self.gravity == Gravity::Off, "--gravity off".to_owned());
+        if let Some(contact) = &self.contact {
+            add(true, format!("--contact {}", tessuto::text::quoted(contact)));
+        }
         out
     }
 
@@ -138,7 +149,8 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     };
     let original = Folder::open(&arguments.result)?;
     let otherwise = arguments.otherwise()?;
-    let mut changes = Changes { forces: arguments.forces, otherwise, ..Changes::default() };
+    let contact = arguments.contact.as_deref().map(contact_of).transpose()?;
+    let mut changes = Changes { forces: arguments.forces, otherwise, contact, ..Changes::default() };
     let keys: Vec<&str> = original.parameters.model.properties().iter().map(|p| p.key).collect();
     for assignment in &arguments.set {
         changes.stiffness.push(number("--set", assignment, &keys)?);
@@ -160,6 +172,20 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     say!("largest distance from motion.npy: {:.3e} m", distances.fold(0.0, f64::max));
     say!("{}", out.display());
     Ok(())
+}
+
+/// What `--contact` names.
+fn contact_of(given: &Path) -> Result<ContactSettings, Error> {
+    if given == Path::new("layers") {
+        return Ok(ContactSettings::default());
+    }
+    let wrong = |problem: String| {
+        let hint = "write \"layers\", or a file such as {\"bodies\": [{\"shape\": {\"plane\": {\"normal\": [0, -1, 0], \
+                    \"height\": -0.5}}, \"friction\": 0.3}]}: a floor 0.5 m below the camera";
+        Error::input(given.display().to_string(), problem, hint)
+    };
+    let text = std::fs::read_to_string(given).map_err(|e| wrong(e.to_string()))?;
+    serde_json::from_str(&text).map_err(|e| wrong(e.to_string()))
 }
 
 /// Refuses to replace a file that is not an earlier motion. One outside of folders with a manifest is replaced if it is

@@ -75,7 +75,8 @@ pub fn evaluate_scene(py: Python<'_>, scene: &Scene, result: PathBuf, seed: u64)
     compared.into_python(py).map(|evaluation| json(&evaluation))
 }
 
-/// The motion of `result` under other stiffnesses and forces [N, V, 3], and a result folder of it at `out`.
+/// The motion of `result` under other stiffnesses and forces, and with `contact` by these settings, JSON,
+/// [N, V, 3], and a result folder of it at `out`.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "what can be changed, and where it goes")]
 pub fn simulate(
@@ -85,17 +86,20 @@ pub fn simulate(
     bend: Option<f64>,
     shear: Option<f64>,
     forces: f64,
+    contact: Option<String>,
     out: Option<PathBuf>,
     replace: bool,
     command: String,
 ) -> PyResult<Bound<'_, PyArray3<f64>>> {
+    let contact = contact.map(|text| serde_json::from_str(&text)).transpose();
+    let contact = contact.map_err(|e| crate::error::refused(format!("contact: {e}")))?;
     let work = || {
         // What can be refused is refused before the work.
         let target = out.map(|out| OutputFolder::prepare(&out, FolderKind::Result, replace)).transpose()?;
         let original = Folder::open(&result)?;
         let given = [("stretch", stretch), ("bend", bend), ("shear", shear)];
         let stiffness = given.into_iter().filter_map(|(key, value)| Some((key.to_owned(), value?))).collect();
-        let changes = Changes { stiffness, forces, ..Changes::default() };
+        let changes = Changes { stiffness, forces, contact, ..Changes::default() };
         let replayed = replay(&original, &changes)?;
         if let Some(target) = target {
             replay::write(&original, &replayed, target, &command)?;

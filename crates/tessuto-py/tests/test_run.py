@@ -187,6 +187,13 @@ def test_a_replay_is_the_motion_and_a_changed_one_a_result(result: tessuto.Resul
     assert opened.verdict is None and "not compared" in repr(opened)
     assert np.abs(other - again).max() > 1e-5
     assert np.abs(tessuto.simulate(result, forces=1.5) - again).max() > 1e-5
+    far = tessuto.Contact((tessuto.Plane((0.0, 10.0, 0.0), (0.0, -1.0, 0.0)),), layers=False)
+    assert np.abs(tessuto.simulate(result, contact=far) - again).max() < 0.02
+    across = tessuto.Contact((tessuto.Plane(again[0].mean(axis=0), (0.0, -1.0, 0.0)),))
+    with pytest.raises(tessuto.Error, match="passes through"):
+        tessuto.simulate(result, contact=across)
+    with pytest.raises(tessuto.UsageError, match="give a tessuto.Contact"):
+        tessuto.simulate(result, contact=3)  # type: ignore[arg-type]
     with pytest.raises(tessuto.UsageError, match="by their causes"):
         tessuto.simulate(result, bend=0.01, forces=1.5)
 

@@ -170,6 +170,21 @@ fn causes_are_found_and_changed() {
         let last = read_field(path).unwrap().pop().unwrap();
         last.iter().map(|p| p.y).fold(f64::INFINITY, f64::min)
     };
+    // A floor a little below it.
+    let lowest = |path: &Path| -> f64 {
+        read_field(path).unwrap().iter().flatten().map(|p| p.y).fold(f64::MIN, f64::max)
+    };
+    let floor = lowest(&result.join("motion.npy")) + 2e-3;
+    let table = serde_json::json!({"plane": {"normal": [0, -1, 0], "height": -floor}});
+    let contact = serde_json::json!({"bodies": [{"shape": table, "friction": 0.5}]});
+    let file = at("floor.json");
+    std::fs::write(&file, contact.to_string()).unwrap();
+    let falling = ["--continue", "12", "--hold", "release", "--contact", text(&file)];
+    succeed(&[&["simulate", text(&result), "--out", text(&at("fallen"))], &falling[..]].concat());
+    succeed(&[&["simulate", text(&result), "--out", text(&at("through.npy"))], &falling[..4]].concat());
+    let ends = [at("fallen/motion.npy"), at("through.npy")].map(|path| lowest(&path));
+    assert!(ends[0] < floor && ends[1] > floor + 5e-3, "{ends:?}, the floor at {floor}");
+    assert!(fail(3, &["simulate", text(&result), "--contact", text(&at("none.json"))]).contains("none.json"));
     let (loose, calm) = (upper_edge(&loose), upper_edge(&calm));
     assert!(loose > calm + 1e-3, "let go, it falls: {loose} {calm}");
     for (option, value) in [("--scale", "bend=0"), ("--scale", "bent=2"), ("--air", "windy")] {

@@ -83,7 +83,7 @@ class Contact:
         bodies: Planes, spheres and obstacles.
         layers: Whether layers of the cloth touch each other.
         friction: Coefficient of friction between layers.
-        thickness: Gap at which elements begin to feel each other, m; a quarter of the shortest edge where None.
+        thickness: Gap at which elements begin to feel each other, m; a tenth of the shortest edge where None.
         stiffness: How firmly they are kept apart, N/m²: at half of the thickness the pressure is 1.2 times this.
         slip: Speed at which friction has its whole force, m/s; below, it grows smoothly.
     """

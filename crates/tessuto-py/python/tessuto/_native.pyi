@@ -109,6 +109,7 @@ def simulate(
     bend: Optional[float],
     shear: Optional[float],
     forces: float,
+    contact: Optional[str],
     out: Optional[str],
     replace: bool,
     command: str,

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from . import _native
 from ._arrays import Float32, Float64, PathLike, UInt8
+from ._contact import Contact, settings_of
 from ._errors import Error, warn
 from ._scene import Camera, Scene
 
@@ -284,6 +285,7 @@ def simulate(
     bend: Optional[float] = None,
     shear: Optional[float] = None,
     forces: float = 1.0,
+    contact: Optional[Contact] = None,
     out: Optional[PathLike] = None,
     replace: bool = False,
 ) -> Float64:
@@ -297,6 +299,7 @@ def simulate(
         result: A result.
         stretch, bend, shear: Other stiffnesses, N/m, J/rad² and J/rad².
         forces: Factor on the dynamic forces; where causes were searched not with other stiffnesses.
+        contact: What the cloth touches; nothing where None. It must not pass through any of it in the first frame.
         out: Result folder to write, which `open`, `render` and `export` take.
         replace: Replace an earlier result at `out` that nobody changed since.
 
@@ -308,9 +311,11 @@ def simulate(
     shown = [repr(folder), *(f"{key}={value!r}" for key, value in changes.items() if value is not None)]
     if forces != 1.0:
         shown.append(f"forces={forces!r}")
+    if contact is not None:
+        shown.append(f"contact={contact!r}")
     command = f"tessuto.simulate({', '.join(shown)})"
     target = None if out is None else os.fspath(out)
-    return _native.simulate(folder, stretch, bend, shear, float(forces), target, replace, command)
+    return _native.simulate(folder, stretch, bend, shear, float(forces), settings_of(contact), target, replace, command)
 
 
 def render(

@@ -61,7 +61,7 @@ const OF_EDGE: f64 = 0.1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ContactSettings {
-    /// Gap at which elements begin to feel each other `[m]`; a quarter of the shortest edge if none is given.
+    /// Gap at which elements begin to feel each other `[m]`; a tenth of the shortest edge if none is given.
     pub thickness: Option<f64>,
     /// Stiffness κ of the barrier [N/m²]: at half of the thickness it presses with 1.2 κ.
     pub stiffness: f64,

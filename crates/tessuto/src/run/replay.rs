@@ -4,11 +4,13 @@ use std::path::PathBuf;
 
 use crate::result::{self, Folder, Summary};
 use tessuto_core::error::{Error, Result};
-use tessuto_core::mesh::Motion;
+use tessuto_core::mesh::{Mesh, Motion};
 use tessuto_estimate::motion::causes::{self, Otherwise};
 use tessuto_estimate::motion::parameters::Parameters;
 use tessuto_estimate::output::OutputFolder;
 use tessuto_estimate::simulate;
+use tessuto_sim::Cloth;
+use tessuto_sim::contact::ContactSettings;
 
 /// What shall be different.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,11 +22,13 @@ pub struct Changes {
     pub forces: f64,
     /// Other causes; only of results with causes.
     pub otherwise: Otherwise,
+    /// What the cloth touches, in place of nothing: its own layers, bodies.
+    pub contact: Option<ContactSettings>,
 }
 
 impl Default for Changes {
     fn default() -> Self {
-        Self { stiffness: Vec::new(), forces: 1.0, otherwise: Otherwise::default() }
+        Self { stiffness: Vec::new(), forces: 1.0, otherwise: Otherwise::default(), contact: None }
     }
 }
 
@@ -70,7 +74,7 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
             return Err(Error::input(place, "its forces are not known by their causes", hint));
         }
         parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);
-        let cloth = parameters.model.cloth(mesh);
+        let cloth = touching(parameters.model.cloth(mesh), mesh, changes)?;
         let motion = simulate(&cloth, settings, original.fps, &mesh.positions, &parameters)?;
         return Ok(Replay { motion, parameters });
     };
@@ -80,7 +84,7 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
         otherwise.scale[k] *= value.map_or(1.0, |value| value / own);
     }
     check(&otherwise)?;
-    if otherwise == Otherwise::default() {
+    if otherwise == Otherwise::default() && changes.contact.is_none() {
         parameters.accelerations.dynamic.iter_mut().flatten().for_each(|d| *d *= changes.forces);
         let motion = simulate(&cut, settings, original.fps, &mesh.positions, &parameters)?;
         return Ok(Replay { motion, parameters });
@@ -91,7 +95,13 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
     }
     let dynamics = settings.dynamics.at(original.fps);
     let frames: Vec<_> = original.motion()?.iter().cloned().collect();
-    let guided = causes::Changes::new(&cut, &dynamics, found, &frames).simulate(&otherwise);
+    let touching = touching(cut.clone(), mesh, changes)?;
+    let changed = causes::Changes::new(&cut, &dynamics, found, &frames).touching(&touching);
+    // With other things to touch the clip itself goes otherwise.
+    let guided = match changes.contact {
+        Some(_) => changed.simulate_anew(&otherwise),
+        None => changed.simulate(&otherwise),
+    };
     if let Some(failure) = guided.failure {
         return Err(failure);
     }
@@ -100,6 +110,14 @@ pub fn replay(original: &Folder, changes: &Changes) -> Result<Replay> {
     parameters.log_stiffness = log.zip([stretch, bend, shear]).map(|(log, change)| log + change).collect();
     parameters.accelerations = guided.accelerations;
     Ok(Replay { motion: Motion::new(guided.frames)?, parameters })
+}
+
+/// `cloth` with what it shall touch.
+fn touching(cloth: Cloth, mesh: &Mesh, changes: &Changes) -> Result<Cloth> {
+    match &changes.contact {
+        Some(contact) => cloth.with_contact(mesh, contact),
+        None => Ok(cloth),
+    }
 }
 
 /// Refuses factors that no cloth has.

@@ -74,6 +74,8 @@ const SOFT: f64 = 6000.0;
 /// What moved a cloth along the motion of a clip, ready for other motions.
 pub struct Changes<'a> {
     cloth: &'a Cloth,
+    /// The same cloth in other motions, which may touch what it did not in the clip.
+    touching: &'a Cloth,
     dynamics: &'a Dynamics,
     found: &'a Found,
     /// Where the clip's motion is after every step, from its first frame on.
@@ -95,12 +97,22 @@ impl<'a> Changes<'a> {
         // Held vertices follow their paths.
         let mut residual = softly.pulls;
         residual.iter_mut().for_each(|pulls| found.held.iter().for_each(|v| pulls[*v] = DVec3::ZERO));
-        Self { cloth, dynamics, found, paths, residual, velocities }
+        Self { cloth, touching: cloth, dynamics, found, paths, residual, velocities }
+    }
+
+    /// In other motions the cloth is this one, with what it touches there.
+    pub fn touching(self, touching: &'a Cloth) -> Self {
+        Self { touching, ..self }
     }
 
     /// The motion of the cloth, but `otherwise`.
     pub fn simulate(&self, otherwise: &Otherwise) -> Guided {
         self.after(otherwise, self.clip(otherwise))
+    }
+
+    /// The same, simulated from the first frame on even where nothing of the clip is otherwise.
+    pub fn simulate_anew(&self, otherwise: &Otherwise) -> Guided {
+        self.after(otherwise, self.clip_led(&otherwise.of_clip()))
     }
 
     /// [`Self::simulate`] of each of `changes`.
@@ -137,6 +149,11 @@ impl<'a> Changes<'a> {
             let end = State { x: self.paths[self.paths.len() - 1].clone(), v: self.velocities.clone() };
             return Guided::after(frames, end, self.found.causes.gravity(), self.dynamics.substeps);
         }
+        self.clip_led(otherwise)
+    }
+
+    /// The clip alone, simulated.
+    fn clip_led(&self, otherwise: &Otherwise) -> Guided {
         let targets: Vec<&Positions> = match otherwise.hold {
             Hold::Still => vec![&self.paths[0]; self.paths.len()],
             _ => self.paths.iter().collect(),
@@ -186,7 +203,7 @@ impl<'a> Changes<'a> {
         };
         let scaled = |rest: &Positions| rest.iter().map(|r| *r * otherwise.residual).collect();
         let guide = Guide {
-            cloth: self.cloth,
+            cloth: self.touching,
             dynamics,
             stiffness: [k[0] * stretch, k[1] * bend, k[2] * shear],
             ties: &match otherwise.hold {
