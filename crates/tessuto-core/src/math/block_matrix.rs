@@ -3,6 +3,8 @@
 use glam::{DMat3, DVec3};
 
 use super::dissection::{Part, dissect};
+use super::lanes::{LANES, Lanes, each_matrix, transpose_where};
+use super::scalar::Matrix;
 
 /// Where a 3×3 block off the diagonal lives in [`BlockMatrix::values`].
 #[derive(Debug, Clone, Copy)]
@@ -170,26 +172,6 @@ fn number(part: &Part, rank: &mut [u32], next: &mut u32) {
     }
 }
 
-/// Where a block lies.
-#[derive(Debug, Clone, Copy)]
-pub enum Place {
-    /// At a vertex, on the diagonal.
-    Vertex(u32),
-    /// At a pair of the pattern.
-    Pair(usize),
-}
-
-impl Place {
-    /// The `k`-th of an element's places: at its vertices, then at its pairs.
-    #[inline(always)]
-    pub fn of_element(vertices: &[u32], pairs: &[usize], k: usize) -> Self {
-        match vertices.get(k) {
-            Some(&vertex) => Self::Vertex(vertex),
-            None => Self::Pair(pairs[k - vertices.len()]),
-        }
-    }
-}
-
 /// Which of a matrix's columns, by the indices of their values.
 #[derive(Debug, Clone, Copy)]
 pub struct Span {
@@ -235,17 +217,39 @@ impl Columns<'_> {
         self.add(slot.start, block.to_cols_array());
     }
 
-    /// Adds `block` at `place`.
-    #[inline]
-    pub fn add_block(&mut self, pattern: &BlockPattern, place: Place, block: &DMat3) {
-        match place {
-            Place::Vertex(vertex) => self.add_diagonal(pattern, vertex as usize, block),
-            Place::Pair(pair) => self.add_pair(pattern, pair, block),
+    /// [`BlockMatrix::add_diagonal`] of the first `count` of four elements, each at its own one of the `vertices`.
+    #[inline(always)]
+    pub fn add_diagonals(
+        &mut self,
+        pattern: &BlockPattern,
+        vertices: [u32; LANES],
+        count: usize,
+        block: &Matrix<Lanes>,
+    ) {
+        for (vertex, block) in vertices.iter().zip(&each_matrix(block)).take(count) {
+            let [a, b, c, _, d, e, _, _, f] = *block;
+            self.add(pattern.diagonal[*vertex as usize], [a, b, c, d, e, f]);
+        }
+    }
+
+    /// [`BlockMatrix::add_pair`] of the first `count` of four elements, each at its own one of the `pairs`.
+    #[inline(always)]
+    pub fn add_pairs(
+        &mut self,
+        pattern: &BlockPattern,
+        pairs: [usize; LANES],
+        count: usize,
+        block: &Matrix<Lanes>,
+    ) {
+        let slots = pairs.map(|pair| pattern.pairs[pair]);
+        let blocks = each_matrix(&transpose_where(slots.map(|slot| slot.transposed), block));
+        for (slot, block) in slots.iter().zip(blocks).take(count) {
+            self.add(slot.start, block);
         }
     }
 
     /// Adds to the values from `index` on, where these are among the columns.
-    #[inline]
+    #[inline(always)]
     fn add<const N: usize>(&mut self, index: u32, terms: [f64; N]) {
         let values = (index as usize).checked_sub(self.start).and_then(|at| self.values.get_mut(at..at + N));
         if let Some(values) = values {
