@@ -1,12 +1,13 @@
 //! The cloth as a mechanical system: masses, springs, and sums over them.
 
+use std::ops::{AddAssign, Sub, SubAssign};
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
 use super::contact::Contact;
 use super::continuum::Continuum;
-use super::springs::{self, Springs};
+use super::springs::{self, SpringSides, Springs};
 use super::stiffness::{Energy, HessianKind, Stiffness};
 use super::{angle, lattice::Lattice, stretch};
 use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns};
@@ -74,6 +75,8 @@ pub struct Cloth {
     pub pattern: Arc<BlockPattern>,
     /// Symbolic factorisation of `pattern`.
     pub analysis: Arc<Analysis>,
+    /// Of its springs.
+    pub(super) sides: SpringSides,
     /// Of springs on a regular grid.
     pub lattice: Option<Arc<Lattice>>,
     /// What it touches; `None` lets it pass through everything.
@@ -126,6 +129,7 @@ impl Cloth {
             .collect();
         let pattern = BlockPattern::new(x, &pairs);
         let analysis = Analysis::new(&pattern);
+        let sides = springs::sides(&pattern, &edges, [&bends, &shears]);
         Self {
             masses: lumped_masses(template),
             edges,
@@ -133,6 +137,7 @@ impl Cloth {
             shears,
             triangles: template.triangles(),
             continuum: None,
+            sides,
             triangle_pairs,
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),
@@ -279,7 +284,7 @@ impl Edge {
 
     /// Adds the gradient by the vector between its ends to those by the positions.
     #[inline]
-    pub fn scatter(&self, gradient: DVec3, out: &mut [DVec3]) {
+    pub fn scatter<V: Copy + AddAssign + SubAssign>(&self, gradient: V, out: &mut [V]) {
         out[self.vertices[0] as usize] -= gradient;
         out[self.vertices[1] as usize] += gradient;
     }
@@ -288,7 +293,11 @@ impl Edge {
 impl AngleSpring {
     /// Adds the gradients by (u, w) to those by the positions.
     #[inline]
-    pub fn scatter(&self, [gu, gw]: [DVec3; 2], out: &mut [DVec3]) {
+    pub fn scatter<V: Copy + Sub<Output = V> + AddAssign + SubAssign>(
+        &self,
+        [gu, gw]: [V; 2],
+        out: &mut [V],
+    ) {
         let [a, o, c] = self.vertices.map(|v| v as usize);
         out[a] -= gu;
         out[o] += gu - gw;

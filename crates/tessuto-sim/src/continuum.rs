@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::hinge::{self, Bent, Hinge};
 use super::membrane::{self, Coefficients, Membrane, Strained, by_corners};
 use super::stiffness::{Energy, HessianKind, Stiffness};
-use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns};
-use tessuto_core::math::lanes::{LANES, Lanes, each_vector, gather, in_lanes};
+use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns, Sides};
+use tessuto_core::math::lanes::{LANES, Lanes, add_rows, each_row, gather, in_lanes, rows};
 use tessuto_core::math::scalar::{Real, Vector, dot, scale as scaled};
 
 /// Elements of one parallel task; fewer cost more to hand over than to do.
@@ -20,9 +20,18 @@ pub struct Continuum {
     pub membranes: Vec<Membrane>,
     /// One of each edge between two of them.
     pub hinges: Vec<Hinge>,
+    /// Membranes, then hinges.
+    sides: [Sides; 2],
 }
 
 impl Continuum {
+    /// The continuum of these elements, whose pairs are the `pattern`'s.
+    pub fn new(membranes: Vec<Membrane>, hinges: Vec<Hinge>, pattern: &BlockPattern) -> Self {
+        let of_membranes = pattern.sides(membranes.iter().map(|m| &m.vertices[..]));
+        let of_hinges = pattern.sides(hinges.iter().map(|h| &h.vertices[..]));
+        Self { membranes, hinges, sides: [of_membranes, of_hinges] }
+    }
+
     pub(super) fn energy(&self, stiffness: &Stiffness, x: &[DVec3]) -> Energy {
         let of_membranes = || {
             let of = |(m, c): (&Membrane, &Coefficients)| m.strained(m.gradients(x), *c).value();
@@ -42,7 +51,7 @@ impl Continuum {
         scale: f64,
         out: &mut [DVec3],
     ) -> f64 {
-        let scale = Lanes::splat(scale);
+        let (scale, x) = (Lanes::splat(scale), &rows(x));
         self.add_of_elements(
             out,
             |ks| {
@@ -65,15 +74,18 @@ impl Continuum {
         scale: f64,
         out: &mut [DVec3],
     ) {
+        let (x, a, b) = (&rows(x), &rows(a), &rows(b));
         self.add_of_elements(
             out,
             |ks| {
                 let (strained, weights) = self.strained(ks, stiffness, x, scale);
-                let of = |field| Membrane::gradients_lanes(ks.map(|k| &self.membranes[k]), weights, field);
+                let of = |field: &[Lanes]| {
+                    Membrane::gradients_lanes(ks.map(|k| &self.membranes[k]), weights, field)
+                };
                 each(Lanes::ZERO, by_corners(strained.third(of(a), of(b)), weights))
             },
             |ks| {
-                let of = |field| Hinge::arms_lanes(ks.map(|k| &self.hinges[k]), field);
+                let of = |field: &[Lanes]| Hinge::arms_lanes(ks.map(|k| &self.hinges[k]), field);
                 each(Lanes::ZERO, self.bent(ks, stiffness, x, scale).third(of(a), of(b)))
             },
         );
@@ -85,7 +97,7 @@ impl Continuum {
         &self,
         ks: [usize; LANES],
         stiffness: &Stiffness,
-        x: &[DVec3],
+        x: &[Lanes],
         scale: f64,
     ) -> (Strained<Lanes>, membrane::Weights<Lanes>) {
         let coefficient = |c: usize| gather(|k| stiffness.membrane[ks[k]][c] * scale);
@@ -95,7 +107,7 @@ impl Continuum {
 
     /// Four hinges with their vertices at `x`.
     #[inline(always)]
-    fn bent(&self, ks: [usize; LANES], stiffness: &Stiffness, x: &[DVec3], scale: f64) -> Bent<Lanes> {
+    fn bent(&self, ks: [usize; LANES], stiffness: &Stiffness, x: &[Lanes], scale: f64) -> Bent<Lanes> {
         let stiffnesses = gather(|k| stiffness.hinge[ks[k]] * scale);
         Hinge::bent_lanes(ks.map(|k| &self.hinges[k]), x, stiffnesses)
     }
@@ -105,13 +117,13 @@ impl Continuum {
     fn add_of_elements(
         &self,
         out: &mut [DVec3],
-        of_membranes: impl Fn([usize; LANES]) -> [(f64, [DVec3; 3]); LANES] + Send + Sync,
-        of_hinges: impl Fn([usize; LANES]) -> [(f64, [DVec3; 3]); LANES] + Send + Sync,
+        of_membranes: impl Fn([usize; LANES]) -> [(f64, [Lanes; 3]); LANES] + Send + Sync,
+        of_hinges: impl Fn([usize; LANES]) -> [(f64, [Lanes; 3]); LANES] + Send + Sync,
     ) -> f64 {
-        let mut second = vec![DVec3::ZERO; out.len()];
+        let [mut first, mut second] = [0, 1].map(|_| vec![Lanes::ZERO; out.len()]);
         // About as long work for both: membranes, quicker than hinges, are all in the first sum.
         let split = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 8);
-        let hinges = |range: std::ops::Range<usize>, out: &mut [DVec3]| {
+        let hinges = |range: std::ops::Range<usize>, out: &mut [Lanes]| {
             let mut sum = 0.0;
             in_lanes(range, |ks, count| {
                 for (&k, (value, gradient)) in ks[..count].iter().zip(of_hinges(ks)) {
@@ -126,15 +138,15 @@ impl Continuum {
                 let mut sum = 0.0;
                 in_lanes(0..self.membranes.len(), |ks, count| {
                     for (&k, (value, gradient)) in ks[..count].iter().zip(of_membranes(ks)) {
-                        self.membranes[k].scatter(gradient, out);
+                        self.membranes[k].scatter(gradient, &mut first);
                         sum += value;
                     }
                 });
-                sum + hinges(0..split, out)
+                sum + hinges(0..split, &mut first)
             },
             || hinges(split..self.hinges.len(), &mut second),
         );
-        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
+        [first, second].iter().for_each(|rows| add_rows(rows, out));
         first_sum + second_sum
     }
 
@@ -146,11 +158,9 @@ impl Continuum {
         scale: f64,
         (pattern, matrix): (&BlockPattern, &mut BlockMatrix),
     ) {
-        // Elements on the border are computed for both halves: the same bits on one thread and on two.
-        let add = |mut columns: Columns| {
-            let span = columns.span();
-            let membranes =
-                (0..self.membranes.len()).filter(|&k| span.holds_any(pattern, &self.membranes[k].vertices));
+        let x = &rows(x);
+        let add = |mut columns: Columns, side: usize| {
+            let membranes = self.sides[0][side].iter().map(|k| *k as usize);
             in_lanes(membranes, |ks, count| {
                 let (strained, weights) = self.strained(ks, stiffness, x, scale);
                 let of = ks.map(|k| &self.membranes[k]);
@@ -159,8 +169,7 @@ impl Continuum {
                     _ => columns.add_pairs(pattern, of.map(|m| m.pairs[place - 3]), count, block),
                 });
             });
-            let hinges =
-                (0..self.hinges.len()).filter(|&k| span.holds_any(pattern, &self.hinges[k].vertices));
+            let hinges = self.sides[1][side].iter().map(|k| *k as usize);
             in_lanes(hinges, |ks, count| {
                 let bent = self.bent(ks, stiffness, x, scale);
                 let of = ks.map(|k| &self.hinges[k]);
@@ -171,7 +180,9 @@ impl Continuum {
             });
         };
         let [first, second] = matrix.halves(pattern);
-        rayon::join(|| add(first), || add(second));
+        rayon::join(|| add(first, 0), || add(second, 1));
+        // The few on the border: the same bits on one thread and on two.
+        add(matrix.whole(), 2);
     }
 
     pub(super) fn add_gradient_by_stiffness(
@@ -185,6 +196,7 @@ impl Continuum {
             let by = m.gradient_by_coefficients(m.gradients(x), m.gradients(lambda));
             out.iter_mut().zip(by).for_each(|(out, by)| *out += scale * by);
         });
+        let (x, lambda) = (&rows(x), &rows(lambda));
         self.add_by_bending(scale, &mut out.hinge, |hinges| {
             let [e, u, w] = Hinge::arms_lanes(hinges, lambda);
             let [ge, gu, gw] = Hinge::bent_lanes(hinges, x, Lanes::ONE).value_and_gradient().1;
@@ -203,6 +215,7 @@ impl Continuum {
             let by = m.hessian_by_coefficients(m.gradients(x), m.gradients(a), m.gradients(b));
             out.iter_mut().zip(by).for_each(|(out, by)| *out += scale * by);
         });
+        let (x, a, b) = (&rows(x), &rows(a), &rows(b));
         self.add_by_bending(scale, &mut out.hinge, |hinges| {
             let [a, b] = [a, b].map(|field| Hinge::arms_lanes(hinges, field));
             Hinge::bent_lanes(hinges, x, Lanes::ONE).hessian().form(a, b)
@@ -245,10 +258,10 @@ fn hessian_of_hinge<T: Real>(bent: &Bent<T>, kind: HessianKind) -> hinge::Hessia
     }
 }
 
-/// The numbers and the vectors of four elements, element by element.
+/// The numbers and the rows of four elements, element by element.
 #[inline(always)]
-fn each(values: Lanes, [a, b, c]: [Vector<Lanes>; 3]) -> [(f64, [DVec3; 3]); LANES] {
-    let (values, a, b, c) = (values.to_array(), each_vector(a), each_vector(b), each_vector(c));
+fn each(values: Lanes, [a, b, c]: [Vector<Lanes>; 3]) -> [(f64, [Lanes; 3]); LANES] {
+    let (values, a, b, c) = (values.to_array(), each_row(a), each_row(b), each_row(c));
     let element = |k: usize| (values[k], [a[k], b[k], c[k]]);
     [element(0), element(1), element(2), element(3)]
 }

@@ -17,6 +17,7 @@
 //! derivatives.
 
 use std::f64::consts::TAU;
+use std::ops::{Add, AddAssign, SubAssign};
 
 use glam::DVec3;
 
@@ -85,9 +86,9 @@ impl Hinge {
         Bent { arms: arms.map(|a| a.to_array()), rest_angle: self.rest_angle, k: stiffness * self.weight }
     }
 
-    /// Four hinges with their vertices at `x` `[m]`, for their stiffnesses B `[J]`.
+    /// Four hinges with their vertices at the rows `x` `[m]`, for their stiffnesses B `[J]`.
     #[inline(always)]
-    pub fn bent_lanes(hinges: [&Self; LANES], x: &[DVec3], stiffness: Lanes) -> Bent<Lanes> {
+    pub fn bent_lanes(hinges: [&Self; LANES], x: &[Lanes], stiffness: Lanes) -> Bent<Lanes> {
         Bent {
             arms: Self::arms_lanes(hinges, x),
             rest_angle: gather(|k| hinges[k].rest_angle),
@@ -95,16 +96,21 @@ impl Hinge {
         }
     }
 
-    /// The arms of a field `[V]` at four hinges.
+    /// The arms of a field's rows `[V]` at four hinges.
     #[inline(always)]
-    pub fn arms_lanes(hinges: [&Self; LANES], field: &[DVec3]) -> [Vector<Lanes>; 3] {
+    pub fn arms_lanes(hinges: [&Self; LANES], field: &[Lanes]) -> [Vector<Lanes>; 3] {
         let corners = |c: usize| vectors(field, hinges.map(|h| h.vertices[c]));
         let (a, b, c, d) = (corners(0), corners(1), corners(2), corners(3));
         [subtract(b, a), subtract(c, a), subtract(d, a)]
     }
 
     /// Adds a derivative by the arms, as one by the positions.
-    pub fn scatter(&self, [ge, gu, gw]: Arms, out: &mut [DVec3]) {
+    #[inline(always)]
+    pub fn scatter<V: Copy + Add<Output = V> + AddAssign + SubAssign>(
+        &self,
+        [ge, gu, gw]: [V; 3],
+        out: &mut [V],
+    ) {
         let [a, b, c, d] = self.vertices.map(|v| v as usize);
         out[a] -= ge + gu + gw;
         out[b] += ge;

@@ -10,6 +10,8 @@
 //! [`super::fabric::Fabric`].
 //! Source: Wang, O'Brien, Ramamoorthi 2011, "Data-Driven Elastic Models for Cloth", §4, with constant coefficients.
 
+use std::ops::AddAssign;
+
 use glam::{DMat2, DVec2, DVec3};
 
 use tessuto_core::math::hyper_dual::{HyperDual, lift, mixed};
@@ -85,11 +87,11 @@ impl Membrane {
         Strained { f: f.map(|f| f.to_array()), c: c.map(|c| c * self.area) }
     }
 
-    /// Four membranes with their vertices at `x` `[m]` and `coefficients`, and their weights.
+    /// Four membranes with their vertices at the rows `x` `[m]` and `coefficients`, and their weights.
     #[inline(always)]
     pub fn strained_lanes(
         membranes: [&Self; LANES],
-        x: &[DVec3],
+        x: &[Lanes],
         coefficients: [Lanes; 4],
     ) -> (Strained<Lanes>, Weights<Lanes>) {
         let weights = |side: usize| {
@@ -102,12 +104,12 @@ impl Membrane {
         (Strained { f: Self::gradients_lanes(membranes, weights, x), c }, weights)
     }
 
-    /// (f₁, f₂) of a field `[V]` on four membranes with these weights.
+    /// (f₁, f₂) of a field's rows `[V]` on four membranes with these weights.
     #[inline(always)]
     pub fn gradients_lanes(
         membranes: [&Self; LANES],
         [r, s]: Weights<Lanes>,
-        field: &[DVec3],
+        field: &[Lanes],
     ) -> [Vector<Lanes>; 2] {
         let corners = |c: usize| vectors(field, membranes.map(|m| m.vertices[c]));
         let a = corners(0);
@@ -137,7 +139,8 @@ impl Membrane {
     }
 
     /// Adds a derivative by the corners.
-    pub fn scatter(&self, gradient: [DVec3; 3], out: &mut [DVec3]) {
+    #[inline(always)]
+    pub fn scatter<V: AddAssign>(&self, gradient: [V; 3], out: &mut [V]) {
         self.vertices.iter().zip(gradient).for_each(|(v, g)| out[*v as usize] += g);
     }
 }

@@ -1,6 +1,7 @@
 //! Sums over stretch and angle springs, four at a time.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,12 +10,22 @@ use super::angle::{self, Turned};
 use super::cloth::{AngleSpring, Cloth, Edge};
 use super::stiffness::{HessianKind, Stiffness};
 use super::stretch::Stretched;
-use tessuto_core::math::block_matrix::{BlockMatrix, Columns};
-use tessuto_core::math::lanes::{LANES, Lanes, each_vector, gather, in_lanes, vectors};
+use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns, Sides};
+use tessuto_core::math::lanes::{LANES, Lanes, add_rows, each_row, gather, in_lanes, rows, vectors};
 use tessuto_core::math::scalar::{Real, Vector, dot, form, scale as scaled, subtract};
 
 /// Springs of one parallel task; fewer cost more to hand over than to do.
 const TASK: usize = 1000;
+
+/// Which halves of the matrices springs are added to: edges; bending, then shearing pairs.
+pub(super) type SpringSides = Arc<[Sides; 2]>;
+
+/// Of the springs with these vertices.
+pub(super) fn sides(pattern: &BlockPattern, edges: &[Edge], angles: [&[AngleSpring]; 2]) -> SpringSides {
+    let of_edges = pattern.sides(edges.iter().map(|e| &e.vertices[..]));
+    let of_angles = pattern.sides(angles.into_iter().flatten().map(|a| &a.vertices[..]));
+    Arc::new([of_edges, of_angles])
+}
 
 /// A cloth's springs and how stiff they are.
 #[derive(Clone, Copy)]
@@ -41,20 +52,20 @@ impl<'a> Springs<'a> {
 
     /// Four angle springs with their vertices at `x`.
     #[inline(always)]
-    fn turned(&self, ks: [usize; LANES], x: &[DVec3], scale: f64) -> Turned<Lanes> {
+    fn turned(&self, ks: [usize; LANES], x: &[Lanes], scale: f64) -> Turned<Lanes> {
         turned(ks.map(|k| self.angle(k)), x, gather(|k| self.angle_stiffness(ks[k]) * scale))
     }
 
     /// Four edges with their ends at `x`.
     #[inline(always)]
-    fn stretched(&self, ks: [usize; LANES], x: &[DVec3], scale: f64) -> Stretched<Lanes> {
+    fn stretched(&self, ks: [usize; LANES], x: &[Lanes], scale: f64) -> Stretched<Lanes> {
         let stiffness = gather(|k| self.stiffness.stretch[ks[k]]);
         stretched(ks.map(|k| &self.cloth.edges[k]), x, stiffness, scale)
     }
 
     /// [`Cloth::add_gradient`].
     pub fn add_gradient(&self, x: &[DVec3], scale: f64, out: &mut [DVec3]) -> f64 {
-        let scale = Lanes::splat(scale);
+        let (scale, x) = (Lanes::splat(scale), &rows(x));
         self.add_of_elements(
             out,
             |ks| {
@@ -70,14 +81,15 @@ impl<'a> Springs<'a> {
 
     /// [`Cloth::add_third`].
     pub fn add_third(&self, x: &[DVec3], [a, b]: [&[DVec3]; 2], scale: f64, out: &mut [DVec3]) {
+        let (x, a, b) = (&rows(x), &rows(a), &rows(b));
         self.add_of_elements(
             out,
             |ks| {
-                let along = |field| along(ks.map(|k| &self.cloth.edges[k]), field);
+                let along = |field: &[Lanes]| along(ks.map(|k| &self.cloth.edges[k]), field);
                 (Lanes::ZERO, self.stretched(ks, x, scale).third(along(a), along(b)))
             },
             |ks| {
-                let arms = |field| arms(ks.map(|k| self.angle(k)), field);
+                let arms = |field: &[Lanes]| arms(ks.map(|k| self.angle(k)), field);
                 (Lanes::ZERO, self.turned(ks, x, scale).third(arms(a), arms(b)))
             },
         );
@@ -91,12 +103,12 @@ impl<'a> Springs<'a> {
         of_edges: impl Fn([usize; LANES]) -> (Lanes, Vector<Lanes>) + Send + Sync,
         of_angles: impl Fn([usize; LANES]) -> (Lanes, [Vector<Lanes>; 2]) + Send + Sync,
     ) -> f64 {
-        let mut second = vec![DVec3::ZERO; out.len()];
-        let angles = |range: Range<usize>, out: &mut [DVec3]| {
+        let [mut first, mut second] = [0, 1].map(|_| vec![Lanes::ZERO; out.len()]);
+        let angles = |range: Range<usize>, out: &mut [Lanes]| {
             let mut sum = 0.0;
             in_lanes(range, |ks, count| {
                 let (values, [gu, gw]) = of_angles(ks);
-                let (values, gu, gw) = (values.to_array(), each_vector(gu), each_vector(gw));
+                let (values, gu, gw) = (values.to_array(), each_row(gu), each_row(gw));
                 for k in 0..count {
                     self.angle(ks[k]).scatter([gu[k], gw[k]], out);
                     sum += values[k];
@@ -110,28 +122,26 @@ impl<'a> Springs<'a> {
                 let mut sum = 0.0;
                 in_lanes(0..self.cloth.edges.len(), |ks, count| {
                     let (values, gradients) = of_edges(ks);
-                    let (values, gradients) = (values.to_array(), each_vector(gradients));
+                    let (values, gradients) = (values.to_array(), each_row(gradients));
                     for k in 0..count {
-                        self.cloth.edges[ks[k]].scatter(gradients[k], out);
+                        self.cloth.edges[ks[k]].scatter(gradients[k], &mut first);
                         sum += values[k];
                     }
                 });
-                sum + angles(0..half, out)
+                sum + angles(0..half, &mut first)
             },
             || angles(half..self.angle_count(), &mut second),
         );
-        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
+        [first, second].iter().for_each(|rows| add_rows(rows, out));
         first_sum + second_sum
     }
 
     /// [`Cloth::add_hessian`].
     pub fn add_hessian(&self, x: &[DVec3], kind: HessianKind, scale: f64, matrix: &mut BlockMatrix) {
-        let pattern = &self.cloth.pattern;
-        // Springs on the border are computed for both halves: the same bits on one thread and on two.
-        let add = |mut columns: Columns| {
-            let span = columns.span();
+        let (pattern, x) = (&self.cloth.pattern, &rows(x));
+        let add = |mut columns: Columns, side: usize| {
             let edges = &self.cloth.edges;
-            let near = (0..edges.len()).filter(|&k| span.holds_any(pattern, &edges[k].vertices));
+            let near = self.cloth.sides[0][side].iter().map(|k| *k as usize);
             in_lanes(near, |ks, count| {
                 let stretched = self.stretched(ks, x, scale);
                 let block = match kind {
@@ -145,7 +155,7 @@ impl<'a> Springs<'a> {
                 let apart = tessuto_core::math::scalar::negated(block);
                 columns.add_pairs(pattern, of.map(|e| e.pair), count, &apart);
             });
-            let near = (0..self.angle_count()).filter(|&k| span.holds_any(pattern, &self.angle(k).vertices));
+            let near = self.cloth.sides[1][side].iter().map(|k| *k as usize);
             in_lanes(near, |ks, count| {
                 let of = ks.map(|k| self.angle(k));
                 hessian_of_angle(&self.turned(ks, x, scale), kind).blocks(|place, block| match place {
@@ -155,7 +165,9 @@ impl<'a> Springs<'a> {
             });
         };
         let [first, second] = matrix.halves(pattern);
-        rayon::join(|| add(first), || add(second));
+        rayon::join(|| add(first, 0), || add(second, 1));
+        // The few on the border: the same bits on one thread and on two.
+        add(matrix.whole(), 2);
     }
 }
 
@@ -167,6 +179,7 @@ pub(super) fn add_gradient_by_stiffness(
     scale: f64,
     out: &mut Stiffness,
 ) {
+    let (x, lambda) = (&rows(x), &rows(lambda));
     let of_edges =
         |edges: [&Edge; LANES]| dot(stretched(edges, x, Lanes::ONE, 1.0).gradient(), along(edges, lambda));
     let of_angles = |springs: [&AngleSpring; LANES]| {
@@ -185,6 +198,7 @@ pub(super) fn add_hessian_by_stiffness(
     scale: f64,
     out: &mut Stiffness,
 ) {
+    let (x, a, b) = (&rows(x), &rows(a), &rows(b));
     let of_edges = |edges: [&Edge; LANES]| {
         let hessian = stretched(edges, x, Lanes::ONE, 1.0).hessian();
         form(along(edges, a), hessian, along(edges, b))
@@ -223,14 +237,14 @@ fn add_of<E: Sync>(
 }
 
 #[inline(always)]
-fn turned(springs: [&AngleSpring; LANES], x: &[DVec3], stiffness: Lanes) -> Turned<Lanes> {
+fn turned(springs: [&AngleSpring; LANES], x: &[Lanes], stiffness: Lanes) -> Turned<Lanes> {
     let [u, w] = arms(springs, x);
     Turned { u, w, stiffness, rest_angle: gather(|k| springs[k].rest_angle) }
 }
 
 /// `stiffness` where the edges are stretched.
 #[inline(always)]
-fn stretched(edges: [&Edge; LANES], x: &[DVec3], stiffness: Lanes, scale: f64) -> Stretched<Lanes> {
+fn stretched(edges: [&Edge; LANES], x: &[Lanes], stiffness: Lanes, scale: f64) -> Stretched<Lanes> {
     let along = along(edges, x);
     let rest_length = gather(|k| edges[k].rest_length);
     let missing = rest_length * rest_length - dot(along, along);
@@ -239,17 +253,17 @@ fn stretched(edges: [&Edge; LANES], x: &[DVec3], stiffness: Lanes, scale: f64) -
     Stretched { along, stiffness, rest_length }
 }
 
-/// (o − a, c − o) of a field at four angle springs.
+/// (o − a, c − o) of a field's rows at four angle springs.
 #[inline(always)]
-fn arms(springs: [&AngleSpring; LANES], field: &[DVec3]) -> [Vector<Lanes>; 2] {
+fn arms(springs: [&AngleSpring; LANES], field: &[Lanes]) -> [Vector<Lanes>; 2] {
     let corner = |c: usize| vectors(field, springs.map(|s| s.vertices[c]));
     let o = corner(1);
     [subtract(o, corner(0)), subtract(corner(2), o)]
 }
 
-/// Difference of a field along four edges.
+/// Difference of a field's rows along four edges.
 #[inline(always)]
-fn along(edges: [&Edge; LANES], field: &[DVec3]) -> Vector<Lanes> {
+fn along(edges: [&Edge; LANES], field: &[Lanes]) -> Vector<Lanes> {
     let end = |c: usize| vectors(field, edges.map(|e| e.vertices[c]));
     subtract(end(1), end(0))
 }

@@ -67,26 +67,31 @@ pub fn gather(of: impl Fn(usize) -> f64) -> Lanes {
     Lanes::new([of(0), of(1), of(2), of(3)])
 }
 
-/// Values of a field at four vertices.
+/// A field's vectors, each filled up to four numbers: so they are read and written in one piece.
+pub fn rows(field: &[DVec3]) -> Vec<Lanes> {
+    field.iter().map(|v| Lanes::new([v.x, v.y, v.z, 0.0])).collect()
+}
+
+/// Adds [`rows`] to a field.
+pub fn add_rows(rows: &[Lanes], field: &mut [DVec3]) {
+    for (to, row) in field.iter_mut().zip(rows) {
+        let [x, y, z, _] = row.to_array();
+        *to += DVec3::new(x, y, z);
+    }
+}
+
+/// Values of a field's rows at four vertices.
 #[inline(always)]
-pub fn vectors(field: &[DVec3], vertices: [u32; LANES]) -> Vector<Lanes> {
-    let row = |k: usize| {
-        let v = field[vertices[k] as usize];
-        Lanes::new([v.x, v.y, v.z, 0.0])
-    };
+pub fn vectors(rows: &[Lanes], vertices: [u32; LANES]) -> Vector<Lanes> {
+    let row = |k: usize| rows[vertices[k] as usize];
     let [x, y, z, _] = Lanes::transpose([row(0), row(1), row(2), row(3)]);
     [x, y, z]
 }
 
-/// The vectors of the four elements.
+/// The vectors of the four elements as rows.
 #[inline(always)]
-pub fn each_vector([x, y, z]: Vector<Lanes>) -> [DVec3; LANES] {
-    let [a, b, c, d] = Lanes::transpose([x, y, z, Lanes::ZERO]);
-    let vector = |row: Lanes| {
-        let [x, y, z, _] = row.to_array();
-        DVec3::new(x, y, z)
-    };
-    [vector(a), vector(b), vector(c), vector(d)]
+pub fn each_row([x, y, z]: Vector<Lanes>) -> [Lanes; LANES] {
+    Lanes::transpose([x, y, z, Lanes::ZERO])
 }
 
 /// The matrices of the four elements, column by column.
@@ -148,8 +153,12 @@ mod tests {
     fn what_is_gathered_comes_out_again() {
         let field: Vec<DVec3> = (0..6).map(|k| DVec3::new(0.1, 1.0, -3.0) * f64::from(k)).collect();
         let vertices = [5, 0, 3, 3];
-        let gathered = vectors(&field, vertices);
-        assert_eq!(each_vector(gathered), vertices.map(|v| field[v as usize]));
+        let rows = rows(&field);
+        let gathered = vectors(&rows, vertices);
+        assert_eq!(each_row(gathered), vertices.map(|v| rows[v as usize]));
+        let mut sum = field.clone();
+        add_rows(&rows, &mut sum);
+        assert!(sum.iter().zip(&field).all(|(sum, v)| *sum == *v * 2.0));
         let number = |column: usize, row: usize| gather(|k| (100 * k + 10 * column + row) as f64);
         let matrix = [0, 1, 2].map(|column| [0, 1, 2].map(|row| number(column, row)));
         for (k, matrix) in each_matrix(&matrix).iter().enumerate() {

@@ -78,9 +78,7 @@ impl Fronts {
         let (subtrees, own) = values.split_at_mut(front.values[1] - front.values[0]);
         own.fill(T::zero_impl());
         let columns = front.matrix[0]..front.matrix[1];
-        for (place, value) in self.places[columns.clone()].iter().zip(&matrix[columns]) {
-            own[*place as usize] = T::from_f64_impl(*value);
-        }
+        self.fill(front, &self.places[columns.clone()], &matrix[columns], own);
         let (update, work) = work.split_at_mut(front.update().pow(2));
         let mut second = 0;
         match &front.children[..] {
@@ -115,6 +113,25 @@ impl Fronts {
             child.add_to_update(&updates[at..], side(child), update, front);
         }
         Some(())
+    }
+
+    /// Puts a front's values of the matrix into their `places`.
+    fn fill<T: Scalar>(&self, front: &Front, places: &[u32], values: &[f64], own: &mut [T]) {
+        let (mut places, mut values) = (places, values);
+        for blocks in &self.blocks[front.first..][..front.own] {
+            let (diagonal, below) = values.split_at(6);
+            let (of_diagonal, of_below) = places.split_at(6);
+            for (place, value) in of_diagonal.iter().zip(diagonal) {
+                own[*place as usize] = T::from_f64_impl(*value);
+            }
+            let numbers = 9 * *blocks as usize;
+            let columns = below[..numbers].as_chunks::<3>().0.iter();
+            for (column, places) in columns.zip(of_below[..numbers].as_chunks::<3>().0) {
+                // A block's column is in one piece.
+                own[places[0] as usize..][..3].copy_from_slice(&column.map(T::from_f64_impl));
+            }
+            (places, values) = (&of_below[numbers..], &below[numbers..]);
+        }
     }
 
     /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times those of a

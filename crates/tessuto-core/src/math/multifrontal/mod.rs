@@ -241,6 +241,8 @@ pub(super) struct Fronts {
     fronts: Vec<Front>,
     /// For every value of the matrix its place in its front.
     places: Vec<u32>,
+    /// Number of blocks below the diagonal in every vertex's columns.
+    blocks: Vec<u32>,
 }
 
 impl Fronts {
@@ -257,12 +259,23 @@ impl Fronts {
                 places.push(((column - 3 * f.first) * f.height() + local) as u32);
             }
         }
-        Self { fronts, places }
+        let blocks = (0..pattern.vertex_count()).map(|v| pattern.rows_below(v).len() as u32).collect();
+        Self { fronts, places, blocks }
     }
 
     /// Number of values of a factor.
     pub(super) fn len(&self) -> usize {
         self.fronts.iter().map(Front::len).sum()
+    }
+
+    /// Multiplications and additions of one elimination.
+    pub(super) fn flops(&self) -> f64 {
+        2.0 * self.fronts[self.root()].flops
+    }
+
+    /// Values of a factor on and below the diagonal.
+    pub(super) fn nonzeros(&self) -> usize {
+        self.fronts.iter().map(|f| f.len() - f.width() * f.width().saturating_sub(1) / 2).sum()
     }
 
     fn root(&self) -> usize {
