@@ -1,5 +1,5 @@
 //! Four elements at a time: the formulas of one with a vector register for every number, the same bits as one by one
-//! except after inverse functions ([`super::arcs`]).
+//! except after inverse functions, see `arcs.rs`.
 
 use glam::DVec3;
 
