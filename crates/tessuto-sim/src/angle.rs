@@ -1,9 +1,12 @@
 //! Angle springs between two mesh edges that meet at a vertex: bending and shearing.
 
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
-use tessuto_core::math::scalar::{Scalar, Vector, dot, scale, subtract};
-use tessuto_core::math::{hyper_dual, outer};
+use tessuto_core::math::hyper_dual::{HyperDual, lift, mixed};
+use tessuto_core::math::scalar::{
+    Matrix, Real, Scalar, TINY, Vector, add, cross, diagonal, difference, dot, form, negated, negative,
+    outer, scale, scaled, subtract, sum, transposed,
+};
 
 /// Keeps the derivative of arccos finite: angles run from arccos(1 − ε) = 8.1° to 171.9°.
 const EPSILON: f64 = 0.01;
@@ -41,103 +44,190 @@ pub fn gradient(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> [DVec3; 
 /// [`value`] and [`gradient`].
 #[inline]
 pub fn value_and_gradient(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> (f64, [DVec3; 2]) {
-    let (deflection, gradient) = gradient_of(u.to_array(), w.to_array(), stiffness, rest_angle);
-    (0.5 * stiffness * deflection * deflection, gradient.map(DVec3::from_array))
+    let (value, gradient) = spring(u, w, stiffness, rest_angle).value_and_gradient();
+    (value, gradient.map(DVec3::from_array))
 }
 
-/// θ − θ0 and the gradient.
-fn gradient_of<T: Scalar>(
-    u: Vector<T>,
-    w: Vector<T>,
-    stiffness: f64,
-    rest_angle: f64,
-) -> (T, [Vector<T>; 2]) {
-    let q = T::constant(1.0 - EPSILON);
-    let inverse_u = (dot(u, u) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
-    let inverse_w = (dot(w, w) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
-    let (e1, e2) = (scale(u, inverse_u), scale(w, inverse_w));
-    let c = dot(e1, e2);
-    let s = q * c;
-    // dE/dc = −k (θ − θ0) q / √(1 − s²)
-    let sine = (T::constant(1.0) - s * s).sqrt();
-    let deflection = s.acos() - T::constant(rest_angle);
-    let slope = deflection * T::constant(-stiffness) * q * sine.recip();
-    let grad_u = scale(subtract(e2, scale(e1, c)), slope * inverse_u);
-    let grad_w = scale(subtract(e1, scale(e2, c)), slope * inverse_w);
-    (deflection, [grad_u, grad_w])
-}
-
-/// Second derivatives of an angle spring in (u, w).
+/// An angle spring as it is now, or four of them.
 #[derive(Debug, Clone, Copy)]
-pub struct Hessian {
+pub struct Turned<T> {
+    /// o − a `[m]`.
+    pub u: Vector<T>,
+    /// c − o `[m]`.
+    pub w: Vector<T>,
+    /// k [J/rad²].
+    pub stiffness: T,
+    /// θ0 `[rad]`.
+    pub rest_angle: T,
+}
+
+/// Second derivatives of an angle spring in (u, w), or of four.
+#[derive(Debug, Clone, Copy)]
+pub struct Hessian<T = f64> {
     /// ∂²E/∂u².
-    pub uu: DMat3,
+    pub uu: Matrix<T>,
     /// ∂²E/∂u∂w.
-    pub uw: DMat3,
+    pub uw: Matrix<T>,
     /// ∂²E/∂w².
-    pub ww: DMat3,
+    pub ww: Matrix<T>,
+}
+
+fn spring(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> Turned<f64> {
+    Turned { u: u.to_array(), w: w.to_array(), stiffness, rest_angle }
 }
 
 /// Second derivatives of [`value`].
 pub fn hessian(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> Hessian {
-    let f = Frame::new(u, w);
-    let mut h = gauss_newton(&f, stiffness);
-    // The rest: (∂E/∂θ) ∂²θ/∂(u,w)² with θ = θ(c), θ' = −q/√(1−s²), θ'' = −q² s/(1−s²)^{3/2}.
-    let slope = stiffness * (f.theta - rest_angle);
-    let (first, second) = (slope * f.d_theta, slope * f.dd_theta);
-    let c = f.cosine;
-    let transverse = |e: DVec3| DMat3::IDENTITY - outer(e, e);
-    let uu = (outer(f.e1, f.cu) + outer(f.cu, f.e1) + transverse(f.e1) * (c * f.inverse_u)) * -f.inverse_u;
-    let ww = (outer(f.e2, f.cw) + outer(f.cw, f.e2) + transverse(f.e2) * (c * f.inverse_w)) * -f.inverse_w;
-    let uw = (transverse(f.e2) * f.inverse_w - outer(f.e1, f.cw)) * f.inverse_u;
-    h.uu += uu * first + outer(f.cu, f.cu * second);
-    h.uw += uw * first + outer(f.cu, f.cw * second);
-    h.ww += ww * first + outer(f.cw, f.cw * second);
-    h
+    spring(u, w, stiffness, rest_angle).hessian()
 }
 
 /// The part k ∇θ ∇θᵀ of [`hessian`] (Gauss-Newton).
 #[inline]
-pub fn hessian_gauss_newton(u: DVec3, w: DVec3, stiffness: f64, _rest_angle: f64) -> Hessian {
-    gauss_newton(&Frame::new(u, w), stiffness)
+pub fn hessian_gauss_newton(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> Hessian {
+    spring(u, w, stiffness, rest_angle).hessian_gauss_newton()
 }
 
-/// A positive semi-definite matrix P ≥ [`hessian`]: a Newton step with it does not overshoot in any direction.
-///
-/// The Hessian is a sum of squares along the turns of the arms in their plane (by α and β), the arms' way out of
-/// the plane (a, b), and products of an arm's stretching ρ with its turning; P leaves out the negative ones. With
-/// E(φ), φ = β − α:
-///
-///   E_φφ (δβ − δα)² + E_c (1 − c)/2 (a + b)² − E_c (1 + c)/2 (a − b)² + 2 E_c sin φ (ρ_w δβ − ρ_u δα).
-///
-/// Equal to both others where θ = θ0. Source: own.
+/// [`Turned::hessian_projected`].
 pub fn hessian_projected(u: DVec3, w: DVec3, stiffness: f64, rest_angle: f64) -> Hessian {
-    let f = Frame::new(u, w);
-    let c = f.cosine;
-    let out_of_plane = f.e1.cross(f.e2);
-    let sine = out_of_plane.length();
-    // Straight arms have no plane; there every plane gives the same sum.
-    let n = if sine > 1e-8 { out_of_plane / sine } else { f.e1.any_orthonormal_vector() };
-    let (turn_u, turn_w) = (n.cross(f.e1), n.cross(f.e2));
-    let slope = stiffness * (f.theta - rest_angle);
-    let by_c = slope * f.d_theta;
-    let by_cc = stiffness * f.d_theta * f.d_theta + slope * f.dd_theta;
-    let mut h = Hessian { uu: DMat3::ZERO, uw: DMat3::ZERO, ww: DMat3::ZERO };
-    // Adds k (a·δu/‖u‖ + b·δw/‖w‖)².
-    let mut square = |k: f64, a: DVec3, b: DVec3| {
-        let (a, b) = (a * f.inverse_u, b * f.inverse_w);
-        h.uu += outer(a, a * k);
-        h.uw += outer(a, b * k);
-        h.ww += outer(b, b * k);
-    };
-    square((by_cc * sine * sine - c * by_c).max(0.0), -turn_u, turn_w);
-    square((0.5 * by_c * (1.0 - c)).max(0.0), n, n);
-    square((-0.5 * by_c * (1.0 + c)).max(0.0), -n, n);
-    // 2 x ρ τ = ½ x ((ρ + τ)² − (ρ − τ)²)
-    let mixed = by_c * sine;
-    square(0.5 * mixed.abs(), f.e1 - turn_u * mixed.signum(), DVec3::ZERO);
-    square(0.5 * mixed.abs(), DVec3::ZERO, f.e2 + turn_w * mixed.signum());
-    h
+    spring(u, w, stiffness, rest_angle).hessian_projected()
+}
+
+impl<T: Scalar> Turned<T> {
+    /// [`value`] and (∂E/∂u, ∂E/∂w).
+    #[inline(always)]
+    pub fn value_and_gradient(&self) -> (T, [Vector<T>; 2]) {
+        let (deflection, gradient) = self.gradient();
+        (T::constant(0.5) * self.stiffness * deflection * deflection, gradient)
+    }
+
+    /// θ − θ0 and the gradient.
+    #[inline(always)]
+    fn gradient(&self) -> (T, [Vector<T>; 2]) {
+        let (u, w, q) = (self.u, self.w, T::constant(1.0 - EPSILON));
+        let inverse_u = (dot(u, u) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
+        let inverse_w = (dot(w, w) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
+        let (e1, e2) = (scale(u, inverse_u), scale(w, inverse_w));
+        let c = dot(e1, e2);
+        let s = q * c;
+        // dE/dc = −k (θ − θ0) q / √(1 − s²)
+        let sine = (T::constant(1.0) - s * s).sqrt();
+        let deflection = s.acos() - self.rest_angle;
+        let slope = deflection * -self.stiffness * q * sine.recip();
+        let grad_u = scale(subtract(e2, scale(e1, c)), slope * inverse_u);
+        let grad_w = scale(subtract(e1, scale(e2, c)), slope * inverse_w);
+        (deflection, [grad_u, grad_w])
+    }
+
+    /// (∂/∂u, ∂/∂w) of aᵀ (∂²E) b, where `a` and `b` are directions in (u, w).
+    #[inline(always)]
+    pub fn third(&self, [au, aw]: [Vector<T>; 2], [bu, bw]: [Vector<T>; 2]) -> [Vector<T>; 2] {
+        let lifted = Turned {
+            u: lift(self.u, au, bu),
+            w: lift(self.w, aw, bw),
+            stiffness: HyperDual::fixed(self.stiffness),
+            rest_angle: HyperDual::fixed(self.rest_angle),
+        };
+        lifted.gradient().1.map(mixed)
+    }
+
+    /// Second derivatives of [`value`].
+    #[inline(always)]
+    pub fn hessian(&self) -> Hessian<T> {
+        let f = Frame::new(self);
+        let mut h = f.gauss_newton(self.stiffness);
+        // The rest: (∂E/∂θ) ∂²θ/∂(u,w)² with θ = θ(c), θ' = −q/√(1−s²), θ'' = −q² s/(1−s²)^{3/2}.
+        let slope = self.stiffness * (f.theta - self.rest_angle);
+        let (first, second) = (slope * f.d_theta, slope * f.dd_theta);
+        let c = f.cosine;
+        let transverse = |e: Vector<T>| difference(diagonal(T::constant(1.0)), outer(e, e));
+        let of_arm = |e: Vector<T>, by: Vector<T>, inverse: T| {
+            let turned = sum(outer(e, by), outer(by, e));
+            scaled(sum(turned, scaled(transverse(e), c * inverse)), -inverse)
+        };
+        let (uu, ww) = (of_arm(f.e1, f.cu, f.inverse_u), of_arm(f.e2, f.cw, f.inverse_w));
+        let across = difference(scaled(transverse(f.e2), f.inverse_w), outer(f.e1, f.cw));
+        let uw = scaled(across, f.inverse_u);
+        let (cu, cw) = (scale(f.cu, second), scale(f.cw, second));
+        h.uu = sum(h.uu, sum(scaled(uu, first), outer(f.cu, cu)));
+        h.uw = sum(h.uw, sum(scaled(uw, first), outer(f.cu, cw)));
+        h.ww = sum(h.ww, sum(scaled(ww, first), outer(f.cw, cw)));
+        h
+    }
+
+    /// The part k ∇θ ∇θᵀ of [`hessian`](Self::hessian).
+    #[inline(always)]
+    pub fn hessian_gauss_newton(&self) -> Hessian<T> {
+        Frame::new(self).gauss_newton(self.stiffness)
+    }
+
+    /// aᵀ (∂²E) b.
+    #[inline(always)]
+    pub fn form(&self, [au, aw]: [Vector<T>; 2], [bu, bw]: [Vector<T>; 2]) -> T {
+        let h = self.hessian();
+        form(au, h.uu, bu) + form(au, h.uw, bw) + (form(bu, h.uw, aw) + form(aw, h.ww, bw))
+    }
+}
+
+impl<T: Real> Turned<T> {
+    /// A positive semi-definite matrix P ≥ [`hessian`](Self::hessian): a Newton step with it does not overshoot in
+    /// any direction.
+    ///
+    /// The Hessian is a sum of squares along the turns of the arms in their plane (by α and β), the arms' way out
+    /// of the plane (a, b), and products of an arm's stretching ρ with its turning; P leaves out the negative ones.
+    /// With E(φ), φ = β − α:
+    ///
+    ///   E_φφ (δβ − δα)² + E_c (1 − c)/2 (a + b)² − E_c (1 + c)/2 (a − b)² + 2 E_c sin φ (ρ_w δβ − ρ_u δα).
+    ///
+    /// Equal to both others where θ = θ0. Source: own.
+    #[inline(always)]
+    pub fn hessian_projected(&self) -> Hessian<T> {
+        let f = Frame::new(self);
+        let (c, one, half) = (f.cosine, T::constant(1.0), T::constant(0.5));
+        let out_of_plane = cross(f.e1, f.e2);
+        let sine = dot(out_of_plane, out_of_plane).sqrt();
+        // Straight arms have no plane; there every plane gives the same sum.
+        let (inverse, any) = ((sine + T::constant(TINY)).recip(), any_normal(f.e1));
+        let normal = |k: usize| sine.select_above(1e-8, out_of_plane[k] * inverse, any[k]);
+        let n = [normal(0), normal(1), normal(2)];
+        let (turn_u, turn_w) = (cross(n, f.e1), cross(n, f.e2));
+        let slope = self.stiffness * (f.theta - self.rest_angle);
+        let by_c = slope * f.d_theta;
+        let by_cc = self.stiffness * f.d_theta * f.d_theta + slope * f.dd_theta;
+        // k (a·δu/‖u‖ + b·δw/‖w‖)².
+        let square = |k: T, a: Vector<T>, b: Vector<T>| {
+            let (a, b) = (scale(a, f.inverse_u), scale(b, f.inverse_w));
+            let (ka, kb) = (scale(a, k), scale(b, k));
+            Hessian { uu: outer(a, ka), uw: outer(a, kb), ww: outer(b, kb) }
+        };
+        let in_plane = square((by_cc * sine * sine - c * by_c).positive(), negative(turn_u), turn_w);
+        let alike = square((half * by_c * (one - c)).positive(), n, n);
+        let unlike = square((-half * by_c * (one + c)).positive(), negative(n), n);
+        // 2 x ρ τ = ½ x ((ρ + τ)² − (ρ − τ)²)
+        let mixed = by_c * sine;
+        let (sign, zero) = (mixed.select_above(0.0, one, -one), [T::constant(0.0); 3]);
+        let size = half * mixed.abs();
+        let of_u = square(size, subtract(f.e1, scale(turn_u, sign)), zero);
+        let of_w = square(size, zero, add(f.e2, scale(turn_w, sign)));
+        Hessian {
+            uu: sum(sum(sum(in_plane.uu, alike.uu), unlike.uu), of_u.uu),
+            uw: sum(sum(in_plane.uw, alike.uw), unlike.uw),
+            ww: sum(sum(sum(in_plane.ww, alike.ww), unlike.ww), of_w.ww),
+        }
+    }
+}
+
+impl<T: Scalar> Hessian<T> {
+    /// Gives the blocks by the positions to `put`: the diagonal ones of a, o, c, then those of the spring's pairs.
+    #[inline(always)]
+    pub fn blocks(&self, mut put: impl FnMut(usize, &Matrix<T>)) {
+        let Self { uu, uw, ww } = *self;
+        put(0, &uu);
+        put(1, &difference(difference(sum(uu, ww), uw), transposed(uw)));
+        put(2, &ww);
+        put(3, &difference(uw, uu));
+        put(4, &negated(uw));
+        put(5, &difference(uw, ww));
+    }
 }
 
 /// (∂/∂u, ∂/∂w) of aᵀ (∂²E) b, where `a` and `b` are directions in (u, w).
@@ -145,59 +235,72 @@ pub fn third(
     [u, w]: [DVec3; 2],
     stiffness: f64,
     rest_angle: f64,
-    [au, aw]: [DVec3; 2],
-    [bu, bw]: [DVec3; 2],
+    a: [DVec3; 2],
+    b: [DVec3; 2],
 ) -> [DVec3; 2] {
-    gradient_of(hyper_dual::lift(u, au, bu), hyper_dual::lift(w, aw, bw), stiffness, rest_angle)
-        .1
-        .map(hyper_dual::mixed)
+    let [a, b] = [a, b].map(|d| d.map(|d| d.to_array()));
+    spring(u, w, stiffness, rest_angle).third(a, b).map(DVec3::from_array)
 }
 
 /// What the Hessians share: unit edges, the cosine and its gradients, the angle and its derivatives.
-struct Frame {
-    e1: DVec3,
-    e2: DVec3,
-    inverse_u: f64,
-    inverse_w: f64,
-    cosine: f64,
+struct Frame<T> {
+    e1: Vector<T>,
+    e2: Vector<T>,
+    inverse_u: T,
+    inverse_w: T,
+    cosine: T,
     /// ∂cosine/∂u.
-    cu: DVec3,
+    cu: Vector<T>,
     /// ∂cosine/∂w.
-    cw: DVec3,
-    theta: f64,
+    cw: Vector<T>,
+    theta: T,
     /// dθ/dcosine.
-    d_theta: f64,
+    d_theta: T,
     /// d²θ/dcosine².
-    dd_theta: f64,
+    dd_theta: T,
 }
 
-impl Frame {
-    fn new(u: DVec3, w: DVec3) -> Self {
-        let inverse_u = 1.0 / (u.length_squared() + SQ_LENGTH_FLOOR).sqrt();
-        let inverse_w = 1.0 / (w.length_squared() + SQ_LENGTH_FLOOR).sqrt();
-        let (e1, e2) = (u * inverse_u, w * inverse_w);
-        let cosine = e1.dot(e2);
+impl<T: Scalar> Frame<T> {
+    #[inline(always)]
+    fn new(spring: &Turned<T>) -> Self {
+        let (u, w) = (spring.u, spring.w);
+        let inverse_u = (dot(u, u) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
+        let inverse_w = (dot(w, w) + T::constant(SQ_LENGTH_FLOOR)).sqrt().recip();
+        let (e1, e2) = (scale(u, inverse_u), scale(w, inverse_w));
+        let cosine = dot(e1, e2);
         let q = 1.0 - EPSILON;
-        let s = q * cosine;
-        let r = 1.0 / (1.0 - s * s).sqrt();
+        let s = T::constant(q) * cosine;
+        let r = (T::constant(1.0) - s * s).sqrt().recip();
         Self {
             e1,
             e2,
             inverse_u,
             inverse_w,
             cosine,
-            cu: (e2 - e1 * cosine) * inverse_u,
-            cw: (e1 - e2 * cosine) * inverse_w,
+            cu: scale(subtract(e2, scale(e1, cosine)), inverse_u),
+            cw: scale(subtract(e1, scale(e2, cosine)), inverse_w),
             theta: s.acos(),
-            d_theta: -q * r,
-            dd_theta: -q * q * s * r * r * r,
+            d_theta: T::constant(-q) * r,
+            dd_theta: T::constant(-q * q) * s * r * r * r,
         }
+    }
+
+    #[inline(always)]
+    fn gauss_newton(&self, stiffness: T) -> Hessian<T> {
+        let k = stiffness * self.d_theta * self.d_theta;
+        let (cu, cw) = (scale(self.cu, k), scale(self.cw, k));
+        Hessian { uu: outer(self.cu, cu), uw: outer(self.cu, cw), ww: outer(self.cw, cw) }
     }
 }
 
-fn gauss_newton(f: &Frame, stiffness: f64) -> Hessian {
-    let k = stiffness * f.d_theta * f.d_theta;
-    Hessian { uu: outer(f.cu, f.cu * k), uw: outer(f.cu, f.cw * k), ww: outer(f.cw, f.cw * k) }
+/// Some direction at a right angle to the `unit` vector. Source: Duff et al. 2017, "Building an Orthonormal Basis,
+/// Revisited".
+#[inline(always)]
+fn any_normal<T: Real>([x, y, z]: Vector<T>) -> Vector<T> {
+    let one = T::constant(1.0);
+    let sign = z.select_above(0.0, one, -one);
+    let a = -(sign + z).recip();
+    [x * y * a, sign + y * y * a, -y]
 }
 
 #[cfg(test)]
@@ -207,7 +310,8 @@ mod tests {
 
     /// dᵀ H d for d = (du, dw).
     fn form(h: &Hessian, du: DVec3, dw: DVec3) -> f64 {
-        du.dot(h.uu * du) + 2.0 * du.dot(h.uw * dw) + dw.dot(h.ww * dw)
+        let (du, dw) = (du.to_array(), dw.to_array());
+        super::form(du, h.uu, du) + 2.0 * super::form(du, h.uw, dw) + super::form(dw, h.ww, dw)
     }
 
     #[test]

@@ -1,12 +1,13 @@
 //! The cloth as a mechanical system: masses, springs, and sums over them.
 
+use std::ops::{AddAssign, Sub, SubAssign};
 use std::sync::Arc;
 
-use glam::DVec3;
-use rayon::prelude::*;
+use glam::{DMat3, DVec3};
 
 use super::contact::Contact;
 use super::continuum::Continuum;
+use super::springs::{self, SpringSides, Springs};
 use super::stiffness::{Energy, HessianKind, Stiffness};
 use super::{angle, lattice::Lattice, stretch};
 use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns};
@@ -17,8 +18,6 @@ use tessuto_core::mesh::{Mesh, triangle_area};
 pub const AREA_DENSITY: f64 = 0.1;
 /// Angle pairs whose rest deflection is below this bend, the others shear `[rad]`.
 const BEND_LIMIT: f64 = std::f64::consts::FRAC_PI_4;
-/// Elements of one parallel task; fewer cost more to hand over than to do.
-const TASK: usize = 1000;
 
 /// A spring along a mesh edge.
 #[derive(Debug, Clone, Copy)]
@@ -76,6 +75,8 @@ pub struct Cloth {
     pub pattern: Arc<BlockPattern>,
     /// Symbolic factorisation of `pattern`.
     pub analysis: Arc<Analysis>,
+    /// Of its springs.
+    pub(super) sides: SpringSides,
     /// Of springs on a regular grid.
     pub lattice: Option<Arc<Lattice>>,
     /// What it touches; `None` lets it pass through everything.
@@ -128,6 +129,7 @@ impl Cloth {
             .collect();
         let pattern = BlockPattern::new(x, &pairs);
         let analysis = Analysis::new(&pattern);
+        let sides = springs::sides(&pattern, &edges, [&bends, &shears]);
         Self {
             masses: lumped_masses(template),
             edges,
@@ -135,6 +137,7 @@ impl Cloth {
             shears,
             triangles: template.triangles(),
             continuum: None,
+            sides,
             triangle_pairs,
             pattern: Arc::new(pattern),
             analysis: Arc::new(analysis),
@@ -187,29 +190,7 @@ impl Cloth {
         if let Some(continuum) = &self.continuum {
             return continuum.add_gradient(stiffness, x, scale, out);
         }
-        let mut second = vec![DVec3::ZERO; out.len()];
-        let [first_half, second_half] = self.angle_halves(stiffness);
-        let of_spring = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
-            let [u, w] = arms(x, h.vertices);
-            let (value, gradient) = angle::value_and_gradient(u, w, k, h.rest_angle);
-            h.scatter(gradient.map(|g| g * scale), out);
-            value
-        };
-        let of_edge = |(e, &k): (&Edge, &f64), out: &mut [DVec3]| {
-            let (along, k) = (e.along(x), e.stiffness(k, x));
-            e.scatter(stretch::gradient(along, k, e.rest_length) * scale, out);
-            stretch::value(along, k, e.rest_length)
-        };
-        let (first_sum, second_sum) = rayon::join(
-            || {
-                let edges: f64 =
-                    self.edges.iter().zip(&stiffness.stretch).map(|edge| of_edge(edge, out)).sum();
-                edges + first_half.map(|h| of_spring(h, out)).sum::<f64>()
-            },
-            || second_half.map(|h| of_spring(h, &mut second)).sum::<f64>(),
-        );
-        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
-        first_sum + second_sum
+        self.springs(stiffness).add_gradient(x, scale, out)
     }
 
     /// Adds `scale`·∂²E/∂x² of [`energy`](Self::energy) to `matrix` [N/m].
@@ -224,35 +205,7 @@ impl Cloth {
         if let Some(continuum) = &self.continuum {
             return continuum.add_hessian(stiffness, x, kind, scale, (&self.pattern, matrix));
         }
-        let of_edge = match kind {
-            HessianKind::Exact => stretch::hessian,
-            HessianKind::Projected | HessianKind::GaussNewton => stretch::hessian_projected,
-        };
-        let of_angle = match kind {
-            HessianKind::Exact => angle::hessian,
-            HessianKind::Projected => angle::hessian_projected,
-            HessianKind::GaussNewton => angle::hessian_gauss_newton,
-        };
-        // Springs on the border are computed for both halves: the same bits on one thread and on two.
-        let add = |mut columns: Columns| {
-            let span = columns.span();
-            for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                if span.holds_any(&self.pattern, &e.vertices) {
-                    let h = of_edge(e.along(x), e.stiffness(k, x) * scale, e.rest_length);
-                    e.vertices.iter().for_each(|&v| columns.add_diagonal(&self.pattern, v as usize, &h));
-                    columns.add_pair(&self.pattern, e.pair, &-h);
-                }
-            }
-            for (spring, k) in self.angles(stiffness) {
-                if span.holds_any(&self.pattern, &spring.vertices) {
-                    let [u, w] = arms(x, spring.vertices);
-                    let h = of_angle(u, w, k * scale, spring.rest_angle);
-                    spring.scatter_hessian(&h, &self.pattern, &mut columns);
-                }
-            }
-        };
-        let [first, second] = matrix.halves(&self.pattern);
-        rayon::join(|| add(first), || add(second));
+        self.springs(stiffness).add_hessian(x, kind, scale, matrix);
     }
 
     /// Adds `scale`·∂/∂x [ aᵀ (∂²E/∂x²) b ] to `out`.
@@ -267,24 +220,7 @@ impl Cloth {
         if let Some(continuum) = &self.continuum {
             return continuum.add_third(stiffness, x, [a, b], scale, out);
         }
-        let mut second = vec![DVec3::ZERO; out.len()];
-        let [first_half, second_half] = self.angle_halves(stiffness);
-        let of_spring = |(h, k): (&AngleSpring, f64), out: &mut [DVec3]| {
-            let (at, va, vb) = (arms(x, h.vertices), arms(a, h.vertices), arms(b, h.vertices));
-            h.scatter(angle::third(at, k * scale, h.rest_angle, va, vb), out);
-        };
-        rayon::join(
-            || {
-                for (e, &k) in self.edges.iter().zip(&stiffness.stretch) {
-                    let k = e.stiffness(k, x) * scale;
-                    let third = stretch::third(e.along(x), k, e.rest_length, e.along(a), e.along(b));
-                    e.scatter(third, out);
-                }
-                first_half.for_each(|h| of_spring(h, out));
-            },
-            || second_half.for_each(|h| of_spring(h, &mut second)),
-        );
-        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
+        self.springs(stiffness).add_third(x, [a, b], scale, out);
     }
 
     /// Adds `scale`·λᵀ ∂(∂E/∂x)/∂k to `out` for the stiffness k of every element.
@@ -292,18 +228,7 @@ impl Cloth {
         if let Some(continuum) = &self.continuum {
             return continuum.add_gradient_by_stiffness(x, lambda, scale, out);
         }
-        for (e, out) in self.edges.iter().zip(&mut out.stretch) {
-            let unit = stretch::gradient(e.along(x), e.stiffness(1.0, x), e.rest_length);
-            *out += scale * unit.dot(e.along(lambda));
-        }
-        for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
-            hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(h, out)| {
-                let [u, w] = arms(x, h.vertices);
-                let [gu, gw] = angle::gradient(u, w, 1.0, h.rest_angle);
-                let [lu, lw] = arms(lambda, h.vertices);
-                *out += scale * (gu.dot(lu) + gw.dot(lw));
-            });
-        }
+        springs::add_gradient_by_stiffness(self, x, lambda, scale, out);
     }
 
     /// Adds `scale`·aᵀ ∂(∂²E/∂x²)/∂k b to `out` for the stiffness k of every element.
@@ -317,34 +242,11 @@ impl Cloth {
         if let Some(continuum) = &self.continuum {
             return continuum.add_hessian_by_stiffness(x, [a, b], scale, out);
         }
-        for (e, out) in self.edges.iter().zip(&mut out.stretch) {
-            let unit = stretch::hessian(e.along(x), e.stiffness(1.0, x), e.rest_length);
-            *out += scale * e.along(a).dot(unit * e.along(b));
-        }
-        for (hinges, out) in [(&self.bends, &mut out.bend), (&self.shears, &mut out.shear)] {
-            hinges.par_iter().zip(out).with_min_len(TASK).for_each(|(spring, out)| {
-                let [u, w] = arms(x, spring.vertices);
-                let h = angle::hessian(u, w, 1.0, spring.rest_angle);
-                let ([au, aw], [bu, bw]) = (arms(a, spring.vertices), arms(b, spring.vertices));
-                *out += scale
-                    * (au.dot(h.uu * bu + h.uw * bw) + aw.dot(h.uw.transpose() * bu) + aw.dot(h.ww * bw));
-            });
-        }
+        springs::add_hessian_by_stiffness(self, x, [a, b], scale, out);
     }
 
-    /// Bending, then shearing pairs, each with its stiffness.
-    fn angles<'a>(&'a self, stiffness: &'a Stiffness) -> impl Iterator<Item = (&'a AngleSpring, f64)> + Send {
-        let bends = self.bends.iter().zip(stiffness.bend.iter().copied());
-        bends.chain(self.shears.iter().zip(stiffness.shear.iter().copied()))
-    }
-
-    /// [`Self::angles`] in two halves, always the same.
-    fn angle_halves<'a>(
-        &'a self,
-        stiffness: &'a Stiffness,
-    ) -> [Box<dyn Iterator<Item = (&'a AngleSpring, f64)> + Send + 'a>; 2] {
-        let half = usize::midpoint(self.bends.len(), self.shears.len());
-        [Box::new(self.angles(stiffness).take(half)), Box::new(self.angles(stiffness).skip(half))]
+    fn springs<'a>(&'a self, stiffness: &'a Stiffness) -> Springs<'a> {
+        Springs { cloth: self, stiffness }
     }
 }
 
@@ -382,7 +284,7 @@ impl Edge {
 
     /// Adds the gradient by the vector between its ends to those by the positions.
     #[inline]
-    pub fn scatter(&self, gradient: DVec3, out: &mut [DVec3]) {
+    pub fn scatter<V: Copy + AddAssign + SubAssign>(&self, gradient: V, out: &mut [V]) {
         out[self.vertices[0] as usize] -= gradient;
         out[self.vertices[1] as usize] += gradient;
     }
@@ -391,7 +293,11 @@ impl Edge {
 impl AngleSpring {
     /// Adds the gradients by (u, w) to those by the positions.
     #[inline]
-    pub fn scatter(&self, [gu, gw]: [DVec3; 2], out: &mut [DVec3]) {
+    pub fn scatter<V: Copy + Sub<Output = V> + AddAssign + SubAssign>(
+        &self,
+        [gu, gw]: [V; 2],
+        out: &mut [V],
+    ) {
         let [a, o, c] = self.vertices.map(|v| v as usize);
         out[a] -= gu;
         out[o] += gu - gw;
@@ -401,15 +307,13 @@ impl AngleSpring {
     /// Adds the second derivatives by (u, w) to those by the positions.
     #[inline]
     pub fn scatter_hessian(&self, h: &angle::Hessian, pattern: &BlockPattern, columns: &mut Columns) {
-        let [a, o, c] = self.vertices.map(|v| v as usize);
-        let [ao, ac, oc] = self.pairs;
-        // u = o − a, w = c − o.
-        columns.add_diagonal(pattern, a, &h.uu);
-        columns.add_diagonal(pattern, o, &(h.uu + h.ww - h.uw - h.uw.transpose()));
-        columns.add_diagonal(pattern, c, &h.ww);
-        columns.add_pair(pattern, ao, &(h.uw - h.uu));
-        columns.add_pair(pattern, ac, &-h.uw);
-        columns.add_pair(pattern, oc, &(h.uw - h.ww));
+        h.blocks(|place, block| {
+            let block = &DMat3::from_cols_array_2d(block);
+            match self.vertices.get(place) {
+                Some(vertex) => columns.add_diagonal(pattern, *vertex as usize, block),
+                None => columns.add_pair(pattern, self.pairs[place - 3], block),
+            }
+        });
     }
 }
 

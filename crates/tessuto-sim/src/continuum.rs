@@ -6,9 +6,9 @@ use rayon::prelude::*;
 use super::hinge::{self, Bent, Hinge};
 use super::membrane::{self, Coefficients, Membrane, Strained, by_corners};
 use super::stiffness::{Energy, HessianKind, Stiffness};
-use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns, Place};
-use tessuto_core::math::lanes::{LANES, Lanes, each_matrix, each_vector, gather, in_lanes};
-use tessuto_core::math::scalar::{Matrix, Real, Vector, scale as scaled};
+use tessuto_core::math::block_matrix::{BlockMatrix, BlockPattern, Columns, Sides};
+use tessuto_core::math::lanes::{LANES, Lanes, add_rows, each_row, gather, in_lanes, rows};
+use tessuto_core::math::scalar::{Real, Vector, dot, scale as scaled};
 
 /// Elements of one parallel task; fewer cost more to hand over than to do.
 const TASK: usize = 500;
@@ -20,9 +20,18 @@ pub struct Continuum {
     pub membranes: Vec<Membrane>,
     /// One of each edge between two of them.
     pub hinges: Vec<Hinge>,
+    /// Membranes, then hinges.
+    sides: [Sides; 2],
 }
 
 impl Continuum {
+    /// The continuum of these elements, whose pairs are the `pattern`'s.
+    pub fn new(membranes: Vec<Membrane>, hinges: Vec<Hinge>, pattern: &BlockPattern) -> Self {
+        let of_membranes = pattern.sides(membranes.iter().map(|m| &m.vertices[..]));
+        let of_hinges = pattern.sides(hinges.iter().map(|h| &h.vertices[..]));
+        Self { membranes, hinges, sides: [of_membranes, of_hinges] }
+    }
+
     pub(super) fn energy(&self, stiffness: &Stiffness, x: &[DVec3]) -> Energy {
         let of_membranes = || {
             let of = |(m, c): (&Membrane, &Coefficients)| m.strained(m.gradients(x), *c).value();
@@ -42,22 +51,17 @@ impl Continuum {
         scale: f64,
         out: &mut [DVec3],
     ) -> f64 {
-        let each = |values: Lanes, [a, b, c]: [Vector<Lanes>; 3]| {
-            let vectors = |gradient| each_vector(scaled(gradient, Lanes::splat(scale)));
-            let (values, a, b, c) = (values.to_array(), vectors(a), vectors(b), vectors(c));
-            let element = |k: usize| (values[k], [a[k], b[k], c[k]]);
-            [element(0), element(1), element(2), element(3)]
-        };
+        let (scale, x) = (Lanes::splat(scale), &rows(x));
         self.add_of_elements(
             out,
             |ks| {
                 let (strained, weights) = self.strained(ks, stiffness, x, 1.0);
                 let [stretch, shear] = strained.value();
-                each(stretch + shear, by_corners(strained.gradient(), weights))
+                each(stretch + shear, by_corners(strained.gradient(), weights).map(|g| scaled(g, scale)))
             },
             |ks| {
                 let (value, gradient) = self.bent(ks, stiffness, x, 1.0).value_and_gradient();
-                each(value, gradient)
+                each(value, gradient.map(|g| scaled(g, scale)))
             },
         )
     }
@@ -70,20 +74,19 @@ impl Continuum {
         scale: f64,
         out: &mut [DVec3],
     ) {
+        let (x, a, b) = (&rows(x), &rows(a), &rows(b));
         self.add_of_elements(
             out,
             |ks| {
-                ks.map(|k| {
-                    let m = &self.membranes[k];
-                    let c = stiffness.membrane[k].map(|c| c * scale);
-                    (0.0, m.third(m.gradients(x), c, m.gradients(a), m.gradients(b)))
-                })
+                let (strained, weights) = self.strained(ks, stiffness, x, scale);
+                let of = |field: &[Lanes]| {
+                    Membrane::gradients_lanes(ks.map(|k| &self.membranes[k]), weights, field)
+                };
+                each(Lanes::ZERO, by_corners(strained.third(of(a), of(b)), weights))
             },
             |ks| {
-                ks.map(|k| {
-                    let h = &self.hinges[k];
-                    (0.0, h.third(h.arms(x), stiffness.hinge[k] * scale, h.arms(a), h.arms(b)))
-                })
+                let of = |field: &[Lanes]| Hinge::arms_lanes(ks.map(|k| &self.hinges[k]), field);
+                each(Lanes::ZERO, self.bent(ks, stiffness, x, scale).third(of(a), of(b)))
             },
         );
     }
@@ -94,7 +97,7 @@ impl Continuum {
         &self,
         ks: [usize; LANES],
         stiffness: &Stiffness,
-        x: &[DVec3],
+        x: &[Lanes],
         scale: f64,
     ) -> (Strained<Lanes>, membrane::Weights<Lanes>) {
         let coefficient = |c: usize| gather(|k| stiffness.membrane[ks[k]][c] * scale);
@@ -104,7 +107,7 @@ impl Continuum {
 
     /// Four hinges with their vertices at `x`.
     #[inline(always)]
-    fn bent(&self, ks: [usize; LANES], stiffness: &Stiffness, x: &[DVec3], scale: f64) -> Bent<Lanes> {
+    fn bent(&self, ks: [usize; LANES], stiffness: &Stiffness, x: &[Lanes], scale: f64) -> Bent<Lanes> {
         let stiffnesses = gather(|k| stiffness.hinge[ks[k]] * scale);
         Hinge::bent_lanes(ks.map(|k| &self.hinges[k]), x, stiffnesses)
     }
@@ -114,13 +117,13 @@ impl Continuum {
     fn add_of_elements(
         &self,
         out: &mut [DVec3],
-        of_membranes: impl Fn([usize; LANES]) -> [(f64, [DVec3; 3]); LANES] + Send + Sync,
-        of_hinges: impl Fn([usize; LANES]) -> [(f64, [DVec3; 3]); LANES] + Send + Sync,
+        of_membranes: impl Fn([usize; LANES]) -> [(f64, [Lanes; 3]); LANES] + Send + Sync,
+        of_hinges: impl Fn([usize; LANES]) -> [(f64, [Lanes; 3]); LANES] + Send + Sync,
     ) -> f64 {
-        let mut second = vec![DVec3::ZERO; out.len()];
+        let [mut first, mut second] = [0, 1].map(|_| vec![Lanes::ZERO; out.len()]);
         // About as long work for both: membranes, quicker than hinges, are all in the first sum.
         let split = (self.hinges.len() / 2).saturating_sub(self.membranes.len() / 8);
-        let hinges = |range: std::ops::Range<usize>, out: &mut [DVec3]| {
+        let hinges = |range: std::ops::Range<usize>, out: &mut [Lanes]| {
             let mut sum = 0.0;
             in_lanes(range, |ks, count| {
                 for (&k, (value, gradient)) in ks[..count].iter().zip(of_hinges(ks)) {
@@ -135,15 +138,15 @@ impl Continuum {
                 let mut sum = 0.0;
                 in_lanes(0..self.membranes.len(), |ks, count| {
                     for (&k, (value, gradient)) in ks[..count].iter().zip(of_membranes(ks)) {
-                        self.membranes[k].scatter(gradient, out);
+                        self.membranes[k].scatter(gradient, &mut first);
                         sum += value;
                     }
                 });
-                sum + hinges(0..split, out)
+                sum + hinges(0..split, &mut first)
             },
             || hinges(split..self.hinges.len(), &mut second),
         );
-        out.iter_mut().zip(&second).for_each(|(out, g)| *out += *g);
+        [first, second].iter().for_each(|rows| add_rows(rows, out));
         first_sum + second_sum
     }
 
@@ -155,33 +158,31 @@ impl Continuum {
         scale: f64,
         (pattern, matrix): (&BlockPattern, &mut BlockMatrix),
     ) {
-        // Elements on the border are computed for both halves: the same bits on one thread and on two.
-        let add = |mut columns: Columns| {
-            let span = columns.span();
-            let membranes =
-                (0..self.membranes.len()).filter(|&k| span.holds_any(pattern, &self.membranes[k].vertices));
+        let x = &rows(x);
+        let add = |mut columns: Columns, side: usize| {
+            let membranes = self.sides[0][side].iter().map(|k| *k as usize);
             in_lanes(membranes, |ks, count| {
                 let (strained, weights) = self.strained(ks, stiffness, x, scale);
-                hessian_of_membrane(&strained, kind).blocks(weights, |place, block| {
-                    let places = ks
-                        .map(|k| &self.membranes[k])
-                        .map(|m| Place::of_element(&m.vertices, &m.pairs, place));
-                    add_blocks(pattern, &mut columns, &places[..count], block);
+                let of = ks.map(|k| &self.membranes[k]);
+                hessian_of_membrane(&strained, kind).blocks(weights, |place, block| match place {
+                    0..3 => columns.add_diagonals(pattern, of.map(|m| m.vertices[place]), count, block),
+                    _ => columns.add_pairs(pattern, of.map(|m| m.pairs[place - 3]), count, block),
                 });
             });
-            let hinges =
-                (0..self.hinges.len()).filter(|&k| span.holds_any(pattern, &self.hinges[k].vertices));
+            let hinges = self.sides[1][side].iter().map(|k| *k as usize);
             in_lanes(hinges, |ks, count| {
                 let bent = self.bent(ks, stiffness, x, scale);
-                hessian_of_hinge(&bent, kind).blocks(|place, block| {
-                    let places =
-                        ks.map(|k| &self.hinges[k]).map(|h| Place::of_element(&h.vertices, &h.pairs, place));
-                    add_blocks(pattern, &mut columns, &places[..count], block);
+                let of = ks.map(|k| &self.hinges[k]);
+                hessian_of_hinge(&bent, kind).blocks(|place, block| match place {
+                    0..4 => columns.add_diagonals(pattern, of.map(|h| h.vertices[place]), count, block),
+                    _ => columns.add_pairs(pattern, of.map(|h| h.pairs[place - 4]), count, block),
                 });
             });
         };
         let [first, second] = matrix.halves(pattern);
-        rayon::join(|| add(first), || add(second));
+        rayon::join(|| add(first, 0), || add(second, 1));
+        // The few on the border: the same bits on one thread and on two.
+        add(matrix.whole(), 2);
     }
 
     pub(super) fn add_gradient_by_stiffness(
@@ -195,10 +196,11 @@ impl Continuum {
             let by = m.gradient_by_coefficients(m.gradients(x), m.gradients(lambda));
             out.iter_mut().zip(by).for_each(|(out, by)| *out += scale * by);
         });
-        self.hinges.par_iter().zip(&mut out.hinge).with_min_len(TASK).for_each(|(h, out)| {
-            let (_, gradient) = h.bent(h.arms(x), 1.0).value_and_gradient();
-            let along = gradient.iter().zip(h.arms(lambda)).map(|(g, l)| DVec3::from_array(*g).dot(l));
-            *out += scale * along.sum::<f64>();
+        let (x, lambda) = (&rows(x), &rows(lambda));
+        self.add_by_bending(scale, &mut out.hinge, |hinges| {
+            let [e, u, w] = Hinge::arms_lanes(hinges, lambda);
+            let [ge, gu, gw] = Hinge::bent_lanes(hinges, x, Lanes::ONE).value_and_gradient().1;
+            dot(ge, e) + dot(gu, u) + dot(gw, w)
         });
     }
 
@@ -213,8 +215,25 @@ impl Continuum {
             let by = m.hessian_by_coefficients(m.gradients(x), m.gradients(a), m.gradients(b));
             out.iter_mut().zip(by).for_each(|(out, by)| *out += scale * by);
         });
-        self.hinges.par_iter().zip(&mut out.hinge).with_min_len(TASK).for_each(|(h, out)| {
-            *out += scale * h.bent(h.arms(x), 1.0).hessian().form(h.arms(a), h.arms(b));
+        let (x, a, b) = (&rows(x), &rows(a), &rows(b));
+        self.add_by_bending(scale, &mut out.hinge, |hinges| {
+            let [a, b] = [a, b].map(|field| Hinge::arms_lanes(hinges, field));
+            Hinge::bent_lanes(hinges, x, Lanes::ONE).hessian().form(a, b)
+        });
+    }
+
+    /// Adds `scale` times a number `of` every hinge.
+    fn add_by_bending(
+        &self,
+        scale: f64,
+        out: &mut [f64],
+        of: impl Fn([&Hinge; LANES]) -> Lanes + Send + Sync,
+    ) {
+        self.hinges.par_chunks(TASK).zip(out.par_chunks_mut(TASK)).for_each(|(hinges, out)| {
+            in_lanes(0..hinges.len(), |ks, count| {
+                let values = of(ks.map(|k| &hinges[k])).to_array();
+                ks.iter().zip(values).take(count).for_each(|(k, value)| out[*k] += scale * value);
+            });
         });
     }
 }
@@ -239,11 +258,12 @@ fn hessian_of_hinge<T: Real>(bent: &Bent<T>, kind: HessianKind) -> hinge::Hessia
     }
 }
 
-/// Adds one block of each of some elements.
-fn add_blocks(pattern: &BlockPattern, columns: &mut Columns, places: &[Place], block: &Matrix<Lanes>) {
-    for (place, block) in places.iter().zip(&each_matrix(block)) {
-        columns.add_block(pattern, *place, block);
-    }
+/// The numbers and the rows of four elements, element by element.
+#[inline(always)]
+fn each(values: Lanes, [a, b, c]: [Vector<Lanes>; 3]) -> [(f64, [Lanes; 3]); LANES] {
+    let (values, a, b, c) = (values.to_array(), each_row(a), each_row(b), each_row(c));
+    let element = |k: usize| (values[k], [a[k], b[k], c[k]]);
+    [element(0), element(1), element(2), element(3)]
 }
 
 #[cfg(test)]
@@ -253,6 +273,7 @@ mod tests {
     use super::*;
     use crate::{Cloth, Fabric};
     use tessuto_core::math::rng::Rng;
+    use tessuto_core::math::scalar::Matrix;
     use tessuto_core::mesh::grid;
 
     #[test]
@@ -267,18 +288,21 @@ mod tests {
             let [mut fast, mut plain] = [0, 1].map(|_| BlockMatrix::zeros(&cloth.pattern));
             continuum.add_hessian(&stiffness, &x, kind, 1.0, (&cloth.pattern, &mut fast));
             let mut columns = plain.whole();
-            let mut add = |place, block: &Matrix<f64>| {
-                columns.add_block(&cloth.pattern, place, &DMat3::from_cols_array_2d(block));
+            let mut add = |vertices: &[u32], pairs: &[usize], place: usize, block: &Matrix<f64>| {
+                let block = &DMat3::from_cols_array_2d(block);
+                match vertices.get(place) {
+                    Some(vertex) => columns.add_diagonal(&cloth.pattern, *vertex as usize, block),
+                    None => columns.add_pair(&cloth.pattern, pairs[place - vertices.len()], block),
+                }
             };
             for (m, c) in continuum.membranes.iter().zip(&stiffness.membrane) {
                 let strained = m.strained(m.gradients(&x), *c);
                 hessian_of_membrane(&strained, kind)
-                    .blocks(m.weights, |k, block| add(Place::of_element(&m.vertices, &m.pairs, k), block));
+                    .blocks(m.weights, |k, block| add(&m.vertices, &m.pairs, k, block));
             }
             for (h, b) in continuum.hinges.iter().zip(&stiffness.hinge) {
                 let bent = h.bent(h.arms(&x), *b);
-                hessian_of_hinge(&bent, kind)
-                    .blocks(|k, block| add(Place::of_element(&h.vertices, &h.pairs, k), block));
+                hessian_of_hinge(&bent, kind).blocks(|k, block| add(&h.vertices, &h.pairs, k, block));
             }
             let (difference, largest) = fast.difference(&plain);
             // Summed in another order.

@@ -11,6 +11,7 @@ use super::cloth::{Cloth, lumped_masses};
 use super::continuum::Continuum;
 use super::hinge::Hinge;
 use super::membrane::{Coefficients, Membrane};
+use super::springs::SpringSides;
 use super::stiffness::Stiffness;
 use tessuto_core::math::block_matrix::BlockPattern;
 use tessuto_core::math::factor::Analysis;
@@ -108,7 +109,8 @@ impl Cloth {
             edges: Vec::new(),
             bends: Vec::new(),
             shears: Vec::new(),
-            continuum: Some(Continuum { membranes, hinges }),
+            continuum: Some(Continuum::new(membranes, hinges, &pattern)),
+            sides: SpringSides::default(),
             triangles: template.triangles(),
             triangle_pairs,
             pattern: Arc::new(pattern),

@@ -17,10 +17,11 @@
 //! derivatives.
 
 use std::f64::consts::TAU;
+use std::ops::{Add, AddAssign, SubAssign};
 
 use glam::DVec3;
 
-use tessuto_core::math::hyper_dual;
+use tessuto_core::math::hyper_dual::{HyperDual, lift, mixed};
 use tessuto_core::math::lanes::{LANES, Lanes, gather, vectors};
 use tessuto_core::math::scalar::{
     Matrix, Real, Scalar, TINY, Vector, add, cross, dot, form, negated, negative, outer, scale, scaled,
@@ -85,31 +86,31 @@ impl Hinge {
         Bent { arms: arms.map(|a| a.to_array()), rest_angle: self.rest_angle, k: stiffness * self.weight }
     }
 
-    /// Four hinges with their vertices at `x` `[m]`, for their stiffnesses B `[J]`.
+    /// Four hinges with their vertices at the rows `x` `[m]`, for their stiffnesses B `[J]`.
     #[inline(always)]
-    pub fn bent_lanes(hinges: [&Self; LANES], x: &[DVec3], stiffness: Lanes) -> Bent<Lanes> {
-        let corners = |c: usize| vectors(x, hinges.map(|h| h.vertices[c]));
-        let (a, b, c, d) = (corners(0), corners(1), corners(2), corners(3));
+    pub fn bent_lanes(hinges: [&Self; LANES], x: &[Lanes], stiffness: Lanes) -> Bent<Lanes> {
         Bent {
-            arms: [subtract(b, a), subtract(c, a), subtract(d, a)],
+            arms: Self::arms_lanes(hinges, x),
             rest_angle: gather(|k| hinges[k].rest_angle),
             k: stiffness * gather(|k| hinges[k].weight),
         }
     }
 
-    /// ∂ by the arms of aᵀ (∂²E) b, with `a` and `b` directions of the arms.
-    pub fn third(&self, arms: Arms, stiffness: f64, a: Arms, b: Arms) -> Arms {
-        let bent = self.bent(arms, stiffness);
-        let lifted = Bent {
-            arms: [0, 1, 2].map(|k| hyper_dual::lift(arms[k], a[k], b[k])),
-            rest_angle: Scalar::constant(bent.rest_angle),
-            k: Scalar::constant(bent.k),
-        };
-        lifted.value_and_gradient().1.map(hyper_dual::mixed)
+    /// The arms of a field's rows `[V]` at four hinges.
+    #[inline(always)]
+    pub fn arms_lanes(hinges: [&Self; LANES], field: &[Lanes]) -> [Vector<Lanes>; 3] {
+        let corners = |c: usize| vectors(field, hinges.map(|h| h.vertices[c]));
+        let (a, b, c, d) = (corners(0), corners(1), corners(2), corners(3));
+        [subtract(b, a), subtract(c, a), subtract(d, a)]
     }
 
     /// Adds a derivative by the arms, as one by the positions.
-    pub fn scatter(&self, [ge, gu, gw]: Arms, out: &mut [DVec3]) {
+    #[inline(always)]
+    pub fn scatter<V: Copy + Add<Output = V> + AddAssign + SubAssign>(
+        &self,
+        [ge, gu, gw]: [V; 3],
+        out: &mut [V],
+    ) {
         let [a, b, c, d] = self.vertices.map(|v| v as usize);
         out[a] -= ge + gu + gw;
         out[b] += ge;
@@ -140,6 +141,18 @@ impl<T: Scalar> Bent<T> {
         let by_e = add(scale(a, cu), scale(b, cw));
         let value = T::constant(0.5) * slope * deflection;
         (value, [by_e, negative(scale(a, length)), negative(scale(b, length))])
+    }
+
+    /// ∂ by the arms of aᵀ (∂²E) b, with `a` and `b` directions of the arms.
+    #[inline(always)]
+    pub fn third(&self, a: [Vector<T>; 3], b: [Vector<T>; 3]) -> [Vector<T>; 3] {
+        let arm = |k: usize| lift(self.arms[k], a[k], b[k]);
+        let lifted = Bent {
+            arms: [arm(0), arm(1), arm(2)],
+            rest_angle: HyperDual::fixed(self.rest_angle),
+            k: HyperDual::fixed(self.k),
+        };
+        lifted.value_and_gradient().1.map(mixed)
     }
 
     /// θ − θ0 `[rad]`, within half a turn; θ is 0 for a flat sheet.
@@ -274,13 +287,15 @@ impl<T: Real> Hessian<T> {
     }
 }
 
-impl Hessian<f64> {
+impl<T: Scalar> Hessian<T> {
     /// aᵀ H b.
-    pub fn form(&self, a: Arms, b: Arms) -> f64 {
+    #[inline(always)]
+    pub fn form(&self, a: [Vector<T>; 3], b: [Vector<T>; 3]) -> T {
         let Self([ee, eu, ew, uu, uw, ww]) = *self;
         let rows = [[ee, eu, ew], [transposed(eu), uu, uw], [transposed(ew), transposed(uw), ww]];
-        let (a, b) = (a.map(|a| a.to_array()), b.map(|b| b.to_array()));
-        let of_row = |k: usize| (0..3).map(|j| form(a[k], rows[k][j], b[j])).sum::<f64>();
+        let of_row = |k: usize| {
+            form(a[k], rows[k][0], b[0]) + form(a[k], rows[k][1], b[1]) + form(a[k], rows[k][2], b[2])
+        };
         of_row(0) + of_row(1) + of_row(2)
     }
 }

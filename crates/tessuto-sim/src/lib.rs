@@ -60,6 +60,7 @@ mod model;
 pub mod per_width;
 #[doc(hidden)]
 pub mod rollout;
+mod springs;
 pub mod state;
 pub mod step;
 pub mod stiffness;

@@ -10,9 +10,11 @@
 //! [`super::fabric::Fabric`].
 //! Source: Wang, O'Brien, Ramamoorthi 2011, "Data-Driven Elastic Models for Cloth", §4, with constant coefficients.
 
+use std::ops::AddAssign;
+
 use glam::{DMat2, DVec2, DVec3};
 
-use tessuto_core::math::hyper_dual;
+use tessuto_core::math::hyper_dual::{HyperDual, lift, mixed};
 use tessuto_core::math::lanes::{LANES, Lanes, gather, vectors};
 use tessuto_core::math::scalar::{
     Matrix, Real, Scalar, TINY, Vector, add, diagonal, dot, negated, negative, outer, scale, scaled,
@@ -85,34 +87,34 @@ impl Membrane {
         Strained { f: f.map(|f| f.to_array()), c: c.map(|c| c * self.area) }
     }
 
-    /// Four membranes with their vertices at `x` `[m]` and `coefficients`, and their weights.
+    /// Four membranes with their vertices at the rows `x` `[m]` and `coefficients`, and their weights.
     #[inline(always)]
     pub fn strained_lanes(
         membranes: [&Self; LANES],
-        x: &[DVec3],
+        x: &[Lanes],
         coefficients: [Lanes; 4],
     ) -> (Strained<Lanes>, Weights<Lanes>) {
-        let corners = |c: usize| vectors(x, membranes.map(|m| m.vertices[c]));
-        let a = corners(0);
-        let (p, q) = (subtract(corners(1), a), subtract(corners(2), a));
         let weights = |side: usize| {
             [gather(|k| membranes[k].weights[side][0]), gather(|k| membranes[k].weights[side][1])]
         };
-        let (r, s) = (weights(0), weights(1));
-        let f = |axis: usize| add(scale(p, r[axis]), scale(q, s[axis]));
+        let weights = [weights(0), weights(1)];
         let area = gather(|k| membranes[k].area);
         let [c11, c22, c12, g] = coefficients;
-        (Strained { f: [f(0), f(1)], c: [c11 * area, c22 * area, c12 * area, g * area] }, [r, s])
+        let c = [c11 * area, c22 * area, c12 * area, g * area];
+        (Strained { f: Self::gradients_lanes(membranes, weights, x), c }, weights)
     }
 
-    /// ∂ by the corners of aᵀ (∂²E) b, with `a` and `b` directions in (f₁, f₂).
-    pub fn third(&self, f: [DVec3; 2], c: Coefficients, a: [DVec3; 2], b: [DVec3; 2]) -> [DVec3; 3] {
-        let lifted = Strained {
-            f: [0, 1].map(|k| hyper_dual::lift(f[k], a[k], b[k])),
-            c: c.map(|c| Scalar::constant(c * self.area)),
-        };
-        let third = lifted.gradient().map(|g| hyper_dual::mixed(g).to_array());
-        by_corners(third, self.weights).map(DVec3::from_array)
+    /// (f₁, f₂) of a field's rows `[V]` on four membranes with these weights.
+    #[inline(always)]
+    pub fn gradients_lanes(
+        membranes: [&Self; LANES],
+        [r, s]: Weights<Lanes>,
+        field: &[Lanes],
+    ) -> [Vector<Lanes>; 2] {
+        let corners = |c: usize| vectors(field, membranes.map(|m| m.vertices[c]));
+        let a = corners(0);
+        let (p, q) = (subtract(corners(1), a), subtract(corners(2), a));
+        [0, 1].map(|axis| add(scale(p, r[axis]), scale(q, s[axis])))
     }
 
     /// λᵀ ∂(∂E)/∂c for each coefficient c.
@@ -137,7 +139,8 @@ impl Membrane {
     }
 
     /// Adds a derivative by the corners.
-    pub fn scatter(&self, gradient: [DVec3; 3], out: &mut [DVec3]) {
+    #[inline(always)]
+    pub fn scatter<V: AddAssign>(&self, gradient: [V; 3], out: &mut [V]) {
         self.vertices.iter().zip(gradient).for_each(|(v, g)| out[*v as usize] += g);
     }
 }
@@ -164,6 +167,16 @@ impl<T: Scalar> Strained<T> {
     pub fn gradient(&self) -> [Vector<T>; 2] {
         let ([f1, f2], [s11, s22, s12]) = (self.f, self.stress());
         [add(scale(f1, s11), scale(f2, s12)), add(scale(f1, s12), scale(f2, s22))]
+    }
+
+    /// ∂ by (f₁, f₂) of aᵀ (∂²E) b, with `a` and `b` directions in (f₁, f₂).
+    #[inline(always)]
+    pub fn third(&self, a: [Vector<T>; 2], b: [Vector<T>; 2]) -> [Vector<T>; 2] {
+        let lifted = Strained {
+            f: [lift(self.f[0], a[0], b[0]), lift(self.f[1], a[1], b[1])],
+            c: self.c.map(HyperDual::fixed),
+        };
+        lifted.gradient().map(mixed)
     }
 
     /// ∂²E by (f₁, f₂).

@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
-use tessuto_core::math::scalar::{Scalar, Vector, dot, scale};
-use tessuto_core::math::{hyper_dual, outer};
+use tessuto_core::math::hyper_dual::{HyperDual, lift, mixed};
+use tessuto_core::math::scalar::{Matrix, Real, Scalar, Vector, diagonal, dot, outer, scale, scaled, sum};
 
 /// Lengths below this `[m]` are taken as this, so that directions stay finite.
 const LENGTH_FLOOR: f64 = 1e-9;
@@ -22,39 +22,96 @@ pub fn value(e: DVec3, stiffness: f64, rest_length: f64) -> f64 {
 /// ∂E/∂e of [`value`]; it acts on x1, its negative on x0.
 #[inline]
 pub fn gradient(e: DVec3, stiffness: f64, rest_length: f64) -> DVec3 {
-    DVec3::from_array(gradient_of(e.to_array(), stiffness, rest_length))
-}
-
-fn gradient_of<T: Scalar>(e: Vector<T>, stiffness: f64, rest_length: f64) -> Vector<T> {
-    // k (1 − l/‖e‖) e
-    let inverse = (dot(e, e) + T::constant(LENGTH_FLOOR * LENGTH_FLOOR)).sqrt().recip();
-    scale(e, T::constant(stiffness) - T::constant(stiffness * rest_length) * inverse)
+    DVec3::from_array(stretched(e, stiffness, rest_length).gradient())
 }
 
 /// ∂²E/∂e² of [`value`].
 #[inline]
 pub fn hessian(e: DVec3, stiffness: f64, rest_length: f64) -> DMat3 {
-    hessian_with(e, stiffness, |ratio| 1.0 - ratio, rest_length)
+    DMat3::from_cols_array_2d(&stretched(e, stiffness, rest_length).hessian())
 }
 
-/// Nearest positive semi-definite matrix to [`hessian`]: the transverse part of a compressed spring is dropped.
+/// [`Stretched::hessian_projected`].
 #[inline]
 pub fn hessian_projected(e: DVec3, stiffness: f64, rest_length: f64) -> DMat3 {
-    hessian_with(e, stiffness, |ratio| (1.0 - ratio).max(0.0), rest_length)
-}
-
-fn hessian_with(e: DVec3, stiffness: f64, transverse: impl Fn(f64) -> f64, rest_length: f64) -> DMat3 {
-    // k [ t (I − ê êᵀ) + ê êᵀ ],  t = 1 − l/‖e‖
-    let inverse = 1.0 / (e.length_squared() + LENGTH_FLOOR * LENGTH_FLOOR).sqrt();
-    let unit = e * inverse;
-    let t = transverse(rest_length * inverse);
-    (DMat3::IDENTITY * t + outer(unit, unit * (1.0 - t))) * stiffness
+    DMat3::from_cols_array_2d(&stretched(e, stiffness, rest_length).hessian_projected())
 }
 
 /// ∂/∂e [ aᵀ (∂²E/∂e²) b ].
 #[inline]
 pub fn third(e: DVec3, stiffness: f64, rest_length: f64, a: DVec3, b: DVec3) -> DVec3 {
-    hyper_dual::mixed(gradient_of(hyper_dual::lift(e, a, b), stiffness, rest_length))
+    DVec3::from_array(stretched(e, stiffness, rest_length).third(a.to_array(), b.to_array()))
+}
+
+fn stretched(e: DVec3, stiffness: f64, rest_length: f64) -> Stretched<f64> {
+    Stretched { along: e.to_array(), stiffness, rest_length }
+}
+
+/// A stretch spring as it is now, or four of them.
+#[derive(Debug, Clone, Copy)]
+pub struct Stretched<T> {
+    /// e `[m]`.
+    pub along: Vector<T>,
+    /// k [N/m].
+    pub stiffness: T,
+    /// l `[m]`.
+    pub rest_length: T,
+}
+
+impl<T: Scalar> Stretched<T> {
+    /// [`value`].
+    #[inline(always)]
+    pub fn value(&self) -> T {
+        let longer = dot(self.along, self.along).sqrt() - self.rest_length;
+        T::constant(0.5) * self.stiffness * (longer * longer)
+    }
+
+    /// ∂E/∂e.
+    #[inline(always)]
+    pub fn gradient(&self) -> Vector<T> {
+        // k (1 − l/‖e‖) e
+        scale(self.along, self.stiffness - self.stiffness * self.rest_length * self.inverse_length())
+    }
+
+    /// ∂²E/∂e².
+    #[inline(always)]
+    pub fn hessian(&self) -> Matrix<T> {
+        self.hessian_with(|transverse| transverse)
+    }
+
+    /// ∂/∂e [ aᵀ (∂²E/∂e²) b ].
+    #[inline(always)]
+    pub fn third(&self, a: Vector<T>, b: Vector<T>) -> Vector<T> {
+        let lifted = Stretched {
+            along: lift(self.along, a, b),
+            stiffness: HyperDual::fixed(self.stiffness),
+            rest_length: HyperDual::fixed(self.rest_length),
+        };
+        mixed(lifted.gradient())
+    }
+
+    #[inline(always)]
+    fn hessian_with(&self, transverse: impl Fn(T) -> T) -> Matrix<T> {
+        // k [ t (I − ê êᵀ) + ê êᵀ ],  t = 1 − l/‖e‖
+        let (inverse, one) = (self.inverse_length(), T::constant(1.0));
+        let unit = scale(self.along, inverse);
+        let t = transverse(one - self.rest_length * inverse);
+        scaled(sum(diagonal(t), outer(unit, scale(unit, one - t))), self.stiffness)
+    }
+
+    #[inline(always)]
+    fn inverse_length(&self) -> T {
+        (dot(self.along, self.along) + T::constant(LENGTH_FLOOR * LENGTH_FLOOR)).sqrt().recip()
+    }
+}
+
+impl<T: Real> Stretched<T> {
+    /// Nearest positive semi-definite matrix to [`hessian`](Self::hessian): the transverse part of a compressed spring
+    /// is dropped.
+    #[inline(always)]
+    pub fn hessian_projected(&self) -> Matrix<T> {
+        self.hessian_with(T::positive)
+    }
 }
 
 /// ∂/∂l of [`gradient`].

@@ -3,6 +3,8 @@
 use glam::{DMat3, DVec3};
 
 use super::dissection::{Part, dissect};
+use super::lanes::{LANES, Lanes, each_matrix, transpose_where};
+use super::scalar::Matrix;
 
 /// Where a 3×3 block off the diagonal lives in [`BlockMatrix::values`].
 #[derive(Debug, Clone, Copy)]
@@ -123,6 +125,35 @@ impl BlockPattern {
         ScalarColumns { starts, rows, values: sorted.iter().map(|(_, value)| *value).collect() }
     }
 
+    /// Number of values of a matrix.
+    pub fn value_count(&self) -> usize {
+        self.len()
+    }
+
+    /// Sorts elements by the halves that the blocks of their vertices lie in, see [`BlockMatrix::halves`].
+    pub fn sides<'a>(&self, elements: impl Iterator<Item = &'a [u32]>) -> Sides {
+        let end = self.first_value(self.first_half());
+        let mut sides = Sides::default();
+        for (k, vertices) in elements.enumerate() {
+            let in_first = |v: &u32| (self.diagonal[*v as usize] as usize) < end;
+            let [some, all] = [vertices.iter().any(in_first), vertices.iter().all(in_first)];
+            let side = if all {
+                0
+            } else if some {
+                2
+            } else {
+                1
+            };
+            sides[side].push(k as u32);
+        }
+        sides
+    }
+
+    /// Number of vertices in the first half of the elimination order, about.
+    fn first_half(&self) -> usize {
+        self.dissection.halves.first().map_or(0, Part::vertex_count)
+    }
+
     /// Copies a field of vectors into the order of the matrix, to every `stride`-th place.
     pub(super) fn gather(&self, field: &[DVec3], out: &mut [f64], stride: usize) {
         for (value, &rank) in field.iter().zip(&self.rank) {
@@ -170,40 +201,9 @@ fn number(part: &Part, rank: &mut [u32], next: &mut u32) {
     }
 }
 
-/// Where a block lies.
-#[derive(Debug, Clone, Copy)]
-pub enum Place {
-    /// At a vertex, on the diagonal.
-    Vertex(u32),
-    /// At a pair of the pattern.
-    Pair(usize),
-}
-
-impl Place {
-    /// The `k`-th of an element's places: at its vertices, then at its pairs.
-    #[inline(always)]
-    pub fn of_element(vertices: &[u32], pairs: &[usize], k: usize) -> Self {
-        match vertices.get(k) {
-            Some(&vertex) => Self::Vertex(vertex),
-            None => Self::Pair(pairs[k - vertices.len()]),
-        }
-    }
-}
-
-/// Which of a matrix's columns, by the indices of their values.
-#[derive(Debug, Clone, Copy)]
-pub struct Span {
-    start: usize,
-    end: usize,
-}
-
-impl Span {
-    /// Whether anything that couples just these vertices can be in these columns.
-    #[inline]
-    pub fn holds_any(&self, pattern: &BlockPattern, vertices: &[u32]) -> bool {
-        vertices.iter().any(|&v| (self.start..self.end).contains(&(pattern.diagonal[v as usize] as usize)))
-    }
-}
+/// Elements by which of the two halves of a matrix's columns they are added to: the first alone, the second alone,
+/// both. Ascending.
+pub type Sides = [Vec<u32>; 3];
 
 /// Some of a matrix's columns. What is added elsewhere is left out.
 #[derive(Debug)]
@@ -214,12 +214,6 @@ pub struct Columns<'a> {
 }
 
 impl Columns<'_> {
-    /// Which they are.
-    #[inline]
-    pub fn span(&self) -> Span {
-        Span { start: self.start, end: self.start + self.values.len() }
-    }
-
     /// [`BlockMatrix::add_diagonal`].
     #[inline]
     pub fn add_diagonal(&mut self, pattern: &BlockPattern, vertex: usize, block: &DMat3) {
@@ -235,17 +229,39 @@ impl Columns<'_> {
         self.add(slot.start, block.to_cols_array());
     }
 
-    /// Adds `block` at `place`.
-    #[inline]
-    pub fn add_block(&mut self, pattern: &BlockPattern, place: Place, block: &DMat3) {
-        match place {
-            Place::Vertex(vertex) => self.add_diagonal(pattern, vertex as usize, block),
-            Place::Pair(pair) => self.add_pair(pattern, pair, block),
+    /// [`BlockMatrix::add_diagonal`] of the first `count` of four elements, each at its own one of the `vertices`.
+    #[inline(always)]
+    pub fn add_diagonals(
+        &mut self,
+        pattern: &BlockPattern,
+        vertices: [u32; LANES],
+        count: usize,
+        block: &Matrix<Lanes>,
+    ) {
+        for (vertex, block) in vertices.iter().zip(&each_matrix(block)).take(count) {
+            let [a, b, c, _, d, e, _, _, f] = *block;
+            self.add(pattern.diagonal[*vertex as usize], [a, b, c, d, e, f]);
+        }
+    }
+
+    /// [`BlockMatrix::add_pair`] of the first `count` of four elements, each at its own one of the `pairs`.
+    #[inline(always)]
+    pub fn add_pairs(
+        &mut self,
+        pattern: &BlockPattern,
+        pairs: [usize; LANES],
+        count: usize,
+        block: &Matrix<Lanes>,
+    ) {
+        let slots = pairs.map(|pair| pattern.pairs[pair]);
+        let blocks = each_matrix(&transpose_where(slots.map(|slot| slot.transposed), block));
+        for (slot, block) in slots.iter().zip(blocks).take(count) {
+            self.add(slot.start, block);
         }
     }
 
     /// Adds to the values from `index` on, where these are among the columns.
-    #[inline]
+    #[inline(always)]
     fn add<const N: usize>(&mut self, index: u32, terms: [f64; N]) {
         let values = (index as usize).checked_sub(self.start).and_then(|at| self.values.get_mut(at..at + N));
         if let Some(values) = values {
@@ -285,8 +301,7 @@ impl BlockMatrix {
 
     /// The columns of the first half of the elimination order, about, and the others: sums into both may run at a time.
     pub fn halves(&mut self, pattern: &BlockPattern) -> [Columns<'_>; 2] {
-        let first = pattern.dissection.halves.first().map_or(0, Part::vertex_count);
-        let start = pattern.first_value(first);
+        let start = pattern.first_value(pattern.first_half());
         let (first, second) = self.values.split_at_mut(start);
         [Columns { start: 0, values: first }, Columns { start, values: second }]
     }
@@ -381,13 +396,15 @@ mod tests {
         let mut matrix = BlockMatrix::zeros(&pattern);
         let mut in_halves = BlockMatrix::zeros(&pattern);
         let mut expected = vec![DVec3::ZERO; count as usize];
-        let mut shares = [0; 2];
+        let sides = pattern.sides(pairs.iter().map(|pair| &pair[..]));
         for (k, [i, j]) in pairs.iter().map(|pair| pair.map(|v| v as usize)).enumerate() {
             let block = DMat3::from_cols(rng.vector(), rng.vector(), rng.vector());
             matrix.add_pair(&pattern, k, &block);
-            for (columns, share) in in_halves.halves(&pattern).iter_mut().zip(&mut shares) {
-                *share += usize::from(columns.span().holds_any(&pattern, &pairs[k]));
-                columns.add_pair(&pattern, k, &block);
+            let [mut first, mut second] = in_halves.halves(&pattern);
+            match sides.iter().position(|side| side.contains(&(k as u32))) {
+                Some(0) => first.add_pair(&pattern, k, &block),
+                Some(1) => second.add_pair(&pattern, k, &block),
+                _ => [first, second].iter_mut().for_each(|half| half.add_pair(&pattern, k, &block)),
             }
             expected[i] += block * field[j];
             expected[j] += block.transpose() * field[i];
@@ -405,6 +422,10 @@ mod tests {
         }
         assert_eq!(matrix.values, in_halves.values);
         // Few are in both.
-        assert!(shares.iter().all(|&share| share > 20) && shares[0] + shares[1] < 120, "{shares:?}");
+        let [first, second, both] = sides.map(|side| side.len());
+        assert!(
+            first > 20 && second > 20 && both < 30 && first + second + both == 80,
+            "{first} {second} {both}"
+        );
     }
 }

@@ -123,6 +123,16 @@ impl Analysis {
         self.fronts.len()
     }
 
+    /// Multiplications and additions of one factorisation.
+    pub fn flops(&self) -> f64 {
+        self.fronts.flops()
+    }
+
+    /// Number of values of a factor's triangle, without the places above it that are stored as well.
+    pub fn nonzeros(&self) -> usize {
+        self.fronts.nonzeros()
+    }
+
     /// Factor of a symmetric `matrix`, definite or not.
     pub fn factorize(&self, pattern: &BlockPattern, matrix: &BlockMatrix, scratch: &mut Scratch) -> Factor {
         match self.plain(matrix, scratch, false) {

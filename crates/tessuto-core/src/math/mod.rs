@@ -1,5 +1,6 @@
 //! Domain-free numerics: random streams, sparse symmetric systems, gradient checks.
 
+mod arcs;
 pub mod block_matrix;
 pub mod conjugate_gradients;
 pub mod delaunay;

@@ -30,6 +30,8 @@ pub trait Real: Scalar {
     fn abs(self) -> Self;
     /// self or 0, the larger one.
     fn positive(self) -> Self;
+    /// `above` where self is more than `limit`, else `other`.
+    fn select_above(self, limit: f64, above: Self, other: Self) -> Self;
 }
 
 impl Scalar for f64 {
@@ -65,6 +67,10 @@ impl Real for f64 {
 
     fn positive(self) -> Self {
         self.max(0.0)
+    }
+
+    fn select_above(self, limit: f64, above: Self, other: Self) -> Self {
+        if self > limit { above } else { other }
     }
 }
 
@@ -122,6 +128,12 @@ pub fn sum<T: Scalar>(a: Matrix<T>, b: Matrix<T>) -> Matrix<T> {
     [add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2])]
 }
 
+/// A − B.
+#[inline(always)]
+pub fn difference<T: Scalar>(a: Matrix<T>, b: Matrix<T>) -> Matrix<T> {
+    [subtract(a[0], b[0]), subtract(a[1], b[1]), subtract(a[2], b[2])]
+}
+
 /// s·A.
 #[inline(always)]
 pub fn scaled<T: Scalar>(a: Matrix<T>, s: T) -> Matrix<T> {
@@ -148,6 +160,7 @@ pub fn diagonal<T: Scalar>(s: T) -> Matrix<T> {
 }
 
 /// aᵀ M b.
+#[inline(always)]
 pub fn form<T: Scalar>(a: Vector<T>, m: Matrix<T>, b: Vector<T>) -> T {
     dot(m.map(|column| dot(a, column)), b)
 }

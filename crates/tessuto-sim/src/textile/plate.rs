@@ -135,9 +135,9 @@ impl Lattice {
             }
         }
         let pattern = BlockPattern::new(x, &pairs);
+        cloth.continuum = Some(Continuum::new(membranes, hinges, &pattern));
         cloth.analysis = Arc::new(Analysis::new(&pattern));
         cloth.pattern = Arc::new(pattern);
-        cloth.continuum = Some(Continuum { membranes, hinges });
         let [warp, weft] = plate.membrane;
         let mut stiffness =
             Fabric { warp, weft, poisson: 0.0, shear: plate.shear, bend: 0.0 }.stiffness(&cloth);
