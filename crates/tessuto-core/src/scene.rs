@@ -9,6 +9,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Pose, Rect, Viewpoint};
 use crate::error::{Error, Result};
@@ -128,7 +129,7 @@ pub struct Known {
 }
 
 /// A plane that the fabric does not pass through, such as a table, in the world's frame.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Plane {
     /// Unit vector across it, to the side where the fabric is.
     pub normal: DVec3,

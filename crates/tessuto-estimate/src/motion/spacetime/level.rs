@@ -117,7 +117,7 @@ impl LevelSearch<'_, '_> {
             },
             planes: Planes {
                 cloth: p.cloth,
-                planes: &p.scene.known.planes,
+                planes: asked.plane.as_ref().map_or(&p.scene.known.planes, std::slice::from_ref),
                 noise: Noise { sigma: p.settings.plane, tail: p.settings.depth_tail },
             },
         }

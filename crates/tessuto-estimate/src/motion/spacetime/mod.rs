@@ -23,7 +23,7 @@
 //! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ; τ), ½ ‖m‖²/σ_m² | `shear` `[rad]`, `shear_tail`; σ_m `shear_smooth` `[rad]` |
 //! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); not while the sheet is followed, nor where motions are compared | ½ (r/σ)² | `still` `[m]` |
 //! | [depth](super::terms::depth), where it was measured | z_p/m_n(π(x_p)) − 1 of every surface point p, with its depth z_p and the measured m_n | a_p ρ(r/σ; τ) | the first map's own noise, `depth_tail` |
-//! | [planes](super::terms::plane), where they are given | height of every vertex above each `[m]` | ½ (r/σ)² below, ρ(r/σ; τ) above | `plane` `[m]`, `depth_tail` |
+//! | [planes](super::terms::plane), where they are given or the sheet lies on one (`lies.rs`) | height of every vertex above each `[m]` | ½ (r/σ)² below, ρ(r/σ; τ) above | `plane` `[m]`, `depth_tail` |
 //! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
 //! All are without unit, as negative logarithms of probabilities are: a residual of one σ costs ½ where τ is
@@ -118,6 +118,7 @@ mod fuse;
 pub mod gain;
 mod joint;
 mod level;
+mod lies;
 mod light;
 mod look;
 #[cfg(test)]

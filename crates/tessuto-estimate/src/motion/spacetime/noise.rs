@@ -13,6 +13,7 @@ use super::bent::Bent;
 use super::{Positions, Problem};
 use crate::motion::terms::Term;
 use tessuto_core::math::median::median;
+use tessuto_core::scene::Plane;
 use tessuto_sim::cloth::Edge;
 
 /// Residuals on clips that the settings are chosen on: root mean square difference of colours, all channels
@@ -48,12 +49,14 @@ pub(super) struct Asked {
     pub shading: f64,
     /// How the sheet bends.
     pub bent: Bent,
+    /// What it lies on, where scene.json names nothing (`lies`).
+    pub plane: Option<Plane>,
 }
 
 /// The settings as they are.
 impl Default for Asked {
     fn default() -> Self {
-        Self { colours: 1.0, outlines: 1.0, strain: 1.0, shading: 1.0, bent: Bent::default() }
+        Self { colours: 1.0, outlines: 1.0, strain: 1.0, shading: 1.0, bent: Bent::default(), plane: None }
     }
 }
 
@@ -80,7 +83,7 @@ impl Problem<'_> {
         let lost = self.prints_lost(frames);
         let found: Vec<&Positions> =
             frames.iter().zip(lost).filter(|(_, lost)| !lost).map(|(x, _)| x).collect();
-        Asked { bent: self.bent(&found), ..Asked::default() }
+        Asked { bent: self.bent(&found), plane: self.lies_on(&found), ..Asked::default() }
     }
 
     /// Spread of strain that its residuals at `frames` ask for.

@@ -180,6 +180,10 @@ impl Problem<'_> {
         let (mut pool, lost) = self.track(session)?;
         session.begin(STAGES[1]);
         let (mut frames, stuck) = self.refine(&mut pool, session)?;
+        if pool.asked.as_ref().is_some_and(|asked| asked.plane.is_some()) {
+            session
+                .note("much of the fabric stays in the plane of the template: it is treated as lying on it");
+        }
         if stuck.is_none() {
             session.begin(STAGES[2]);
             frames = self.fuse(frames, &pool, session)?;
