@@ -23,7 +23,7 @@ use tessuto_render::raster::{Rasterizer, Rendering};
 const HIDDEN: f64 = 0.01;
 
 /// Folder, in that of the result, of the images that further camera `k` sees.
-pub(super) fn of_other(k: usize) -> String {
+pub(crate) fn of_other(k: usize) -> String {
     format!("pictures/view_{}", k + 1)
 }
 

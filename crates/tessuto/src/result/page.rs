@@ -269,7 +269,7 @@ fn hatch(image: &mut Rgb8, seen: &[f64]) {
 /// The frames that the folder has images of: of the scene's own camera, or of further camera `other`.
 fn film(saved: &Folder, motion: &[Positions], other: Option<usize>, budget: usize) -> Result<Film> {
     let (folder, first) = (saved.path(), saved.run.frames[0]);
-    let pictures = other.map_or_else(|| folder.join("pictures"), |k| folder.join(super::images::of_other(k)));
+    let pictures = other.map_or_else(|| folder.join("pictures"), |k| folder.join(super::of_other(k)));
     let path = |name: &str, n: usize| match name {
         "rerendered" => folder.join(format!("rerendered/rgb_{:03}.png", first + n)),
         _ => pictures.join(format!("{name}/frame_{:03}.png", first + n)),
