@@ -237,7 +237,8 @@ if (cameras) {
     const shown = view.linePositions.array;
     let worst = 0;
     for (let i = 0; i < p.length; i += 3) {
-      const at = new THREE.Vector3(...shown.subarray(i, i + 3)).applyMatrix4(view.world.matrixWorld).project(view.camera);
+      const at = new THREE.Vector3(...shown.subarray(i, i + 3));
+      at.applyMatrix4(view.world.matrixWorld).project(view.camera);
       const { fx, fy, cx, cy } = film.camera;
       const x = (fx * p[i] / p[i + 2] + cx + 0.5 - film.width / 2) * scale;
       const y = (fy * p[i + 1] / p[i + 2] + cy + 0.5 - film.height / 2) * scale;

@@ -40,8 +40,8 @@ struct Raw {
 }
 
 impl DepthMap {
-    /// Leaves out what the lowest level, 0, was given to in the confidence map at `path`, a grey image of the same size,
-    /// where any pixel has a higher one.
+    /// Leaves out what the lowest level, 0, was given to in the confidence map at `path`, a grey image of the same
+    /// size, where any pixel has a higher one.
     ///
     /// # Errors
     /// [`Error::Input`] naming that file.

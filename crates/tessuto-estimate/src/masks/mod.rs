@@ -116,7 +116,7 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let mut plate = given_plate;
     let recorded_size = frames.size;
     let rough_noise = frames::noise(&frames, &first);
-    let steadied = moving::steadied(folder, &clip.camera, &frames, &first, rough_noise)?;
+    let steadied = moving::steadied(folder, &clip.camera, &frames, &first, (rough_noise, origin))?;
     if let Some(steadied) = &steadied {
         first = steadied.region(&first);
         marks = steadied.marks(&marks);

@@ -1,6 +1,6 @@
-//! A clip by a camera that moves, as one that stands still would have filmed it. What is behind the fabric is treated as
-//! one plane; with the known poses it says where each pixel of the first frame is in every other: a point with ray x in
-//! the first camera's axes is at R x + t (m·x) in another's, where m·X = 1 is the plane. The m that makes the
+//! A clip by a camera that moves, as one that stands still would have filmed it. What is behind the fabric is treated
+//! as one plane. With the known poses it says where each pixel of the first frame is in every other: a point with ray x
+//! in the first camera's axes is at R x + t (m·x) in another's, where m·X = 1 is the plane. The m that makes the
 //! surroundings look alike in all frames is found, all frames are carried onto the first, and masks are made of them;
 //! these are carried back. Where the surroundings are no plane they do not stand still afterwards, which `steady` sees.
 
@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use super::frames::{Colours, Frames};
 use super::plate::Plate;
+use super::refuse::{Origin, unseen};
 use super::region::{Field, Region};
 use super::segment::Mark;
 use crate::io::scene::read_poses;
@@ -36,6 +37,10 @@ const STEPS: usize = 10;
 const LEAST: f64 = 0.05;
 /// A difference `[grey levels]` that counts half of the most, beyond noise.
 const ELSE: f64 = 6.0;
+/// What a place costs that a frame does not show.
+const UNSEEN: f64 = 0.5;
+/// The least fraction of the first frame that all others show, if masks are to be made of them.
+const SHOWN: f64 = 0.3;
 /// How far the canvas reaches beyond the first frame, in widths and heights of it.
 const BEYOND: f64 = 0.5;
 
@@ -54,20 +59,26 @@ pub(super) struct Steadied {
 /// The clip in `folder` as a camera that stands still saw it; `None` where the camera did.
 ///
 /// # Errors
-/// [`Error::Input`](tessuto_core::Error::Input) naming the pose that is none.
+/// [`Error::Input`](tessuto_core::Error::Input) naming the pose that is none, and a frame that shows too little of what
+/// the first one does.
 pub(super) fn steadied(
     folder: &Path,
     camera: &Camera,
     frames: &Frames,
     fabric: &Region,
-    noise: f32,
+    (noise, origin): (f32, Origin),
 ) -> Result<Option<Steadied>> {
     let Some(poses) = read_poses(folder, frames.images.len())? else { return Ok(None) };
     let back = poses[0].inverse();
     let ways: Vec<Pose> = poses.iter().map(|pose| pose.after(&back)).collect();
     let lens = lens(camera, frames.factor);
     let plane = Search::new(frames, fabric, &ways, lens, noise).plane();
-    Ok(Some(carried(frames, maps(&ways, lens, plane))))
+    let maps = maps(&ways, lens, plane);
+    // What is filled from other frames stands still whatever the poses are.
+    if let Some(n) = maps.iter().position(|map| shown(map, frames.size) < SHOWN) {
+        return Err(unseen(n, origin));
+    }
+    Ok(Some(carried(frames, maps)))
 }
 
 /// Pixels from the camera's axes, on frames that are smaller by `factor`.
@@ -100,6 +111,16 @@ fn sent(map: &DMat3, x: f64, y: f64) -> Option<[f64; 2]> {
 
 fn is_inside([x, y]: [f64; 2], [width, height]: [usize; 2]) -> bool {
     x >= -0.5 && y >= -0.5 && x <= width as f64 - 0.5 && y <= height as f64 - 0.5
+}
+
+/// Fraction of the first frame's pixels that the frame with this `map` shows.
+fn shown(map: &DMat3, [width, height]: [usize; 2]) -> f64 {
+    let row = |y: usize| (0..width).step_by(4).map(move |x| (x as f64, y as f64));
+    let is_shown = |(x, y)| sent(map, x, y).is_some_and(|at| is_inside(at, [width, height]));
+    let places = (0..height).step_by(4).flat_map(row);
+    let (seen, all) =
+        places.fold((0, 0), |(seen, all), place| (seen + usize::from(is_shown(place)), all + 1));
+    seen as f64 / f64::from(all.max(1))
 }
 
 /// Green channels of a pyramid's levels, each half as wide as the one before.
@@ -211,11 +232,9 @@ impl<'a> Search<'a> {
 
     /// Mean cost, each of at most 1.
     fn cost(&self, differences: &[f64]) -> f64 {
-        let seen = differences.iter().filter(|e| e.is_finite());
-        let (sum, count) = seen
-            .fold((0.0, 0), |(sum, count), e| (sum + e * e / (e * e + self.scale * self.scale), count + 1));
-        // A plane that hides the surroundings explains nothing.
-        if 3 * count < differences.len() { 1.0 } else { sum / count as f64 }
+        // A plane that sends the surroundings out of sight explains nothing.
+        let one = |e: &f64| if e.is_finite() { e * e / (e * e + self.scale * self.scale) } else { UNSEEN };
+        differences.iter().map(one).sum::<f64>() / differences.len().max(1) as f64
     }
 
     /// m of the plane that makes the surroundings alike.

@@ -183,13 +183,23 @@ pub(super) fn clip(
 /// The error of surroundings that are `shift` px off in frame `n` with the camera's motion taken out.
 fn no_plane((n, shift): (usize, f32), origin: Origin) -> Error {
     let problem = format!(
-        "the surroundings are {shift:.0} px off from those of frame 0, with the camera's motion taken out: what is behind \
-         the fabric is no plane, or the poses are not this clip's"
+        "the surroundings are {shift:.0} px off from those of frame 0, with the camera's motion taken out: what is \
+         behind the fabric is no plane, or the poses are not this clip's"
     );
-    let hint = Hint::from("give masks that another program made, or import the part before")
-        .with(Remedy::Masks)
-        .with(origin.before(n));
-    Error::input(format!("frame {n}"), problem, hint)
+    Error::input(format!("frame {n}"), problem, other_masks(n, origin))
+}
+
+/// The error of a frame `n` that shows little of what frame 0 does.
+pub(super) fn unseen(n: usize, origin: Origin) -> Error {
+    let problem = "little of what frame 0 shows is in sight, with the camera's motion taken out: it turned away, or \
+                   the poses are not this clip's";
+    Error::input(format!("frame {n}"), problem, other_masks(n, origin))
+}
+
+/// What helps from frame `n` on where the place behind the fabric is not known.
+fn other_masks(n: usize, origin: Origin) -> Hint {
+    let text = "give masks that another program made, or import the part before";
+    Hint::from(text).with(Remedy::Masks).with(origin.before(n.max(1)))
 }
 
 /// Refuses an outline in which no fabric was found.

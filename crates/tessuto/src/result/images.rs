@@ -81,7 +81,8 @@ impl Painter<'_> {
     }
 
     /// Draws frame `n` through further camera `k` into the result's `folder`, and lowers `agreement` to that of the
-    /// silhouette as it sees it, where that is worse. Colours are judged by the first camera, which the texture is from.
+    /// silhouette as it sees it, where that is worse. Colours are judged by the first camera, which the texture is
+    /// from.
     fn through_other(
         &self,
         agreement: &mut FrameAgreement,

@@ -66,11 +66,11 @@ fn a_moving_camera_without_its_own_poses_is_refused() {
     let path = folder.path();
     let refused = || make(path, &request, &|_| {}).unwrap_err().to_string();
     let poses = read_poses(path, FRAMES).unwrap().unwrap();
-    // Of a camera that was rolled as well, which no plane explains.
-    let rolled = |(n, pose): (usize, &Pose)| {
-        Pose { rotation: DMat3::from_rotation_z(0.05 * n as f64), translation: DVec3::ZERO }.after(pose)
+    // Of a camera that turns away.
+    let turned = |(n, pose): (usize, &Pose)| {
+        Pose { rotation: DMat3::from_rotation_y(0.2 * n as f64), translation: DVec3::ZERO }.after(pose)
     };
-    let other: Vec<_> = poses.iter().enumerate().map(rolled).collect();
+    let other: Vec<_> = poses.iter().enumerate().map(turned).collect();
     write_poses(path, &other, PoseUnit::Metres).unwrap();
     let told = refused();
     assert!(told.contains("camera's motion taken out") && told.contains("masks"), "{told}");
