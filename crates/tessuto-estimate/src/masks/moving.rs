@@ -227,7 +227,7 @@ impl<'a> Search<'a> {
             };
             self.places.iter().map(one).collect()
         };
-        maps.par_iter().zip(&self.images).flat_map_iter(|pair| of(pair)).collect()
+        maps.par_iter().zip(&self.images).flat_map_iter(of).collect()
     }
 
     /// Mean cost, each of at most 1.
