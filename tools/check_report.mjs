@@ -125,7 +125,9 @@ await page.mouse.up();
 await pause(300);
 const after = await place();
 check("dragging turns the view", Math.hypot(...before.map((v, i) => v - after[i])) > 0.05);
-await page.mouse.move(canvas.x + canvas.width / 2, canvas.y + canvas.height / 2, { steps: 3 });
+const middle = await page.evaluate(() => tessuto.page.view.centre.clone().project(tessuto.page.view.camera).toArray());
+await page.mouse.move(canvas.x + canvas.width * (1 + middle[0]) / 2, canvas.y + canvas.height * (1 - middle[1]) / 2,
+  { steps: 3 });
 const probe = () => page.$eval("#probe", e => e.textContent);
 check("the pointer shows a value", await until(async () => (await probe()).includes("vertex")), await probe());
 
@@ -221,6 +223,117 @@ if (causes) {
     await page.evaluate(() => tessuto.page.view.replay === null && tessuto.page.player.frameCount) === count);
   const words = await page.$$eval("#causes td", all => all.map(cell => cell.textContent));
   check("the table says which causes are informed", words.includes("informed") || words.includes("not informed"));
+}
+
+// Where the cameras stood: pages of several cameras, or of one that moves.
+const cameras = await page.evaluate(() => tessuto.page.cameras?.all.map(({ name, poses }) => [name, poses.length]));
+if (cameras) {
+  /** Largest distance, in parts of the image, between a vertex as the 3D view shows it and as the lens sees it. */
+  const apart = () => page.evaluate(() => {
+    const { view, wipe, player } = tessuto.page;
+    view.drawNow();
+    const { film } = wipe, { width, height } = view.size, scale = Math.min(width / film.width, height / film.height);
+    const pose = view.poseAt(player.frame), p = tessuto.seenFrom(pose, view.motion.at(player.frame)).slice();
+    const shown = view.linePositions.array;
+    let worst = 0;
+    for (let i = 0; i < p.length; i += 3) {
+      const at = new THREE.Vector3(...shown.subarray(i, i + 3));
+      at.applyMatrix4(view.world.matrixWorld).project(view.camera);
+      const { fx, fy, cx, cy } = film.camera;
+      const x = (fx * p[i] / p[i + 2] + cx + 0.5 - film.width / 2) * scale;
+      const y = (fy * p[i + 1] / p[i + 2] + cy + 0.5 - film.height / 2) * scale;
+      worst = Math.max(worst, Math.hypot(at.x * width / 2 - x, -at.y * height / 2 - y) / (film.width * scale));
+    }
+    return worst;
+  });
+  /** Fraction of the threads' corners that lie on something in the video, and whether they lie on the image. */
+  const onFabric = () => page.evaluate(async () => {
+    const { wipe, player } = tessuto.page, { film } = wipe;
+    const image = new Image();
+    image.src = `data:image/jpeg;base64,${film.layers[0].frames[player.frame]}`;
+    await image.decode();
+    const canvas = new OffscreenCanvas(film.width, film.height), pen = canvas.getContext("2d");
+    pen.drawImage(image, 0, 0);
+    const { data } = pen.getImageData(0, 0, film.width, film.height);
+    const { positions: p } = wipe.mesh(player.frame), { fx, fy, cx, cy } = film.camera;
+    let on = 0;
+    for (let i = 0; i < p.length; i += 3) {
+      const x = Math.round(fx * p[i] / p[i + 2] + cx), y = Math.round(fy * p[i + 1] / p[i + 2] + cy);
+      const k = 4 * (y * film.width + x);
+      on += x >= 0 && x < film.width && y >= 0 && y < film.height && Math.max(data[k], data[k + 1], data[k + 2]) > 12;
+    }
+    return on / (p.length / 3);
+  });
+  const shown = async id => (await page.$(id)).screenshot({ encoding: "base64" });
+  const settle = () => pause(250);
+  await page.evaluate(() => {
+    tessuto.page.player.toggle(false);
+    tessuto.page.player.seek(0);
+    scrollTo(0, 0);
+  });
+  await page.$eval("#show-cameras", e => e.checked || e.click());
+  if (await page.$eval("#through-camera", e => e.checked)) await page.click("#through-camera");
+  await page.evaluate(() => tessuto.page.view.orbitView());
+  await settle();
+  const places = () => page.evaluate(() => tessuto.page.cameras.all.map(({ corners, body }) => {
+    const { view } = tessuto.page, at = new THREE.Vector3();
+    // The middle of the image's plane, nearer to the eye.
+    for (let k = 1; k < 5; k++) at.add(new THREE.Vector3(...corners.array.subarray(3 * k, 3 * k + 3)));
+    at.multiplyScalar(0.15).add(new THREE.Vector3(...corners.array.subarray(0, 3)).multiplyScalar(0.4));
+    const { x, y } = at.clone().project(view.camera), box = view.elements.canvas.getBoundingClientRect();
+    return { at: at.toArray(), visible: body.visible,
+      x: box.left + (x + 1) / 2 * box.width, y: box.top + (1 - y) / 2 * box.height,
+      inside: Math.abs(x) < 1 && Math.abs(y) < 1 };
+  }));
+  check("every camera is in sight", (await places()).every(p => p.visible && p.inside), cameras.join("; "));
+  const withCameras = await shown("#cloth");
+  await page.click("#show-cameras");
+  await settle();
+  check("… and goes if it is not wanted",
+    await shown("#cloth") !== withCameras && (await places()).every(p => !p.visible));
+  await page.click("#show-cameras");
+  await settle();
+  const moving = await page.evaluate(() => tessuto.page.cameras.all.map(({ way }) => Boolean(way?.visible)));
+  check("the way of each that moves is a line", moving.every((seen, k) => seen === cameras[k][1] > 1));
+  const start = await places();
+  await page.evaluate(n => tessuto.page.player.seek(n), count - 1);
+  await settle();
+  const end = await places();
+  check("those that move, and no others, are elsewhere in the last frame",
+    end.every((p, k) => p.at.some((v, a) => Math.abs(v - start[k].at[a]) > 1e-4) === moving[k]));
+  for (const [k, [name]] of cameras.entries()) {
+    await page.evaluate(() => tessuto.page.view.orbitView());
+    await settle();
+    const { x, y } = (await places())[k], film = await shown("#film");
+    await page.mouse.move(x, y);
+    const said = await until(async () => (await probe()).includes(name));
+    await page.mouse.click(x, y);
+    await settle();
+    const through = await page.$eval("#through-camera", e => e.checked);
+    check(`a click on camera ${name} looks through it`,
+      said && through && await page.evaluate(() => tessuto.page.cameras.chosen) === k);
+    if (cameras.length > 1) {
+      const tag = await page.$eval("#film-tag", e => e.textContent);
+      check("… and shows its video", tag.includes(name) && (k === 0 || await shown("#film") !== film), tag);
+    }
+    check("… which the view through it and the threads lie on", await apart() < 5e-3 && await onFabric() > 0.97,
+      `${(100 * await apart()).toFixed(2)} % apart, ${(100 * await onFabric()).toFixed(1)} % on the fabric`);
+    if (shots) {
+      await page.select("#layer", "mesh");
+      await settle();
+      await page.screenshot({ path: `${shots}/through-${k}.png` });
+    }
+    await page.click("#through-camera");
+  }
+  if (cameras.length > 1) {
+    await page.click("#cameras [data-camera='1']");
+    const pressed = await page.$$eval("#cameras button", all => all.map(b => b.getAttribute("aria-pressed")));
+    check("a button chooses the camera", pressed.every((p, k) => p === String(k === 1)), pressed.join(", "));
+    await page.evaluate(() => document.activeElement.blur());
+    for (let k = 1; k < cameras.length; k++) await page.keyboard.press("v");
+    check("V goes around to the first", await page.evaluate(() => tessuto.page.cameras.chosen) === 0);
+  }
+  await page.evaluate(() => tessuto.page.player.seek(0));
 }
 
 for (const width of [1280, 800, 390]) {

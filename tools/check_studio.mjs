@@ -30,11 +30,11 @@ const check = (what, passed, detail = "") => {
   if (!passed) failures++;
 };
 
-/** A clip of a moving sheet. */
-const makeClip = () => {
-  const scene = join(made, "scene"), clip = join(made, "curtain.mp4");
+/** A clip of a moving sheet, made with `more` options. */
+const makeClip = (name = "curtain", ...more) => {
+  const scene = join(made, name === "curtain" ? "scene" : name), clip = join(made, `${name}.mp4`);
   execFileSync(tessuto, ["synth", scene, "--frames", "8", "--size", "224", "--grid", "13x13", "--seed", "3",
-    "--wind", "4"]);
+    "--wind", "4", ...more]);
   execFileSync(process.env.TESSUTO_FFMPEG ?? "ffmpeg", ["-v", "error", "-y", "-framerate", "25", "-i",
     join(scene, "rgbs/rgb_%03d.png"), "-pix_fmt", "yuv420p", "-crf", "14", clip]);
   return clip;
@@ -52,8 +52,8 @@ const serve = async (...more) => {
 };
 
 /** What a user would measure and click: size of the sheet [m] and its corners in the first frame [px]. */
-const measure = () => {
-  const scene = join(made, "scene"), camera = JSON.parse(readFileSync(join(scene, "scene.json"), "utf8"));
+const measure = (scene = join(made, "scene")) => {
+  const camera = JSON.parse(readFileSync(join(scene, "scene.json"), "utf8"));
   const lines = readFileSync(join(scene, "template.obj"), "utf8").split("\n").filter(line => line.startsWith("v "));
   const points = lines.map(line => line.split(" ").slice(1).map(Number)), side = Math.sqrt(points.length);
   const along = step => Array.from({ length: side - 1 }, (_, k) => [points[k * step], points[(k + 1) * step]])
@@ -307,6 +307,36 @@ try {
     alarms += await page.evaluate(`Number(!document.getElementById("alarm").hidden)`);
   }
   check(`${OPENINGS} openings without an alarm`, alarms === 0, `${alarms} with one`);
+  // A camera that moved: the masks are refused, and the page offers commands that work.
+  const held = makeClip("held", "--orbit", "20", "--surroundings"), about = measure(join(made, "held"));
+  copyFileSync(held, join(project, "held.mp4"));
+  await page.go(`${address}#held.mp4`);
+  await page.waitFor(`document.getElementById("work-name").textContent === "held"`, "the clip", 60);
+  await page.waitFor(`document.getElementById("trim-wait").hidden`, "the frames of the clip", 60);
+  await page.evaluate(`(async () => {
+    const { work } = await (await fetch("/api/state?work=scenes/held")).json();
+    const form = { ...work.form, size: ${JSON.stringify(about.size)},
+      camera: { kind: "focal", fx: ${about.focal}, fy: null, centre: null },
+      outline: ${JSON.stringify(about.corners.map(([x, y]) => ({ x, y, corner: true })))} };
+    const headers = { "Content-Type": "application/json" };
+    await fetch("/api/save?work=scenes/held", { method: "POST", headers, body: JSON.stringify(form) });
+  })()`);
+  await pause(1500);
+  await page.click("#steps [data-step=fabric]");
+  await at("fabric");
+  await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame", 60);
+  await page.click("#fabric-next");
+  await page.waitFor(`!document.getElementById("alarm").hidden`, "the refusal", 60);
+  const offered = await page.evaluate(
+    `[...document.querySelectorAll("#motion-offer:not([hidden]) pre")].map(pre => pre.textContent)`);
+  const refusal = await page.evaluate(`document.getElementById("alarm").innerText`);
+  check("a camera that moved is named, and three commands are offered",
+    refusal.includes("did not stand still") && offered.length === 3, refusal.split("\n")[0]);
+  await show("moved");
+  await page.press("Escape");
+  const typed = (offered[0] ?? "").replace("CAPTURE", join(made, "held/poses.json")).replace(/^tessuto /, "");
+  execFileSync("sh", ["-c", `"$0" ${typed}`, tessuto], { cwd: project, stdio: "ignore" });
+  check("… the first of them makes the scene", existsSync(join(project, "scenes/held/masks/mask_007.png")));
   const peak = memory(child.pid);
   check("the server takes at most 150 MB", peak <= 150, `${peak.toFixed(1)} MB at most`);
   // What the page asks of the killed server before it is left is refused.

@@ -29,7 +29,8 @@ Examples:
   # again, without the earlier clicks
   tessuto masks scenes/towel --forget
 
-The camera must stand still. Corners are column,row in pixels of the scene's first \
+The camera must stand still, or have its poses in the scene (import --poses). \
+Corners are column,row in pixels of the scene's first \
 frame, in order around the fabric; give more than four where the border bends. \
 Without corners the template's projection is used.
 

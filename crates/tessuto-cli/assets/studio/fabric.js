@@ -160,6 +160,16 @@ export const fabric = studio => {
       byId("masks-box").open = true;
       byId("object").focus();
     },
+    /** The camera moved: `commands` are [when it helps, command]. */
+    offerMotion(commands) {
+      byId("motion-offer").hidden = !commands;
+      byId("motion-commands").replaceChildren(...(commands ?? []).flatMap(([when, command]) => {
+        const [name, text] = ["dt", "dd"].map(tag => document.createElement(tag));
+        name.textContent = when;
+        text.append(Object.assign(document.createElement("pre"), { textContent: command }));
+        return [name, text];
+      }));
+    },
     /** The lens could not be found out. */
     askLens() {
       byId("camera-guess").hidden = false;
@@ -172,6 +182,7 @@ export const fabric = studio => {
     },
     update({ work }, form) {
       if (shown !== work.name) {
+        byId("motion-offer").hidden = true;
         shown = work.name;
         loaded = asked = null;
         wait.hidden = false;

@@ -212,6 +212,8 @@ const ended = job => {
     const table = job.text.split("\n").filter(line => /^error\b/.test(line)).join("\n");
     if (job.step === "prepare" && studio.form?.camera.kind === "auto"
       && /focal length|camera is not given/.test(job.error ?? "")) views.fabric.askLens();
+    if (job.step === "prepare" && /did not stand still/.test(job.error ?? ""))
+      views.fabric.offerMotion(studio.state.work.commands.moving);
     if (job.step === "prepare" && /--object|objects?: /.test(job.error ?? "")) views.fabric.askObject();
     return studio.alarm(new Error(`${job.error ?? (table || `${job.command}: ended without a message`)}`));
   }

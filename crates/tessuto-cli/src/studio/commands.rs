@@ -154,24 +154,7 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
         states_focal_length(work, form, [width, height], corners)?;
     }
     if form.clip.is_some() {
-        let mut import = vec!["import".into(), clip(form)?, scene.clone()];
-        if let Some([a, b]) = form.frames {
-            import.extend(["--frames".into(), format!("{a}..{b}")]);
-        }
-        import.extend(rate(form));
-        for (option, value) in [("--stride", form.stride), ("--downscale", form.downscale)] {
-            if value > 1 {
-                import.extend([option.into(), value.to_string()]);
-            }
-        }
-        match &form.masks {
-            Some(masks) => {
-                import.extend(["--masks".into(), argument(masks)]);
-                import.extend(form.object.iter().flat_map(|object| ["--object".to_owned(), object.clone()]));
-            }
-            None => import.extend(["--outline".into(), outline.join(" ")]),
-        }
-        import.extend(form.plate.iter().flat_map(|plate| ["--plate".to_owned(), argument(plate)]));
+        let mut import = import(work, form, form.masks.as_deref())?;
         import.extend(camera(&form.camera, estimated));
         commands.push(forced(import, work.has(&format!("{}/scene.json", work.scene()))));
     } else {
@@ -187,6 +170,62 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
     template.push("--force".into());
     commands.extend([template, check(work)]);
     Ok(commands)
+}
+
+/// What makes a scene of the clip of a camera that moved, each with what it needs: the poses that an app on the phone
+/// recorded; poses from the clip, by this program or by COLMAP, with masks of another program. Words in capitals stand
+/// for files of the user. `None` without a clip and its corners.
+pub fn of_moving_camera(work: &Work, form: &Form) -> Option<Vec<(&'static str, String)>> {
+    form.corners()?;
+    let command = |masks: Option<&str>, options: [&str; 2]| {
+        let mut import = import(work, form, masks).ok()?;
+        match is_estimated(work, form) {
+            // The corners come after the poses, which need the lens.
+            true => import.extend(["--fov", "DEGREES"].map(str::to_owned)),
+            false => import.extend(camera(&form.camera, false)),
+        }
+        import.extend(options.map(str::to_owned));
+        Some(shown(&forced(import, work.has(&format!("{}/scene.json", work.scene())))))
+    };
+    let masks = form.masks.as_deref().unwrap_or("MASKS");
+    Some(vec![
+        (
+            "an app on the phone recorded where it was",
+            command(form.masks.as_deref(), ["--poses", "CAPTURE"])?,
+        ),
+        (
+            "the hand shook: masks of another program, the way from the clip",
+            command(Some(masks), ["--camera-motion", "estimate"])?,
+        ),
+        (
+            "somebody walked: the same by the program colmap",
+            command(Some(masks), ["--camera-motion", "colmap"])?,
+        ),
+    ])
+}
+
+/// The command that makes a scene of the clip, without its camera.
+fn import(work: &Work, form: &Form, masks: Option<&str>) -> Result<Command, String> {
+    let outline: Vec<_> = form.outline.iter().map(|p| pair(form.in_scene([p.x, p.y]))).collect();
+    let mut import = vec!["import".into(), clip(form)?, argument(work.scene())];
+    if let Some([a, b]) = form.frames {
+        import.extend(["--frames".into(), format!("{a}..{b}")]);
+    }
+    import.extend(rate(form));
+    for (option, value) in [("--stride", form.stride), ("--downscale", form.downscale)] {
+        if value > 1 {
+            import.extend([option.into(), value.to_string()]);
+        }
+    }
+    match masks {
+        Some(masks) => {
+            import.extend(["--masks".into(), argument(masks)]);
+            import.extend(form.object.iter().flat_map(|object| ["--object".to_owned(), object.clone()]));
+        }
+        None => import.extend(["--outline".into(), outline.join(" ")]),
+    }
+    import.extend(form.plate.iter().flat_map(|plate| ["--plate".to_owned(), argument(plate)]));
+    Ok(import)
 }
 
 fn check(work: &Work) -> Command {
@@ -354,6 +393,27 @@ mod tests {
         for wrong in ["", "-1", "3 --force", "12345678901234567"] {
             assert!(masks(Some(wrong)).unwrap_err().contains("object"), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_camera_that_moved_has_finished_commands() {
+        let folder = tempfile::tempdir().unwrap();
+        let project = Project::open(folder.path()).unwrap();
+        let work = Work::new(&project, "scenes/a").unwrap();
+        let offers = of_moving_camera(&work, &form()).unwrap();
+        let texts: Vec<&str> = offers.iter().map(|(_, command)| command.as_str()).collect();
+        assert!(texts.iter().all(|text| text.starts_with("tessuto import ") && text.contains("--fx 800")));
+        assert!(texts[0].contains("--outline") && texts[0].contains("--poses CAPTURE"), "{texts:?}");
+        for (text, by) in texts[1..].iter().zip(["estimate", "colmap"]) {
+            assert!(text.contains("--masks MASKS") && !text.contains("--outline"), "{text}");
+            assert!(text.contains(&format!("--camera-motion {by}")), "{text}");
+        }
+        let given = Form { masks: Some("seen.mp4".into()), ..form() };
+        let offers = of_moving_camera(&work, &given).unwrap();
+        assert!(offers.iter().all(|(_, command)| command.contains("--masks seen.mp4")), "{offers:?}");
+        let unknown = of_moving_camera(&work, &Form { camera: Camera::Auto, ..form() }).unwrap();
+        assert!(unknown.iter().all(|(_, command)| command.contains("--fov DEGREES")), "{unknown:?}");
+        assert_eq!(of_moving_camera(&work, &Form { outline: Vec::new(), ..form() }), None);
     }
 
     #[test]

@@ -60,6 +60,7 @@ fn of(studio: &Studio, work: &Work) -> Value {
         "export_folders": folders(work, &format!("{result}/export")),
         "commands": {
             "prepare": commands(&Step::Prepare),
+            "moving": commands::of_moving_camera(work, &form),
             "reconstruct": commands(&Step::Reconstruct),
             "export": commands(&export),
         },

@@ -62,6 +62,16 @@ fn two_clips_and_a_rig_go_through() {
 
     tessuto(folder, &["reconstruct", "scene", "--out", "result", "--preset", "motion", "--no-appearance"]);
     assert_eq!(read(&folder.join("result/views.json"))[0]["name"], "right");
+    let page = std::fs::read_to_string(folder.join("result/report.html")).unwrap();
+    assert!(page.contains(r#""others":[{"name":"right""#) && page.contains("show-cameras"));
+    let crop = &read(&folder.join("result/views.json"))[0]["crop"];
+    let side = |a: &str, b: &str| (crop[b].as_u64().unwrap() - crop[a].as_u64().unwrap()) as usize;
+    for kind in ["observed", "render", "difference"] {
+        let path = folder.join(format!("result/pictures/view_1/{kind}/frame_004.png"));
+        let image = tessuto::io::image::read(&path).unwrap();
+        assert_eq!(image.width, side("x0", "x1"), "{kind}");
+        assert!(kind == "difference" || image.height == side("y0", "y1"), "{kind}");
+    }
     // Seen from the further camera, the sheet is where its masks are.
     tessuto(folder, &["render", "result", "--look", "texture", "--camera", "right"]);
     let view = tessuto::io::image::read(&folder.join("result/views/texture/frame_004.png")).unwrap();

@@ -15,8 +15,8 @@ use serde_json::Value;
 use super::calibration::{Calibration, Focal};
 use super::{matrix, read_calibration};
 use crate::io::depth::DepthMap;
+use crate::io::read_text;
 use crate::io::table::Table;
-use crate::io::{image, read_text};
 use tessuto_core::error::{Error, Result};
 
 /// Widths of the colour images that phones record with depth `[px]`.
@@ -48,7 +48,7 @@ pub fn read_depth(path: &Path, camera: Option<&Path>, scale: Option<f64>) -> Res
     let name = file.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let confidence = home.join("confidence").join(format!("{name}.png"));
     if file.parent().is_some_and(|folder| folder.ends_with("depth")) && confidence.is_file() {
-        leave_out(&mut map, &confidence)?;
+        map.leave_out(&confidence)?;
     }
     let cameras = ["corrected_cameras", "cameras"].map(|sub| home.join(sub).join(format!("{name}.json")));
     let matrix = home.join("camera_matrix.csv");
@@ -77,30 +77,6 @@ fn first_map(folder: &Path) -> Result<PathBuf> {
         let hint = "name the folder of a capture of Stray Scanner, the raw data of Polycam, or the file of a depth map";
         Error::input(folder.display().to_string(), "has no depth maps in depth/ or keyframes/depth/", hint)
     })
-}
-
-/// Leaves out what the lowest confidence was given to, where any has a higher one.
-pub(super) fn leave_out(map: &mut DepthMap, path: &Path) -> Result<()> {
-    let levels = image::read_grey(path)?;
-    if [levels.width, levels.height] != [map.width, map.height] {
-        let problem = format!(
-            "is {}×{} pixels, but the depth map {}×{}",
-            levels.width, levels.height, map.width, map.height
-        );
-        return Err(Error::input(
-            path.display().to_string(),
-            problem,
-            "give the confidence of this depth map, or remove it",
-        ));
-    }
-    if levels.data.iter().any(|level| *level > 0.0) {
-        map.z
-            .iter_mut()
-            .zip(&levels.data)
-            .filter(|(_, level)| **level <= 0.0)
-            .for_each(|(z, _)| *z = f64::NAN);
-    }
-    Ok(())
 }
 
 /// A camera file: JSON of an app, or what [`read_calibration`] reads.

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use super::Settings;
-use super::depth::leave_out;
 use super::names::{name, natural};
 use crate::io::depth::DepthMap;
 use crate::io::npy;
@@ -49,7 +48,7 @@ pub(super) fn write(
     chosen.par_iter().enumerate().try_for_each(|(k, n)| {
         let mut map = DepthMap::read(&maps[*n], settings.depth_scale)?;
         if let Some(confidence) = confidence.get(*n).filter(|_| confidence.len() == maps.len()) {
-            leave_out(&mut map, confidence)?;
+            map.leave_out(confidence)?;
         }
         let z: Vec<f32> = map.z.iter().map(|z| *z as f32).collect();
         npy::write(&out.join(format!("depth_{k:03}.npy")), &[map.height, map.width], &z)

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::codec::{self, Format, Pixels, Refusal, Samples};
 use super::depth_unit::Unit;
-use super::{exr_depth, hdr, npy, read_bounded};
+use super::{exr_depth, hdr, image, npy, read_bounded};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 /// Largest file read `[bytes]`.
@@ -40,6 +40,28 @@ struct Raw {
 }
 
 impl DepthMap {
+    /// Leaves out what the lowest level, 0, was given to in the confidence map at `path`, a grey image of the same
+    /// size, where any pixel has a higher one.
+    ///
+    /// # Errors
+    /// [`Error::Input`] naming that file.
+    pub fn leave_out(&mut self, path: &Path) -> Result<()> {
+        let levels = image::read_grey(path)?;
+        if [levels.width, levels.height] != [self.width, self.height] {
+            let problem = format!(
+                "is {}×{} pixels, but the depth map {}×{}",
+                levels.width, levels.height, self.width, self.height
+            );
+            let hint = "give the confidence of this depth map, or remove it";
+            return Err(Error::input(path.display().to_string(), problem, hint));
+        }
+        if levels.data.iter().any(|level| *level > 0.0) {
+            let pairs = self.z.iter_mut().zip(&levels.data);
+            pairs.filter(|(_, level)| **level <= 0.0).for_each(|(z, _)| *z = f64::NAN);
+        }
+        Ok(())
+    }
+
     /// Reads a PNG of 16 bits in millimetres, an array [H, W] of NumPy (floats in metres, integers in millimetres), or
     /// an OpenEXR image in metres, whose channel of depth counts (Z, depth, V, Y, the only one, or equal colours).
     /// `scale` says another unit `[m]`. Nothing was measured where values are 0, below, no number or infinite, and

@@ -5,7 +5,8 @@
 //! by its colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then
 //! every frame again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`).
 //! Hands and people in front are neither fabric nor background (`front`). What looks wrong is named with its frames
-//! (`judge`, `steady`, `findings`).
+//! (`judge`, `steady`, `findings`). A clip by a camera that moves, whose poses are known, is held still first by the
+//! plane behind the fabric (`moving`).
 
 mod beyond;
 mod conserved;
@@ -18,6 +19,7 @@ mod frames;
 mod front;
 mod judge;
 mod matte;
+mod moving;
 mod page;
 mod palette;
 mod plate;
@@ -109,26 +111,33 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let frames = Frames::read(&clip, area)?;
     progress(0.05);
     let given_plate = start::plate(folder, request, &mut record, &clip, &frames)?;
-    let first = shrunk(&first, &frames);
-    let noise = frames::noise(&frames, &first);
+    let mut first = shrunk(&first, &frames);
+    let mut marks = marks(&record.clicks, &frames);
+    let mut plate = given_plate;
+    let recorded_size = frames.size;
+    let rough_noise = frames::noise(&frames, &first);
+    let steadied = moving::steadied(folder, &clip.camera, &frames, &first, (rough_noise, origin))?;
+    if let Some(steadied) = &steadied {
+        first = steadied.region(&first);
+        marks = steadied.marks(&marks);
+        plate = plate.map(|plate| steadied.plate(&plate));
+    }
+    let frames = steadied.as_ref().map_or(&frames, |steadied| &steadied.frames);
+    let noise = frames::noise(frames, &first);
     record.noise = (f64::from(noise) * 1e3).round() / 1e3;
-    notes.extend(refuse::clip(&frames, &first, noise, origin)?);
+    notes.extend(refuse::clip(frames, &first, noise, (origin, steadied.is_some()))?);
     record.notes = notes;
-    let given = Given {
-        first,
-        rough,
-        plate: given_plate,
-        marks: marks(&record.clicks, &frames),
-        largest_piece: record.largest_piece,
-        noise,
-    };
-    let mut tracked = track(&frames, &given, &|part| progress(0.1 + 0.8 * part))
+    let given = Given { first, rough, plate, marks, largest_piece: record.largest_piece, noise };
+    let mut tracked = track(frames, &given, &|part| progress(0.1 + 0.8 * part))
         .map_err(|n| refuse::lost(&clip.paths[n], n, origin))?;
     refuse::outline(&given.first, &tracked, rough)?;
-    let judgements = judge::judge(&frames, &tracked, &given);
-    let fronts = front::take_out(&frames, &mut tracked, noise);
-    let coverage = coverages(&frames, &tracked, noise);
-    let pixels = (frames.size[0] * frames.size[1]) as f64;
+    let judgements = judge::judge(frames, &tracked, &given);
+    let fronts = front::take_out(frames, &mut tracked, noise);
+    let mut coverage = coverages(frames, &tracked, noise);
+    if let Some(steadied) = &steadied {
+        coverage = coverage.par_iter().enumerate().map(|(n, coverage)| steadied.back(coverage, n)).collect();
+    }
+    let pixels = (recorded_size[0] * recorded_size[1]) as f64;
     let areas: Vec<f64> = tracked.regions.iter().map(|r| r.area() as f64 / pixels).collect();
     record.judged(&judgements, &fronts, &areas);
     let enlarged = |k: usize| frames::enlarged(&coverage[k], frames.factor, size);

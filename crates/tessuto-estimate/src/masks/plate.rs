@@ -39,6 +39,20 @@ impl Plate {
         Self { width: image.width, colours, sure: vec![1.0; n], spread: vec![2.0; n] }
     }
 
+    /// The same from column and row `at` on of a larger image of this `size`; unknown around it.
+    pub fn placed(&self, at: [usize; 2], size: [usize; 2]) -> Self {
+        let mut out = Self::unknown(size);
+        for i in 0..self.sure.len() {
+            let (x, y) = (i % self.width + at[0], i / self.width + at[1]);
+            if x < size[0] && y < size[1] {
+                let k = y * size[0] + x;
+                (out.colours[k], out.sure[k], out.spread[k]) =
+                    (self.colours[i], self.sure[i], self.spread[i]);
+            }
+        }
+        out
+    }
+
     /// The median of what is seen where the fabric is not, farther than `margin` `[px]` from its outline.
     /// `distances`: to the outline, positive inside, of the frames that are known.
     pub fn seen(frames: &Frames, distances: &[Field], margin: f32) -> Self {

@@ -111,8 +111,14 @@ pub(super) fn size(path: &Path, found: [usize; 2], expected: [usize; 2]) -> Resu
     ))
 }
 
-/// Refuses a cut and a camera that moves; notes about smaller faults.
-pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) -> Result<Vec<String>> {
+/// Refuses a cut and a camera that moves; notes about smaller faults. `steadied`: the known motion of the camera is
+/// taken out of `frames`.
+pub(super) fn clip(
+    frames: &Frames,
+    first: &Region,
+    noise: f32,
+    (origin, steadied): (Origin, bool),
+) -> Result<Vec<String>> {
     let found = steadiness(frames, first, noise);
     if let Some(n) = found.cut {
         // The fabric is known in frame 0, which the take behind the cut has not, however long it is.
@@ -140,22 +146,31 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) 
             Hint::from("give the outline of what moves").with(Remedy::Outline),
         ));
     }
+    if let Some(moved) = found.moved.filter(|_| steadied) {
+        return Err(no_plane(moved, origin));
+    }
     if let Some((n, shift)) = found.moved {
         return Err(Error::input(
             format!("frame {n}"),
             format!(
                 "the surroundings have moved by {shift:.0} px since frame 0: the camera did not stand still"
             ),
-            Hint::from("film from a tripod, steady the clip in a video editor, or import the part before")
-                .with(origin.before(n)),
+            Hint::from(
+                "give where the camera was, as an app on the phone records it, or masks that another program made; \
+                 or import the part before",
+            )
+            .with(Remedy::Poses)
+            .with(Remedy::Masks)
+            .with(origin.before(n)),
         ));
     }
     let shaken = found.shaken.map(|(n, shift)| {
-        format!(
-            "the surroundings are {shift:.1} px off in frame {n}: the camera shakes; masks and motion suffer"
-        )
+        let cause =
+            if steadied { "what is behind the fabric is not quite a plane" } else { "the camera shakes" };
+        format!("the surroundings are {shift:.1} px off in frame {n}: {cause}; masks and motion suffer")
     });
-    let swaying = found.swaying.map(|(n, part)| {
+    // Of a camera that moved the fabric itself hides other parts of the wall in every frame.
+    let swaying = found.swaying.filter(|_| !steadied).map(|(n, part)| {
         format!(
             "{:.0} % of the surroundings move in frame {n} while the rest stands still: somebody who moves, not the \
              camera",
@@ -163,6 +178,28 @@ pub(super) fn clip(frames: &Frames, first: &Region, noise: f32, origin: Origin) 
         )
     });
     Ok(shaken.into_iter().chain(swaying).collect())
+}
+
+/// The error of surroundings that are `shift` px off in frame `n` with the camera's motion taken out.
+fn no_plane((n, shift): (usize, f32), origin: Origin) -> Error {
+    let problem = format!(
+        "the surroundings are {shift:.0} px off from those of frame 0, with the camera's motion taken out: what is \
+         behind the fabric is no plane, or the poses are not this clip's"
+    );
+    Error::input(format!("frame {n}"), problem, other_masks(n, origin))
+}
+
+/// The error of a frame `n` that shows little of what frame 0 does.
+pub(super) fn unseen(n: usize, origin: Origin) -> Error {
+    let problem = "little of what frame 0 shows is in sight, with the camera's motion taken out: it turned away, or \
+                   the poses are not this clip's";
+    Error::input(format!("frame {n}"), problem, other_masks(n, origin))
+}
+
+/// What helps from frame `n` on where the place behind the fabric is not known.
+fn other_masks(n: usize, origin: Origin) -> Hint {
+    let text = "give masks that another program made, or import the part before";
+    Hint::from(text).with(Remedy::Masks).with(origin.before(n.max(1)))
 }
 
 /// Refuses an outline in which no fabric was found.

@@ -11,6 +11,7 @@ tessuto.ClothView = class {
     this.images = images;
     this.lightData = light;
     this.surface = new tessuto.Surface(data.surface);
+    this.poses = data.poses;
     this.frame = 0;
     this.renderer = new THREE.WebGLRenderer({ canvas: elements.canvas, antialias: true, alpha: true });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
@@ -305,9 +306,14 @@ tessuto.ClothView = class {
     this.draw();
   }
 
+  /** [R t] by rows of the camera that is looked through, in frame `n` or the last one before; none at the origin. */
+  poseAt(n) {
+    return this.poses.at(Math.min(n, this.poses.length - 1));
+  }
+
   /** Stands the fabric where the recording camera sees it in this frame, in the view through that camera. */
   follow() {
-    const pose = this.throughLens ? this.data.poses[this.frame] : undefined;
+    const pose = this.throughLens ? this.poseAt(this.frame) : undefined;
     // Of 3×4 numbers by rows: y and z of either frame are turned around.
     const turn = (value, k) => k > 3 !== (k % 4 === 1 || k % 4 === 2) ? -value : value;
     if (pose) this.world.matrix.set(...pose.map(turn), 0, 0, 0, 1);
@@ -407,12 +413,13 @@ tessuto.ClothView = class {
     // The narrower side of the view decides.
     const aspect = this.size ? this.size.width / this.size.height : 1;
     const half = Math.tan(this.camera.fov * Math.PI / 360) * Math.min(1, aspect);
-    const distance = this.radius / Math.sin(Math.atan(half)) * 0.92;
+    const { centre, radius, left, up } = this.overview?.() ??
+      { centre: this.centre, radius: this.radius, left: -0.5, up: 0.25 };
+    const distance = radius / Math.sin(Math.atan(half)) * 0.92;
     this.turned = false;
-    const [left, up] = [-0.5, 0.25];
     const to = new THREE.Vector3(Math.sin(left) * Math.cos(up), Math.sin(up), Math.cos(left) * Math.cos(up));
-    this.camera.position.copy(this.centre).addScaledVector(to, distance);
-    this.aim();
+    this.camera.position.copy(centre).addScaledVector(to, distance);
+    this.aim(centre);
   }
 
   /** Through the recording camera. */
@@ -420,14 +427,14 @@ tessuto.ClothView = class {
     this.inCamera = this.throughLens = true;
     this.follow();
     this.camera.position.set(0, 0, 0);
-    this.aim();
+    this.aim(new THREE.Vector3(0, 0, this.centre.clone().applyMatrix4(this.world.matrix).z));
     this.fitLens();
   }
 
-  aim() {
+  aim(at) {
     this.camera.near = this.radius / 50;
     this.camera.far = this.radius * 100;
-    this.controls.target.copy(this.inCamera ? new THREE.Vector3(0, 0, this.centre.z) : this.centre);
+    this.controls.target.copy(at);
     this.camera.updateProjectionMatrix();
     this.controls.update();
     this.draw();

@@ -102,7 +102,7 @@
     byId("film-panel").hidden = false;
     const shape = () => {
       const positions = (view.replay ?? view.motion).at(player.frame);
-      return { positions: tessuto.seenFrom(cloth.poses[player.frame], positions), edges: view.surface.edges };
+      return { positions: tessuto.seenFrom(view.poseAt(player.frame), positions), edges: view.surface.edges };
     };
     const mesh = view && shape;
     const elements = { canvas: byId("film"), box: byId("film-box"), handle: byId("handle") };

@@ -30,6 +30,12 @@ tessuto.Wipe = class {
     return drawn;
   }
 
+  /** Takes the images of another camera. */
+  setFilm(film) {
+    Object.assign(this, { film, images: {} });
+    this.show(this.frame);
+  }
+
   setLayer(key) {
     this.layer = key;
     this.draw();

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 
-use crate::result::{Folder, Measured, OtherCamera};
+use crate::result::{Folder, Measured, OtherCamera, of_other};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::Image;
@@ -75,6 +75,8 @@ pub struct Clip {
     pub poses: Option<Vec<Pose>>,
     /// Further cameras, where they are in every frame of the video.
     pub others: Vec<OtherCamera>,
+    /// Images of each further camera, as `images`.
+    pub other_images: Vec<Vec<PathBuf>>,
     /// The part of the whole image that was computed on.
     pub crop: Rect,
     /// Images of all frames of the whole clip, cut to the crop; none if the result lacks some.
@@ -111,7 +113,10 @@ impl Clip {
             environment: environment(folder.path())?,
             video: first_image(&folder.run.scene, first_frame),
             name,
-            images: images(folder.path(), first_frame, frame_count),
+            images: images(&folder.path().join("pictures"), first_frame, frame_count),
+            other_images: (0..folder.others.len())
+                .map(|k| images(&folder.path().join(of_other(k)), first_frame, frame_count))
+                .collect(),
             version: folder.run.version.clone(),
             mesh: folder.mesh.clone(),
             motion,
@@ -222,8 +227,9 @@ pub(super) fn identifier(name: &str) -> String {
     }
 }
 
-fn images(folder: &Path, first: usize, count: usize) -> Vec<PathBuf> {
-    let path = |n| folder.join(format!("pictures/observed/frame_{n:03}.png"));
+/// The video in a folder of pictures.
+fn images(pictures: &Path, first: usize, count: usize) -> Vec<PathBuf> {
+    let path = |n| pictures.join(format!("observed/frame_{n:03}.png"));
     let paths: Vec<PathBuf> = (first..first + count).map(path).collect();
     if paths.iter().all(|p| p.is_file()) { paths } else { Vec::new() }
 }
@@ -307,6 +313,7 @@ pub(super) mod tests {
             camera: Camera { fx: 50.0, fy: 50.0, cx: 16.0, cy: 12.0, width: 32, height: 24 },
             poses: None,
             others: Vec::new(),
+            other_images: Vec::new(),
             crop: Rect { x0: 0, y0: 0, x1: 32, y1: 24 },
             images: Vec::new(),
             video: None,

@@ -96,9 +96,14 @@ pub struct FrameImages<'a> {
 impl FrameImages<'_> {
     /// Write `<folder>/<kind>/frame_<frame>.png` for every kind there is data for.
     pub fn write(&self, folder: &Path, frame: usize, scales: &Scales) -> Result<()> {
-        for kind in Kind::ALL {
-            let Some(mut image) = self.image(kind, scales) else { continue };
-            if let Some(legend) = Legend::of(kind, scales) {
+        self.write_kinds(&Kind::ALL, folder, frame, scales)
+    }
+
+    /// The same of these kinds.
+    pub fn write_kinds(&self, kinds: &[Kind], folder: &Path, frame: usize, scales: &Scales) -> Result<()> {
+        for kind in kinds {
+            let Some(mut image) = self.image(*kind, scales) else { continue };
+            if let Some(legend) = Legend::of(*kind, scales) {
                 image = legend::below(&image, &legend);
             }
             let path = folder.join(kind.path(frame));

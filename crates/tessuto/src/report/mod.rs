@@ -44,6 +44,8 @@ pub struct ReportData {
     pub cloth: Option<ClothData>,
     /// The video and the drawn frames.
     pub film: Film,
+    /// Further cameras, with what they filmed.
+    pub others: Vec<OtherLens>,
     /// Texture and material maps.
     pub maps: Vec<Map>,
     /// The light.
@@ -85,6 +87,21 @@ pub struct ClothData {
     pub motion: EmbeddedMotion,
     /// What it can be coloured by.
     pub fields: Vec<Field>,
+}
+
+/// A further camera that filmed the fabric.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct OtherLens {
+    /// Name of its view.
+    pub name: String,
+    /// Camera of the whole image.
+    pub camera: Camera,
+    /// R and t by rows, [R t], of every frame; one of a camera that stands still.
+    pub poses: Vec<[f64; 12]>,
+    /// How many frames later than the first camera it takes its images.
+    pub late: f64,
+    /// What it filmed, and the recovered sheet drawn through it.
+    pub film: Film,
 }
 
 /// An image on the fabric's surface.

@@ -6,7 +6,7 @@ use askama::Template;
 use serde::Serialize;
 
 use super::causes::{CauseRow, CauseSpread, bar};
-use super::{CauseData, Chart, ClothData, Film, LightData, Parameter, ReportData, chart, scale};
+use super::{CauseData, Chart, ClothData, Film, LightData, OtherLens, Parameter, ReportData, chart, scale};
 use tessuto_core::error::Result;
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
@@ -39,13 +39,18 @@ const SCRIPTS: [&str; 13] = [
     include_str!("../../assets/report/live.js"),
 ];
 
+/// The script of pages of several cameras, or of one that moves; it comes after the others.
+const CAMERAS: &str = include_str!("../../assets/report/cameras.js");
+
 /// What the template reads; it escapes every text that is not marked safe.
 #[derive(Template)]
 #[template(path = "report.html")]
 struct Page<'a> {
     data: &'a ReportData,
     styles: [&'static str; 2],
-    scripts: [&'static str; 13],
+    scripts: Vec<&'static str>,
+    /// Whether there is more to say of cameras than that one stood still.
+    has_cameras: bool,
     parameters: Vec<Row>,
     causes: Vec<CauseLine>,
     agreement: Vec<Row>,
@@ -72,6 +77,8 @@ struct Embedded<'a> {
     live: bool,
     cloth: &'a Option<ClothData>,
     film: &'a Film,
+    #[serde(skip_serializing_if = "<[OtherLens]>::is_empty")]
+    others: &'a [OtherLens],
     light: &'a Option<LightData>,
     causes: &'a Option<CauseData>,
     verdicts: &'a [FrameVerdict],
@@ -154,18 +161,21 @@ fn page(data: &ReportData) -> Page<'_> {
         live: data.live,
         cloth: &data.cloth,
         film: &data.film,
+        others: &data.others,
         light: &data.light,
         causes: &data.causes,
         verdicts: &data.verdicts,
         charts,
     };
+    let has_cameras = data.cloth.as_ref().is_some_and(|c| !c.poses.is_empty() || !data.others.is_empty());
     let mut doubts = doubts(&data.verdicts);
     let more_doubts = doubts.len().saturating_sub(DOUBTS);
     doubts.truncate(DOUBTS);
     Page {
         data,
         styles: STYLES,
-        scripts: SCRIPTS,
+        scripts: SCRIPTS.into_iter().chain(has_cameras.then_some(CAMERAS)).collect(),
+        has_cameras,
         agreement: data
             .verdict
             .as_ref()

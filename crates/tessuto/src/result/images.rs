@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::path::Path;
 
 use super::shutter;
+use crate::report::Kind;
 use crate::report::images::{FrameImages, Ranges, Scales, measured_depth_image};
 use crate::report::sheet::{chosen_frames, contact_sheet};
 use tessuto_core::camera::Viewpoint;
@@ -20,6 +21,14 @@ use tessuto_render::raster::{Rasterizer, Rendering};
 
 /// A vertex farther behind the nearest surface `[m]` is hidden.
 const HIDDEN: f64 = 0.01;
+
+/// Folder, in that of the result, of the images that further camera `k` sees.
+pub(crate) fn of_other(k: usize) -> String {
+    format!("pictures/view_{}", k + 1)
+}
+
+/// What is written of a further camera's frames.
+const OF_OTHER: [Kind; 4] = [Kind::Render, Kind::Observed, Kind::Difference, Kind::MaskDifference];
 
 /// Renders frames of a result, one by one: all of them together could fill the memory.
 struct Painter<'a> {
@@ -50,16 +59,9 @@ impl Painter<'_> {
     fn render(&self, rendering: &mut Rendering, n: usize) -> Rendered {
         let (scene, shape) = (self.scene, &self.result.motion[n]);
         self.rasterizer.render(scene.viewpoint(n), shape, &self.result.texture, rendering);
-        let (width, height) = (rendering.width, rendering.height);
-        let channel = |range: std::ops::Range<usize>| Image {
-            width,
-            height,
-            channels: range.len(),
-            data: rendering.rgba.iter().flat_map(|c| &c[range.clone()]).copied().collect(),
-        };
         let measured =
             scene.truth.points_in(n).map(|points| measured_depth_image(points, scene.viewpoint(n)));
-        Rendered { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured }
+        Rendered { measured, ..Rendered::of(rendering) }
     }
 
     /// How well the print lies on that of the video if the shutter was open for some of the time.
@@ -78,26 +80,30 @@ impl Painter<'_> {
         exposures.into_iter().flatten().filter_map(|[rgb, mask]| print_correlation(&rgb, &mask, observed))
     }
 
-    /// Lowers `agreement` of frame `n` to that of the silhouette as a further camera sees it, where it is worse.
-    /// Colours are judged by the first camera, which the texture is from.
-    fn worst_of(
+    /// Draws frame `n` through further camera `k` into the result's `folder`, and lowers `agreement` to that of the
+    /// silhouette as it sees it, where that is worse. Colours are judged by the first camera, which the texture is
+    /// from.
+    fn through_other(
         &self,
         agreement: &mut FrameAgreement,
-        (other, x): (&Scene, &Positions),
+        (k, folder): (usize, &Path),
         rendering: &mut Rendering,
         n: usize,
+        scales: &Scales,
     ) -> Result<()> {
-        self.rasterizer.render(other.viewpoint(n), x, &self.result.texture, rendering);
-        let (width, height) = (rendering.width, rendering.height);
-        let covered =
-            Image { width, height, channels: 1, data: rendering.rgba.iter().map(|c| c[3]).collect() };
-        let [silhouette, uncovered] = overlaps(&covered, &*other.frames.frame(n)?);
+        let (other, motion) = &self.others[k];
+        self.rasterizer.render(other.viewpoint(n), &motion[n], &self.result.texture, rendering);
+        let drawn = Rendered::of(rendering);
+        let observed = &*other.frames.frame(n)?;
+        let folder = folder.join(of_other(k));
+        drawn.images(observed).write_kinds(&OF_OTHER, &folder, self.scene.first_frame + n, scales)?;
+        let [silhouette, uncovered] = overlaps(&drawn.mask, observed);
         agreement.silhouette = [agreement.silhouette, silhouette].into_iter().flatten().reduce(f64::min);
         agreement.uncovered = [agreement.uncovered, uncovered].into_iter().flatten().reduce(f64::max);
         Ok(())
     }
 
-    /// Writes the images of frame `n` and measures it.
+    /// Writes the images of frame `n` into the result's `folder` and measures it.
     fn finish(
         &self,
         rendered: &Rendered,
@@ -109,10 +115,10 @@ impl Painter<'_> {
         let (scene, shape) = (self.scene, &self.result.motion[n]);
         let number = scene.first_frame + n;
         let observed = &*scene.frames.frame(n)?;
-        rendered.images(observed).write(folder, number, scales)?;
+        rendered.images(observed).write(&folder.join("pictures"), number, scales)?;
         let mut agreement = self.meter.measure(number, shape, &rendered.rgb, &rendered.mask, observed);
-        for (other, motion) in &self.others {
-            self.worst_of(&mut agreement, (other, &motion[n]), rendering, n)?;
+        for k in 0..self.others.len() {
+            self.through_other(&mut agreement, (k, folder), rendering, n, scales)?;
         }
         agreement.deviation = self.result.deviations.as_ref().map(|frames| root_mean_square(&frames[n]));
         // Blur is a reason to look for only where the sharp print is not there.
@@ -142,10 +148,9 @@ pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Re
     let of_frame = |(n, shape): (usize, &Positions)| Ranges::of_vertices(shape, &scene.viewpoint(n));
     let of_vertices = result.motion.iter().enumerate().map(of_frame);
     let scales = Scales::fitting(of_pixels.chain(of_vertices));
-    let target = folder.join("pictures");
     let finish = |rendering: &mut Rendering, n: usize| match chosen.binary_search(&n) {
-        Ok(k) => painter.finish(&kept[k], rendering, n, &target, &scales),
-        Err(_) => painter.finish(&painter.render(rendering, n), rendering, n, &target, &scales),
+        Ok(k) => painter.finish(&kept[k], rendering, n, folder, &scales),
+        Err(_) => painter.finish(&painter.render(rendering, n), rendering, n, folder, &scales),
     };
     let measured = scene.frames.map(0..result.motion.len(), Rendering::new, finish)?;
     write_errors(folder, scene, &result.motion, &measured)?;
@@ -153,11 +158,23 @@ pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Re
     let numbers = chosen.iter().map(|n| scene.first_frame + n);
     let shown: Vec<_> =
         numbers.zip(kept.iter().zip(&observed)).map(|(n, (r, frame))| (n, r.images(frame))).collect();
-    io::image::write_png(&target.join("contact_sheet.png"), &contact_sheet(&shown, &scales))?;
+    io::image::write_png(&folder.join("pictures/contact_sheet.png"), &contact_sheet(&shown, &scales))?;
     Ok(measured.into_iter().map(|m| m.agreement).collect())
 }
 
 impl Rendered {
+    /// What was drawn; nothing of it was measured.
+    fn of(rendering: &Rendering) -> Self {
+        let (width, height) = (rendering.width, rendering.height);
+        let channel = |range: std::ops::Range<usize>| Image {
+            width,
+            height,
+            channels: range.len(),
+            data: rendering.rgba.iter().flat_map(|c| &c[range.clone()]).copied().collect(),
+        };
+        Self { rgb: channel(0..3), mask: channel(3..4), depth: rendering.depth_image(), measured: None }
+    }
+
     fn images<'a>(&'a self, observed: &'a Frame) -> FrameImages<'a> {
         FrameImages {
             rgb: &self.rgb,

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Run, page};
+use super::{OtherCamera, Run, page};
 use crate::report::embed::Window;
 use crate::report::film::{Film, Source};
 use crate::report::{ClothData, EmbeddedMotion, ReportData, Surface, chart, page as report};
@@ -21,9 +21,15 @@ const FILM_BUDGET: usize = 4 << 20;
 /// Those of reading the frames.
 pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
     let template = [scene.template.positions.clone()];
-    let bytes = |n: usize| Ok(rgb8(&scene.frames.frame(n)?.rgb));
-    let source = Source { key: "observed", label: "video", load: Box::new(bytes) };
-    let shown = page::in_sight(&template, &scene.viewpoints()[..1]);
+    let film = |v: usize| {
+        let scene = scene.seen_by(v);
+        let bytes = |n: usize| Ok(rgb8(&scene.frames.frame(n)?.rgb));
+        let source = Source { key: "observed", label: "video", load: Box::new(bytes) };
+        let shown = page::in_sight(&template, &scene.viewpoints()[..1]);
+        Film::new(&[source], scene.frames.len(), &scene.camera, shown, FILM_BUDGET)
+    };
+    let cameras = OtherCamera::of(scene);
+    let others = cameras.iter().zip(1..).map(|(other, v)| Ok(page::other_lens(other, scene.fps, film(v)?)));
     let data = ReportData {
         title: run.name(),
         subtitle: format!("{}, {} vertices", run.subtitle(), scene.template.positions.len()),
@@ -38,7 +44,8 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
             motion: EmbeddedMotion::new(&template),
             fields: Vec::new(),
         }),
-        film: Film::new(&[source], scene.frames.len(), &scene.camera, shown, FILM_BUDGET)?,
+        film: film(0)?,
+        others: others.collect::<Result<_>>()?,
         config: serde_json::to_string_pretty(run).expect("plain data"),
         live: true,
         ..ReportData::default()

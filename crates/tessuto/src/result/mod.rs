@@ -44,6 +44,7 @@ pub(crate) use changed::changes;
 pub use fabric::Measured;
 pub use folder::{Folder, read_metrics};
 pub(crate) use history::history_csv;
+pub(crate) use images::of_other;
 pub use live::{live_page, live_state};
 pub use log::Log;
 pub(crate) use metres::in_metres;

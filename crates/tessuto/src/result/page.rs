@@ -6,13 +6,14 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::UNCHANGED;
-use super::{Folder, cause_page, curves, light};
+use super::{Folder, OtherCamera, cause_page, curves, light};
 use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
 use crate::report::scale;
 use crate::report::{
-    CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, Parameter, ReportData, Surface, embed, page,
+    CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, OtherLens, Parameter, ReportData, Surface,
+    embed, page,
 };
 use tessuto_core::camera::{Pose, Rect, Viewpoint};
 use tessuto_core::error::{Error, Result};
@@ -72,6 +73,8 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         // Tables, curves and configuration.
         + 100_000 + 100 * steps.len();
     let budget = page::BUDGET.saturating_sub(page::bare_size() + sizes).max(LEAST_FILM);
+    // The cameras have one part of it each.
+    let budget = budget / (1 + saved.others.len());
     let total: f64 = log.timings.iter().map(|(_, s)| s).sum();
     let mut subtitle = format!("{}, {} vertices", saved.run.subtitle(), saved.mesh.positions.len());
     if total > 0.0 {
@@ -85,7 +88,8 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         key_numbers: key_numbers(verdict.as_ref(), evaluation.as_ref()),
         verdict,
         verdicts: evaluation.as_ref().map_or_else(Vec::new, |e| e.verdicts.clone()),
-        film: film(folder, saved, motion, budget)?,
+        film: film(saved, motion, None, budget)?,
+        others: others(saved, motion, budget)?,
         cloth: Some(cloth),
         maps,
         light,
@@ -262,21 +266,27 @@ fn hatch(image: &mut Rgb8, seen: &[f64]) {
     }
 }
 
-/// The frames that the folder has images of.
-fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> Result<Film> {
-    let first = saved.run.frames[0];
+/// The frames that the folder has images of: of the scene's own camera, or of further camera `other`.
+fn film(saved: &Folder, motion: &[Positions], other: Option<usize>, budget: usize) -> Result<Film> {
+    let (folder, first) = (saved.path(), saved.run.frames[0]);
+    let pictures = other.map_or_else(|| folder.join("pictures"), |k| folder.join(super::of_other(k)));
     let path = |name: &str, n: usize| match name {
         "rerendered" => folder.join(format!("rerendered/rgb_{:03}.png", first + n)),
-        _ => folder.join(format!("pictures/{name}/frame_{:03}.png", first + n)),
+        _ => pictures.join(format!("{name}/frame_{:03}.png", first + n)),
     };
     let observed = path("observed", 0);
     if !observed.is_file() {
         return Ok(Film::default());
     }
     let size = io::image::size(&observed)?;
-    let crop = saved.crop;
-    let camera = saved.camera.cropped(crop);
-    let views: Vec<Viewpoint> = saved.viewpoints().iter().map(|view| view.with_camera(camera)).collect();
+    let (whole, crop, views) = match other.map(|k| &saved.others[k]) {
+        Some(other) => {
+            (other.camera, other.crop, (0..motion.len()).map(|n| other.viewpoint(n)).collect::<Vec<_>>())
+        }
+        None => (saved.camera, saved.crop, saved.viewpoints()),
+    };
+    let camera = whole.cropped(crop);
+    let views: Vec<Viewpoint> = views.iter().map(|view| view.with_camera(camera)).collect();
     let shown = in_sight(motion, &views);
     let layers = [
         ("observed", "video"),
@@ -287,9 +297,28 @@ fn film(folder: &Path, saved: &Folder, motion: &[Positions], budget: usize) -> R
         let load: Load = Box::new(move |n| load(path(key, n), size, crop));
         Source { key, label, load }
     };
-    let there = |(key, _): &(&str, &str)| path(key, 0).is_file();
+    // Material and light are drawn for the scene's own camera only.
+    let drawn = |key: &str| key != "rerendered" || other.is_none();
+    let there = |(key, _): &(&str, &str)| drawn(key) && path(key, 0).is_file();
     let sources: Vec<Source> = layers.into_iter().filter(there).map(source).collect();
     Film::new(&sources, motion.len(), &camera, shown, budget)
+}
+
+/// The further cameras, with films of at most `budget` bytes each.
+fn others(saved: &Folder, motion: &[Positions], budget: usize) -> Result<Vec<OtherLens>> {
+    let lens = |(k, other): (usize, &OtherCamera)| {
+        let film = film(saved, motion, Some(k), budget)?;
+        Ok(other_lens(other, saved.fps, film))
+    };
+    saved.others.iter().enumerate().map(lens).collect()
+}
+
+/// As the page's script reads it.
+pub(super) fn other_lens(other: &OtherCamera, fps: f64, film: Film) -> OtherLens {
+    let still = other.poses.iter().all(|pose| *pose == other.poses[0]);
+    let listed = &other.poses[..if still { 1 } else { other.poses.len() }];
+    let (name, late) = (other.name.clone(), other.late * fps);
+    OtherLens { name, camera: other.camera, poses: poses(Some(listed)), late, film }
 }
 
 /// An image of size `size`, or that part of a whole frame.

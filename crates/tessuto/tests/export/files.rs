@@ -38,6 +38,7 @@ pub(super) fn clip(maps: bool) -> Clip {
         camera: Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 },
         poses: None,
         others: Vec::new(),
+        other_images: Vec::new(),
         crop: Rect { x0: 0, y0: 0, x1: 640, y1: 480 },
         images: Vec::new(),
         video: None,

@@ -14,12 +14,16 @@ use glam::DVec3;
 use tessuto::export::rrd::{Recording, Subject, is_ours};
 use tessuto::export::{Clip, Format, Material, export};
 use tessuto::motion::parameters::Parameters;
+use tessuto::result::OtherCamera;
 use tessuto::session::{Epoch, named};
 use tessuto::sim::Accelerations;
 use tessuto::{Camera, Image, Mesh, Motion, Pose, Positions, Rect};
 
 const CAMERA: Camera = Camera { fx: 700.0, fy: 650.0, cx: 300.0, cy: 250.0, width: 640, height: 480 };
 const CROP: Rect = Rect { x0: 20, y0: 30, x1: 84, y1: 78 };
+
+/// Where the further camera is.
+const RIGHT: Pose = Pose { rotation: glam::DMat3::IDENTITY, translation: DVec3::new(-0.5, 0.0, 0.25) };
 
 fn moved(mesh: &Mesh, n: usize) -> Positions {
     let depth = |p: &DVec3| 0.1 * n as f64 * (5.0 * p.x + 0.3 * n as f64).sin() + 0.02 * p.y;
@@ -248,7 +252,14 @@ fn an_exported_result_is_read_back_as_it_was() {
         first_frame: 7,
         camera: CAMERA,
         poses: Some((0..frames).map(pose).collect()),
-        others: Vec::new(),
+        others: vec![OtherCamera {
+            name: "the right".into(),
+            camera: CAMERA,
+            poses: vec![RIGHT; frames],
+            crop: Rect { x0: 100, y0: 40, x1: 164, y1: 88 },
+            late: 0.004,
+        }],
+        other_images: vec![images.clone()],
         crop: CROP,
         images,
         video: None,
@@ -343,6 +354,22 @@ fn an_exported_result_is_read_back_as_it_was() {
         assert_eq!(video[0].list("EncodedImage:media_type", row).as_string::<i32>().value(0), "image/jpeg");
     }
 
+    // The further camera: its own crop, place, images and times.
+    let right = of(&chunks, "/world/cameras/the_right", "Pinhole:image_from_camera")[0];
+    let matrix = right.floats("Pinhole:image_from_camera", 0);
+    assert_eq!(matrix, [700.0, 0.0, 0.0, 0.0, 650.0, 0.0, 200.5, 210.5, 1.0]);
+    let placed = of(&chunks, "/world/cameras/the_right", "Transform3D:translation")[0];
+    assert_eq!(placed.floats("Transform3D:translation", 9), [0.5, 0.0, -0.25]);
+    assert_eq!([placed.index("frame")[9], placed.index("time")[9]], [16, 16 * 40_000_000 + 4_000_000]);
+    let video = of(&chunks, "/world/cameras/the_right/image", "EncodedImage:blob");
+    assert_eq!(video.iter().map(|c| c.index("frame").len()).sum::<usize>(), frames);
+    assert_eq!(video[0].index("time")[0], 7 * 40_000_000 + 4_000_000);
+    let distance = |camera: &Chunk| {
+        camera.list("Pinhole:image_plane_distance", 0).as_primitive::<Float32Type>().value(0)
+    };
+    let behind = distance(right) - distance(camera);
+    assert!((behind - 1.2 * 0.25).abs() < 1e-5, "its image stands behind the sheet as it sees it: {behind}");
+
     export(&clip, &[Format::Rrd], folder.path(), true).unwrap();
     assert!(std::fs::read(&path).unwrap() == bytes, "same clip, same bytes");
 }
@@ -360,6 +387,7 @@ fn run(out: impl Write, ended: bool) -> tessuto::Result<()> {
         camera: CAMERA,
         poses: None,
         image: None,
+        others: Vec::new(),
         truth: Some(&truth),
     };
     let mut recording = Recording::begin(out, Path::new("run.rrd"), "tessuto-1", &subject)?;

@@ -1,4 +1,5 @@
 //! Images and page of a result.
 
+mod cameras;
 mod card;
 mod page;

@@ -163,7 +163,7 @@ fn causes(motion: &[Positions]) -> CauseData {
 }
 
 /// A cloth of `side`×`side` vertices that swings, in front of a camera of `size`×`size` pixels.
-fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
+pub fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
     let mesh = grid(side, side, DVec2::new(0.5, 0.5), 1.2);
     let swung = |n: usize| -> Positions {
         let wave = |p: &DVec3| 0.06 * ((8.0 * p.x + 0.3 * n as f64).sin() + p.y * (0.2 * n as f64).cos());
@@ -254,6 +254,7 @@ fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
                 .collect(),
         }),
         film: Film::new(&sources, frame_count, &camera, None, 11 << 20).unwrap(),
+        others: Vec::new(),
         verdict: None,
         verdicts: verdicts(frame_count),
         maps: vec![Map {
@@ -440,18 +441,14 @@ const look = () => {
 setTimeout(look, 1500);
 </script></head>"#;
 
-#[test]
-fn page_runs_in_chromium() {
-    let Some(program) = ["chromium", "chromium-browser", "google-chrome"]
+/// What `probe`, put into the head of the page of `data`, says in the page's title; `None` without Chromium.
+pub fn in_chromium(data: &ReportData, probe: &str) -> Option<serde_json::Value> {
+    let program = ["chromium", "chromium-browser", "google-chrome"]
         .into_iter()
-        .find(|p| Command::new(p).arg("--version").output().is_ok_and(|o| o.status.success()))
-    else {
-        return not_tested("Chromium");
-    };
+        .find(|p| Command::new(p).arg("--version").output().is_ok_and(|o| o.status.success()))?;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("report.html");
-    let text = page::render(&data(8, 9, 120)).replacen("</head>", PROBE, 1);
-    std::fs::write(&path, text).unwrap();
+    std::fs::write(&path, page::render(data).replacen("</head>", probe, 1)).unwrap();
     let run = Command::new(program)
         .args(["--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader"])
         .args(["--enable-unsafe-swiftshader", "--virtual-time-budget=6000", "--dump-dom"])
@@ -462,7 +459,13 @@ fn page_runs_in_chromium() {
     let dom = String::from_utf8_lossy(&run.stdout);
     let title = title(&dom).unwrap_or_else(|| panic!("{}", String::from_utf8_lossy(&run.stderr)));
     let seen = title.strip_prefix("PROBE ").unwrap_or_else(|| panic!("nothing was looked at: {title}"));
-    let seen: serde_json::Value = serde_json::from_str(seen).unwrap_or_else(|e| panic!("{e}: {title}"));
+    Some(serde_json::from_str(seen).unwrap_or_else(|e| panic!("{e}: {title}")))
+}
+
+#[test]
+fn page_runs_in_chromium() {
+    let Some(seen) = in_chromium(&data(8, 9, 120), PROBE) else { return not_tested("Chromium") };
+    let title = seen.to_string();
     assert_eq!(seen["faults"].as_array().map(Vec::len), Some(0), "{title}");
     assert!(seen["colours"].as_u64() > Some(20), "the 3D view is blank: {title}");
     let expected = serde_json::json!({

@@ -16,6 +16,7 @@ use tessuto_core::scene::Depths;
 /// Folder of the maps, unless the scene names another.
 pub(super) const FOLDER: &str = "depth";
 const PREFIX: &str = "depth_";
+const CONFIDENCE: &str = "confidence_";
 const ENDINGS: [&str; 3] = ["png", "npy", "exr"];
 /// Longest side of a map `[px]`; of larger ones every second, third … pixel is taken.
 const LARGEST: usize = 640;
@@ -42,13 +43,19 @@ pub(super) fn read(
     {
         return Ok(None);
     }
-    let files = numbered(folder, &manifest.depth, PREFIX, &ENDINGS, (range, manifest.n_frames), warnings)?;
+    let numbers = || (range.clone(), manifest.n_frames);
+    let files = numbered(folder, &manifest.depth, PREFIX, &ENDINGS, numbers(), warnings)?;
+    let confidence = match &manifest.depth_confidence {
+        Some(name) => numbered(folder, name, CONFIDENCE, &ENDINGS[..1], numbers(), warnings)?,
+        None => Vec::new(),
+    };
     let unit = manifest.depth_unit;
     let (whole, first) = (manifest.camera(), DepthMap::read(&files[0], unit)?);
     let size = [first.width, first.height];
     let factor = size[0].max(size[1]).div_ceil(LARGEST);
-    let read = |file: &PathBuf| {
-        let map = DepthMap::read(file, unit)?;
+    let read = |(k, file): (usize, &PathBuf)| {
+        let mut map = DepthMap::read(file, unit)?;
+        confidence.get(k).map_or(Ok(()), |levels| map.leave_out(levels))?;
         if [map.width, map.height] == size {
             return Ok(thinned(&map, factor));
         }
@@ -56,7 +63,7 @@ pub(super) fn read(
             format!("is {}×{} pixels, the first map {}×{}", map.width, map.height, size[0], size[1]);
         Err(Error::input(file.display().to_string(), problem, "give all maps one size"))
     };
-    let maps: Vec<Vec<f32>> = files.par_iter().map(read).collect::<Result<_>>()?;
+    let maps: Vec<Vec<f32>> = files.par_iter().enumerate().map(read).collect::<Result<_>>()?;
     let camera = camera(&whole, size);
     let ratio = (camera.fx / whole.fx) / (camera.fy / whole.fy);
     if (ratio - 1.0).abs() > SHAPE {
@@ -96,7 +103,12 @@ pub fn first(folder: &Path) -> Result<Option<(DepthMap, Camera, PathBuf)>> {
     }
     let numbers = (0..1, manifest.n_frames);
     let file = numbered(folder, &manifest.depth, PREFIX, &ENDINGS, numbers, &mut Vec::new())?.remove(0);
-    let map = DepthMap::read(&file, manifest.depth_unit)?;
+    let mut map = DepthMap::read(&file, manifest.depth_unit)?;
+    if let Some(name) = &manifest.depth_confidence {
+        let numbers = (0..1, manifest.n_frames);
+        let levels = numbered(folder, name, CONFIDENCE, &ENDINGS[..1], numbers, &mut Vec::new())?.remove(0);
+        map.leave_out(&levels)?;
+    }
     let camera = camera(&manifest.camera(), [map.width, map.height]);
     Ok(Some((map, camera, file)))
 }
@@ -159,6 +171,47 @@ fn distance(mesh: &Mesh, camera: &Camera, map: &DepthMap) -> Option<f64> {
 mod tests {
     use super::*;
     use crate::io::depth_unit::Unit;
+
+    /// Confidence maps belong to the view that names them.
+    #[test]
+    fn what_is_not_confident_is_left_out_in_every_view() {
+        let settings = crate::synth::Settings::default().with(|s| {
+            (s.frames, s.size, s.grid, s.views, s.apart, s.depth_noise) = (2, 48, [5, 5], 2, 30.0, 0.01)
+        });
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        crate::synth::write::write(path, &crate::synth::make(&settings).unwrap(), &settings).unwrap();
+        let of_view = |path: &Path| {
+            let scene =
+                crate::io::scene::load(path, &crate::io::scene::LoadOptions::default()).unwrap().scene;
+            let count = |depths: &Depths| {
+                let measured = |map: &Vec<f32>, low: bool| {
+                    let half = |k: usize| (k % depths.camera.width < depths.camera.width / 2) == low;
+                    map.iter().enumerate().filter(|(k, z)| half(*k) && **z > 0.0).count()
+                };
+                [true, false].map(|low| depths.maps.iter().map(|map| measured(map, low)).sum::<usize>())
+            };
+            [scene.depths.as_deref(), scene.more[0].depths.as_deref()].map(|depths| count(depths.unwrap()))
+        };
+        let before = of_view(path);
+        let file = path.join("scene.json");
+        let mut json: serde_json::Value =
+            serde_json::from_str(&std::fs::read_to_string(&file).unwrap()).unwrap();
+        json["views"][1]["depth_confidence"] = "view1/sure".into();
+        std::fs::write(&file, json.to_string()).unwrap();
+        std::fs::create_dir(path.join("view1/sure")).unwrap();
+        let size = 24;
+        let data = (0..size * size).map(|k| f32::from(u8::from(k % size >= size / 2))).collect();
+        let levels = tessuto_core::image::Image { width: size, height: size, channels: 1, data };
+        for k in 0..2 {
+            crate::io::image::write_png(&path.join(format!("view1/sure/confidence_{k:03}.png")), &levels)
+                .unwrap();
+        }
+        let [first, second] = of_view(path);
+        assert_eq!(first, before[0], "the first camera names none");
+        assert_eq!(second, [0, before[1][1]]);
+        assert!(before[1][0] > 20, "{before:?}");
+    }
 
     #[test]
     fn a_thinned_map_is_seen_by_its_camera() {

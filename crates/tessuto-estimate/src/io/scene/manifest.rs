@@ -16,7 +16,7 @@ use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::scene::{Known, PoseUnit};
 use tessuto_core::text::edits;
 
-const KNOWN: [&str; 21] = [
+const KNOWN: [&str; 22] = [
     "name",
     "fps",
     "n_frames",
@@ -37,6 +37,7 @@ const KNOWN: [&str; 21] = [
     "rgbs",
     "masks",
     "depth",
+    "depth_confidence",
     "views",
 ];
 const EXAMPLE: &str = concat!(
@@ -73,6 +74,8 @@ pub(crate) struct Manifest {
     pub masks: String,
     #[serde(default = "depth")]
     pub depth: String,
+    /// Folder of confidence maps of the depth maps.
+    pub depth_confidence: Option<String>,
     /// Where the camera is in every frame, where it moves: the name of a file in the folder, or what such a file
     /// holds.
     poses: Option<Value>,
@@ -162,6 +165,7 @@ impl Manifest {
             rgbs: rgbs(),
             masks: masks(),
             depth: depth(),
+            depth_confidence: None,
             poses: None,
             depth_unit: None,
             gravity: None,
@@ -325,8 +329,21 @@ impl Manifest {
 }
 
 /// Keys that a view has of its own, where it has them; the others hold for the whole scene.
-const OF_VIEW: [&str; 12] =
-    ["width", "height", "fx", "fy", "cx", "cy", "crop", "poses", "depth_unit", "rgbs", "masks", "depth"];
+const OF_VIEW: [&str; 13] = [
+    "width",
+    "height",
+    "fx",
+    "fy",
+    "cx",
+    "cy",
+    "crop",
+    "poses",
+    "depth_unit",
+    "rgbs",
+    "masks",
+    "depth",
+    "depth_confidence",
+];
 
 /// A further view as the text of a scene of its own, and how much later than the first it takes its frames `[s]`.
 type Further = (String, f64);
@@ -367,10 +384,22 @@ fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<Further>)>> {
         let mut merged = scene.clone();
         if k > 0 {
             // Of the scene's own camera.
-            ["crop", "poses", "depth_unit", "rgbs", "masks", "depth", "gravity", "held", "planes", "notes"]
-                .iter()
-                .filter_map(|key| merged.as_object_mut()?.remove(*key))
-                .for_each(drop);
+            [
+                "crop",
+                "poses",
+                "depth_unit",
+                "rgbs",
+                "masks",
+                "depth",
+                "depth_confidence",
+                "gravity",
+                "held",
+                "planes",
+                "notes",
+            ]
+            .iter()
+            .filter_map(|key| merged.as_object_mut()?.remove(*key))
+            .for_each(drop);
             merged["name"] = json!(name);
         }
         for (key, value) in view.iter().filter(|(key, _)| !["name", "time_offset"].contains(&key.as_str())) {

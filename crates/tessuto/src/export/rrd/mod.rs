@@ -6,7 +6,9 @@
 //! | entity | rows | content |
 //! |---|---|---|
 //! | `world/camera` | static | pinhole of the images below |
+//! | `world/camera` | `frame` | where it is, if it moves |
 //! | `world/camera/image` | `frame` | the video, JPEG |
+//! | `world/cameras/NAME`, `world/cameras/NAME/image` | as above | the same of every further camera, at its own `time` |
 //! | `world/fabric` | `frame` | mesh; triangles, texture coordinates and texture are static |
 //! | `world/fabric` | `step` | the last frame so far, a few times in every stage |
 //! | `world/truth` | `frame` | measured points, some of them |
@@ -25,7 +27,7 @@ mod wire;
 mod xxh32;
 
 pub use recording::Recording;
-pub use subject::{FrameImage, Subject};
+pub use subject::{FrameImage, OtherEye, Subject};
 
 use std::path::Path;
 
@@ -43,6 +45,9 @@ pub(super) fn encode(clip: &Clip) -> Result<Vec<u8>> {
     hash.update(format!("{} {:?} {:?} {}", clip.version, clip.mesh, clip.camera, clip.fps));
     if clip.frames.len() < clip.frame_count {
         hash.update(format!("{:?}", clip.frames));
+    }
+    if !clip.others.is_empty() {
+        hash.update(format!("{:?}", clip.others));
     }
     clip.motion.iter().for_each(|positions| hash.update(bytemuck::cast_slice::<_, u8>(positions)));
     let id = format!("{}-{:x}", clip.name, hash.finalize());

@@ -4,14 +4,15 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use rayon::prelude::*;
 use sha2::{Digest, Sha256};
 
 use super::chunk::{Chunk, Column, Times};
 use super::index::Index;
-use super::subject::{Corners, Subject, rgb_bytes};
+use super::subject::{Corners, FrameImage, Subject, rgb_bytes, small};
 use super::wire::{FRAME, Id, Store};
-use tessuto_core::camera::Pose;
+use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::Positions;
@@ -34,7 +35,7 @@ const TRUTH_COLOUR: u32 = 0xFF8C_00FF;
 const IMAGE_DISTANCE: f64 = 1.2;
 
 const CAMERA: &str = "world/camera";
-const IMAGE: &str = "world/camera/image";
+const OTHER_CAMERAS: &str = "world/cameras";
 const FABRIC: &str = "world/fabric";
 const TRUTH: &str = "world/truth";
 /// Right, down, forward: x, y, z of the camera.
@@ -94,8 +95,15 @@ impl<W: Write> Recording<W> {
         let triangles = Column::triangles(&recording.corners.triangles);
         let uvs = Column::floats(["Mesh3D", "vertex_texcoords"], "Texcoord2D", 1, &recording.corners.uvs);
         recording.fixed(FABRIC, vec![triangles, uvs])?;
-        recording.camera(subject)?;
-        recording.video(subject)?;
+        recording.camera(CAMERA, &subject.camera, subject.poses, subject)?;
+        recording.path(CAMERA, subject.poses.unwrap_or_default(), 0.0)?;
+        recording.video(CAMERA, (&subject.camera, subject.image.as_ref(), 0.0), subject)?;
+        for other in &subject.others {
+            let entity = format!("{OTHER_CAMERAS}/{}", part(other.name));
+            recording.camera(&entity, &other.camera, Some(other.poses), subject)?;
+            recording.path(&entity, other.poses, other.late)?;
+            recording.video(&entity, (&other.camera, other.image.as_ref(), other.late), subject)?;
+        }
         recording.truth(subject)?;
         // Something to see before the first motion.
         recording.shapes(&[0], std::slice::from_ref(&subject.mesh.positions))?;
@@ -187,28 +195,38 @@ impl<W: Write> Recording<W> {
         self.send(&self.store.ending(&index, self.written))
     }
 
-    fn camera(&mut self, subject: &Subject) -> Result<()> {
-        let c = subject.small_camera();
-        let depth = subject.mesh.positions.iter().map(|p| p.z).fold(0.0, f64::max);
+    /// The pinhole of `camera`; its image stands behind the template, where it is in the first of its `poses`.
+    fn camera(
+        &mut self,
+        entity: &str,
+        camera: &Camera,
+        poses: Option<&[Pose]>,
+        subject: &Subject,
+    ) -> Result<()> {
+        let c = small(camera);
+        let first = if entity == CAMERA { None } else { poses.and_then(<[Pose]>::first) };
+        let depth = |p: &DVec3| first.map_or(p.z, |pose| (pose.rotation * *p + pose.translation).z);
+        let depth = subject.mesh.positions.iter().map(depth).fold(0.0, f64::max);
         // By columns. Here pixel centres are at whole numbers, in the viewer pixel corners are.
         let matrix = [[c.fx, 0.0, 0.0, 0.0, c.fy, 0.0, c.cx + 0.5, c.cy + 0.5, 1.0].map(|v| v as f32)];
         let resolution = [[c.width as f32, c.height as f32]];
         let distance = (IMAGE_DISTANCE * depth) as f32;
         self.fixed(
-            CAMERA,
+            entity,
             vec![
                 Column::floats(["Pinhole", "image_from_camera"], "PinholeProjection", 1, &matrix),
                 Column::floats(["Pinhole", "resolution"], "Resolution", 1, &resolution),
                 Column::axes(["Pinhole", "camera_xyz"], RIGHT_DOWN_FORWARD),
                 Column::float(["Pinhole", "image_plane_distance"], "ImagePlaneDistance", distance),
             ],
-        )?;
-        self.path(subject)
+        )
     }
 
-    /// Where the camera is in every frame.
-    fn path(&mut self, subject: &Subject) -> Result<()> {
-        let Some(poses) = subject.poses else { return Ok(()) };
+    /// Where a camera is in every frame, which it takes `late` by so many seconds.
+    fn path(&mut self, entity: &str, poses: &[Pose], late: f64) -> Result<()> {
+        if poses.is_empty() {
+            return Ok(());
+        }
         let back: Vec<Pose> = poses.iter().map(Pose::inverse).collect();
         let places: Vec<[f32; 3]> = back.iter().map(|pose| pose.translation.as_vec3().to_array()).collect();
         // By columns.
@@ -217,11 +235,18 @@ impl<W: Write> Recording<W> {
             Column::floats(["Transform3D", "translation"], "Translation3D", poses.len(), &places),
             Column::floats(["Transform3D", "mat3x3"], "TransformMat3x3", poses.len(), &turns),
         ];
-        self.write(&Chunk { entity: CAMERA, times: self.frames(0..poses.len()), columns })
+        self.write(&Chunk { entity, times: self.frames(0..poses.len(), late), columns })
     }
 
-    fn video(&mut self, subject: &Subject) -> Result<()> {
-        let (Some(image), camera) = (&subject.image, &subject.camera) else { return Ok(()) };
+    /// What a camera filmed, below its `entity`.
+    fn video(
+        &mut self,
+        entity: &str,
+        (camera, image, late): (&Camera, Option<&FrameImage>, f64),
+        subject: &Subject,
+    ) -> Result<()> {
+        let Some(image) = image else { return Ok(()) };
+        let entity = format!("{entity}/image");
         for start in (0..subject.frame_count).step_by(FRAMES_TOGETHER) {
             let range = start..(start + FRAMES_TOGETHER).min(subject.frame_count);
             let encoded = range.clone().into_par_iter().map(|n| subject.encoded(image, camera, n));
@@ -230,7 +255,7 @@ impl<W: Write> Recording<W> {
                 Column::blobs(["EncodedImage", "blob"], "Blob", &files),
                 Column::texts(["EncodedImage", "media_type"], "MediaType", &vec!["image/jpeg"; files.len()]),
             ];
-            self.write(&Chunk { entity: IMAGE, times: self.frames(range), columns })?;
+            self.write(&Chunk { entity: &entity, times: self.frames(range, late), columns })?;
         }
         Ok(())
     }
@@ -251,7 +276,7 @@ impl<W: Write> Recording<W> {
             };
             let points: Vec<_> = frames.iter().map(some).collect();
             let start = k * FRAMES_TOGETHER;
-            let times = self.frames(start..start + frames.len());
+            let times = self.frames(start..start + frames.len(), 0.0);
             let columns = vec![Column::points(["Points3D", "positions"], &points)];
             self.write(&Chunk { entity: TRUTH, times, columns })?;
         }
@@ -262,13 +287,14 @@ impl<W: Write> Recording<W> {
     fn shapes(&mut self, frames: &[usize], shapes: &[Positions]) -> Result<()> {
         let positions: Vec<_> = shapes.iter().map(|vertices| self.corners.of(vertices)).collect();
         let columns = vec![Column::points(["Mesh3D", "vertex_positions"], &positions)];
-        self.write(&Chunk { entity: FABRIC, times: self.frames(frames.iter().copied()), columns })
+        self.write(&Chunk { entity: FABRIC, times: self.frames(frames.iter().copied(), 0.0), columns })
     }
 
-    /// Times of frames, counted from the first of the recording.
-    fn frames(&self, frames: impl Iterator<Item = usize>) -> Vec<Times> {
+    /// Times of frames, counted from the first of the recording, that are taken `late` by so many seconds.
+    fn frames(&self, frames: impl Iterator<Item = usize>, late: f64) -> Vec<Times> {
         let numbers: Vec<i64> = frames.map(|n| (self.first_frame + n) as i64).collect();
-        let nanoseconds = numbers.iter().map(|n| (*n as f64 / self.fps * 1e9).round() as i64).collect();
+        let nanoseconds = |n: &i64| ((*n as f64 / self.fps + late) * 1e9).round() as i64;
+        let nanoseconds = numbers.iter().map(nanoseconds).collect();
         vec![Times::Sequence("frame", numbers), Times::Duration("time", nanoseconds)]
     }
 

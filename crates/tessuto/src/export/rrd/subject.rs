@@ -1,11 +1,14 @@
 //! What a recording shows besides the motion, taken from a scene or from a result.
 
+use std::path::PathBuf;
+
 use crate::export::Clip;
+use crate::result::OtherCamera;
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 use tessuto_core::mesh::{Mesh, Positions};
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Scene, View};
 use tessuto_estimate::io::image::rgb8;
 use tessuto_estimate::io::rgb8::Rgb8;
 use tessuto_estimate::io::{self, jpeg};
@@ -32,8 +35,24 @@ pub struct Subject<'a> {
     pub poses: Option<&'a [Pose]>,
     /// Image of frame n, from 0, as the camera sees it.
     pub image: Option<FrameImage<'a>>,
+    /// Further cameras.
+    pub others: Vec<OtherEye<'a>>,
     /// Points `[m]` on the true surface in every frame.
     pub truth: Option<&'a [Positions]>,
+}
+
+/// A further camera, and what it filmed.
+pub struct OtherEye<'a> {
+    /// Its name; of those with equal names the viewer shows the last.
+    pub name: &'a str,
+    /// Camera of the images.
+    pub camera: Camera,
+    /// Where it is in every frame.
+    pub poses: &'a [Pose],
+    /// How much later than the first camera it takes its frames `[s]`.
+    pub late: f64,
+    /// Image of frame n, from 0.
+    pub image: Option<FrameImage<'a>>,
 }
 
 /// Gives the image of a frame.
@@ -52,6 +71,7 @@ impl<'a> Subject<'a> {
             camera: scene.camera,
             poses: scene.poses.as_deref(),
             image: Some(Box::new(|n| Ok(rgb8(&scene.frames.frame(n)?.rgb)))),
+            others: scene.more.iter().map(OtherEye::of_view).collect(),
             truth: truth.points.as_deref().or(truth.vertices.as_deref()),
         }
     }
@@ -72,14 +92,9 @@ impl<'a> Subject<'a> {
             camera: if shown { clip.camera.cropped(clip.crop) } else { clip.camera },
             poses: clip.poses.as_deref(),
             image: shown.then_some(image),
+            others: clip.others.iter().zip(&clip.other_images).map(OtherEye::of_camera).collect(),
             truth: None,
         })
-    }
-
-    /// Camera of the [encoded](Self::encoded) images.
-    pub(super) fn small_camera(&self) -> Camera {
-        let all = whole(&self.camera);
-        self.camera.cropped(all).resized(jpeg::fitted(all, SIDE))
     }
 
     /// Frame `n` as JPEG, small.
@@ -98,6 +113,28 @@ impl<'a> Subject<'a> {
         }
         Ok(jpeg::encode_part(&rgb, whole(camera), SIDE, QUALITY))
     }
+}
+
+impl<'a> OtherEye<'a> {
+    fn of_view(view: &'a View) -> Self {
+        let image: FrameImage = Box::new(|n| Ok(rgb8(&view.frames.frame(n)?.rgb)));
+        let View { name, camera, poses, late, .. } = view;
+        Self { name, camera: *camera, poses, late: *late, image: Some(image) }
+    }
+
+    fn of_camera((other, images): (&'a OtherCamera, &'a Vec<PathBuf>)) -> Self {
+        let OtherCamera { name, camera, poses, crop, late } = other;
+        let shown = !images.is_empty();
+        let image: FrameImage = Box::new(|n| io::image::read_bytes(&images[n]));
+        let camera = if shown { camera.cropped(*crop) } else { *camera };
+        Self { name, camera, poses, late: *late, image: shown.then_some(image) }
+    }
+}
+
+/// Camera of the [encoded](Subject::encoded) images of `camera`.
+pub(super) fn small(camera: &Camera) -> Camera {
+    let all = whole(camera);
+    camera.cropped(all).resized(jpeg::fitted(all, SIDE))
 }
 
 fn whole(camera: &Camera) -> Rect {
