@@ -1,17 +1,15 @@
 //! The factorisation: fronts are filled, eliminated, and leave an update to their parents.
 
-use std::ops::Range;
-
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::ldlt::factor::{
     LdltRegularization, cholesky_in_place, cholesky_in_place_scratch,
 };
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
-use faer::{Accum, MatMut, MatRef, Par, Spec};
+use faer::{Accum, MatMut, Par, Spec};
 use rayon::prelude::*;
 
-use super::{Child, Front, Fronts, LANES, Scalar, add_to, diagonal, each_of_few};
+use super::{Child, Front, Fronts, Scalar};
 
 /// Halves with fewer flops than this are eliminated one after the other: handing one over would cost more.
 const PARALLEL_FLOPS: f64 = 1e6;
@@ -78,7 +76,9 @@ impl Fronts {
         let (subtrees, own) = values.split_at_mut(front.values[1] - front.values[0]);
         own.fill(T::zero_impl());
         let columns = front.matrix[0]..front.matrix[1];
-        self.fill(front, &self.places[columns.clone()], &matrix[columns], own);
+        for (place, value) in self.places[columns.clone()].iter().zip(&matrix[columns]) {
+            own[*place as usize] = T::from_f64_impl(*value);
+        }
         let (update, work) = work.split_at_mut(front.update().pow(2));
         let mut second = 0;
         match &front.children[..] {
@@ -115,25 +115,6 @@ impl Fronts {
         Some(())
     }
 
-    /// Puts a front's values of the matrix into their `places`.
-    fn fill<T: Scalar>(&self, front: &Front, places: &[u32], values: &[f64], own: &mut [T]) {
-        let (mut places, mut values) = (places, values);
-        for blocks in &self.blocks[front.first..][..front.own] {
-            let (diagonal, below) = values.split_at(6);
-            let (of_diagonal, of_below) = places.split_at(6);
-            for (place, value) in of_diagonal.iter().zip(diagonal) {
-                own[*place as usize] = T::from_f64_impl(*value);
-            }
-            let numbers = 9 * *blocks as usize;
-            let columns = below[..numbers].as_chunks::<3>().0.iter();
-            for (column, places) in columns.zip(of_below[..numbers].as_chunks::<3>().0) {
-                // A block's column is in one piece.
-                own[places[0] as usize..][..3].copy_from_slice(&column.map(T::from_f64_impl));
-            }
-            (places, values) = (&of_below[numbers..], &below[numbers..]);
-        }
-    }
-
     /// Largest |d| max(1, |l|)² over all columns: rounding errors of the factor are of its size times those of a
     /// number. Infinite if a value is not finite.
     pub(in crate::math) fn growth(&self, values: &[f64]) -> f64 {
@@ -165,36 +146,36 @@ impl Fronts {
 impl Child {
     /// Adds the columns of this child's `update` (lower triangle) that are own vertices of the parent.
     fn add_to_own<T: Scalar>(&self, update: &[T], side: usize, own: &mut [T], height: usize) {
-        self.add_columns(0..self.own_runs, (update, side), (own, height), 0);
+        for first in 0..self.own_runs {
+            let run = self.runs[first];
+            for c in 0..run.len {
+                let target = &mut own[(run.to + c) * height..][..height];
+                self.add_column(&update[(run.from + c) * side..], first, c, 0, target);
+            }
+        }
     }
 
     /// Adds the other columns.
     fn add_to_update<T: Scalar>(&self, update: &[T], side: usize, target: &mut [T], parent: &Front) {
-        let runs = self.own_runs..self.runs.len();
-        self.add_columns(runs, (update, side), (target, parent.update()), parent.width());
-    }
-
-    /// Adds the columns of these runs, each from its diagonal on, to a `target` of columns of `height`, which begins at
-    /// row and column `skip`.
-    fn add_columns<T: Scalar>(
-        &self,
-        runs: Range<usize>,
-        (update, side): (&[T], usize),
-        (target, height): (&mut [T], usize),
-        skip: usize,
-    ) {
-        for first in runs {
+        let (skip, height) = (parent.width(), parent.update());
+        for first in self.own_runs..self.runs.len() {
             let run = self.runs[first];
-            let columns = update[run.from * side..].chunks_exact(side).take(run.len);
-            let targets = target[(run.to - skip) * height..].chunks_exact_mut(height);
-            for (c, (column, target)) in columns.zip(targets).enumerate() {
-                let len = run.len - c;
-                add_to(&mut target[run.to - skip + c..][..len], &column[run.from + c..][..len]);
-                for run in &self.runs[first + 1..] {
-                    add_to(&mut target[run.to - skip..][..run.len], &column[run.from..][..run.len]);
-                }
+            for c in 0..run.len {
+                let target = &mut target[(run.to - skip + c) * height..][..height];
+                self.add_column(&update[(run.from + c) * side..], first, c, skip, target);
             }
         }
+    }
+
+    /// Adds the rows from the diagonal on of the `c`-th column of run `first`; `target` begins at row `skip`.
+    fn add_column<T: Scalar>(&self, column: &[T], first: usize, c: usize, skip: usize, target: &mut [T]) {
+        let mut add = |from: usize, to: usize, len: usize| {
+            let target = target[to - skip..][..len].iter_mut();
+            target.zip(&column[from..][..len]).for_each(|(t, v)| *t += v);
+        };
+        let run = self.runs[first];
+        add(run.from + c, run.to + c, run.len - c);
+        self.runs[first + 1..].iter().for_each(|run| add(run.from, run.to, run.len));
     }
 }
 
@@ -208,55 +189,34 @@ impl Front {
         definite: bool,
     ) -> Option<()> {
         let (k, n) = (self.width(), self.update());
-        let is_small = k <= diagonal::WIDEST;
-        if is_small {
-            diagonal::factorize(own, self.height(), k)?;
-        }
         let l = MatMut::from_column_major_slice_mut(own, self.height(), k);
         let (mut top, mut bottom) = l.split_at_row_mut(k);
-        if !is_small {
-            // A few kilobytes, beside dense work of the third power.
-            let mut memory = MemBuffer::new(cholesky_in_place_scratch::<T>(k, Par::Seq, Spec::default()));
-            let stack = MemStack::new(&mut memory);
-            let plain = LdltRegularization::default();
-            cholesky_in_place(top.as_mut(), plain, Par::Seq, stack, Spec::default()).ok()?;
-        }
+        // A few kilobytes, beside dense work of the third power.
+        let mut memory = MemBuffer::new(cholesky_in_place_scratch::<T>(k, Par::Seq, Spec::default()));
+        let stack = MemStack::new(&mut memory);
+        let plain = LdltRegularization::default();
+        cholesky_in_place(top.as_mut(), plain, Par::Seq, stack, Spec::default()).ok()?;
         if definite && !(0..k).all(|j| top[(j, j)] > T::zero_impl()) {
             return None;
         }
         solve_unit_lower_triangular_in_place(top.as_ref(), bottom.as_mut().transpose_mut(), Par::Seq);
-        // L, and what it was before it was divided by D.
-        for (j, column) in own.chunks_exact_mut(self.height().max(1)).enumerate() {
-            let inverse = T::one_impl() / column[j];
-            scale(&mut column[k..], inverse, &mut scaled[j * n..][..n]);
+        let mut scaled = MatMut::from_column_major_slice_mut(scaled, n, k);
+        scaled.copy_from(bottom.as_ref());
+        for j in 0..k {
+            let inverse = T::one_impl() / top[(j, j)];
+            bottom.as_mut().col_mut(j).iter_mut().for_each(|l| *l *= inverse);
         }
-        let bottom = MatRef::from_column_major_slice(own, self.height(), k).split_at_row(k).1;
-        let scaled = MatRef::from_column_major_slice(scaled, n, k);
         triangular::matmul(
             MatMut::from_column_major_slice_mut(update, n, n),
             BlockStructure::TriangularLower,
             Accum::Replace,
-            scaled,
+            scaled.as_ref(),
             BlockStructure::Rectangular,
-            bottom.transpose(),
+            bottom.as_ref().transpose(),
             BlockStructure::Rectangular,
             -T::one_impl(),
             Par::Seq,
         );
         Some(())
     }
-}
-
-/// Multiplies `values` by `factor`; `before` receives what they were.
-#[inline(always)]
-fn scale<T: Scalar>(values: &mut [T], factor: T, before: &mut [T]) {
-    let ((values, rest), (before, before_rest)) =
-        (values.as_chunks_mut::<LANES>(), before.as_chunks_mut::<LANES>());
-    let factors = T::lanes([factor; LANES]);
-    for (values, before) in values.iter_mut().zip(before) {
-        *before = *values;
-        *values = T::each(T::lanes(*values) * factors);
-    }
-    before_rest.copy_from_slice(rest);
-    each_of_few(rest, [], |value, []| value * factor);
 }

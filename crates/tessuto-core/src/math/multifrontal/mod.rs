@@ -6,13 +6,12 @@
 //! any number of threads. Source: Duff and Reid, "The multifrontal solution of indefinite sparse symmetric
 //! linear equations", 1983; the dense kernels are faer's.
 
-mod diagonal;
 mod eliminate;
 mod root;
 mod single;
 mod solve;
 
-use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, SubAssign};
 
 use faer::MatRef;
 use faer::traits::RealField;
@@ -20,15 +19,11 @@ use faer::traits::RealField;
 use super::block_matrix::BlockPattern;
 use super::dissection::Part;
 
-/// Numbers of one vector.
-const LANES: usize = 8;
-
 /// Numbers that a factor is made of.
 pub trait Scalar:
     RealField
     + Copy
     + Add<Output = Self>
-    + Sub<Output = Self>
     + AddAssign
     + SubAssign
     + MulAssign
@@ -36,100 +31,10 @@ pub trait Scalar:
     + Mul<Output = Self>
     + Div<Output = Self>
 {
-    /// A vector of them. Loops over it are what they look like; left to itself the compiler takes so many numbers at a
-    /// time that most of a front's columns are rest.
-    type Lanes: Copy + Add<Output = Self::Lanes> + Mul<Output = Self::Lanes>;
-    /// The vector of these numbers.
-    fn lanes(values: [Self; LANES]) -> Self::Lanes;
-    /// Its numbers.
-    fn each(lanes: Self::Lanes) -> [Self; LANES];
-    /// a b + c, rounded once.
-    fn plus(a: Self::Lanes, b: Self::Lanes, c: Self::Lanes) -> Self::Lanes;
-    /// c − a b, rounded once.
-    fn minus(a: Self::Lanes, b: Self::Lanes, c: Self::Lanes) -> Self::Lanes;
 }
 
-impl Scalar for f32 {
-    type Lanes = wide::f32x8;
-
-    #[inline(always)]
-    fn lanes(values: [Self; LANES]) -> Self::Lanes {
-        Self::Lanes::new(values)
-    }
-
-    #[inline(always)]
-    fn each(lanes: Self::Lanes) -> [Self; LANES] {
-        lanes.to_array()
-    }
-
-    #[inline(always)]
-    fn plus(a: Self::Lanes, b: Self::Lanes, c: Self::Lanes) -> Self::Lanes {
-        a.mul_add(b, c)
-    }
-
-    #[inline(always)]
-    fn minus(a: Self::Lanes, b: Self::Lanes, c: Self::Lanes) -> Self::Lanes {
-        a.mul_neg_add(b, c)
-    }
-}
-
-impl Scalar for f64 {
-    type Lanes = wide::f64x8;
-
-    #[inline(always)]
-    fn lanes(values: [Self; LANES]) -> Self::Lanes {
-        Self::Lanes::new(values)
-    }
-
-    #[inline(always)]
-    fn each(lanes: Self::Lanes) -> [Self; LANES] {
-        lanes.to_array()
-    }
-
-    #[inline(always)]
-    fn plus(a: Self::Lanes, b: Self::Lanes, c: Self::Lanes) -> Self::Lanes {
-        a.mul_add(b, c)
-    }
-
-    #[inline(always)]
-    fn minus(a: Self::Lanes, b: Self::Lanes, c: Self::Lanes) -> Self::Lanes {
-        a.mul_neg_add(b, c)
-    }
-}
-
-/// Adds `from` to `to`, of equal lengths.
-#[inline(always)]
-fn add_to<T: Scalar>(to: &mut [T], from: &[T]) {
-    let ((to, to_rest), (from, from_rest)) = (to.as_chunks_mut::<LANES>(), from.as_chunks::<LANES>());
-    for (to, from) in to.iter_mut().zip(from) {
-        *to = T::each(T::lanes(*to) + T::lanes(*from));
-    }
-    each_of_few(to_rest, [from_rest], |to, [from]| to + from);
-}
-
-/// Sets each of fewer than [`LANES`] numbers to `f` of it and of the numbers beside it. Without a loop, of which the
-/// compiler would make masked stores, which take processors long.
-#[inline(always)]
-fn each_of_few<T: Scalar, const N: usize>(to: &mut [T], from: [&[T]; N], f: impl Fn(T, [T; N]) -> T) {
-    let from = from.map(|from| &from[..to.len()]);
-    let (fours, rest) = to.as_chunks_mut::<4>();
-    let begun = 4 * fours.len();
-    if let Some([a, b, c, d]) = fours.first_mut() {
-        *a = f(*a, from.map(|from| from[0]));
-        *b = f(*b, from.map(|from| from[1]));
-        *c = f(*c, from.map(|from| from[2]));
-        *d = f(*d, from.map(|from| from[3]));
-    }
-    if let Some(to) = rest.first_mut() {
-        *to = f(*to, from.map(|from| from[begun]));
-    }
-    if let Some(to) = rest.get_mut(1) {
-        *to = f(*to, from.map(|from| from[begun + 1]));
-    }
-    if let Some(to) = rest.get_mut(2) {
-        *to = f(*to, from.map(|from| from[begun + 2]));
-    }
-}
+impl Scalar for f32 {}
+impl Scalar for f64 {}
 
 /// Positions of one front. Vertices are counted in elimination order; sizes in scalars are three times those in
 /// vertices.
@@ -241,8 +146,6 @@ pub(super) struct Fronts {
     fronts: Vec<Front>,
     /// For every value of the matrix its place in its front.
     places: Vec<u32>,
-    /// Number of blocks below the diagonal in every vertex's columns.
-    blocks: Vec<u32>,
 }
 
 impl Fronts {
@@ -259,8 +162,7 @@ impl Fronts {
                 places.push(((column - 3 * f.first) * f.height() + local) as u32);
             }
         }
-        let blocks = (0..pattern.vertex_count()).map(|v| pattern.rows_below(v).len() as u32).collect();
-        Self { fronts, places, blocks }
+        Self { fronts, places }
     }
 
     /// Number of values of a factor.

@@ -9,7 +9,7 @@ use faer::linalg::triangular_solve::{
 };
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Front, Fronts, Scalar, add_to, single};
+use super::{Front, Fronts, Scalar, single};
 
 /// Halves with fewer values than this are solved one after the other.
 const PARALLEL_VALUES: usize = 50_000;
@@ -51,7 +51,7 @@ impl Fronts {
                     false => &mut load[(run.to - front.width()) * columns..],
                 };
                 let source = &child_load[run.from * columns..][..run.len * columns];
-                add_to(&mut target[..source.len()], source);
+                target.iter_mut().zip(source).for_each(|(t, l)| *t += *l);
             }
         }
         if columns == 1 {

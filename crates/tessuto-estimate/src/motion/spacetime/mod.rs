@@ -101,7 +101,7 @@
 //! Once the causes of the motion are known, `along` goes on at the finest level: accelerations are then expected
 //! to be those that the causes make, and spread about these as the motion found before does.
 //!
-//! Long clips are searched part by part ([`parts`]).
+//! Long clips are searched part by part (`parts`).
 //!
 //! How far the result may be off is estimated from the same system and from how badly each frame matches
 //! ([`deviation`]).
