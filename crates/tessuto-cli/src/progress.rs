@@ -299,10 +299,9 @@ mod tests {
         }
         progress.current = 3;
         seen.push(progress.fraction(0.0));
-        println!("{seen:?}");
         assert!((seen[0] - 0.1).abs() < 1e-12 && (seen[seen.len() - 1] - 0.7).abs() < 1e-12);
         assert!((seen[7] - 0.3).abs() < 1e-12, "the first of three parts");
-        assert!(seen.windows(2).all(|two| two[0] <= two[1] + 1e-12));
+        assert!(seen.windows(2).all(|two| two[0] <= two[1] + 1e-12), "{seen:?}");
         progress.current = 2;
         let text = progress.text(9_999, 9_999, ", maybe 50 min left");
         assert_eq!(text, "stage 3 of 4, refine 9999/9999, part 3 of 3, maybe 50 min left");

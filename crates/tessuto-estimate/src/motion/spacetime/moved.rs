@@ -36,8 +36,10 @@ fn with_both(
     let problem = Problem::new(&scene, &cloth, settings.clone()).unwrap();
     let mut posed = Problem::new(&scene, &cloth, settings).unwrap();
     posed.scene = &there;
-    let Observed { views, levels, .. } = &mut posed.eyes[0].observed;
-    let views = views.iter_mut().chain(levels.iter_mut().flatten().map(|level| &mut level.view));
+    posed.start.known[0].clone_from(&there.template.positions);
+    let Observed { views, levels, first, .. } = &mut posed.eyes[0].observed;
+    let levels = levels.iter_mut().flatten().chain(first);
+    let views = views.iter_mut().chain(levels.map(|level| &mut level.view));
     views.for_each(|view| view.camera_from_world = Some(pose));
     let frames = frames(&scene);
     let there = frames.iter().map(moved).collect();
