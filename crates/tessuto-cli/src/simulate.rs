@@ -28,7 +28,7 @@ Examples:
   tessuto simulate results/curtain --hold release --out falling.npy
 
   # it falls on a floor, and on itself
-  tessuto simulate results/curtain --continue 60 --hold release --contact floor.json
+  tessuto simulate results/curtain --hold release --contact floor.json
 
 A folder at --out becomes a result that render, export and report read. With \
 --continue, changes to air and hold begin where the clip ends; without it, in the first \
