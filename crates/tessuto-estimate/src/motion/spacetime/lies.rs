@@ -1,7 +1,7 @@
 //! Whether the sheet lies on something: the plane of a flat template that most of it stays in.
 //!
 //! A cloth that is spread out on a table, lifted at a side and laid down keeps in the table's plane but for what is
-//! lifted, and that is on one side of it. No cloth that hangs or is carried does so. Where scene.json names no
+//! lifted, and that is on one side of it. Cloth that hangs or is carried seldom does so. Where scene.json names no
 //! plane, such a one is treated as if it were named.
 
 use super::{Positions, Problem};
@@ -11,8 +11,9 @@ use tessuto_core::scene::Plane;
 
 /// A template is flat, and a vertex in its plane, within this part of the sheet's size.
 const FLAT: f64 = 0.01;
-/// In half of the frames the plane has this part of the vertices at least, and its other side no more than that part.
+/// In half of the frames the plane has this part of the vertices at least.
 const LYING: f64 = 0.25;
+/// In half of the frames no larger part of the vertices is behind it.
 const BELOW: f64 = 0.1;
 
 impl Problem<'_> {

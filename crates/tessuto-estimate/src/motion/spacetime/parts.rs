@@ -180,7 +180,8 @@ impl Problem<'_> {
         let (mut pool, lost) = self.track(session)?;
         session.begin(STAGES[1]);
         let (mut frames, stuck) = self.refine(&mut pool, session)?;
-        if pool.asked.as_ref().is_some_and(|asked| asked.plane.is_some()) {
+        let lies = pool.asked.as_ref().is_some_and(|asked| asked.plane.is_some());
+        if lies && self.start.way.is_none() {
             session
                 .note("much of the fabric stays in the plane of the template: it is treated as lying on it");
         }
