@@ -126,6 +126,19 @@ pub struct Known {
     pub held: Option<Vec<usize>>,
     /// What it lies on.
     pub planes: Vec<Plane>,
+    /// What its other side looks like; `None`: the clip tells.
+    pub back: Option<Back>,
+}
+
+/// What the other side of the fabric looks like, the one that the first frame shows less of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Back {
+    /// The same colour at every point: dyed through, so that a print is mirrored.
+    Same,
+    /// One colour, sRGB in [0, 1] under the first frame's light; `None`: the clip tells which.
+    Plain(Option<[f32; 3]>),
+    /// Something else: nothing of the front is seen from there.
+    Other,
 }
 
 /// A plane that the fabric does not pass through, such as a table, in the world's frame.

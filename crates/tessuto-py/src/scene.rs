@@ -7,7 +7,7 @@ use numpy::ndarray::Axis;
 use numpy::{Element, PyArray2, PyArray3, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn};
 use pyo3::prelude::*;
 use tessuto::io::image::Samples;
-use tessuto::io::scene::{LoadOptions, Loaded, RecordedView, Recording, assemble, load};
+use tessuto::io::scene::{LoadOptions, Loaded, RecordedView, Recording, assemble, back, load};
 use tessuto::{Camera, Motion, Rect, Truth};
 
 use crate::arrays;
@@ -92,6 +92,7 @@ impl Scene {
         poses: Option<PyReadonlyArray3<'_, f64>>,
         views: Vec<Further<'_>>,
         planes: Vec<([f64; 3], [f64; 3])>,
+        back: Option<&str>,
     ) -> PyResult<Self> {
         let template = arrays::mesh(vertices.as_array(), uv.as_array(), faces, uv_faces)?;
         let vertices = true_vertices.map(|array| arrays::frames(array.as_array())).transpose()?;
@@ -119,6 +120,7 @@ impl Scene {
             masks: masks.samples(),
             template,
             planes: planes.iter().map(|(point, normal)| [(*point).into(), (*normal).into()]).collect(),
+            back: back.map(|text| back::parse(text, "scene")).transpose().into_python(py)?,
             truth: Truth {
                 vertices: vertices.map(Motion::new).transpose().into_python(py)?,
                 points,
@@ -169,7 +171,12 @@ impl Scene {
         poses.map(|poses| arrays::shaped(py, rows(poses), [poses.len(), 4, 4])).transpose()
     }
 
-    /// Names of the further cameras.
+    /// What the other side looks like, as scene.json names it.
+    #[getter]
+    fn back(&self) -> Option<String> {
+        self.loaded.scene.known.back.map(back::name)
+    }
+
     /// Normal and height of every plane that the fabric lies on.
     #[getter]
     fn planes(&self) -> Vec<([f64; 3], f64)> {
@@ -177,6 +184,7 @@ impl Scene {
         planes.iter().map(|plane| (plane.normal.to_array(), plane.height)).collect()
     }
 
+    /// Names of the further cameras.
     #[getter]
     fn views(&self) -> Vec<String> {
         self.loaded.scene.more.iter().map(|view| view.name.clone()).collect()

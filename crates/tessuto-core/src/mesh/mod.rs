@@ -2,6 +2,7 @@
 
 mod attributes;
 mod motion;
+mod sides;
 mod topology;
 mod weld;
 
@@ -9,6 +10,7 @@ use glam::{DVec2, DVec3};
 
 pub use attributes::{SEAM, vertex_normals, vertex_uvs};
 pub use motion::Motion;
+pub use sides::Side;
 pub use topology::{EdgeUse, boundary_edges, edge_uses, pieces, pinched};
 pub use weld::weld;
 

@@ -152,6 +152,8 @@ class Scene:
         views: What further cameras filmed at the same times.
         planes: What the fabric lies on and does not pass, such as a table: (a point of it, the direction across it),
             [3] m each, in the world of the scene. `Contact` simulates with such planes.
+        back: What the fabric's other side looks like: "same" (dyed through), "plain" (one colour), that colour as
+            "#rrggbb", or "other"; None leaves it to the clip.
 
     Raises:
         InputError: naming the array and frame.
@@ -175,6 +177,7 @@ class Scene:
         poses: Optional[ArrayLike] = None,
         views: Sequence[View] = (),
         planes: Sequence[tuple[ArrayLike, ArrayLike]] = (),
+        back: Optional[str] = None,
     ) -> None:
         colours, coverages = _images(frames, masks, camera, "")
         self._native: _native.Scene = _native.Scene.assemble(
@@ -195,6 +198,7 @@ class Scene:
             None if poses is None else shaped("poses", poses, "N", 4, 4),
             [view._native_view() for view in views],
             [(shaped("planes", point, 3), shaped("planes", across, 3)) for point, across in planes],
+            back,
         )
         given = (
             frames,
@@ -212,6 +216,7 @@ class Scene:
             poses,
             tuple(views),
             tuple(planes),
+            back,
         )
         self._made: tuple[Any, ...] = (_assembled, given)
 
@@ -260,6 +265,11 @@ class Scene:
     def planes(self) -> list[tuple[Float64, float]]:
         """Planes that the fabric lies on: the unit vector n across each, [3], and n·x of its points, m."""
         return [(np.array(normal), height) for normal, height in self._native.planes]
+
+    @property
+    def back(self) -> Optional[str]:
+        """What the fabric's other side looks like, as the scene says it; None where the clip is left to tell."""
+        return self._native.back
 
     @property
     def views(self) -> list[str]:
@@ -318,7 +328,7 @@ class Scene:
 
 def _assembled(*given: Any) -> Scene:
     frames, masks, camera, vertices, faces, uv, fps, uv_faces, name, crop, *rest = given
-    true_vertices, true_points, poses, views, planes = rest
+    true_vertices, true_points, poses, views, planes, back = rest
     return Scene(
         frames,
         masks,
@@ -335,6 +345,7 @@ def _assembled(*given: Any) -> Scene:
         poses=poses,
         views=views,
         planes=planes,
+        back=back,
     )
 
 

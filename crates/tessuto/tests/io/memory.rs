@@ -27,6 +27,7 @@ fn recording(tiny: &TinyScene) -> Recording {
         masks: (0..FRAMES).map(mask).collect(),
         template: io::obj::read(&tiny.path("template.obj")).unwrap(),
         planes: Vec::new(),
+        back: None,
         more: Vec::new(),
         truth: Truth::default(),
     }

@@ -44,6 +44,7 @@ fn filmed(mesh: &Mesh, width: usize, side: f64) -> Scene {
         template: made.mesh,
         truth: Truth { vertices: Some(Motion::new(vertices).unwrap()), ..Truth::default() },
         planes: Vec::new(),
+        back: None,
         more: Vec::new(),
     };
     let loaded = assemble(recording).unwrap();

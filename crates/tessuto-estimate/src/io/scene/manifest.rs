@@ -6,6 +6,7 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
+use super::back;
 use super::planes::{self, ListedPlane};
 use super::poses::{self, POSES};
 use crate::io::image::MAX_SIDE;
@@ -16,7 +17,7 @@ use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::scene::{Known, PoseUnit};
 use tessuto_core::text::edits;
 
-const KNOWN: [&str; 22] = [
+const KNOWN: [&str; 23] = [
     "name",
     "fps",
     "n_frames",
@@ -33,6 +34,7 @@ const KNOWN: [&str; 22] = [
     "gravity",
     "held",
     "planes",
+    "back",
     "notes",
     "rgbs",
     "masks",
@@ -88,6 +90,8 @@ pub(crate) struct Manifest {
     /// What the fabric lies on.
     #[serde(default)]
     planes: Vec<ListedPlane>,
+    /// What the fabric's other side looks like.
+    back: Option<String>,
     /// Anything; what tessuto reads of it is [`camera_doubt`](Self::camera_doubt).
     #[serde(default)]
     notes: Value,
@@ -171,6 +175,7 @@ impl Manifest {
             gravity: None,
             held: None,
             planes: Vec::new(),
+            back: None,
             notes: Value::Null,
             more: Vec::new(),
             late: 0.0,
@@ -225,7 +230,8 @@ impl Manifest {
             }
         }
         let down = self.gravity.map(|g| DVec3::from_array(g).normalize());
-        Ok(Known { down, held, planes: planes::read(&self.planes, self.units.scale(), place)? })
+        let back = self.back.as_deref().map(|text| back::parse(text, place)).transpose()?;
+        Ok(Known { down, held, planes: planes::read(&self.planes, self.units.scale(), place)?, back })
     }
 
     /// Poses of all frames as they are listed; poses.json counts for the first camera where it is there and nothing is
@@ -395,6 +401,7 @@ fn of_views(text: &str, place: &str) -> Result<Option<(String, Vec<Further>)>> {
                 "gravity",
                 "held",
                 "planes",
+                "back",
                 "notes",
             ]
             .iter()

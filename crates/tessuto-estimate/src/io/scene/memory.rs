@@ -14,7 +14,7 @@ use crate::io::image::{ImageFile, Samples};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Result, Warning};
 use tessuto_core::mesh::Mesh;
-use tessuto_core::scene::{Known, Scene, Truth, View};
+use tessuto_core::scene::{Back, Known, Scene, Truth, View};
 
 /// A video, its masks and what was filmed, in memory.
 #[derive(Debug, Clone)]
@@ -37,6 +37,8 @@ pub struct Recording {
     pub template: Mesh,
     /// Planes that the fabric lies on: a point `[m]` and the direction across, in the template's frame.
     pub planes: Vec<[DVec3; 2]>,
+    /// What its other side looks like; `None`: the clip tells.
+    pub back: Option<Back>,
     /// What is known of the true motion.
     pub truth: Truth,
     /// What further cameras filmed at the same times.
@@ -63,7 +65,7 @@ pub struct RecordedView {
 /// # Errors
 /// [`Error::Input`] naming the first thing that is wrong, in the order of a folder's.
 pub fn assemble(recording: Recording) -> Result<Loaded> {
-    let Recording { name, fps, camera, poses, crop, frames, masks, template, planes, truth, more } =
+    let Recording { name, fps, camera, poses, crop, frames, masks, template, planes, back, truth, more } =
         recording;
     let frame_count = frames.len();
     if masks.len() != frame_count {
@@ -107,7 +109,7 @@ pub fn assemble(recording: Recording) -> Result<Loaded> {
         first_frame: 0,
         template,
         frames,
-        known: Known { planes: super::planes::through(&planes, "planes")?, ..Known::default() },
+        known: Known { planes: super::planes::through(&planes, "planes")?, back, ..Known::default() },
         truth,
     };
     scene.check()?;

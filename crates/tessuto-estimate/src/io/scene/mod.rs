@@ -10,6 +10,7 @@
 //! gt/points/points_000.npy …   gt/vertices.npy   gt/tracks.npz  (truth, where known)
 //! ```
 
+pub mod back;
 mod colours;
 mod depths;
 mod edit;
