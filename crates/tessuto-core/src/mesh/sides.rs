@@ -74,7 +74,7 @@ mod tests {
             mesh.positions = flat.iter().map(|p| place(*p)).collect();
             let front = Side::front(&mesh, &view);
             // The right quarter is laid over the rest.
-            let fold = |p: &DVec3| if p.x > 0.05 { DVec3::new(0.1 - p.x, p.y, p.z - 0.02) } else { *p };
+            let fold = |p: &DVec3| if p.x > 0.05 { DVec3::new(0.15 - p.x, p.y, p.z - 0.02) } else { *p };
             let folded: Vec<DVec3> = flat.iter().map(|p| place(fold(p))).collect();
             let mut turned = 0;
             for t in mesh.triangles() {
