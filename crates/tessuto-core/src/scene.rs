@@ -131,7 +131,7 @@ pub struct Known {
 }
 
 /// What the other side of the fabric looks like, the one that the first frame shows less of.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub enum Back {
     /// The same colour at every point: dyed through, so that a print is mirrored.
     Same,

@@ -6,8 +6,9 @@ use glam::{DVec2, DVec3};
 use super::outline_distance::OutlineDistance;
 use super::pyramid::Level;
 use super::samples::{EdgePoint, SurfaceSamples};
-use super::silhouette::{FoldPoint, InnerEdge, explained_by, folds, inner};
+use super::silhouette::{FoldPoint, InnerEdge, beyond, explained_by, folds, inner};
 use tessuto_core::camera::Viewpoint;
+use tessuto_core::mesh::Side;
 use tessuto_render::raster::{Rasterizer, Rendering, Texture};
 
 /// The mesh, as far as it stays the same.
@@ -22,6 +23,10 @@ pub struct Sheet<'a> {
     pub first: &'a [DVec3],
     /// How the first frame is seen, at the resolution at which the mesh is drawn.
     pub first_view: &'a Viewpoint,
+    /// Its front, where its sides differ.
+    pub front: Option<Side>,
+    /// The triangle of every point of its boundary.
+    pub border: &'a [u32],
 }
 
 /// What a frame shows.
@@ -48,6 +53,11 @@ pub struct Occlusion {
     pub shares: Vec<f64>,
     /// Number of pixels that mask or mesh cover alone, where that was asked for.
     pub uncovered: f64,
+    /// Whether a boundary point that is no outline lies over the other side of the sheet; empty if none does, or both
+    /// sides are alike.
+    pub laid: Vec<bool>,
+    /// Whether a triangle shows its back, shape `[T]`; empty where none does, or both sides are alike.
+    pub turned: Vec<bool>,
 }
 
 impl Occlusion {
@@ -61,7 +71,9 @@ impl Occlusion {
             let (now, before) = (area(view, x), area(sheet.first_view, sheet.first));
             if now < before || compared && before > 0.0 { now / before } else { 1.0 }
         });
-        let mut out = Self { shares: shares.collect(), ..Self::default() };
+        let turned = sheet.front.map(|front| turned(front, triangles, view, x));
+        let turned = turned.filter(|turned| turned.contains(&true)).unwrap_or_default();
+        let mut out = Self { shares: shares.collect(), turned, ..Self::default() };
         let folded = turned_over(triangles, view, x);
         if !folded && !compared {
             return out;
@@ -73,23 +85,32 @@ impl Occlusion {
         }
         if folded {
             let front = |p: DVec2| front(&rendering, p);
-            let hidden = samples.points.iter().map(|point| {
-                let p = samples.position(point, x);
+            let hides = |triangle: u32, p: DVec3| {
                 let other = |t: &u32| {
                     let corners = triangles[*t as usize];
-                    !corners.iter().any(|v| triangles[point.triangle as usize].contains(v))
+                    !corners.iter().any(|v| triangles[triangle as usize].contains(v))
                 };
                 let before = |t: u32| {
                     let corners = triangles[t as usize].map(|v| view.offset(x[v as usize]));
                     is_before(corners, view.offset(p))
                 };
                 view.project_in_front(p).and_then(front).filter(other).is_some_and(before)
-            });
+            };
+            let hidden = samples.points.iter().map(|point| hides(point.triangle, samples.position(point, x)));
             out.hidden = hidden.collect();
             let seen = |p: DVec2| front(p).is_some();
             out.inner = inner(sheet.boundary, view, x, seen);
             out.folds = folds(sheet.edges, view, x, seen);
             explained_by(&out.folds, sheet.boundary, shown.outline, shown.view, x, &mut out.inner);
+            if !out.turned.is_empty() {
+                let laid = |(point, triangle): (&EdgePoint, &u32)| {
+                    let under = front(beyond(point, view, x));
+                    let other =
+                        under.is_some_and(|t| out.turned[t as usize] != out.turned[*triangle as usize]);
+                    other && !hides(*triangle, point.position(x))
+                };
+                out.laid = sheet.boundary.iter().zip(sheet.border).map(laid).collect();
+            }
         }
         out
     }
@@ -128,6 +149,11 @@ fn area(view: &Viewpoint, corners: [DVec3; 3]) -> f64 {
     }
     let [a, b, c] = corners.map(|p| view.project(p));
     0.5 * (b - a).perp_dot(c - a).abs()
+}
+
+/// Whether each triangle shows the camera its back.
+pub fn turned(front: Side, triangles: &[[u32; 3]], view: &Viewpoint, x: &[DVec3]) -> Vec<bool> {
+    triangles.iter().map(|t| front.turned(view, t.map(|v| x[v as usize]))).collect()
 }
 
 /// Whether some triangles show the camera their other side: where none do, the sheet can hardly be in front of itself.
@@ -181,8 +207,15 @@ mod tests {
         let rasterizer = Rasterizer::new(&mesh);
         let edges = inner_edges(&mesh, &Cloth::new(&mesh));
         let first = &mesh.positions;
-        let sheet =
-            Sheet { rasterizer: &rasterizer, boundary: &boundary, edges: &edges, first, first_view: &view };
+        let sheet = Sheet {
+            rasterizer: &rasterizer,
+            boundary: &boundary,
+            edges: &edges,
+            first,
+            first_view: &view,
+            front: None,
+            border: &[],
+        };
         let mut mask = Image::new(160, 160, 1);
         for (k, m) in mask.data.iter_mut().enumerate() {
             let [x, y] = [(k % 160) as f64, (k / 160) as f64].map(|p| (p - camera.cx) / camera.fx);
@@ -285,7 +318,15 @@ mod tests {
         let view = Viewpoint::from(camera);
         let samples = SurfaceSamples::new(&mesh, &mesh.positions, &view, 1.0);
         let (rasterizer, first) = (Rasterizer::new(&mesh), &mesh.positions);
-        let sheet = Sheet { rasterizer: &rasterizer, boundary: &[], edges: &[], first, first_view: &view };
+        let sheet = Sheet {
+            rasterizer: &rasterizer,
+            boundary: &[],
+            edges: &[],
+            first,
+            first_view: &view,
+            front: None,
+            border: &[],
+        };
         let frame = Frame { rgb: Image::new(160, 160, 3), mask: Image::new(160, 160, 1) };
         let outline = OutlineDistance::new(&frame.mask, 1);
         let level = pyramid(&frame, &view, [0, 0]).remove(0);

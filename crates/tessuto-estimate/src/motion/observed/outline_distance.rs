@@ -26,11 +26,15 @@ impl OutlineDistance {
     pub fn new(mask: &Image, scale: usize) -> Self {
         let small = (scale > 1).then(|| mask.downsampled(scale));
         let mask = small.as_ref().unwrap_or(mask);
-        let (w, h) = (mask.width, mask.height);
         let inside: Vec<bool> = mask.data.iter().map(|&m| m >= COVERED).collect();
+        Self::of(&inside, [mask.width, mask.height], scale)
+    }
+
+    /// The same of what is `inside` of an outline, given by squares of `scale`×`scale` pixels, shape [h, w].
+    pub fn of(inside: &[bool], [w, h]: [usize; 2], scale: usize) -> Self {
         // Nothing is farther.
         let reach = (w + h) as f32;
-        let [to_background, to_fabric] = [false, true].map(|target| distance(&inside, target, [w, h], reach));
+        let [to_background, to_fabric] = [false, true].map(|target| distance(inside, target, [w, h], reach));
         // Pixel centres on both sides of the outline are half a pixel from it.
         let from_outline = |distance: f32| (distance - 0.5) * scale as f32;
         let signed = |i: usize| match inside[i] {

@@ -28,6 +28,11 @@ pub struct Colour {
 }
 
 impl Level {
+    /// The rectangle around the fabric.
+    pub fn rect(&self) -> Rect {
+        self.rect
+    }
+
     /// Colour of a pixel; `None` off the fabric.
     pub fn texel(&self, x: usize, y: usize) -> Option<[f32; 3]> {
         let Rect { x0, y0, x1, y1 } = self.rect;

@@ -150,6 +150,17 @@ pub fn boundary_points(mesh: &Mesh, positions: &[DVec3], view: &Viewpoint, spaci
     points
 }
 
+/// The triangle of each point of a boundary.
+pub fn border_triangles(triangles: &[[u32; 3]], boundary: &[EdgePoint]) -> Vec<u32> {
+    let sorted = |mut corners: [u32; 3]| {
+        corners.sort_unstable();
+        corners
+    };
+    let of: HashMap<[u32; 3], u32> =
+        triangles.iter().enumerate().map(|(t, corners)| (sorted(*corners), t as u32)).collect();
+    boundary.iter().map(|point| of[&sorted([point.vertices[0], point.vertices[1], point.opposite])]).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

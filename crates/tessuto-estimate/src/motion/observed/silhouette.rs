@@ -128,7 +128,7 @@ pub fn explained_by(
 }
 
 /// The place beyond `point`, away from its triangle.
-fn beyond(point: &EdgePoint, view: &Viewpoint, x: &[DVec3]) -> DVec2 {
+pub(super) fn beyond(point: &EdgePoint, view: &Viewpoint, x: &[DVec3]) -> DVec2 {
     let [a, b] = point.vertices.map(|v| view.project(x[v as usize]));
     let normal = (b - a).perp().normalize_or_zero();
     let away = if normal.dot(view.project(x[point.opposite as usize]) - a) > 0.0 { -normal } else { normal };

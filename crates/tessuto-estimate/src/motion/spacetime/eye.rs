@@ -6,7 +6,8 @@ use glam::DVec2;
 
 use super::SpacetimeSettings;
 use crate::motion::observed::Observed;
-use crate::motion::observed::samples::{EdgePoint, boundary_points};
+use crate::motion::observed::outline_distance::OutlineDistance;
+use crate::motion::observed::samples::{EdgePoint, border_triangles, boundary_points};
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::Result;
 use tessuto_core::mesh::Mesh;
@@ -29,8 +30,11 @@ pub(super) struct Eye<'a> {
     /// How much later than the scene's own camera it takes its frames [time between frames].
     pub late: f64,
     pub observed: Observed,
-    /// Points of the border.
+    /// Points of the border, and the triangle of each.
     pub boundary: Vec<EdgePoint>,
+    pub border: Vec<u32>,
+    /// Outlines between back and front, shape `[N]`; empty where both sides are alike.
+    pub seams: Vec<Option<OutlineDistance>>,
     /// Number of independent pixels that one of the finest level counts as: [`NOMINAL_SIZE`] over the sheet's size
     /// in the first frame.
     pub independent: f64,
@@ -55,8 +59,10 @@ impl<'a> Eye<'a> {
         let observed = Observed::new(&clip, &scene, [finest, coarsest], magnification)?;
         let spacing = BOUNDARY_SPACING * f64::from(1u32 << observed.range[0]);
         let boundary = boundary_points(template, &template.positions, &observed.first[0].view, spacing);
+        let border = border_triangles(&template.triangles(), &boundary);
         let independent = NOMINAL_SIZE * f64::from(1u32 << observed.range[0]) / size;
-        Ok(Self { scene, late, observed, boundary, independent, print: Vec::new() })
+        let (seams, print) = (Vec::new(), Vec::new());
+        Ok(Self { scene, late, observed, boundary, border, seams, independent, print })
     }
 
     /// Number of levels in use.

@@ -9,9 +9,9 @@ use super::eye::{Eye, size_in_image};
 use super::gain::{Around, GAIN_FITS, explained, fit_gain};
 use super::noise::Asked;
 use super::{Positions, Problem};
-use crate::motion::observed::occlusion::{Occlusion, Sheet, Shown};
+use crate::motion::observed::occlusion::{Occlusion, Sheet, Shown, turned};
 use crate::motion::observed::pyramid::Level;
-use crate::motion::observed::samples::SurfaceSamples;
+use crate::motion::observed::samples::{SurfaceSample, SurfaceSamples};
 use crate::motion::terms::colour::{Colour, PointColours};
 use crate::motion::terms::depth::{Depth, Map};
 use crate::motion::terms::outline::Outline;
@@ -31,8 +31,10 @@ pub(super) struct Look<'p, 'a> {
     pub eye: &'p Eye<'a>,
     pub level: usize,
     pub samples: SurfaceSamples,
-    /// What the first frame shows at the samples.
+    /// What the first frame shows of the front at the samples.
     pub reference: PointColours,
+    /// What the sides that every frame shows look like, shape `[N]`; empty where all of it is the front.
+    expected: Vec<PointColours>,
     /// Gains of every frame, shape [N, V, 3].
     pub gains: Vec<Gains>,
     /// Brightness of every vertex in every frame, shape [N, V]; empty while the light is not known.
@@ -59,14 +61,26 @@ impl<'a> Problem<'a> {
             problem: self,
             eye,
             level,
-            reference: samples.observe(first, &template.positions, &[]),
+            reference: self.front_of(&samples, first, &template.positions),
             samples,
+            expected: vec![PointColours::new(); frame_count],
             gains: vec![vec![[1.0; 3]; template.positions.len()]; frame_count],
             brightness: vec![Vec::new(); frame_count],
             occlusions: vec![Occlusion::default(); frame_count],
             adjacent: vec![PointColours::new(); frame_count],
             ways: vec![Positions::new(); if eye.late == 0.0 { 0 } else { frame_count }],
         }
+    }
+
+    /// What the clip's `first` frame shows of the front, the template being at `x`.
+    fn front_of(&self, samples: &SurfaceSamples, first: &Level, x: &[DVec3]) -> PointColours {
+        let mut seen = samples.observe(first, x, &[]);
+        if let Some(front) = self.front() {
+            let turned = turned(front, &samples.triangles, &first.view, x);
+            let points = samples.points.iter().zip(&mut seen);
+            points.filter(|(point, _)| turned[point.triangle as usize]).for_each(|(_, seen)| *seen = None);
+        }
+        seen
     }
 
     /// Noise of the colour of one pixel of the finest level, all channels together `[sRGB]`.
@@ -92,7 +106,7 @@ impl Look<'_, '_> {
             cloth: p.cloth,
             samples: &self.samples,
             level: self.image(frame),
-            reference: &self.reference,
+            reference: self.expected(frame),
             gain: &self.gains[frame],
             adjacent: &self.adjacent[frame],
             adjacent_weight: p.settings.neighbour_weight,
@@ -112,6 +126,8 @@ impl Look<'_, '_> {
             inner: &self.occlusions[frame].inner,
             folds: &self.occlusions[frame].folds,
             distance: &eye.observed.outlines[frame],
+            laid: &self.occlusions[frame].laid,
+            seam: eye.seams.get(frame).and_then(Option::as_ref),
             view: &eye.observed.views[frame],
             noise: Noise { sigma: s.outline * eye.pixel(), tail: s.outline_tail },
             weight: eye.independent * asked.outlines / eye.pixel(),
@@ -182,8 +198,25 @@ impl Look<'_, '_> {
                 None => self.then(0, template).into_owned(),
                 Some(way) => template.iter().zip(way).map(|(x, way)| *x + *way * self.eye.late).collect(),
             };
-            self.reference = self.samples.observe(first, &x, &[]);
+            self.reference = p.front_of(&self.samples, first, &x);
         }
+    }
+
+    /// What `frame` would show at the samples in the first one's light.
+    pub fn expected(&self, frame: usize) -> &PointColours {
+        Some(&self.expected[frame]).filter(|expected| !expected.is_empty()).unwrap_or(&self.reference)
+    }
+
+    /// The same where the sheet is seen like this; empty where all of it is the front.
+    fn expected_with(&self, occlusion: &Occlusion) -> PointColours {
+        if occlusion.turned.is_empty() {
+            return PointColours::new();
+        }
+        let back = self.problem.back_colour();
+        let of = |(point, front): (&SurfaceSample, &Option<[f32; 3]>)| {
+            if occlusion.turned[point.triangle as usize] { back } else { *front }
+        };
+        self.samples.points.iter().zip(&self.reference).map(of).collect()
     }
 
     /// Where a mesh at `x` at the time of `frame` is when this is taken.
@@ -213,6 +246,8 @@ impl Look<'_, '_> {
             edges: &p.inner_edges,
             first: &p.scene.template.positions,
             first_view: &observed.first[observed.range[0]].view,
+            front: p.front(),
+            border: &self.eye.border,
         };
         let shown = Shown {
             level: &observed.levels[frame][observed.range[0]],
@@ -226,9 +261,10 @@ impl Look<'_, '_> {
     /// around every vertex.
     pub fn update_gain(&mut self, frame: usize, x: &Positions, compares: bool) -> Vec<Around> {
         self.occlusions[frame] = self.occlusion(frame, x, compares);
+        self.expected[frame] = self.expected_with(&self.occlusions[frame]);
         let observed = self.observe_with(frame, x, &self.occlusions[frame]);
         let mut gain = std::mem::take(&mut self.gains[frame]);
-        let around = self.fit_gain(&observed, &mut gain);
+        let around = self.fit_gain(self.expected(frame), &observed, &mut gain);
         self.gains[frame] = gain;
         around
     }
@@ -239,14 +275,16 @@ impl Look<'_, '_> {
         let fit = |&(n, x): &(usize, &Positions)| {
             let occlusion = self.occlusion(n, x, compares);
             let observed = self.observe_with(n, x, &occlusion);
+            let of_sides = self.expected_with(&occlusion);
+            let expected = if of_sides.is_empty() { &self.reference } else { &of_sides };
             let mut gain = vec![[1.0; 3]; x.len()];
-            let around = (0..GAIN_FITS).map(|_| self.fit_gain(&observed, &mut gain)).last();
-            (occlusion, gain, around.unwrap_or_default())
+            let around = (0..GAIN_FITS).map(|_| self.fit_gain(expected, &observed, &mut gain)).last();
+            (occlusion, of_sides, gain, around.unwrap_or_default())
         };
         let fitted: Vec<_> = frames.par_iter().map(fit).collect();
         let mut all = Vec::with_capacity(frames.len());
-        for (&(n, _), (occlusion, gain, around)) in frames.iter().zip(fitted) {
-            (self.occlusions[n], self.gains[n]) = (occlusion, gain);
+        for (&(n, _), (occlusion, expected, gain, around)) in frames.iter().zip(fitted) {
+            (self.occlusions[n], self.expected[n], self.gains[n]) = (occlusion, expected, gain);
             all.push(around);
         }
         all
@@ -263,36 +301,45 @@ impl Look<'_, '_> {
         self.set_ways(frames);
         self.occlusions =
             frames.par_iter().enumerate().map(|(n, x)| self.occlusion(n, x, compares)).collect();
+        self.expected = self.occlusions.iter().map(|occlusion| self.expected_with(occlusion)).collect();
         let observe = |(n, x): (usize, &Positions)| self.observe_with(n, x, &self.occlusions[n]);
         let observed: Vec<PointColours> = frames.par_iter().enumerate().map(observe).collect();
         let mut gains = std::mem::take(&mut self.gains);
-        let fit = |(gain, seen): (&mut Gains, &PointColours)| self.fit_gain(seen, gain);
+        let fit = |(n, (gain, seen)): (usize, (&mut Gains, &PointColours))| {
+            self.fit_gain(self.expected(n), seen, gain)
+        };
         // Those of the clip's first frame are 1.
         if self.problem.start.way.is_some() {
-            self.fit_gain(&observed[0], &mut gains[0]);
+            fit((0, (&mut gains[0], &observed[0])));
         }
-        let around: Vec<Vec<Around>> = gains.par_iter_mut().zip(&observed).skip(1).map(fit).collect();
+        let around: Vec<Vec<Around>> =
+            gains.par_iter_mut().zip(&observed).enumerate().skip(1).map(fit).collect();
         self.gains = gains;
         (observed, around)
     }
 
     /// Compares every frame from now on with what its adjacent ones showed, `observed` at the present positions.
     pub fn update_adjacent(&mut self, observed: Vec<PointColours>) {
-        let seen = |(n, seen): (usize, PointColours)| self.explained(n, seen);
+        let seen = |(n, seen): (usize, PointColours)| self.explained([n, n], seen);
         let observed: Vec<PointColours> = observed.into_par_iter().enumerate().map(seen).collect();
         self.adjacent = (0..observed.len()).map(|n| adjacent_mean(&observed, n)).collect();
     }
 
-    /// `observed` in `frame` without what is not the fabric.
-    pub fn explained(&self, frame: usize, observed: PointColours) -> PointColours {
+    /// `observed` in `frame` without what is not the fabric, by the gains of the frame `lit`.
+    pub fn explained(&self, [lit, frame]: [usize; 2], observed: PointColours) -> PointColours {
         let limit = OUTLIER * self.problem.colour_noise().cut_off();
-        explained(&self.samples, &self.reference, observed, &self.gains[frame], limit)
+        explained(&self.samples, self.expected(frame), observed, &self.gains[lit], limit)
     }
 
-    fn fit_gain(&self, observed: &PointColours, gain: &mut [[f32; 3]]) -> Vec<Around> {
+    fn fit_gain(
+        &self,
+        expected: &PointColours,
+        observed: &PointColours,
+        gain: &mut [[f32; 3]],
+    ) -> Vec<Around> {
         let p = self.problem;
         let (smoothness, noise) = (p.settings.gain_smoothness, p.colour_noise());
-        fit_gain(&self.samples, &p.adjacency, &self.reference, observed, smoothness, noise, gain)
+        fit_gain(&self.samples, &p.adjacency, expected, observed, smoothness, noise, gain)
     }
 }
 

@@ -109,6 +109,7 @@
 pub mod acceleration;
 mod again;
 mod along;
+mod back;
 mod bent;
 pub mod best_path;
 pub mod deviation;
@@ -153,8 +154,8 @@ pub use parts::{Found, Search};
 pub use path_scale::scaled;
 pub use settings::SpacetimeSettings;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
-use tessuto_core::mesh::Positions;
-use tessuto_core::scene::Scene;
+use tessuto_core::mesh::{Positions, Side};
+use tessuto_core::scene::{Back, Scene};
 use tessuto_render::raster::Rasterizer;
 use tessuto_sim::Cloth;
 
@@ -185,6 +186,9 @@ pub struct Problem<'a> {
     eyes: Vec<Eye<'a>>,
     /// What is known of the positions.
     start: Start,
+    /// The side that the clip's first frame shows more of, and what the other one looks like.
+    front: Side,
+    back: Back,
     /// The light, once it is known; zero before.
     light: Light,
     /// Spread of accelerations `[m/s²]`: that of the settings until the clip's own is known.
@@ -220,8 +224,12 @@ impl<'a> Problem<'a> {
             bend: Bend::new(cloth, template, s.bend),
             shear: Shear::new(cloth, template, [s.shear, s.shear_tail, s.shear_smooth]),
         };
-        let eyes = (0..scene.view_count()).map(|v| Eye::new(clip, scene, v, s)).collect::<Result<_>>()?;
+        let views = 0..scene.view_count();
+        let eyes: Vec<Eye> = views.map(|v| Eye::new(clip, scene, v, s)).collect::<Result<_>>()?;
+        let back = back::back(scene.known.back, &eyes[0].observed);
         let mut problem = Self {
+            front: Side::front(template, &eyes[0].observed.first[0].view),
+            back,
             scene,
             cloth,
             priors,
@@ -235,6 +243,7 @@ impl<'a> Problem<'a> {
             settings,
         };
         for v in 0..problem.eyes.len() {
+            problem.eyes[v].seams = back::seams(problem.back, &problem.eyes[v].observed);
             problem.eyes[v].print = (0..problem.level_count()).map(|k| problem.part_printed(v, k)).collect();
         }
         Ok(problem)

@@ -17,10 +17,11 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::{Positions, Problem, SpacetimeSettings, Start};
+use crate::io::scene::back::name;
 use crate::motion::terms::shading::Light;
 use crate::session::{Session, foreign_state};
 use tessuto_core::error::{Error, Result};
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Back, Scene};
 use tessuto_sim::Cloth;
 
 /// Frames that two adjacent parts have in common.
@@ -61,6 +62,8 @@ pub(super) struct Learnt {
     acceleration: f64,
     /// Spread of the smooth shear `[rad]`, and number of its modes.
     shear: (f64, usize),
+    /// What the other side looks like.
+    back: Back,
 }
 
 /// What the parts so far made of their frames.
@@ -105,7 +108,16 @@ impl<'a> Search<'a> {
             let scene = self.scene_of(&part);
             let mut problem = self.problem(&scene, &part, &joined.frames)?;
             let found = problem.find(seed, session)?;
-            joined.learnt.push(problem.learnt());
+            let same = joined.learnt.iter().all(|learnt| learnt.back == Back::Same);
+            let learnt = problem.learnt();
+            if same && learnt.back != Back::Same && self.clip.known.back.is_none() {
+                session.note(&format!(
+                    "{} is a colour that the first frame does not show: it is treated as the fabric's other side (key \
+                     \"back\" of scene.json)",
+                    name(learnt.back)
+                ));
+            }
+            joined.learnt.push(learnt);
             let of_part = found.deviations.as_deref();
             let unknown = vec![vec![0.0; vertices]; found.frames.len()];
             join(&mut joined.deviations, of_part.unwrap_or(&unknown), part.start, |pair, [n, k], t| {
@@ -127,6 +139,12 @@ impl<'a> Search<'a> {
         }
         self.learnt = joined.learnt;
         Ok(Found { frames: joined.frames, deviations: Some(joined.deviations), failure: None })
+    }
+
+    /// What the fabric's other side was found to look like, or told.
+    pub fn back(&self) -> Back {
+        let differs = self.learnt.iter().map(|learnt| learnt.back).find(|back| *back != Back::Same);
+        differs.unwrap_or(Back::Same)
     }
 
     /// The positions again, part by part, given the motion `made` by their causes, shape [N, V] `[m]`
@@ -201,7 +219,8 @@ impl Problem<'_> {
     /// What following the sheet showed.
     fn learnt(&self) -> Learnt {
         let shear = &self.priors.shear;
-        Learnt { light: self.light, acceleration: self.acceleration, shear: (shear.smooth, shear.rank) }
+        let shear = (shear.smooth, shear.rank);
+        Learnt { light: self.light, acceleration: self.acceleration, shear, back: self.back }
     }
 
     /// Goes on from what following the sheet showed.

@@ -127,6 +127,8 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
         folds: problem.inner_edges.iter().step_by(9).map(fold).collect(),
         shares: (0..search.looks[0].samples.triangles.len()).map(|t| 1.0 - 0.1 * (t % 5) as f64).collect(),
         uncovered: 0.0,
+        turned: Vec::new(),
+        laid: every(3, problem.eyes[0].boundary.len()),
     };
     search.looks[0].occlusions.fill(occlusion);
     test(&search, &frames);

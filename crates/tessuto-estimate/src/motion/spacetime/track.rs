@@ -280,7 +280,7 @@ impl LevelSearch<'_, '_> {
     fn follow_from(&mut self, frame: usize, adjacent: usize, x: &Positions) {
         for look in &mut self.looks {
             let observed = look.observe(adjacent, x, self.compares);
-            look.set_adjacent(frame, look.explained(frame, observed));
+            look.set_adjacent(frame, look.explained([frame, adjacent], observed));
         }
     }
 

@@ -28,6 +28,10 @@ pub struct Outline<'a> {
     pub folds: &'a [FoldPoint],
     /// Outline of the frame's mask, at level 0.
     pub distance: &'a OutlineDistance,
+    /// Whether a point of the boundary that is not on that outline is one between back and front, empty if none is,
+    /// and where the frame shows these. The first is held fixed.
+    pub laid: &'a [bool],
+    pub seam: Option<&'a OutlineDistance>,
     /// How the frame is seen, in pixels of level 0.
     pub view: &'a Viewpoint,
     /// σ of one pixel of outline `[px]`, and τ.
@@ -37,25 +41,30 @@ pub struct Outline<'a> {
 }
 
 impl Outline<'_> {
-    /// The points that may be on the outline, each with the pair of its end points in the pattern of the systems.
-    fn points(&self) -> impl Iterator<Item = (&EdgePoint, usize)> {
-        let counts = |(index, _): &(usize, &EdgePoint)| self.inner.get(*index) != Some(&true);
-        let boundary = self.boundary.iter().enumerate().filter(counts);
-        let boundary = boundary.map(|(_, point)| (point, self.cloth.edge_pair(point.vertices)));
-        boundary.chain(self.folds.iter().map(|fold| (&fold.point, fold.pair)))
+    /// The points that may be on an outline, each with the pair of its end points in the pattern of the systems, and
+    /// that outline.
+    fn points(&self) -> impl Iterator<Item = (&EdgePoint, usize, &OutlineDistance)> {
+        let boundary = self.boundary.iter().enumerate().filter_map(|(index, point)| {
+            let outline = match self.inner.get(index) == Some(&true) {
+                false => Some(self.distance),
+                true => self.seam.filter(|_| self.laid.get(index) == Some(&true)),
+            };
+            outline.map(|outline| (point, self.cloth.edge_pair(point.vertices), outline))
+        });
+        boundary.chain(self.folds.iter().map(|fold| (&fold.point, fold.pair, self.distance)))
     }
 
     /// Mean squared distance to the outline of what may be on it, as the robust term counts it `[px²]`; 0 if
     /// nothing may.
     pub fn mean_square(&self, x: &[DVec3]) -> f64 {
-        let length: f64 = self.points().map(|(point, _)| point.length).sum();
+        let length: f64 = self.points().map(|(point, ..)| point.length).sum();
         let value = if length > 0.0 { self.value(x) / (self.weight * length) } else { 0.0 };
         2.0 * value * self.noise.sigma.powi(2)
     }
 
     /// What a point costs.
-    fn of_point(&self, point: &EdgePoint, x: &[DVec3]) -> f64 {
-        match self.residual(point, x) {
+    fn of_point(&self, point: &EdgePoint, outline: &OutlineDistance, x: &[DVec3]) -> f64 {
+        match self.residual(point, outline, x) {
             Some((r, _)) => self.weight * point.length * self.noise.geman_mcclure(r * r).0,
             None => 0.0,
         }
@@ -63,16 +72,16 @@ impl Outline<'_> {
 
     /// Adds what of the value every vertex bears, shape `[V]`: the ends of an edge, by how near a point is to them.
     pub fn add_shares(&self, x: &[DVec3], shares: &mut [f64]) {
-        for (point, _) in self.points() {
-            let value = self.of_point(point, x);
+        for (point, _, outline) in self.points() {
+            let value = self.of_point(point, outline, x);
             (0..2).for_each(|k| shares[point.vertices[k] as usize] += point.weights[k] * value);
         }
     }
 
-    /// Distance `[px]` of a point to the outline and its derivative by the point; `None` where it does not count.
-    fn residual(&self, point: &EdgePoint, x: &[DVec3]) -> Option<(f64, DVec3)> {
+    /// Distance `[px]` of a point to an outline and its derivative by the point; `None` where it does not count.
+    fn residual(&self, point: &EdgePoint, outline: &OutlineDistance, x: &[DVec3]) -> Option<(f64, DVec3)> {
         let p = point.position(x);
-        let (distance, slope) = self.distance.sample(self.view.project_in_front(p)?)?;
+        let (distance, slope) = outline.sample(self.view.project_in_front(p)?)?;
         let [ru, rv] = self.view.projection_rows(p);
         Some((distance, ru * slope.x + rv * slope.y))
     }
@@ -84,14 +93,14 @@ impl Term for Outline<'_> {
     }
 
     fn value(&self, x: &[DVec3]) -> f64 {
-        self.points().map(|(point, _)| self.of_point(point, x)).sum()
+        self.points().map(|(point, _, outline)| self.of_point(point, outline, x)).sum()
     }
 
     fn add_system(&self, x: &[DVec3], system: &mut FrameSystem) -> f64 {
         let pattern = &self.cloth.pattern;
         let mut value = 0.0;
-        for (point, pair) in self.points() {
-            let Some((r, slope)) = self.residual(point, x) else { continue };
+        for (point, pair, outline) in self.points() {
+            let Some((r, slope)) = self.residual(point, outline, x) else { continue };
             let (rho, ratio) = self.noise.geman_mcclure(r * r);
             let weight = self.weight * point.length;
             let (s, w, q) = (weight * ratio, point.weights, outer(slope, slope));

@@ -64,8 +64,13 @@ impl Look<'_, '_> {
         // moments of the texture in this frame's light.
         let gain = &self.gains[frame];
         let mut sums = vec![([0.0; 3], [0.0; 3]); gain.len()];
+        let turned = &self.occlusions[frame].turned;
         for ((point, t), seen) in self.samples.points.iter().zip(&self.reference).zip(observed) {
             let (Some(t), Some(seen)) = (t, seen) else { continue };
+            // The back has no print of which anything is known.
+            if turned.get(point.triangle as usize) == Some(&true) {
+                continue;
+            }
             let corners = self.samples.triangles[point.triangle as usize];
             let lit = [0, 1, 2].map(|k| {
                 let gain = |c: usize| point.weights[c] * f64::from(gain[corners[c] as usize][k]);
