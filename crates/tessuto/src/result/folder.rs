@@ -10,6 +10,7 @@ use super::{Log, OtherCamera, ParameterFile, Run, UNCHANGED, history, read_json}
 use tessuto_core::camera::{Camera, Pose, Rect, Viewpoint};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Motion};
+use tessuto_core::scene::Back;
 use tessuto_estimate::appearance;
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::Evaluation;
@@ -46,6 +47,8 @@ pub struct Folder {
     pub others: Vec<OtherCamera>,
     /// The part of the whole image that was used.
     pub crop: Rect,
+    /// What the fabric's other side looks like.
+    pub back: Back,
     motion: OnceCell<Motion>,
     material: OnceCell<Option<Material>>,
     metrics: OnceCell<Option<Evaluation>>,
@@ -86,6 +89,7 @@ impl Folder {
             poses: io::scene::read_poses(path, frames)?,
             others: super::views::read(path, frames)?,
             crop: file.crop,
+            back: back(&file, &path.join("parameters.json"))?,
             motion: OnceCell::new(),
             material: OnceCell::new(),
             metrics: OnceCell::new(),
@@ -232,6 +236,12 @@ fn parameters(file: &ParameterFile, mesh: &Mesh, forces: &Path) -> Result<Parame
         parameters.log_stiffness = stiffness.into_iter().map(f64::log10).collect();
     }
     Ok(parameters)
+}
+
+/// What the other side looks like; the same where nothing else was told or found.
+fn back(file: &ParameterFile, path: &Path) -> Result<Back> {
+    let place = || path.display().to_string();
+    file.back.as_ref().map_or(Ok(Back::Same), |name| io::scene::back::parse(name, &place()))
 }
 
 /// Refuses a frame rate, camera or crop that no video has.
