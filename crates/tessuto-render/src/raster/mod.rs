@@ -35,6 +35,7 @@ use rayon::prelude::*;
 
 use tessuto_core::camera::{Camera, Rect, Viewpoint};
 use tessuto_core::mesh::{Mesh, Side};
+use tessuto_core::scene::Back;
 
 mod adjacency;
 mod bins;
@@ -87,6 +88,16 @@ impl Rasterizer {
             vertex_count: mesh.positions.len(),
             one_sided: false,
             back: None,
+        }
+    }
+
+    /// That of a fabric whose other side is `back`, drawn in its colour where that is known. `first` is how the first
+    /// frame sees `mesh`.
+    pub fn of_fabric(mesh: &Mesh, first: &Viewpoint, back: Back) -> Self {
+        let same = Self::new(mesh);
+        match back {
+            Back::Plain(Some(colour)) => same.two_sided(Side::front(mesh, first), colour),
+            Back::Same | Back::Plain(None) | Back::Other => same,
         }
     }
 

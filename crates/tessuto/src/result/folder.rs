@@ -18,6 +18,7 @@ use tessuto_estimate::motion::causes::{Found, Sizes};
 use tessuto_estimate::motion::parameters::Parameters;
 use tessuto_estimate::session::Epoch;
 use tessuto_render::pbr::Material;
+use tessuto_render::raster::Rasterizer;
 use tessuto_sim::Accelerations;
 use tessuto_sim::per_width::PerWidth;
 
@@ -150,6 +151,20 @@ impl Folder {
         let folder = self.path.join("material");
         let read = || folder.join("environment.exr").is_file().then(|| appearance::read_material(&folder));
         once(&self.material, || read().transpose()).map(Option::as_ref)
+    }
+
+    /// What draws the fabric: the other side in its one colour in the first frame's light, or told apart for a `material`
+    /// that has an albedo for it.
+    ///
+    /// # Errors
+    /// Those of [`material`](Self::material).
+    pub fn rasterizer(&self, material: bool) -> Result<Rasterizer> {
+        let back = match (material, self.back) {
+            (false, back) => back,
+            (true, _) if self.material()?.is_some_and(|m| m.back.is_some()) => Back::Plain(Some([0.0; 3])),
+            (true, _) => Back::Same,
+        };
+        Ok(Rasterizer::of_fabric(&self.mesh, &self.viewpoint(0), back))
     }
 
     /// metrics.json, where there is one.

@@ -244,7 +244,7 @@ pub fn write_motion(folder: &Path, scene: &Scene, run: &Run, result: &Reconstruc
 /// # Errors
 /// [`Error::Output`]; those of reading the frames.
 pub fn write_pictures(folder: &Path, context: &Context, result: &Reconstruction) -> Result<()> {
-    let scene = context.scene;
+    let scene = &*context.scene.with_back(result.back);
     let deviations = result.deviations.as_deref();
     let print = gather(scene, &result.motion, deviations, context.run.settings.texture.size)?;
     io::image::write_png(&folder.join("texture.png"), &print.texture.to_image())?;
