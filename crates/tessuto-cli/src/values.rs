@@ -1,5 +1,6 @@
 //! Values of options that are more than a number.
 
+use tessuto::Back;
 use tessuto::template::remesh::Resolution;
 use tessuto::view::View;
 
@@ -83,6 +84,14 @@ pub fn two_points(text: &str) -> Result<[Pair; 2], String> {
     let points: Vec<Pair> = text.split_whitespace().map(point).collect::<Result<_, _>>()?;
     let count = points.len();
     points.try_into().map_err(|_| format!("{count} points; write two, such as 312,208 930,215"))
+}
+
+/// `#rrggbb`; sRGB in [0, 1].
+pub fn colour(text: &str) -> Result<[f32; 3], String> {
+    match tessuto::io::scene::back::parse(text, "") {
+        Ok(Back::Plain(Some(colour))) => Ok(colour),
+        _ => Err("write a colour as #rrggbb, such as #7a1f3d".to_owned()),
+    }
 }
 
 /// A number above 0.

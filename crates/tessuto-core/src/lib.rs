@@ -58,5 +58,5 @@ pub use camera::{Camera, Pose, Rect, Viewpoint};
 pub use error::{Error, Hint, Remedy, Repair, Result, Warning};
 pub use image::Image;
 pub use mesh::{Mesh, Motion, Positions};
-pub use scene::{Depths, Known, Plane, PoseUnit, Scene, Tracks, Truth, View};
+pub use scene::{Back, Depths, Known, Plane, PoseUnit, Scene, Tracks, Truth, View};
 pub use video::{Frame, Video};

@@ -165,6 +165,19 @@ impl Scene {
         Viewpoint { camera: self.camera, camera_from_world }
     }
 
+    /// What the other side looks like, as far as that is known; the same if nothing was told.
+    pub fn back(&self) -> Back {
+        self.known.back.unwrap_or(Back::Same)
+    }
+
+    /// The scene told what the other side looks like.
+    pub fn with_back(&self, back: Back) -> Cow<'_, Self> {
+        match self.known.back {
+            Some(known) if known == back => Cow::Borrowed(self),
+            _ => Cow::Owned(Self { known: Known { back: Some(back), ..self.known.clone() }, ..self.clone() }),
+        }
+    }
+
     /// The same of every frame, shape `[N]`.
     pub fn viewpoints(&self) -> Vec<Viewpoint> {
         (0..self.frames.len()).map(|n| self.viewpoint(n)).collect()

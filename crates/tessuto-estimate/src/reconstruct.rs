@@ -11,7 +11,7 @@ use crate::motion::texture::{Window, fit_texture};
 use crate::session::{Epoch, Session, foreign_state};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Motion, Positions};
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Back, Scene};
 use tessuto_render::raster::{Rasterizer, Texture};
 use tessuto_sim::contact::apart::{crossed, put_apart};
 use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
@@ -30,6 +30,8 @@ pub struct Reconstruction {
     pub causes: Option<Explained>,
     /// Colours of the surface.
     pub texture: Texture,
+    /// What its other side looks like, as was told or found.
+    pub back: Back,
     /// Every step of every stage.
     pub history: Vec<Epoch>,
     /// Stage and its wall time `[s]`.
@@ -108,7 +110,8 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let history = session.history_of(&["texture", "track", "refine", "fuse", "rollout"]);
     let timings = session.timings().to_vec();
     let texture = window.whole(&texture);
-    Ok(Reconstruction { motion, deviations, parameters, causes, texture, history, timings, failure })
+    let back = scene.known.back.unwrap_or(Back::Same);
+    Ok(Reconstruction { motion, deviations, parameters, causes, texture, back, history, timings, failure })
 }
 
 /// What either method found.

@@ -81,8 +81,8 @@ pub mod view;
 pub use tessuto_core::glam;
 #[doc(inline)]
 pub use tessuto_core::{
-    Camera, Depths, Error, Frame, Hint, Image, Known, Mesh, Motion, Plane, Pose, PoseUnit, Positions, Rect,
-    Remedy, Repair, Result, Scene, Tracks, Truth, Video, View, Viewpoint, Warning,
+    Back, Camera, Depths, Error, Frame, Hint, Image, Known, Mesh, Motion, Plane, Pose, PoseUnit, Positions,
+    Rect, Remedy, Repair, Result, Scene, Tracks, Truth, Video, View, Viewpoint, Warning,
 };
 #[doc(hidden)]
 pub use tessuto_core::{math, mesh, processor, settings, text};

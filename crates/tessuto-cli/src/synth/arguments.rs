@@ -26,6 +26,7 @@ Examples:
   tessuto synth scenes/sheet --paper --occluders
   tessuto synth scenes/table --table
   tessuto synth scenes/folded --fold --grid 25x25 --bend 1e-4
+  tessuto synth scenes/lined --fold --two-sided
   tessuto synth scenes/held --orbit 25 --shake 5
   tessuto synth scenes/two --views 2 --apart 40
 
@@ -58,6 +59,10 @@ pub struct Arguments {
     /// On a table, the side is laid over the sheet.
     #[arg(long, conflicts_with_all = ["hands", "paper", "air", "wind"])]
     fold: bool,
+    /// The other side of the cloth or paper has one colour; gt/back.json names it [#7a1f3d if not given].
+    #[arg(long, value_name = "#RRGGBB", num_args = 0..=1, require_equals = true, default_missing_value = "#7a1f3d")]
+    #[arg(value_parser = crate::values::colour)]
+    two_sided: Option<[f32; 3]>,
     /// The wind is moving air that presses on the sheet, and gravity is tilted against the camera. The true
     /// physics is written to gt/physics.json, the same cloth in still air and ten times stiffer to gt/calm.npy and
     /// gt/stiffer.npy.
@@ -160,6 +165,7 @@ impl Arguments {
             _ => Mover::Wind,
         };
         s.fold = self.fold;
+        s.back = self.two_sided;
         s.occluders = self.occluders.unwrap_or(0);
         s.amodal = self.amodal;
         s.blur = self.blur.unwrap_or(0.0);

@@ -322,8 +322,21 @@ fn synth_makes_every_kind_of_scene_and_refuses_what_does_not_go_together() {
     let notes = synth("paper", &["--paper", "--occluders=2", "--amodal"]);
     assert!(notes.contains("\"occluders\": 2") && notes.contains("\"amodal\": true"), "{notes}");
     assert!(!folder.path().join("paper/gt/physics.json").exists());
+    let notes = synth("lined", &["--paper", "--two-sided=#20ff00"]);
+    let scene: serde_json::Value = serde_json::from_str(&notes).unwrap();
+    assert!(scene.get("back").is_none(), "the clip has to tell: {notes}");
+    let truth = std::fs::read_to_string(folder.path().join("lined/gt/back.json")).unwrap();
+    assert_eq!(truth, "{\n  \"back\": \"#20ff00\"\n}\n");
+    assert!(!folder.path().join("paper/gt/back.json").exists());
     let out = folder.path().join("none");
-    for wrong in [&["--paper", "--hands"][..], &["--paper", "--wind", "3"], &["--amodal"], &["--blur=2"]] {
+    for wrong in [
+        &["--paper", "--hands"][..],
+        &["--paper", "--wind", "3"],
+        &["--amodal"],
+        &["--blur=2"],
+        &["--two-sided=red"],
+        &["--two-sided=plain"],
+    ] {
         fail(2, &[&["synth", text(&out)], wrong].concat());
         assert!(!out.exists(), "{wrong:?}");
     }

@@ -40,6 +40,12 @@ impl Side {
         Self { clockwise: sum > 0.0 }
     }
 
+    /// Sign of x0 · ((x1 − x0) × (x2 − x0)) of a triangle that shows this side, its corners in the camera's frame.
+    #[inline]
+    pub fn sign(self) -> i8 {
+        if self.clockwise { 1 } else { -1 }
+    }
+
     /// The other one.
     #[must_use]
     pub fn other(self) -> Self {

@@ -3,9 +3,10 @@
 use serde::{Deserialize, Serialize};
 
 use super::albedo_scale::{AlbedoScale, brightest, expected};
+use super::back;
 use super::environment_parameters::EnvironmentParameters;
 use super::loss::loss;
-use super::observations::observe;
+use super::observations::{Drawn, observe, telling_sides};
 use super::patch_weights::PatchWeights;
 use super::sharpen::sharpen;
 use super::splat::Splat;
@@ -17,13 +18,12 @@ use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::image::srgb;
 use tessuto_core::math::rng::mix32;
 use tessuto_core::mesh::Motion;
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Back, Scene};
 #[cfg(feature = "decoder")]
 use tessuto_render::decoder::DecoderConfig;
 use tessuto_render::pbr::{
     EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, Shader, accumulate,
 };
-use tessuto_render::raster::Rasterizer;
 
 /// Steps after which directions are drawn from the present light.
 const REDRAW: usize = 10;
@@ -78,9 +78,10 @@ pub fn fit(
 ) -> Result<Appearance> {
     check(scene, motion)?;
     let seed = mix32(seed as u32 ^ mix32((seed >> 32) as u32));
-    let rasterizer = Rasterizer::new(&scene.template);
+    let rasterizer = telling_sides(scene);
     let window = Window::of(&scene.template);
-    let seen = observe(scene, &rasterizer, geometry, motion, window, settings.most_pixels, seed)?;
+    let drawn = Drawn { most: settings.most_pixels, seed, back: false };
+    let seen = observe(scene, &rasterizer, geometry, motion, window, drawn)?;
     if seen.points.is_empty() {
         return Err(Error::input(
             scene.folder.display().to_string(),
@@ -213,6 +214,14 @@ pub fn fit(
         let how = (settings.sharpening_passes, settings.samples_per_pixel, seed);
         let diffuse = sharpen(&shader, &seen, &patch_weights, how);
         material.set_planes(&diffuse);
+    }
+    if matches!(scene.back(), Back::Plain(_)) {
+        let drawn = Drawn { most: back::MOST_PIXELS.min(settings.most_pixels), back: true, ..drawn };
+        let of_back = observe(scene, &rasterizer, geometry, motion, window, drawn)?;
+        let light = &EnvironmentSampler::new(&environment, settings.uniform_fraction);
+        let how = (settings.samples_per_pixel, seed);
+        material.back = back::albedo((geometry, &material, light), &of_back, how)
+            .or_else(|| back::of_front(scene.back(), &material, &seen, rasterizer.triangles().len()));
     }
     let history = session.history_of(&["appearance"]);
     Ok(Appearance { material, window, environment, scale: albedo, history })

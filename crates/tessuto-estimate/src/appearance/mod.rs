@@ -3,13 +3,14 @@
 //! [`fit()`] goes through the files here: `observations` (what the pixels see, once), `texels` with `surfaces` or
 //! `decoded` (the maps as they are optimised) and `environment_parameters` (the light as it is optimised), with
 //! `loss` between them, weighted by `patch_weights`; `sharpen` finishes the diffuse map. [`rerender()`] draws the
-//! frames again. [`gather()`] lays the colours of all frames on the cloth, without taking light and cloth apart.
+//! frames again. What `back` is of one colour has an albedo of its own. [`gather()`] lays the colours of all frames on the cloth, without taking light and cloth apart.
 //!
 //! Almost only the product of cloth and light is in the images. What separates them is a prior: how
 //! bright fabrics are, how tinted light is (`albedo_scale`), and that one ink or yarn shines alike and is seldom
 //! metal (`regions`).
 
 mod albedo_scale;
+mod back;
 #[cfg(feature = "decoder")]
 mod decoded;
 mod environment_parameters;

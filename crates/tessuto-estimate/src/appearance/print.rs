@@ -12,7 +12,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::gains::Gains;
-use super::observations::inside;
+use super::observations::{inside, telling_sides};
 use super::seen::{Seen, directions};
 use super::splat::Splat;
 use super::window::Window;
@@ -71,7 +71,7 @@ pub fn gather(
     deviations: Option<&[Vec<f64>]>,
     size: usize,
 ) -> Result<Print> {
-    let rasterizer = &Rasterizer::new(&scene.template);
+    let rasterizer = &telling_sides(scene);
     let window = Window::of(&scene.template);
     let scenes: Vec<_> =
         (0..scene.view_count()).map(|v| (scene.seen_by(v), scene.when_seen_by(v, motion))).collect();

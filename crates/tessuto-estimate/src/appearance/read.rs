@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::write::BACK;
 use crate::io;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::srgb;
@@ -32,7 +33,25 @@ pub fn read_material(folder: &Path) -> Result<Material> {
         (0..3).flat_map(|c| diffuse.data.iter().skip(c).step_by(3)).map(|s| srgb::decode(*s)).collect();
     planes.extend(roughness.data);
     planes.extend(metallic.data);
-    Ok(Material::from_planes(size[0], size[1], &planes))
+    Ok(Material { back: back(&folder.join(BACK))?, ..Material::from_planes(size[0], size[1], &planes) })
+}
+
+/// The albedo of the other side in the file at `path`, if there is one.
+fn back(path: &Path) -> Result<Option<[f32; 3]>> {
+    #[derive(serde::Deserialize)]
+    struct OfBack {
+        albedo: [f32; 3],
+    }
+    if !path.is_file() {
+        return Ok(None);
+    }
+    let bad =
+        |problem: String| Error::input(path.display().to_string(), problem, "delete or restore the file");
+    let OfBack { albedo } = serde_json::from_str(&io::read_text(path)?).map_err(|e| bad(e.to_string()))?;
+    match albedo.iter().all(|v| (0.0..=1.0).contains(v)) {
+        true => Ok(Some(albedo)),
+        false => Err(bad(format!("an albedo of {albedo:?}, not from 0 to 1"))),
+    }
 }
 
 #[cfg(test)]
@@ -47,6 +66,7 @@ mod tests {
     fn maps_are_read_as_they_were_written() {
         let folder = tempfile::tempdir().unwrap();
         let mut material = Material::uniform(5, 3, [0.1, 0.4, 0.9], 0.3, 0.0);
+        material.back = Some([0.25, 0.5, 0.125]);
         material.texels[7] = [0.9, 0.2, 0.05, 0.8, 1.0, 0.0, 0.0, 0.0];
         let window = Window::of(&grid(2, 2, glam::DVec2::ONE, 1.0));
         let written = Appearance {
@@ -58,6 +78,7 @@ mod tests {
         };
         write_material(folder.path(), &written).unwrap();
         let read = read_material(folder.path()).unwrap();
+        assert_eq!(read.back, written.material.back);
         for (a, b) in read.texels.iter().flatten().zip(written.material.texels.iter().flatten()) {
             assert!((a - b).abs() < 0.006, "{a} {b}");
         }

@@ -40,7 +40,7 @@ impl Window {
                 (0..CHANNELS).for_each(|c| planes[(c * height + row) * width + column] = texel[c]);
             }
         }
-        Material::from_planes(width, height, &planes)
+        Material { back: material.back, ..Material::from_planes(width, height, &planes) }
     }
 
     /// The same for square planes of `size`; returns their new size.

@@ -28,6 +28,14 @@ scale.json       reference of the brightness of diffuse.png and of the light: th
                  beyond that. undyed: probability that the brightest part is not dyed.
 ";
 
+/// The other side's albedo.
+pub(super) const BACK: &str = "back.json";
+
+/// What is added where the other side has a colour of its own.
+const NOTE_OF_BACK: &str = "\
+back.json        the fabric's other side, which is matt and has one colour: albedo, linear red, green and blue
+";
+
 /// Writes maps, light and a note about them into the existing `folder`.
 ///
 /// # Errors
@@ -53,5 +61,11 @@ pub fn write_material(folder: &Path, appearance: &Appearance) -> Result<()> {
         text.push('\n');
         atomic_write(&folder.join("scale.json"), text.as_bytes())?;
     }
-    atomic_write(&folder.join("README.txt"), NOTE.as_bytes())
+    let mut note = NOTE.to_owned();
+    if let Some(albedo) = material.back {
+        let text = format!("{:#}\n", serde_json::json!({ "albedo": albedo }));
+        atomic_write(&folder.join(BACK), text.as_bytes())?;
+        note.push_str(NOTE_OF_BACK);
+    }
+    atomic_write(&folder.join("README.txt"), note.as_bytes())
 }

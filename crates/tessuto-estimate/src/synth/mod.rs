@@ -32,7 +32,7 @@ pub use surroundings::filmed;
 use tessuto_core::camera::{Camera, Pose, Rect, Viewpoint};
 use tessuto_core::error::Result;
 use tessuto_core::math::rng::Rng;
-use tessuto_core::mesh::{Mesh, Motion, Positions};
+use tessuto_core::mesh::{Mesh, Motion, Positions, Side};
 use tessuto_core::scene::{Depths, Known, Scene, Truth};
 use tessuto_core::video::{Frame, HELD_BYTES, PIXEL_BYTES, Video};
 use tessuto_render::raster::{Rasterizer, Rendering, Texture};
@@ -76,16 +76,21 @@ fn scene(settings: &Settings, frame_of: impl Fn(View) -> Frame + Send + Sync + '
     let mesh = trajectory.mesh.clone();
     let motion = trajectory.frames.clone();
     let template = Mesh { positions: motion[0].clone(), ..mesh };
+    let centre = template.positions.iter().sum::<DVec3>() / template.positions.len() as f64;
+    let poses = path::poses(settings, centre);
+    let mut rasterizer = Rasterizer::new(&template);
+    if let Some(colour) = settings.back {
+        let first = Viewpoint { camera, camera_from_world: poses.as_ref().map(|poses| poses[0]) };
+        rasterizer = rasterizer.two_sided(Side::front(&template, &first), colour);
+    }
     let studio = Studio {
-        rasterizer: Rasterizer::new(&template),
+        rasterizer,
         camera,
         texture: Texture::from_image(&texture::texture(TEXTURE_SIZE, settings.seed)),
         shading: settings.shading,
         occluders: occluders(settings, &template.positions),
         amodal: settings.amodal,
     };
-    let centre = template.positions.iter().sum::<DVec3>() / template.positions.len() as f64;
-    let poses = path::poses(settings, centre);
     let filming = Filming { settings: settings.clone(), trajectory, studio, frame_of };
     let filming = Arc::new(filming);
     let film = |v: usize, poses: Option<Vec<Pose>>| Filming::film(&filming, v, poses);

@@ -86,6 +86,9 @@ pub struct Settings {
     /// The side that is lifted from the table is laid over the sheet, not down again.
     #[serde(skip_serializing_if = "is_default")]
     pub fold: bool,
+    /// Colour of the sheet's other side, sRGB in [0, 1]; the print goes through if `None`.
+    #[serde(skip_serializing_if = "is_default")]
+    pub back: Option<[f32; 3]>,
 }
 
 /// What was not asked for is not written down: scenes without it are the same bytes as before it existed.
@@ -124,6 +127,7 @@ impl Default for Settings {
             apart: 0.0,
             late: 0.0,
             fold: false,
+            back: None,
         }
     }
 }
@@ -174,6 +178,9 @@ impl Settings {
                 return Err(Error::usage(format!("{name} = {value}"), hint));
             }
         }
+        if let Some(colour) = self.back.filter(|c| c.iter().any(|v| !(0.0..=1.0).contains(v))) {
+            return Err(Error::usage(format!("back = {colour:?}"), "each must lie between 0 and 1"));
+        }
         Ok(())
     }
 
@@ -199,6 +206,7 @@ mod tests {
             (Settings { frames: 1, ..Settings::default() }, "frames = 1"),
             (Settings { blur: 1.5, ..Settings::default() }, "blur = 1.5"),
             (Settings { occluders: 9, ..Settings::default() }, "occluders = 9"),
+            (Settings { back: Some([0.5, 2.0, 0.5]), ..Settings::default() }, "back = [0.5, 2.0, 0.5]"),
         ] {
             assert!(settings.validate().unwrap_err().to_string().contains(fragment), "{fragment}");
         }
@@ -207,7 +215,7 @@ mod tests {
     #[test]
     fn only_what_was_asked_for_is_written_down() {
         let plain = serde_json::to_value(Settings::default()).unwrap();
-        let new = ["orbit", "surroundings", "depth_noise", "shake", "views", "apart", "late"];
+        let new = ["orbit", "surroundings", "depth_noise", "shake", "views", "apart", "late", "back"];
         for key in ["mover", "occluders", "amodal", "blur"].into_iter().chain(new) {
             assert!(plain.get(key).is_none(), "{key}");
         }

@@ -10,7 +10,7 @@ use super::surroundings::filmed_by;
 use crate::io;
 use crate::io::scene::ListedView;
 use tessuto_core::error::{Error, Result};
-use tessuto_core::scene::{Depths, Scene, View};
+use tessuto_core::scene::{Back, Depths, Scene, View};
 
 /// Who wrote a scene, in the notes of its scene.json.
 const GENERATOR: &str = "tessuto synth";
@@ -70,6 +70,11 @@ pub fn write(folder: &Path, scene: &Scene, settings: &Settings) -> Result<()> {
         let futures = causes::futures(settings)?;
         io::npy::write_field(&folder.join("gt/calm.npy"), &futures.calm)?;
         io::npy::write_field(&folder.join("gt/stiffer.npy"), &futures.stiffer)?;
+    }
+    if settings.back.is_some() {
+        // The truth of what scene.json does not tell.
+        let text = format!("{:#}\n", json!({ "back": io::scene::back::name(Back::Plain(settings.back)) }));
+        io::atomic_write(&folder.join("gt/back.json"), text.as_bytes())?;
     }
     for (k, points) in scene.truth.points.iter().flatten().enumerate() {
         io::npy::write_points(&folder.join(format!("gt/points/points_{k:03}.npy")), points)?;

@@ -109,6 +109,11 @@ class Result:
         """parameters.json: stiffnesses and forces with units, and what the video says about them."""
         return self._json("parameters.json")
 
+    @property
+    def back(self) -> str:
+        """What the other side looks like, as told or found: "same", "plain", "other" or one colour, "#rrggbb"."""
+        return str(self.parameters.get("back", "same"))
+
     @cached_property
     def stiffness(self) -> tuple[float, float, float]:
         """Stretch N/m, bend J/rad² and shear J/rad²: effective values of the replay, no measurements."""

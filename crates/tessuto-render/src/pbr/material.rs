@@ -21,6 +21,8 @@ pub struct Material {
     /// Linear base colour T_D `[3]`, roughness T_R, metallic T_M and three zeros that fill a vector register,
     /// shape [height, width].
     pub texels: Vec<[f32; 8]>,
+    /// Linear base colour of the other side, which is matt and has no metal; `None`: the maps go through.
+    pub back: Option<[f32; 3]>,
 }
 
 /// The four texels around a point and their weights.
@@ -61,14 +63,19 @@ impl Material {
     pub fn uniform(width: usize, height: usize, diffuse: [f32; 3], roughness: f32, metallic: f32) -> Self {
         assert!(width > 0 && height > 0, "a material needs texels, not {width}×{height}");
         let [r, g, b] = diffuse;
-        Self { width, height, texels: vec![[r, g, b, roughness, metallic, 0.0, 0.0, 0.0]; width * height] }
+        Self {
+            width,
+            height,
+            texels: vec![[r, g, b, roughness, metallic, 0.0, 0.0, 0.0]; width * height],
+            back: None,
+        }
     }
 
     /// From one plane per channel, shape [[`CHANNELS`], height, width].
     pub fn from_planes(width: usize, height: usize, planes: &[f32]) -> Self {
         let n = width * height;
         assert_eq!(planes.len(), CHANNELS * n, "{CHANNELS} planes of {width}×{height}");
-        let mut material = Self { width, height, texels: vec![[0.0; 8]; n] };
+        let mut material = Self { width, height, texels: vec![[0.0; 8]; n], back: None };
         material.set_planes(planes);
         material
     }
@@ -105,6 +112,11 @@ impl Material {
             sum.iter_mut().zip(texel).for_each(|(s, t)| *s += weight * t);
         }
         sum
+    }
+
+    /// The texel of the other side, if `turned` to it and it has one of its own.
+    pub(super) fn of_back(&self, turned: bool) -> Option<[f32; 8]> {
+        self.back.filter(|_| turned).map(|[r, g, b]| [r, g, b, 1.0, 0.0, 0.0, 0.0, 0.0])
     }
 
     /// Diffuse `[3]`, roughness and metallic at `uv`.

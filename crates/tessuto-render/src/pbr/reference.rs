@@ -44,7 +44,11 @@ pub fn colour(
     let [a, b, c] = triangles[own].map(|v| positions[v as usize]);
     let facing = (b - a).cross(c - a);
     let facing = if facing.dot(o) < 0.0 { -facing } else { facing };
-    let texel = material.sample(point.uv).map(f64::from);
+    let texel = match material.of_back(point.turned) {
+        Some([r, g, b, roughness, metallic, ..]) => [r, g, b, roughness, metallic],
+        None => material.sample(point.uv),
+    };
+    let texel = texel.map(f64::from);
     let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
     for _ in 0..count {
         let z = 1.0 - 2.0 * rng.uniform();

@@ -87,6 +87,8 @@ impl Numbers {
 pub(super) struct ShadingContext {
     pub brdf: Brdf,
     pub footprint: Footprint,
+    /// Whether the other side is seen, which the maps do not show.
+    plain: bool,
     axes: [[f32x8; 3]; 3],
 }
 
@@ -102,9 +104,11 @@ impl Shader<'_> {
         let wo = [t, b, n].map(|a| a.dot(to_viewer));
         let wo = [wo[0], wo[1], wo[2].max(0.5 * LEAST_COSINE)];
         let footprint = self.material.footprint(point.uv);
+        let back = self.material.of_back(point.turned);
         ShadingContext {
-            brdf: Brdf::new(&self.material.lookup(&footprint), wo),
+            brdf: Brdf::new(&back.unwrap_or_else(|| self.material.lookup(&footprint)), wo),
             footprint,
+            plain: back.is_some(),
             axes: [t, b, n].map(|a| a.to_array().map(f32x8::splat)),
         }
     }
@@ -178,7 +182,9 @@ impl Shader<'_> {
             texel[3] += adjoint[c] * estimate.by_alpha2[c] * b.alpha2_slope();
             texel[4] += adjoint[c] * ((b.base[c] - 0.04) * f0 - b.base[c] * irradiance);
         }
-        sums.add_material(&context.footprint, &texel);
+        if !context.plain {
+            sums.add_material(&context.footprint, &texel);
+        }
         for record in &estimate.records {
             let gains: [[f32; 8]; 3] =
                 std::array::from_fn(|c| (record.gains[c] * f32x8::splat(adjoint[c])).to_array());

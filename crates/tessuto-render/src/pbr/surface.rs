@@ -13,6 +13,8 @@ pub struct SurfacePoint {
     pub uv: [f32; 2],
     /// Frame · number of triangles + triangle.
     pub patch: u32,
+    /// Whether it is on the other side of a [two-sided](crate::raster::Rasterizer::two_sided) fabric.
+    pub turned: bool,
 }
 
 /// Weights of a triangle's corners where the ray from the camera along `ray` meets its plane.

@@ -50,6 +50,7 @@ pub fn visible_points(
                 normal: normal.as_vec3(),
                 uv: uv.as_vec2().to_array(),
                 patch: patch as u32,
+                turned: rendering.shows_back(pixel),
             },
         ));
     }

@@ -34,7 +34,8 @@ use glam::{DVec2, DVec3, Vec4};
 use rayon::prelude::*;
 
 use tessuto_core::camera::{Camera, Rect, Viewpoint};
-use tessuto_core::mesh::Mesh;
+use tessuto_core::mesh::{Mesh, Side};
+use tessuto_core::scene::Back;
 
 mod adjacency;
 mod bins;
@@ -69,6 +70,8 @@ pub struct Rasterizer {
     uvs: Vec<DVec2>,
     vertex_count: usize,
     one_sided: bool,
+    /// The side that shows the texture, and the colour of the other; `None`: both show the texture.
+    back: Option<(Side, [f32; 3])>,
     /// Across the edge opposite to each corner, shape [T, 3].
     across: Vec<[Across; 3]>,
 }
@@ -84,6 +87,17 @@ impl Rasterizer {
             uvs: mesh.uvs.clone(),
             vertex_count: mesh.positions.len(),
             one_sided: false,
+            back: None,
+        }
+    }
+
+    /// That of a fabric whose other side is `back`, drawn in its colour where that is known. `first` is how the first
+    /// frame sees `mesh`.
+    pub fn of_fabric(mesh: &Mesh, first: &Viewpoint, back: Back) -> Self {
+        let same = Self::new(mesh);
+        match back {
+            Back::Plain(Some(colour)) => same.two_sided(Side::front(mesh, first), colour),
+            Back::Same | Back::Plain(None) | Back::Other => same,
         }
     }
 
@@ -92,6 +106,13 @@ impl Rasterizer {
     #[must_use]
     pub fn one_sided(mut self, one_sided: bool) -> Self {
         self.one_sided = one_sided;
+        self
+    }
+
+    /// Triangles that show the side other than `front` are filled with `colour` in place of the texture.
+    #[must_use]
+    pub fn two_sided(mut self, front: Side, colour: [f32; 3]) -> Self {
+        self.back = Some((front, colour));
         self
     }
 
@@ -139,7 +160,7 @@ impl Rasterizer {
         self.project(camera, positions, texture, out);
         out.bins.update(&out.projected, camera.height);
         silhouette::join_triangles(&self.across, out);
-        draw_bands(texture, out);
+        draw_bands(texture, self.back.map_or([0.0; 3], |(_, colour)| colour), out);
         self.antialias(out);
     }
 
@@ -203,6 +224,7 @@ impl Rasterizer {
     fn project(&self, camera: &Camera, positions: &[DVec3], texture: &Texture, out: &mut Rendering) {
         out.rays.update(camera);
         out.texture_size = [texture.width, texture.height];
+        let turned = self.back.map(|(front, _)| front.other().sign());
         self.triangles
             .par_iter()
             .zip(&self.triangle_uvs)
@@ -210,7 +232,9 @@ impl Rasterizer {
             .map(|(corners, uvs)| {
                 let corners = corners.map(|v| positions[v as usize]);
                 let texels = uvs.map(|u| texture.texel_position(self.uvs[u as usize]));
-                Projected::new(camera, corners, texels)
+                let mut p = Projected::new(camera, corners, texels);
+                p.plain = turned == Some(p.facing);
+                p
             })
             .collect_into_vec(&mut out.projected);
     }
@@ -245,7 +269,7 @@ impl Rasterizer {
 }
 
 /// Draws and shades all bands of the region that is, or was before, not background.
-fn draw_bands(texture: &Texture, out: &mut Rendering) {
+fn draw_bands(texture: &Texture, back: [f32; 3], out: &mut Rendering) {
     let grown = out.bins.bounds.map(|b| Rect {
         // Antialiasing reaches one pixel further than the triangles.
         x0: b.x0.saturating_sub(1),
@@ -274,7 +298,7 @@ fn draw_bands(texture: &Texture, out: &mut Rendering) {
             }
             let mut rows = Rows { first_row, width, triangle, inverse_depth, rgba };
             visibility::draw(&mut rows, columns, bins.band(band), projected, rays);
-            shade::shade(&mut rows, columns, projected, rays, texture);
+            shade::shade(&mut rows, columns, projected, rays, (texture, back));
         });
 }
 
@@ -323,6 +347,9 @@ fn blends_vjp(
                 continue;
             }
             let p = &rendering.projected[t as usize];
+            if p.plain {
+                continue;
+            }
             grads.triangle_sums[t as usize].add(&shade::pixel_sums(rendering, texture, p, pixel, grad));
             if let Some(texels) = &mut grads.texture {
                 let [x, y] = shade::texel_at(rendering, p, pixel);

@@ -47,6 +47,8 @@ pub(super) struct Projected {
     pub inverse_det: f64,
     /// Sign of det M: +1, −1, or 0 for a triangle that is not drawn.
     pub facing: i8,
+    /// Whether it is of one colour, without texture.
+    pub plain: bool,
     /// Plane of 1, so that inverse_depth · r = 1/z [1/m].
     pub inverse_depth: DVec3,
     /// Plane of the texel coordinate x.
@@ -70,6 +72,7 @@ impl Projected {
         owns_edge: [false; 3],
         inverse_det: 0.0,
         facing: 0,
+        plain: false,
         inverse_depth: DVec3::ZERO,
         texel_x: DVec3::ZERO,
         texel_y: DVec3::ZERO,
@@ -102,6 +105,7 @@ impl Projected {
             owns_edge: edges.map(owns_edge),
             inverse_det,
             facing: sign as i8,
+            plain: false,
             inverse_depth: normal * (sign * inverse_det),
             texel_x: plane(texels.map(|t| t.x)),
             texel_y: plane(texels.map(|t| t.y)),

@@ -92,7 +92,12 @@ pub fn render(
                 out.triangle[pixel] = Some(t);
                 out.depth[pixel] = 1.0 / s;
                 let uv = (0..3).map(|k| uvs[k] * (n[k].dot(r) / det / s)).sum();
-                out.rgba[pixel] = bilinear(texture, uv);
+                out.rgba[pixel] = match rasterizer.back {
+                    Some((front, back)) if f64::from(front.sign()) != det.signum() => {
+                        [back[0].into(), back[1].into(), back[2].into(), 1.0]
+                    }
+                    _ => bilinear(texture, uv),
+                };
             }
         }
     }

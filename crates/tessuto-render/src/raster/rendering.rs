@@ -45,6 +45,12 @@ impl Rendering {
         Self::default()
     }
 
+    /// Whether pixel number `pixel` shows the other side of a [two-sided](super::Rasterizer::two_sided) fabric.
+    pub fn shows_back(&self, pixel: usize) -> bool {
+        let t = self.triangle[pixel];
+        t != Self::NO_TRIANGLE && self.projected[t as usize].plain
+    }
+
     /// Depth z `[m]` at the centre of pixel (column `x`, row `y`), `None` where no triangle is seen.
     pub fn depth(&self, x: usize, y: usize) -> Option<f64> {
         let inverse = self.inverse_depth[y * self.width + x];

@@ -8,13 +8,13 @@ use super::projected::{Projected, Rays};
 use super::texture::Texture;
 use super::visibility::Rows;
 
-/// Colours the columns `x0..x1` of `rows` with the texture, background black with mask 0.
+/// Colours the columns `x0..x1` of `rows` with the texture, plain triangles with `back`, background black with mask 0.
 pub(super) fn shade(
     rows: &mut Rows,
     [x0, x1]: [usize; 2],
     projected: &[Projected],
     rays: &Rays,
-    texture: &Texture,
+    (texture, [r, g, b]): (&Texture, [f32; 3]),
 ) {
     for row in 0..rows.count() {
         let y = rays.y[rows.first_row + row];
@@ -27,6 +27,8 @@ pub(super) fn shade(
             let rgba = &mut rows.rgba[pixels.clone()];
             if run[0] == Rendering::NO_TRIANGLE {
                 rgba.fill([0.0; 4]);
+            } else if projected[run[0] as usize].plain {
+                rgba.fill([r, g, b, 1.0]);
             } else {
                 let p = &projected[run[0] as usize];
                 let cx = p.texel_x.y * y + p.texel_x.z;
@@ -134,7 +136,10 @@ fn run_sums(
     {
         let z = 1.0 / s;
         let (tx, ty) = ((p.texel_x.x * x + cx) * z, (p.texel_y.x * x + cy) * z);
-        let [lx, ly] = texture.sample_vjp(tx, ty, Vec4::from_array(grad_rgba));
+        let [lx, ly] = match p.plain {
+            true => [0.0; 2],
+            false => texture.sample_vjp(tx, ty, Vec4::from_array(grad_rgba)),
+        };
         let (a, b) = (lx * z, ly * z);
         let lz = grad.depth.map_or(0.0, |depth| f64::from(depth[pixels.start + n]));
         let c = -(a * tx + b * ty) - lz * z * z;
@@ -192,7 +197,7 @@ pub(super) fn scatter_texture_vjp(
         let row = j * rendering.width + bounds.x0..j * rendering.width + bounds.x1;
         for (pixel, &grad) in row.clone().zip(&grad_rgba[row]) {
             let t = rendering.triangle[pixel];
-            if t != Rendering::NO_TRIANGLE {
+            if t != Rendering::NO_TRIANGLE && !rendering.projected[t as usize].plain {
                 let [tx, ty] = texel_at(rendering, &rendering.projected[t as usize], pixel);
                 texture.scatter_vjp(tx, ty, Vec4::from_array(grad), grads);
             }

@@ -106,9 +106,27 @@ tessuto.ClothView = class {
     for (const key of Object.keys(this.images)) {
       const map = this.texture(key, THREE.SRGBColorSpace);
       const Kind = key === "texture" ? THREE.MeshLambertMaterial : THREE.MeshBasicMaterial;
-      materials[key] = new Kind({ ...offset, map });
+      materials[key] = this.twoSided(new Kind({ ...offset, map }), this.data.back?.[key]);
     }
     return materials;
+  }
+
+  /** The `material` with a `colour` on the fabric's other side, which is matt, where that has one. */
+  twoSided(material, colour) {
+    if (!colour) return material;
+    const value = new THREE.Color(colour), turned = this.data.back.outward ? "!gl_FrontFacing" : "gl_FrontFacing";
+    const after = {
+      map: "diffuseColor.rgb = back", roughnessmap: "roughnessFactor = 1.0", metalnessmap: "metalnessFactor = 0.0",
+    };
+    material.onBeforeCompile = shader => {
+      shader.uniforms.back = { value };
+      shader.fragmentShader = "uniform vec3 back;\n" + shader.fragmentShader;
+      for (const [part, set] of Object.entries(after)) {
+        const place = `#include <${part}_fragment>`;
+        shader.fragmentShader = shader.fragmentShader.replace(place, `${place}\nif (${turned}) ${set};`);
+      }
+    };
+    return material;
   }
 
   /** Wears the image of the first frame where `lens` sees each vertex in it: before a print is recovered. */
@@ -148,7 +166,7 @@ tessuto.ClothView = class {
   /** The recovered material in the chosen light; made when first wanted, filtering the light takes a while. */
   litMaterial() {
     this.environment ??= this.makeEnvironment();
-    this.materials.lit ??= new THREE.MeshStandardMaterial({
+    this.materials.lit ??= this.twoSided(new THREE.MeshStandardMaterial({
       ...this.offset,
       map: this.materials.diffuse.map,
       roughnessMap: this.texture("roughness", THREE.NoColorSpace),
@@ -156,7 +174,7 @@ tessuto.ClothView = class {
       roughness: 1,
       metalness: 1,
       envMap: this.environment.filtered,
-    });
+    }), this.data.back?.diffuse);
     return this.materials.lit;
   }
 

@@ -117,7 +117,7 @@ impl<'a> Shown<'a> {
     fn new(entry: &'a Entry) -> Result<Option<Self>> {
         let Some(folder) = entry.result() else { return Ok(None) };
         let texture = Texture::from_image(&io::image::read(&folder.path().join("texture.png"))?);
-        let rasterizer = Rasterizer::new(&folder.mesh);
+        let rasterizer = folder.rasterizer(false)?;
         Ok(Some(Self { entry, folder, texture, rasterizer }))
     }
 

@@ -11,6 +11,10 @@ use crate::result::OtherCamera;
 use tessuto_core::camera::{Camera, Pose};
 
 const BODY: &str = include_str!("../../assets/export/blender.py");
+/// How it ends.
+const CALL: &str = "main()\n";
+/// What comes before that where the other side has a colour of its own.
+const BACK: &str = include_str!("../../assets/export/blender_back.py");
 
 /// Name of the script.
 pub(super) fn name(clip: &Clip) -> String {
@@ -42,7 +46,13 @@ pub(super) fn encode(clip: &Clip, folder: &Path) -> Vec<u8> {
     if let (Value::Object(table), Value::Object(own)) = (&mut table, intrinsics(&clip.camera)) {
         table.extend(own);
     }
-    format!("# Written by tessuto {} for Blender.\nCLIP = {table:#}\n{BODY}", clip.version).into_bytes()
+    let mut body = BODY.to_owned();
+    if let Some(back) = clip.back {
+        table["back"] = json!(back.colour);
+        let (before, call) = BODY.split_at(BODY.len() - CALL.len());
+        body = format!("{before}{BACK}{call}");
+    }
+    format!("# Written by tessuto {} for Blender.\nCLIP = {table:#}\n{body}", clip.version).into_bytes()
 }
 
 /// The way to `file` from `folder`, with slashes: folders that are moved together keep it. `None` where either is
@@ -72,6 +82,12 @@ fn relative(file: &Path, folder: &Path) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_script_ends_with_its_call() {
+        assert!(BODY.ends_with(&format!("\n\n\n{CALL}")));
+        assert!(BACK.starts_with("import_print = ") && BACK.ends_with("\n\n\n"));
+    }
 
     #[test]
     fn the_way_is_relative_and_goes_up() {

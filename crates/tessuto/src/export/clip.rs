@@ -8,8 +8,9 @@ use glam::{DMat3, DVec2, DVec3, Vec2, Vec3};
 use crate::result::{Folder, Measured, OtherCamera, of_other};
 use tessuto_core::camera::{Camera, Pose, Rect};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
-use tessuto_core::image::Image;
-use tessuto_core::mesh::{Mesh, Motion, Positions, vertex_normals, vertex_uvs};
+use tessuto_core::image::{Image, srgb};
+use tessuto_core::mesh::{Mesh, Motion, Positions, Side, vertex_normals, vertex_uvs};
+use tessuto_core::scene::Back;
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::{FrameVerdict, State};
 use tessuto_estimate::motion::parameters::Parameters;
@@ -42,6 +43,29 @@ impl Material {
             files.push((self.file("metallic"), io::image::encode_png(metallic)));
         }
         files
+    }
+}
+
+/// The other side of a fabric that has one colour there.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PlainBack {
+    /// Linear base colour: the albedo where the maps were estimated, the colour as filmed else.
+    pub colour: [f32; 3],
+    /// Whether the print is on the side that the triangles' normals point to.
+    pub outward: bool,
+}
+
+impl PlainBack {
+    /// That of a result, as its maps show it if there are any and `lit` is asked for.
+    ///
+    /// # Errors
+    /// Those of reading the maps.
+    pub(crate) fn of(folder: &Folder, lit: bool) -> Result<Option<Self>> {
+        let Back::Plain(filmed) = folder.back else { return Ok(None) };
+        let albedo = if lit { folder.material()?.and_then(|maps| maps.back) } else { None };
+        let colour = albedo.or(filmed.map(|colour| colour.map(srgb::decode)));
+        let outward = Side::front(&folder.mesh, &folder.viewpoint(0)).sign() < 0;
+        Ok(colour.map(|colour| Self { colour, outward }))
     }
 }
 
@@ -87,6 +111,8 @@ pub struct Clip {
     pub environment: Option<Vec<u8>>,
     /// The look.
     pub material: Material,
+    /// The other side, if it has one colour.
+    pub back: Option<PlainBack>,
     /// Stiffnesses and forces.
     pub parameters: Parameters,
     /// Stiffnesses per width, of results with causes.
@@ -110,6 +136,7 @@ impl Clip {
         let verdicts = folder.metrics()?.map_or_else(Vec::new, |m| m.verdicts.clone());
         Ok(Self {
             material: read_material(folder.path(), &name)?,
+            back: PlainBack::of(folder, true)?,
             environment: environment(folder.path())?,
             video: first_image(&folder.run.scene, first_frame),
             name,
@@ -319,6 +346,7 @@ pub(super) mod tests {
             video: None,
             environment: None,
             material: Material { name: "cloth".into(), base_colour, roughness_metallic: None },
+            back: None,
             parameters: Parameters {
                 model: tessuto_sim::Model::Springs,
                 log_stiffness: vec![2.0, -3.0, -4.0],

@@ -86,6 +86,16 @@ struct Corners {
     indices: Vec<u32>,
 }
 
+/// One side of the mesh, or both if they look alike.
+struct Side {
+    /// Accessor of the indices.
+    indices: usize,
+    /// Whether its triangles go around the other way, so that its normals point the other way.
+    reversed: bool,
+    /// Number of its material.
+    material: usize,
+}
+
 impl Corners {
     fn new(clip: &Clip) -> Self {
         let (triangles, uvs) = (clip.mesh.triangles(), clip.mesh.triangle_uvs());
@@ -122,9 +132,15 @@ fn encode(clip: &Clip) -> Vec<u8> {
 fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
     let mut buffer = Buffer::default();
     let corners = Corners::new(clip);
-    let index_bytes: Vec<u8> = corners.indices.iter().flat_map(|i| i.to_le_bytes()).collect();
-    let view = buffer.view(&index_bytes, Some(ELEMENT_ARRAY_BUFFER));
-    let indices = buffer.accessor(view, UNSIGNED_INT, "SCALAR", corners.indices.len());
+    // Viewers leave out triangles that are seen from behind where the two sides have materials of their own.
+    let sides: Vec<Side> = [false, true][..1 + usize::from(clip.back.is_some())]
+        .iter()
+        .enumerate()
+        .map(|(material, other)| {
+            let reversed = clip.back.is_some_and(|back| back.outward == *other);
+            Side { indices: indices(&corners, reversed, &mut buffer), reversed, material }
+        })
+        .collect();
     let uvs: Vec<f32> = corners
         .pairs
         .iter()
@@ -142,7 +158,7 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
     let (mut meshes, mut nodes, mut channels, mut samplers) = (vec![], vec![], vec![], vec![]);
     for (node, range) in starts.windows(2).enumerate() {
         let (from, to) = (range[0], range[1]);
-        meshes.push(mesh(clip, &corners, &mut buffer, [indices, uvs], from..=to));
+        meshes.push(mesh(clip, &corners, &mut buffer, (&sides, uvs), from..=to));
         let name = if starts.len() > 2 { format!("{}_{from}", clip.name) } else { clip.name.clone() };
         nodes.push(json!({"name": name, "mesh": node}));
         if to > from {
@@ -198,7 +214,7 @@ fn encode_segments(clip: &Clip, max_targets: usize) -> Vec<u8> {
         "scenes": [{"name": clip.name, "nodes": [],
             "extras": {"frames_per_second": clip.fps, "first_frame": clip.first_frame}}],
         "meshes": meshes,
-        "materials": [material(clip)],
+        "materials": materials(clip),
         "samplers": [{"magFilter": 9729, "minFilter": 9987, "wrapS": 33071, "wrapT": 33071}],
         "textures": [], "images": [],
     });
@@ -257,13 +273,14 @@ fn mesh(
     clip: &Clip,
     corners: &Corners,
     buffer: &mut Buffer,
-    [indices, uvs]: [usize; 2],
+    (sides, uvs): (&[Side], usize),
     frames: std::ops::RangeInclusive<usize>,
 ) -> Value {
-    let attributes = |n: usize| {
-        let positions = &clip.motion[n];
-        [corners.of(&Clip::y_up(positions)), corners.of(&clip.normals(positions))]
+    let normals = |n: usize, reversed: bool| {
+        let normals = corners.of(&clip.normals(&clip.motion[n]));
+        if reversed { normals.into_iter().map(|n| -n).collect() } else { normals }
     };
+    let attributes = |n: usize| [corners.of(&Clip::y_up(&clip.motion[n])), normals(n, sides[0].reversed)];
     let base = attributes(*frames.start());
     let mut targets = Vec::new();
     for n in frames.clone().skip(1) {
@@ -280,16 +297,50 @@ fn mesh(
         "NORMAL": buffer.vectors(&normal, false),
         "TEXCOORD_0": uvs,
     });
-    let mut primitive = json!({"attributes": attributes, "indices": indices, "material": 0});
+    let mut primitive =
+        json!({"attributes": attributes, "indices": sides[0].indices, "material": sides[0].material});
     let mut mesh = json!({"name": clip.name});
     if !targets.is_empty() {
         mesh["weights"] = vec![0; targets.len()].into();
-        let names: Vec<_> = frames.skip(1).map(|k| format!("frame {}", clip.frames[k])).collect();
+        let names: Vec<_> = frames.clone().skip(1).map(|k| format!("frame {}", clip.frames[k])).collect();
         mesh["extras"] = json!({"targetNames": names});
         primitive["targets"] = targets.into();
     }
     mesh["primitives"] = json!([primitive]);
+    // The same places with normals of their own.
+    for side in &sides[1..] {
+        let base = normals(*frames.start(), side.reversed);
+        let mut other = primitive.clone();
+        other["attributes"] =
+            json!({"POSITION": primitive["attributes"]["POSITION"], "NORMAL": buffer.vectors(&base, false)});
+        (other["indices"], other["material"]) = (side.indices.into(), side.material.into());
+        for (k, n) in frames.clone().skip(1).enumerate() {
+            let moved: Vec<Vec3> =
+                normals(n, side.reversed).iter().zip(&base).map(|(a, b)| *a - *b).collect();
+            other["targets"][k]["NORMAL"] = buffer.vectors(&moved, false).into();
+        }
+        push(&mut mesh["primitives"], other);
+    }
     mesh
+}
+
+/// Accessor of the triangles' corners, going around the other way if `reversed`.
+fn indices(corners: &Corners, reversed: bool, buffer: &mut Buffer) -> usize {
+    let order = if reversed { [0, 2, 1] } else { [0, 1, 2] };
+    let indices = corners.indices.chunks_exact(3).flat_map(|t| order.map(|k| t[k]));
+    let bytes: Vec<u8> = indices.flat_map(u32::to_le_bytes).collect();
+    let view = buffer.view(&bytes, Some(ELEMENT_ARRAY_BUFFER));
+    buffer.accessor(view, UNSIGNED_INT, "SCALAR", corners.indices.len())
+}
+
+/// That of the print, and that of the other side if it has one of its own.
+fn materials(clip: &Clip) -> Vec<Value> {
+    let of_back = clip.back.map(|back| {
+        let [r, g, b] = back.colour;
+        let look = json!({"baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0, "roughnessFactor": 1});
+        json!({"name": format!("{}_back", clip.name), "pbrMetallicRoughness": look, "doubleSided": false})
+    });
+    std::iter::once(material(clip)).chain(of_back).collect()
 }
 
 fn material(clip: &Clip) -> Value {
@@ -300,7 +351,7 @@ fn material(clip: &Clip) -> Value {
         look["metallicFactor"] = 0.into();
         look["roughnessFactor"] = 1.into();
     }
-    json!({"name": clip.name, "pbrMetallicRoughness": look, "doubleSided": true})
+    json!({"name": clip.name, "pbrMetallicRoughness": look, "doubleSided": clip.back.is_none()})
 }
 
 /// The images of the material; roughness is green, metallic blue.

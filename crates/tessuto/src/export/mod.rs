@@ -34,7 +34,7 @@ mod usd_fabric;
 
 use std::path::{Path, PathBuf};
 
-pub use clip::{Clip, Material};
+pub use clip::{Clip, Material, PlainBack};
 pub use format::Format;
 use row::Output;
 use tessuto_core::error::{Error, Result};

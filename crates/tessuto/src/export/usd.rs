@@ -126,13 +126,25 @@ fn mesh(clip: &Clip, out: &mut String) {
     };
     let extent = varying("float3", "extent", &|n| bounds(&Clip::y_up(&clip.motion[n])));
     let points = varying("point3f", "points", &|n| vectors(&Clip::y_up(&clip.motion[n])));
-    let normals = samples(clip, |n| vectors(&clip.normals(&clip.motion[n])));
-    let still = vectors(&clip.normals(&clip.motion[0]));
+    // Where the two sides differ each is a surface of its own, seen from its front alone.
+    let turned = clip.back.is_some_and(|back| !back.outward);
+    let normals_in = |n: usize| {
+        let mut normals = clip.normals(&clip.motion[n]);
+        if turned {
+            normals.iter_mut().for_each(|n| *n = -*n);
+        }
+        vectors(&normals)
+    };
+    let (normals, still) = (samples(clip, normals_in), normals_in(0));
+    let sided = match clip.back {
+        None => "uniform bool doubleSided = 1".to_owned(),
+        Some(back) => format!("uniform bool doubleSided = 0\n        {}", orientation(back.outward)),
+    };
     let _ = write!(
         out,
         "    def Mesh \"Fabric\" (\n        prepend apiSchemas = [\"MaterialBindingAPI\"]\n    )\n    \
          {{\n        \
-         uniform bool doubleSided = 1\n        uniform token subdivisionScheme = \"none\"\n        \
+         {sided}\n        uniform token subdivisionScheme = \"none\"\n        \
          int[] faceVertexCounts = {counts}\n        int[] faceVertexIndices = {indices}\n        \
          {extent}\n        {points}\n        \
          normal3f[] normals = {still} (\n            interpolation = \"vertex\"\n        )\n        \
@@ -141,6 +153,21 @@ fn mesh(clip: &Clip, out: &mut String) {
          int[] primvars:st:indices = {uv_indices}\n        \
          rel material:binding = </{name}/Materials/Fabric>\n    }}\n\n"
     );
+    if let Some(back) = clip.back {
+        // The same points, seen from the other side; whoever reads them makes their normals.
+        let _ = write!(
+            out,
+            "    def Mesh \"Back\" (\n        prepend references = </{name}/Fabric>\n    )\n    {{\n        \
+             {}\n        normal3f[] normals = None\n        \
+             rel material:binding = </{name}/Materials/Back>\n    }}\n\n",
+            orientation(!back.outward)
+        );
+    }
+}
+
+/// Which way the faces of a side go around as it is seen.
+fn orientation(outward: bool) -> String {
+    format!("uniform token orientation = \"{}\"", if outward { "rightHanded" } else { "leftHanded" })
 }
 
 fn material(clip: &Clip, textures: &str, out: &mut String) {
@@ -190,7 +217,22 @@ fn material(clip: &Clip, textures: &str, out: &mut String) {
         texture("roughness", "raw", "float outputs:r");
         texture("metallic", "raw", "float outputs:r");
     }
-    out.push_str("        }\n    }\n");
+    out.push_str("        }\n");
+    if let Some(back) = clip.back {
+        let [r, g, b] = back.colour;
+        let path = format!("/{}/Materials/Back", clip.name);
+        let _ = write!(
+            out,
+            "\n        def Material \"Back\"\n        {{\n            \
+             token outputs:surface.connect = <{path}/surface.outputs:surface>\n\n            \
+             def Shader \"surface\"\n            {{\n                \
+             uniform token info:id = \"UsdPreviewSurface\"\n                \
+             color3f inputs:diffuseColor = ({r}, {g}, {b})\n                \
+             float inputs:roughness = 1\n                float inputs:metallic = 0\n                \
+             float inputs:ior = 1.5\n                token outputs:surface\n            }}\n        }}\n"
+        );
+    }
+    out.push_str("    }\n");
 }
 
 /// The pinhole that looks along −z, at the origin or where it moved. The film covers the pixels' areas, from −½ to

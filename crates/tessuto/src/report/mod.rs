@@ -87,6 +87,20 @@ pub struct ClothData {
     pub motion: EmbeddedMotion,
     /// What it can be coloured by.
     pub fields: Vec<Field>,
+    /// The other side, if it has one colour.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub back: Option<BackData>,
+}
+
+/// The other side of a fabric that has one colour there.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct BackData {
+    /// Whether the print is on the side that the triangles' normals point to.
+    pub outward: bool,
+    /// As filmed, `#rrggbb`.
+    pub texture: String,
+    /// Its albedo.
+    pub diffuse: String,
 }
 
 /// A further camera that filmed the fabric.

@@ -10,6 +10,7 @@ use super::{Log, OtherCamera, ParameterFile, Run, UNCHANGED, history, read_json}
 use tessuto_core::camera::{Camera, Pose, Rect, Viewpoint};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Motion};
+use tessuto_core::scene::Back;
 use tessuto_estimate::appearance;
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::Evaluation;
@@ -17,6 +18,7 @@ use tessuto_estimate::motion::causes::{Found, Sizes};
 use tessuto_estimate::motion::parameters::Parameters;
 use tessuto_estimate::session::Epoch;
 use tessuto_render::pbr::Material;
+use tessuto_render::raster::Rasterizer;
 use tessuto_sim::Accelerations;
 use tessuto_sim::per_width::PerWidth;
 
@@ -46,6 +48,8 @@ pub struct Folder {
     pub others: Vec<OtherCamera>,
     /// The part of the whole image that was used.
     pub crop: Rect,
+    /// What the fabric's other side looks like.
+    pub back: Back,
     motion: OnceCell<Motion>,
     material: OnceCell<Option<Material>>,
     metrics: OnceCell<Option<Evaluation>>,
@@ -86,6 +90,7 @@ impl Folder {
             poses: io::scene::read_poses(path, frames)?,
             others: super::views::read(path, frames)?,
             crop: file.crop,
+            back: back(&file, &path.join("parameters.json"))?,
             motion: OnceCell::new(),
             material: OnceCell::new(),
             metrics: OnceCell::new(),
@@ -146,6 +151,20 @@ impl Folder {
         let folder = self.path.join("material");
         let read = || folder.join("environment.exr").is_file().then(|| appearance::read_material(&folder));
         once(&self.material, || read().transpose()).map(Option::as_ref)
+    }
+
+    /// What draws the fabric: the other side in its one colour in the first frame's light, or told apart for a `material`
+    /// that has an albedo for it.
+    ///
+    /// # Errors
+    /// Those of [`material`](Self::material).
+    pub fn rasterizer(&self, material: bool) -> Result<Rasterizer> {
+        let back = match (material, self.back) {
+            (false, back) => back,
+            (true, _) if self.material()?.is_some_and(|m| m.back.is_some()) => Back::Plain(Some([0.0; 3])),
+            (true, _) => Back::Same,
+        };
+        Ok(Rasterizer::of_fabric(&self.mesh, &self.viewpoint(0), back))
     }
 
     /// metrics.json, where there is one.
@@ -232,6 +251,12 @@ fn parameters(file: &ParameterFile, mesh: &Mesh, forces: &Path) -> Result<Parame
         parameters.log_stiffness = stiffness.into_iter().map(f64::log10).collect();
     }
     Ok(parameters)
+}
+
+/// What the other side looks like; the same where nothing else was told or found.
+fn back(file: &ParameterFile, path: &Path) -> Result<Back> {
+    let place = || path.display().to_string();
+    file.back.as_ref().map_or(Ok(Back::Same), |name| io::scene::back::parse(name, &place()))
 }
 
 /// Refuses a frame rate, camera or crop that no video has.

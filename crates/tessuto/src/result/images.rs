@@ -136,7 +136,8 @@ impl Painter<'_> {
 /// Writes pictures/ and, where there is truth, the errors at the vertices; returns how well the frames agree with the
 /// video. Every frame is rendered once.
 pub(super) fn write(folder: &Path, scene: &Scene, result: &Reconstruction) -> Result<Vec<FrameAgreement>> {
-    let (rasterizer, meter) = (Rasterizer::new(&scene.template), AgreementMeter::new(&scene.template));
+    let rasterizer = Rasterizer::of_fabric(&scene.template, &scene.viewpoint(0), result.back);
+    let meter = AgreementMeter::new(&scene.template);
     let others =
         (1..scene.view_count()).map(|v| (scene.seen_by(v), scene.when_seen_by(v, &result.motion))).collect();
     let painter = Painter { scene, others, result, rasterizer, meter };

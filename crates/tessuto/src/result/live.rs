@@ -43,6 +43,7 @@ pub fn live_page(scene: &Scene, run: &Run, command: &str) -> Result<String> {
             surface: Surface::new(&scene.template, Window::WHOLE),
             motion: EmbeddedMotion::new(&template),
             fields: Vec::new(),
+            back: None,
         }),
         film: film(0)?,
         others: others.collect::<Result<_>>()?,

@@ -8,7 +8,7 @@
 //! forces.npz                      the forces by their causes [N−1, V, 3] (preset default)
 //! rest_lengths.npy [edges] f32    lengths of the edges without load [m] (preset default)
 //! changed/                        motions as they would have been, for the page [M, V, 3] f32 [m] (preset default)
-//! parameters.json                 stiffnesses and causes with units and standard deviations, time stepping
+//! parameters.json                 stiffnesses and causes with units and standard deviations, time stepping, other side
 //! config.json                     scene, frames and all settings: what repeats the run
 //! summary.json                    whether the result is good, in numbers and one sentence: see `summary`
 //! metrics.json                    every frame's agreement with the video and verdict; errors, where there is truth
@@ -61,7 +61,7 @@ use serde::{Deserialize, Serialize};
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::Motion;
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Back, Scene};
 use tessuto_estimate::Reconstruction;
 use tessuto_estimate::appearance::{DIRECTION_ROWS, Seen, gather};
 use tessuto_estimate::config::{Config, DynamicsSettings};
@@ -183,6 +183,9 @@ struct ParameterFile {
     camera: Camera,
     /// The part of the whole image that was used.
     crop: Rect,
+    /// What the other side looks like, if not the same, as scene.json names it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    back: Option<String>,
     /// What the forces are of (preset default).
     #[serde(default, skip_serializing_if = "Option::is_none")]
     causes: Option<causes::CauseFile>,
@@ -221,6 +224,7 @@ pub fn write_motion(folder: &Path, scene: &Scene, run: &Run, result: &Reconstruc
     let material = io::obj::Material { library: "mesh.mtl", name: "fabric" };
     io::obj::write(&folder.join("mesh.obj"), &scene.template, Some(material))?;
     let mut parameters = parameter_file(&result.parameters, scene, &run.settings.dynamics);
+    parameters.back = (result.back != Back::Same).then(|| io::scene::back::name(result.back));
     if let Some(explained) = &result.causes {
         parameters.explain(explained, result.motion.len(), scene.fps);
         causes::write_forces(folder, explained, scene.template.positions.len())?;
@@ -240,7 +244,7 @@ pub fn write_motion(folder: &Path, scene: &Scene, run: &Run, result: &Reconstruc
 /// # Errors
 /// [`Error::Output`]; those of reading the frames.
 pub fn write_pictures(folder: &Path, context: &Context, result: &Reconstruction) -> Result<()> {
-    let scene = context.scene;
+    let scene = &*context.scene.with_back(result.back);
     let deviations = result.deviations.as_deref();
     let print = gather(scene, &result.motion, deviations, context.run.settings.texture.size)?;
     io::image::write_png(&folder.join("texture.png"), &print.texture.to_image())?;
@@ -307,6 +311,7 @@ fn parameter_file(p: &Parameters, scene: &Scene, dynamics: &DynamicsSettings) ->
         frame_rate: quantity(scene.fps, "1/s"),
         camera,
         crop,
+        back: None,
         causes: None,
     };
     parameters_in(file, p, dynamics)

@@ -7,17 +7,20 @@ use rayon::prelude::*;
 
 use super::UNCHANGED;
 use super::{Folder, OtherCamera, cause_page, curves, light};
+use crate::export::PlainBack;
 use crate::report::chart;
 use crate::report::embed::Window;
 use crate::report::film::{Film, Load, Source};
 use crate::report::scale;
 use crate::report::{
-    CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, OtherLens, Parameter, ReportData, Surface,
-    embed, page,
+    BackData, CauseData, ClothData, EmbeddedMotion, Field, KeyNumber, Map, OtherLens, Parameter, ReportData,
+    Surface, embed, page,
 };
 use tessuto_core::camera::{Pose, Rect, Viewpoint};
 use tessuto_core::error::{Error, Result};
+use tessuto_core::image::srgb;
 use tessuto_core::mesh::Positions;
+use tessuto_core::scene::Back;
 use tessuto_estimate::io::rgb8::Rgb8;
 use tessuto_estimate::io::{self, jpeg};
 use tessuto_estimate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
@@ -62,6 +65,7 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         surface: Surface::new(&saved.mesh, window),
         motion: EmbeddedMotion::new(motion),
         fields: fields(folder, saved, motion)?,
+        back: back(saved)?,
     };
     let (maps, light) = (maps(folder, window)?, light::light(folder, &saved.mesh, motion)?);
     let sizes = maps.iter().map(|m| m.image.len()).sum::<usize>()
@@ -102,6 +106,18 @@ fn report_data(saved: &Folder) -> Result<ReportData> {
         config: serde_json::to_string_pretty(&saved.run).expect("plain data"),
         live: false,
     })
+}
+
+/// What the 3D view shows of the other side.
+fn back(saved: &Folder) -> Result<Option<BackData>> {
+    let [filmed, lit] = [false, true].map(|lit| PlainBack::of(saved, lit));
+    let (filmed, lit) = (filmed?, lit?);
+    let name = |back: PlainBack| io::scene::back::name(Back::Plain(Some(back.colour.map(srgb::encode))));
+    Ok(filmed.or(lit).zip(lit.or(filmed)).map(|(filmed, lit)| BackData {
+        outward: filmed.outward,
+        texture: name(filmed),
+        diffuse: name(lit),
+    }))
 }
 
 /// The three numbers that say most: likeness to the video, and distance from the truth or else strain.

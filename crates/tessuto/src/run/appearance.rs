@@ -1,5 +1,6 @@
 //! Material and light of a scene whose motion is known, into a folder.
 
+use std::borrow::Cow;
 use std::cell::RefCell;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -11,7 +12,7 @@ use crate::result::{self, Run};
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::mesh::Motion;
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{Back, Scene};
 use tessuto_estimate::appearance::{self, AppearanceSettings};
 use tessuto_estimate::config::{Config, Preset};
 use tessuto_estimate::io;
@@ -133,7 +134,11 @@ fn work(
     settings.set_all(options.changes.iter().map(String::as_str))?;
     settings.seed = options.seed.unwrap_or(settings.seed);
     loaded.warnings.iter().for_each(|warning| observer.warning(warning));
-    let scene = &*result::in_metres(of_scene(&loaded.scene, settings.irregular_vertices)?, folder)?;
+    let scene = result::in_metres(of_scene(&loaded.scene, settings.irregular_vertices)?, folder)?;
+    let scene = &*match &saved {
+        Some(saved) => scene.with_back(saved.back),
+        None => Cow::Borrowed(&*scene),
+    };
     let motion = match (options.motion, &saved) {
         (MotionSource::Result, Some(saved)) => saved.motion()?,
         _ => scene.truth.vertices.as_ref().ok_or_else(|| {
@@ -200,8 +205,10 @@ pub(super) fn estimate(
     io::atomic_write(&material.partial().join("history.csv"), history.as_bytes())?;
 
     session.begin(RERENDER);
-    let rasterizer = Rasterizer::new(&scene.template);
     let maps = found.maps();
+    // Without an albedo of the other side the maps go through.
+    let back = if maps.back.is_some() { Back::Plain(Some([0.0; 3])) } else { Back::Same };
+    let rasterizer = Rasterizer::of_fabric(&scene.template, &scene.viewpoint(0), back);
     let mut csv = String::from("frame,psnr_db\n");
     let mut sum = 0.0;
     // Frames side by side: one is drawn while another is compressed, which takes one thread.

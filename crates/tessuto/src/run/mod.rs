@@ -233,7 +233,8 @@ fn work(
     let mut rerendered_psnr = None;
     if options.appearance && failure.is_none() {
         let settings = &run.settings;
-        match appearance::estimate(folder, scene, &found.motion, &settings.appearance, settings.seed, session)
+        let told = &*scene.with_back(found.back);
+        match appearance::estimate(folder, told, &found.motion, &settings.appearance, settings.seed, session)
         {
             Ok(psnr) => {
                 rerendered_psnr = Some(psnr);

@@ -156,8 +156,12 @@ pub fn render(
         (Look::Shaded, _) => Drawing::Shaded,
         (Look::Depth, _) => Drawing::Depth(depth_range(&film.iter().map(seen).collect::<Vec<_>>())),
     };
-    let mut painter =
-        Painter { mesh: &result.mesh, rasterizer: Rasterizer::new(&result.mesh), drawing, lit: None };
+    let mut painter = Painter {
+        mesh: &result.mesh,
+        rasterizer: result.rasterizer(look == Look::Material)?,
+        drawing,
+        lit: None,
+    };
     for (done, shot) in film.iter().enumerate() {
         let path = output.partial().join(format!("frame_{:03}.png", shot.number));
         io::image::write_png(&path, &painter.draw(shot, &seen(shot)))?;

@@ -48,6 +48,7 @@ pub(super) fn clip(maps: bool) -> Clip {
             base_colour: image(3, 0.5),
             roughness_metallic: maps.then(|| [image(1, 0.3), image(1, 0.1)]),
         },
+        back: None,
         parameters: Parameters {
             model: tessuto::sim::Model::Springs,
             log_stiffness: vec![2.0, -3.0, -4.0],

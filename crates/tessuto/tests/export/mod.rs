@@ -8,4 +8,5 @@ mod gaps;
 mod path;
 #[cfg(feature = "rerun")]
 mod rrd;
+mod sides;
 mod simulators;

@@ -10,11 +10,13 @@ use tessuto::raster::{Rasterizer, Texture};
 use tessuto::result::{self, Context, Folder, Run, Summary};
 use tessuto::session::Session;
 use tessuto::sim::Accelerations;
-use tessuto::{Motion, Scene, synth};
+use tessuto::{Back, Motion, Scene, synth};
 
 const FRAMES: usize = 12;
 /// From this frame on a motion is spoilt.
 const HALF: usize = 6;
+/// What the folder keeps of the other side.
+const BACK: Back = Back::Plain(None);
 
 /// A made-up scene without its truth, its true motion and its print as the first frame shows it.
 fn scene(change: impl FnOnce(&mut synth::Settings)) -> (Scene, Vec<Vec<DVec3>>, Texture) {
@@ -54,6 +56,7 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
         parameters: Parameters::of_springs([2.0, -3.0, -3.0], accelerations),
         causes: None,
         texture: texture.clone(),
+        back: BACK,
         history: Vec::new(),
         timings: vec![("refine".into(), 1.5), ("track".into(), 2.0)],
         failure: None,
@@ -68,7 +71,9 @@ fn verdict(scene: &Scene, texture: &Texture, motion: Vec<Vec<DVec3>>) -> Verdict
     let context = Context { scene, run: &run, evaluation: None, warnings: &warnings, command: "" };
     result::write_motion(folder.path(), scene, &run, &reconstruction).unwrap();
     result::write_pictures(folder.path(), &context, &reconstruction).unwrap();
-    let made = Summary::of(&Folder::open(folder.path()).unwrap()).unwrap();
+    let opened = Folder::open(folder.path()).unwrap();
+    assert_eq!(opened.back, BACK);
+    let made = Summary::of(&opened).unwrap();
     made.write(folder.path()).unwrap();
     let summary = Summary::read(folder.path()).unwrap().expect("summary.json");
     assert_eq!(summary, made);

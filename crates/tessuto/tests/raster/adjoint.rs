@@ -149,6 +149,36 @@ fn gradient_of_crumpled_cloth_with_folds() {
 }
 
 #[test]
+fn gradients_of_a_cloth_whose_other_side_is_plain() {
+    let mut worst = 0.0f64;
+    for seed in 0..4 {
+        let scene = Scene::cloth(seed, [0.03, 0.08][seed as usize % 2], ramp());
+        let weights = Weights::new(seed, [1.0; 4], true, |_| true);
+        let printed = weights.gradients(&scene);
+        let mut scene = scene.two_sided([0.9, 0.1, 0.3]);
+        worst = worst.max(weights.worst_position_error(&scene, seed, 4, 1e-8));
+        let grads = weights.gradients(&scene);
+        assert!(grads.positions != printed.positions);
+        let grads = grads.texture.expect("asked for");
+        assert!(grads != printed.texture.expect("asked for"));
+        let norm = grads.iter().flatten().map(|g| f64::from(g * g)).sum::<f64>().sqrt();
+        let before = weights.loss(&scene, &scene.positions);
+        let mut slope = 0.0;
+        let direction = noise(seed + 10).texels;
+        for ((texel, d), g) in scene.texture.texels.iter_mut().zip(&direction).zip(&grads) {
+            for c in 0..3 {
+                texel[c] += d[c];
+                slope += f64::from(g[c]) * f64::from(d[c]);
+            }
+        }
+        let error = (weights.loss(&scene, &scene.positions) - before - slope).abs() / norm;
+        assert!(norm > 1.0 && error < 1e-5, "{norm} {error}");
+    }
+    println!("two-sided: worst relative error {worst:.1e}");
+    assert!(worst < 1e-5, "{worst}");
+}
+
+#[test]
 fn coverage_does_not_change_along_view_rays() {
     let scene = Scene::cloth(2, 0.01, ramp());
     let weights = Weights::new(2, [0.0, 0.0, 0.0, 1.0], false, |_| true);

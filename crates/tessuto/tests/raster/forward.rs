@@ -3,7 +3,7 @@
 use crate::support::raster_scenes::{CAMERA, Scene, noise, plain};
 use glam::{DMat3, DQuat, DVec2, DVec3, EulerRot};
 use tessuto::math::rng::Rng;
-use tessuto::mesh::grid;
+use tessuto::mesh::{Side, grid};
 use tessuto::raster::{Gradients, Rasterizer, Rendering, Texture, reference};
 use tessuto::{Camera, Pose, Viewpoint};
 
@@ -58,6 +58,9 @@ fn fast_path_is_the_plain_twin() {
         let crumple = [0.004, 0.02, 0.08, 0.2][seed as usize % 4];
         let mut scene = Scene::cloth(seed, crumple, noise(seed));
         scene.rasterizer = scene.rasterizer.one_sided(seed % 3 == 2);
+        if seed % 2 == 1 {
+            scene = scene.two_sided([0.9, 0.1, 0.3]);
+        }
         let fast = render(&scene, &CAMERA);
         let twin = reference::render(&scene.rasterizer, CAMERA, &scene.positions, &plain(&scene.texture));
         blends += fast.blend_count();
@@ -134,6 +137,50 @@ fn both_sides_are_seen() {
     }
     let back = render(&scene, &CAMERA).triangle.iter().filter(|&&t| t != Rendering::NO_TRIANGLE).count();
     assert!(front > 1000 && back > 1000, "{front} {back}");
+}
+
+#[test]
+fn the_other_side_is_plain() {
+    let colour = [0.9, 0.1, 0.3];
+    for (seed, crumple) in [(3, 0.0), (4, 0.08)] {
+        let scene = Scene::cloth(seed, crumple, noise(seed));
+        let printed = render(&scene, &CAMERA);
+        let scene = scene.two_sided(colour);
+        let front = Side::front(&grid(9, 8, DVec2::new(0.45, 0.35), 1.0), &CAMERA.into());
+        let turned = |out: &Rendering, positions: &[DVec3], pixel: usize| {
+            let corners = scene.rasterizer.triangles()[out.triangle[pixel] as usize];
+            front.turned(&CAMERA.into(), corners.map(|v| positions[v as usize]))
+        };
+        let out = render(&scene, &CAMERA);
+        assert!(out.triangle == printed.triangle && out.inverse_depth == printed.inverse_depth);
+        let (mut plain, mut same) = (0, 0);
+        // Where no neighbour shows another side, or none, nothing is blended in.
+        for y in 1..CAMERA.height - 1 {
+            for x in 1..CAMERA.width - 1 {
+                let pixel = y * CAMERA.width + x;
+                let around = [pixel, pixel - 1, pixel + 1, pixel - CAMERA.width, pixel + CAMERA.width];
+                if around.iter().any(|p| out.triangle[*p] == Rendering::NO_TRIANGLE) {
+                    continue;
+                }
+                let sides = around.map(|p| turned(&out, &scene.positions, p));
+                if sides == [true; 5] {
+                    plain += usize::from(out.rgba[pixel][..3] == colour);
+                } else if sides == [false; 5] {
+                    assert_eq!(out.rgba[pixel], printed.rgba[pixel]);
+                    same += 1;
+                }
+            }
+        }
+        println!("{plain} pixels are plain, {same} as before");
+        assert!(same > 1000 && (plain > 30) == (crumple > 0.0));
+        // Turned over as a whole, nothing is left of the print.
+        let mirrored: Vec<DVec3> = scene.positions.iter().map(|p| p.with_x(-p.x)).collect();
+        let mut back = Rendering::new();
+        scene.rasterizer.render(CAMERA, &mirrored, &scene.texture, &mut back);
+        let seen = |p: &usize| back.triangle[*p] != Rendering::NO_TRIANGLE;
+        let fronts = (0..back.rgba.len()).filter(seen).filter(|p| !turned(&back, &mirrored, *p)).count();
+        assert!(crumple > 0.0 || fronts == 0, "{fronts}");
+    }
 }
 
 #[test]

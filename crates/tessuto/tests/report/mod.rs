@@ -3,3 +3,4 @@
 mod cameras;
 mod card;
 mod page;
+mod sides;

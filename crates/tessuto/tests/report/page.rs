@@ -252,6 +252,7 @@ pub fn data(frame_count: usize, side: usize, size: usize) -> ReportData {
                 .into_iter()
                 .filter_map(|(key, scale)| Field::new([key, key, "mm"], key != "force", &depths(scale)))
                 .collect(),
+            back: None,
         }),
         film: Film::new(&sources, frame_count, &camera, None, 11 << 20).unwrap(),
         others: Vec::new(),

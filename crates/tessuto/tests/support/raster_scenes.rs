@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use tessuto::Camera;
 use tessuto::math::rng::Rng;
-use tessuto::mesh::{Mesh, grid};
+use tessuto::mesh::{Mesh, Side, grid};
 use tessuto::raster::reference::PlainTexture;
 use tessuto::raster::{Rasterizer, Texture};
 
@@ -30,6 +30,13 @@ impl Scene {
             *uv = DVec2::splat(0.1) + *uv * 0.8;
         }
         Self { rasterizer: Rasterizer::new(&mesh), positions: mesh.positions, texture }
+    }
+
+    /// The same cloth with one `colour` on its other side.
+    pub fn two_sided(mut self, colour: [f32; 3]) -> Self {
+        let flat = grid(9, 8, DVec2::new(0.45, 0.35), 1.0);
+        self.rasterizer = self.rasterizer.two_sided(Side::front(&flat, &CAMERA.into()), colour);
+        self
     }
 
     /// A flat rectangle with half sides `half` [m] around `centre` [m], 1 m away and turned by `angle`

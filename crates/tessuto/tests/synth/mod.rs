@@ -134,6 +134,34 @@ fn what_is_in_front_is_not_in_the_mask() {
 }
 
 #[test]
+fn the_other_side_is_of_one_colour_where_it_is_seen() {
+    let folded = settings().with(|s| {
+        (s.mover, s.fold, s.frames, s.fps) = (Mover::Table, true, 10, 10.0);
+        (s.size, s.grid, s.bend, s.shading) = (96, [13, 13], 1e-4, 0.0);
+    });
+    let colour = [0.0, 1.0, 0.0];
+    let [printed, lined] =
+        [None, Some(colour)].map(|back| make(&folded.clone().with(|s| s.back = back)).unwrap());
+    assert_eq!(printed.truth.vertices, lined.truth.vertices);
+    assert!(lined.known.back.is_none(), "the clip has to tell");
+    let [a, b] = [frame(&printed, 0), frame(&lined, 0)];
+    assert!(a.rgb == b.rgb && a.mask == b.mask, "the first frame shows the front");
+    let (mut plain, mut same, mut seen) = (0, 0, 0);
+    for n in 0..10 {
+        let [a, b] = [frame(&printed, n), frame(&lined, n)];
+        assert_eq!(a.mask, b.mask);
+        let pixels = a.rgb.data.chunks_exact(3).zip(b.rgb.data.chunks_exact(3)).zip(&a.mask.data);
+        for ((a, b), _) in pixels.filter(|(_, mask)| **mask == 1.0) {
+            seen += 1;
+            plain += usize::from(b.iter().zip(colour).all(|(b, c)| (b - c).abs() < 1e-6));
+            same += usize::from(a == b);
+        }
+    }
+    println!("of {seen} pixels {plain} show the other side, {same} the print");
+    assert!(plain * 5 > seen && same * 5 > seen && (plain + same) * 10 > 9 * seen, "{plain} {same} {seen}");
+}
+
+#[test]
 fn an_open_shutter_blurs_what_moves_and_nothing_else() {
     let sharp = settings().with(|s| s.wind = 0.0);
     let still = [make(&sharp).unwrap(), make(&sharp.with(|s| s.blur = 1.0)).unwrap()];
