@@ -85,11 +85,12 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         Method::Rollout => {
             let (parameters, failure) =
                 baselines::search(scene, &cloth, &rasterizer, &texture, config, session)?;
-            Found { parameters, deviations: None, causes: None, made: None, failure }
+            let back = scene.known.back.unwrap_or(Back::Same);
+            Found { parameters, deviations: None, causes: None, made: None, back, failure }
         }
         Method::Spacetime => by_search(scene, &cloth, config, session)?,
     };
-    let Found { mut parameters, deviations, causes, made, failure } = found;
+    let Found { mut parameters, deviations, causes, made, back, failure } = found;
 
     // The motion is what these parameters make; where their simulation fails, what was found.
     session.begin("rollout of the result");
@@ -110,7 +111,6 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let history = session.history_of(&["texture", "track", "refine", "fuse", "rollout"]);
     let timings = session.timings().to_vec();
     let texture = window.whole(&texture);
-    let back = scene.known.back.unwrap_or(Back::Same);
     Ok(Reconstruction { motion, deviations, parameters, causes, texture, back, history, timings, failure })
 }
 
@@ -122,6 +122,7 @@ struct Found {
     causes: Option<Explained>,
     /// The motion to report, shape [N, V]; that of the parameters if there is none.
     made: Option<Vec<Positions>>,
+    back: Back,
     failure: Option<Error>,
 }
 
@@ -168,7 +169,7 @@ fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Sessio
         (Parameters::of_springs(log_stiffness, accelerations), loose)
     };
     let deviations = deviations.map(|of_found| (frames, of_found));
-    Ok(Found { parameters, deviations, causes, made, failure: failure.or(loose) })
+    Ok(Found { parameters, deviations, causes, made, back: search.back(), failure: failure.or(loose) })
 }
 
 /// The simulated `motion`, or what was `found` where the simulation passes through itself more than that: layers a

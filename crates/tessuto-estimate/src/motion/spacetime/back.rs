@@ -70,7 +70,13 @@ pub(super) fn seams(back: Back, observed: &Observed) -> Vec<Option<OutlineDistan
     let colour = Vec3::from_array(colour);
     let finest = observed.range[0];
     let front = Density::of(&inside(&observed.first[finest]));
-    let is_back = |seen: Vec3| front.at(seen) < 1.0 && seen.distance(colour) < 2.0 * RADIUS;
+    // Whichever is likelier: one of the front's colours, or the back's about which its shades are spread.
+    let spread = 0.5 * RADIUS;
+    let peak = (std::f32::consts::TAU * spread * spread).powf(-1.5);
+    let is_back = |seen: Vec3| {
+        let off = seen.distance_squared(colour) / (spread * spread);
+        front.at(seen) < peak * (-0.5 * off).exp()
+    };
     let of = |levels: &Vec<Level>| seam(&levels[finest], 1 << finest, is_back);
     observed.levels.par_iter().map(of).collect()
 }
