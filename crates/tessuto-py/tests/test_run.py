@@ -60,6 +60,7 @@ def test_a_result_has_its_arrays(result: tessuto.Result, scene: tessuto.Scene) -
     assert np.array_equal(result.uv, scene.uv) and result.uv_faces == scene.uv_faces
     assert result.fps == scene.fps and result.camera.width == 64
     assert result.stiffness[0] == result.parameters["stretch"]["value"]
+    assert result.back == "same"
     said = result.constraints
     assert set(said) == {"stretch", "bend", "shear", "gravity", "drag", "friction"}
     assert {c.word for c in said.values()} <= {"constrained", "at_least", "at_most", "traded_off", "unconstrained"}

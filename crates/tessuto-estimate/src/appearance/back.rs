@@ -18,8 +18,8 @@ const START: f32 = 0.5;
 /// Limits of an albedo.
 const LIMITS: [f32; 2] = [0.01, 0.95];
 
-/// From the pixels `seen` that show the other side, under the light that shines on the `geometry` of `material`; `None`
-/// where there are too few.
+/// From the pixels `seen` that show the other side, under the light on the `geometry` of `material`; `None` where there
+/// are too few.
 pub(super) fn albedo(
     (geometry, material, light): (&Geometry, &Material, &EnvironmentSampler),
     seen: &Observations,
@@ -44,8 +44,8 @@ pub(super) fn albedo(
     Some([of_channel(0)?, of_channel(1)?, of_channel(2)?])
 }
 
-/// The known colour c of a side that was not seen, as the front has it in the first frame: c Σ x / Σ c′ over the albedos
-/// x and linear colours c′ of the points `seen` there.
+/// That of a side that was not seen, from its known linear colour c: c Σ x / Σ c′ over the front's albedos x and linear
+/// colours c′ at the points `seen` in the first frame.
 pub(super) fn of_front(
     back: Back,
     material: &Material,

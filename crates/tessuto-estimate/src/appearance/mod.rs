@@ -3,7 +3,10 @@
 //! [`fit()`] goes through the files here: `observations` (what the pixels see, once), `texels` with `surfaces` or
 //! `decoded` (the maps as they are optimised) and `environment_parameters` (the light as it is optimised), with
 //! `loss` between them, weighted by `patch_weights`; `sharpen` finishes the diffuse map. [`rerender()`] draws the
-//! frames again. What `back` is of one colour has an albedo of its own. [`gather()`] lays the colours of all frames on the cloth, without taking light and cloth apart.
+//! frames again. [`gather()`] lays the colours of all frames on the cloth, without taking light and cloth apart.
+//!
+//! Where the fabric's two sides differ, the maps are those of the front, and pixels that show the other side count
+//! nothing in them; one colour there has an albedo of its own (`back`).
 //!
 //! Almost only the product of cloth and light is in the images. What separates them is a prior: how
 //! bright fabrics are, how tinted light is (`albedo_scale`), and that one ink or yarn shines alike and is seldom

@@ -37,7 +37,7 @@ pub(super) fn telling_sides(scene: &Scene) -> Rasterizer {
     }
 }
 
-/// Draws some of the pixels of all cameras whose 3×3 neighbourhood is cloth both in the video and as rendered, and all of
+/// Draws some of the pixels of all cameras whose 3×3 neighbourhood is cloth both in the video and as rendered, all of
 /// one side. The texture coordinates of their points are those within `window`.
 ///
 /// # Errors

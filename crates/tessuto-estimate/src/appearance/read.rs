@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::write::BACK;
+use super::write::{BACK, OfBack};
 use crate::io;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::srgb;
@@ -38,10 +38,6 @@ pub fn read_material(folder: &Path) -> Result<Material> {
 
 /// The albedo of the other side in the file at `path`, if there is one.
 fn back(path: &Path) -> Result<Option<[f32; 3]>> {
-    #[derive(serde::Deserialize)]
-    struct OfBack {
-        albedo: [f32; 3],
-    }
     if !path.is_file() {
         return Ok(None);
     }

@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::{Deserialize, Serialize};
+
 use super::Appearance;
 use crate::io::{self, atomic_write};
 use tessuto_core::error::Result;
@@ -28,8 +30,15 @@ scale.json       reference of the brightness of diffuse.png and of the light: th
                  beyond that. undyed: probability that the brightest part is not dyed.
 ";
 
-/// The other side's albedo.
+/// The file of the other side.
 pub(super) const BACK: &str = "back.json";
+
+/// What it holds.
+#[derive(Serialize, Deserialize)]
+pub(super) struct OfBack {
+    /// Linear red, green and blue.
+    pub albedo: [f32; 3],
+}
 
 /// What is added where the other side has a colour of its own.
 const NOTE_OF_BACK: &str = "\
@@ -63,7 +72,8 @@ pub fn write_material(folder: &Path, appearance: &Appearance) -> Result<()> {
     }
     let mut note = NOTE.to_owned();
     if let Some(albedo) = material.back {
-        let text = format!("{:#}\n", serde_json::json!({ "albedo": albedo }));
+        let mut text = serde_json::to_string_pretty(&OfBack { albedo }).expect("plain data");
+        text.push('\n');
         atomic_write(&folder.join(BACK), text.as_bytes())?;
         note.push_str(NOTE_OF_BACK);
     }

@@ -153,8 +153,8 @@ impl Folder {
         once(&self.material, || read().transpose()).map(Option::as_ref)
     }
 
-    /// What draws the fabric: the other side in its one colour in the first frame's light, or told apart for a `material`
-    /// that has an albedo for it.
+    /// What draws the fabric: the other side in its one colour in the first frame's light, or told apart where the
+    /// `material` is drawn and has an albedo for it.
     ///
     /// # Errors
     /// Those of [`material`](Self::material).

@@ -108,7 +108,7 @@ fn nothing_tells_of_another_side_where_both_are_the_same() {
     for (format, ending) in [(Format::Glb, ".glb"), (Format::Usd, ".usda"), (Format::Usd, "_blender.py")] {
         let bytes = written(&clip, format, ending);
         let text = String::from_utf8_lossy(&bytes);
-        let marks = ["Back\"", "_back", "orientation", "Backfacing", "\"back\""];
+        let marks = ["Back\"", "cloth_back", "orientation", "Backfacing", "\"back\""];
         assert!(marks.iter().all(|mark| !text.contains(mark)), "{ending}");
     }
     // Formats of one surface are what they were.

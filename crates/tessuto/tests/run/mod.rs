@@ -1,5 +1,7 @@
 //! The whole run from outside: what it announces, what it leaves, how it is stopped.
 
+mod sides;
+
 use std::path::Path;
 
 use tempfile::TempDir;
