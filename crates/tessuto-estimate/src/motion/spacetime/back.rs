@@ -222,3 +222,122 @@ fn smoothed(cells: &[f32], stride: usize) -> Vec<f32> {
     };
     cells.iter().enumerate().map(of).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::SpacetimeSettings;
+    use super::super::parts::Search;
+    use super::*;
+    use crate::motion::observed::occlusion::turned;
+    use crate::session::Session;
+    use crate::synth::{Mover, Settings, make};
+    use glam::DVec2;
+    use tessuto_core::math::median::median;
+    use tessuto_core::scene::Scene;
+    use tessuto_render::raster::{Rendering, Texture};
+    use tessuto_sim::Cloth;
+
+    /// Of the back.
+    const COLOUR: [f32; 3] = [0.1, 0.55, 0.25];
+
+    /// A sheet of which a side is laid over the rest, with a back of this colour.
+    fn folded(back: Option<[f32; 3]>) -> Scene {
+        let settings = Settings { size: 128, grid: [9, 9], frames: 16, seed: 4, back, ..Settings::default() };
+        make(&Settings { mover: Mover::Table, fold: true, fps: 8.0, ..settings }).unwrap()
+    }
+
+    fn quick() -> SpacetimeSettings {
+        SpacetimeSettings { resolution: 60.0, levels: 1, track_levels: 2, ..SpacetimeSettings::default() }
+    }
+
+    /// What the search through `scene` knows of the back where scene.json says this of it.
+    fn known(scene: &Scene, back: Option<Back>) -> Back {
+        let mut scene = scene.clone();
+        scene.known.back = back;
+        let cloth = Cloth::new(&scene.template);
+        Problem::new(&scene, &cloth, quick()).unwrap().back
+    }
+
+    #[test]
+    fn a_colour_that_the_first_frame_lacks_is_the_backs() {
+        let (two, one) = (folded(Some(COLOUR)), folded(None));
+        for asked in [None, Some(Back::Plain(None))] {
+            let Back::Plain(Some(found)) = known(&two, asked) else { panic!("it is not seen") };
+            let off = Vec3::from_array(found).distance(Vec3::from_array(COLOUR));
+            println!("{found:?}, {off} off");
+            // It is darker where it turns away from the light.
+            assert!(off < RADIUS, "{found:?}");
+        }
+        assert_eq!(known(&one, None), Back::Same);
+        let told = Back::Plain(Some([0.2; 3]));
+        assert_eq!(
+            [Back::Same, Back::Other, told].map(|back| known(&two, Some(back))),
+            [Back::Same, Back::Other, told]
+        );
+    }
+
+    #[test]
+    fn what_has_turned_over_shows_the_back_within_its_line() {
+        let scene = folded(Some(COLOUR));
+        let cloth = Cloth::new(&scene.template);
+        let problem = Problem::new(&scene, &cloth, quick()).unwrap();
+        let (truth, last) = (scene.truth.vertices.as_ref().unwrap(), scene.frames.len() - 1);
+        let mut search = problem.at_level(0);
+        let x = truth[last].clone();
+        search.update_gain(last, &x);
+        let (look, eye) = (&search.looks[0], &problem.eyes[0]);
+        let view = &eye.observed.views[last];
+        let is_turned = turned(problem.front, &look.samples.triangles, view, &x);
+        let seam = eye.seams[last].as_ref().expect("both sides are seen");
+        for (k, point) in look.samples.points.iter().enumerate() {
+            let is_back = is_turned[point.triangle as usize];
+            assert_eq!(
+                look.expected(last)[k],
+                if is_back { problem.back_colour() } else { look.reference[k] }
+            );
+        }
+        let mut rendering = Rendering::new();
+        let black = Texture::uniform(1, 1, [0.0; 3]);
+        problem.rasterizer.render(view, &x, &black, &mut rendering);
+        let (mut sides, mut right, mut backs) = (0, 0, 0);
+        for (k, t) in rendering.triangle.iter().enumerate().filter(|(_, t)| **t != Rendering::NO_TRIANGLE) {
+            let at = DVec2::new((k % rendering.width) as f64, (k / rendering.width) as f64);
+            if let Some((distance, _)) = seam.sample(at).filter(|(d, _)| d.abs() > 1.5) {
+                sides += 1;
+                backs += usize::from(is_turned[*t as usize]);
+                right += usize::from((distance > 0.0) == is_turned[*t as usize]);
+            }
+        }
+        println!("{right} of {sides} pixels are on their side of the line, {backs} are of the back");
+        assert!(backs * 10 > sides && (sides - right) * 50 < sides);
+        // Border that lies over the other side is at the line, but where a sliver of this is all there is.
+        let laid = eye.boundary.iter().zip(&look.occlusions[last].laid).filter(|(_, laid)| **laid);
+        let distances: Vec<f64> = laid
+            .filter_map(|(point, _)| seam.sample(view.project(point.position(&x))))
+            .map(|(distance, _)| distance.abs())
+            .collect();
+        let count = distances.len();
+        let half = median(distances).unwrap();
+        println!("half of {count} points of the border over the other side are within {half} px of the line");
+        assert!(count > 10 && half < 1.5);
+    }
+
+    #[test]
+    fn a_part_that_turns_over_is_found_by_its_back() {
+        let scene = folded(Some(COLOUR));
+        let truth = scene.truth.vertices.as_ref().unwrap();
+        let off = |back: Option<Back>| {
+            let mut scene = scene.clone();
+            scene.known.back = back;
+            let (cloth, settings) = (Cloth::new(&scene.template), quick());
+            let mut search = Search::new(&scene, &cloth, &settings);
+            let found = search.find(0, &mut Session::silent()).unwrap().frames;
+            let apart: Vec<f64> =
+                found.iter().flatten().zip(truth.iter().flatten()).map(|(a, b)| a.distance(*b)).collect();
+            (apart.iter().sum::<f64>() / apart.len() as f64, search.back())
+        };
+        let ((found, back), (same, _)) = (off(None), off(Some(Back::Same)));
+        println!("{found} m off with its back, {same} m without");
+        assert!(matches!(back, Back::Plain(Some(_))) && found < 0.75 * same);
+    }
+}

@@ -8,6 +8,7 @@ use super::joint::JointSystem;
 use super::look::Look;
 use super::{LevelSearch, Problem, SpacetimeSettings, acceleration};
 use crate::motion::observed::occlusion::Occlusion;
+use crate::motion::observed::outline_distance::OutlineDistance;
 use crate::motion::observed::samples::EdgePoint;
 use crate::motion::observed::silhouette::{FoldPoint, InnerEdge};
 use crate::motion::terms::{FrameSystem, FrameTerms, Function, Term};
@@ -96,7 +97,10 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     let cloth = Cloth::new(&scene.template);
     // Many points: what 32 bits leave over evens out.
     let settings = SpacetimeSettings { resolution: 1e5, levels: 1, ..SpacetimeSettings::default() };
-    let problem = Problem::new(&scene, &cloth, settings).unwrap();
+    let mut problem = Problem::new(&scene, &cloth, settings).unwrap();
+    // And as if the left half of the image showed the back.
+    let back: Vec<bool> = (0..SIZE * SIZE).map(|i| 2 * (i % SIZE) < SIZE).collect();
+    problem.eyes[0].seams = vec![Some(OutlineDistance::of(&back, [SIZE; 2], 1)); FRAMES];
     let frames = disturbed(&scene);
     let mut search = problem.at_level(0);
     search.update_references(&frames);
