@@ -58,9 +58,10 @@
 //! once, so that what a motion hides is neither good nor bad, nor is half of the sheet held nearer that covers as
 //! much.
 //!
-//! **Two sides.** Where the fabric's other side does not look like its front (`back`), T_p of a triangle that shows it is
-//! the back's colour, or not known, and a border that lies over the other side is compared with the line between
-//! both in the image, as others are with the mask's outline: a plain back has nothing else that moves with it.
+//! **Two sides.** Where the fabric's other side does not look like its front (`back`), T_p of a triangle that shows
+//! it is the back's colour, or not known, and a border that lies over the other side is compared with the line
+//! between both in the image, as others are with the mask's outline: a plain back has nothing else that moves with
+//! it.
 //!
 //! **What is held fixed** while a step in x is taken, and found anew from the positions before the next: the
 //! gains, A_n less what is in front of the fabric, what is hidden and what turns away, which folds are outlines,
