@@ -58,7 +58,8 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let by_simulation = config.method == Method::Rollout;
     // The published program's renderer, whose losses are weighted for it.
     let one_sided = by_simulation && config.rollout.one_sided_silhouettes;
-    let mut rasterizer = Rasterizer::new(&scene.template).one_sided(one_sided);
+    let (first, back) = (scene.viewpoint(0), scene.back());
+    let mut rasterizer = Rasterizer::of_fabric(&scene.template, &first, back).one_sided(one_sided);
     rasterizer.uvs_mut().iter_mut().for_each(|uv| *uv = window.uv(*uv));
     let template = &scene.template.positions;
 
@@ -69,14 +70,9 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
     let texture = match session.restore("texture")? {
         Some(texture) if !fits(&texture) => return Err(foreign_state("texture")),
         Some(texture) => texture,
-        None => fit_texture(
-            &rasterizer,
-            &scene.viewpoint(0),
-            template,
-            &*scene.frames.frame(0)?,
-            &config.texture,
-            session,
-        )?,
+        None => {
+            fit_texture(&rasterizer, &first, template, &*scene.frames.frame(0)?, &config.texture, session)?
+        }
     };
     session.finish("texture", &texture);
 

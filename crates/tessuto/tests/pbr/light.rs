@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DVec2, DVec3};
 use tessuto::math::gradient_check::check;
 use tessuto::math::rng::Rng;
-use tessuto::mesh::grid;
+use tessuto::mesh::{Side, grid};
 use tessuto::pbr::brdf::Brdf;
 use tessuto::pbr::{
     EnvironmentMap, EnvironmentSampler, Geometry, Gradients, Material, RadianceEstimate, Shader,
@@ -353,6 +353,40 @@ fn fast_and_plain_agree() {
     let mean_square = squares / f64::from(count);
     eprintln!("{count} points: worst z {worst:.1}, mean of z² {mean_square:.2}");
     assert!(count > 20 && worst < 5.0 && (0.4..1.8).contains(&mean_square));
+}
+
+#[test]
+fn the_other_side_has_its_own_colour_and_no_part_in_the_maps() {
+    let mesh = folded();
+    let geometry = geometry(&mesh);
+    let front = Side::front(&mesh, &CAMERA.into());
+    let seen_as = |front: Side, turned: bool| -> Vec<SurfacePoint> {
+        let (rasterizer, x) = (Rasterizer::new(&mesh).two_sided(front, [0.0; 3]), &mesh.positions);
+        let seen = visible_points(&rasterizer, CAMERA, &geometry, 0, x, &mut Rendering::new(), |_, _| true);
+        seen.into_iter().map(|(_, point)| point).filter(|point| point.turned == turned).collect()
+    };
+    let (environment, maps) = (random_environment(16, 4), random_material(8, 4));
+    let light = EnvironmentSampler::new(&environment, 0.1);
+    let lined = Material { back: Some([0.3, 0.5, 0.1]), ..maps.clone() };
+    // Of one texel, so that nothing is interpolated.
+    let plain = Material::uniform(1, 1, [0.3, 0.5, 0.1], 1.0, 0.0);
+    let shader = |material| Shader { geometry: &geometry, material, light: &light };
+    let (seen, turned) = (seen_as(front, false), seen_as(front.other(), true));
+    assert!(seen.len() > 500 && seen.len() == turned.len());
+    assert_eq!(radiance(&shader(&lined), &seen, 3, 8), radiance(&shader(&maps), &seen, 3, 8));
+    assert_eq!(radiance(&shader(&lined), &turned, 3, 8), radiance(&shader(&plain), &turned, 3, 8));
+    assert_eq!(radiance(&shader(&maps), &turned, 3, 8), radiance(&shader(&maps), &seen, 3, 8));
+    let ones = vec![[1.0; 3]; turned.len()];
+    let [of_lined, of_plain] =
+        [&lined, &plain].map(|material| radiance_vjp(&shader(material), &turned, 3, 8, &ones));
+    assert!(of_lined.material.iter().all(|g| *g == 0.0) && of_plain.material.iter().any(|g| *g > 0.0));
+    assert!(of_lined.light == of_plain.light && of_lined.light.iter().flatten().any(|g| *g > 0.0));
+    let triangles = mesh.triangles();
+    let twin = |material| {
+        let own = (&turned[100], turned[100].patch as usize);
+        reference::colour(&triangles, &mesh.positions, material, &environment, own, 100, &mut Rng::new(5, 0))
+    };
+    assert_eq!(twin(&lined), twin(&plain));
 }
 
 #[test]
