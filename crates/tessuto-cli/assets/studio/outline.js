@@ -1,4 +1,7 @@
-/** Step 3, left: the fabric's outline in the first frame, of a sheet or of any shape. Points are pixels of the clip, centres at whole numbers. */
+/**
+ * Step 3, left: the fabric's outline in the first frame, of a sheet or of any shape. Points are pixels of the clip,
+ * centres at whole numbers.
+ */
 import { byId, fitCanvas } from "./api.js";
 
 const CORNERS = 4, GRAB = 14, LENS = 66, ZOOM = 7;

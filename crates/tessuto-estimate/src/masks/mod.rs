@@ -1,12 +1,12 @@
 //! Masks from the clip itself: the fabric's corners in the first frame are enough.
 //!
-//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own
-//! motion predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not
-//! by its colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then
-//! every frame again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`).
-//! An outline that somebody drew around the fabric binds (`drawn`). Hands and people in front are neither fabric nor background (`front`). What looks wrong is named with its frames
-//! (`judge`, `steady`, `findings`). A clip by a camera that moves, whose poses are known, is held still first by the
-//! plane behind the fabric (`moving`).
+//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own motion
+//! predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not by its
+//! colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then every frame
+//! again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). An outline that
+//! somebody drew around the fabric binds (`drawn`). Hands and people in front are neither fabric nor background
+//! (`front`). What looks wrong is named with its frames (`judge`, `steady`, `findings`). A clip by a camera that
+//! moves, whose poses are known, is held still first by the plane behind the fabric (`moving`).
 
 mod beyond;
 mod conserved;
@@ -54,8 +54,8 @@ use track::{Given, Tracked, track};
 /// What the masks are to be made from; what is not given is taken from the [`Record`] of an earlier time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Request {
-    /// Corners of the fabric in the first frame (column, row) `[px]`, in order around it; at least three. More than four
-    /// are its border as drawn, see [`Border`].
+    /// Corners of the fabric in the first frame (column, row) `[px]`, in order around it; at least three. More than
+    /// four are its border as drawn, see [`Border`].
     pub outline: Option<Vec<[f64; 2]>>,
     /// Mask of the first frame, instead of an outline.
     pub first: Option<PathBuf>,

@@ -3,7 +3,8 @@
 //!
 //! Each side's line is the one that explains most points of the outline between two corners, so that a cut corner does
 //! not count. A side is straight if these are enough ([`FEWEST`]) and bend by no more than [`BENT`]. Sides of a bent
-//! sheet, and those that a lens bends, are not, and their corners stay as they were found. A corner is hidden if its lines meet off the fabric, farther than [`CUT`] from the outline.
+//! sheet, and those that a lens bends, are not, and their corners stay as they were found. A corner is hidden if its
+//! lines meet off the fabric, farther than [`CUT`] from the outline.
 
 use glam::DVec2;
 
