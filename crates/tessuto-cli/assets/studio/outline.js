@@ -211,7 +211,7 @@ export const outline = (canvas, changed) => {
       best = near.indexOf(Math.min(...near));
     if (best >= 0 && near[best] < reach()) {
       remember();
-      [chosen, dragging, pressed] = [best, true, { ...points[best] }];
+      [chosen, dragging, pressed] = [best, true, { at, x: points[best].x, y: points[best].y }];
       canvas.setPointerCapture(e.pointerId);
       return draw();
     }
@@ -223,13 +223,14 @@ export const outline = (canvas, changed) => {
     if (dragging) Object.assign(points[chosen], inside(pointer));
     draw();
   });
-  canvas.addEventListener("pointerup", () => {
+  canvas.addEventListener("pointerup", e => {
     if (!dragging) return;
     dragging = false;
-    const stayed = pressed.x === points[chosen].x && pressed.y === points[chosen].y;
-    // The first point again: the border is complete.
+    const { x, y } = toImage(e), stayed = Math.hypot(x - pressed.at.x, y - pressed.at.y) < reach() / 3;
+    // The first point again: the border is complete. A hand that clicks trembles.
     if (stayed && chosen === 0 && other && !closed && points.length >= 3) {
       past.pop();
+      Object.assign(points[0], { x: pressed.x, y: pressed.y });
       return close();
     }
     done();
