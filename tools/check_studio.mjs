@@ -337,6 +337,86 @@ try {
   const typed = (offered[0] ?? "").replace("CAPTURE", join(made, "held/poses.json")).replace(/^tessuto /, "");
   execFileSync("sh", ["-c", `"$0" ${typed}`, tessuto], { cwd: project, stdio: "ignore" });
   check("… the first of them makes the scene", existsSync(join(project, "scenes/held/masks/mask_007.png")));
+  // Fabric of another shape on a table: its border is clicked, changed, kept over a reload, and becomes the first mask.
+  copyFileSync(clip, join(project, "vest.mp4"));
+  await page.look(1280, "light");
+  await page.go(`${address}#vest.mp4`);
+  await page.waitFor(`document.getElementById("work-name").textContent === "vest"`, "the clip", 60);
+  await page.waitFor(`document.getElementById("trim-wait").hidden`, "the frames of the clip", 60);
+  await page.click("#steps [data-step=fabric]");
+  await at("fabric");
+  await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame", 60);
+  await page.click("[name=shape][value=other]");
+  const vest = async () => (await page.evaluate(
+    `fetch("/api/state?work=scenes/vest").then(a => a.json()).then(s => s.work.form)`));
+  const button = () => page.evaluate(`document.getElementById("fabric-next").textContent`);
+  const drawn = await page.box("#outline"), [c0, c1, c2, c3] = sheet.corners;
+  const inDrawn = ([x, y]) =>
+    [drawn.x + (x + 0.5) * drawn.width / sheet.width, drawn.y + (y + 0.5) * drawn.width / sheet.width];
+  const between = (a, b) => a.map((v, k) => (v + b[k]) / 2);
+  for (const p of [c0, between(c0, c1), c1, c2, c3]) await page.clickAt(...inDrawn(p));
+  check("an outline has to be closed", (await button()) === "Close the outline", await button());
+  // A click that trembles.
+  const [firstX, firstY] = inDrawn(c0);
+  await page.drag([firstX + 4, firstY], [firstX + 6, firstY + 1]);
+  await page.waitFor(`document.activeElement.id === "distance"`, "the distance to be asked for", 10);
+  check("the first point again closes it", await soon(async () => (await vest()).closed)
+    && (await vest()).outline.length === 5 && Math.abs((await vest()).outline[0].x - c0[0]) < 1);
+  await page.clickAt(...inDrawn(between(c1, c2)));
+  check("a click on a side adds a point", await soon(async () => (await vest()).outline.length === 6));
+  await page.press("Delete");
+  check("… and Delete removes it", await soon(async () => (await vest()).outline.length === 5));
+  // From the upper left corner, number 1, to the lower right one, number 4: chosen by keys.
+  await page.evaluate(`document.getElementById("from-point").focus()`);
+  for (const key of ["Home", "1", "Tab", "Home", "4", "Tab"]) await page.press(key);
+  const ends = async () => (await vest()).outline.flatMap((p, k) => p.measured ? [k + 1] : []).join();
+  check("two of its points are chosen by keys", await soon(async () => (await ends()) === "1,4"), await ends());
+  const across = Math.hypot(...sheet.size) * 100;
+  await page.type("far");
+  check("a length that is none is named",
+    await page.evaluate(`document.getElementById("distance-note").innerText.includes("no length")`));
+  for (const _ of "far") await page.press("Backspace");
+  await page.type(across.toFixed(2));
+  check("a lens that is not known is asked for", await soon(async () => (await button()) === "Enter the camera")
+    && await page.evaluate(`!document.getElementById("camera-guess").hidden`), await button());
+  await page.evaluate(`document.getElementById("camera").focus()`);
+  for (const key of [..."foc", "Tab"]) await page.press(key);
+  await page.type(String(sheet.focal));
+  check("… and then masks can be made", await soon(async () => (await button()) === "Make the masks"), await button());
+  await soon(async () => (await vest()).camera?.fx === sheet.focal);
+  await show("outline");
+  await page.look(390, "light");
+  await page.evaluate("scrollTo(0, 0)");
+  const [wide, narrow] =
+    await page.evaluate("[document.documentElement.scrollWidth, document.documentElement.clientWidth]");
+  check("nothing sticks out: outline at 390 px", wide <= narrow, `${wide} of ${narrow} px`);
+  if (shots) await page.shot(join(shots, `${step}-outline-390-light.png`));
+  const small = await page.box("#outline"), [px, py] = c2.map(v => (v + 0.5) * small.width / sheet.width);
+  await page.drag([small.x + px, small.y + py], [small.x + px - 20, small.y + py - 20]);
+  const moved = async () => (await vest()).outline[3].x < c2[0] - 10;
+  check("… a point is dragged there", await soon(moved));
+  await page.press("z", 2);
+  check("… and put back", await soon(async () => !(await moved())));
+  await page.look(1280, "light");
+  const entered0 = JSON.stringify(await vest());
+  await page.go(`${address}#scenes/vest`);
+  await at("fabric");
+  await page.waitFor(`document.getElementById("outline-wait").hidden`, "the first frame", 60);
+  check("a reload keeps outline, distance and points", JSON.stringify(await vest()) === entered0
+    && (await button()) === "Make the masks"
+    && await page.evaluate(`document.getElementById("to-point").value`) === "3", await button());
+  await page.click("#fabric-next");
+  await page.waitFor(`!document.getElementById("check").hidden || !document.getElementById("alarm").hidden`,
+    "masks and template", 60);
+  await calm();
+  const record = name => JSON.parse(readFileSync(join(project, "scenes/vest", name), "utf8"));
+  const { border, frames: [{ confidence }] } = record("masks.json"), { kind, size, overlap } = record("template.json");
+  check("the outline is the first mask and the template's", border === "drawn" && confidence === 1
+    && kind === "outline" && overlap > 0.95, `${border} ${confidence} ${kind} ${overlap}`);
+  check("… which has the measured size", size.every((v, k) => Math.abs(v / sheet.size[k] - 1) < 0.08),
+    `${size} m of ${sheet.size} m`);
+  await pause(300);
+  await show("outline-check");
   const peak = memory(child.pid);
   check("the server takes at most 150 MB", peak <= 150, `${peak.toFixed(1)} MB at most`);
   // What the page asks of the killed server before it is left is refused.

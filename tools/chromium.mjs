@@ -10,7 +10,7 @@ export const pause = ms => new Promise(done => setTimeout(done, ms));
 /** Keys that are not a character. */
 const KEYS = {
   Enter: 13, Escape: 27, Tab: 9, ArrowLeft: 37, ArrowUp: 38, ArrowRight: 39, ArrowDown: 40, Delete: 46, Home: 36,
-  End: 35,
+  End: 35, Backspace: 8,
 };
 
 /** A browser with one page; `complaints` collects errors of its console and refused requests. */

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use tessuto::import::empty_place;
 use tessuto::io::mask::Object;
-use tessuto::masks::{Click, EmptyPlace, Record, Request, make};
+use tessuto::masks::{Border, Click, EmptyPlace, Record, Request, make};
 use tessuto::text::quoted;
 
 use crate::ffmpeg::ffmpeg;
@@ -31,7 +31,9 @@ Examples:
 
 The camera must stand still, or have its poses in the scene (import --poses). \
 Corners are column,row in pixels of the scene's first \
-frame, in order around the fabric; give more than four where the border bends. \
+frame, in order around the fabric. Between four of them the border is found by \
+colours. More than four, or a mask, are the border as drawn: the first frame's \
+mask is just that, also where fabric and surroundings look alike. \
 Without corners the template's projection is used.
 
 Writes masks/, masks.json (inputs, and a confidence for every mask) and masks.html, \
@@ -64,6 +66,9 @@ pub struct Source {
     /// Corners of the fabric in the first frame [px], in order around it, such as "312,208 930,215 941,640 305,622".
     #[arg(long, value_name = "X,Y ...", value_parser = crate::values::polygon, allow_hyphen_values = true)]
     pub outline: Option<Polygon>,
+    /// What that outline, or a mask of the first frame, is. More than four corners, and a mask, are drawn.
+    #[arg(long, value_name = "KIND")]
+    pub border: Option<BorderKind>,
     /// Image, or a second of film, of the scene without the fabric, by the same camera.
     #[arg(long, value_name = "FILE")]
     pub plate: Option<PathBuf>,
@@ -72,6 +77,15 @@ pub struct Source {
     pub largest_piece: bool,
     #[command(flatten)]
     pub choice: Choice,
+}
+
+/// What the border is that somebody gave.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub enum BorderKind {
+    /// The fabric's border: the first frame's mask is what was drawn
+    Drawn,
+    /// Near the fabric's border, which colours show
+    Found,
 }
 
 /// Which object of a mask is the fabric, for the commands that read masks.
@@ -110,6 +124,10 @@ impl Source {
     pub fn request(&self) -> Request {
         Request {
             outline: self.outline.clone().map(|p| p.0),
+            border: self.border.map(|kind| match kind {
+                BorderKind::Drawn => Border::Drawn,
+                BorderKind::Found => Border::Found,
+            }),
             largest_piece: self.largest_piece,
             object: self.choice.object,
             ..Request::default()

@@ -15,30 +15,79 @@ const NOTES = {
 
 export const fabric = studio => {
   const wait = byId("outline-wait"), next = byId("fabric-next"), unit = byId("unit"), camera = byId("camera");
+  const ends = [byId("from-point"), byId("to-point")], shapes = [...document.getElementsByName("shape")];
   let shown = null, loaded = null, asked = null, entered = 0;
 
-  const drawing = outline(byId("outline"), points => {
-    const before = studio.form.outline.filter(p => p.corner).length;
-    studio.change({ outline: points.map(p => ({ ...p })) });
+  const isOther = () => studio.form?.shape === "other";
+
+  const drawing = outline(byId("outline"), (points, closed) => {
+    const before = isOther() ? studio.form.closed : studio.form.outline.filter(p => p.corner).length === 4;
+    studio.change({ outline: points.map(p => ({ ...p })), closed });
     // After the click, which would take the focus to the drawing.
-    if (before < 4 && drawing.corners() === 4 && !studio.form.size) setTimeout(() => byId("width").focus());
+    const lacks = isOther() ? !studio.form.distance : !studio.form.size;
+    if (!before && drawing.complete() && lacks)
+      setTimeout(() => byId(isOther() ? "distance" : "width").focus());
+    showEnds();
     tell();
   });
 
+  /** The points by their numbers, and those between which was measured. */
+  const showEnds = () => {
+    const points = studio.form.outline, measured = points.flatMap((p, k) => p.measured ? [k] : []);
+    ends.forEach((select, end) => {
+      if (select.options.length !== points.length + 1)
+        select.replaceChildren(new Option("–", ""), ...points.map((_, k) => new Option(k + 1, k)));
+      select.value = measured[end] ?? "";
+    });
+  };
+
+  const showShape = () => {
+    const shape = studio.form.shape;
+    for (const radio of shapes) radio.checked = radio.value === shape;
+    for (const part of document.querySelectorAll("[data-shape]")) part.hidden = part.dataset.shape !== shape;
+  };
+
   const lengths = () => ["width", "height"].map(id => number(byId(id).value));
+  /** Of another shape the lens has to be known. */
+  const lensUnknown = () => isOther() && studio.form.camera.kind === "auto" && Boolean(studio.form.clip)
+    && typeof studio.state?.work?.clip?.lens !== "number";
+
+  const missingOther = () => {
+    const { outline: points, closed, distance } = studio.form;
+    if (!closed) return points.length < 3 ? `Click around the fabric: ${points.length} points` : "Close the outline";
+    if (points.filter(p => p.measured).length !== 2) return "Choose the two points";
+    if (!(distance > 0)) return "Enter the measured distance";
+    return lensUnknown() ? "Enter the camera" : null;
+  };
+
   const missing = () => {
+    if (isOther()) return missingOther();
     const corners = drawing.corners(), [w, h] = lengths();
     if (corners < 4) return `Click the corners: ${corners} of 4`;
     return w > 0 && h > 0 ? null : "Enter the size of the sheet";
   };
 
   const tell = () => {
+    if (!studio.form) return;
     const lack = missing(), texts = [byId("width").value, byId("height").value];
     const wrong = texts.find(text => text.trim() !== "" && !(number(text) > 0));
     byId("size-note").hidden = wrong === undefined;
     byId("size-note").textContent = `“${wrong}” is no length: write a number such as 55 or 55.5`;
-    const count = drawing.corners();
-    byId("outline-hint").textContent = count === 0 ? "Click its four corners."
+    const far = byId("distance").value, isLength = far.trim() === "" || number(far) > 0;
+    byId("distance-note").hidden = isLength;
+    byId("distance-note").textContent = `“${far}” is no length: write a number such as 62 or 62.5`;
+    drawing.measured(isOther() && studio.form.distance > 0 ? `${far.trim()} ${byId("distance-unit").value}` : "");
+    byId("close-outline").disabled = studio.form.closed || studio.form.outline.length < 3;
+    if (isOther()) {
+      byId("camera-guess").hidden = !lensUnknown() || camera.value !== "auto";
+      byId("camera-why").textContent = "This outline does not show the lens.";
+    }
+    const count = isOther() ? studio.form.outline.length : drawing.corners();
+    byId("outline-hint").textContent = isOther()
+      ? studio.form.closed ? "This is the first mask: drag what is not right."
+      : count === 0 ? "Click points around the whole fabric, where its border bends."
+      : "Go on around the fabric; click the first point again to close the outline."
+      : count === 0 ? "Click its four corners."
       : count < 4 ? `${4 - count} more.`
       : "Is “width” on the side you measured as width? If not, click “Next side is the width”.";
     const running = studio.state.work.job?.running;
@@ -70,6 +119,7 @@ export const fabric = studio => {
     }[camera.value];
     if (chosen) studio.change({ camera: chosen });
     showCamera();
+    tell();
   };
 
   byId("guess").addEventListener("click", () => {
@@ -79,13 +129,24 @@ export const fabric = studio => {
     byId("fov").value = across.toFixed(1);
     studio.change({ camera: { kind: "fov", fov: Number(across.toFixed(1)), guess: true } });
     showCamera();
+    tell();
     next.focus();
   });
 
   const keepSize = () => {
-    const [w, h] = lengths(), scale = UNITS[unit.value];
-    studio.change({ size: w > 0 && h > 0 ? [w * scale, h * scale] : null, unit: unit.value });
+    const [w, h] = lengths(), far = number(byId("distance").value), scale = UNITS[unit.value];
+    byId("distance-unit").value = unit.value;
+    studio.change({
+      size: w > 0 && h > 0 ? [w * scale, h * scale] : null,
+      distance: far > 0 ? far * scale : null,
+      unit: unit.value,
+    });
     tell();
+  };
+
+  const keepEnds = () => {
+    const chosen = ends.filter(select => select.value !== "").map(select => Number(select.value));
+    drawing.measure(chosen);
   };
 
   const show = form => {
@@ -94,6 +155,8 @@ export const fabric = studio => {
     ["width", "height"].forEach((id, k) => {
       byId(id).value = form.size ? Number((form.size[k] / scale).toFixed(4)) : "";
     });
+    byId("distance-unit").value = form.unit;
+    byId("distance").value = form.distance ? Number((form.distance / scale).toFixed(4)) : "";
     camera.value = form.camera.kind;
     byId("fov").value = form.camera.fov ?? "";
     byId("fx").value = form.camera.fx ?? "";
@@ -104,7 +167,9 @@ export const fabric = studio => {
     byId("object").value = form.object ?? "";
     byId("masks-box").open = Boolean(form.masks);
     showCamera();
-    drawing.set(form.outline);
+    drawing.set(form.outline, form);
+    showShape();
+    showEnds();
   };
 
   const keepMasks = () => {
@@ -140,13 +205,27 @@ export const fabric = studio => {
     drawing.show(found);
   };
 
-  for (const id of ["width", "height"]) byId(id).addEventListener("input", keepSize);
+  for (const id of ["width", "height", "distance"]) byId(id).addEventListener("input", keepSize);
   unit.addEventListener("change", keepSize);
+  byId("distance-unit").addEventListener("change", () => {
+    unit.value = byId("distance-unit").value;
+    keepSize();
+  });
+  for (const select of ends) select.addEventListener("change", keepEnds);
+  for (const radio of shapes) radio.addEventListener("change", () => {
+    studio.change({ shape: radio.value });
+    byId("camera-guess").hidden = true;
+    showShape();
+    drawing.reshape(isOther());
+    showEnds();
+    tell();
+  });
   camera.addEventListener("change", keepCamera);
   for (const id of ["fov", "fx", "fy", "cx", "cy", "camera-file"]) byId(id).addEventListener("input", keepCamera);
   for (const id of ["masks-file", "object"]) byId(id).addEventListener("input", keepMasks);
   byId("undo").addEventListener("click", drawing.undo);
   byId("clear").addEventListener("click", drawing.clear);
+  byId("close-outline").addEventListener("click", drawing.close);
   byId("turn").addEventListener("click", drawing.turn);
   byId("side").addEventListener("submit", e => {
     e.preventDefault();
@@ -172,6 +251,7 @@ export const fabric = studio => {
     },
     /** The lens could not be found out. */
     askLens() {
+      byId("camera-why").textContent = "The corners do not show the lens.";
       byId("camera-guess").hidden = false;
       camera.focus();
     },

@@ -144,7 +144,8 @@ const steps = () => {
   const work = studio.state.work, form = studio.form;
   if (!work) return { clip: [true, false, ""] };
   const prepared = Boolean(work.scene && work.template_version), there = work.result !== null;
-  const size = form.size ? `${(form.size[0] * 100).toFixed(1)} × ${(form.size[1] * 100).toFixed(1)} cm` : "";
+  const size = form.shape === "other" ? form.distance ? `${(form.distance * 100).toFixed(1)} cm measured` : ""
+    : form.size ? `${(form.size[0] * 100).toFixed(1)} × ${(form.size[1] * 100).toFixed(1)} cm` : "";
   const doubtful = (work.masks?.frames ?? []).filter(f => f.reason).length;
   return {
     clip: [true, true, form.clip?.split("/").at(-1) ?? ""],

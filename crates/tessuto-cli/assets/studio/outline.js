@@ -1,4 +1,7 @@
-/** Step 3, left: the fabric's outline in the first frame. Points are pixels of the clip, centres at whole numbers. */
+/**
+ * Step 3, left: the fabric's outline in the first frame, of a sheet or of any shape. Points are pixels of the clip,
+ * centres at whole numbers.
+ */
 import { byId, fitCanvas } from "./api.js";
 
 const CORNERS = 4, GRAB = 14, LENS = 66, ZOOM = 7;
@@ -21,6 +24,8 @@ const toSide = (q, a, b) => {
 
 export const outline = (canvas, changed) => {
   let image = null, scale = 1, points = [], past = [], chosen = -1, dragging = false, pointer = null, cursor = null;
+  /** Of another shape than a sheet: whether its border is complete, and what was measured. */
+  let other = false, closed = false, length = "", pressed = null;
   const pen = canvas.getContext("2d");
   const corners = () => points.filter(p => p.corner).length;
   const toImage = e => {
@@ -34,11 +39,40 @@ export const outline = (canvas, changed) => {
     y: Math.max(0, Math.min(image.height - 1, p.y)),
   });
 
-  const remember = () => { past.push(points.map(p => ({ ...p }))); if (past.length > 200) past.shift(); };
-  const done = () => { changed(points); draw(); };
+  const complete = () => other ? closed : corners() === CORNERS;
+  const remember = () => {
+    past.push({ points: points.map(p => ({ ...p })), closed });
+    if (past.length > 200) past.shift();
+  };
+  const done = () => { changed(points, closed); draw(); };
+
+  /** Completes the border; until others are chosen, the two points farthest apart are those measured between. */
+  const close = () => {
+    if (!other || closed || points.length < 3) return;
+    remember();
+    closed = true;
+    chosen = -1;
+    if (points.filter(p => p.measured).length !== 2) {
+      let far = [0, 1], most = -1;
+      points.forEach((p, i) => points.slice(0, i).forEach((q, j) => {
+        const apart = Math.hypot(p.x - q.x, p.y - q.y);
+        if (apart > most) [most, far] = [apart, [j, i]];
+      }));
+      points.forEach((p, k) => { p.measured = far.includes(k); });
+    }
+    done();
+  };
 
   const add = at => {
-    const p = { ...inside(at), corner: corners() < CORNERS };
+    const p = { ...inside(at), corner: !other && corners() < CORNERS };
+    if (other && !closed) {
+      const [first] = points;
+      if (points.length >= 3 && Math.hypot(p.x - first.x, p.y - first.y) < reach()) return close();
+      remember();
+      points.push(p);
+      chosen = points.length - 1;
+      return done();
+    }
     if (p.corner) {
       remember();
       points.push(p);
@@ -103,6 +137,34 @@ export const outline = (canvas, changed) => {
     pen.fillText(text, tx, ty);
   };
 
+  /** The points' numbers, and what was measured. */
+  const numbers = dense => {
+    const ends = points.filter(p => p.measured);
+    if (closed && ends.length === 2) {
+      pen.setLineDash([7 * dense, 5 * dense]);
+      for (const [color, width] of [["rgb(0 0 0 / 55%)", 4], ["#5fd4f4", 2]]) {
+        pen.beginPath();
+        ends.forEach((p, k) => pen[k ? "lineTo" : "moveTo"](...place(p)));
+        pen.strokeStyle = color;
+        pen.lineWidth = width * dense;
+        pen.stroke();
+      }
+      pen.setLineDash([]);
+      if (length) label(length, ...ends);
+    }
+    pen.font = `600 ${12 * dense}px system-ui, sans-serif`;
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    points.forEach((p, k) => {
+      const [x, y] = place(p), up = y > 24 * dense ? -1 : 1;
+      pen.lineWidth = 3 * dense;
+      pen.strokeStyle = "rgb(0 0 0 / 75%)";
+      pen.strokeText(k + 1, x, y + up * 16 * dense);
+      pen.fillStyle = p.measured && closed ? "#5fd4f4" : "#fff";
+      pen.fillText(k + 1, x, y + up * 16 * dense);
+    });
+  };
+
   const draw = () => {
     if (!image) return;
     const dense = devicePixelRatio || 1;
@@ -112,7 +174,7 @@ export const outline = (canvas, changed) => {
       for (const [color, width] of [["rgb(0 0 0 / 55%)", 4], ["#ffd23f", 2]]) {
         pen.beginPath();
         points.forEach((p, k) => pen[k ? "lineTo" : "moveTo"](...place(p)));
-        if (corners() === CORNERS) pen.closePath();
+        if (complete()) pen.closePath();
         pen.strokeStyle = color;
         pen.lineWidth = width * dense;
         pen.stroke();
@@ -127,7 +189,8 @@ export const outline = (canvas, changed) => {
       pen.lineWidth = 1.5 * dense;
       pen.stroke();
     });
-    if (corners() === CORNERS) {
+    if (other) numbers(dense);
+    if (!other && corners() === CORNERS) {
       const [a, b, c] = points.filter(p => p.corner);
       label("width", a, b);
       label("height", b, c);
@@ -139,7 +202,7 @@ export const outline = (canvas, changed) => {
       pen.strokeRect(x - 9 * dense, y - 9 * dense, 18 * dense, 18 * dense);
     }
     const at = dragging ? points[chosen] : pointer ?? cursor;
-    if (at && (dragging || corners() < CORNERS || !pointer && document.activeElement === canvas)) lens(at);
+    if (at && (dragging || !complete() || !pointer && document.activeElement === canvas)) lens(at);
   };
 
   canvas.addEventListener("pointerdown", e => {
@@ -148,7 +211,7 @@ export const outline = (canvas, changed) => {
       best = near.indexOf(Math.min(...near));
     if (best >= 0 && near[best] < reach()) {
       remember();
-      [chosen, dragging] = [best, true];
+      [chosen, dragging, pressed] = [best, true, { at, x: points[best].x, y: points[best].y }];
       canvas.setPointerCapture(e.pointerId);
       return draw();
     }
@@ -160,7 +223,18 @@ export const outline = (canvas, changed) => {
     if (dragging) Object.assign(points[chosen], inside(pointer));
     draw();
   });
-  canvas.addEventListener("pointerup", () => { if (dragging) { dragging = false; done(); } });
+  canvas.addEventListener("pointerup", e => {
+    if (!dragging) return;
+    dragging = false;
+    const { x, y } = toImage(e), stayed = Math.hypot(x - pressed.at.x, y - pressed.at.y) < reach() / 3;
+    // The first point again: the border is complete. A hand that clicks trembles.
+    if (stayed && chosen === 0 && other && !closed && points.length >= 3) {
+      past.pop();
+      Object.assign(points[0], { x: pressed.x, y: pressed.y });
+      return close();
+    }
+    done();
+  });
   canvas.addEventListener("pointerleave", () => { pointer = null; draw(); });
   canvas.addEventListener("blur", () => { cursor = null; draw(); });
   canvas.addEventListener("keydown", e => {
@@ -188,7 +262,8 @@ export const outline = (canvas, changed) => {
       remember();
       points.splice(chosen, 1);
       // Without one of its corners a bent side has no meaning.
-      if (corners() < CORNERS) points = points.filter(p => p.corner);
+      if (!other && corners() < CORNERS) points = points.filter(p => p.corner);
+      if (points.length < 3) closed = false;
       chosen = -1;
       done();
     } else return;
@@ -199,10 +274,51 @@ export const outline = (canvas, changed) => {
   return {
     draw,
     corners,
-    set(next) { points = next.map(p => ({ ...p })); past = []; chosen = -1; draw(); },
+    close,
+    complete,
+    set(next, form) {
+      [points, other, closed] = [next.map(p => ({ ...p })), form.shape === "other", form.closed];
+      [past, chosen] = [[], -1];
+      draw();
+    },
+    /** From here on the border is another one: that of a sheet, or any. */
+    reshape(to) {
+      if (other === to) return;
+      const whole = complete();
+      other = to;
+      past = [];
+      chosen = -1;
+      if (other) {
+        points.forEach(p => { p.corner = false; });
+        if (whole) return close();
+      } else if (points.length <= CORNERS) {
+        points = points.map(({ x, y }) => ({ x, y, corner: true }));
+        if (points.length === CORNERS) points = ordered(points);
+      } else points = [];
+      closed = false;
+      done();
+    },
+    /** Points `ends` are those between which was measured. */
+    measure(ends) {
+      remember();
+      points.forEach((p, k) => { p.measured = ends.includes(k); });
+      done();
+    },
+    /** How long it is between them, in words. */
+    measured(text) { if (length !== text) { length = text; draw(); } },
     show(next) { image = next; draw(); },
-    undo() { if (past.length) { points = past.pop(); chosen = -1; done(); } },
-    clear() { if (points.length) { remember(); points = []; chosen = -1; done(); } },
+    undo() {
+      if (!past.length) return;
+      ({ points, closed } = past.pop());
+      chosen = -1;
+      done();
+    },
+    clear() {
+      if (!points.length) return;
+      remember();
+      [points, closed, chosen] = [[], false, -1];
+      done();
+    },
     /** The next side becomes the upper one. */
     turn() {
       if (corners() < CORNERS) return;

@@ -7,7 +7,7 @@ use tessuto::export::Format;
 use tessuto::template::focal;
 use tessuto::text::quoted;
 
-use super::form::{Camera, Form};
+use super::form::{Camera, Form, Other, Shape};
 use super::work::Work;
 
 /// Longer side of the frames that a part of the clip is chosen from [px].
@@ -140,8 +140,10 @@ fn rate(form: &Form) -> impl Iterator<Item = String> {
 
 /// Clip to scene, masks and template.
 fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
+    if form.shape == Shape::Other {
+        return on_table(work, form);
+    }
     let scene = argument(work.scene());
-    let outline: Vec<_> = form.outline.iter().map(|p| pair(form.in_scene([p.x, p.y]))).collect();
     let Some(corners) = form.corners() else {
         return Err("click the four corners of the sheet in the first frame".to_owned());
     };
@@ -158,7 +160,7 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
         import.extend(camera(&form.camera, estimated));
         commands.push(forced(import, work.has(&format!("{}/scene.json", work.scene()))));
     } else {
-        commands.push(vec!["masks".into(), scene.clone(), "--outline".into(), outline.join(" ")]);
+        commands.push(masks(work, form));
     }
     let mut template = vec!["template".into(), scene, "--flat".into()];
     template.push(format!("{}x{}m", metres(width), metres(height)));
@@ -172,11 +174,60 @@ fn prepare(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
     Ok(commands)
 }
 
+/// Clip to scene, masks and template of fabric of any shape, which lies on a table below the camera.
+fn on_table(work: &Work, form: &Form) -> Result<Vec<Command>, String> {
+    let Other { between, distance } = form.other()?;
+    if is_estimated(work, form) {
+        return Err(
+            "the clip does not name its camera, and only a sheet's corners show it: enter the camera"
+                .to_owned(),
+        );
+    }
+    let mut commands = Vec::new();
+    if form.clip.is_some() {
+        let mut import = import(work, form, form.masks.as_deref())?;
+        import.extend(camera(&form.camera, false));
+        commands.push(forced(import, work.has(&format!("{}/scene.json", work.scene()))));
+    } else {
+        commands.push(masks(work, form));
+    }
+    let mut template = vec!["template".into(), argument(work.scene()), "--on-table".into()];
+    template.extend(["--distance".into(), format!("{}m", metres(distance)), "--between".into()]);
+    template.extend(between.map(|p| pair(form.in_scene(p))));
+    template.extend(["--tilt", "facing", "--force"].map(str::to_owned));
+    commands.extend([template, check(work)]);
+    Ok(commands)
+}
+
+/// The command that makes the masks of a scene that is there.
+fn masks(work: &Work, form: &Form) -> Command {
+    let mut command = vec!["masks".into(), argument(work.scene())];
+    command.extend(outline(form));
+    command
+}
+
+/// The border, and what it is: between the corners of a sheet the points show where it bends, and colours where it
+/// is; any other is as it was drawn.
+fn outline(form: &Form) -> Command {
+    let points: Vec<_> = form.outline.iter().map(|p| pair(form.in_scene([p.x, p.y]))).collect();
+    let border = match form.shape {
+        Shape::Sheet if points.len() > 4 => Some("found"),
+        Shape::Sheet => None,
+        Shape::Other => Some("drawn"),
+    };
+    let mut options = vec!["--outline".into(), points.join(" ")];
+    options.extend(border.iter().flat_map(|border| ["--border", border]).map(str::to_owned));
+    options
+}
+
 /// What makes a scene of the clip of a camera that moved, each with what it needs: the poses that an app on the phone
 /// recorded; poses from the clip, by this program or by COLMAP, with masks of another program. Words in capitals stand
-/// for files of the user. `None` without a clip and its corners.
+/// for files of the user. `None` without a clip and its border.
 pub fn of_moving_camera(work: &Work, form: &Form) -> Option<Vec<(&'static str, String)>> {
-    form.corners()?;
+    match form.shape {
+        Shape::Sheet => form.corners().map(|_| ())?,
+        Shape::Other => form.other().map(|_| ()).ok()?,
+    }
     let command = |masks: Option<&str>, options: [&str; 2]| {
         let mut import = import(work, form, masks).ok()?;
         match is_estimated(work, form) {
@@ -206,7 +257,6 @@ pub fn of_moving_camera(work: &Work, form: &Form) -> Option<Vec<(&'static str, S
 
 /// The command that makes a scene of the clip, without its camera.
 fn import(work: &Work, form: &Form, masks: Option<&str>) -> Result<Command, String> {
-    let outline: Vec<_> = form.outline.iter().map(|p| pair(form.in_scene([p.x, p.y]))).collect();
     let mut import = vec!["import".into(), clip(form)?, argument(work.scene())];
     if let Some([a, b]) = form.frames {
         import.extend(["--frames".into(), format!("{a}..{b}")]);
@@ -222,7 +272,7 @@ fn import(work: &Work, form: &Form, masks: Option<&str>) -> Result<Command, Stri
             import.extend(["--masks".into(), argument(masks)]);
             import.extend(form.object.iter().flat_map(|object| ["--object".to_owned(), object.clone()]));
         }
-        None => import.extend(["--outline".into(), outline.join(" ")]),
+        None => import.extend(outline(form)),
     }
     import.extend(form.plate.iter().flat_map(|plate| ["--plate".to_owned(), argument(plate)]));
     Ok(import)
@@ -329,7 +379,7 @@ mod tests {
     use super::*;
 
     fn form() -> Form {
-        let point = |x, y, corner| Point { x, y, corner };
+        let point = |x, y, corner| Point { x, y, corner, measured: false };
         Form {
             clip: Some("-it's; $(touch x).mp4".into()),
             frames: Some([3, 20]),
@@ -358,7 +408,7 @@ mod tests {
         let text: Vec<_> = commands.iter().map(shown).collect();
         let import = concat!(
             r"tessuto import './-it'\''s; $(touch x).mp4' scenes/a --frames 3..20 --downscale 2 ",
-            "--outline '5,10 15,9 25,10 25,30 5,30' --fx 800 --cx 319.5 --cy 319.5"
+            "--outline '5,10 15,9 25,10 25,30 5,30' --border found --fx 800 --cx 319.5 --cy 319.5"
         );
         assert_eq!(text[0], import);
         assert_eq!(
@@ -376,6 +426,48 @@ mod tests {
                 .unwrap_err()
                 .contains("four corners")
         );
+    }
+
+    #[test]
+    fn fabric_of_another_shape_lies_on_a_table() {
+        let folder = tempfile::tempdir().unwrap();
+        let project = Project::open(folder.path()).unwrap();
+        let work = Work::new(&project, "scenes/a").unwrap();
+        let point = |x, y, measured| Point { x, y, corner: false, measured };
+        let vest = Form {
+            shape: Shape::Other,
+            outline: vec![
+                point(10.5, 20.5, true),
+                point(30.5, 40.5, false),
+                point(50.5, 20.5, true),
+                point(30.5, 80.5, false),
+            ],
+            closed: true,
+            distance: Some(0.62),
+            size: None,
+            ..form()
+        };
+        let text: Vec<_> = of(&work, &vest, &Step::Prepare).unwrap().iter().map(shown).collect();
+        assert!(
+            text[0].contains("--outline '5,10 15,20 25,10 15,40' --border drawn --fx 800"),
+            "{}",
+            text[0]
+        );
+        let template =
+            "tessuto template scenes/a --on-table --distance 0.62m --between 5,10 25,10 --tilt facing";
+        assert_eq!(text[1], format!("{template} --force"));
+        assert!(text[2].starts_with("tessuto check"));
+        // Of a scene that is there, the masks are made anew.
+        let text = of(&work, &Form { clip: None, ..vest.clone() }, &Step::Prepare).unwrap();
+        assert!(shown(&text[0]).starts_with("tessuto masks scenes/a --outline"), "{text:?}");
+        let lacks = |form: Form| of(&work, &form, &Step::Prepare).unwrap_err();
+        assert!(lacks(Form { closed: false, ..vest.clone() }).contains("click points around"));
+        assert!(lacks(Form { distance: None, ..vest.clone() }).contains("distance"));
+        assert!(lacks(Form { camera: Camera::Auto, ..vest.clone() }).contains("enter the camera"));
+        let mut unnamed = vest.clone();
+        unnamed.outline[0].measured = false;
+        assert!(lacks(unnamed).contains("two points"));
+        assert!(of_moving_camera(&work, &vest).unwrap()[0].1.contains("--border drawn"));
     }
 
     #[test]
@@ -431,7 +523,8 @@ mod tests {
         let clip = folder.path().join("scenes/a.studio/preview/clip.json");
         std::fs::create_dir_all(clip.parent().unwrap()).unwrap();
         std::fs::write(&clip, r#"{"lens": null, "width": 640, "height": 480}"#).unwrap();
-        let points = |at: [[f64; 2]; 4]| at.map(|[x, y]| Point { x, y, corner: true }).to_vec();
+        let points =
+            |at: [[f64; 2]; 4]| at.map(|[x, y]| Point { x, y, corner: true, measured: false }).to_vec();
         let frontal = Form {
             outline: points([[200.0, 100.0], [440.0, 100.0], [440.0, 340.0], [200.0, 340.0]]),
             size: Some([0.5, 0.5]),

@@ -24,8 +24,15 @@ pub struct Form {
     pub stride: usize,
     /// Pixels of the clip, in each direction, that become one.
     pub downscale: usize,
-    /// The fabric's border in the first frame, clockwise from its upper left corner.
+    /// What the fabric's border is.
+    pub shape: Shape,
+    /// The fabric's border in the first frame, clockwise from its upper left corner; of another shape than a sheet in
+    /// the order in which it was clicked.
     pub outline: Vec<Point>,
+    /// Whether the border of another shape is complete.
+    pub closed: bool,
+    /// Measured on the table between the two `measured` points of the border [m].
+    pub distance: Option<f64>,
     /// Width along the upper side and height of the flat sheet [m].
     pub size: Option<[f64; 2]>,
     /// In what lengths are shown: mm, cm or m.
@@ -51,6 +58,19 @@ pub struct Point {
     pub y: f64,
     /// One of the sheet's four corners, rather than a point between them.
     pub corner: bool,
+    /// One end of the measured distance.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub measured: bool,
+}
+
+/// What the fabric's border is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Shape {
+    /// Four sides between four corners.
+    Sheet,
+    /// Any; it lies flat on a table.
+    Other,
 }
 
 /// In what lengths are shown.
@@ -81,6 +101,14 @@ pub enum Camera {
     File { file: String },
 }
 
+/// Fabric of another shape than a sheet.
+pub struct Other {
+    /// Two points of its border.
+    pub between: [[f64; 2]; 2],
+    /// How far they are from one another [m].
+    pub distance: f64,
+}
+
 impl Default for Form {
     fn default() -> Self {
         Self {
@@ -89,7 +117,10 @@ impl Default for Form {
             rate: None,
             stride: 1,
             downscale: 1,
+            shape: Shape::Sheet,
             outline: Vec::new(),
+            closed: false,
+            distance: None,
             size: None,
             unit: Unit::Cm,
             camera: Camera::Auto,
@@ -119,6 +150,8 @@ impl Form {
         demand(finite, "a point of the outline is far outside of the image")?;
         let size = self.size.is_none_or(|[w, h]| [w, h].iter().all(|v| (1e-4..1e3).contains(v)));
         demand(size, "width and height of the sheet must be lengths above 0.1 mm")?;
+        let distance = self.distance.is_none_or(|length| (1e-4..1e3).contains(&length));
+        demand(distance, "the measured distance must be a length above 0.1 mm")?;
         let object = |text: &String| {
             let known = |c: char| c.is_ascii_alphanumeric() || ",#".contains(c);
             (1..=LONGEST_OBJECT).contains(&text.len()) && text.chars().all(known)
@@ -144,8 +177,26 @@ impl Form {
         }
     }
 
-    /// The four corners, if there are as many.
+    /// What is measured of fabric of another shape than a sheet, whose border is complete.
+    ///
+    /// # Errors
+    /// A sentence that says what is missing.
+    pub fn other(&self) -> Result<Other, &'static str> {
+        if self.outline.len() < 3 || !self.closed {
+            return Err("click points around the whole fabric in the first frame, and the first one again");
+        }
+        let measured: Vec<_> = self.outline.iter().filter(|p| p.measured).map(|p| [p.x, p.y]).collect();
+        let ends = measured.try_into();
+        let between = ends.map_err(|_| "choose the two points between which you measured")?;
+        let distance = self.distance.ok_or("enter the distance that you measured between two points")?;
+        Ok(Other { between, distance })
+    }
+
+    /// The four corners of a sheet, if there are as many.
     pub fn corners(&self) -> Option<[[f64; 2]; 4]> {
+        if self.shape != Shape::Sheet {
+            return None;
+        }
         let corners: Vec<_> = self.outline.iter().filter(|p| p.corner).map(|p| [p.x, p.y]).collect();
         corners.try_into().ok()
     }
@@ -173,7 +224,9 @@ mod tests {
         assert!(check(|f| f.rate = Some(29.97)) && !check(|f| f.rate = Some(0.0)));
         assert!(!check(|f| f.stride = 0) && !check(|f| f.downscale = 99));
         assert!(!check(|f| f.size = Some([0.0, 1.0])) && !check(|f| f.size = Some([f64::NAN, 1.0])));
-        assert!(!check(|f| f.outline = vec![Point { x: f64::NAN, y: 0.0, corner: true }]));
+        assert!(!check(|f| f.distance = Some(-0.1)) && check(|f| f.distance = Some(0.62)));
+        let lost = Point { x: f64::NAN, y: 0.0, corner: true, measured: false };
+        assert!(!check(|f| f.outline = vec![lost]));
         assert!(
             !check(|f| f.clip = Some("../clip.mp4".into())) && check(|f| f.clip = Some("clip.mp4".into()))
         );

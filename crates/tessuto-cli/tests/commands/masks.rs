@@ -149,6 +149,36 @@ fn from_four_corners_to_masks_and_a_template() {
 }
 
 #[test]
+fn a_drawn_border_is_the_first_mask() {
+    let clip = Clip::new();
+    clip.import("@scene", &[]);
+    let corners = clip.corners.map(|c| c.map(|v| (v + 0.5) / 2.0 - 0.5));
+    let points = (0..4).flat_map(|k| {
+        let ([ax, ay], [bx, by]) = (corners[k], corners[(k + 1) % 4]);
+        [format!("{ax:.3},{ay:.3}"), format!("{:.3},{:.3}", (ax + bx) / 2.0, (ay + by) / 2.0)]
+    });
+    let outline = points.collect::<Vec<_>>().join(" ");
+    let first = |record: &Value| (record["border"].clone(), record["frames"][0]["confidence"].as_f64());
+    clip.succeed(&["masks", "@scene", "--outline", &outline]);
+    assert_eq!(first(&json(&clip.path("scene/masks.json"))), (Value::Null, Some(1.0)));
+    assert!(clip.overlap("scene") > 0.999, "{}", clip.overlap("scene"));
+    let drawn = std::fs::read(clip.path("scene/masks/mask_000.png")).unwrap();
+    // It is kept, unless it is said to be near the border only.
+    clip.succeed(&["masks", "@scene", "--inside", "2:100,110"]);
+    assert!(std::fs::read(clip.path("scene/masks/mask_000.png")).unwrap() == drawn);
+    clip.succeed(&["masks", "@scene", "--border", "found"]);
+    assert_eq!(json(&clip.path("scene/masks.json"))["border"], "found");
+    let found = std::fs::read(clip.path("scene/masks/mask_000.png")).unwrap();
+    assert!(found != drawn && clip.overlap("scene") > 0.97);
+    // A mask of the first frame is the first mask, and is kept.
+    std::fs::write(clip.path("mine.png"), &found).unwrap();
+    clip.succeed(&["masks", "@scene", "--first", "@mine.png"]);
+    clip.succeed(&["masks", "@scene"]);
+    assert!(std::fs::read(clip.path("scene/masks/mask_000.png")).unwrap() == found);
+    assert_eq!(json(&clip.path("scene/masks.json"))["first"], "drawn.png");
+}
+
+#[test]
 fn the_empty_place_is_an_image_or_a_film() {
     let clip = Clip::new();
     // Nobody has the empty wall of this clip: where the sheet is in none of three frames far apart, their median

@@ -261,6 +261,9 @@ fn all_state_is_on_disk_and_commands_are_children_without_a_shell() {
         let work = said["work"].as_str().unwrap().to_owned();
         let mut form = studio.state(&work)["work"]["form"].clone();
         form["size"] = json!([0.5, 0.25]);
+        form["shape"] = json!("other");
+        form["outline"] = json!([{ "x": 1.5, "y": 2.0, "corner": false, "measured": true }]);
+        form["distance"] = json!(0.62);
         assert_eq!(studio.ask(&format!("POST /api/save?work={work}"), &form.to_string()).0, 200);
         assert_eq!(studio.ask(&format!("POST /api/run?work={work}"), r#"{"step":"preview"}"#).0, 200);
         let started = Instant::now();
@@ -276,6 +279,9 @@ fn all_state_is_on_disk_and_commands_are_children_without_a_shell() {
     assert_eq!(state["start"], work.as_str());
     let (work, job) = (&state["work"], &state["work"]["job"]);
     assert_eq!(work["form"]["size"], json!([0.5, 0.25]));
+    let entered = ["shape", "distance"].map(|name| &work["form"][name]);
+    assert_eq!(entered, [&json!("other"), &json!(0.62)]);
+    assert_eq!(work["form"]["outline"][0]["measured"], true);
     assert_eq!((job["step"].as_str(), job["ended"].as_str()), (Some("preview"), Some("failed")));
     let quoted = "tessuto frames 'clips/a; touch gone.mp4'";
     assert!(job["command"].as_str().unwrap().starts_with(quoted), "{job}");

@@ -26,11 +26,14 @@ const MOST: f32 = 5.0;
 const SHADOW: (f32, f32) = (0.72, 0.1);
 /// Colours kept of a cell, of either side.
 const SAMPLES: usize = 3;
+/// Colours kept of the whole fabric, and of the border of what was drawn.
+pub(super) const PRINT: usize = 24;
 /// Cells around a pixel's whose samples count.
 const REACH: usize = 3;
 
-/// The colour of fabric that is expected at a place, if any is.
-pub(super) type Expected<'a> = Box<dyn Fn(f32, f32) -> Option<[f32; 3]> + Sync + 'a>;
+/// The colour of fabric that is expected at a place, if any is, and whether that is at the border: the colour is then
+/// that of the fabric beside it.
+pub(super) type Expected<'a> = Box<dyn Fn(f32, f32) -> Option<([f32; 3], bool)> + Sync + 'a>;
 
 /// What is known of a frame before it is segmented.
 pub(super) struct Known<'a> {
@@ -46,6 +49,8 @@ pub(super) struct Known<'a> {
     pub noise: f32,
     /// Colours clicked as fabric, and as not fabric.
     pub clicked: &'a [Vec<[f32; 3]>; 2],
+    /// Colours of fabric near the border of what was drawn.
+    pub rim: &'a [[f32; 3]],
 }
 
 /// Samples of both sides near a cell.
@@ -54,10 +59,12 @@ struct Samples {
     around: Vec<[f32; 3]>,
 }
 
-/// The evidence for fabric in the band, and how well the plate explains each pixel; 0 outside of the band.
+/// The evidence for fabric in the band, how well the plate explains each pixel, and how alike fabric and surroundings
+/// are there if what was drawn binds; 0 outside of the band.
 pub(super) struct Evidence {
     pub ratio: Field,
     pub background: Field,
+    pub alike: Field,
 }
 
 /// Computes the evidence in the rectangle of the prior.
@@ -68,14 +75,14 @@ pub(super) fn evidence(known: &Known) -> Evidence {
     let samples = samples(known, cell, columns);
     let kernel = (KERNEL * KERNEL + known.noise * known.noise).sqrt();
     let density = Density { scale: 1.0 / (8.0 * kernel * kernel) };
-    let rows: Vec<Vec<[f32; 2]>> = (0..rect.height())
+    let rows: Vec<Vec<[f32; 3]>> = (0..rect.height())
         .into_par_iter()
         .map(|row| {
             (0..rect.width())
                 .map(|column| {
                     let distance = known.prior.data[row * rect.width() + column];
                     if distance >= known.band[0] || distance <= -known.band[1] {
-                        return [0.0; 2];
+                        return [0.0; 3];
                     }
                     let near = &samples[(row / cell) * columns + column / cell];
                     pixel(known, &density, kernel, near, column + rect.x0, row + rect.y0)
@@ -83,10 +90,12 @@ pub(super) fn evidence(known: &Known) -> Evidence {
                 .collect()
         })
         .collect();
-    let mut evidence = Evidence { ratio: Field::new(rect, 0.0), background: Field::new(rect, 0.0) };
-    for (i, [ratio, background]) in rows.into_iter().flatten().enumerate() {
+    let [ratio, background, alike] = [0; 3].map(|_| Field::new(rect, 0.0));
+    let mut evidence = Evidence { ratio, background, alike };
+    for (i, [ratio, background, alike]) in rows.into_iter().flatten().enumerate() {
         evidence.ratio.data[i] = ratio;
         evidence.background.data[i] = background;
+        evidence.alike.data[i] = alike;
     }
     evidence
 }
@@ -110,19 +119,27 @@ impl Density {
     }
 }
 
-fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize, y: usize) -> [f32; 2] {
+fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize, y: usize) -> [f32; 3] {
     let colour = known.frame.at(x, y);
     let peak = |sigma: f32| (kernel / sigma).powi(3).min(20.0);
     // Fabric.
     let mut fabric = density.of(colour, &near.fabric);
     let sigma = EXPECTED[0].hypot(known.noise);
     let own = Density { scale: 1.0 / (8.0 * sigma * sigma) };
+    let (behind, sure, spread) = known.plate.at(x, y);
     let mut expected = 0.0_f32;
     let mut count = 0;
+    // Where what was drawn binds: how much of the surroundings has the colour that is expected of the fabric.
+    let mut alike = (0.0_f32, 0);
     for of_frame in known.expected {
-        if let Some(c) = of_frame(x as f32, y as f32) {
+        let Some((c, at_border)) = of_frame(x as f32, y as f32) else { continue };
+        if !at_border {
             expected += own.kernel(squared(colour, c));
             count += 1;
+        }
+        if !known.rim.is_empty() {
+            let behind = sure * own.kernel(squared(behind, c));
+            alike = (alike.0 + behind.max(density.of(c, &near.around)), alike.1 + 1);
         }
     }
     if count > 0 {
@@ -130,7 +147,6 @@ fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize
     }
     // Background.
     let mut around = density.of(colour, &near.around);
-    let (behind, sure, spread) = known.plate.at(x, y);
     let mut explained = 0.0;
     if sure > 0.0 {
         let sigma = EXPECTED[1].hypot(known.noise).hypot(spread);
@@ -142,7 +158,9 @@ fn pixel(known: &Known, density: &Density, kernel: f32, near: &Samples, x: usize
     }
     let anything = [ANYTHING, ANYTHING * (1.0 - UNEXPECTED * sure)];
     let ratio = ((fabric + anything[0]) / (around + anything[1])).ln().clamp(-MOST, MOST);
-    [ratio, explained * sure]
+    // Colours then say nothing.
+    let alike = (alike.0 / alike.1.max(1) as f32).min(1.0);
+    [ratio * (1.0 - alike), explained * sure, alike]
 }
 
 /// The background as it would look in a shadow that makes it most like `colour`.
@@ -164,7 +182,8 @@ fn samples(known: &Known, cell: usize, columns: usize) -> Vec<Samples> {
         .into_par_iter()
         .map(|k| of_cell(known, rect, cell, [k % columns, k / columns]))
         .collect();
-    let print: Vec<[f32; 3]> = spread(own.iter().flat_map(|s| &s.fabric).copied().collect(), 24);
+    let mut print: Vec<[f32; 3]> = spread(own.iter().flat_map(|s| &s.fabric).copied().collect(), PRINT);
+    print.extend(known.rim);
     (0..columns * rows)
         .into_par_iter()
         .map(|k| {
@@ -188,7 +207,7 @@ fn samples(known: &Known, cell: usize, columns: usize) -> Vec<Samples> {
 }
 
 /// At most `count` of the samples, evenly spaced in their order.
-fn spread(samples: Vec<[f32; 3]>, count: usize) -> Vec<[f32; 3]> {
+pub(super) fn spread(samples: Vec<[f32; 3]>, count: usize) -> Vec<[f32; 3]> {
     let step = samples.len().div_ceil(count).max(1);
     samples.into_iter().step_by(step).collect()
 }

@@ -13,6 +13,8 @@ use tessuto_core::image::Image;
 
 /// The given plate, as it is kept.
 pub(super) const PLATE: &str = "plate.png";
+/// The given mask of the first frame, as it is kept.
+pub(super) const DRAWN: &str = "drawn.png";
 const MASKS: &str = "masks";
 
 /// Refuses to go on where masks that tessuto did not write would be lost.
@@ -20,16 +22,16 @@ pub(super) fn check(folder: &Path) -> Result<()> {
     check_parts(&[MASKS, record::NAME, page::NAME].map(|name| folder.join(name)), true)
 }
 
-/// Keeps the plate in the scene.
-pub(super) fn keep_plate(folder: &Path, plate: &Image) -> Result<()> {
-    let path = folder.join(PLATE);
-    let bytes = image::encode_png(plate);
+/// Keeps what was given in the scene, as `name`.
+pub(super) fn keep(folder: &Path, name: &'static str, given: &Image) -> Result<()> {
+    let path = folder.join(name);
+    let bytes = image::encode_png(given);
     if std::fs::read(&path).is_ok_and(|there| there == bytes) {
         return Ok(());
     }
     check_parts(&[&path], true)?;
     atomic_write(&path, &bytes)?;
-    record_or_begin(folder, FolderKind::Scene, &[PLATE])
+    record_or_begin(folder, FolderKind::Scene, &[name])
 }
 
 /// Writes all files; their paths. `mask` gives each mask, shape [height · width].

@@ -38,8 +38,9 @@ pub(super) struct Front {
     pub touches: bool,
 }
 
-/// Takes what is in front of the fabric out of the regions of all frames. `noise`: of a channel `[grey levels]`.
-pub(super) fn take_out(frames: &Frames, tracked: &mut Tracked, noise: f32) -> Vec<Front> {
+/// Takes what is in front of the fabric out of the regions of all frames, without the first where it `binds`. `noise`:
+/// of a channel `[grey levels]`.
+pub(super) fn take_out(frames: &Frames, tracked: &mut Tracked, binds: bool, noise: f32) -> Vec<Front> {
     let mut own = Palette::new();
     let first = &tracked.regions[0];
     for i in (0..first.inside.len()).filter(|i| first.inside[*i]) {
@@ -54,7 +55,11 @@ pub(super) fn take_out(frames: &Frames, tracked: &mut Tracked, noise: f32) -> Ve
         .into_par_iter()
         .map(|n| of_frame(frames, n, &tracked.regions[n], &tracked.plate, &own, noise))
         .collect();
-    let (regions, fronts): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    let (mut regions, mut fronts): (Vec<_>, Vec<_>) = found.into_iter().unzip();
+    if binds {
+        regions[0] = tracked.regions[0].clone();
+        fronts[0].hidden = 0.0;
+    }
     tracked.regions = regions;
     fronts
 }

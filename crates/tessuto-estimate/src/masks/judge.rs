@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::conserved::comes_and_goes;
+use super::drawn::Drawn;
 use super::findings::Fault;
 use super::frames::Frames;
 use super::region::{Field, Region};
@@ -44,7 +45,11 @@ pub(super) fn judge(frames: &Frames, tracked: &Tracked, given: &Given) -> Vec<Ju
     let rest = Rest { drawn: &drawn, found: &distances[0], noise: given.noise };
     let still = standing_still(frames, tracked, &distances, &rest);
     let comes = comes_and_goes(frames, tracked, &distances, given.noise);
-    let one = |n| one(frames, tracked, &distances, [still[n], comes[n]], n);
+    let one = |n| match n == 0 && given.drawn == Drawn::Binds {
+        // Somebody drew it.
+        true => Judgement { confidence: 1.0, fault: None },
+        false => one(frames, tracked, &distances, [still[n], comes[n]], n),
+    };
     (0..count).into_par_iter().map(one).collect()
 }
 

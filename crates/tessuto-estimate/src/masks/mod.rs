@@ -1,16 +1,17 @@
 //! Masks from the clip itself: the fabric's corners in the first frame are enough.
 //!
-//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own
-//! motion predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not
-//! by its colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then
-//! every frame again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`).
-//! Hands and people in front are neither fabric nor background (`front`). What looks wrong is named with its frames
-//! (`judge`, `steady`, `findings`). A clip by a camera that moves, whose poses are known, is held still first by the
-//! plane behind the fabric (`moving`).
+//! The camera stands still, so what lies behind the fabric is seen sooner or later: `plate`. The fabric's own motion
+//! predicts its outline in the next frame: `flow`. Near the predicted outline each pixel is fabric or not by its
+//! colour (`evidence`), all of them at once by a minimum `cut` (`segment`); first forward in time, then every frame
+//! again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). An outline that
+//! somebody drew around the fabric binds (`drawn`). Hands and people in front are neither fabric nor background
+//! (`front`). What looks wrong is named with its frames (`judge`, `steady`, `findings`). A clip by a camera that
+//! moves, whose poses are known, is held still first by the plane behind the fabric (`moving`).
 
 mod beyond;
 mod conserved;
 mod cut;
+mod drawn;
 mod evidence;
 mod files;
 mod findings;
@@ -38,9 +39,11 @@ use rayon::prelude::*;
 
 use crate::io::mask::Object;
 use crate::io::scene::colour_files;
+use drawn::Drawn;
 pub use findings::Finding;
 use frames::Frames;
-pub use record::{Click, Frame, Record};
+use moving::Steadied;
+pub use record::{Border, Click, Frame, Record};
 use region::{Field, Region};
 use segment::Mark;
 use tessuto_core::camera::Rect;
@@ -51,12 +54,15 @@ use track::{Given, Tracked, track};
 /// What the masks are to be made from; what is not given is taken from the [`Record`] of an earlier time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Request {
-    /// Corners of the fabric in the first frame (column, row) `[px]`, in order around it; at least three.
+    /// Corners of the fabric in the first frame (column, row) `[px]`, in order around it; at least three. More than
+    /// four are its border as drawn, see [`Border`].
     pub outline: Option<Vec<[f64; 2]>>,
     /// Mask of the first frame, instead of an outline.
     pub first: Option<PathBuf>,
     /// Which of the objects in that mask is the fabric.
     pub object: Option<Object>,
+    /// Whether outline or mask are the border itself; by default a mask and an outline of more than four corners are.
+    pub border: Option<Border>,
     /// The place without the fabric, of the size of the frames.
     pub plate: Option<EmptyPlace>,
     /// Places to add to those kept.
@@ -106,12 +112,12 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let size = [clip.camera.width, clip.camera.height];
     refuse::clicks(&record.clicks, size, clip.paths.len())?;
     let mut notes = Vec::new();
-    let (first, rough) = start::first_frame(folder, request, &mut record, size, &mut notes)?;
-    let area = first.area() as f64;
+    let start = start::first_frame(folder, request, &mut record, size, &mut notes)?;
+    let area = start.region.area() as f64;
     let frames = Frames::read(&clip, area)?;
     progress(0.05);
     let given_plate = start::plate(folder, request, &mut record, &clip, &frames)?;
-    let mut first = shrunk(&first, &frames);
+    let mut first = shrunk(&start.region, &frames);
     let mut marks = marks(&record.clicks, &frames);
     let mut plate = given_plate;
     let recorded_size = frames.size;
@@ -127,12 +133,15 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     record.noise = (f64::from(noise) * 1e3).round() / 1e3;
     notes.extend(refuse::clip(frames, &first, noise, (origin, steadied.is_some()))?);
     record.notes = notes;
-    let given = Given { first, rough, plate, marks, largest_piece: record.largest_piece, noise };
+    let given = Given { first, drawn: start.drawn, plate, marks, largest_piece: record.largest_piece, noise };
     let mut tracked = track(frames, &given, &|part| progress(0.1 + 0.8 * part))
         .map_err(|n| refuse::lost(&clip.paths[n], n, origin))?;
-    refuse::outline(&given.first, &tracked, rough)?;
+    if !start.is_mask {
+        refuse::outline(&given.first, &tracked)?;
+    }
+    let binds = start.drawn == Drawn::Binds;
     let judgements = judge::judge(frames, &tracked, &given);
-    let fronts = front::take_out(frames, &mut tracked, noise);
+    let fronts = front::take_out(frames, &mut tracked, binds, noise);
     let mut coverage = coverages(frames, &tracked, noise);
     if let Some(steadied) = &steadied {
         coverage = coverage.par_iter().enumerate().map(|(n, coverage)| steadied.back(coverage, n)).collect();
@@ -140,11 +149,24 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let pixels = (recorded_size[0] * recorded_size[1]) as f64;
     let areas: Vec<f64> = tracked.regions.iter().map(|r| r.area() as f64 / pixels).collect();
     record.judged(&judgements, &fronts, &areas);
-    let enlarged = |k: usize| frames::enlarged(&coverage[k], frames.factor, size);
-    let outlines: Vec<String> =
-        (0..coverage.len()).into_par_iter().map(|k| page::outline(&coverage[k], frames.factor)).collect();
+    let before = steadied.as_ref().map_or([0; 2], Steadied::before);
+    let mask = |k: usize| {
+        let found = frames::enlarged(&coverage[k], frames.factor, size);
+        match k == 0 && binds {
+            true => {
+                let regions = [&given.first, &tracked.regions[0]];
+                drawn::mask(&start.coverage, found, regions, (frames.factor, size[0], before))
+            }
+            false => found,
+        }
+    };
+    let outline = |k: usize| match k == 0 && binds {
+        true => page::outline(&Field { rect: start.region.rect, data: mask(0) }, 1),
+        false => page::outline(&coverage[k], frames.factor),
+    };
+    let outlines: Vec<String> = (0..coverage.len()).into_par_iter().map(outline).collect();
     let page = page::page(&clip, &record, size, &outlines)?;
-    let files = files::write(folder, &record, &page, size, coverage.len(), &enlarged)?;
+    let files = files::write(folder, &record, &page, size, coverage.len(), &mask)?;
     progress(1.0);
     Ok(Made { record, files })
 }

@@ -346,7 +346,7 @@ fn carried(frames: &Frames, maps: Vec<DMat3>) -> Steadied {
 
 impl Steadied {
     /// Pixels that the canvas has before the first frame's.
-    fn before(&self) -> [usize; 2] {
+    pub fn before(&self) -> [usize; 2] {
         self.start.map(|v| -v as usize)
     }
 

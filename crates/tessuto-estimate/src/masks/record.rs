@@ -27,12 +27,28 @@ pub struct Click {
     pub inside: bool,
 }
 
+/// What the border is that was given for frame 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Border {
+    /// That of the fabric: the mask of frame 0 is what was drawn.
+    Drawn,
+    /// Near that of the fabric, which is found by colours.
+    Found,
+}
+
 /// What is known of the masks of a scene.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     format: String,
     /// Corners of the fabric in frame 0 `[px]`; none where it was given otherwise.
     pub outline: Option<Vec<[f64; 2]>>,
+    /// File of the scene with the mask of frame 0, where one was given.
+    #[serde(default)]
+    pub first: Option<String>,
+    /// What was said of the border that was given; none where nothing was.
+    #[serde(default)]
+    pub border: Option<Border>,
     /// File of the scene with the place without the fabric, where one was given.
     pub plate: Option<String>,
     /// In the order in which they were made.
@@ -69,6 +85,8 @@ impl Record {
         Self {
             format: FORMAT.to_owned(),
             outline: None,
+            first: None,
+            border: None,
             plate: None,
             clicks: Vec::new(),
             largest_piece: false,

@@ -203,10 +203,10 @@ fn other_masks(n: usize, origin: Origin) -> Hint {
 }
 
 /// Refuses an outline in which no fabric was found.
-pub(super) fn outline(drawn: &Region, tracked: &Tracked, rough: bool) -> Result<()> {
+pub(super) fn outline(drawn: &Region, tracked: &Tracked) -> Result<()> {
     let overlap = drawn.overlap(&tracked.regions[0]);
     let clear = clearness(&tracked.regions[0], &tracked.evidence[0]);
-    if !rough || (overlap >= FOUND.0 && clear >= FOUND.1) {
+    if overlap >= FOUND.0 && clear >= FOUND.1 {
         return Ok(());
     }
     Err(Error::input(

@@ -11,6 +11,8 @@ use super::region::{Field, Region};
 const SMOOTH: (f32, f32) = (3.0, 0.08);
 /// What it costs to leave the prediction by the whole band.
 const PREDICTION: f32 = 1.2;
+/// By how much that grows where fabric and background have one colour.
+const ALIKE: f32 = 12.0;
 /// Capacities are whole numbers: this many to one.
 const UNIT: f32 = 256.0;
 /// Radius around a click that is certain `[px]`.
@@ -31,7 +33,7 @@ pub(super) struct Segmented {
 
 /// Segments a frame; what lies beyond the band is as predicted.
 pub(super) fn segment(known: &Known, marks: &[Mark]) -> Segmented {
-    let Evidence { ratio, background } = evidence(known);
+    let Evidence { ratio, background, alike } = evidence(known);
     let rect = known.prior.rect;
     let (w, h) = (rect.width(), rect.height());
     // Numbers of the unknown pixels.
@@ -78,7 +80,8 @@ pub(super) fn segment(known: &Known, marks: &[Mark]) -> Segmented {
     for (k, &i) in unknown.iter().enumerate() {
         let distance = known.prior.data[i];
         let half = if distance > 0.0 { known.band[0] } else { known.band[1] };
-        let own = ratio.data[i] + PREDICTION * (distance / half);
+        let prediction = PREDICTION * (1.0 + ALIKE * alike.data[i]);
+        let own = ratio.data[i] + prediction * (distance / half);
         graph.add_terminal(k, (UNIT * own) as i32);
     }
     // All pixels of the rectangle: links to fixed ones go by either end.
@@ -126,7 +129,7 @@ fn signed(strength: i32, distance: f32) -> i32 {
 }
 
 /// Pixels of the rectangle around a click.
-fn certain(rect: tessuto_core::camera::Rect, mark: Mark) -> Vec<usize> {
+pub(super) fn certain(rect: tessuto_core::camera::Rect, mark: Mark) -> Vec<usize> {
     let mut pixels = Vec::new();
     for y in rect.y0..rect.y1 {
         if (y as f32 - mark.at[1]).abs() > CERTAIN {

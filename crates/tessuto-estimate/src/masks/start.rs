@@ -4,9 +4,10 @@ use std::path::Path;
 
 use glam::DVec2;
 
+use super::drawn::{self, Drawn};
 use super::frames::{self, Frames};
 use super::plate::Plate;
-use super::record::Record;
+use super::record::{Border, Record};
 use super::region::Region;
 use super::{EmptyPlace, Request, files, refuse};
 use crate::io::scene::{self, ColourFiles};
@@ -15,31 +16,69 @@ use tessuto_core::camera::Rect;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_render::raster::coverage::template_coverage;
 
-/// Where the fabric is in the first frame, and whether that is rough.
+/// Corners up to this many are those of a sheet, whose border bends between them.
+const CORNERS: usize = 4;
+
+/// Where the fabric is in the first frame.
+pub(super) struct First {
+    pub region: Region,
+    /// The same as coverage, shape [height · width].
+    pub coverage: Vec<f32>,
+    pub drawn: Drawn,
+    /// Whether it is a mask, not an outline that may be around the wrong thing.
+    pub is_mask: bool,
+}
+
+/// Where the fabric is in the first frame, and how far that is true.
 pub(super) fn first_frame(
     folder: &Path,
     request: &Request,
     record: &mut Record,
     size: [usize; 2],
     notes: &mut Vec<String>,
-) -> Result<(Region, bool)> {
+) -> Result<First> {
+    let given = request.first.is_some() || request.outline.is_some();
+    if given || request.border.is_some() {
+        record.border = request.border;
+    }
+    let drawn = |usual: Drawn| match (record.border, usual) {
+        (Some(Border::Drawn), _) => Drawn::Binds,
+        (Some(Border::Found), Drawn::Binds) => Drawn::Near,
+        (_, usual) => usual,
+    };
     let rect = Rect { x0: 0, y0: 0, x1: size[0], y1: size[1] };
-    if let Some(path) = &request.first {
-        let (mask, note) = mask::read_fabric(path, request.object.as_ref())?;
-        notes.extend(note);
+    let kept = record.first.as_ref().filter(|_| !given).map(|name| folder.join(name));
+    if let Some(path) = request.first.as_ref().or(kept.as_ref()) {
+        let object = request.object.as_ref().filter(|_| request.first.is_some());
+        let (mask, note) = mask::read_fabric(path, object)?;
         refuse::size(path, [mask.width, mask.height], size)?;
-        record.outline = None;
-        return Ok((Region { rect, inside: mask.data.iter().map(|v| *v >= 0.5).collect() }, false));
+        if request.first.is_some() {
+            notes.extend(note);
+            files::keep(folder, files::DRAWN, &mask)?;
+            (record.first, record.outline) = (Some(files::DRAWN.to_owned()), None);
+        }
+        let region = Region { rect, inside: mask.data.iter().map(|v| *v >= 0.5).collect() };
+        return Ok(First { region, coverage: mask.data, drawn: drawn(Drawn::Binds), is_mask: true });
     }
     if let Some(outline) = request.outline.clone() {
-        record.outline = Some(outline);
+        (record.first, record.outline) = (None, Some(outline));
     }
     if let Some(outline) = &record.outline {
         refuse::polygon(outline, size)?;
         let corners: Vec<DVec2> = outline.iter().map(|p| DVec2::from_array(*p)).collect();
-        return Ok((Region::polygon(&corners, size), true));
+        let region = Region::polygon(&corners, size);
+        let coverage = drawn::polygon_coverage(&corners, size);
+        let usual = if outline.len() > CORNERS { Drawn::Binds } else { Drawn::Corners };
+        let drawn = match drawn(usual) {
+            Drawn::Near => Drawn::Corners,
+            drawn => drawn,
+        };
+        return Ok(First { region, coverage, drawn, is_mask: false });
     }
-    Ok((Region { rect, inside: projection(folder)? }, true))
+    let inside = projection(folder)?;
+    let coverage = inside.iter().map(|i| f32::from(u8::from(*i))).collect();
+    let region = Region { rect, inside };
+    Ok(First { region, coverage, drawn: drawn(Drawn::Corners), is_mask: false })
 }
 
 /// The pixels of the first frame that the scene's template covers.
@@ -90,7 +129,7 @@ pub(super) fn plate(
         }
         None => return Ok(None),
     };
-    files::keep_plate(folder, &kept)?;
+    files::keep(folder, files::PLATE, &kept)?;
     record.plate = Some(files::PLATE.to_owned());
     Ok(Some(Plate::given(&read)))
 }

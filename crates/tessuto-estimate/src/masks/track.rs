@@ -4,6 +4,7 @@
 use rayon::prelude::*;
 
 use super::beyond::{FRAMES, behind};
+use super::drawn::{self, Drawn};
 use super::evidence::{Expected, Known};
 use super::flow::{Flow, flow};
 use super::frames::{Colours, Frames};
@@ -25,6 +26,8 @@ const MARGIN: f32 = 3.0;
 /// Pieces and holes smaller than these fractions of the fabric are none.
 const CRUMBS: f64 = 0.02;
 const PINHOLES: f64 = 0.002;
+/// The border of the fabric reaches so far out `[px]`.
+const BORDER: f32 = -0.5;
 /// Around a click, in whatever frame it was made, everything is looked at anew within this fraction of the size.
 const OPENED: f32 = 0.2;
 
@@ -32,8 +35,8 @@ const OPENED: f32 = 0.2;
 pub(super) struct Given {
     /// The fabric in the first frame, as drawn.
     pub first: Region,
-    /// Whether it may be wrong by more than a few pixels.
-    pub rough: bool,
+    /// How far it is true.
+    pub drawn: Drawn,
     pub plate: Option<Plate>,
     /// Places that were clicked, per frame.
     pub marks: Vec<Vec<Mark>>,
@@ -60,6 +63,8 @@ struct Tracker<'a> {
     /// Per frame: those given, and in the first frame those of what stays behind.
     marks: Vec<Vec<Mark>>,
     clicked: [Vec<[f32; 3]>; 2],
+    /// Colours near the border of what was drawn, where that binds.
+    rim: Vec<[f32; 3]>,
 }
 
 /// Finds the fabric in all frames. `progress` receives the fraction that is done. The number of the frame in which
@@ -75,10 +80,14 @@ pub(super) fn track(
         size: (given.first.area() as f32).sqrt(),
         marks: given.marks.clone(),
         clicked: clicked(frames, &given.marks),
+        rim: Vec::new(),
     };
+    if given.drawn == Drawn::Binds {
+        tracker.rim = drawn::rim(&frames.images[0], &given.first, tracker.band(AGAIN[0])[0]);
+    }
     let count = frames.images.len() as f64;
     let (mut regions, mut flows) = tracker.forward(&|n| progress(0.2 * n as f64 / count))?;
-    if given.rough {
+    if given.drawn == Drawn::Corners {
         let early = &regions[..regions.len().min(FRAMES + 1)];
         let distances: Vec<Field> = early.par_iter().map(|r| r.signed_distance(tracker.around(r))).collect();
         let behind = behind(&given.first, &distances, &flows);
@@ -136,13 +145,28 @@ impl Tracker<'_> {
     /// The first frame, from what was drawn.
     fn first(&self, plate: &Plate) -> Region {
         let mut region = self.given.first.clone();
-        let bands: &[[f32; 2]] = if self.given.rough { &[DRAWN, FOUND, FOUND] } else { &[NEXT] };
+        let bands: &[[f32; 2]] = match self.given.drawn {
+            Drawn::Corners => &[DRAWN, FOUND, FOUND],
+            Drawn::Near => &[NEXT],
+            // A click in this frame asks what is there.
+            Drawn::Binds if self.marks[0].is_empty() => &[],
+            Drawn::Binds => &[FOUND],
+        };
         for band in bands {
             let prior = self.opened(region.signed_distance(self.around(&region)), self.band(*band));
             let known = self.known(0, &prior, self.band(*band), plate, &[]);
             region = self.tidy(segment(&known, &self.marks[0]).region, 0);
         }
-        region
+        self.bound(region, 0)
+    }
+
+    /// What was found in frame `n`; what was drawn there, where that binds.
+    fn bound(&self, found: Region, n: usize) -> Region {
+        if n > 0 || self.given.drawn != Drawn::Binds {
+            return found;
+        }
+        let drawn = drawn::bound(&self.given.first, &found, &self.marks[0]);
+        if self.given.largest_piece { drawn.tidied(1.0, 0.0) } else { drawn }
     }
 
     fn known<'a>(
@@ -154,7 +178,16 @@ impl Tracker<'_> {
         expected: &'a [Expected<'a>],
     ) -> Known<'a> {
         let frame = &self.frames.images[n];
-        Known { frame, prior, band, plate, expected, noise: self.given.noise, clicked: &self.clicked }
+        Known {
+            frame,
+            prior,
+            band,
+            plate,
+            expected,
+            noise: self.given.noise,
+            clicked: &self.clicked,
+            rim: &self.rim,
+        }
     }
 
     /// The prediction, taken back where somebody clicked against it in any frame.
@@ -249,11 +282,12 @@ impl Tracker<'_> {
         let prior = self.opened(prior, self.band(band));
         let known = self.known(n, &prior, self.band(band), plate, &expected);
         let found = segment(&known, &self.marks[n]);
-        (self.tidy(found.region, n), found.evidence)
+        (self.bound(self.tidy(found.region, n), n), found.evidence)
     }
 }
 
-/// The colour of the fabric that comes from a place of another frame; none where it was not fabric there.
+/// The colour of the fabric that comes from a place of another frame; none where it was not fabric there. At the border
+/// that of the fabric beside it.
 fn expected<'a>(
     frame: &'a Colours,
     distance: &'a Field,
@@ -261,7 +295,19 @@ fn expected<'a>(
 ) -> Expected<'a> {
     Box::new(move |x, y| {
         let [x, y] = origin(x, y);
-        (distance.sample(x, y) > 1.0).then(|| frame.sample(x, y))
+        let d = distance.sample(x, y);
+        if d > 1.0 {
+            return Some((frame.sample(x, y), false));
+        }
+        if d < BORDER {
+            return None;
+        }
+        let slope = [
+            distance.sample(x + 1.0, y) - distance.sample(x - 1.0, y),
+            distance.sample(x, y + 1.0) - distance.sample(x, y - 1.0),
+        ];
+        let inward = (2.0 - d) / slope[0].hypot(slope[1]).max(1e-3);
+        Some((frame.sample(x + inward * slope[0], y + inward * slope[1]), true))
     })
 }
 

@@ -120,7 +120,7 @@ mod tests {
         let whole = Image { width: 640, height: 480, channels: 1, data: vec![1.0; 640 * 480] };
         let covered = tessuto_render::raster::coverage::template_coverage(&truth, &truth.positions, camera);
         let mask = Image { data: covered.iter().map(|c| f32::from(u8::from(*c))).collect(), ..whole };
-        let outline = Outline::new(&mask, "mask").unwrap();
+        let mut outline = Outline::new(&mask, "mask").unwrap();
         let corners = outline.corners();
         let found = locate(&camera, size, corners).unwrap();
         let mut mesh = patch(found.positions, [25, 21]);

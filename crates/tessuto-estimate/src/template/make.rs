@@ -77,9 +77,10 @@ pub fn from_rectangle(
     let (corners, outline, straight) = match corners {
         CornersFrom::Points(corners) => (corners, None, true),
         CornersFrom::Mask { mask, place, straight } => {
-            let outline = Outline::new(mask, place)?;
+            let mut outline = Outline::new(mask, place)?;
+            let corners = outline.corners();
             outline.notes.iter().for_each(|note| tell(format!("note: {note}")));
-            (outline.corners(), Some(outline), straight)
+            (corners, Some(outline), straight)
         }
     };
     let found = locate(camera, size, corners)?;

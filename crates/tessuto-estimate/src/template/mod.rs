@@ -1,6 +1,6 @@
 //! Templates: the mesh of the fabric in the first frame, from measurements or from other meshes.
 //!
-//! - a flat or nearly flat rectangle of known size: `outline`, `rectangle`, `hem`(mod@hem)
+//! - a flat or nearly flat rectangle of known size: `outline`, `hidden`, `rectangle`, `hem`(mod@hem)
 //! - any textured mesh, as a regular grid of quads: [`remesh`]; or as an irregular mesh of triangles:
 //!   [`irregular`](mod@irregular)
 //! - a depth map of the first frame: [`depth`]
@@ -15,6 +15,7 @@ pub mod fix;
 pub mod focal;
 pub mod gate;
 pub(crate) mod hem;
+mod hidden;
 pub mod irregular;
 pub mod make;
 pub(crate) mod outline;

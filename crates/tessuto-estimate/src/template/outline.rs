@@ -2,6 +2,7 @@
 
 use glam::DVec2;
 
+use super::hidden::mended;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::image::Image;
 use tessuto_render::raster::coverage::fill_triangle;
@@ -60,9 +61,30 @@ impl Outline {
         Ok(Self { points, inside, size, notes })
     }
 
-    /// The four corners `[px]` of the quadrilateral that fits the outline best: upper left, upper right, lower right,
-    /// lower left.
-    pub fn corners(&self) -> [DVec2; 4] {
+    /// The four corners `[px]` of the fabric: upper left, upper right, lower right, lower left. Those that are hidden
+    /// are where the sides meet; the outline then goes through them, and a note says so.
+    pub fn corners(&mut self) -> [DVec2; 4] {
+        let found = self.quadrilateral();
+        let is_shown = |p: DVec2| {
+            let (x, y) = (p.x.round(), p.y.round());
+            let in_picture = x >= 0.0 && y >= 0.0 && x < self.size[0] as f64 && y < self.size[1] as f64;
+            in_picture && !self.inside[y as usize * self.size[0] + x as usize]
+        };
+        let Some(mended) = mended(&self.points, found, is_shown) else { return found };
+        for k in mended.hidden {
+            let (name, p) =
+                (["upper left", "upper right", "lower right", "lower left"][k], mended.corners[k]);
+            self.notes.push(format!(
+                "the {name} corner is hidden; it is taken where the straight sides meet, at {:.1},{:.1}",
+                p.x, p.y
+            ));
+        }
+        self.points = mended.points;
+        mended.corners
+    }
+
+    /// The corners `[px]` of the quadrilateral that fits the outline best, clockwise from the upper left.
+    pub(super) fn quadrilateral(&self) -> [DVec2; 4] {
         let quad = widest_quad(&simplified(hull(&self.points), HULL_CORNERS));
         let refined = self.refined(quad);
         let corners = if self.overlap(refined) >= self.overlap(quad) { refined } else { quad };
@@ -133,7 +155,7 @@ fn spread(points: &[DVec2], (p, d): (DVec2, DVec2)) -> f64 {
 }
 
 /// Mean and main direction of `points`; `None` of fewer than 8.
-fn fit_line(points: &[DVec2]) -> Option<(DVec2, DVec2)> {
+pub(super) fn fit_line(points: &[DVec2]) -> Option<(DVec2, DVec2)> {
     if points.len() < 8 {
         return None;
     }
@@ -311,7 +333,7 @@ mod tests {
             [(40.3, 30.2), (161.7, 21.4), (170.1, 130.6), (31.8, 121.9)].map(|(x, y)| DVec2::new(x, y));
         // A pin that sticks out of a corner, and pieces elsewhere.
         let crumbs = |x: usize, y: usize| (160..163).contains(&x) && (19..24).contains(&y) || x < 3 && y < 3;
-        let outline = Outline::new(&painted(quad, crumbs), "mask").unwrap();
+        let mut outline = Outline::new(&painted(quad, crumbs), "mask").unwrap();
         assert_eq!(outline.notes.len(), 1, "{:?}", outline.notes);
         let found = outline.corners();
         for k in 0..4 {

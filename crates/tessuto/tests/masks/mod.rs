@@ -1,6 +1,7 @@
 //! Masks made from small clips: a printed cloth that moves over a wall with things on it, good clips and bad ones.
 
 mod among;
+mod drawn;
 mod moving;
 
 use std::path::Path;

@@ -75,7 +75,7 @@ pub fn from_depth(
     let (found, outline, straight) = match corners {
         CornersFrom::Points(corners) => (corners, None, true),
         CornersFrom::Mask { mask, place, straight } => {
-            let outline = Outline::new(mask, place)?;
+            let mut outline = Outline::new(mask, place)?;
             (outline.corners(), Some(outline), straight)
         }
     };
