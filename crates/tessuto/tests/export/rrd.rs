@@ -259,6 +259,7 @@ fn an_exported_result_is_read_back_as_it_was() {
             crop: Rect { x0: 100, y0: 40, x1: 164, y1: 88 },
             late: 0.004,
         }],
+        back: None,
         other_images: vec![images.clone()],
         crop: CROP,
         images,
