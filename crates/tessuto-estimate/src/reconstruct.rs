@@ -81,7 +81,6 @@ pub fn reconstruct(scene: &Scene, config: &Config, session: &mut Session) -> Res
         Method::Rollout => {
             let (parameters, failure) =
                 baselines::search(scene, &cloth, &rasterizer, &texture, config, session)?;
-            let back = scene.known.back.unwrap_or(Back::Same);
             Found { parameters, deviations: None, causes: None, made: None, back, failure }
         }
         Method::Spacetime => by_search(scene, &cloth, config, session)?,

@@ -6,7 +6,6 @@
 //! and of all colours; a back leaves many of one.
 
 use glam::Vec3;
-
 use rayon::prelude::*;
 
 use super::Problem;

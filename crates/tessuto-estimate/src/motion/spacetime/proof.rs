@@ -11,6 +11,7 @@ use crate::motion::observed::occlusion::Occlusion;
 use crate::motion::observed::outline_distance::OutlineDistance;
 use crate::motion::observed::samples::EdgePoint;
 use crate::motion::observed::silhouette::{FoldPoint, InnerEdge};
+use crate::motion::terms::outline::Outline;
 use crate::motion::terms::{FrameSystem, FrameTerms, Function, Term};
 use tessuto_core::camera::{Camera, Rect};
 use tessuto_core::image::Image;
@@ -99,8 +100,9 @@ fn with_search(test: impl FnOnce(&LevelSearch, &[Positions])) {
     let settings = SpacetimeSettings { resolution: 1e5, levels: 1, ..SpacetimeSettings::default() };
     let mut problem = Problem::new(&scene, &cloth, settings).unwrap();
     // And as if the left half of the image showed the back.
-    let back: Vec<bool> = (0..SIZE * SIZE).map(|i| 2 * (i % SIZE) < SIZE).collect();
-    problem.eyes[0].seams = vec![Some(OutlineDistance::of(&back, [SIZE; 2], 1)); FRAMES];
+    let Camera { width, height, .. } = problem.eyes[0].observed.views[0].camera;
+    let back: Vec<bool> = (0..width * height).map(|i| 2 * (i % width) < width).collect();
+    problem.eyes[0].seams = vec![Some(OutlineDistance::of(&back, [width, height], 1)); FRAMES];
     let frames = disturbed(&scene);
     let mut search = problem.at_level(0);
     search.update_references(&frames);
@@ -249,6 +251,17 @@ fn without_a_tail_shading_is_left_out() {
     let default = SpacetimeSettings::default();
     assert!(shading(default.clone()) > 0.0);
     assert_eq!(shading(SpacetimeSettings { shading_tail: 0.0, ..default }), 0.0);
+}
+
+#[test]
+fn a_border_over_the_other_side_is_compared_with_the_line_between_both() {
+    with_search(|search, frames| {
+        let terms: FrameTerms = search.terms(2);
+        let outline = &terms.outline.of[0];
+        let [with, without] = [outline.seam, None].map(|seam| Outline { seam, ..*outline }.value(&frames[2]));
+        println!("outline {with}, {without} without the line");
+        assert!(with > without);
+    });
 }
 
 #[test]
