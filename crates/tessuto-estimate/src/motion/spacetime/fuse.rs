@@ -6,7 +6,8 @@
 //! of the sheet and over adjacent frames; what is explained better by the other is taken from it, the seams are
 //! refined, and the outcome is the new present motion if its E is lower. So no proposal raises E; the error it may.
 //!
-//! Proposed are the motions that contended when all frames were refined, and reflected reliefs (`relief`).
+//! Proposed are the motions that contended when all frames were refined, and reflected reliefs (`relief`); and, as a
+//! whole, motions in which the worst stretch of frames is followed otherwise (`stretch`).
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,6 +18,7 @@ use super::joint::{Joint, POLICY};
 use super::noise::Asked;
 use super::refine::ANNEALED;
 use super::relief::RELIEFS;
+use super::stretch::MENDINGS;
 use super::{LevelSearch, Positions, Problem, acceleration};
 use crate::motion::terms::bend::NOMINAL_ARMS;
 use crate::session::{Epoch, Session, foreign_state, named};
@@ -27,16 +29,24 @@ const TIMES: usize = 2;
 
 /// What [`Problem::fuse`] goes on from.
 #[derive(Serialize, Deserialize)]
-struct Fused {
+pub(super) struct Fused {
     /// The present motion.
-    frames: Vec<Positions>,
+    pub(super) frames: Vec<Positions>,
     /// Its E.
     value: f64,
     /// Motions that were proposed so far.
     tried: usize,
     /// What the clip asks for, and vertices that stand still, by the motion that was there first.
-    asked: Asked,
+    pub(super) asked: Asked,
     still: Vec<u32>,
+}
+
+#[cfg(test)]
+impl Fused {
+    /// Nothing tried yet, by the settings' own spreads.
+    pub(super) fn of(frames: Vec<Positions>) -> Self {
+        Self { frames, value: 0.0, tried: 0, asked: Asked::default(), still: Vec::new() }
+    }
 }
 
 impl<'a> Problem<'a> {
@@ -48,7 +58,7 @@ impl<'a> Problem<'a> {
     /// observer returns.
     pub fn fuse(&self, frames: Vec<Positions>, pool: &Pool, session: &mut Session) -> Result<Vec<Positions>> {
         let others = if pool.agreed { &[][..] } else { &pool.motions };
-        let proposals = others.len() + RELIEFS.len();
+        let proposals = others.len() + RELIEFS.len() + MENDINGS.len();
         let mut fused: Fused = match session.restore("fuse")? {
             Some(fused) => fused,
             None => {
@@ -65,19 +75,12 @@ impl<'a> Problem<'a> {
         }
         let iterations = self.settings.iterations.div_ceil(2);
         while fused.tried < proposals {
-            let other = match others.get(fused.tried) {
-                Some(other) => other.clone(),
-                None => {
-                    let relief = RELIEFS[fused.tried - others.len()];
-                    let reflected = self.reflected(&fused.frames, relief);
-                    self.settled(&fused, reflected, 0.0, iterations)
+            if let Some(proposed) = self.proposed(&fused, others) {
+                let frames = self.settled(&fused, proposed, 1.0, iterations);
+                let value = self.value(&fused, &frames);
+                if value < fused.value {
+                    (fused.frames, fused.value) = (frames, value);
                 }
-            };
-            let joined = self.joined(&fused, &other);
-            let frames = self.settled(&fused, joined, 1.0, iterations);
-            let value = self.value(&fused, &frames);
-            if value < fused.value {
-                (fused.frames, fused.value) = (frames, value);
             }
             fused.tried += 1;
             let epoch = Epoch {
@@ -94,6 +97,22 @@ impl<'a> Problem<'a> {
         Ok(fused.frames)
     }
 
+    /// The motion that is proposed next, before its seams are refined.
+    fn proposed(&self, fused: &Fused, others: &[Vec<Positions>]) -> Option<Vec<Positions>> {
+        if let Some(other) = others.get(fused.tried) {
+            return Some(self.joined(fused, other));
+        }
+        let of_own = fused.tried - others.len();
+        match RELIEFS.get(of_own) {
+            Some(relief) => {
+                let reflected = self.reflected(&fused.frames, *relief);
+                let iterations = self.settings.iterations.div_ceil(2);
+                Some(self.joined(fused, &self.settled(fused, reflected, 0.0, iterations)))
+            }
+            None => self.mended(fused, MENDINGS[of_own - RELIEFS.len()]),
+        }
+    }
+
     /// E at `frames` as it is refined, but that every pixel counts once.
     fn value(&self, fused: &Fused, frames: &[Positions]) -> f64 {
         let mut search = self.search(fused);
@@ -106,7 +125,7 @@ impl<'a> Problem<'a> {
     }
 
     /// A search at the finest level, by what the clip asks for.
-    fn search(&self, fused: &Fused) -> LevelSearch<'_, 'a> {
+    pub(super) fn search(&self, fused: &Fused) -> LevelSearch<'_, 'a> {
         let mut search = self.at_level(0);
         search.still.clone_from(&fused.still);
         search.asked.clone_from(&fused.asked);
@@ -203,8 +222,7 @@ mod tests {
         let right = vec![scene.template.positions.clone(); scene.frames.len()];
         let by = DVec3::new(8e-3, 4e-3, 0.0);
         let [left, other] = [true, false].map(|side| spoiled(&right, side, by));
-        let (asked, still) = (Asked::default(), Vec::new());
-        let fused = Fused { frames: left.clone(), value: 0.0, tried: 0, asked, still };
+        let fused = Fused::of(left.clone());
         let joined = problem.joined(&fused, &other);
         println!("{} m off before, {} after", off(&left, &right), off(&joined, &right));
         assert_eq!(joined[0], right[0]);
@@ -257,7 +275,7 @@ mod tests {
         let whole = problem.fuse(left.clone(), &pool, &mut counting).unwrap();
         drop(counting);
         println!("{values:?}");
-        assert_eq!(values.len(), 1 + RELIEFS.len());
+        assert_eq!(values.len(), 1 + RELIEFS.len() + MENDINGS.len());
         assert!(values.is_sorted_by(|a, b| a >= b), "{values:?}");
         let folder = tempfile::tempdir().unwrap();
         let open = || Checkpoints::open(folder.path(), "scene".into(), std::time::Duration::ZERO);

@@ -92,7 +92,9 @@
 //!
 //! Of a part that is reflected along the view rays the image hardly changes: a dent is found for a bulge, and no
 //! small step leads from one to the other. So `fuse` proposes such motions, and those that contended, and takes from
-//! each what it explains better, vertex by vertex.
+//! each what it explains better, vertex by vertex. Where the pictures of a stretch of frames cost twice what they do
+//! before and after it, a part of the sheet was lost on the way and found again: then it proposes that stretch as
+//! followed from its end, and with a part of the sheet folded over (`stretch`, `fold`).
 //!
 //! Sheets that keep their lengths better than most are held to them more firmly after the first level of `refine`
 //! (`noise`). `track` takes the template for the shape at rest; in `refine` the shape at rest and the spread of
@@ -119,6 +121,7 @@ mod bent;
 pub mod best_path;
 pub mod deviation;
 mod eye;
+mod fold;
 mod followed;
 mod fuse;
 pub mod gain;
@@ -139,6 +142,7 @@ mod refine;
 mod relief;
 mod settings;
 mod still;
+mod stretch;
 mod track;
 #[cfg(test)]
 mod views;
