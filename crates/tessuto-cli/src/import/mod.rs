@@ -60,6 +60,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
             _ => arguments.lens.calibration_of(&arguments.input)?,
         },
         poses: arguments.poses.as_deref().map(read_path).transpose()?,
+        refine_poses: arguments.refine_poses,
         camera_motion: arguments.camera_motion.map(|motion| match motion {
             Motion::Estimate => CameraMotion::Estimate,
             Motion::Colmap => CameraMotion::Colmap(PathBuf::from("colmap")),

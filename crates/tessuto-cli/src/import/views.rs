@@ -78,6 +78,7 @@ fn view(
         masks,
         calibration,
         poses: None,
+        refine_poses: false,
         camera_motion: None,
         depths: None,
         template: None,

@@ -113,12 +113,66 @@ fn the_motion_of_a_camera_is_found_from_the_surroundings() {
     let [truth, found] = ["made", "scene"].map(|name| read_poses(&folder.join(name), 8).unwrap().unwrap());
     let turned: Vec<f64> = truth.iter().zip(&found).map(|(a, b)| a.apart(b)[0].to_degrees()).collect();
     println!("turned by {turned:.2?}°");
-    assert!(turned.iter().all(|angle| *angle < 2.0));
+    assert!(text.contains("poses are refined by") && turned.iter().all(|angle| *angle < 0.3), "{text}");
     assert!(!folder.join("scene/.colmap").exists());
     let without = ["import", "made/rgbs", "other", "--fx", "600", "--fps", "50", "--camera-motion", "colmap"];
     let mut command = Command::new(env!("CARGO_BIN_EXE_tessuto"));
     let output = command.args(without).current_dir(folder).output().unwrap();
     assert!(String::from_utf8_lossy(&output.stderr).contains("without masks"));
+}
+
+#[test]
+fn given_poses_are_refined_by_the_surroundings() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "6", "--size", "480", "--grid", "7x7", "--seed", "9"];
+    tessuto(folder, &[&made[..], &["--orbit", "6", "--shake", "5", "--surroundings"]].concat());
+    let truth = read_poses(&folder.join("made"), 6).unwrap().unwrap();
+    // Off by some tenths of a degree and some millimetres.
+    let off: Vec<[f64; 16]> = (0u32..)
+        .zip(&truth)
+        .map(|(n, pose)| {
+            let [x, y, z] = [1.0, 2.3, 3.1].map(|k| 4e-3 * (k * f64::from(n * n + 1)).sin());
+            let [c, s] = [y.cos(), y.sin()];
+            let step = [1.0, 0.0, 0.0, x, 0.0, c, -s, y, 0.0, s, c, z, 0.0, 0.0, 0.0, 1.0];
+            Pose::from_rows(&step).after(pose).rows()
+        })
+        .collect();
+    let text = serde_json::json!({ "camera_from_world": off }).to_string();
+    std::fs::write(folder.join("off.json"), text).unwrap();
+    let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
+    let camera = ["--fx", "600", "--cx", "239.5", "--cy", "239.5", "--fps", "50", "--poses", "off.json"];
+    let worst = |said: &str| {
+        let found = read_poses(&folder.join("scene"), 6).unwrap().unwrap();
+        // Places by the best scale: the unit is no better than the given one.
+        let pairs = || truth.iter().zip(&found);
+        let places = pairs().map(|(a, b)| (a.inverse().translation, b.inverse().translation));
+        let [both, own] =
+            places.clone().fold([0.0; 2], |[both, own], (a, b)| [both + a.dot(b), own + b.length_squared()]);
+        let moved = places.map(|(a, b)| a.distance(both / own * b)).fold(0.0, f64::max);
+        let turned = pairs().map(|(a, b)| a.apart(b)[0]).fold(0.0, f64::max);
+        println!("{said}: {:.3}°, {:.2} mm", turned.to_degrees(), 1e3 * moved);
+        [turned.to_degrees(), 1e3 * moved]
+    };
+    tessuto(folder, &[&import[..], &camera].concat());
+    let [turned, moved] = worst("given");
+    assert!(turned > 0.2 && moved > 3.0);
+    let text = tessuto(folder, &[&import[..], &camera, &["--refine-poses", "--force"]].concat());
+    println!("{text}");
+    assert!(text.contains("poses are refined by") && text.contains("before to"), "{text}");
+    let [turned, moved] = worst("refined");
+    assert!(turned < 0.1 && moved < 3.5, "{turned} {moved}");
+
+    // Nothing is to be seen around this one.
+    tessuto(folder, &["synth", "dark", "--frames", "6", "--size", "96", "--grid", "5x5", "--shake", "10"]);
+    let import = ["import", "dark/rgbs", "other", "--masks", "dark/masks", "--fx", "120", "--fps", "50"];
+    let output = Command::new(env!("CARGO_BIN_EXE_tessuto"))
+        .args([&import[..], &["--poses", "dark/poses.json", "--refine-poses"]].concat())
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && text.contains("take the poses as they are given"), "{text}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ mod lens;
 mod masks;
 mod matrix;
 mod metadata;
+mod moving;
 mod names;
 mod nerfstudio;
 mod opencv;
@@ -31,14 +32,13 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 
 use crate::io::mask::Object;
-use crate::io::scene::{moving, set_gravity, write_manifest, write_poses};
+use crate::io::scene::write_manifest;
 use crate::io::{model, obj};
 use frames::{Kind, Source};
-use path::Inputs;
+use moving::Moving;
 use stage::Stage;
-use tessuto_core::camera::{Camera, Pose};
+use tessuto_core::camera::Camera;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
-use tessuto_core::scene::PoseUnit;
 
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::{camera_files, read_calibration};
@@ -89,6 +89,8 @@ pub struct Settings {
     pub calibration: Calibration,
     /// Where the camera was in every frame of the input, if it moved.
     pub poses: Option<CameraPath>,
+    /// Whether these are refined by what stands still around the fabric; needs masks.
+    pub refine_poses: bool,
     /// What is to find that from the surroundings of the fabric.
     pub camera_motion: Option<CameraMotion>,
     /// Metres in one unit of its lengths, in place of what its file says.
@@ -183,28 +185,16 @@ pub fn import(
     write_manifest(folder, name, fps, colours.frames.len(), &camera, origin)?;
     let first = settings.frames.as_ref().map_or(0, |range| range.start);
     let chosen: Vec<usize> = (0..colours.frames.len()).map(|k| first + k * settings.stride).collect();
-    let mut poses = None;
-    let all: Vec<usize> = (0..chosen.len()).collect();
-    match &settings.camera_motion {
-        Some(CameraMotion::Colmap(program)) => {
-            let path = path::by_colmap(program, folder, &camera, chosen.len(), progress)?;
-            let written = all.iter().map(|k| PathBuf::from(format!("rgb_{k:03}.png"))).collect::<Vec<_>>();
-            let inputs = Inputs { names: Some(&written), count: all.len() };
-            poses = Some(write_path(settings, &path, &inputs, &all, folder, &mut notes)?);
-        }
-        Some(CameraMotion::Estimate) => {
-            let (path, found) = path::from_clip(folder, &camera, chosen.len(), progress)?;
-            notes.push(found);
-            let inputs = Inputs { names: None, count: all.len() };
-            poses = Some(write_path(settings, &path, &inputs, &all, folder, &mut notes)?);
-        }
-        None => {
-            if let Some(path) = &settings.poses {
-                let inputs = inputs(settings, &source, colours.read, path)?;
-                poses = Some(write_path(settings, path, &inputs, &chosen, folder, &mut notes)?);
-            }
-        }
-    }
+    let moving = Moving {
+        settings,
+        source: &source,
+        read: colours.read,
+        camera: &camera,
+        chosen: &chosen,
+        folder,
+        said: progress,
+    };
+    let poses = moving.write(&mut notes)?;
     if let Some(path) = &settings.depths {
         depths::write(settings, path, &chosen, counted(settings, &source, colours.read), folder)?;
     }
@@ -237,7 +227,7 @@ fn validate(settings: &Settings) -> Result<()> {
             "images are not resampled: give one of them",
         )?;
     }
-    if settings.camera_motion.is_some() && settings.masks == Masks::Later {
+    if (settings.camera_motion.is_some() || settings.refine_poses) && settings.masks == Masks::Later {
         let hint =
             "masks that are made from a clip need a camera that stands still: give masks of a segmenter";
         return Err(Error::usage("the camera's motion, without masks", hint));
@@ -252,57 +242,9 @@ fn validate(settings: &Settings) -> Result<()> {
     Ok(())
 }
 
-/// The frames that a file of poses is to pair with.
-fn inputs<'a>(settings: &Settings, source: &'a Source, read: usize, path: &CameraPath) -> Result<Inputs<'a>> {
-    let names = match &source.kind {
-        Kind::Images(images) => Some(&images[..]),
-        Kind::Video(_) if settings.fps.is_some() => {
-            return Err(Error::usage(
-                "poses of a video that is resampled",
-                "leave the frame rate out: there is one pose for each frame as it was filmed",
-            ));
-        }
-        Kind::Video(_) => None,
-    };
-    Ok(Inputs { names, count: counted(settings, source, read).unwrap_or(path.len()) })
-}
-
 /// Number of frames of the input, of which this many were `read`; of a video that was not read to its end nobody knows.
 fn counted(settings: &Settings, source: &Source, read: usize) -> Option<usize> {
     (settings.frames.is_none() || matches!(source.kind, Kind::Images(_))).then_some(read)
-}
-
-/// Writes where the camera was in the frames `chosen`, in the frame of the first one, and which way is down where that
-/// is known. Returns the poses in the world of `path`.
-fn write_path(
-    settings: &Settings,
-    path: &CameraPath,
-    inputs: &Inputs,
-    chosen: &[usize],
-    folder: &Path,
-    notes: &mut Vec<String>,
-) -> Result<Vec<Pose>> {
-    let (there, down) = path.of(inputs, chosen, settings)?;
-    if let Some(down) = down {
-        set_gravity(folder, down)?;
-    }
-    let Some(poses) = moving(&there) else {
-        notes.push("the camera stands still in all of its poses".to_owned());
-        return Ok(there);
-    };
-    let unit = path.unit(settings);
-    write_poses(folder, &poses, unit)?;
-    let far = poses
-        .iter()
-        .map(|pose| pose.apart(&poses[0]))
-        .fold([0.0; 2], |most: [f64; 2], way| [most[0].max(way[0]), most[1].max(way[1])]);
-    let what = if unit == PoseUnit::Unknown { "units, whose length is found with the motion," } else { "m" };
-    notes.push(format!(
-        "the camera moves by up to {:.3} {what} and turns by up to {:.1}° from where it is in the first frame",
-        far[1],
-        far[0].to_degrees()
-    ));
-    Ok(there)
 }
 
 /// Copies or converts the mesh at `path` to template.obj.

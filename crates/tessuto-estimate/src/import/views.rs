@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use super::frames::Source;
+use super::moving::inputs;
 use super::path::{CameraPath, Inputs};
-use super::{Imported, Settings, import, inputs};
+use super::{Imported, Settings, import};
 use crate::io::scene::{ListedView, write_poses, write_views};
 use tessuto_core::camera::Pose;
 use tessuto_core::error::{Error, Hint, Remedy, Result};
@@ -121,7 +122,7 @@ fn placed(view: &ViewSettings, first: Option<&[Pose]>, frames: usize) -> Result<
                     (inputs(settings, &source, read, path)?, chosen)
                 }
             };
-            let (poses, _) = path.of(&inputs, &chosen, settings)?;
+            let (poses, _) = path.of(&inputs, &chosen)?.poses(settings);
             Ok((poses.iter().map(|pose| pose.after(&back)).collect(), unit))
         }
     }

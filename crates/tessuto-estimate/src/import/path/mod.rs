@@ -23,7 +23,7 @@ const MOST: u64 = 256 << 20;
 /// Poses that a message names at most.
 const NAMED: usize = 3;
 
-pub use estimate::{by_colmap, from_clip};
+pub use estimate::{by_colmap, from_clip, refined, refined_or_not};
 
 /// One pose of a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -133,33 +133,36 @@ impl CameraPath {
         if self.metric || settings.pose_scale.is_some() { PoseUnit::Metres } else { PoseUnit::Unknown }
     }
 
-    /// camera_from_world of the frames `chosen` of the input, and the direction of gravity in the frame of
-    /// the first of them, where the file tells it. Paired by name, else by number, else one by one.
+    /// The poses of the frames `chosen` of the input alone, in their order. Paired by name, else by number, else one by
+    /// one.
     ///
     /// # Errors
     /// [`Error::Input`] if frames have no pose.
-    pub(super) fn of(
-        &self,
-        inputs: &Inputs,
-        chosen: &[usize],
-        settings: &Settings,
-    ) -> Result<(Vec<Pose>, Option<DVec3>)> {
-        let scale = settings.pose_scale.unwrap_or(1.0);
+    pub(super) fn of(&self, inputs: &Inputs, chosen: &[usize]) -> Result<Self> {
         let of = self.pairing(inputs)?;
-        let pose = |n: &usize| {
-            let found = of(*n).ok_or_else(|| {
+        let entry = |n: &usize| {
+            of(*n).cloned().ok_or_else(|| {
                 let of_image =
                     inputs.names.and_then(|names| names.get(*n)).map(|path| format!(" ({})", name(path)));
                 let problem = format!("has no pose of frame {n}{}", of_image.unwrap_or_default());
                 let hint = Hint::from("leave out the frames that have none, or estimate their poses, too");
                 Error::input(&self.place, problem, hint.with(Remedy::Frames(None)))
-            })?;
-            let pose = found.camera_from_world;
-            Ok(Pose { translation: pose.translation * scale, ..pose })
+            })
         };
-        let poses: Vec<Pose> = chosen.iter().map(pose).collect::<Result<_>>()?;
+        Ok(Self { entries: chosen.iter().map(entry).collect::<Result<_>>()?, ..self.clone() })
+    }
+
+    /// camera_from_world of all poses, scaled as `settings` say, and the direction of gravity in the frame of the first
+    /// of them, where the file tells it.
+    pub(super) fn poses(&self, settings: &Settings) -> (Vec<Pose>, Option<DVec3>) {
+        let scale = settings.pose_scale.unwrap_or(1.0);
+        let of_entry = |entry: &Entry| {
+            let pose = entry.camera_from_world;
+            Pose { translation: pose.translation * scale, ..pose }
+        };
+        let poses: Vec<Pose> = self.entries.iter().map(of_entry).collect();
         let down = self.up.map(|up| poses[0].rotation * -up);
-        Ok((poses, down))
+        (poses, down)
     }
 
     /// Which entry is of a frame of the input.

@@ -39,6 +39,7 @@ fn settings(pose_scale: Option<f64>) -> Settings {
         largest_piece: false,
         calibration: super::super::Calibration::assumed(),
         poses: None,
+        refine_poses: false,
         camera_motion: None,
         pose_scale,
         depths: None,
@@ -67,7 +68,7 @@ fn read(name: &str, bytes: &[u8], pose_scale: Option<f64>) -> Result<(Vec<Pose>,
     let path = read_path(&path)?;
     assert_eq!(by_folder.unwrap(), path.entries);
     let names: Vec<PathBuf> = (0..3).map(|n| PathBuf::from(format!("clip/img_{n}.png"))).collect();
-    path.of(&Inputs { names: Some(&names), count: 3 }, &[0, 1, 2], &settings(pose_scale))
+    Ok(path.of(&Inputs { names: Some(&names), count: 3 }, &[0, 1, 2])?.poses(&settings(pose_scale)))
 }
 
 #[test]
@@ -157,7 +158,7 @@ fn recordings_of_phones() {
     let path = read_path(folder.path()).unwrap();
     let names: Vec<PathBuf> =
         (0..3).map(|n| PathBuf::from(format!("keyframes/images/{}.jpg", 900 + n))).collect();
-    let found = path.of(&Inputs { names: Some(&names), count: 3 }, &[2, 0], &settings(None)).unwrap().0;
+    let found = path.of(&Inputs { names: Some(&names), count: 3 }, &[2, 0]).unwrap().poses(&settings(None)).0;
     same(&found, &[poses[2], poses[0]]);
 }
 
@@ -170,7 +171,7 @@ fn poses_that_are_not_of_the_frames_are_refused() {
     let file = folder.path().join("poses.json");
     std::fs::write(&file, text).unwrap();
     let path = read_path(&file).unwrap();
-    let error = path.of(&Inputs { names: None, count: 5 }, &[0], &settings(None)).unwrap_err().to_string();
+    let error = path.of(&Inputs { names: None, count: 5 }, &[0]).unwrap_err().to_string();
     assert!(error.contains("3 poses") && error.contains("5 frames"), "{error}");
     std::fs::write(&file, "{}").unwrap();
     let error = read_path(&file).unwrap_err().to_string();

@@ -8,7 +8,8 @@
 //!   Σ_v r_v² / (r_v² + ε²), r_v² = mean over n of ‖(x_nv − x_0v) + s (C_n − C_0)‖²,
 //!
 //! is lowest: vertices that come to rest count, by how far they do not, and those that move anyway do not. What rest
-//! is, the vertex tells that rests best: ε is twice its r.
+//! is, the vertex tells that rests best: ε is its r. By how much that does not rest is also how well s is known. No
+//! edge is held still while it is looked for: what is held rests with any length that it is held with.
 
 use glam::DVec3;
 
@@ -24,12 +25,14 @@ const REST: f64 = 2e-4;
 /// A length that nothing of the sheet tells is used, too, if it leaves the camera's place uncertain by less than this
 /// part of the sheet's size: a hand that shakes.
 const SHORT: f64 = 0.02;
+/// Spread of vertices that stand still `[m]`: they are not held.
+const NOT_HELD: f64 = 1e6;
 /// How often the sheet is followed, from then on with the path's length found so far; in the end it is refined, too.
 const PASSES: usize = 2;
 /// Rounds of weights.
 const ROUNDS: usize = 50;
 
-/// A length, and its standard deviation by what moves the vertices that move least `[m]`.
+/// A length, and its standard deviation by how far the vertex moves that moves least `[m]`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Length {
     metres: f64,
@@ -64,6 +67,7 @@ pub fn scaled(scene: &Scene, cloth: &Cloth, settings: &SpacetimeSettings) -> Res
         Scene { poses, more, pose_unit: PoseUnit::Found { length, sd }, ..scene.clone() }
     };
     let path: Vec<DVec3> = poses.iter().map(|pose| pose.in_world(DVec3::ZERO)).collect();
+    let settings = SpacetimeSettings { still: NOT_HELD, ..settings.clone() };
     let mut found = Length { metres: 0.0, sd: 0.0 };
     for pass in 0..PASSES {
         // By the first camera alone: until the unit is known, others would see the sheet elsewhere. Of a long clip by
@@ -105,24 +109,23 @@ fn best(frames: &[Positions], path: &[DVec3], size: f64) -> Length {
     let rest = |s: f64, (a, b): &(f64, f64)| (a + 2.0 * b * s + c * s * s).max(0.0);
     let epsilon = |s: f64| {
         let least = of.iter().map(|ab| rest(s, ab)).fold(f64::INFINITY, f64::min);
-        4.0 * least + (REST * size).powi(2)
+        least + (REST * size).powi(2)
     };
     // Where most of the sheet rests best, which has no ε yet; then among what rests there.
     let value = |s: f64| of.iter().map(|ab| ((REST * size).powi(2) + rest(s, ab)).ln()).sum::<f64>();
     let starts = of.iter().map(|(_, b)| -b / c);
     let mut s = starts.min_by(|p, q| value(*p).total_cmp(&value(*q))).unwrap_or(0.0);
-    let mut sd = 0.0;
     for _ in 0..ROUNDS {
         let epsilon = epsilon(s);
         let weigh = |ab: &(f64, f64)| {
             let weight = (1.0 + rest(s, ab) / epsilon).powi(-2);
-            [weight, -weight * ab.1 / c, weight * rest(s, ab)]
+            [weight, -weight * ab.1 / c]
         };
-        let [all, sum, rests] =
-            of.iter().map(weigh).fold([0.0; 3], |a, b| std::array::from_fn(|k| a[k] + b[k]));
-        (s, sd) = (sum / all, (rests / all / c).sqrt());
+        let [all, sum] = of.iter().map(weigh).fold([0.0; 2], |a, b| std::array::from_fn(|k| a[k] + b[k]));
+        s = sum / all;
     }
-    Length { metres: s, sd }
+    let least = of.iter().map(|ab| rest(s, ab)).fold(f64::INFINITY, f64::min);
+    Length { metres: s, sd: (least / c).sqrt() }
 }
 
 #[cfg(test)]

@@ -1,17 +1,19 @@
 //! The poses and points that explain best where windows were seen (bundle adjustment: B. Triggs and others, 2000), by
 //! Gauss and Newton's method; points are eliminated, so that the system is one of poses.
 //!
-//!   E = Σ over windows and frames of (ν + 2)/2 ln(1 + ‖W (p_observed − p)‖² / (ν σ²)) + ½ Σ (ρ − 1)²/s²,
+//!   E = Σ over windows and frames of (ν + 2)/2 ln(1 + ‖W (p_observed − p)‖² / (ν σ²)) + ½ Σ (ρ − ρ̄)²/s²,
 //!
 //! Student's t for both coordinates, whose tails leave aside what moves by itself; W is a window's own certainty, and
 //! where it was first seen is one more observation of it. The prior of the inverse depths ρ also sets the length of a
-//! unit: one over their mean, about.
+//! unit: ρ̄ is 1. Poses that are given set it else, and add, of every frame but the first, which is fixed,
+//!
+//!   ½ ‖log(R R_givenᵀ)‖²/s_R² + ½ ‖c − c_given‖²/s_c² with the camera's place c = −Rᵀt.
 
 use rayon::prelude::*;
 
 use super::observed::{Point, observed, place, stepped};
 use super::track::Track;
-use glam::{DMat3, DVec2, DVec3};
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::math::minimise::{Model, Policy};
 use tessuto_core::math::root::Root;
@@ -37,6 +39,8 @@ const POLICY: Policy = Policy {
 pub(super) enum Freedom {
     /// No pose.
     Still,
+    /// No pose, but depths.
+    Depths,
     /// Rotations.
     Turns,
     /// Rotations, translations, depths.
@@ -48,9 +52,14 @@ impl Freedom {
     pub fn unknowns(self) -> [usize; 2] {
         match self {
             Self::Still => [0, 2],
+            Self::Depths => [0, 3],
             Self::Turns => [3, 2],
             Self::All => [6, 3],
         }
+    }
+
+    fn has_depths(self) -> bool {
+        self.unknowns()[1] == 3
     }
 }
 
@@ -68,6 +77,59 @@ pub(super) struct Bundle<'a> {
     pub freedom: Freedom,
     /// σ², in units of the windows' own variances.
     pub variance: f64,
+    pub given: Option<Given>,
+    /// Mean of the inverse depths, about.
+    pub usual: f64,
+}
+
+/// Poses that are known, but not exactly.
+#[derive(Debug, Clone)]
+pub(super) struct Given {
+    pub poses: Vec<Pose>,
+    /// s_R² `[rad²]` and s_c², of each coordinate.
+    pub variances: [f64; 2],
+}
+
+impl Given {
+    /// How far a pose is off, by rotation `[rad]` and place.
+    pub fn off(&self, n: usize, pose: &Pose) -> [DVec3; 2] {
+        let given = &self.poses[n];
+        let turn = DQuat::from_mat3(&(pose.rotation * given.rotation.transpose())).to_scaled_axis();
+        [turn, pose.in_world(DVec3::ZERO) - given.in_world(DVec3::ZERO)]
+    }
+
+    fn value(&self, poses: &[Pose]) -> f64 {
+        let of = |(n, pose): (usize, &Pose)| {
+            let off = self.off(n, pose);
+            (0..2).map(|k| 0.5 * off[k].length_squared() / self.variances[k]).sum::<f64>()
+        };
+        poses.iter().enumerate().skip(1).map(of).sum()
+    }
+
+    /// Adds to the normal equations of all six unknowns of every pose but the first.
+    fn add(&self, poses: &[Pose], matrix: &mut [f64], gradient: &mut [f64]) {
+        let size = gradient.len();
+        for (n, pose) in poses.iter().enumerate().skip(1) {
+            let off = self.off(n, pose);
+            // c = −Rᵀ exp(−ω) (t + τ). The rotation's gradient is the vector itself, which the Jacobian of log keeps.
+            let back = pose.rotation.transpose();
+            let axes = [DVec3::X, DVec3::Y, DVec3::Z];
+            let by_turn = axes.map(|axis| back * axis.cross(pose.translation));
+            let by_step = axes.map(|axis| -(back * axis));
+            let place: Vec<DVec3> = by_turn.into_iter().chain(by_step).collect();
+            let start = 6 * (n - 1);
+            for j in 0..6 {
+                gradient[start + j] += place[j].dot(off[1]) / self.variances[1];
+                for k in 0..6 {
+                    matrix[(start + j) * size + start + k] += place[j].dot(place[k]) / self.variances[1];
+                }
+            }
+            for j in 0..3 {
+                gradient[start + j] += off[0][j] / self.variances[0];
+                matrix[(start + j) * size + start + j] += 1.0 / self.variances[0];
+            }
+        }
+    }
 }
 
 /// Of one track: the normal equations of its point, and what joins it to poses.
@@ -113,12 +175,13 @@ impl Bundle<'_> {
             self.squares(state, t).map(cost).sum::<f64>() + self.prior(&state.points[t])
         };
         let values: Vec<f64> = (0..self.tracks.len()).into_par_iter().map(of_track).collect();
-        values.iter().sum()
+        let of_given = self.given.as_ref().map_or(0.0, |given| given.value(&state.poses));
+        values.iter().sum::<f64>() + of_given
     }
 
     fn prior(&self, point: &Point) -> f64 {
-        let off = (point.inverse_depth - 1.0) / DEPTHS;
-        if self.freedom == Freedom::All { 0.5 * off * off } else { 0.0 }
+        let off = (point.inverse_depth - self.usual) / DEPTHS;
+        if self.freedom.has_depths() { 0.5 * off * off } else { 0.0 }
     }
 
     /// σ² for which the residuals at `state` are likeliest.
@@ -157,6 +220,61 @@ impl Bundle<'_> {
         likelihood + unknowns + poses.sum::<f64>()
     }
 
+    /// The normal equations of the poses alone, damped.
+    fn reduced(&self, system: &System, lambda: f64) -> (Root, Vec<f64>) {
+        let size = system.size;
+        let of_pose = self.freedom.unknowns()[0];
+        // What the points' elimination takes off matrix and gradient.
+        let part = |tracks: &Vec<Eliminated>| {
+            let (mut matrix, mut right) = (vec![0.0; size * size], vec![0.0; size]);
+            for track in tracks {
+                let inverse = track.damped(lambda).inverse();
+                for (a, rows) in &track.joined {
+                    let carried = rows.map(|row| inverse * row);
+                    for k in 0..of_pose {
+                        right[(a - 1) * of_pose + k] -= carried[k].dot(track.gradient);
+                    }
+                    for (b, others) in &track.joined {
+                        add(&mut matrix, size, [*a, *b], of_pose, |j, k| -carried[j].dot(others[k]));
+                    }
+                }
+            }
+            (matrix, right)
+        };
+        let parts: Vec<_> = system.tracks.par_iter().map(part).collect();
+        let (matrices, rights): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        let mut matrix = sum(matrices.into_iter().chain([system.matrix.clone()]));
+        let right = sum(rights.into_iter().chain([system.gradient.clone()]));
+        for k in 0..size {
+            matrix[k * size + k] += lambda * system.matrix[k * size + k] + 1e-12;
+        }
+        (Root::of(&matrix, size), right)
+    }
+
+    /// Mean variances of every coordinate of the rotations and of the places of all poses but the first, as far as the
+    /// windows and the given poses know them.
+    pub fn uncertainty(&mut self, state: &State) -> [f64; 2] {
+        let (_, system) = self.linearise(state);
+        let (root, _) = self.reduced(&system, 0.0);
+        let mut sums = [0.0; 2];
+        for k in 0..system.size {
+            // Rows of a pose by which its rotation and its place change: the latter by R c' = −τ + ω × t.
+            let (n, k) = (k / 6, k % 6);
+            let t = state.poses[n + 1].translation;
+            let axis = DVec3::AXES[k % 3];
+            let mut row = vec![0.0; system.size];
+            if k < 3 {
+                row[6 * n + k] = 1.0;
+            } else {
+                let by_turn = t.cross(axis);
+                row[6 * n..6 * n + 3].copy_from_slice(&by_turn.to_array());
+                row[6 * n + k] = -1.0;
+            }
+            sums[k / 3] += root.solve(&row).iter().zip(&row).map(|(a, b)| a * b).sum::<f64>();
+        }
+        sums.map(|sum| sum / (system.size / 2).max(1) as f64)
+    }
+
     /// A track's normal equations; those of the poses are added to `matrix` and `gradient`.
     fn eliminated(&self, state: &State, t: usize, matrix: &mut [f64], gradient: &mut [f64]) -> Eliminated {
         let (track, point) = (&self.tracks[t], &state.points[t]);
@@ -171,12 +289,11 @@ impl Bundle<'_> {
         out.matrix.x_axis += certain.x_axis.extend(0.0);
         out.matrix.y_axis += certain.y_axis.extend(0.0);
         out.gradient += (first * (back * r)).extend(0.0);
-        match self.freedom {
-            Freedom::All => {
-                out.matrix.z_axis.z += DEPTHS.powi(-2);
-                out.gradient.z += (point.inverse_depth - 1.0) / (DEPTHS * DEPTHS);
-            }
-            _ => out.matrix.z_axis.z = 1.0,
+        if self.freedom.has_depths() {
+            out.matrix.z_axis.z += DEPTHS.powi(-2);
+            out.gradient.z += (point.inverse_depth - self.usual) / (DEPTHS * DEPTHS);
+        } else {
+            out.matrix.z_axis.z = 1.0;
         }
         let whitened = |rows: [[f64; 6]; 2]| -> [[f64; 6]; 2] {
             std::array::from_fn(|i| {
@@ -279,37 +396,17 @@ impl Model for Bundle<'_> {
             matrices.push(matrix);
             gradients.push(gradient);
         }
-        (self.value(state), System { size, tracks, matrix: sum(matrices), gradient: sum(gradients) })
+        let (mut matrix, mut gradient) = (sum(matrices), sum(gradients));
+        if let Some(given) = &self.given {
+            given.add(&state.poses, &mut matrix, &mut gradient);
+        }
+        (self.value(state), System { size, tracks, matrix, gradient })
     }
 
     fn step(&mut self, at: &State, system: &System, lambda: f64) -> Option<(State, f64)> {
-        let size = system.size;
         let of_pose = self.freedom.unknowns()[0];
-        // What the points' elimination takes off matrix and gradient.
-        let part = |tracks: &Vec<Eliminated>| {
-            let (mut matrix, mut right) = (vec![0.0; size * size], vec![0.0; size]);
-            for track in tracks {
-                let inverse = track.damped(lambda).inverse();
-                for (a, rows) in &track.joined {
-                    let carried = rows.map(|row| inverse * row);
-                    for k in 0..of_pose {
-                        right[(a - 1) * of_pose + k] -= carried[k].dot(track.gradient);
-                    }
-                    for (b, others) in &track.joined {
-                        add(&mut matrix, size, [*a, *b], of_pose, |j, k| -carried[j].dot(others[k]));
-                    }
-                }
-            }
-            (matrix, right)
-        };
-        let parts: Vec<_> = system.tracks.par_iter().map(part).collect();
-        let (matrices, rights): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
-        let mut matrix = sum(matrices.into_iter().chain([system.matrix.clone()]));
-        let right = sum(rights.into_iter().chain([system.gradient.clone()]));
-        for k in 0..size {
-            matrix[k * size + k] += lambda * system.matrix[k * size + k] + 1e-12;
-        }
-        let step: Vec<f64> = Root::of(&matrix, size).solve(&right).iter().map(|v| -v).collect();
+        let (root, right) = self.reduced(system, lambda);
+        let step: Vec<f64> = root.solve(&right).iter().map(|v| -v).collect();
         let mut next = at.clone();
         let moved = |frame: usize| &step[(frame - 1) * of_pose..frame * of_pose];
         for (frame, pose) in next.poses.iter_mut().enumerate().skip(1).filter(|_| of_pose > 0) {
@@ -324,7 +421,7 @@ impl Model for Bundle<'_> {
             });
             let change = -(track.damped(lambda).inverse() * (track.gradient + of_poses));
             point.at += change.truncate();
-            if self.freedom == Freedom::All {
+            if self.freedom.has_depths() {
                 point.inverse_depth += change.z;
             }
         }
@@ -342,11 +439,20 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_differences() {
         let mut worst = 0.0f64;
-        for (seed, freedom) in [(1, Freedom::Turns), (2, Freedom::All), (3, Freedom::Still)] {
+        for (seed, freedom) in [
+            (1, Freedom::Turns),
+            (2, Freedom::All),
+            (3, Freedom::Still),
+            (4, Freedom::Depths),
+            (5, Freedom::All),
+        ] {
             let (camera, tracks, truth) = made::tracks(seed, 5, 12, 2, 0.3);
-            let mut bundle = Bundle { camera: &camera, tracks: &tracks, freedom, variance: 1.3 };
+            let given = (seed > 4)
+                .then(|| Given { poses: made::disturbed(&truth, 9).poses, variances: [4e-6, 1e-6] });
+            let mut bundle =
+                Bundle { camera: &camera, tracks: &tracks, freedom, variance: 1.3, given, usual: 1.0 };
             let mut state = made::disturbed(&truth, seed);
-            if freedom != Freedom::All {
+            if !freedom.has_depths() {
                 state.poses.iter_mut().for_each(|pose| pose.translation = DVec3::ZERO);
             }
             let (_, system) = bundle.linearise(&state);
@@ -363,7 +469,7 @@ mod tests {
                 let rest = &x[system.gradient.len()..];
                 for (point, x) in moved.points.iter_mut().zip(rest.chunks(3)) {
                     point.at += DVec2::new(x[0], x[1]);
-                    point.inverse_depth += if freedom == Freedom::All { x[2] } else { 0.0 };
+                    point.inverse_depth += if freedom.has_depths() { x[2] } else { 0.0 };
                 }
                 bundle.value(&moved)
             };
@@ -380,8 +486,14 @@ mod tests {
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                let mut bundle =
-                    Bundle { camera: &camera, tracks: &tracks, freedom: Freedom::All, variance: 1.0 };
+                let mut bundle = Bundle {
+                    camera: &camera,
+                    tracks: &tracks,
+                    freedom: Freedom::All,
+                    variance: 1.0,
+                    given: None,
+                    usual: 1.0,
+                };
                 let mut state = made::disturbed(&truth, 5);
                 bundle.minimise(&mut state, 4);
                 state

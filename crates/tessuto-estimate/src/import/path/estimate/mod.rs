@@ -1,4 +1,5 @@
-//! Where the camera was, from what stands still around the fabric: by the clip alone, or by the program COLMAP.
+//! Where the camera was, from what stands still around the fabric: by the clip alone, by the program COLMAP, or refined
+//! from poses that are given.
 //!
 //! Windows with texture are followed through the frames, and the poses and depths are found that explain best where
 //! they were seen. A hand that shakes moves a camera by a centimetre; whether windows shift against each other by
@@ -11,6 +12,7 @@ mod features;
 mod made;
 mod observed;
 mod patch;
+mod refine;
 mod resect;
 mod solve;
 mod surroundings;
@@ -21,6 +23,7 @@ use std::path::Path;
 
 use super::{CameraPath, Entry};
 use bundle::Freedom;
+use refine::{Refined, refine};
 use solve::{Found, solve};
 use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
@@ -49,7 +52,7 @@ pub fn from_clip(
     said: &(dyn Fn(&str) + Sync),
 ) -> Result<(CameraPath, String)> {
     let followed = follow(folder, camera, frames, said)?;
-    enough(camera, &followed, frames)?;
+    enough(camera, &followed, frames, &hint)?;
     said("the camera's poses");
     let found = solve(camera, &followed, frames);
     let text = checked(camera, &found)?;
@@ -63,12 +66,65 @@ pub fn from_clip(
     Ok((path, text))
 }
 
+/// Refines the poses of `path`, one of each frame of the scene in `folder`, which has masks, by what stands still
+/// around the fabric. Also says what became better, in words.
+///
+/// # Errors
+/// [`Error::Input`] where too little is seen around the fabric.
+pub fn refined(
+    path: CameraPath,
+    folder: &Path,
+    camera: &Camera,
+    said: &(dyn Fn(&str) + Sync),
+) -> Result<(CameraPath, String)> {
+    let given: Vec<Pose> = path.entries.iter().map(|entry| entry.camera_from_world).collect();
+    let followed = follow(folder, camera, given.len(), said)?;
+    let hint = || Hint::from("film more of what stands still, or take the poses as they are given");
+    enough(camera, &followed, given.len(), &hint)?;
+    said("the camera's poses");
+    let Refined { poses, better, windows: [still, all], left: [before, after] } =
+        refine(camera, &followed, &given);
+    let of = format!("{still} of {all} places around the fabric");
+    if !better {
+        let text =
+            format!("poses are kept as given: they explain {of} to {before:.2} px, refined ones no better");
+        return Ok((path, text));
+    }
+    let far = poses
+        .iter()
+        .zip(&given)
+        .map(|(a, b)| a.apart(b))
+        .fold([0.0; 2], |most: [f64; 2], way| [most[0].max(way[0]), most[1].max(way[1])]);
+    let text = format!(
+        "poses are refined by {of}, which they explain to {after:.2} px, before to {before:.2} px: by up to {:.2}° and \
+         {:.4} {}",
+        far[0].to_degrees(),
+        far[1],
+        if path.metric { "m" } else { "units" }
+    );
+    let entries = path.entries.iter().zip(poses);
+    let entries = entries.map(|(entry, camera_from_world)| Entry { camera_from_world, ..entry.clone() });
+    Ok((CameraPath { entries: entries.collect(), ..path }, text))
+}
+
+/// The same of poses that are good enough as they are: where too little is seen, they are kept, and the words say so.
+pub fn refined_or_not(
+    path: CameraPath,
+    folder: &Path,
+    camera: &Camera,
+    said: &(dyn Fn(&str) + Sync),
+) -> (CameraPath, String) {
+    let kept = path.clone();
+    refined(path, folder, camera, said)
+        .unwrap_or_else(|error| (kept, format!("the poses are not refined: {error}")))
+}
+
 fn hint() -> Hint {
     Hint::from("film more of what stands still, or give poses").with(Remedy::Poses)
 }
 
 /// Refuses frames that share too little with others.
-fn enough(camera: &Camera, followed: &Followed, frames: usize) -> Result<()> {
+fn enough(camera: &Camera, followed: &Followed, frames: usize, hint: &dyn Fn() -> Hint) -> Result<()> {
     let mut seen = vec![Vec::new(); frames];
     for track in &followed.tracks {
         seen[track.host].push(track.at);
@@ -112,7 +168,7 @@ fn checked(camera: &Camera, found: &Found) -> Result<String> {
         "the camera's motion is from {still} of {all} places around the fabric, each known to {left:.2} px"
     );
     Ok(match freedom {
-        Freedom::Still => format!("{of}: it stands still"),
+        Freedom::Still | Freedom::Depths => format!("{of}: it stands still"),
         Freedom::Turns => format!(
             "{of}: it turns by up to {turned:.2}°. They do not shift against each other by more than that, so it is \
              treated as standing at one place"
@@ -134,18 +190,18 @@ mod tests {
         let (camera, tracks, truth) = made::tracks(6, 6, 120, 0, 0.1);
         let turns = vec![glam::DMat3::IDENTITY; 6];
         let mut followed = Followed { tracks, turns };
-        assert!(enough(&camera, &followed, 6).is_ok());
+        assert!(enough(&camera, &followed, 6, &hint).is_ok());
         // All of it in one corner.
         let corner = |at: DVec2| DVec2::new(0.05 * at.x, at.y);
         for track in &mut followed.tracks {
             track.at = corner(track.at);
             track.seen.iter_mut().for_each(|(_, at)| *at = corner(*at));
         }
-        let text = enough(&camera, &followed, 6).unwrap_err().to_string();
+        let text = enough(&camera, &followed, 6, &hint).unwrap_err().to_string();
         assert!(text.contains("rgbs/rgb_000") && text.contains("2 % of its width"), "{text}");
         followed.tracks.truncate(40);
         followed.tracks.iter_mut().for_each(|track| track.seen.retain(|(n, _)| *n != 3));
-        let text = enough(&camera, &followed, 6).unwrap_err().to_string();
+        let text = enough(&camera, &followed, 6, &hint).unwrap_err().to_string();
         assert!(text.contains("places around the fabric") && text.contains("poses"), "{text}");
         let found = |still: usize, left: f64| Found {
             poses: truth.poses.clone(),

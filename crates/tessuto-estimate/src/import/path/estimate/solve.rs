@@ -39,23 +39,19 @@ pub(super) struct Found {
 /// The poses of `frames` frames in which `camera` saw what was followed: at least two, of which each saw some.
 pub(super) fn solve(camera: &Camera, followed: &Followed, frames: usize) -> Found {
     let chosen = chosen(followed, frames);
-    let slot = |frame: usize| chosen.binary_search(&frame).ok();
-    // Which tracks are in these frames, and how they count them.
-    let (of, tracks): (Vec<usize>, Vec<Track>) = followed
-        .tracks
-        .iter()
-        .enumerate()
-        .filter_map(|(k, track)| {
-            let seen = track.seen.iter().filter_map(|(n, at)| Some((slot(*n)?, *at)));
-            let track = Track { host: slot(track.host)?, seen: seen.collect(), ..*track };
-            (!track.seen.is_empty()).then_some((k, track))
-        })
-        .unzip();
+    let (of, tracks) = among(&followed.tracks, &chosen);
     let turned = |n: &usize| Pose { rotation: followed.turns[*n], translation: DVec3::ZERO };
     let points = tracks.iter().map(|track| Point { at: track.at, inverse_depth: 1.0 });
     let start = State { poses: chosen.iter().map(turned).collect(), points: points.collect() };
 
-    let bundle = |freedom: Freedom| Bundle { camera, tracks: &tracks, freedom, variance: 1.0 };
+    let bundle = |freedom: Freedom| Bundle {
+        camera,
+        tracks: &tracks,
+        freedom,
+        variance: 1.0,
+        given: None,
+        usual: 1.0,
+    };
     let [mut still, mut turns, mut all] = [Freedom::Still, Freedom::Turns, Freedom::All].map(bundle);
     let mut at_rest = State { poses: vec![Pose::IDENTITY; chosen.len()], ..start.clone() };
     still.minimise(&mut at_rest, ITERATIONS[1]);
@@ -67,15 +63,30 @@ pub(super) fn solve(camera: &Camera, followed: &Followed, frames: usize) -> Foun
     let best = (0..3).min_by(|a, b| evidence[*a].total_cmp(&evidence[*b])).unwrap_or(0);
     let bundle = [still, turns, all].into_iter().nth(best).unwrap_or_else(|| bundle(Freedom::Still));
     let state = [&at_rest, &turning, &moving][best];
-    let poses = others(&bundle, state, followed, &chosen, &of);
+    let turned = |from: usize, to: usize| Pose {
+        rotation: followed.turns[to] * followed.turns[from].transpose(),
+        translation: DVec3::ZERO,
+    };
+    let poses = others(&bundle, state, followed, &chosen, &of, &turned);
     let (windows, left) = residuals(&bundle, state);
     let parallax =
         if bundle.freedom == Freedom::All { parallax(camera, &tracks, [&turning, state]) } else { 0.0 };
     Found { poses, freedom: bundle.freedom, windows: [windows, tracks.len()], left, parallax }
 }
 
+/// Which tracks are in the frames `chosen`, and the tracks as these count frames.
+pub(super) fn among(tracks: &[Track], chosen: &[usize]) -> (Vec<usize>, Vec<Track>) {
+    let slot = |frame: usize| chosen.binary_search(&frame).ok();
+    let within = |(k, track): (usize, &Track)| {
+        let seen = track.seen.iter().filter_map(|(n, at)| Some((slot(*n)?, *at)));
+        let track = Track { host: slot(track.host)?, seen: seen.collect(), ..*track };
+        (!track.seen.is_empty()).then_some((k, track))
+    };
+    tracks.iter().enumerate().filter_map(within).unzip()
+}
+
 /// Frames with which points are found: the first, those in which windows were detected, and some over all.
-fn chosen(followed: &Followed, frames: usize) -> Vec<usize> {
+pub(super) fn chosen(followed: &Followed, frames: usize) -> Vec<usize> {
     let hosts = followed.tracks.iter().map(|track| track.host);
     let mut chosen: BTreeSet<usize> = hosts.chain([0]).collect();
     let count = frames.min(FRAMES);
@@ -123,16 +134,22 @@ fn reversed(state: &State) -> State {
     out
 }
 
-/// Poses of all frames: those chosen as they are, the others from the points.
-fn others(bundle: &Bundle, state: &State, followed: &Followed, chosen: &[usize], of: &[usize]) -> Vec<Pose> {
+/// Poses of all frames: those chosen as they are, the others from the points, beginning with the one before after `way`
+/// from that frame to this one.
+pub(super) fn others(
+    bundle: &Bundle,
+    state: &State,
+    followed: &Followed,
+    chosen: &[usize],
+    of: &[usize],
+    way: &(dyn Fn(usize, usize) -> Pose + Sync),
+) -> Vec<Pose> {
     let pose = |n: usize| {
         let slot = match chosen.binary_search(&n) {
             Ok(slot) => return state.poses[slot],
             Err(after) => after - 1,
         };
-        let way = followed.turns[n] * followed.turns[chosen[slot]].transpose();
-        let before = &state.poses[slot];
-        let start = Pose { rotation: way * before.rotation, translation: way * before.translation };
+        let start = way(chosen[slot], n).after(&state.poses[slot]);
         let sights = of.iter().enumerate().filter_map(|(k, t)| {
             let track = &followed.tracks[*t];
             let place = track.seen.binary_search_by_key(&n, |(frame, _)| *frame).ok()?;
@@ -146,7 +163,7 @@ fn others(bundle: &Bundle, state: &State, followed: &Followed, chosen: &[usize],
 }
 
 /// How many windows stand still, and what is left of the place of one `[px]`.
-fn residuals(bundle: &Bundle, state: &State) -> (usize, f64) {
+pub(super) fn residuals(bundle: &Bundle, state: &State) -> (usize, f64) {
     let variance = bundle.likeliest(state);
     let still = |t: &usize| {
         let of: Vec<f64> = bundle.squares(state, *t).skip(1).collect();
