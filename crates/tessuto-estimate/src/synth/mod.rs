@@ -166,7 +166,8 @@ impl<F: Fn(View) -> Frame + Send + Sync + 'static> Filming<F> {
             .collect();
         let (frames, measured): (Vec<_>, Vec<_>) = views.into_iter().unzip();
         let (points, maps): (Vec<_>, Vec<_>) = measured.into_iter().unzip();
-        let depths = sensor.map(|camera| Arc::new(Depths { camera, maps, noise: settings.depth_noise }));
+        let depths =
+            sensor.map(|camera| Arc::new(Depths { camera, maps, noise: settings.depth_noise, alike: 1.0 }));
         let all = this.clone();
         let again = move |n: usize| Ok((all.frame_of)(draw(&mut Rendering::new(), n)));
         let frames = match held {

@@ -3,15 +3,17 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::listing::numbered;
 use super::manifest::Manifest;
 use crate::io::depth::DepthMap;
-use tessuto_core::camera::Camera;
+use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::error::{Error, Hint, Remedy, Result, Warning};
 use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::Depths;
+use tessuto_render::raster::coverage::fill_triangle;
 
 /// Folder of the maps, unless the scene names another.
 pub(super) const FOLDER: &str = "depth";
@@ -25,7 +27,8 @@ const SHAPE: f64 = 0.02;
 /// How far the template may be from the first map, as a fraction of its depth, before the unit is doubted.
 const DOUBTED: f64 = 0.1;
 
-/// The maps of the frames `range` of the scene in `folder`, if it has any.
+/// The maps of the frames `range` of the scene in `folder`, if it has any, by a camera that sees the template in the
+/// first of them from this pose.
 ///
 /// # Errors
 /// [`Error::Input`] naming the map that cannot be used.
@@ -33,7 +36,7 @@ pub(super) fn read(
     folder: &Path,
     manifest: &Manifest,
     range: Range<usize>,
-    template: Option<&Mesh>,
+    template: Option<(&Mesh, Pose)>,
     warnings: &mut Vec<Warning>,
 ) -> Result<Option<Depths>> {
     // A folder of this name without any such file is something else's, such as a capture's.
@@ -74,8 +77,10 @@ pub(super) fn read(
         let hint = "depth has to show the whole image of the camera: align it with the colours first";
         return Err(Error::input(files[0].display().to_string(), problem, hint));
     }
+    let positions: Option<Vec<DVec3>> = template
+        .map(|(mesh, pose)| mesh.positions.iter().map(|p| pose.rotation * *p + pose.translation).collect());
     if let Some(off) =
-        template.and_then(|mesh| distance(mesh, &camera, &first)).filter(|off| off.abs() > DOUBTED)
+        positions.as_deref().and_then(|at| distance(at, &camera, &first)).filter(|off| off.abs() > DOUBTED)
     {
         let found = format!(
             "{}: the template lies {:.0} % {} than it was measured",
@@ -87,8 +92,11 @@ pub(super) fn read(
         warnings.push(Warning::new("depth", found, hint.with(Remedy::DepthScale)));
     }
     let camera = of_thinned(&camera, factor);
-    let within = template.map_or_else(Vec::new, |mesh| covered(mesh, &camera));
-    Ok(Some(Depths::new(camera, maps, &within)))
+    let surface = match template.zip(positions) {
+        Some(((mesh, _), positions)) => surface(mesh, &positions, &camera),
+        None => beyond(&maps),
+    };
+    Ok(Some(Depths::new(camera, maps, &surface)))
 }
 
 /// The map of the first frame of the scene in `folder`, the camera in its pixels, and its file; `None` in a scene
@@ -148,23 +156,44 @@ fn camera(whole: &Camera, [width, height]: [usize; 2]) -> Camera {
     }
 }
 
-/// The pixels of a map that the template covers.
-fn covered(mesh: &Mesh, camera: &Camera) -> Vec<bool> {
-    if mesh.positions.iter().any(|p| p.z <= 0.0) {
-        return Vec::new();
+/// Depth `[m]` of the mesh at `positions` in the camera's frame, of every pixel of a map, shape [height · width]; NaN
+/// beside it, and everywhere if some of it is behind the camera.
+fn surface(mesh: &Mesh, positions: &[DVec3], camera: &Camera) -> Vec<f64> {
+    let mut depth = vec![f64::NAN; camera.width * camera.height];
+    if positions.iter().any(|p| p.z <= 0.0) {
+        return depth;
     }
-    tessuto_render::raster::coverage::template_coverage(mesh, &mesh.positions, camera)
+    for triangle in mesh.triangles() {
+        let corners = triangle.map(|v| positions[v as usize]);
+        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
+        let size = [camera.width, camera.height];
+        fill_triangle(corners.map(|p| camera.project(p)), size, true, |x, y| {
+            // n·(z ray) = n·corner.
+            let z = normal.dot(corners[0]) / normal.dot(camera.ray(DVec2::new(x as f64, y as f64)));
+            let nearest = &mut depth[y * camera.width + x];
+            *nearest = nearest.min(z);
+        });
+    }
+    depth
 }
 
-/// How much farther the template is than it was measured, as a fraction: the median over its vertices.
-fn distance(mesh: &Mesh, camera: &Camera, map: &DepthMap) -> Option<f64> {
-    let of_vertex = |p: &glam::DVec3| {
+/// A plane in the middle of what the first of the `maps` measured, where nobody knows where the template is.
+fn beyond(maps: &[Vec<f32>]) -> Vec<f64> {
+    let first = maps.first().map_or(&[][..], Vec::as_slice);
+    let measured = first.iter().filter(|z| z.is_finite()).map(|z| f64::from(*z)).collect();
+    vec![tessuto_core::math::median::median(measured).unwrap_or(f64::NAN); first.len()]
+}
+
+/// How much farther the template at `positions` in the camera's frame is than it was measured, as a fraction: the
+/// median over its vertices.
+fn distance(positions: &[DVec3], camera: &Camera, map: &DepthMap) -> Option<f64> {
+    let of_vertex = |p: &DVec3| {
         let q = camera.project(*p).round();
         let inside = p.z > 0.0 && q.min_element() >= 0.0 && q.x < map.width as f64 && q.y < map.height as f64;
         let z = inside.then(|| map.z[q.y as usize * map.width + q.x as usize])?;
         (!z.is_nan()).then(|| p.z / z - 1.0)
     };
-    tessuto_core::math::median::median(mesh.positions.iter().filter_map(of_vertex).collect())
+    tessuto_core::math::median::median(positions.iter().filter_map(of_vertex).collect())
 }
 
 #[cfg(test)]

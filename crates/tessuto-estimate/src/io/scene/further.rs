@@ -9,11 +9,12 @@ use super::poses::relative;
 use super::{depths, frames, template};
 use tessuto_core::camera::Pose;
 use tessuto_core::error::{Error, Result, Warning};
+use tessuto_core::mesh::Mesh;
 use tessuto_core::scene::{PoseUnit, Scene, View};
 use tessuto_render::raster::coverage::{overlap, template_coverage};
 
 /// The view that `manifest` says, of the frames and with as many bytes held as asked; the scene's own camera is at
-/// `first` in frame 0, where both are listed.
+/// `first` in frame 0, where both are listed, and sees the `template` there.
 ///
 /// # Errors
 /// [`Error::Input`] naming the file that cannot be used; for a view without poses.
@@ -21,7 +22,7 @@ pub(super) fn read(
     folder: &Path,
     manifest: &Manifest,
     (range, held_bytes): (&Range<usize>, usize),
-    first: &Pose,
+    (first, template): (&Pose, Option<&Mesh>),
     warnings: &mut Vec<Warning>,
 ) -> Result<(View, PoseUnit)> {
     let missing = || {
@@ -30,11 +31,13 @@ pub(super) fn read(
     };
     let (poses, unit) = manifest.poses(folder, false, warnings)?.ok_or_else(missing)?;
     let (crop, frames) = frames::read(folder, manifest, range.clone(), held_bytes, warnings)?;
-    let depths = depths::read(folder, manifest, range.clone(), None, warnings)?;
+    let poses = relative(&poses[range.clone()], first);
+    let template = template.filter(|_| unit == PoseUnit::Metres).map(|mesh| (mesh, poses[0]));
+    let depths = depths::read(folder, manifest, range.clone(), template, warnings)?;
     let view = View {
         name: manifest.name.clone(),
         camera: manifest.camera().cropped(crop),
-        poses: relative(&poses[range.clone()], first),
+        poses,
         crop,
         full_size: [manifest.camera().width, manifest.camera().height],
         frames,

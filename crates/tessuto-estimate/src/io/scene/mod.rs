@@ -112,7 +112,13 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let video = frames::read(folder, &manifest, range.clone(), options.held_bytes, &mut warnings);
     let video = video.map_err(|e| errors.push(e)).ok();
     let truth = truth::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut errors);
-    let depths = depths::read(folder, &manifest, range.clone(), mesh.as_ref(), &mut warnings);
+    let depths = depths::read(
+        folder,
+        &manifest,
+        range.clone(),
+        mesh.as_ref().map(|mesh| (mesh, Pose::IDENTITY)),
+        &mut warnings,
+    );
     let depths = depths.map_err(|e| errors.push(e)).ok().flatten();
     let poses = manifest.poses(folder, true, &mut warnings);
     let poses = poses.map_err(|e| errors.push(e)).ok().flatten();
@@ -121,7 +127,8 @@ pub fn attempt(folder: &Path, options: &LoadOptions) -> Attempt {
     let poses = poses.and_then(|(poses, _)| moving(&poses));
     let mut more = Vec::new();
     for view in &manifest.more {
-        let read = further::read(folder, view, (&range, options.held_bytes), &first, &mut warnings);
+        let read =
+            further::read(folder, view, (&range, options.held_bytes), (&first, mesh.as_ref()), &mut warnings);
         match read.map_err(|e| e.within(&format!("view {}", view.name))) {
             Ok((view, its_unit)) => {
                 unit = if its_unit == PoseUnit::Unknown { its_unit } else { unit };

@@ -146,11 +146,13 @@ impl Look<'_, '_> {
     pub fn depth(&self, frame: usize) -> Depth<'_> {
         let Occlusion { hidden, shares, .. } = &self.occlusions[frame];
         let measured = self.eye.scene.depths.as_deref();
+        let settings = &self.problem.settings;
         let of_map = |depths: &Depths| {
-            let ratio = depths.camera.fx / self.image(frame).view.camera.fx;
-            (depths.noise, ratio * ratio * depths.camera.fy / depths.camera.fx)
+            let image = &self.image(frame).view.camera;
+            let pixels = depths.camera.fx / image.fx * depths.camera.fy / image.fy;
+            (depths.noise, pixels * settings.depth_weight / depths.alike)
         };
-        let (sigma, area) = measured.map_or((1.0, 0.0), of_map);
+        let (sigma, weight) = measured.map_or((1.0, 0.0), of_map);
         Depth {
             cloth: self.problem.cloth,
             samples: &self.samples,
@@ -158,8 +160,8 @@ impl Look<'_, '_> {
                 view: self.eye.observed.views[frame].with_camera(depths.camera),
                 z: &depths.maps[frame],
             }),
-            noise: Noise { sigma, tail: self.problem.settings.depth_tail },
-            area,
+            noise: Noise { sigma, tail: settings.depth_tail },
+            weight,
             hidden,
             shares,
         }

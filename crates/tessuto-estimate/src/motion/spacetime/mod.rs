@@ -22,7 +22,7 @@
 //! | [bend](super::terms::bend) | change of every bending angle `[rad]`; σ likewise | ½ (r/σ)² | `bend` `[rad]` |
 //! | [shear](super::terms::shear) | change of every shearing angle less the sheet's own smooth shear m `[rad]` | c(r/σ; τ), ½ ‖m‖²/σ_m² | `shear` `[rad]`, `shear_tail`; σ_m `shear_smooth` `[rad]` |
 //! | [still](super::terms::still) | displacement `[m]` of every vertex of an edge that does not move in the image (`still.rs`); not while the sheet is followed, nor where motions are compared | ½ (r/σ)² | `still` `[m]` |
-//! | [depth](super::terms::depth), where it was measured | z_p/m_n(π(x_p)) − 1 of every surface point p, with its depth z_p and the measured m_n | a_p ρ(r/σ; τ) | the first map's own noise, `depth_tail` |
+//! | [depth](super::terms::depth), where it was measured | z_p/m_n(π(x_p)) − 1 of every surface point p, with its depth z_p and the measured m_n | k a_p ρ(r/σ; τ), k of depth | the first map's own noise, `depth_tail` |
 //! | [planes](super::terms::plane), where they are given or the sheet lies on one (`lies.rs`) | height of every vertex above each `[m]` | ½ (r/σ)² below, ρ(r/σ; τ) above | `plane` `[m]`, `depth_tail` |
 //! | [acceleration] | acceleration of every vertex, x_{n+1} − 2 x_n + x_{n−1} by the square of the time between frames `[m/s²]` | ½ (r/σ)² | `acceleration` `[m/s²]` |
 //!
@@ -44,6 +44,11 @@
 //!   folds alone differ, and do not move with the cloth;
 //! - from the second level of `refine` on, for colours and outlines what the clip's own noise makes of a pixel, by
 //!   their residuals, and for shading how much of the brightness the light explains (`noise`).
+//!
+//! Of measured depth a_p is in pixels of its maps, and k is `depth_weight` over the number of pixels that err together,
+//! as the first map shows it. Depth is the one term whose noise is new in every pixel and frame. Errors of the others
+//! are those of a model: print, light and mesh are wrong alike from frame to frame and over parts of the sheet, so that
+//! taken one by one they count too often, by a factor that does not matter among themselves.
 //!
 //! To count k times is to have a noise of σ/√k and a tail of √k τ: the cut-off σ τ stays.
 //!

@@ -66,7 +66,7 @@ pub(super) fn scene() -> Scene {
         crop: Rect { x0: 0, y0: 0, x1: SIZE, y1: SIZE },
         poses: None,
         pose_unit: Default::default(),
-        depths: Some(Arc::new(Depths { camera: depth_camera, maps, noise: 0.01 })),
+        depths: Some(Arc::new(Depths { camera: depth_camera, maps, noise: 0.01, alike: 2.0 })),
         more: Vec::new(),
         full_size: [SIZE, SIZE],
         first_frame: 0,

@@ -1,11 +1,12 @@
 //! Surface points against measured depth:
 //!
-//!   E = Σ_p a_p s_p ρ((z_p − m(π(x_p)))/(σ m); τ),
+//!   E = Σ_p k a_p s_p ρ((z_p − m(π(x_p)))/(σ m); τ),
 //!
 //! with a point's depth z along the camera's axis, the map m, linear between its pixels, the noise σ of one of these
-//! as a fraction, the area a_p that p stands for in the first frame, in pixels of the map, the part s_p of it that
-//! its triangle still fills, and Geman and McClure's ρ of tail τ. Nothing is compared where the sheet hides itself,
-//! and where a pixel around has no measurement or another surface's. What is hidden, and s, are held fixed.
+//! as a fraction, the area a_p that p stands for in the first frame, the part s_p of it that its triangle still
+//! fills, the number k of independent pixels of the map in one of a_p times what such a pixel counts as, and Geman
+//! and McClure's ρ of tail τ. Nothing is compared where the sheet hides itself, and where a pixel around has no
+//! measurement or another surface's. What is hidden, and s, are held fixed.
 
 use glam::{DMat3, DVec2, DVec3};
 use rayon::prelude::*;
@@ -18,8 +19,10 @@ use tessuto_sim::Cloth;
 
 /// Triangles of one parallel task.
 const TASK: usize = 64;
-/// Pixels of a surface differ by less, as a fraction of their depth: beyond, a border lies between them.
+/// Pixels of a surface differ by less, as a fraction of their depth, and by less than this many spreads of their
+/// noise: beyond both, a border lies between them.
 const BORDER: f64 = 0.05;
+const SPREADS: f64 = 6.0;
 
 /// A measured map.
 #[derive(Debug, Clone)]
@@ -40,8 +43,8 @@ pub struct Depth<'a> {
     pub map: Option<Map<'a>>,
     /// σ as a fraction of the depth, and τ.
     pub noise: Noise,
-    /// Pixels of the map in one of those that the points' areas count.
-    pub area: f64,
+    /// k, see the module.
+    pub weight: f64,
     /// Whether a point is hidden by the sheet itself; empty if none is.
     pub hidden: &'a [bool],
     /// Part of its area in the first frame that every triangle fills in this one, shape `[T]`; empty: all.
@@ -49,8 +52,9 @@ pub struct Depth<'a> {
 }
 
 impl Map<'_> {
-    /// Depth at a pixel position, and its derivatives; `None` where it is not known.
-    fn at(&self, p_pixel: DVec2) -> Option<(f64, DVec2)> {
+    /// Depth at a pixel position, and its derivatives; `None` where it is not known, as beside a `border`: where pixels
+    /// differ by more than this fraction.
+    fn at(&self, p_pixel: DVec2, border: f64) -> Option<(f64, DVec2)> {
         let (width, height) = (self.view.camera.width, self.view.camera.height);
         let corner = p_pixel.floor();
         let inside =
@@ -62,7 +66,7 @@ impl Map<'_> {
         let z = [0, 1, width, width + 1].map(|k| f64::from(self.z[first + k]));
         let (least, most) =
             z.iter().fold((f64::INFINITY, 0.0), |(a, b): (f64, f64), z| (a.min(*z), b.max(*z)));
-        if z.iter().any(|z| z.is_nan()) || most - least > BORDER * least {
+        if z.iter().any(|z| z.is_nan()) || most - least > border * least {
             return None;
         }
         let f = p_pixel - corner;
@@ -80,7 +84,8 @@ impl Depth<'_> {
         let Some(map) = &self.map else { return };
         let view = &map.view;
         let corners = self.samples.triangles[triangle].map(|v| view.in_camera(x[v as usize]));
-        let share = self.shares.get(triangle).copied().unwrap_or(1.0) * self.area;
+        let share = self.shares.get(triangle).copied().unwrap_or(1.0) * self.weight;
+        let border = BORDER.max(SPREADS * self.noise.sigma);
         for index in self.samples.of_triangle(triangle) {
             if self.hidden.get(index) == Some(&true) {
                 continue;
@@ -91,7 +96,7 @@ impl Depth<'_> {
             if p.z <= 0.0 {
                 continue;
             }
-            let Some((m, slope)) = map.at(view.camera.project(p)) else { continue };
+            let Some((m, slope)) = map.at(view.camera.project(p), border) else { continue };
             let [ru, rv] = view.camera.projection_rows(p);
             // (z − m)/m = z/m − 1.
             let by_map = ru * slope.x + rv * slope.y;
