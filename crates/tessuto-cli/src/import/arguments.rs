@@ -27,6 +27,9 @@ Examples:
     --view right=right.mp4 --view-masks right=right_masks/ \\
     --rig camchain.yaml
 
+  # a phone's recording with depth
+  tessuto import capture/ scenes/scarf --masks masks/
+
   # afterwards, if there is no template yet
   tessuto template scenes/towel --flat 0.7x0.5m --from-mask
 
@@ -40,7 +43,8 @@ White in a mask is fabric. So is the opaque part of a cut-out, or the object cho
 --object. Masks pair with frames by name, else by number; a video of masks pairs frame \
 by frame. Images named by their times give the frame rate.")]
 pub struct Arguments {
-    /// Video file, or folder of PNG or JPEG images.
+    /// Video file, folder of PNG or JPEG images, or capture of Stray Scanner or Polycam: of that, camera, poses and
+    /// depth are taken too, where no others are given.
     pub input: PathBuf,
     /// Scene folder to write.
     pub out: Option<PathBuf>,

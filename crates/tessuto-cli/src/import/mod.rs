@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use tessuto::Error;
 use tessuto::import::{
     CARRIED_OVER, CameraMotion, Masks, Settings, check_target, copy_template, expect_files, import,
-    read_path, read_rig,
+    read_capture, read_path, read_rig,
 };
 use tessuto::masks::{EmptyPlace, Request};
 use tessuto::output::{FolderKind, OutputFolder};
@@ -44,8 +44,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
     )?;
     let kept = Some(out.join("template.obj")).filter(|kept| arguments.template.is_none() && kept.is_file());
     let rig = (!arguments.rig.is_empty()).then(|| read_rig(&arguments.rig)).transpose()?;
+    let capture = read_capture(&arguments.input)?;
+    let input = capture.as_ref().map_or(&arguments.input, |capture| &capture.clip);
+    let recorded =
+        capture.as_ref().map(|capture| &capture.poses).filter(|_| arguments.camera_motion.is_none());
+    let in_rig = rig.as_ref().and_then(|rig| rig.cameras[0].clone());
     let mut settings = Settings {
-        input: arguments.input.clone(),
+        input: input.clone(),
         masks: match &arguments.masks {
             Some(path) => Masks::Path(path.clone()),
             None if arguments.alpha => Masks::Alpha,
@@ -55,18 +60,18 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         object: arguments.source.choice.object,
         invert_masks: arguments.invert_masks,
         largest_piece: arguments.source.largest_piece,
-        calibration: match rig.as_ref().and_then(|rig| rig.cameras[0].clone()) {
+        calibration: match in_rig.or_else(|| capture.as_ref()?.calibration.clone()) {
             Some(found) if !arguments.lens.is_given() => found,
-            _ => arguments.lens.calibration_of(&arguments.input)?,
+            _ => arguments.lens.calibration_of(input)?,
         },
-        poses: arguments.poses.as_deref().map(read_path).transpose()?,
+        poses: arguments.poses.as_ref().or(recorded).map(|path| read_path(path)).transpose()?,
         refine_poses: arguments.refine_poses,
         camera_motion: arguments.camera_motion.map(|motion| match motion {
             Motion::Estimate => CameraMotion::Estimate,
             Motion::Colmap => CameraMotion::Colmap(PathBuf::from("colmap")),
         }),
         pose_scale: arguments.pose_scale,
-        depths: arguments.depths.clone(),
+        depths: arguments.depths.clone().or_else(|| capture.as_ref()?.depths.clone()),
         depth_scale: arguments.depth_scale,
         fps: arguments.fps,
         rate: arguments.rate,
@@ -99,6 +104,10 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         make_masks(output.partial(), out, &Request { plate, ..arguments.source.request() })?;
     }
     crate::say_kept(output.publish()?);
+    if let Some(capture) = &capture {
+        let more = if capture.depths.is_some() { ", poses and depth" } else { " and poses" };
+        say!("note: a capture of {}: its camera{more} are taken", capture.app);
+    }
     imported.notes.iter().for_each(|note| say!("note: {note}"));
     say!(
         "{}: {} frames of {}×{} px, {} per second",

@@ -77,6 +77,63 @@ fn a_clip_with_poses_and_depth_goes_through() {
 }
 
 #[test]
+fn a_recording_of_a_phone_is_imported_at_once() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "4", "--size", "96", "--grid", "5x5", "--surroundings"];
+    tessuto(folder, &[&made[..], &["--orbit", "15", "--shake", "4", "--depth-noise", "1"]].concat());
+    let poses = read_poses(&folder.join("made"), 4).unwrap().unwrap();
+    // A world whose y is up, as phones have it.
+    let flipped = Pose::from_rows(&[1., 0., 0., 0., 0., -1., 0., 0., 0., 0., -1., 0., 0., 0., 0., 1.]);
+    let mut table = "timestamp, frame, x, y, z, qx, qy, qz, qw\n".to_owned();
+    for (n, pose) in poses.iter().enumerate() {
+        let m = flipped.after(&pose.inverse()).rows();
+        // Of a turn by about half of one about x, the first of the quaternion is its largest number.
+        let qx = (1.0 + m[0] - m[5] - m[10]).sqrt() / 2.0;
+        let [qy, qz, qw] = [m[1] + m[4], m[2] + m[8], m[9] - m[6]].map(|sum| sum / (4.0 * qx));
+        let row =
+            format!("{}, {n:06}, {}, {}, {}, {qx}, {qy}, {qz}, {qw}\n", n as f64 / 50.0, m[3], m[7], m[11]);
+        table += &row;
+    }
+    let capture = folder.join("capture");
+    std::fs::create_dir_all(capture.join("confidence")).unwrap();
+    std::fs::rename(folder.join("made/depth"), capture.join("depth")).unwrap();
+    std::fs::rename(folder.join("made/rgbs"), capture.join("rgb")).unwrap();
+    std::fs::write(capture.join("odometry.csv"), table).unwrap();
+    let scene = |name: &str| -> Value {
+        serde_json::from_str(&std::fs::read_to_string(folder.join(name).join("scene.json")).unwrap()).unwrap()
+    };
+    let [fx, fy, cx, cy] = ["fx", "fy", "cx", "cy"].map(|key| scene("made")[key].as_f64().unwrap());
+    std::fs::write(capture.join("camera_matrix.csv"), format!("{fx},0,{cx}\n0,{fy},{cy}\n0,0,1\n")).unwrap();
+    let level = |n: usize| tessuto::Image {
+        width: 48,
+        height: 48,
+        channels: 1,
+        data: (0..48 * 48).map(|k| if k % 48 < 24 && n == 2 { 0.0 } else { 2.0 / 255.0 }).collect(),
+    };
+    for n in 0..4 {
+        let file = capture.join(format!("confidence/{n:06}.png"));
+        tessuto::io::image::write_png(&file, &level(n)).unwrap();
+    }
+    let import = ["import", "capture", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
+    let text = tessuto(folder, &[&import[..], &["--fps", "50"]].concat());
+    assert!(text.contains("a capture of Stray Scanner: its camera, poses and depth are taken"), "{text}");
+    let imported = read_poses(&folder.join("scene"), 4).unwrap().unwrap();
+    for (a, b) in imported.iter().zip(&poses) {
+        let [angle, way] = a.apart(b);
+        assert!(angle < 1e-6 && way < 1e-9, "{angle} {way}");
+    }
+    assert_eq!(scene("scene")["fx"].as_f64(), Some(fx));
+    let down: Vec<f64> = serde_json::from_value(scene("scene")["gravity"].clone()).unwrap();
+    assert!((down[1] - 1.0).abs() < 1e-6, "{down:?}");
+    let half = |n: usize| {
+        let map = npy::read(&folder.join(format!("scene/depth/depth_{n:03}.npy"))).unwrap();
+        map.data.iter().enumerate().filter(|(k, z)| k % 48 < 24 && **z > 0.0).count()
+    };
+    assert!(half(1) > 50 && half(2) == 0, "what the sensor is not sure of is left out");
+}
+
+#[test]
 fn depth_and_poses_that_do_not_pair_are_refused() {
     let home = tempfile::tempdir().unwrap();
     let folder = home.path();

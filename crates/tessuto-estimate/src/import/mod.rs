@@ -3,6 +3,7 @@
 
 mod calibration;
 mod calibration_file;
+mod capture;
 mod colmap;
 mod depth;
 mod depths;
@@ -42,6 +43,7 @@ use tessuto_core::error::{Error, Hint, Remedy, Result};
 
 pub use calibration::{Calibration, Focal};
 pub use calibration_file::{camera_files, read_calibration};
+pub use capture::{Capture, read_capture};
 pub use depth::{Captured, read_depth};
 pub use empty::empty_place;
 pub use lens::Distortion;
