@@ -153,7 +153,7 @@ impl Problem<'_> {
         (change < 0.0).then(|| (tried[k].0, x))
     }
 
-    /// What the pictures of every frame cost, shape [N]; nothing of the first, which is known.
+    /// What the pictures of every frame cost, shape `[N]`; nothing of the first, which is known.
     fn costs_of_frames(&self, fused: &Fused) -> Vec<f64> {
         let frames = &fused.frames;
         let mut search = self.search(fused);
