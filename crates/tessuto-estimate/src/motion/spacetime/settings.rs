@@ -45,7 +45,7 @@ settings! {
         outline_tail: f64 = 25.8199, number(1e-3..=1e6, "");
         /// Weight of measured depth, whose errors are new in every frame, relative to that of images, whose errors
         /// are not.
-        depth_weight: f64 = 6.0, number(0.0..=1e6, "");
+        depth_weight: f64 = 3.0, number(0.0..=1e6, "");
         /// Measured depth farther off than this many spreads σ of its own noise counts less and less; larger is
         /// stricter.
         depth_tail: f64 = 3.0, number(1e-3..=1e6, "");
