@@ -111,9 +111,15 @@ impl Problem<'_> {
         Ways { folds: folds(&panel), panel }
     }
 
-    /// The sheet at `x` folded in all `ways`, those first that the pictures of `frame` speak for most, at the coarsest
-    /// level of `refine`.
-    pub(super) fn folded(&self, fused: &Fused, ways: &Ways, frame: usize, x: &Positions) -> Vec<Positions> {
+    /// The sheet at `x` folded in those `count` of the `ways` that the pictures of `frame` speak for most, at the
+    /// coarsest level of `refine`.
+    pub(super) fn folded(
+        &self,
+        fused: &Fused,
+        ways: &Ways,
+        (frame, x): (usize, &Positions),
+        count: usize,
+    ) -> Vec<Positions> {
         if ways.panel.len() != x.len() {
             return Vec::new();
         }
@@ -133,11 +139,11 @@ impl Problem<'_> {
         let tried = tried.map_init(start, |search, (fold, away)| {
             let folded = fold.folded(x, &slopes, eye, away);
             search.fit_anew(&[(frame, &folded)]);
-            (search.terms(frame).of_pictures(&folded), folded)
+            (search.terms(frame).of_pictures(&folded), fold, away)
         });
-        let mut tried: Vec<(f64, Positions)> = tried.collect();
+        let mut tried: Vec<(f64, &Fold, bool)> = tried.collect();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
-        tried.into_iter().map(|(_, folded)| folded).collect()
+        tried.into_iter().take(count).map(|(_, fold, away)| fold.folded(x, &slopes, eye, away)).collect()
     }
 }
 

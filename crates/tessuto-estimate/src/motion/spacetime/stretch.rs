@@ -124,8 +124,8 @@ impl Problem<'_> {
     fn fold_in(&self, fused: &Fused, stretch: Stretch) -> Option<(usize, Positions)> {
         let ways = self.ways_to_fold();
         let of_place = |[frame, base]: [usize; 2]| {
-            let folded = self.folded(fused, &ways, frame, &fused.frames[base]);
-            folded.into_iter().take(FITTED).map(move |x| (frame, x))
+            let folded = self.folded(fused, &ways, (frame, &fused.frames[base]), FITTED);
+            folded.into_iter().map(move |x| (frame, x))
         };
         let tried: Vec<_> = stretch.places().into_iter().flat_map(of_place).collect();
         let start = || {

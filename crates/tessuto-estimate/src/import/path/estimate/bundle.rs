@@ -148,6 +148,13 @@ pub(super) struct System {
     gradient: Vec<f64>,
 }
 
+impl<'a> Bundle<'a> {
+    /// Of windows as certain as they say, without given poses.
+    pub fn new(camera: &'a Camera, tracks: &'a [Track], freedom: Freedom) -> Self {
+        Self { camera, tracks, freedom, variance: 1.0, given: None, usual: 1.0 }
+    }
+}
+
 impl Bundle<'_> {
     /// Takes the steps from `state` on, at most this many; the value that they end with.
     pub fn minimise(&mut self, state: &mut State, iterations: usize) -> f64 {
@@ -486,14 +493,7 @@ mod tests {
         let run = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| {
-                let mut bundle = Bundle {
-                    camera: &camera,
-                    tracks: &tracks,
-                    freedom: Freedom::All,
-                    variance: 1.0,
-                    given: None,
-                    usual: 1.0,
-                };
+                let mut bundle = Bundle::new(&camera, &tracks, Freedom::All);
                 let mut state = made::disturbed(&truth, 5);
                 bundle.minimise(&mut state, 4);
                 state

@@ -57,14 +57,7 @@ pub(super) fn refine(camera: &Camera, followed: &Followed, given: &[Pose]) -> Re
     let points = tracks.iter().zip(&depths).map(point).collect();
     let mut as_given = State { poses: of_chosen.iter().map(in_unit).collect(), points };
 
-    let bundle = |freedom: Freedom| Bundle {
-        camera,
-        tracks: &tracks,
-        freedom,
-        variance: 1.0,
-        given: None,
-        usual: 1.0,
-    };
+    let bundle = |freedom: Freedom| Bundle::new(camera, &tracks, freedom);
     let [mut fixed, mut free] = [Freedom::Depths, Freedom::All].map(bundle);
     fixed.minimise(&mut as_given, ITERATIONS[0]);
     let mut refined = as_given.clone();

@@ -44,14 +44,7 @@ pub(super) fn solve(camera: &Camera, followed: &Followed, frames: usize) -> Foun
     let points = tracks.iter().map(|track| Point { at: track.at, inverse_depth: 1.0 });
     let start = State { poses: chosen.iter().map(turned).collect(), points: points.collect() };
 
-    let bundle = |freedom: Freedom| Bundle {
-        camera,
-        tracks: &tracks,
-        freedom,
-        variance: 1.0,
-        given: None,
-        usual: 1.0,
-    };
+    let bundle = |freedom: Freedom| Bundle::new(camera, &tracks, freedom);
     let [mut still, mut turns, mut all] = [Freedom::Still, Freedom::Turns, Freedom::All].map(bundle);
     let mut at_rest = State { poses: vec![Pose::IDENTITY; chosen.len()], ..start.clone() };
     still.minimise(&mut at_rest, ITERATIONS[1]);
