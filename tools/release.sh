@@ -7,12 +7,13 @@
 # Asks for rust and python3; checks the program on processors without AVX2 where qemu-x86_64 is installed.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-most=25000000 # bytes of the stripped program
+most=15000000 # bytes of the stripped program
 folder=$(realpath -m "${1:-target/dist}")
-built=$(realpath -m "${CARGO_TARGET_DIR:-target}")/release
+built=$(realpath -m "${CARGO_TARGET_DIR:-target}")/dist
 platform=$(rustc -vV | sed -n 's/^host: //p')
 
-cargo build --release --locked -p tessuto-cli
+# Optimised across crates: a fifth smaller than `--release`, as quick.
+cargo build --profile dist --locked -p tessuto-cli
 version=$("$built/tessuto" --version | cut -d' ' -f2)
 name=tessuto-$version-$platform
 rm -rf "${folder:?}/$name"

@@ -45,6 +45,8 @@ pub mod math;
 pub mod mesh;
 pub mod optim;
 #[doc(hidden)]
+pub mod parallel;
+#[doc(hidden)]
 pub mod processor;
 pub mod scene;
 pub mod settings;

@@ -33,17 +33,13 @@
 
 pub mod appearance;
 pub mod config;
-pub mod import;
-pub mod io;
 pub mod masks;
 pub mod metrics;
 pub mod motion;
-#[doc(hidden)]
-pub mod output;
 mod reconstruct;
 pub mod session;
-pub mod synth;
-pub mod template;
 
 pub use config::Config;
 pub use reconstruct::{Reconstruction, reconstruct, simulate};
+#[doc(hidden)]
+pub use tessuto_scene::{import, io, output, synth, template};

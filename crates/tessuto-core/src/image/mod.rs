@@ -1,5 +1,7 @@
 //! Float images in memory, and the sRGB transfer curve.
 
+#[doc(hidden)]
+pub mod region;
 pub mod srgb;
 
 /// Interleaved float image; row 0 is the top.

@@ -1,8 +1,11 @@
 //! Polygon mesh: the template of the first frame, whose edges are the threads of the cloth.
 
 mod attributes;
+#[doc(hidden)]
+pub mod boxes;
 mod motion;
 mod sides;
+pub mod surface;
 mod topology;
 mod weld;
 

@@ -1,7 +1,7 @@
 //! How often the video shows each place of the cloth, and what of the light it could see.
 
 use glam::DVec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use tessuto_render::pbr::EnvironmentMap;
 
@@ -34,7 +34,7 @@ pub(super) fn directions(normals: &[(DVec3, f64)]) -> Vec<f32> {
         let facing = normals.iter().filter(|(normal, _)| normal.dot(direction) > LEAST_COSINE);
         (facing.fold(0.0, |sum, (_, count)| sum + count) / total.max(1.0)) as f32
     };
-    (0..grid.texels.len()).into_par_iter().map(share).collect()
+    parallel::map(grid.texels.len(), share)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 //! and after. What comes from outside of the outline and goes there again was never fabric: somebody who walks
 //! past behind.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::frames::Frames;
 use super::region::Field;
@@ -32,17 +32,14 @@ pub(super) fn comes_and_goes(
     distances: &[Field],
     noise: f32,
 ) -> Vec<f64> {
-    (0..distances.len())
-        .into_par_iter()
-        .map(|n| {
-            let told = [true, false].map(|ahead| outside(frames, tracked, distances, (n, ahead), noise));
-            match told {
-                [Some(goes), Some(comes)] => goes.min(comes),
-                [Some(one), None] | [None, Some(one)] => ALONE * one,
-                [None, None] => 0.0,
-            }
-        })
-        .collect()
+    parallel::map(distances.len(), |n| {
+        let told = [true, false].map(|ahead| outside(frames, tracked, distances, (n, ahead), noise));
+        match told {
+            [Some(goes), Some(comes)] => goes.min(comes),
+            [Some(one), None] | [None, Some(one)] => ALONE * one,
+            [None, None] => 0.0,
+        }
+    })
 }
 
 /// Fraction of the mask of frame `n` that is outside of the outline some frames on. `None` where the clip ends before.

@@ -3,7 +3,7 @@
 //! the frames before and after, moved along; background: the plate), of colours found nearby in the same frame,
 //! and of anything.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::frames::{Colours, squared};
 use super::plate::Plate;
@@ -75,21 +75,18 @@ pub(super) fn evidence(known: &Known) -> Evidence {
     let samples = samples(known, cell, columns);
     let kernel = (KERNEL * KERNEL + known.noise * known.noise).sqrt();
     let density = Density { scale: 1.0 / (8.0 * kernel * kernel) };
-    let rows: Vec<Vec<[f32; 3]>> = (0..rect.height())
-        .into_par_iter()
-        .map(|row| {
-            (0..rect.width())
-                .map(|column| {
-                    let distance = known.prior.data[row * rect.width() + column];
-                    if distance >= known.band[0] || distance <= -known.band[1] {
-                        return [0.0; 3];
-                    }
-                    let near = &samples[(row / cell) * columns + column / cell];
-                    pixel(known, &density, kernel, near, column + rect.x0, row + rect.y0)
-                })
-                .collect()
-        })
-        .collect();
+    let rows: Vec<Vec<[f32; 3]>> = parallel::map(rect.height(), |row| {
+        (0..rect.width())
+            .map(|column| {
+                let distance = known.prior.data[row * rect.width() + column];
+                if distance >= known.band[0] || distance <= -known.band[1] {
+                    return [0.0; 3];
+                }
+                let near = &samples[(row / cell) * columns + column / cell];
+                pixel(known, &density, kernel, near, column + rect.x0, row + rect.y0)
+            })
+            .collect()
+    });
     let [ratio, background, alike] = [0; 3].map(|_| Field::new(rect, 0.0));
     let mut evidence = Evidence { ratio, background, alike };
     for (i, [ratio, background, alike]) in rows.into_iter().flatten().enumerate() {
@@ -178,32 +175,27 @@ fn shadowed(colour: [f32; 3], behind: [f32; 3]) -> [f32; 3] {
 fn samples(known: &Known, cell: usize, columns: usize) -> Vec<Samples> {
     let rect = known.prior.rect;
     let rows = rect.height().div_ceil(cell);
-    let own: Vec<Samples> = (0..columns * rows)
-        .into_par_iter()
-        .map(|k| of_cell(known, rect, cell, [k % columns, k / columns]))
-        .collect();
+    let own: Vec<Samples> =
+        parallel::map(columns * rows, |k| of_cell(known, rect, cell, [k % columns, k / columns]));
     let mut print: Vec<[f32; 3]> = spread(own.iter().flat_map(|s| &s.fabric).copied().collect(), PRINT);
     print.extend(known.rim);
-    (0..columns * rows)
-        .into_par_iter()
-        .map(|k| {
-            let (i, j) = (k % columns, k / columns);
-            let mut near = Samples { fabric: print.clone(), around: Vec::new() };
-            for row in j.saturating_sub(REACH)..(j + REACH + 1).min(rows) {
-                for column in i.saturating_sub(REACH)..(i + REACH + 1).min(columns) {
-                    let of = &own[row * columns + column];
-                    near.fabric.extend(&of.fabric);
-                    near.around.extend(&of.around);
-                }
+    parallel::map(columns * rows, |k| {
+        let (i, j) = (k % columns, k / columns);
+        let mut near = Samples { fabric: print.clone(), around: Vec::new() };
+        for row in j.saturating_sub(REACH)..(j + REACH + 1).min(rows) {
+            for column in i.saturating_sub(REACH)..(i + REACH + 1).min(columns) {
+                let of = &own[row * columns + column];
+                near.fabric.extend(&of.fabric);
+                near.around.extend(&of.around);
             }
-            // A click counts as much as all else of its side.
-            for (side, clicked) in [&mut near.fabric, &mut near.around].into_iter().zip(known.clicked) {
-                let wanted = side.len();
-                side.extend(clicked.iter().cycle().take(if clicked.is_empty() { 0 } else { wanted }));
-            }
-            near
-        })
-        .collect()
+        }
+        // A click counts as much as all else of its side.
+        for (side, clicked) in [&mut near.fabric, &mut near.around].into_iter().zip(known.clicked) {
+            let wanted = side.len();
+            side.extend(clicked.iter().cycle().take(if clicked.is_empty() { 0 } else { wanted }));
+        }
+        near
+    })
 }
 
 /// At most `count` of the samples, evenly spaced in their order.

@@ -3,7 +3,7 @@
 //! pixels of the fabric, joined by a membrane that carries the motion over windows without texture and out beyond
 //! the outline.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::frames::Colours;
 use super::region::{Field, Region};
@@ -167,14 +167,11 @@ pub(super) fn flow(from: &Colours, to: &Colours, inside: &Region, rect: Rect) ->
     let mut data = vec![[0.0_f32; 2]; columns * rows];
     for (k, level) in levels.iter().enumerate().rev() {
         let scale = (1 << k) as f32;
-        let matched: Vec<Matched> = (0..columns * rows)
-            .into_par_iter()
-            .map(|i| {
-                let at = [i % columns, i / columns].map(|v| (v * step) as f32 / scale);
-                let start = data[i].map(|v| v / scale);
-                level.matched(at.map(|v| v.round()), start)
-            })
-            .collect();
+        let matched: Vec<Matched> = parallel::map(columns * rows, |i| {
+            let at = [i % columns, i / columns].map(|v| (v * step) as f32 / scale);
+            let start = data[i].map(|v| v / scale);
+            level.matched(at.map(|v| v.round()), start)
+        });
         data.iter_mut().flatten().for_each(|v| *v /= scale);
         membrane(&mut data, &matched, columns);
         data.iter_mut().flatten().for_each(|v| *v *= scale);
@@ -211,7 +208,7 @@ pub(super) fn outside(
         let place = [at[0] + rect.x0 as f32, at[1] + rect.y0 as f32];
         Some(Window { at: place, moved: window(&levels, at, noise)? })
     };
-    let windows: Vec<Window> = (0..SIDE * SIDE).into_par_iter().filter_map(of).collect();
+    let windows: Vec<Window> = parallel::filter_map(SIDE * SIDE, of);
     (windows.iter().filter(|w| w.moved.is_some()).count() >= FEWEST).then_some(windows)
 }
 

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::region::Region;
 use crate::io::image;
@@ -68,8 +68,7 @@ impl Frames {
         while bytes(factor) > MAX_BYTES {
             factor += 1;
         }
-        let read: Vec<Result<Colours>> =
-            files.paths.par_iter().map(|path| read_one(path, size, factor)).collect();
+        let read: Vec<Result<Colours>> = parallel::over(&files.paths, |path| read_one(path, size, factor));
         let images = read.into_iter().collect::<Result<Vec<_>>>()?;
         Ok(Self { size: size.map(|n| n / factor), factor, images })
     }
@@ -82,16 +81,15 @@ impl Frames {
 
 /// One image of the recording as frames are kept.
 pub(super) fn read_one(path: &Path, size: [usize; 2], factor: usize) -> Result<Colours> {
-    let file = image::open(path)?;
-    let full = file.full();
-    if [full.x1, full.y1] != size {
+    let read = image::read_bytes(path)?;
+    if [read.width, read.height] != size {
         return Err(Error::input(
             path.display().to_string(),
-            format!("is {}×{} pixels, but the frames {}×{}", full.x1, full.y1, size[0], size[1]),
+            format!("is {}×{} pixels, but the frames {}×{}", read.width, read.height, size[0], size[1]),
             "give an image of the same camera and size",
         ));
     }
-    Ok(companded(&file.into_rgb8(), size, factor))
+    Ok(companded(&read.data, size, factor))
 }
 
 /// RGB bytes as frames are kept.

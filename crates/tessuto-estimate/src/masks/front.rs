@@ -2,7 +2,7 @@
 //! none of those that the fabric has in the first frame, and they hang together with something beside the fabric
 //! that moves before the place behind. What they hide is not in the mask.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::frames::Frames;
 use super::palette::Palette;
@@ -51,10 +51,9 @@ pub(super) fn take_out(frames: &Frames, tracked: &mut Tracked, binds: bool, nois
     let own = own.spread();
     let area = first.area().max(1) as f64;
     let own = |colour: [f32; 3]| f64::from(own.count(colour)) / area;
-    let found: Vec<(Region, Front)> = (0..frames.images.len())
-        .into_par_iter()
-        .map(|n| of_frame(frames, n, &tracked.regions[n], &tracked.plate, &own, noise))
-        .collect();
+    let found: Vec<(Region, Front)> = parallel::map(frames.images.len(), |n| {
+        of_frame(frames, n, &tracked.regions[n], &tracked.plate, &own, noise)
+    });
     let (mut regions, mut fronts): (Vec<_>, Vec<_>) = found.into_iter().unzip();
     if binds {
         regions[0] = tracked.regions[0].clone();

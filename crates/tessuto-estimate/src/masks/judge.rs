@@ -1,6 +1,6 @@
 //! How far each mask can be trusted, and why not.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::conserved::comes_and_goes;
 use super::drawn::Drawn;
@@ -37,10 +37,8 @@ pub(super) struct Judgement {
 /// Judges every frame.
 pub(super) fn judge(frames: &Frames, tracked: &Tracked, given: &Given) -> Vec<Judgement> {
     let count = tracked.regions.len();
-    let distances: Vec<Field> = (0..count)
-        .into_par_iter()
-        .map(|n| tracked.regions[n].signed_distance(tracked.evidence[n].rect))
-        .collect();
+    let distances: Vec<Field> =
+        parallel::map(count, |n| tracked.regions[n].signed_distance(tracked.evidence[n].rect));
     let drawn = given.first.signed_distance(tracked.evidence[0].rect);
     let rest = Rest { drawn: &drawn, found: &distances[0], noise: given.noise };
     let still = standing_still(frames, tracked, &distances, &rest);
@@ -50,7 +48,7 @@ pub(super) fn judge(frames: &Frames, tracked: &Tracked, given: &Given) -> Vec<Ju
         true => Judgement { confidence: 1.0, fault: None },
         false => one(frames, tracked, &distances, [still[n], comes[n]], n),
     };
-    (0..count).into_par_iter().map(one).collect()
+    parallel::map(count, one)
 }
 
 fn one(frames: &Frames, tracked: &Tracked, distances: &[Field], wrong: [f64; 2], n: usize) -> Judgement {

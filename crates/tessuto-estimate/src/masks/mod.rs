@@ -26,7 +26,6 @@ mod palette;
 mod plate;
 mod record;
 mod refuse;
-mod region;
 mod segment;
 mod start;
 mod steady;
@@ -35,7 +34,7 @@ mod track;
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use crate::io::mask::Object;
 use crate::io::scene::colour_files;
@@ -44,11 +43,11 @@ pub use findings::Finding;
 use frames::Frames;
 use moving::Steadied;
 pub use record::{Border, Click, Frame, Record};
-use region::{Field, Region};
 use segment::Mark;
 use tessuto_core::camera::Rect;
 use tessuto_core::error::Result;
 use tessuto_core::image::Image;
+use tessuto_core::image::region::{self, Field, Region};
 use track::{Given, Tracked, track};
 
 /// What the masks are to be made from; what is not given is taken from the [`Record`] of an earlier time.
@@ -144,7 +143,7 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let fronts = front::take_out(frames, &mut tracked, binds, noise);
     let mut coverage = coverages(frames, &tracked, noise);
     if let Some(steadied) = &steadied {
-        coverage = coverage.par_iter().enumerate().map(|(n, coverage)| steadied.back(coverage, n)).collect();
+        coverage = parallel::numbered(&coverage, |(n, coverage)| steadied.back(coverage, n));
     }
     let pixels = (recorded_size[0] * recorded_size[1]) as f64;
     let areas: Vec<f64> = tracked.regions.iter().map(|r| r.area() as f64 / pixels).collect();
@@ -164,20 +163,11 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
         true => page::outline(&Field { rect: start.region.rect, data: mask(0) }, 1),
         false => page::outline(&coverage[k], frames.factor),
     };
-    let outlines: Vec<String> = (0..coverage.len()).into_par_iter().map(outline).collect();
+    let outlines: Vec<String> = parallel::map(coverage.len(), outline);
     let page = page::page(&clip, &record, size, &outlines)?;
     let files = files::write(folder, &record, &page, size, coverage.len(), &mask)?;
     progress(1.0);
     Ok(Made { record, files })
-}
-
-/// Blackens all of a mask but its largest piece: pixels above 5 % that hang together along sides.
-pub fn keep_largest_piece(mask: &mut Image) {
-    let rect = Rect { x0: 0, y0: 0, x1: mask.width, y1: mask.height };
-    let region = Region { rect, inside: mask.data.iter().map(|v| *v > 0.05).collect() };
-    let mut pieces = region.pieces(true);
-    pieces.sort_by_key(|piece| std::cmp::Reverse(piece.len()));
-    pieces.iter().skip(1).flatten().for_each(|i| mask.data[*i] = 0.0);
 }
 
 /// Soft coverage of every frame.
@@ -187,7 +177,7 @@ fn coverages(frames: &Frames, tracked: &Tracked, noise: f32) -> Vec<Field> {
         let rect = region.bounds().unwrap_or(region.rect).padded(4, frames.size);
         matte::coverage(&frames.images[n], &region.within(rect), &tracked.plate, noise)
     };
-    (0..frames.images.len()).into_par_iter().map(of).collect()
+    parallel::map(frames.images.len(), of)
 }
 
 /// The region on frames that are smaller.

@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::frames::{Colours, Frames};
 use super::plate::Plate;
@@ -200,7 +200,7 @@ impl<'a> Search<'a> {
         let last = ways.len() - 1;
         let mut looks: Vec<usize> = (1..=LOOKS).map(|k| (k * last).div_ceil(LOOKS)).collect();
         looks.dedup();
-        let images = looks.par_iter().map(|n| Pyramid::new(&frames.images[*n])).collect();
+        let images = parallel::over(&looks, |n| Pyramid::new(&frames.images[*n]));
         let far = ways.iter().map(|way| way.translation.length()).fold(0.0, f64::max);
         Self {
             size: frames.size,
@@ -227,7 +227,7 @@ impl<'a> Search<'a> {
             };
             self.places.iter().map(one).collect()
         };
-        maps.par_iter().zip(&self.images).flat_map_iter(of).collect()
+        parallel::numbered(&maps, |(k, map)| of((map, &self.images[k]))).into_iter().flatten().collect()
     }
 
     /// Mean cost, each of at most 1.
@@ -310,21 +310,18 @@ fn carried(frames: &Frames, maps: Vec<DMat3>) -> Steadied {
     let size: [usize; 2] = std::array::from_fn(|c| (high[c] - start[c]).ceil() as usize + 1);
     let place = |i: usize| [(i % size[0]) as f64 + start[0], (i / size[0]) as f64 + start[1]];
     let count = size[0] * size[1];
-    let drawn: Vec<(Colours, Vec<bool>)> = maps
-        .par_iter()
-        .zip(&frames.images)
-        .map(|(map, image)| {
-            let mut data = Vec::with_capacity(3 * count);
-            let mut seen = Vec::with_capacity(count);
-            for [x, y] in (0..count).map(place) {
-                let at = sent(map, x, y).filter(|at| is_inside(*at, frames.size));
-                let colour = at.map_or([0.0; 3], |[x, y]| image.sample(x as f32, y as f32));
-                seen.push(at.is_some());
-                data.extend(colour.map(|v| v.round() as u8));
-            }
-            (Colours { width: size[0], data }, seen)
-        })
-        .collect();
+    let drawn: Vec<(Colours, Vec<bool>)> = parallel::numbered(&maps, |(n, map)| {
+        let image = &frames.images[n];
+        let mut data = Vec::with_capacity(3 * count);
+        let mut seen = Vec::with_capacity(count);
+        for [x, y] in (0..count).map(place) {
+            let at = sent(map, x, y).filter(|at| is_inside(*at, frames.size));
+            let colour = at.map_or([0.0; 3], |[x, y]| image.sample(x as f32, y as f32));
+            seen.push(at.is_some());
+            data.extend(colour.map(|v| v.round() as u8));
+        }
+        (Colours { width: size[0], data }, seen)
+    });
     let filled = |n: usize| {
         let (image, seen) = &drawn[n];
         let mut data = image.data.clone();
@@ -339,7 +336,7 @@ fn carried(frames: &Frames, maps: Vec<DMat3>) -> Steadied {
         }
         Colours { width: size[0], data }
     };
-    let images = (0..drawn.len()).into_par_iter().map(filled).collect();
+    let images = parallel::map(drawn.len(), filled);
     let steady = Frames { size, factor: frames.factor, images };
     Steadied { frames: steady, maps, start, size: frames.size }
 }

@@ -1,7 +1,7 @@
 //! What lies behind the fabric. The camera stands still: each place is seen sooner or later, unless the fabric always
 //! hides it.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::frames::{Colours, Frames};
 use super::region::{Field, index};
@@ -60,33 +60,30 @@ impl Plate {
         let stride = distances.len().div_ceil(LOOKS).max(1);
         // Far from the fabric of all frames nobody asks.
         let asked = distances.iter().map(|d| d.rect).reduce(Rect::union);
-        let rows: Vec<Vec<([f32; 3], f32, f32)>> = (0..height)
-            .into_par_iter()
-            .map(|y| {
-                let mut looks: [Vec<u8>; 3] = Default::default();
-                (0..width)
-                    .map(|x| {
-                        looks.iter_mut().for_each(Vec::clear);
-                        if asked.is_none_or(|asked| index(asked, x, y).is_none()) {
-                            return ([0.0; 3], 0.0, 0.0);
+        let rows: Vec<Vec<([f32; 3], f32, f32)>> = parallel::map(height, |y| {
+            let mut looks: [Vec<u8>; 3] = Default::default();
+            (0..width)
+                .map(|x| {
+                    looks.iter_mut().for_each(Vec::clear);
+                    if asked.is_none_or(|asked| index(asked, x, y).is_none()) {
+                        return ([0.0; 3], 0.0, 0.0);
+                    }
+                    for (n, distance) in distances.iter().enumerate() {
+                        // All frames where the fabric comes near, of the others some are enough.
+                        let near = index(distance.rect, x, y);
+                        if near.is_some_and(|i| distance.data[i] > -margin) {
+                            continue;
                         }
-                        for (n, distance) in distances.iter().enumerate() {
-                            // All frames where the fabric comes near, of the others some are enough.
-                            let near = index(distance.rect, x, y);
-                            if near.is_some_and(|i| distance.data[i] > -margin) {
-                                continue;
-                            }
-                            if n % stride == 0 || (looks[0].len() < 5 && near.is_some()) {
-                                let i = 3 * (y * width + x);
-                                let data = &frames.images[n].data;
-                                (0..3).for_each(|c| looks[c].push(data[i + c]));
-                            }
+                        if n % stride == 0 || (looks[0].len() < 5 && near.is_some()) {
+                            let i = 3 * (y * width + x);
+                            let data = &frames.images[n].data;
+                            (0..3).for_each(|c| looks[c].push(data[i + c]));
                         }
-                        median(&mut looks)
-                    })
-                    .collect()
-            })
-            .collect();
+                    }
+                    median(&mut looks)
+                })
+                .collect()
+        });
         let mut plate = Self::unknown(frames.size);
         for (i, (colour, sure, spread)) in rows.into_iter().flatten().enumerate() {
             (plate.colours[i], plate.sure[i], plate.spread[i]) = (colour, sure, spread);

@@ -1,6 +1,6 @@
 //! Whether the clip is what masks can be made of: one take of a camera that stands still.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::flow::{Window, outside};
 use super::frames::Frames;
@@ -86,8 +86,7 @@ pub(super) fn steadiness(frames: &Frames, fabric: &Region, noise: f32) -> Steadi
     let margin = (fabric.area() as f32).sqrt() * 0.15;
     let near = fabric.signed_distance(rect);
     let near = Region { rect, inside: near.data.iter().map(|d| *d > -margin).collect() };
-    let changes: Vec<f64> =
-        (1..frames.images.len()).into_par_iter().map(|n| changed(frames, n, &near)).collect();
+    let changes: Vec<f64> = parallel::later(&frames.images, |(n, _)| changed(frames, n, &near));
     // Everything changes once, not all the time as in a clip of flashing lights.
     let cut = (0..changes.len()).find(|k| {
         let around = [k.checked_sub(1), Some(k + 1)];
@@ -105,7 +104,7 @@ pub(super) fn steadiness(frames: &Frames, fabric: &Region, noise: f32) -> Steadi
     let last = frames.images.len() - 1;
     let looked: Vec<usize> =
         (1..=last).filter(|n| n % last.div_ceil(LOOKS).max(1) == 0 || *n == last).collect();
-    let shifts: Vec<(usize, Shift)> = looked.into_par_iter().filter_map(of).collect();
+    let shifts: Vec<(usize, Shift)> = parallel::filter_map(looked.len(), |k| of(looked[k]));
     let recorded = |(n, s): (usize, Shift)| (n, s.pixels * frames.factor as f32);
     let moved = shifts.iter().find(|(_, s)| s.pixels > MOVED * unit).copied();
     // Frames between two that were looked at.
@@ -145,32 +144,29 @@ pub(super) fn movement(frames: &Frames, fabric: &Region, noise: f32) -> (f64, Op
         fabric.bounds().map(|r| r.padded(r.width().max(r.height()).div_ceil(10).max(4), frames.size));
     let is_beside =
         |x: usize, y: usize| beside.is_some_and(|r| (r.x0..r.x1).contains(&x) && (r.y0..r.y1).contains(&y));
-    let rows: Vec<[f64; 6]> = (0..height)
-        .into_par_iter()
-        .step_by(3)
-        .map(|y| {
-            let mut sums = [0.0; 6];
-            for x in (0..width).step_by(3) {
-                let first = frames.images[0].at(x, y);
-                let changes = frames.images.iter().step_by(stride).skip(1).any(|image| {
-                    let now = image.at(x, y);
-                    (0..3).any(|c| (now[c] - first[c]).abs() > limit)
-                });
-                let inside = fabric.at(x, y);
-                let changes = f64::from(u8::from(changes && (inside || !is_beside(x, y))));
-                if inside {
-                    sums[0] += changes;
-                    sums[1] += 1.0;
-                } else {
-                    sums[2] += changes;
-                    sums[3] += 1.0;
-                    sums[4] += changes * x as f64;
-                    sums[5] += changes * y as f64;
-                }
+    let rows: Vec<[f64; 6]> = parallel::map(height.div_ceil(3), |row| {
+        let y = 3 * row;
+        let mut sums = [0.0; 6];
+        for x in (0..width).step_by(3) {
+            let first = frames.images[0].at(x, y);
+            let changes = frames.images.iter().step_by(stride).skip(1).any(|image| {
+                let now = image.at(x, y);
+                (0..3).any(|c| (now[c] - first[c]).abs() > limit)
+            });
+            let inside = fabric.at(x, y);
+            let changes = f64::from(u8::from(changes && (inside || !is_beside(x, y))));
+            if inside {
+                sums[0] += changes;
+                sums[1] += 1.0;
+            } else {
+                sums[2] += changes;
+                sums[3] += 1.0;
+                sums[4] += changes * x as f64;
+                sums[5] += changes * y as f64;
             }
-            sums
-        })
-        .collect();
+        }
+        sums
+    });
     let mut sums = [0.0; 6];
     rows.iter().for_each(|row| (0..6).for_each(|k| sums[k] += row[k]));
     let middle = [sums[4], sums[5]].map(|s| (s / sums[2].max(1.0)) as f32 * frames.factor as f32);

@@ -2,6 +2,7 @@
 //! evidence of colours is clear on either side of them; but the fabric moves, and their outline stands still.
 
 use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::frames::Frames;
 use super::region::{Field, index};
@@ -47,10 +48,8 @@ pub(super) fn standing_still(
     drawn: &Rest,
 ) -> Vec<f64> {
     let often = often(frames, distances);
-    let own: Vec<f64> = (0..distances.len())
-        .into_par_iter()
-        .map(|n| of_frame(frames, tracked, distances, (&often, drawn), n))
-        .collect();
+    let own: Vec<f64> =
+        parallel::map(distances.len(), |n| of_frame(frames, tracked, distances, (&often, drawn), n));
     let around = |n: usize| &own[n.saturating_sub(AROUND)..(n + AROUND + 1).min(own.len())];
     (0..own.len()).map(|n| around(n).iter().sum::<f64>() / around(n).len() as f64).collect()
 }

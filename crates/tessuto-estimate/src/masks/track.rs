@@ -1,7 +1,7 @@
 //! The outline through the clip: from the first frame forward, then every frame again with its neighbours on both sides
 //! and with what lies behind the fabric known.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::beyond::{FRAMES, behind};
 use super::drawn::{self, Drawn};
@@ -89,7 +89,7 @@ pub(super) fn track(
     let (mut regions, mut flows) = tracker.forward(&|n| progress(0.2 * n as f64 / count))?;
     if given.drawn == Drawn::Corners {
         let early = &regions[..regions.len().min(FRAMES + 1)];
-        let distances: Vec<Field> = early.par_iter().map(|r| r.signed_distance(tracker.around(r))).collect();
+        let distances: Vec<Field> = parallel::over(early, |r| r.signed_distance(tracker.around(r)));
         let behind = behind(&given.first, &distances, &flows);
         if !behind.is_empty() {
             tracker.marks[0].extend(behind);
@@ -100,20 +100,16 @@ pub(super) fn track(
     let mut evidence = Vec::new();
     let mut plate = Plate::unknown(frames.size);
     for (pass, band) in AGAIN.iter().enumerate() {
-        let distances: Vec<Field> =
-            regions.par_iter().map(|r| r.signed_distance(tracker.around(r))).collect();
+        let distances: Vec<Field> = parallel::over(&regions, |r| r.signed_distance(tracker.around(r)));
         plate = match &given.plate {
             Some(given) => given.clone(),
             None => Plate::seen(frames, &distances, MARGIN),
         };
-        let again: Vec<(Region, Field)> = (0..frames.images.len())
-            .into_par_iter()
-            .map(|n| {
-                let found = tracker.again(n, &distances, &flows, &plate, *band);
-                progress(0.4 + 0.3 * (pass as f64 + n as f64 / count));
-                found
-            })
-            .collect();
+        let again: Vec<(Region, Field)> = parallel::map(frames.images.len(), |n| {
+            let found = tracker.again(n, &distances, &flows, &plate, *band);
+            progress(0.4 + 0.3 * (pass as f64 + n as f64 / count));
+            found
+        });
         (regions, evidence) = again.into_iter().unzip();
         if let Some(lost) = regions.iter().position(|r| r.area() == 0) {
             return Err(lost);

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-use super::boxes::{Bounds, BoxTree};
 use tessuto_core::math::rng::Rng;
+use tessuto_core::mesh::boxes::{Bounds, BoxTree};
 use tessuto_core::mesh::triangle_area;
 
 /// `count` points, uniform in area, on the surface of `triangles`. Positions `[count]`.

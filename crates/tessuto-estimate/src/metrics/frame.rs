@@ -2,7 +2,9 @@
 
 use glam::DVec3;
 
-use super::{Inputs, Metrics, chamfer, depth, published, surface, tracked};
+use tessuto_core::mesh::surface;
+
+use super::{Inputs, Metrics, chamfer, depth, published, tracked};
 use tessuto_core::math::rng::Rng;
 use tessuto_core::mesh::Positions;
 

@@ -180,11 +180,10 @@ fn frames(scene: &Scene, result: &Path) -> Result<Option<(f64, usize)>> {
         if !path.is_file() {
             return Ok(None);
         }
-        let file = io::image::open(&path)?;
-        file.expect_size(scene.full_size)?;
+        let rerendered = io::image::read_region(&path, scene.full_size, scene.crop)?;
         let observed = scene.frames.frame(k)?;
         let covered: Vec<bool> = observed.mask.data.iter().map(|m| *m >= COVERED).collect();
-        Ok(masked_psnr(&file.rgb(scene.crop), &observed.rgb, &covered))
+        Ok(masked_psnr(&rerendered, &observed.rgb, &covered))
     };
     let ratios = scene.frames.map(0..scene.frames.len(), || (), ratio)?;
     let found: Vec<f64> = ratios.into_iter().flatten().collect();

@@ -4,7 +4,6 @@
 //! the video and with what cloth can do ([`agreement`]), and whether that is good ([`verdict`]).
 
 pub mod agreement;
-mod boxes;
 pub mod causes;
 pub mod chamfer;
 pub mod depth;
@@ -14,7 +13,6 @@ pub mod names;
 pub mod published;
 mod resample;
 pub(crate) mod similarity;
-pub mod surface;
 mod table;
 pub(crate) mod tracked;
 mod validate;
@@ -31,8 +29,8 @@ pub use verdict::{Counts, FrameVerdict, OverFrames, State, Verdict, judge, judge
 
 use std::ops::Range;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use tessuto_core::parallel;
 
 use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::Result;
@@ -253,14 +251,11 @@ pub fn evaluate(inputs: &Inputs, motion: &Motion, range: Range<usize>, seed: u64
     validate::validate(inputs, motion, &range)?;
     let triangles = inputs.template.triangles();
     let count = range.len();
-    let measured: Vec<(FrameMetrics, Vec<f64>)> = range
-        .into_par_iter()
-        .filter(|k| inputs.truth.knows(*k))
-        .map(|k| {
-            let (metrics, tracked) = frame::measure(inputs, &triangles, &motion[k], k, seed);
-            (FrameMetrics { frame: inputs.first_frame + k, metrics }, tracked)
-        })
-        .collect();
+    let known = range.filter(|k| inputs.truth.knows(*k)).collect();
+    let measured: Vec<(FrameMetrics, Vec<f64>)> = parallel::consume(known, |_, k| {
+        let (metrics, tracked) = frame::measure(inputs, &triangles, &motion[k], k, seed);
+        (FrameMetrics { frame: inputs.first_frame + k, metrics }, tracked)
+    });
     let (frames, tracked): (Vec<FrameMetrics>, Vec<Vec<f64>>) = measured.into_iter().unzip();
     let over_points = tracked::Distances::of(tracked.concat());
     let mean = Metrics {

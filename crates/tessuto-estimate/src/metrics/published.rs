@@ -6,12 +6,12 @@
 
 use glam::DVec3;
 
-use super::boxes::{Bounds, BoxTree};
+use tessuto_core::mesh::boxes::{Bounds, BoxTree};
 
 /// What the published formula adds to the denominator `[m⁴]`.
 const EXTRA: f64 = 1e-5;
 
-/// Squared distances `[m²]` as in [`super::surface::distances_squared`], with the inexact inside test.
+/// Squared distances `[m²]` as in [`tessuto_core::mesh::surface::distances_squared`], with the inexact inside test.
 ///
 /// - `exact`: the exact ones. They bound the result: whatever is truly inside is also accepted
 ///   here, and where a pair is accepted its plane distance is not above the exact one.

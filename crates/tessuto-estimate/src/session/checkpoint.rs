@@ -1,6 +1,6 @@
 //! Checkpoint files: written atomically, versioned, checksummed, the last two kept.
 //!
-//! A file is one line of JSON, which says what follows, and then the parts one after another, each MessagePack.
+//! A file is one line of JSON, which says what follows, and then the parts one after another, each in postcard's format.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::text::hex;
 
 /// Says what the file is, and in which layout.
-const FORMAT: &str = "tessuto checkpoint 1";
+const FORMAT: &str = "tessuto checkpoint 2";
 /// Files kept: if the newest turns out damaged, the one before is used.
 const KEPT: usize = 2;
 /// Largest file that is read `[bytes]`.

@@ -1,6 +1,6 @@
 //! One OBJ file per frame, with material.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::Clip;
 use super::row::{Output, Row};
@@ -23,12 +23,9 @@ pub(super) const FORMAT: Row = Row {
 fn encode(clip: &Clip) -> Vec<(String, Vec<u8>)> {
     let name = &clip.name;
     let library = format!("{name}.mtl");
-    let mut files: Vec<(String, Vec<u8>)> = clip
-        .motion
-        .par_iter()
-        .enumerate()
-        .map(|(n, vertices)| (frame_name(clip, n, "obj"), text(clip, vertices, Some(&library))))
-        .collect();
+    let mut files: Vec<(String, Vec<u8>)> = parallel::numbered(&clip.motion, |(n, vertices)| {
+        (frame_name(clip, n, "obj"), text(clip, vertices, Some(&library)))
+    });
     let mut mtl =
         format!("newmtl {name}\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nmap_Kd {}\n", clip.material.file("basecolor"));
     if clip.material.roughness_metallic.is_some() {

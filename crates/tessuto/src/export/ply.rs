@@ -1,6 +1,6 @@
 //! One binary PLY file per frame, with normals and texture coordinates.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::Clip;
 use super::row::{Output, Row};
@@ -46,7 +46,7 @@ fn encode(clip: &Clip) -> Vec<(String, Vec<u8>)> {
         }
         (frame_name(clip, n, "ply"), out)
     };
-    let mut files: Vec<(String, Vec<u8>)> = clip.motion.par_iter().enumerate().map(file).collect();
+    let mut files: Vec<(String, Vec<u8>)> = parallel::numbered(&clip.motion, file);
     files.extend(gaps(clip));
     files
 }

@@ -7,7 +7,7 @@
 use std::fmt::Write as _;
 
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::clip::identifier;
 use super::row::{Output, Row};
@@ -105,10 +105,8 @@ pub(super) fn bounds(points: &[Vec3]) -> String {
 }
 
 fn samples(clip: &Clip, of: impl Fn(usize) -> String + Sync) -> String {
-    let lines: Vec<String> = (0..clip.motion.len())
-        .into_par_iter()
-        .map(|k| format!("            {}: {},\n", clip.frames[k], of(k)))
-        .collect();
+    let lines: Vec<String> =
+        parallel::map(clip.motion.len(), |k| format!("            {}: {},\n", clip.frames[k], of(k)));
     format!("{{\n{}        }}", lines.concat())
 }
 

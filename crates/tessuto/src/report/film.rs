@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 use serde::Serialize;
+use tessuto_core::parallel;
 
 use super::embed::base64;
 use tessuto_core::camera::{Camera, Rect};
@@ -124,7 +125,7 @@ fn encode(
 ) -> Result<Vec<Layer>> {
     let layer = |source: &Source| {
         let frame = |n| Ok(base64(&jpeg::encode_part(&(source.load)(n)?, region, side, quality)));
-        let frames = (0..frame_count).into_par_iter().map(frame).collect::<Result<_>>()?;
+        let frames = parallel::try_map(frame_count, frame)?;
         Ok(Layer { key: source.key, label: source.label, frames })
     };
     sources.iter().map(layer).collect()

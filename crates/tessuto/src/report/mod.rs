@@ -12,6 +12,7 @@ mod kind;
 mod legend;
 pub mod page;
 pub mod scale;
+mod scripts;
 pub(crate) mod sheet;
 
 pub use causes::CauseData;

@@ -6,7 +6,9 @@ use askama::Template;
 use serde::Serialize;
 
 use super::causes::{CauseRow, CauseSpread, bar};
-use super::{CauseData, Chart, ClothData, Film, LightData, OtherLens, Parameter, ReportData, chart, scale};
+use super::{
+    CauseData, Chart, ClothData, Film, LightData, OtherLens, Parameter, ReportData, chart, scale, scripts,
+};
 use tessuto_core::error::Result;
 use tessuto_estimate::io;
 use tessuto_estimate::metrics::names::{LIT, SILHOUETTE, TEXTURED};
@@ -21,26 +23,6 @@ const DOUBTS: usize = 20;
 /// Styles, in the order of the page.
 const STYLES: [&str; 2] =
     [include_str!("../../assets/vendor/uPlot.min.css"), include_str!("../../assets/report/page.css")];
-
-/// Scripts, in the order of the page.
-const SCRIPTS: [&str; 13] = [
-    include_str!("../../assets/vendor/three.min.js"),
-    include_str!("../../assets/vendor/uPlot.min.js"),
-    include_str!("../../assets/report/data.js"),
-    include_str!("../../assets/report/player.js"),
-    include_str!("../../assets/report/colours.js"),
-    include_str!("../../assets/report/cloth.js"),
-    include_str!("../../assets/report/arrows.js"),
-    include_str!("../../assets/report/wipe.js"),
-    include_str!("../../assets/report/states.js"),
-    include_str!("../../assets/report/charts.js"),
-    include_str!("../../assets/report/causes.js"),
-    include_str!("../../assets/report/main.js"),
-    include_str!("../../assets/report/live.js"),
-];
-
-/// The script of pages of several cameras, or of one that moves; it comes after the others.
-const CAMERAS: &str = include_str!("../../assets/report/cameras.js");
 
 /// What the template reads; it escapes every text that is not marked safe.
 #[derive(Template)]
@@ -147,7 +129,7 @@ pub fn render(data: &ReportData) -> String {
 
 /// Bytes of the page without its numbers and images.
 pub fn bare_size() -> usize {
-    STYLES.iter().chain(&SCRIPTS).map(|s| s.len()).sum()
+    STYLES.into_iter().chain(scripts::common()).map(str::len).sum()
 }
 
 fn page(data: &ReportData) -> Page<'_> {
@@ -174,7 +156,7 @@ fn page(data: &ReportData) -> Page<'_> {
     Page {
         data,
         styles: STYLES,
-        scripts: SCRIPTS.into_iter().chain(has_cameras.then_some(CAMERAS)).collect(),
+        scripts: scripts::common().chain(has_cameras.then_some(scripts::CAMERAS)).collect(),
         has_cameras,
         agreement: data
             .verdict

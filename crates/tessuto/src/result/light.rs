@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use glam::DVec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use crate::report::{LightData, chosen_frames, embed};
 use tessuto_core::error::Result;
@@ -77,7 +77,7 @@ fn observed(mesh: &Mesh, motion: &[Positions]) -> Vec<bool> {
         let direction = grid.direction(texel % grid.width, texel / grid.width);
         normals.iter().any(|n| n.dot(direction) > LEAST_COSINE)
     };
-    (0..grid.texels.len()).into_par_iter().map(sees).collect()
+    parallel::map(grid.texels.len(), sees)
 }
 
 #[cfg(test)]

@@ -8,7 +8,8 @@ mod words;
 use std::path::{Path, PathBuf};
 
 /// The crates of the library, from the bottom up.
-const LIBRARY: [&str; 5] = ["tessuto-core", "tessuto-sim", "tessuto-render", "tessuto-estimate", "tessuto"];
+const LIBRARY: [&str; 6] =
+    ["tessuto-core", "tessuto-sim", "tessuto-render", "tessuto-scene", "tessuto-estimate", "tessuto"];
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")

@@ -4,13 +4,13 @@
 /// What may name a command of the program, and why.
 const ALLOWED: [(&str, &str); 6] = [
     // Marks in files, by which they are recognised again.
-    ("tessuto-estimate/src/session/checkpoint.rs", "tessuto checkpoint 1"),
-    ("tessuto-estimate/src/io/image.rs", "tEXtSoftware\\0tessuto check"),
-    ("tessuto-estimate/src/import/mod.rs", "tessuto import"),
-    ("tessuto-estimate/src/synth/write.rs", "tessuto synth"),
+    ("tessuto-estimate/src/session/checkpoint.rs", "tessuto checkpoint 2"),
+    ("tessuto-scene/src/io/image.rs", "tEXtSoftware\\0tessuto check"),
+    ("tessuto-scene/src/import/mod.rs", "tessuto import"),
+    ("tessuto-scene/src/synth/write.rs", "tessuto synth"),
     // Commands of other programs.
-    ("tessuto-estimate/src/import/colmap.rs", "--ImageReader."),
-    ("tessuto-estimate/src/import/calibration_file.rs", "colmap model_converter --input_path"),
+    ("tessuto-scene/src/import/colmap.rs", "--ImageReader."),
+    ("tessuto-scene/src/import/calibration_file.rs", "colmap model_converter --input_path"),
 ];
 
 /// The text of every string in Rust source, without its tests.

@@ -4,8 +4,8 @@ use glam::DVec3;
 use proptest::prelude::*;
 use tessuto::Image;
 use tessuto::math::rng::Rng;
+use tessuto::mesh::surface::{distances_squared, point_triangle_squared};
 use tessuto::metrics::chamfer::nearest_squared;
-use tessuto::metrics::surface::{distances_squared, point_triangle_squared};
 use tessuto::metrics::{correlation, psnr, ssim};
 
 use super::{holds, rigid_motion};

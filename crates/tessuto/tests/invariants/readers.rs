@@ -157,7 +157,7 @@ fn state(bytes: &[u8]) -> Result<()> {
     };
     let parts = serde_json::json!([[name, bytes.len()]]);
     let fields =
-        serde_json::json!(["tessuto checkpoint 1", env!("CARGO_PKG_VERSION"), "scene", "track 1/2", parts]);
+        serde_json::json!(["tessuto checkpoint 2", env!("CARGO_PKG_VERSION"), "scene", "track 1/2", parts]);
     let mut hash = Sha256::new();
     hash.update(serde_json::to_vec(&fields).expect("plain data"));
     hash.update(bytes);

@@ -3,7 +3,8 @@
 use glam::{DVec2, DVec3};
 use tessuto::math::rng::Rng;
 use tessuto::mesh::grid;
-use tessuto::metrics::{FrameMetrics, Inputs, Metrics, chamfer, depth, evaluate, published, surface};
+use tessuto::mesh::surface;
+use tessuto::metrics::{FrameMetrics, Inputs, Metrics, chamfer, depth, evaluate, published};
 use tessuto::{Camera, Error, Mesh, Motion, Truth};
 
 const CAMERA: Camera = Camera { fx: 400.0, fy: 400.0, cx: 199.5, cy: 149.5, width: 400, height: 300 };

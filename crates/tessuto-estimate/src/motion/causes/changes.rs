@@ -1,7 +1,7 @@
 //! The motion of a clip, but otherwise: under other stiffnesses, air or hold, and after its end.
 
 use glam::DVec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::Found;
 use super::follow::lead_along;
@@ -132,9 +132,9 @@ impl<'a> Changes<'a> {
                 let own = clip.copy().unwrap_or_else(|| self.clip(&changes[*k]));
                 (*k, self.after(&changes[*k], own))
             };
-            group.par_iter().map(of).collect::<Vec<_>>()
+            parallel::over(group, of)
         };
-        let mut out: Vec<(usize, Guided)> = groups.par_iter().flat_map(group).collect();
+        let mut out: Vec<(usize, Guided)> = parallel::over(&groups, group).into_iter().flatten().collect();
         out.sort_by_key(|(k, _)| *k);
         out.into_iter().map(|(_, guided)| guided).collect()
     }

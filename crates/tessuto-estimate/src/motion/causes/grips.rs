@@ -7,7 +7,7 @@
 
 use std::collections::BTreeSet;
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::held::border_loop;
 use super::search::Attempt;
@@ -115,7 +115,8 @@ impl<F: Fn(&[usize], Option<&Attempt>) -> Option<Attempt> + Sync> Descent<F> {
     /// Takes the best of `changes`, or the best one of every grip at once, if the objective falls.
     fn step(&mut self, changes: &[Change]) -> bool {
         let alone: Vec<_> = changes.iter().filter_map(|change| self.unseen(vec![*change])).collect();
-        let mut tried: Vec<_> = alone.into_par_iter().filter_map(|new| self.attempt(new)).collect();
+        let mut tried: Vec<_> =
+            parallel::consume(alone, |_, new| self.attempt(new)).into_iter().flatten().collect();
         let value = |(_, hold): &(Vec<Change>, Hold)| hold.value;
         let gain = |grip: usize| {
             let own = tried.iter().filter(|t| t.0[0].grip == grip && value(t) < self.best.value);

@@ -8,7 +8,7 @@
 //! is no farther from the found one than the strains that it makes are, in these spreads, root mean square. So a
 //! sheet that does not stretch visibly has a lower bound at most.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::constraint::{Cause, EXCLUDED, FACTORS, Profile, deviations};
 use super::drive::{Drive, Trajectory};
@@ -53,7 +53,7 @@ impl Optimum<'_> {
             out
         };
         let tried: Vec<(usize, f64)> = (0..5).flat_map(|k| [(k, -1.0), (k, 1.0)]).collect();
-        let sides: Vec<Profile> = tried.into_par_iter().map(side).collect();
+        let sides: Vec<Profile> = parallel::over(&tried, |of| side(*of));
         std::array::from_fn(|k| {
             let place = Cause::POSITIVE[k].places(unknowns).start;
             let here = self.value(place, self.causes, &self.trajectory.frames);

@@ -99,7 +99,11 @@ mod tests {
 
     #[test]
     fn small_pictures_have_few_levels() {
-        let settings = Settings { frames: 2, size: 48, grid: [4, 4], ..Settings::default() };
+        let settings = Settings::default().with(|s| {
+            s.frames = 2;
+            s.size = 48;
+            s.grid = [4, 4];
+        });
         let scene = crate::synth::make(&settings).unwrap();
         for (asked, found) in [([1, 2], [1, 2]), ([0, 8], [0, 4]), ([7, 8], [4, 4])] {
             let observed = Observed::new(&scene, &scene, asked, 1).unwrap();

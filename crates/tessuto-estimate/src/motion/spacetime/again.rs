@@ -6,7 +6,7 @@
 //! all that find frames that no motion so far has, and from those others start. They go forward from the first
 //! frame and backward from the last.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::noise::Asked;
 use super::track::{Follower, Start};
@@ -79,8 +79,8 @@ impl Problem<'_> {
                 }
                 value
             };
-            let sides = searches.par_iter_mut().zip(followers.par_iter_mut()).zip(&COURSES);
-            let values: Vec<f64> = sides.map(step).collect();
+            let sides = searches.iter_mut().zip(followers.iter_mut()).zip(&COURSES).collect();
+            let values: Vec<f64> = parallel::consume(sides, |_, side| step(side));
             report(followers, values[0])?;
         }
         Ok(())

@@ -6,7 +6,7 @@
 //! and of all colours; a back leaves many of one.
 
 use glam::Vec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::Problem;
 use crate::motion::observed::Observed;
@@ -77,7 +77,7 @@ pub(super) fn seams(back: Back, observed: &Observed) -> Vec<Option<OutlineDistan
         front.at(seen) < peak * (-0.5 * off).exp()
     };
     let of = |levels: &Vec<Level>| seam(&levels[finest], 1 << finest, is_back);
-    observed.levels.par_iter().map(of).collect()
+    parallel::over(&observed.levels, of)
 }
 
 /// The line between what `is_back` of the fabric in a frame and what is not, which has this `scale`, carried on beside
@@ -241,8 +241,19 @@ mod tests {
 
     /// A sheet of which a side is laid over the rest, with a back of this colour.
     fn folded(back: Option<[f32; 3]>) -> Scene {
-        let settings = Settings { size: 128, grid: [9, 9], frames: 16, seed: 4, back, ..Settings::default() };
-        make(&Settings { mover: Mover::Table, fold: true, fps: 8.0, ..settings }).unwrap()
+        let settings = Settings::default().with(|s| {
+            s.size = 128;
+            s.grid = [9, 9];
+            s.frames = 16;
+            s.seed = 4;
+            s.back = back;
+        });
+        make(&settings.with(|s| {
+            s.mover = Mover::Table;
+            s.fold = true;
+            s.fps = 8.0;
+        }))
+        .unwrap()
     }
 
     fn quick() -> SpacetimeSettings {

@@ -10,8 +10,8 @@
 //! How a sheet was found to bend is no evidence where its print was not found, as that of plain cloth never is:
 //! only frames whose print is not lost count (`noise`).
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use tessuto_core::parallel;
 
 use super::{Positions, Problem};
 use crate::motion::terms::signed_bend::SignedBend;
@@ -48,7 +48,7 @@ impl Problem<'_> {
     /// there are no others.
     pub(super) fn bent(&self, frames: &[&Positions]) -> Bent {
         let prior = &self.priors.signed_bend;
-        let angles: Vec<Vec<f64>> = frames.par_iter().map(|x| prior.angles(x)).collect();
+        let angles: Vec<Vec<f64>> = parallel::over(frames, |x| prior.angles(x));
         // About the template: the mean of few frames is near each of them.
         let sizes = angles.iter().skip(1).flatten().map(|angle| angle.abs()).collect();
         let Some(size) = median(sizes) else { return Bent::default() };

@@ -1,6 +1,6 @@
 //! Several motions that the search may start from, and of all of them the best in each frame.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::noise::Asked;
 use super::{LevelSearch, Positions, Problem, acceleration};
@@ -80,7 +80,7 @@ impl LevelSearch<'_, '_> {
             None if n == 0 => 0.0,
             None => of(search, n, x),
         };
-        frames.par_iter().enumerate().map(value).collect()
+        parallel::numbered(frames, value)
     }
 }
 

@@ -8,7 +8,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat2, DVec2, DVec3};
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::fuse::Fused;
 use super::{Positions, Problem};
@@ -134,14 +134,14 @@ impl Problem<'_> {
             search.looks.iter_mut().for_each(|look| look.set_ways(&fused.frames));
             search
         };
-        let sides = [false, true].into_par_iter();
-        let tried = sides.flat_map(|away| ways.folds.par_iter().map(move |fold| (fold, away)));
-        let tried = tried.map_init(start, |search, (fold, away)| {
+        let sides = |away| ways.folds.iter().map(move |fold| (fold, away));
+        let all: Vec<(&Fold, bool)> = [false, true].into_iter().flat_map(sides).collect();
+        let mut tried: Vec<(f64, &Fold, bool)> = parallel::map_with(all.len(), start, |search, k| {
+            let (fold, away) = all[k];
             let folded = fold.folded(x, &slopes, eye, away);
             search.fit_anew(&[(frame, &folded)]);
             (search.terms(frame).of_pictures(&folded), fold, away)
         });
-        let mut tried: Vec<(f64, &Fold, bool)> = tried.collect();
         tried.sort_by(|a, b| a.0.total_cmp(&b.0));
         tried.into_iter().take(count).map(|(_, fold, away)| fold.folded(x, &slopes, eye, away)).collect()
     }

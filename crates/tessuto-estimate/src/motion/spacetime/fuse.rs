@@ -9,8 +9,8 @@
 //! Proposed are the motions that contended when all frames were refined, and reflected reliefs (`relief`); and, as a
 //! whole, motions in which the worst stretch of frames is followed otherwise (`stretch`).
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use tessuto_core::parallel;
 
 use super::best_path::Pool;
 use super::gain::GAIN_FITS;
@@ -120,7 +120,7 @@ impl<'a> Problem<'a> {
         search.anneal(1.0);
         (0..GAIN_FITS).for_each(|_| search.update_references(frames));
         let of_frame = |n: usize| search.terms(n).value(&frames[n]);
-        let values: Vec<f64> = (1..frames.len()).into_par_iter().map(of_frame).collect();
+        let values: Vec<f64> = parallel::later(frames, |(n, _)| of_frame(n));
         values.iter().sum::<f64>() + acceleration::value(frames, search.acceleration_weight)
     }
 
@@ -160,7 +160,7 @@ impl<'a> Problem<'a> {
             finest.looks.iter_mut().for_each(|look| look.set_ways(motion));
             finest.fit_anew(&motion.iter().enumerate().skip(1).collect::<Vec<_>>());
             let of_frame = |n: usize| finest.terms(n).shares_of_pictures(&motion[n]);
-            (1..motion.len()).into_par_iter().map(of_frame).collect::<Vec<_>>()
+            parallel::later(motion, |(n, _)| of_frame(n))
         });
         let more = |(a, b): (&Vec<f64>, &Vec<f64>)| b.iter().zip(a).map(|(b, a)| b - a).collect();
         let more = self.smooth_over_patches(costs.iter().zip(&costs_of_other).map(more).collect());
@@ -176,7 +176,7 @@ impl<'a> Problem<'a> {
     /// `values` of the vertices, shape [N−1, V], averaged over a nominal arm's length and over adjacent frames.
     fn smooth_over_patches(&self, values: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         let mut values: Vec<Vec<f64>> =
-            values.into_par_iter().map(|values| self.smoothed(values, 1.0 / NOMINAL_ARMS)).collect();
+            parallel::over(&values, |values| self.smoothed(values.clone(), 1.0 / NOMINAL_ARMS));
         for _ in 0..TIMES {
             let last = values.len().saturating_sub(1);
             let mean = |n: usize| {
@@ -235,8 +235,13 @@ mod tests {
     #[test]
     fn a_dent_that_was_taken_for_a_bulge_is_found() {
         for seed in [4, 5] {
-            let settings =
-                Settings { frames: 6, size: 192, grid: [13, 13], wind: 6.0, seed, ..Settings::default() };
+            let settings = Settings::default().with(|s| {
+                s.frames = 6;
+                s.size = 192;
+                s.grid = [13, 13];
+                s.wind = 6.0;
+                s.seed = seed;
+            });
             let scene = make(&settings).unwrap();
             let cloth = Cloth::new(&scene.template);
             let mut problem = Problem::new(&scene, &cloth, SpacetimeSettings::default()).unwrap();

@@ -1,7 +1,7 @@
 //! All frames together: their objective, and how a step is solved for.
 
 use glam::DVec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::acceleration::{self, second_differences, second_differences_transposed};
 use super::{LevelSearch, Positions};
@@ -48,8 +48,7 @@ impl Model for Joint<'_, '_, '_> {
 
     fn linearise(&mut self, frames: &Self::Point) -> (f64, Self::System) {
         let (search, cloth) = (&*self.search, self.search.problem.cloth);
-        let linearised: Vec<_> =
-            frames.par_iter().enumerate().skip(1).map(|(n, x)| search.terms(n).linearise(cloth, x)).collect();
+        let linearised: Vec<_> = parallel::later(frames, |(n, x)| search.terms(n).linearise(cloth, x));
         let mut terms = [0.0; TERMS];
         linearised.iter().for_each(|(values, _)| (0..TERMS).for_each(|k| terms[k] += values[k]));
         let acceleration = acceleration::value(&search.departure(frames), search.acceleration_weight);
@@ -66,8 +65,7 @@ impl Model for Joint<'_, '_, '_> {
         for (x, s) in next[1..].iter_mut().zip(&change) {
             x.iter_mut().zip(s).for_each(|(x, s)| *x -= *s);
         }
-        let values: Vec<f64> =
-            next.par_iter().enumerate().skip(1).map(|(n, x)| search.terms(n).value(x)).collect();
+        let values: Vec<f64> = parallel::later(&next, |(n, x)| search.terms(n).value(x));
         let value = values.iter().sum::<f64>() + acceleration::value(&search.departure(&next), kappa);
         Some((next, value))
     }
@@ -96,16 +94,13 @@ impl JointSystem<'_> {
         let mut padded = vec![vec![DVec3::ZERO; self.cloth.vertex_count()]];
         padded.extend_from_slice(p);
         let bent = bend_in_time(&padded);
-        (0..p.len())
-            .into_par_iter()
-            .map(|n| {
-                let mut out = self.systems[n].multiply(self.cloth, &p[n]);
-                for (i, out) in out.iter_mut().enumerate() {
-                    *out += (bent[n + 1][i] + p[n][i] * self.lambda) * self.kappa;
-                }
-                out
-            })
-            .collect()
+        parallel::map(p.len(), |n| {
+            let mut out = self.systems[n].multiply(self.cloth, &p[n]);
+            for (i, out) in out.iter_mut().enumerate() {
+                *out += (bent[n + 1][i] + p[n][i] * self.lambda) * self.kappa;
+            }
+            out
+        })
     }
 
     /// Cholesky factor of every frame's block, its neighbours in time left out, to the digits that a
@@ -115,7 +110,9 @@ impl JointSystem<'_> {
         let factor = |scratch: &mut Scratch, system: &FrameSystem| {
             FrameFactor::new(self.cloth, system, diagonal, scratch).rounded(scratch)
         };
-        self.systems.par_iter().map_init(Scratch::default, factor).collect()
+        parallel::map_with(self.systems.len(), Scratch::default, |scratch, n| {
+            factor(scratch, &self.systems[n])
+        })
     }
 
     /// Solves the system for `rhs`, shape [N−1, V].
@@ -133,10 +130,8 @@ impl JointSystem<'_> {
         limit: usize,
     ) -> Vec<Positions> {
         let precondition = |r: &Vec<Positions>| -> Vec<Positions> {
-            let solve = |scratch: &mut Scratch, (r, factor): (&Positions, &FrameFactor)| {
-                factor.solve(self.cloth, r, scratch)
-            };
-            r.par_iter().zip(factors).map_init(Scratch::default, solve).collect()
+            let solve = |scratch: &mut Scratch, n: usize| factors[n].solve(self.cloth, &r[n], scratch);
+            parallel::map_with(r.len(), Scratch::default, solve)
         };
         let end = (Measure::Preconditioned, tolerance);
         conjugate_gradients(rhs, |p| self.multiply(p), precondition, end, limit).0

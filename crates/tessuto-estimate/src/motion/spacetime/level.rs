@@ -1,6 +1,6 @@
 //! The search at one resolution: what every camera shows there, and the terms of each frame.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::look::Look;
 use super::noise::Asked;
@@ -56,7 +56,7 @@ impl Problem<'_> {
         search.compares = true;
         search.update_references(frames);
         let terms_of = |(n, x): (usize, &Positions)| search.terms(n).list().map(|term| term.value(x));
-        let values: Vec<_> = frames.par_iter().enumerate().skip(1).map(terms_of).collect();
+        let values: Vec<_> = parallel::later(frames, terms_of);
         let names = search.terms(0).list().map(|term| term.name());
         let mut terms: Vec<_> =
             (0..TERMS).map(|k| (names[k], values.iter().map(|v| v[k]).sum::<f64>())).collect();

@@ -13,7 +13,7 @@
 //! grows with h: σ_nv² = σ² + (s h_nv)².
 
 use glam::DVec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::gain::{Around, GAIN_FITS};
 use super::{LevelSearch, Positions, Problem};
@@ -68,12 +68,12 @@ impl LevelSearch<'_, '_> {
             let (v, n) = (k / later, k % later + 1);
             self.turned(v, (n, &frames[n]), &around[v][n - 1], &first)
         };
-        let turned: Vec<Vec<Turned>> = (0..later * self.looks.len()).into_par_iter().map(of_image).collect();
+        let turned: Vec<Vec<Turned>> = parallel::map(later * self.looks.len(), of_image);
         let mut offsets = vec![0.0; turned.len()];
         // Not from the last light: the same positions have the same one, whatever came before.
         self.light = self.fit_light([0.0; HARMONICS], &turned, &offsets, START_TAIL);
         for _ in 0..ROUNDS {
-            offsets = turned.par_iter().map(|turned| self.offset(turned)).collect();
+            offsets = parallel::over(&turned, |turned| self.offset(turned));
             self.light = self.fit_light(self.light, &turned, &offsets, 1.0);
         }
         for v in 0..self.looks.len() {
@@ -139,7 +139,7 @@ impl LevelSearch<'_, '_> {
     /// 1 where nothing changes.
     fn light_explains(&self, frames: &[Positions]) -> f64 {
         let of_frame = |n: usize| [self.terms(n).shading.value(&frames[n]), self.unlit(n)];
-        let sums: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
+        let sums: Vec<[f64; 2]> = parallel::later(frames, |(n, _)| of_frame(n));
         let [lit, unlit] = [0, 1].map(|k| sums.iter().map(|of_frame| of_frame[k]).sum::<f64>());
         if unlit > 0.0 { (1.0 - lit / unlit).clamp(0.0, 1.0) } else { 1.0 }
     }
@@ -160,7 +160,8 @@ impl LevelSearch<'_, '_> {
     fn fit_light(&self, mut light: Light, turned: &[Vec<Turned>], offsets: &[f64], start: f64) -> Light {
         for k in 0..FITS {
             let longer = start.powf(1.0 - k as f64 / (FITS - 1) as f64);
-            let of_frame = |(turned, offset): (&Vec<Turned>, &f64)| {
+            let of_frame = |(n, turned): (usize, &Vec<Turned>)| {
+                let offset = &offsets[n];
                 let (mut matrix, mut rhs) = ([0.0; HARMONICS * HARMONICS], [0.0; HARMONICS]);
                 for t in turned {
                     let weight = t.weight(t.rest(&light) - offset, longer);
@@ -172,7 +173,7 @@ impl LevelSearch<'_, '_> {
                 (matrix, rhs)
             };
             // Summed in order: the same bits for any number of threads.
-            let sums: Vec<_> = turned.par_iter().zip(offsets).map(of_frame).collect();
+            let sums = parallel::numbered(turned, of_frame);
             let (mut matrix, mut rhs) = ([0.0; HARMONICS * HARMONICS], [0.0; HARMONICS]);
             (0..HARMONICS).for_each(|k| matrix[k * (HARMONICS + 1)] = HELD[k]);
             for (of_matrix, of_rhs) in &sums {

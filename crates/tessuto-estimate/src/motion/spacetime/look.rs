@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use glam::DVec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::eye::{Eye, size_in_image};
 use super::gain::{Around, GAIN_FITS, explained, fit_gain};
@@ -283,7 +283,7 @@ impl Look<'_, '_> {
             let around = (0..GAIN_FITS).map(|_| self.fit_gain(expected, &observed, &mut gain)).last();
             (occlusion, of_sides, gain, around.unwrap_or_default())
         };
-        let fitted: Vec<_> = frames.par_iter().map(fit).collect();
+        let fitted: Vec<_> = parallel::over(frames, fit);
         let mut all = Vec::with_capacity(frames.len());
         for (&(n, _), (occlusion, expected, gain, around)) in frames.iter().zip(fitted) {
             (self.occlusions[n], self.expected[n], self.gains[n]) = (occlusion, expected, gain);
@@ -301,11 +301,10 @@ impl Look<'_, '_> {
     /// samples, and, from the second frame on, around every vertex.
     pub fn update(&mut self, frames: &[Positions], compares: bool) -> (Vec<PointColours>, Vec<Vec<Around>>) {
         self.set_ways(frames);
-        self.occlusions =
-            frames.par_iter().enumerate().map(|(n, x)| self.occlusion(n, x, compares)).collect();
+        self.occlusions = parallel::numbered(frames, |(n, x)| self.occlusion(n, x, compares));
         self.expected = self.occlusions.iter().map(|occlusion| self.expected_with(occlusion)).collect();
         let observe = |(n, x): (usize, &Positions)| self.observe_with(n, x, &self.occlusions[n]);
-        let observed: Vec<PointColours> = frames.par_iter().enumerate().map(observe).collect();
+        let observed: Vec<PointColours> = parallel::numbered(frames, observe);
         let mut gains = std::mem::take(&mut self.gains);
         let fit = |(n, (gain, seen)): (usize, (&mut Gains, &PointColours))| {
             self.fit_gain(self.expected(n), seen, gain)
@@ -315,7 +314,7 @@ impl Look<'_, '_> {
             fit((0, (&mut gains[0], &observed[0])));
         }
         let around: Vec<Vec<Around>> =
-            gains.par_iter_mut().zip(&observed).enumerate().skip(1).map(fit).collect();
+            parallel::consume(gains.iter_mut().zip(&observed).enumerate().skip(1).collect(), |_, of| fit(of));
         self.gains = gains;
         (observed, around)
     }
@@ -323,7 +322,7 @@ impl Look<'_, '_> {
     /// Compares every frame from now on with what its adjacent ones showed, `observed` at the present positions.
     pub fn update_adjacent(&mut self, observed: Vec<PointColours>) {
         let seen = |(n, seen): (usize, PointColours)| self.explained([n, n], seen);
-        let observed: Vec<PointColours> = observed.into_par_iter().enumerate().map(seen).collect();
+        let observed: Vec<PointColours> = parallel::consume(observed, |n, of_frame| seen((n, of_frame)));
         self.adjacent = (0..observed.len()).map(|n| adjacent_mean(&observed, n)).collect();
     }
 

@@ -6,8 +6,8 @@
 //! What keeps its lengths better than most, as paper does, is held to them more firmly. How it bends is said in
 //! `bent`, what its light explains in `light`.
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use tessuto_core::parallel;
 
 use super::bent::Bent;
 use super::{Positions, Problem};
@@ -94,7 +94,7 @@ impl Problem<'_> {
             };
             median(self.cloth.edges.iter().map(strain).collect())
         };
-        let left = median(frames.par_iter().filter_map(of_frame).collect());
+        let left = median(parallel::filter_map(frames.len(), |n| of_frame(&frames[n])));
         left.map_or(1.0, |left| (left / (STRAINED * self.settings.strain)).clamp(LEAST_SPREAD, 1.0))
     }
 
@@ -112,7 +112,7 @@ impl Problem<'_> {
             let outlines = outlines.map(|((outline, x), eye)| outline.mean_square(&x).sqrt() / eye.pixel());
             [spreads * self.settings.colour, outlines.sum::<f64>() / self.eyes.len() as f64]
         };
-        let levels: Vec<[f64; 2]> = (1..frames.len()).into_par_iter().map(of_frame).collect();
+        let levels: Vec<[f64; 2]> = parallel::later(frames, |(n, _)| of_frame(n));
         std::array::from_fn(|k| {
             median(levels.iter().map(|of_frame| of_frame[k]).collect()).unwrap_or(NOMINAL[k])
         })
@@ -130,8 +130,14 @@ mod tests {
     use tessuto_sim::Cloth;
 
     fn clip() -> Scene {
-        make(&Settings { frames: 5, size: 160, grid: [7, 7], wind: 4.0, seed: 3, ..Settings::default() })
-            .unwrap()
+        make(&Settings::default().with(|s| {
+            s.frames = 5;
+            s.size = 160;
+            s.grid = [7, 7];
+            s.wind = 4.0;
+            s.seed = 3;
+        }))
+        .unwrap()
     }
 
     /// Residuals of colours and outlines at the true positions, and the weights that follow.

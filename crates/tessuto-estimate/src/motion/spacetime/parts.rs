@@ -305,8 +305,13 @@ mod tests {
 
     /// A clip of three parts with a window of 24 frames, small and quick to search.
     fn clip() -> (Scene, SpacetimeSettings) {
-        let settings =
-            Settings { frames: 38, size: 96, grid: [5, 5], wind: 4.0, seed: 5, ..Settings::default() };
+        let settings = Settings::default().with(|s| {
+            s.frames = 38;
+            s.size = 96;
+            s.grid = [5, 5];
+            s.wind = 4.0;
+            s.seed = 5;
+        });
         let quick = SpacetimeSettings {
             iterations: 6,
             resolution: 60.0,

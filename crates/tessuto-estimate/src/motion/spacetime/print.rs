@@ -1,7 +1,7 @@
 //! How much of a print the sheet has, how well its colours locate it, and whether it is where the sheet
 //! was found.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::noise::NOMINAL;
 use super::{Positions, Problem};
@@ -41,7 +41,7 @@ impl Problem<'_> {
         finest.looks.iter_mut().for_each(|look| look.set_ways(frames));
         finest.fit_anew(&frames.iter().enumerate().skip(1).collect::<Vec<_>>());
         let lost = |n: usize| n > 0 && finest.misfit(n, &frames[n]).texture > LOST;
-        (0..frames.len()).into_par_iter().map(lost).collect()
+        parallel::map(frames.len(), lost)
     }
 }
 
@@ -54,7 +54,11 @@ mod tests {
 
     #[test]
     fn a_plain_sheet_has_no_print() {
-        let settings = Settings { frames: 2, size: 160, grid: [9, 9], ..Settings::default() };
+        let settings = Settings::default().with(|s| {
+            s.frames = 2;
+            s.size = 160;
+            s.grid = [9, 9];
+        });
         let mut scene = make(&settings).unwrap();
         let part = |scene: &tessuto_core::Scene| {
             let cloth = Cloth::new(&scene.template);
@@ -73,7 +77,11 @@ mod tests {
 
     #[test]
     fn fine_stripes_are_no_print_in_coarse_images() {
-        let settings = Settings { frames: 2, size: 320, grid: [13, 13], ..Settings::default() };
+        let settings = Settings::default().with(|s| {
+            s.frames = 2;
+            s.size = 320;
+            s.grid = [13, 13];
+        });
         let mut scene = make(&settings).unwrap();
         let width = scene.camera.width;
         let mut frames: Vec<_> = (0..2).map(|n| scene.frames.frame(n).unwrap().into_owned()).collect();

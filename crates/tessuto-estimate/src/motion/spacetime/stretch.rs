@@ -8,7 +8,7 @@
 //!   are off again by the time they come there.
 //! - A part of the sheet is folded over (`fold`), and followed from there to both ends of the stretch.
 
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::fuse::Fused;
 use super::track::{Follower, Start};
@@ -135,8 +135,9 @@ impl Problem<'_> {
         };
         // The coarser levels that only tracking uses show too little of a part.
         let coarser = self.level_count() - self.refined_levels().len();
-        let fitted: Vec<(f64, Positions)> = (tried.par_iter())
-            .map_init(start, |(levels, finest, scratch), (frame, folded)| {
+        let fitted: Vec<(f64, Positions)> =
+            parallel::map_with(tried.len(), start, |(levels, finest, scratch), k| {
+                let (frame, folded) = &tried[k];
                 let mut x = folded.clone();
                 for level in &mut levels[coarser..] {
                     let from = x.clone();
@@ -147,8 +148,7 @@ impl Problem<'_> {
                     finest.terms(*frame).value(x)
                 };
                 (value(&x) - value(&fused.frames[*frame]), x)
-            })
-            .collect();
+            });
         let (k, (change, x)) = fitted.into_iter().enumerate().min_by(|a, b| a.1.0.total_cmp(&b.1.0))?;
         (change < 0.0).then(|| (tried[k].0, x))
     }
@@ -161,7 +161,7 @@ impl Problem<'_> {
         search.looks.iter_mut().for_each(|look| look.set_ways(frames));
         search.fit_anew(&frames.iter().enumerate().skip(1).collect::<Vec<_>>());
         let of_frame = |n: usize| if n == 0 { 0.0 } else { search.terms(n).of_pictures(&frames[n]) };
-        (0..frames.len()).into_par_iter().map(of_frame).collect()
+        parallel::map(frames.len(), of_frame)
     }
 }
 

@@ -1,7 +1,7 @@
 //! The start of the search: the fabric followed frame by frame.
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use tessuto_core::parallel;
 
 use super::best_path::Pool;
 use super::look::Gains;
@@ -189,10 +189,9 @@ impl Problem<'_> {
         let steps = self.forward_steps(tracked.smooth);
         for n in done..count {
             // Neither keeps more than one core busy.
-            let values: Vec<f64> = (searches.par_iter_mut())
-                .zip(tracked.followers.par_iter_mut())
-                .map(|(levels, follower)| follower.follow(n, |k| k, levels))
-                .collect();
+            let both = searches.iter_mut().zip(&mut tracked.followers).collect();
+            let values: Vec<f64> =
+                parallel::consume(both, |_, (levels, follower)| follower.follow(n, |k| k, levels));
             let epoch = Epoch {
                 stage: "track".into(),
                 step: steps + 1 + n - count,

@@ -15,7 +15,7 @@
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use super::low_rank::LowRank;
 use super::robust::cauchy;
@@ -188,8 +188,7 @@ fn modes(uv: DVec2) -> Vec<f64> {
 impl Shear<'_> {
     /// Root mean square of the first FEW modes m over `frames` `[rad]`.
     pub fn smooth_shear(&self, frames: &[Positions]) -> f64 {
-        let squares: Vec<f64> =
-            frames.par_iter().map(|x| self.fit(x).m[..FEW].iter().map(|m| m * m).sum()).collect();
+        let squares: Vec<f64> = parallel::over(frames, |x| self.fit(x).m[..FEW].iter().map(|m| m * m).sum());
         (squares.iter().sum::<f64>() / (FEW * frames.len().max(1)) as f64).sqrt()
     }
 }

@@ -39,7 +39,7 @@ mod misfit;
 mod sampling;
 
 use glam::DVec3;
-use rayon::prelude::*;
+use tessuto_core::parallel;
 
 use self::misfit::Misfit;
 use super::best_path::Pool;
@@ -94,12 +94,11 @@ impl Problem<'_> {
         search.loosen([1.0; 2], 1.0);
         (0..GAIN_FITS).for_each(|_| search.update_references(frames));
         let linearise = |(n, x): (usize, &Positions)| search.terms(n).linearise(cloth, x).1;
-        let systems: Vec<FrameSystem> = frames.par_iter().enumerate().skip(1).map(linearise).collect();
+        let systems: Vec<FrameSystem> = parallel::later(frames, linearise);
         let joint = JointSystem { cloth, systems: &systems, kappa: self.acceleration_weight(), lambda: 0.0 };
         let variances = joint.variances(SAMPLES, seed, session)?;
         let pooled = averaged(&variances, &self.adjacency);
-        let misfits = frames.par_iter().enumerate().skip(1).map(|(n, x)| search.misfit(n, x));
-        let misfits: Vec<Misfit> = misfits.collect();
+        let misfits: Vec<Misfit> = parallel::later(frames, |(n, x)| search.misfit(n, x));
         let of_frame = |(n, (variances, misfit)): (usize, (&Vec<f64>, &Misfit))| {
             let (found, tracked) = (&frames[n + 1], &tracked[n + 1]);
             let apart = found.iter().zip(tracked).map(|(a, b)| a.distance(*b)).sum::<f64>();

@@ -7,8 +7,8 @@
 //! frame a root of its matrix times normal noise ([`FrameFactor::sample`]), and √κ Dᵀ times normal noise.
 
 use glam::DVec3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use tessuto_core::parallel;
 
 use super::super::acceleration::second_differences_transposed;
 use super::super::joint::JointSystem;
@@ -92,28 +92,25 @@ impl JointSystem<'_> {
     fn noise(&self, wanted: std::ops::Range<usize>, count: usize, seed: u64) -> Vec<Vec<Positions>> {
         let (frames, vertices) = (self.systems.len(), self.cloth.vertex_count());
         let stream = |k: usize, part: usize| Rng::new(seed, (k * (frames + 1) + part) as u64);
-        let own: Vec<Vec<Positions>> = (0..frames)
-            .into_par_iter()
-            .map_init(Scratch::default, |scratch, n| {
-                let draw = |factor: &FrameFactor, k: usize| {
-                    let mut rng = stream(k, n + 1);
-                    let noise = normals(&mut rng, vertices);
-                    let low_rank = self.systems[n].low_rank.as_ref();
-                    factor.sample(self.cloth, low_rank, &noise, || rng.normal())
-                };
-                let mut diagonal = DIAGONAL;
-                for _ in 0..ATTEMPTS {
-                    let factor = FrameFactor::new(self.cloth, &self.systems[n], diagonal, scratch);
-                    let drawn: Option<Vec<Positions>> = wanted.clone().map(|k| draw(&factor, k)).collect();
-                    factor.recycle(scratch);
-                    if let Some(drawn) = drawn {
-                        return drawn;
-                    }
-                    diagonal *= 10.0;
+        let own: Vec<Vec<Positions>> = parallel::map_with(frames, Scratch::default, |scratch, n| {
+            let draw = |factor: &FrameFactor, k: usize| {
+                let mut rng = stream(k, n + 1);
+                let noise = normals(&mut rng, vertices);
+                let low_rank = self.systems[n].low_rank.as_ref();
+                factor.sample(self.cloth, low_rank, &noise, || rng.normal())
+            };
+            let mut diagonal = DIAGONAL;
+            for _ in 0..ATTEMPTS {
+                let factor = FrameFactor::new(self.cloth, &self.systems[n], diagonal, scratch);
+                let drawn: Option<Vec<Positions>> = wanted.clone().map(|k| draw(&factor, k)).collect();
+                factor.recycle(scratch);
+                if let Some(drawn) = drawn {
+                    return drawn;
                 }
-                vec![vec![DVec3::ZERO; vertices]; wanted.len()]
-            })
-            .collect();
+                diagonal *= 10.0;
+            }
+            vec![vec![DVec3::ZERO; vertices]; wanted.len()]
+        });
         let root = self.kappa.sqrt();
         let whole = |(place, k): (usize, usize)| {
             let mut rng = stream(k, 0);
