@@ -14,7 +14,7 @@ pub fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).into_par_iter().for_each(work);
 }
 
-/// `work` of every number below `count`. Shape [count].
+/// `work` of every number below `count`. Shape `[count]`.
 pub fn map<T: Send>(count: usize, work: impl Fn(usize) -> T + Sync) -> Vec<T> {
     map_by(count, &work)
 }
@@ -26,7 +26,7 @@ fn map_by<T: Send>(count: usize, work: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
     done.into_iter().map(|slot| result(slot).expect("each number was worked on")).collect()
 }
 
-/// As [`map`], with a scratch of `new` that `work` may leave in any state. Shape [count].
+/// As [`map`], with a scratch of `new` that `work` may leave in any state. Shape `[count]`.
 pub fn map_with<S: Send, T: Send>(
     count: usize,
     new: impl Fn() -> S + Sync,
@@ -43,7 +43,7 @@ pub fn map_with<S: Send, T: Send>(
     })
 }
 
-/// `work` of every item, which is used up, and its number. Shape [items].
+/// `work` of every item, which is used up, and its number. Shape `[items]`.
 pub fn consume<I: Send, T: Send>(items: Vec<I>, work: impl Fn(usize, I) -> T + Sync) -> Vec<T> {
     let items: Vec<Mutex<Option<I>>> = items.into_iter().map(|item| Mutex::new(Some(item))).collect();
     map_by(items.len(), &|k| {
@@ -52,22 +52,22 @@ pub fn consume<I: Send, T: Send>(items: Vec<I>, work: impl Fn(usize, I) -> T + S
     })
 }
 
-/// `work` of every item. Shape [items].
+/// `work` of every item. Shape `[items]`.
 pub fn over<I: Sync, T: Send>(items: &[I], work: impl Fn(&I) -> T + Sync) -> Vec<T> {
     map_by(items.len(), &|k| work(&items[k]))
 }
 
-/// `work` of every item and its number. Shape [items].
+/// `work` of every item and its number. Shape `[items]`.
 pub fn numbered<I: Sync, T: Send>(items: &[I], work: impl Fn((usize, &I)) -> T + Sync) -> Vec<T> {
     map_by(items.len(), &|k| work((k, &items[k])))
 }
 
-/// As [`numbered`], of all items but the first: the template's frame, which is known. Shape [items − 1].
+/// As [`numbered`], of all items but the first: the template's frame, which is known. Shape `[items − 1]`.
 pub fn later<I: Sync, T: Send>(items: &[I], work: impl Fn((usize, &I)) -> T + Sync) -> Vec<T> {
     map_by(items.len().saturating_sub(1), &|k| work((k + 1, &items[k + 1])))
 }
 
-/// What `work` finds of the numbers below `count`, in their order. Shape [found].
+/// What `work` finds of the numbers below `count`, in their order. Shape `[found]`.
 pub fn filter_map<T: Send>(count: usize, work: impl Fn(usize) -> Option<T> + Sync) -> Vec<T> {
     map_by(count, &work).into_iter().flatten().collect()
 }

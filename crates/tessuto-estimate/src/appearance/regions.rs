@@ -4,7 +4,6 @@
 //! (Gonzalez 1985, "Clustering to minimize the maximum intercluster distance"). Nothing is drawn at random.
 
 use rayon::prelude::*;
-use tessuto_core::parallel;
 
 /// Most regions.
 pub(super) const MOST: usize = 16;
@@ -19,7 +18,7 @@ const BRIGHTNESS: f32 = 0.5;
 pub(super) fn regions(diffuse: &[f32]) -> Vec<u8> {
     let n = diffuse.len() / 3;
     let colours: Vec<[f32; 3]> =
-        parallel::map(n, |i| opponent([diffuse[i], diffuse[n + i], diffuse[2 * n + i]]));
+        (0..n).into_par_iter().map(|i| opponent([diffuse[i], diffuse[n + i], diffuse[2 * n + i]])).collect();
     clusters(&colours, APART)
 }
 

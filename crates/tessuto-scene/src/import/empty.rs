@@ -60,5 +60,6 @@ fn median_of_film(path: &Path, ffmpeg: &Path) -> Result<([usize; 2], Vec<u8>)> {
         looks.sort_unstable();
         looks[looks.len() / 2]
     };
-    Ok((size, parallel::map(3 * size[0] * size[1], median)))
+    let row = |y: usize| (3 * size[0] * y..3 * size[0] * (y + 1)).map(median).collect::<Vec<u8>>();
+    Ok((size, parallel::map(size[1], row).concat()))
 }
