@@ -21,7 +21,7 @@
 //! let folder = std::env::temp_dir().join(format!("tessuto-scene-{}", std::process::id()));
 //! synth::write::write(&folder, &made, &settings)?;
 //! let read = scene::load(&folder, &scene::LoadOptions::default())?;
-//! assert_eq!(read.video.len(), 3);
+//! assert_eq!(read.scene.frames.len(), 3);
 //! # std::fs::remove_dir_all(&folder).unwrap();
 //! # Ok::<(), Error>(())
 //! ```

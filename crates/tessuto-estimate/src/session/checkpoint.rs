@@ -1,6 +1,6 @@
 //! Checkpoint files: written atomically, versioned, checksummed, the last two kept.
 //!
-//! A file is one line of JSON, which says what follows, and then the parts one after another, each in postcard's format.
+//! A file is one line of JSON, which says what follows, and then the parts one after another, as postcard has them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
