@@ -49,13 +49,12 @@ pub(super) fn write(
         let _ = std::fs::remove_dir(&masks);
     }
     let output = OutputFolder::prepare_part(&masks)?;
-    let results: Vec<Result<()>> = parallel::map(count, |n| {
+    parallel::try_map(count, |n| {
         let bytes: Vec<u8> = mask(n).iter().map(|v| (255.0 * v.clamp(0.0, 1.0)).round() as u8).collect();
         let png = image::encode_png_bytes(&bytes, [width, height], 1);
         let path = output.partial().join(format!("mask_{n:03}.png"));
         std::fs::write(&path, png).map_err(|source| Error::Output { path, source })
-    });
-    results.into_iter().collect::<Result<Vec<()>>>()?;
+    })?;
     output.publish()?;
     record.write(folder)?;
     atomic_write(&folder.join(page::NAME), page.as_bytes())?;

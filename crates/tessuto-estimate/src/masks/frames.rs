@@ -68,8 +68,7 @@ impl Frames {
         while bytes(factor) > MAX_BYTES {
             factor += 1;
         }
-        let read: Vec<Result<Colours>> = parallel::over(&files.paths, |path| read_one(path, size, factor));
-        let images = read.into_iter().collect::<Result<Vec<_>>>()?;
+        let images = parallel::try_map(count, |k| read_one(&files.paths[k], size, factor))?;
         Ok(Self { size: size.map(|n| n / factor), factor, images })
     }
 

@@ -176,7 +176,7 @@ impl<'a> Problem<'a> {
     /// `values` of the vertices, shape [N−1, V], averaged over a nominal arm's length and over adjacent frames.
     fn smooth_over_patches(&self, values: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
         let mut values: Vec<Vec<f64>> =
-            parallel::over(&values, |values| self.smoothed(values.clone(), 1.0 / NOMINAL_ARMS));
+            parallel::consume(values, |_, values| self.smoothed(values, 1.0 / NOMINAL_ARMS));
         for _ in 0..TIMES {
             let last = values.len().saturating_sub(1);
             let mean = |n: usize| {

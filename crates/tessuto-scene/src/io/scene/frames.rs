@@ -169,8 +169,7 @@ pub(super) fn from(sources: Sources, warnings: &mut Vec<Warning>) -> Result<(Rec
 
 /// `f` of every item on all cores; the first error in the order of the items.
 fn in_order<T: Sync, U: Send>(items: &[T], f: impl Fn(&T) -> Result<U> + Send + Sync) -> Result<Vec<U>> {
-    let results: Vec<Result<U>> = parallel::over(items, f);
-    results.into_iter().collect()
+    parallel::try_map(items.len(), |k| f(&items[k]))
 }
 
 /// What is known of every mask, and how all of them are read.
