@@ -23,6 +23,8 @@ const SKIRTING: [f32; 3] = [0.86, 0.85, 0.82];
 const BOARDS: [f32; 3] = [0.50, 0.37, 0.25];
 const FRAME: [f32; 3] = [0.22, 0.16, 0.12];
 const PICTURE: [f32; 3] = [0.45, 0.53, 0.58];
+/// Places within a pixel, a power of two.
+const WITHIN: usize = 16;
 /// Random streams: of the room, and of frame n from the second on.
 const STREAMS: [u64; 2] = [900, 1000];
 
@@ -74,28 +76,36 @@ impl Room {
         Self { camera, octaves, grain: Lattice::new(90, &mut rng) }
     }
 
+    /// Pixels are means over their area: an edge of the room moves evenly through the image, not by whole pixels.
     fn seen_from(&self, view: &Viewpoint) -> Image {
         let (width, height) = (self.camera.width, self.camera.height);
         let mut image = Image::new(width, height, 3);
         for y in 0..height {
             for x in 0..width {
-                let [column, row] = match view.camera_from_world {
-                    None => [x as f64, y as f64],
-                    Some(_) => self.in_first_frame(view, DVec2::new(x as f64, y as f64)).to_array(),
-                };
-                let (u, v) = ((column + 0.5) / width as f64, (row + 0.5) / height as f64);
-                // What the first frame does not show continues it.
-                let [s, t] = [u, v].map(|t| if (0.0..1.0).contains(&t) { t } else { mirrored(t) });
-                let plaster: f64 =
-                    self.octaves.iter().map(|(lattice, weight)| weight * lattice.at(s, t)).sum();
-                let (colour, shade) = surface(u, v, plaster, &self.grain);
-                let light = 1.0 - 0.30 * s + 0.08 * (1.0 - t);
-                for (c, out) in image.pixel_mut(x, y).iter_mut().enumerate() {
-                    *out = (colour[c] * (shade * light) as f32).clamp(0.0, 1.0);
+                let pixel = image.pixel_mut(x, y);
+                for k in 0..WITHIN {
+                    let at = DVec2::new(x as f64, y as f64) + within(k);
+                    let colour = self.colour(view, at);
+                    (0..3).for_each(|c| pixel[c] += colour[c] / WITHIN as f32);
                 }
             }
         }
         image
+    }
+
+    fn colour(&self, view: &Viewpoint, p_pixel: DVec2) -> [f32; 3] {
+        let (width, height) = (self.camera.width as f64, self.camera.height as f64);
+        let first = match view.camera_from_world {
+            None => p_pixel,
+            Some(_) => self.in_first_frame(view, p_pixel),
+        };
+        let (u, v) = ((first.x + 0.5) / width, (first.y + 0.5) / height);
+        // What the first frame does not show continues it.
+        let [s, t] = [u, v].map(|t| if (0.0..1.0).contains(&t) { t } else { mirrored(t) });
+        let plaster: f64 = self.octaves.iter().map(|(lattice, weight)| weight * lattice.at(s, t)).sum();
+        let (colour, shade) = surface(u, v, plaster, &self.grain);
+        let light = 1.0 - 0.30 * s + 0.08 * (1.0 - t);
+        colour.map(|c| (c * (shade * light) as f32).clamp(0.0, 1.0))
     }
 
     /// Where the first frame shows what `view` has at `p_pixel`: a point of the wall, or of the floor before it.
@@ -108,6 +118,13 @@ impl Room {
         let far = if at_wall > 0.0 { at_wall.min(at_floor) } else { at_floor };
         self.camera.project(eye + ray * far.min(1e3))
     }
+}
+
+/// Place `k` within a pixel, from its centre `[px]`: no two share a row or a column (J. Hammersley, 1960).
+fn within(k: usize) -> DVec2 {
+    let reversed = (0..WITHIN.ilog2()).fold(0, |sum, bit| 2 * sum + (k >> bit & 1));
+    let along = |k: usize| (k as f64 + 0.5) / WITHIN as f64 - 0.5;
+    DVec2::new(along(k), along(reversed))
 }
 
 /// A place beyond [0, 1) as of an image that goes on as its mirror image.

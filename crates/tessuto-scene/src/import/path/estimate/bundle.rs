@@ -8,10 +8,13 @@
 //! unit: ρ̄ is 1. Poses that are given set it else, and add, of every frame but the first, which is fixed,
 //!
 //!   ½ ‖log(R R_givenᵀ)‖²/s_R² + ½ ‖c − c_given‖²/s_c² with the camera's place c = −Rᵀt.
+//!
+//! A path that is smooth adds [`Smooth`]'s.
 
 use tessuto_core::parallel;
 
 use super::observed::{Point, observed, place, stepped};
+use super::smooth::Smooth;
 use super::track::Track;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use tessuto_core::camera::{Camera, Pose};
@@ -30,7 +33,7 @@ const POLICY: Policy = Policy {
     rejected: [8.0, 1e-4],
     attempts: 8,
     strictly: true,
-    least_gain: [1e-7, 1e-7],
+    least_gain: [0.01, 1e-7],
     most: 1e8,
 };
 
@@ -78,6 +81,7 @@ pub(super) struct Bundle<'a> {
     /// σ², in units of the windows' own variances.
     pub variance: f64,
     pub given: Option<Given>,
+    pub smooth: Option<Smooth>,
     /// Mean of the inverse depths, about.
     pub usual: f64,
 }
@@ -98,7 +102,7 @@ impl Given {
         [turn, pose.in_world(DVec3::ZERO) - given.in_world(DVec3::ZERO)]
     }
 
-    fn value(&self, poses: &[Pose]) -> f64 {
+    pub fn value(&self, poses: &[Pose]) -> f64 {
         let of = |(n, pose): (usize, &Pose)| {
             let off = self.off(n, pose);
             (0..2).map(|k| 0.5 * off[k].length_squared() / self.variances[k]).sum::<f64>()
@@ -107,7 +111,7 @@ impl Given {
     }
 
     /// Adds to the normal equations of all six unknowns of every pose but the first.
-    fn add(&self, poses: &[Pose], matrix: &mut [f64], gradient: &mut [f64]) {
+    pub fn add(&self, poses: &[Pose], matrix: &mut [f64], gradient: &mut [f64]) {
         let size = gradient.len();
         for (n, pose) in poses.iter().enumerate().skip(1) {
             let off = self.off(n, pose);
@@ -151,7 +155,7 @@ pub(super) struct System {
 impl<'a> Bundle<'a> {
     /// Of windows as certain as they say, without given poses.
     pub fn new(camera: &'a Camera, tracks: &'a [Track], freedom: Freedom) -> Self {
-        Self { camera, tracks, freedom, variance: 1.0, given: None, usual: 1.0 }
+        Self { camera, tracks, freedom, variance: 1.0, given: None, smooth: None, usual: 1.0 }
     }
 }
 
@@ -183,7 +187,8 @@ impl Bundle<'_> {
         };
         let values: Vec<f64> = parallel::map(self.tracks.len(), of_track);
         let of_given = self.given.as_ref().map_or(0.0, |given| given.value(&state.poses));
-        values.iter().sum::<f64>() + of_given
+        let of_path = self.smooth.as_ref().map_or(0.0, |smooth| smooth.value(&state.poses));
+        values.iter().sum::<f64>() + of_given + of_path
     }
 
     fn prior(&self, point: &Point) -> f64 {
@@ -257,18 +262,24 @@ impl Bundle<'_> {
         (Root::of(&matrix, size), right)
     }
 
+    /// The normal equations of the poses but the first, whose inverse is the covariance of their unknowns.
+    pub fn certainty(&mut self, state: &State) -> Root {
+        let (_, system) = self.linearise(state);
+        self.reduced(&system, 0.0).0
+    }
+
     /// Mean variances of every coordinate of the rotations and of the places of all poses but the first, as far as the
     /// windows and the given poses know them.
     pub fn uncertainty(&mut self, state: &State) -> [f64; 2] {
-        let (_, system) = self.linearise(state);
-        let (root, _) = self.reduced(&system, 0.0);
+        let root = self.certainty(state);
+        let size = 6 * (state.poses.len() - 1);
         let mut sums = [0.0; 2];
-        for k in 0..system.size {
+        for k in 0..size {
             // Rows of a pose by which its rotation and its place change: the latter by R c' = −τ + ω × t.
             let (n, k) = (k / 6, k % 6);
             let t = state.poses[n + 1].translation;
             let axis = DVec3::AXES[k % 3];
-            let mut row = vec![0.0; system.size];
+            let mut row = vec![0.0; size];
             if k < 3 {
                 row[6 * n + k] = 1.0;
             } else {
@@ -278,7 +289,7 @@ impl Bundle<'_> {
             }
             sums[k / 3] += root.solve(&row).iter().zip(&row).map(|(a, b)| a * b).sum::<f64>();
         }
-        sums.map(|sum| sum / (system.size / 2).max(1) as f64)
+        sums.map(|sum| sum / (size / 2).max(1) as f64)
     }
 
     /// A track's normal equations; those of the poses are added to `matrix` and `gradient`.
@@ -407,6 +418,9 @@ impl Model for Bundle<'_> {
         if let Some(given) = &self.given {
             given.add(&state.poses, &mut matrix, &mut gradient);
         }
+        if let Some(smooth) = &self.smooth {
+            smooth.add(&state.poses, &mut matrix, &mut gradient);
+        }
         (self.value(state), System { size, tracks, matrix, gradient })
     }
 
@@ -452,12 +466,15 @@ mod tests {
             (3, Freedom::Still),
             (4, Freedom::Depths),
             (5, Freedom::All),
+            (6, Freedom::All),
         ] {
             let (camera, tracks, truth) = made::tracks(seed, 5, 12, 2, 0.3);
-            let given = (seed > 4)
+            let given = (seed == 5)
                 .then(|| Given { poses: made::disturbed(&truth, 9).poses, variances: [4e-6, 1e-6] });
+            let smooth =
+                (seed == 6).then(|| Smooth { times: vec![0.0, 1.0, 2.0, 4.0, 5.0], variances: [4e-6, 1e-6] });
             let mut bundle =
-                Bundle { camera: &camera, tracks: &tracks, freedom, variance: 1.3, given, usual: 1.0 };
+                Bundle { given, smooth, variance: 1.3, ..Bundle::new(&camera, &tracks, freedom) };
             let mut state = made::disturbed(&truth, seed);
             if !freedom.has_depths() {
                 state.poses.iter_mut().for_each(|pose| pose.translation = DVec3::ZERO);

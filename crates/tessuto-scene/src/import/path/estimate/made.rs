@@ -1,6 +1,6 @@
 //! Made images and tracks, for tests.
 
-use glam::{DMat2, DMat3, DVec2};
+use glam::{DMat2, DMat3, DVec2, DVec3};
 
 use super::bundle::State;
 use super::observed::{Point, place, stepped};
@@ -70,6 +70,38 @@ pub fn tracks(
         points.push(point);
     }
     (camera, tracks, State { poses, points })
+}
+
+/// The windows of `tracks` as they are seen from other poses and points, with this noise `[px]`.
+pub fn seen(camera: &Camera, tracks: &[Track], state: &State, noise: f64, seed: u64) -> Vec<Track> {
+    let mut rng = Rng::new(seed, 2);
+    let mut seen = |k: usize, track: &Track| {
+        let mut of = |(n, _): &(usize, DVec2)| {
+            let off = noise * DVec2::new(rng.normal(), rng.normal());
+            let there = place(camera, &state.poses[track.host], &state.poses[*n], &state.points[k]);
+            (*n, there.unwrap_or_default() + off)
+        };
+        track.seen.iter().map(&mut of).collect()
+    };
+    tracks.iter().enumerate().map(|(k, track)| Track { seen: seen(k, track), ..*track }).collect()
+}
+
+/// The factor by which the places of `found` lie best on those of `truth`.
+pub fn scale(found: &[Pose], truth: &[Pose]) -> f64 {
+    let centre = |pose: &Pose| pose.in_world(DVec3::ZERO);
+    let dot = |a: &[Pose], b: &[Pose]| a.iter().zip(b).map(|(a, b)| centre(a).dot(centre(b))).sum::<f64>();
+    dot(found, truth) / dot(found, found).max(1e-12)
+}
+
+/// Worst rotation `[°]`, and worst way after the best scale, as a part of the longest.
+pub fn apart(found: &[Pose], truth: &[Pose]) -> [f64; 2] {
+    let centre = |pose: &Pose| pose.in_world(DVec3::ZERO);
+    let scale = scale(found, truth);
+    let longest = truth.iter().map(|pose| centre(pose).length()).fold(1e-6, f64::max);
+    found.iter().zip(truth).fold([0.0; 2], |worst: [f64; 2], (a, b)| {
+        let off = centre(a) * scale - centre(b);
+        [worst[0].max(a.apart(b)[0].to_degrees()), worst[1].max(off.length() / longest)]
+    })
 }
 
 /// A state near another one.

@@ -6,9 +6,9 @@ use glam::{DMat2, DVec2};
 use super::surroundings::Level;
 use tessuto_core::math::root::Root;
 
-const STEPS: usize = 20;
+const STEPS: usize = 30;
 /// A step of less than this many pixels is the last; one that is found ends with a step of less than the second.
-const LITTLE: [f64; 2] = [0.004, 0.05];
+const LITTLE: [f64; 2] = [0.001, 0.05];
 /// How far the window's shape may change without a reason, standard deviation.
 const SHAPE: f64 = 0.02;
 

@@ -25,7 +25,7 @@ const SETTLED: f64 = 0.02;
 /// Least variances `[rad²]`, and of a unit that is the usual depth.
 const LEAST: f64 = 1e-14;
 /// One over a depth is at least this part of the median.
-const FARTHEST: f64 = 1e-3;
+pub(super) const FARTHEST: f64 = 1e-3;
 
 /// What was found.
 pub(super) struct Refined {
@@ -104,7 +104,7 @@ fn weigh(bundle: &mut Bundle, state: &mut State, given: &[Pose]) {
 
 /// One over the depth of a window in its first frame, by least squares of the rays that meet its own; `poses` of the
 /// frames as the track counts them.
-fn inverse_depth(camera: &Camera, poses: &[Pose], track: &Track) -> f64 {
+pub(super) fn inverse_depth(camera: &Camera, poses: &[Pose], track: &Track) -> f64 {
     let (host, ray) = (&poses[track.host], camera.ray(track.at));
     let sums = track.seen.iter().fold([0.0; 2], |[up, down], (n, at)| {
         // a + ρ b, seen at o.

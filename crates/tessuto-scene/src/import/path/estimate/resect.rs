@@ -1,7 +1,8 @@
 //! The pose of one more frame, from points that are known.
 
-use super::bundle::{Freedom, TAILS};
+use super::bundle::{Freedom, Given, TAILS};
 use super::observed::{Point, observed, place, stepped};
+use super::track::Track;
 use glam::{DMat2, DVec2};
 use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::math::minimise::{Model, Policy};
@@ -29,20 +30,35 @@ pub(super) struct Sight<'a> {
     pub at: DVec2,
 }
 
+impl<'a> Sight<'a> {
+    /// What frame `n` shows of a track whose `host` and `point` are these; `None` if it does not show it.
+    pub fn of(track: &Track, n: usize, host: &'a Pose, point: &'a Point) -> Option<Self> {
+        let place = track.seen.binary_search_by_key(&n, |(frame, _)| *frame).ok()?;
+        Some(Self { host, point, root: track.root, at: track.seen[place].1 })
+    }
+}
+
 pub(super) struct Resection<'a> {
     pub camera: &'a Camera,
     pub sights: Vec<Sight<'a>>,
     pub freedom: Freedom,
     /// σ², as of the other frames.
     pub variance: f64,
+    /// Where the path has the pose, and the variances of its rotation and of its place.
+    pub near: Option<(Pose, [f64; 2])>,
 }
 
 impl Resection<'_> {
     /// The pose, from `start` on.
     pub fn solve(&mut self, start: Pose) -> Pose {
-        let mut pose = start;
+        let mut pose = self.near.map_or(start, |(near, _)| near);
         POLICY.minimise(self, &mut pose, ITERATIONS);
         pose
+    }
+
+    /// The same as poses that are given, of which the first is none.
+    fn given(&self) -> Option<Given> {
+        self.near.map(|(near, variances)| Given { poses: vec![Pose::IDENTITY, near], variances })
     }
 
     fn value(&self, pose: &Pose) -> f64 {
@@ -51,7 +67,8 @@ impl Resection<'_> {
             let square = (s.root * (there - s.at)).length_squared();
             Some(0.5 * (TAILS + 2.0) * (square / (TAILS * self.variance)).ln_1p())
         };
-        self.sights.iter().map(|s| cost(s).unwrap_or(f64::INFINITY)).sum()
+        let of_path = self.given().map_or(0.0, |given| given.value(&[Pose::IDENTITY, *pose]));
+        self.sights.iter().map(|s| cost(s).unwrap_or(f64::INFINITY)).sum::<f64>() + of_path
     }
 }
 
@@ -73,6 +90,9 @@ impl Model for Resection<'_> {
                 (0..36).for_each(|k| matrix[k] += omega * by[k / 6] * by[k % 6]);
                 (0..6).for_each(|k| gradient[k] += omega * by[k] * r);
             }
+        }
+        if let Some(given) = self.given() {
+            given.add(&[Pose::IDENTITY, *pose], &mut matrix, &mut gradient);
         }
         (self.value(pose), (matrix, gradient))
     }
@@ -105,11 +125,15 @@ mod tests {
                 at: track.seen[0].1,
             })
             .collect();
-        let mut of = Resection { camera: &camera, sights, freedom: Freedom::All, variance: 0.5 };
         let start = Pose::IDENTITY;
-        let (_, (_, gradient)) = of.linearise(&start);
-        let value = |x: &[f64]| of.value(&stepped(&start, x));
-        let worst = check(&[0.0; 6], &gradient, 1e-5, 12, 2, value).relative_error;
+        let mut worst = 0.0f64;
+        let mut of = Resection { camera: &camera, sights, freedom: Freedom::All, variance: 0.5, near: None };
+        for near in [Some((stepped(&start, &[0.02, -0.01, 0.03, 0.1, 0.0, -0.1]), [1e-5, 1e-4])), None] {
+            of.near = near;
+            let (_, (_, gradient)) = of.linearise(&start);
+            let value = |x: &[f64]| of.value(&stepped(&start, x));
+            worst = worst.max(check(&[0.0; 6], &gradient, 1e-5, 12, 2, value).relative_error);
+        }
         let [turned, moved] = of.solve(start).apart(&truth.poses[1]);
         println!("worst {worst:.1e}, {:.1e}°, {moved:.1e} off", turned.to_degrees());
         assert!(worst < 1e-6 && turned.to_degrees() < 1e-3 && moved < 1e-4);

@@ -2,24 +2,22 @@
 
 use std::collections::BTreeSet;
 
-use glam::{DMat2, DQuat, DVec3};
+use glam::{DMat2, DVec3};
 use tessuto_core::parallel;
 
 use super::bundle::{Bundle, Freedom, State};
 use super::observed::{Point, place};
 use super::resect::{Resection, Sight};
+use super::smooth::smoothen;
+use super::start::everything;
 use super::track::{Followed, Track};
 use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::math::median::median;
-use tessuto_core::math::rng::Rng;
 
 /// Points are found with this many frames, and those in which windows were detected; the others are found with these.
 const FRAMES: usize = 64;
-/// Depths from which all is tried to be found: equal, and this often random ones of this spread.
-const STARTS: usize = 3;
-const SPREAD: f64 = 0.3;
-/// Iterations of a start, and to the end.
-const ITERATIONS: [usize; 2] = [15, 80];
+/// Iterations of a model without translations.
+const ITERATIONS: usize = 80;
 /// A window stands still whose residuals are, in the median, less than this many σ.
 const STILL: f64 = 3.0;
 
@@ -47,15 +45,19 @@ pub(super) fn solve(camera: &Camera, followed: &Followed, frames: usize) -> Foun
     let bundle = |freedom: Freedom| Bundle::new(camera, &tracks, freedom);
     let [mut still, mut turns, mut all] = [Freedom::Still, Freedom::Turns, Freedom::All].map(bundle);
     let mut at_rest = State { poses: vec![Pose::IDENTITY; chosen.len()], ..start.clone() };
-    still.minimise(&mut at_rest, ITERATIONS[1]);
+    still.minimise(&mut at_rest, ITERATIONS);
     let mut turning = start;
-    turns.minimise(&mut turning, ITERATIONS[1]);
+    turns.minimise(&mut turning, ITERATIONS);
     let moving = everything(&mut all, &turning);
 
     let evidence = [still.evidence(&at_rest), turns.evidence(&turning), all.evidence(&moving)];
     let best = (0..3).min_by(|a, b| evidence[*a].total_cmp(&evidence[*b])).unwrap_or(0);
-    let bundle = [still, turns, all].into_iter().nth(best).unwrap_or_else(|| bundle(Freedom::Still));
-    let state = [&at_rest, &turning, &moving][best];
+    let mut bundle = [still, turns, all].into_iter().nth(best).unwrap_or_else(|| bundle(Freedom::Still));
+    let mut state = [&at_rest, &turning, &moving][best].clone();
+    if bundle.freedom == Freedom::All {
+        smoothen(&mut bundle, &mut state, chosen.iter().map(|n| *n as f64).collect());
+    }
+    let state = &state;
     let turned = |from: usize, to: usize| Pose {
         rotation: followed.turns[to] * followed.turns[from].transpose(),
         translation: DVec3::ZERO,
@@ -87,46 +89,6 @@ pub(super) fn chosen(followed: &Followed, frames: usize) -> Vec<usize> {
     chosen.into_iter().collect()
 }
 
-/// The best of what several depths lead to.
-fn everything(bundle: &mut Bundle, turning: &State) -> State {
-    let mut best: Option<(f64, State)> = None;
-    let mut try_from = |mut state: State, bundle: &mut Bundle| {
-        bundle.minimise(&mut state, ITERATIONS[0]);
-        let evidence = bundle.evidence(&state);
-        if best.as_ref().is_none_or(|(least, _)| evidence < *least) {
-            best = Some((evidence, state));
-        }
-        best.as_ref().map(|(_, state)| state.clone())
-    };
-    let mut found = try_from(turning.clone(), bundle);
-    for k in 0..STARTS {
-        let mut rng = Rng::new(k as u64, 0);
-        let mut state = turning.clone();
-        state.points.iter_mut().for_each(|point| point.inverse_depth = (SPREAD * rng.normal()).exp());
-        found = try_from(state, bundle);
-    }
-    if let Some(state) = &found {
-        found = try_from(reversed(state), bundle);
-    }
-    let mut state = found.unwrap_or_else(|| turning.clone());
-    bundle.minimise(&mut state, ITERATIONS[1]);
-    state
-}
-
-/// The relief turned inside out, which a camera that hardly moves sees nearly the same if it moves the other way.
-fn reversed(state: &State) -> State {
-    let mut out = state.clone();
-    let mean = state.points.iter().map(|p| p.inverse_depth).sum::<f64>() / state.points.len().max(1) as f64;
-    for pose in &mut out.poses {
-        let t = pose.translation;
-        let turn = DQuat::from_scaled_axis(2.0 * mean * DVec3::new(-t.y, t.x, 0.0));
-        pose.rotation = glam::DMat3::from_quat(turn) * pose.rotation;
-        pose.translation = DVec3::new(-t.x, -t.y, t.z);
-    }
-    out.points.iter_mut().for_each(|p| p.inverse_depth = 2.0 * mean - p.inverse_depth);
-    out
-}
-
 /// Poses of all frames: those chosen as they are, the others from the points, beginning with the one before after `way`
 /// from that frame to this one.
 pub(super) fn others(
@@ -144,13 +106,12 @@ pub(super) fn others(
         };
         let start = way(chosen[slot], n).after(&state.poses[slot]);
         let sights = of.iter().enumerate().filter_map(|(k, t)| {
-            let track = &followed.tracks[*t];
-            let place = track.seen.binary_search_by_key(&n, |(frame, _)| *frame).ok()?;
             let host = &state.poses[bundle.tracks[k].host];
-            Some(Sight { host, point: &state.points[k], root: track.root, at: track.seen[place].1 })
+            Sight::of(&followed.tracks[*t], n, host, &state.points[k])
         });
         let Bundle { camera, freedom, variance, .. } = *bundle;
-        Resection { camera, sights: sights.collect(), freedom, variance }.solve(start)
+        let near = bundle.smooth.as_ref().map(|smooth| smooth.between(&state.poses, n as f64));
+        Resection { camera, sights: sights.collect(), freedom, variance, near }.solve(start)
     };
     parallel::map(followed.turns.len(), pose)
 }
@@ -193,19 +154,6 @@ mod tests {
     use super::super::made;
     use super::*;
 
-    /// Worst rotation `[°]`, and worst way after the best scale, as a part of the longest.
-    fn apart(found: &[Pose], truth: &[Pose]) -> [f64; 2] {
-        let centre = |pose: &Pose| pose.in_world(DVec3::ZERO);
-        let dot =
-            |a: &[Pose], b: &[Pose]| a.iter().zip(b).map(|(a, b)| centre(a).dot(centre(b))).sum::<f64>();
-        let scale = dot(found, truth) / dot(found, found).max(1e-12);
-        let longest = truth.iter().map(|pose| centre(pose).length()).fold(1e-6, f64::max);
-        found.iter().zip(truth).fold([0.0; 2], |worst: [f64; 2], (a, b)| {
-            let off = centre(a) * scale - centre(b);
-            [worst[0].max(a.apart(b)[0].to_degrees()), worst[1].max(off.length() / longest)]
-        })
-    }
-
     fn followed(tracks: Vec<Track>, poses: &[Pose]) -> Followed {
         // Rotations as the brightness has them, a little off.
         let off = |n: usize| glam::DMat3::from_rotation_x(3e-3 * (n as f64).sin());
@@ -219,7 +167,7 @@ mod tests {
             let (camera, tracks, truth) =
                 made::tracks(seed, frames, if frames > 60 { 90 } else { 250 }, wild, 0.1);
             let found = solve(&camera, &followed(tracks, &truth.poses), frames);
-            let [turned, way] = apart(&found.poses, &truth.poses);
+            let [turned, way] = made::apart(&found.poses, &truth.poses);
             let [still, all] = found.windows;
             println!(
                 "{turned:.4}°, {way:.3} of the way; {still} of {all} to {:.3} px, {:.2} px",
@@ -234,28 +182,15 @@ mod tests {
     #[test]
     fn a_camera_that_only_turns_or_stands_still_is_told() {
         let (camera, tracks, mut truth) = made::tracks(4, 10, 200, 0, 0.1);
-        let mut rng = Rng::new(9, 0);
         truth.poses.iter_mut().for_each(|pose| pose.translation = DVec3::ZERO);
         let still = vec![Pose::IDENTITY; 10];
         for (poses, freedom) in [(&truth.poses, Freedom::Turns), (&still, Freedom::Still)] {
-            let seen = |k: usize, track: &Track| {
-                let of = |(n, _): &(usize, glam::DVec2)| {
-                    let noise = 0.1 * glam::DVec2::new(rng.normal(), rng.normal());
-                    let there = place(&camera, &poses[track.host], &poses[*n], &truth.points[k]);
-                    (*n, there.unwrap_or_default() + noise)
-                };
-                track.seen.iter().map(of).collect()
-            };
-            let mut seen = seen;
-            let tracks = tracks
-                .iter()
-                .enumerate()
-                .map(|(k, track)| Track { seen: seen(k, track), ..*track })
-                .collect();
+            let of = State { poses: poses.clone(), points: truth.points.clone() };
+            let tracks = made::seen(&camera, &tracks, &of, 0.1, 9);
             let found = solve(&camera, &followed(tracks, poses), 10);
-            println!("{:?}, {:?}", found.freedom, apart(&found.poses, poses));
+            println!("{:?}, {:?}", found.freedom, made::apart(&found.poses, poses));
             assert_eq!(found.freedom, freedom);
-            assert!(apart(&found.poses, poses)[0] < 0.01 && found.parallax == 0.0);
+            assert!(made::apart(&found.poses, poses)[0] < 0.01 && found.parallax == 0.0);
             assert!(found.poses.iter().all(|pose| pose.translation == DVec3::ZERO));
         }
     }
