@@ -48,7 +48,7 @@ pub use depth::{Captured, read_depth};
 pub use empty::empty_place;
 pub use lens::Distortion;
 pub use metadata::camera_of;
-pub use path::{CameraPath, pose_files, read_path};
+pub use path::{CameraPath, FrameFit, Known, Mistake, PoseFit, pose_files, pose_fit, read_path};
 pub use rig::{Rig, read_rig};
 pub use stills::{StillSettings, Stills, stills};
 pub use target::{CARRIED_OVER, check_target, copy_template};

@@ -68,10 +68,10 @@ pub(super) fn write(
         std::fs::remove_file(&manifest).map_err(|source| Error::Output { path: manifest, source })?;
         imported.notes.extend(found.notes.iter().map(|note| format!("view {}: {note}", view.name)));
         let [angle, way] = there[0].apart(&Pose::IDENTITY);
-        let what = if unit == PoseUnit::Unknown { "units" } else { "m" };
         imported.notes.push(format!(
-            "view {} stands {way:.3} {what} from the first camera and is turned by {:.1}°",
+            "view {} stands {way:.3} {} from the first camera and is turned by {:.1}°",
             view.name,
+            unit.name(),
             angle.to_degrees()
         ));
         listed.push(ListedView {
