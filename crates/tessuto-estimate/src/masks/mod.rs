@@ -115,7 +115,7 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let mut notes = Vec::new();
     let start = start::first_frame(folder, request, &mut record, size, &mut notes)?;
     let area = start.region.area() as f64;
-    notes.extend(poses::expect_fit(folder, &clip, &start.coverage, origin)?);
+    notes.extend(poses::expect_fit(folder, &clip, &start.coverage)?);
     let frames = Frames::read(&clip, area)?;
     progress(0.05);
     let given_plate = start::plate(folder, request, &mut record, &clip, &frames)?;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::refuse::{Origin, other_poses};
+use super::refuse::other_poses;
 use crate::import::{Known, pose_fit};
 use crate::io::image;
 use crate::io::scene::{ColourFiles, read_poses};
@@ -18,12 +18,7 @@ const REFUSED: f64 = 3.0;
 ///
 /// # Errors
 /// [`Error::Input`](tessuto_core::Error::Input) naming the frame that they do not explain; those of reading frames.
-pub(super) fn expect_fit(
-    folder: &Path,
-    clip: &ColourFiles,
-    coverage: &[f32],
-    origin: Origin,
-) -> Result<Option<String>> {
+pub(super) fn expect_fit(folder: &Path, clip: &ColourFiles, coverage: &[f32]) -> Result<Option<String>> {
     let Some(poses) = read_poses(folder, clip.paths.len())? else { return Ok(None) };
     let (width, height) = (clip.camera.width, clip.camera.height);
     let fabric = Image { width, height, channels: 1, data: coverage.to_vec() };
@@ -31,7 +26,7 @@ pub(super) fn expect_fit(
     let fit = pose_fit(&clip.camera, &poses, Known::First, &look)?;
     let (Some(worst), Some(why)) = (fit.worst(), fit.doubt()) else { return Ok(None) };
     if fit.mistake.is_some() || worst.off > REFUSED * fit.doubted {
-        return Err(other_poses(worst.frame, &fit.sentence(), why, origin));
+        return Err(other_poses(worst.frame, &fit.sentence(), why));
     }
     Ok(Some(format!("the poses are not quite this clip's: {}; masks and motion suffer", fit.sentence())))
 }

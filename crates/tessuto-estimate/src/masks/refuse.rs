@@ -197,10 +197,9 @@ pub(super) fn unseen(n: usize, origin: Origin) -> Error {
 }
 
 /// The error of poses that do not explain frame `n`: what was `found`, and `why` that may be.
-pub(super) fn other_poses(n: usize, found: &str, why: &str, origin: Origin) -> Error {
-    let hint =
-        Hint::from(format!("{why}; or give masks that another program made, or import the part before"));
-    let hint = hint.with(Remedy::Poses).with(Remedy::Masks).with(origin.before(n.max(1)));
+pub(super) fn other_poses(n: usize, found: &str, why: &str) -> Error {
+    let hint = Hint::from(format!("{why}; or give masks that another program made"));
+    let hint = hint.with(Remedy::Poses).with(Remedy::Masks);
     Error::input(format!("frame {n}"), format!("the poses are not this clip's: {found}"), hint)
 }
 
