@@ -91,7 +91,7 @@ pub struct Settings {
     pub calibration: Calibration,
     /// Where the camera was in every frame of the input, if it moved.
     pub poses: Option<CameraPath>,
-    /// Whether these are refined by what stands still around the fabric; needs masks.
+    /// Whether these, if there are any, are refined by what stands still around the fabric; needs masks.
     pub refine_poses: bool,
     /// What is to find that from the surroundings of the fabric.
     pub camera_motion: Option<CameraMotion>,
@@ -231,8 +231,8 @@ fn validate(settings: &Settings) -> Result<()> {
     }
     if (settings.camera_motion.is_some() || settings.refine_poses) && settings.masks == Masks::Later {
         let hint =
-            "masks that are made from a clip need a camera that stands still: give masks of a segmenter";
-        return Err(Error::usage("the camera's motion, without masks", hint));
+            "it is found from what stands still around the fabric: give masks that another program made";
+        return Err(Error::usage("the camera's motion, without masks", Hint::from(hint).with(Remedy::Masks)));
     }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(

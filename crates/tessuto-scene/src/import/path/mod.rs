@@ -130,6 +130,11 @@ impl CameraPath {
         self.entries.len()
     }
 
+    /// Whether its poses differ.
+    pub(super) fn moves(&self) -> bool {
+        self.entries.iter().any(|entry| entry.camera_from_world != self.entries[0].camera_from_world)
+    }
+
     /// Whether its lengths are metres, once scaled as `settings` say.
     pub(super) fn unit(&self, settings: &Settings) -> PoseUnit {
         if self.metric || settings.pose_scale.is_some() { PoseUnit::Metres } else { PoseUnit::Unknown }
