@@ -6,8 +6,8 @@
 //! again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). An outline that
 //! somebody drew around the fabric binds (`drawn`). Hands and people in front are neither fabric nor background
 //! (`front`). What looks wrong is named with its frames (`judge`, `steady`, `findings`). A clip by a camera that
-//! moves, whose poses are known and follow its surroundings (`poses`), is held still first by the plane behind the fabric
-//! (`moving`).
+//! moves, whose poses are known and explain its surroundings (`poses`), is held still first by the plane behind the
+//! fabric (`moving`).
 
 mod beyond;
 mod conserved;

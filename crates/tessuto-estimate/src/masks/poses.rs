@@ -13,8 +13,8 @@ use tessuto_core::image::Image;
 /// they have it by this factor.
 const REFUSED: f64 = 3.0;
 
-/// Compares the poses in `folder` with what stands still around the fabric, which has this `coverage` in the first frame,
-/// shape [height · width], and is about there in the others. What is to be noted about them.
+/// Compares the poses in `folder` with what stands still around the fabric, which has this `coverage` in the first
+/// frame, shape [height · width], and is about there in the others. What is to be noted about them.
 ///
 /// # Errors
 /// [`Error::Input`](tessuto_core::Error::Input) naming the frame that they do not explain; those of reading frames.

@@ -44,7 +44,8 @@ pub(super) fn findings(scene: &Scene) -> Result<Vec<Finding>> {
             format!("{} frames of {}×{} px", view.frames.len(), view.full_size[0], view.full_size[1]);
         if scene.pose_unit == PoseUnit::Unknown {
             // The template is in metres.
-            let why = "where it sees the template is not known before a run has found the length of a unit of its poses";
+            let why =
+                "where it sees the template is known once a run has found the length of a unit of its poses";
             out.push(ok(&what, format!("{detail}; {why}")));
             continue;
         }

@@ -37,7 +37,7 @@ const WIDTH: usize = 500;
 const FAR: f64 = 1.0;
 /// Steps of that.
 const STEPS: usize = 4;
-/// Poses of another kind explain the clip if places are off by at most this part of what they are off by the given ones.
+/// Poses of another kind explain the clip if places are off by less than this part of what they are by the given ones.
 const EXPLAINS: f64 = 0.25;
 /// Poses are doubted if places are farther off than this `[px]`, in wide images than this part of the width.
 const DOUBTED: f64 = 2.0;
@@ -130,8 +130,8 @@ struct Run {
 }
 
 /// How well `poses`, camera_from_world of every frame, explain what stands still in the clip of `camera` around the
-/// fabric; `look` gives a frame, shape [height, width, 3], and where the fabric is in it, shape [height, width, 1]. It is
-/// asked for about a dozen over the whole clip, and for more where these are too far apart.
+/// fabric; `look` gives a frame, shape [height, width, 3], and where the fabric is in it, shape [height, width, 1]. It
+/// is asked for about a dozen over the whole clip, and for more where these are too far apart.
 ///
 /// # Errors
 /// Those of reading frames.
