@@ -145,7 +145,9 @@ def check_sides(folder, name, motion, y_up):
     look = [material["pbrMetallicRoughness"] for material in used]
     coloured = "baseColorTexture" in look[0] and "baseColorTexture" not in look[1]
     told = json.loads((Path(args.result) / "parameters.json").read_text()).get("back", "")
-    encoded = np.array([int(told[k : k + 2], 16) for k in (1, 3, 5)]) / 255 if told.startswith("#") else np.full(3, np.nan)
+    encoded = (
+        np.array([int(told[k : k + 2], 16) for k in (1, 3, 5)]) / 255 if told.startswith("#") else np.full(3, np.nan)
+    )
     linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
     error = np.abs(np.array(look[1].get("baseColorFactor", [np.inf] * 4)[:3]) - linear).max()
     report("glb: print and back have materials of their own", single and coloured)
@@ -175,7 +177,9 @@ def check_usd(folder, name, motion, y_up):
     if back:
         distance("usd: vertices of the back", [back.GetPointsAttr().Get(n) for n in range(len(motion))], y_up)
         sides = [(side.GetOrientationAttr().Get(), side.GetDoubleSidedAttr().Get()) for side in (mesh, back)]
-        bound = [UsdShade.MaterialBindingAPI(side.GetPrim()).ComputeBoundMaterial()[0].GetPath() for side in (mesh, back)]
+        bound = [
+            UsdShade.MaterialBindingAPI(side.GetPrim()).ComputeBoundMaterial()[0].GetPath() for side in (mesh, back)
+        ]
         apart = sides[0][0] != sides[1][0] and not sides[0][1] and not sides[1][1] and bound[0] != bound[1]
         report("usd: print and back, each seen from its own side", apart, f"{sides} {bound}")
     normals = np.array([mesh.GetNormalsAttr().Get(n) for n in range(len(motion))])
