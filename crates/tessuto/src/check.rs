@@ -94,6 +94,17 @@ pub fn gate(loaded: &Loaded) -> Result<Vec<Warning>> {
     Ok(warnings)
 }
 
+/// What a computation should know of the views of a `scene` whose lengths had no unit when it was checked.
+///
+/// # Errors
+/// Those of reading the first frames.
+pub(crate) fn views_in_metres(scene: &Scene) -> Result<Vec<Warning>> {
+    let doubted = views::findings(scene)?.into_iter().filter(|finding| finding.level == Level::Warning);
+    Ok(doubted
+        .map(|Finding { what, detail, hint, .. }| Warning { topic: what, found: detail, hint })
+        .collect())
+}
+
 /// What is found in frames, masks, camera and template, and the overlap of the template with the first mask.
 fn all_findings(scene: &Scene) -> Result<(Vec<Finding>, f64)> {
     let covered = template_coverage(&scene.template, &scene.template.positions, scene.viewpoint(0));

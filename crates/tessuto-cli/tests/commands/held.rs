@@ -231,6 +231,7 @@ fn given_poses_are_refined_by_the_surroundings() {
     let text = tessuto(folder, &[&import[..], &camera, &["--refine-poses", "--force"]].concat());
     println!("{text}");
     assert!(text.contains("poses are refined by") && text.contains("before to"), "{text}");
+    assert!(text.contains("6 poses: the camera moves by up to"), "{text}");
     let [turned, moved] = worst("refined");
     assert!(turned < 0.1 && moved < 3.5, "{turned} {moved}");
 

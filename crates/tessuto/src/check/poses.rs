@@ -152,6 +152,9 @@ mod tests {
         let [_, second] = &rows(folder.path())[..] else { panic!("two rows") };
         println!("{}", second.detail);
         assert!(second.level == Level::Warning && second.what == "poses of view1", "{second:?}");
+        // No template is needed for that.
+        std::fs::remove_file(folder.path().join("template.obj")).unwrap();
+        assert_eq!(rows(folder.path()).len(), 2);
     }
 
     #[test]
