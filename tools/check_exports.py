@@ -5,7 +5,8 @@ usage: check_exports.py RESULT [--tessuto PROGRAM] [--rerun-python PYTHON]
 
 Exports RESULT (a folder of `tessuto reconstruct`) to every format into a temporary folder and checks
   glb   Khronos validator (no errors, no warnings), import in Blender: vertices of every frame; the script for
-        Blender: keys on whole frames
+        Blender: keys on whole frames; where the other side has a colour of its own, both surfaces: vertices, winding,
+        normals and material of each
   usd   usd-core: loads, compliance checker, vertices, frame rate, projection by the exported camera; import in Blender
   obj, ply, pc2, npz   vertices of every frame; pc2 in Blender too
   rrd   see check_recording.py
@@ -85,6 +86,74 @@ def check_validator(folder, name):
         print("     ", *message)
 
 
+def read_glb(path):
+    """The JSON of a binary glTF, and a function that reads an accessor of floats or whole numbers."""
+    raw = path.read_bytes()
+    length = int.from_bytes(raw[12:16], "little")
+    gltf, binary = json.loads(raw[20 : 20 + length]), raw[28 + length :]
+
+    def accessor(index):
+        entry = gltf["accessors"][index]
+        view = gltf["bufferViews"][entry["bufferView"]]
+        kind = {5126: "<f4", 5125: "<u4", 5123: "<u2", 5121: "u1"}[entry["componentType"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[entry["type"]]
+        start = view.get("byteOffset", 0) + entry.get("byteOffset", 0)
+        values = np.frombuffer(binary, kind, entry["count"] * width, start)
+        return values.reshape(-1, width).squeeze() if width == 1 else values.reshape(-1, width)
+
+    return gltf, accessor
+
+
+def check_sides(folder, name, motion, y_up):
+    """The surfaces of the GLB: one that is seen from both sides, or print and back, each seen from its own."""
+    gltf, accessor = read_glb(folder / f"{name}.glb")
+    meshes, materials = gltf["meshes"], gltf["materials"]
+    if len(meshes[0]["primitives"]) == 1:
+        return report("glb: one surface, seen from both sides", all(m.get("doubleSided") for m in materials))
+
+    def frames(side, what):
+        """Of every frame: those of the first mesh, its targets, then those of the meshes of later frames."""
+        first = meshes[0]["primitives"][side]
+        out = [accessor(first["attributes"][what])]
+        for mesh in meshes:
+            primitive = mesh["primitives"][side]
+            base = accessor(primitive["attributes"][what])
+            out += [base + accessor(target[what]) for target in primitive["targets"]]
+        return np.array(out, float)
+
+    triangles = [accessor(meshes[0]["primitives"][side]["indices"]).reshape(-1, 3) for side in (0, 1)]
+    # Every triangle once, beginning with its first vertex; the back's the other way round.
+    first = [np.array([np.roll(t, -int(t.argmin())) for t in side]) for side in (triangles[0], triangles[1][:, ::-1])]
+    same = first[0].shape == first[1].shape and np.array_equal(*[side[np.lexsort(side.T)] for side in first])
+    report("glb: the back has the print's triangles, the other way round", same, f"{len(triangles[0])} triangles")
+    normals = [frames(side, "NORMAL") for side in (0, 1)]
+    for side, what in enumerate(("print", "back")):
+        positions = frames(side, "POSITION")
+        distance(f"glb: vertices of every frame, {what}", positions, y_up)
+        a, b, c = (positions[:, triangles[side][:, k]] for k in range(3))
+        facing = np.cross(b - a, c - a)
+        if side == 0:
+            # The camera is at the origin; in the first frame it sees more of the print.
+            seen = -(facing[0] * a[0]).sum(-1)
+            report("glb: the first frame shows the print", seen.sum() > 0, f"{(seen > 0).mean():.0%} of the triangles")
+        # Normals of vertices are means, which turn away from few triangles of a sharp fold.
+        agree = ((normals[side][:, triangles[side]].sum(2) * facing).sum(-1) > 0).mean()
+        report(f"glb: normals on the side of the {what}", agree > 0.99, f"{agree:.2%} of the triangles")
+    distance("glb: normals of the back are those of the print, turned about", normals[1], -normals[0])
+    used = [materials[meshes[0]["primitives"][side]["material"]] for side in (0, 1)]
+    single = not any(material.get("doubleSided") for material in used)
+    look = [material["pbrMetallicRoughness"] for material in used]
+    coloured = "baseColorTexture" in look[0] and "baseColorTexture" not in look[1]
+    told = json.loads((Path(args.result) / "parameters.json").read_text()).get("back", "")
+    encoded = (
+        np.array([int(told[k : k + 2], 16) for k in (1, 3, 5)]) / 255 if told.startswith("#") else np.full(3, np.nan)
+    )
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    error = np.abs(np.array(look[1].get("baseColorFactor", [np.inf] * 4)[:3]) - linear).max()
+    report("glb: print and back have materials of their own", single and coloured)
+    report("glb: the colour of the back", error < 5e-3, f"{told}, largest error {error:.1e}")
+
+
 def check_usd(folder, name, motion, y_up):
     from pxr import Gf, Usd, UsdGeom, UsdShade, UsdUtils
 
@@ -104,6 +173,15 @@ def check_usd(folder, name, motion, y_up):
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(f"/{name}/Fabric"))
     points = [mesh.GetPointsAttr().Get(n) for n in range(len(motion))]
     distance("usd: vertices of every frame", points, y_up)
+    back = UsdGeom.Mesh(stage.GetPrimAtPath(f"/{name}/Back"))
+    if back:
+        distance("usd: vertices of the back", [back.GetPointsAttr().Get(n) for n in range(len(motion))], y_up)
+        sides = [(side.GetOrientationAttr().Get(), side.GetDoubleSidedAttr().Get()) for side in (mesh, back)]
+        bound = [
+            UsdShade.MaterialBindingAPI(side.GetPrim()).ComputeBoundMaterial()[0].GetPath() for side in (mesh, back)
+        ]
+        apart = sides[0][0] != sides[1][0] and not sides[0][1] and not sides[1][1] and bound[0] != bound[1]
+        report("usd: print and back, each seen from its own side", apart, f"{sides} {bound}")
     normals = np.array([mesh.GetNormalsAttr().Get(n) for n in range(len(motion))])
     report("usd: unit normals", np.abs(np.linalg.norm(normals, axis=-1) - 1).max() < 1e-5)
     report("usd: upAxis, unit", UsdGeom.GetStageUpAxis(stage) == "Y" and UsdGeom.GetStageMetersPerUnit(stage) == 1.0)
@@ -157,21 +235,28 @@ def check_blender(folder, name, motion, fps):
             scene.frame_set(n)
             graph = bpy.context.evaluated_depsgraph_get()
             visible = [o for o in meshes if o.evaluated_get(graph).matrix_world.determinant() > 1e-6]
-            obj = visible[0].evaluated_get(graph)
-            mesh = obj.to_mesh()
-            values = np.empty(3 * len(mesh.vertices))
-            mesh.vertices.foreach_get("co", values)
-            world = np.array(obj.matrix_world)
-            frames.append(values.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
-            obj.to_mesh_clear()
-        distance(f"{kind}: vertices of every frame in Blender {bpy.app.version_string}", frames, z_up)
+            surfaces = []
+            # Print and back are two parts of a mesh, or two meshes.
+            for obj in (o.evaluated_get(graph) for o in visible):
+                mesh = obj.to_mesh()
+                values = np.empty(3 * len(mesh.vertices))
+                mesh.vertices.foreach_get("co", values)
+                world = np.array(obj.matrix_world)
+                surfaces.append(values.reshape(-1, 3) @ world[:3, :3].T + world[:3, 3])
+                obj.to_mesh_clear()
+            frames.append(np.concatenate(surfaces))
+        sides = max(len(frames[0]) // motion.shape[1], 1)
+        what = f"{kind}: vertices of every frame in Blender {bpy.app.version_string}"
+        distance(what + (f", {sides} surfaces" if sides > 1 else ""), frames, np.concatenate([z_up] * sides, 1))
         arrays = np.load(folder / f"{name}.npz")
         if len(arrays["uv"]) == motion.shape[1] and np.array_equal(arrays["face_uvs"], arrays["face_vertices"]):
             mesh = meshes[0].data
             found, corner = np.empty(2 * len(mesh.loops)), np.empty(len(mesh.loops), int)
             mesh.uv_layers[0].data.foreach_get("uv", found)
             mesh.loops.foreach_get("vertex_index", corner)
-            error = np.abs(found.reshape(-1, 2) - arrays["uv"][corner]).max()
+            # The back, whose vertices come after those of the print, has no uv.
+            printed = corner < motion.shape[1]
+            error = np.abs(found.reshape(-1, 2)[printed] - arrays["uv"][corner[printed]]).max()
             report(f"{kind}: uv in Blender, v = 0 below", error < 1e-6, f"largest error {error:.1e}")
         images = [i.name for i in bpy.data.images if i.size[0]]
         report(
@@ -228,8 +313,10 @@ y_up = motion * [1, -1, -1]
 with tempfile.TemporaryDirectory() as temporary:
     folder = Path(temporary)
     start = time.time()
+    # A build without the feature has no rrd.
+    formats = "glb,usd,obj,ply,pc2,npz" + (",rrd" if args.rerun_python else "")
     subprocess.run(
-        [args.tessuto, "export", args.result, "--to", "glb,usd,obj,ply,pc2,npz,rrd", "--out", folder],
+        [args.tessuto, "export", args.result, "--to", formats, "--out", folder],
         check=True,
         stdout=subprocess.DEVNULL,
     )
@@ -242,6 +329,7 @@ with tempfile.TemporaryDirectory() as temporary:
     check_npz(folder, name, motion)
     check_pc2(folder, name, motion, y_up)
     check_sequences(folder, name, motion, y_up)
+    check_sides(folder, name, motion, y_up)
     check_validator(folder, name)
     check_usd(folder, name, motion, y_up)
     fps = json.loads((Path(args.result) / "parameters.json").read_text())["frame_rate"]["value"]

@@ -49,6 +49,7 @@ fn options(remedy: &Remedy) -> String {
         Remedy::Feature(_) => "cargo install --path crates/tessuto-cli --features full".into(),
         Remedy::Fps => "--fps".into(),
         Remedy::Poses => "--poses PATH".into(),
+        Remedy::RefinePoses => "tessuto import --refine-poses".into(),
         Remedy::PoseScale => "--pose-scale METRES".into(),
         Remedy::Rate => "--rate".into(),
         Remedy::Masks => "--masks".into(),

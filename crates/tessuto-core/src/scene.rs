@@ -117,6 +117,13 @@ pub enum PoseUnit {
     },
 }
 
+impl PoseUnit {
+    /// What stands behind a length in messages: m, or units where there is no unit.
+    pub fn name(self) -> &'static str {
+        if self == Self::Unknown { "units" } else { "m" }
+    }
+}
+
 /// What scene.json says of the causes of a motion.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Known {

@@ -47,6 +47,7 @@ fn way(remedy: &Remedy) -> String {
         // Scenes of other programs are imported by the program.
         Remedy::Fps
         | Remedy::Poses
+        | Remedy::RefinePoses
         | Remedy::PoseScale
         | Remedy::Rate
         | Remedy::Masks

@@ -9,6 +9,7 @@ mod findings;
 mod masks;
 mod outline;
 mod planes;
+mod poses;
 mod repeats;
 mod views;
 
@@ -93,6 +94,17 @@ pub fn gate(loaded: &Loaded) -> Result<Vec<Warning>> {
     Ok(warnings)
 }
 
+/// What a computation should know of the views of a `scene` whose lengths had no unit when it was checked.
+///
+/// # Errors
+/// Those of reading the first frames.
+pub(crate) fn views_in_metres(scene: &Scene) -> Result<Vec<Warning>> {
+    let doubted = views::findings(scene)?.into_iter().filter(|finding| finding.level == Level::Warning);
+    Ok(doubted
+        .map(|Finding { what, detail, hint, .. }| Warning { topic: what, found: detail, hint })
+        .collect())
+}
+
 /// What is found in frames, masks, camera and template, and the overlap of the template with the first mask.
 fn all_findings(scene: &Scene) -> Result<(Vec<Finding>, f64)> {
     let covered = template_coverage(&scene.template, &scene.template.positions, scene.viewpoint(0));
@@ -100,14 +112,16 @@ fn all_findings(scene: &Scene) -> Result<(Vec<Finding>, f64)> {
     let iou = overlap(&covered, &first.mask);
     let of_template = findings::of_template(scene, &first.mask, &covered, iou);
     let of_planes = planes::findings(scene);
-    let of_views = views::findings(scene)?;
-    let all = findings::of_video(scene)?.into_iter().chain(of_template).chain(of_planes).chain(of_views);
+    let of_cameras = views::findings(scene)?.into_iter().chain(poses::findings(scene)?);
+    let all = findings::of_video(scene)?.into_iter().chain(of_template).chain(of_planes).chain(of_cameras);
     Ok((all.collect(), iou))
 }
 
 /// Checks what is there of a scene whose template cannot be read.
 fn check_video(loaded: &Loaded) -> Result<CheckReport> {
-    let findings = findings::with_warnings(findings::of_video(&loaded.scene)?, &loaded.warnings);
+    let mut findings = findings::of_video(&loaded.scene)?;
+    findings.extend(poses::findings(&loaded.scene)?);
+    let findings = findings::with_warnings(findings, &loaded.warnings);
     Ok(CheckReport { findings, iou: None, image: Some(drawing::draw(&loaded.scene)?) })
 }
 

@@ -82,8 +82,9 @@ pub struct Arguments {
     /// (Stray Scanner), metadata (Record3D), keyframes (Polycam), poses.json; or a folder that holds one.
     #[arg(long, value_name = "PATH")]
     pub poses: Option<PathBuf>,
-    /// Refine these poses by what stands still around the fabric; needs masks. Poses by COLMAP always are.
-    #[arg(long, requires = "poses")]
+    /// Refine these poses, or those of a capture or of further cameras, by what stands still around the fabric; needs
+    /// masks. Those of --camera-motion colmap always are.
+    #[arg(long, conflicts_with = "camera_motion")]
     pub refine_poses: bool,
     /// Find where the camera was, from what stands still around the fabric; needs masks.
     #[arg(long, value_enum, value_name = "HOW", conflicts_with = "poses")]

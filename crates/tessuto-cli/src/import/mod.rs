@@ -84,6 +84,13 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         views: Vec::new(),
     };
     settings.views = views::asked(arguments, rig.as_ref(), &settings)?;
+    if arguments.refine_poses
+        && settings.poses.is_none()
+        && !settings.views.iter().any(|v| v.settings.refine_poses)
+    {
+        let hint = "add --poses PATH, or have them found: --camera-motion estimate";
+        return Err(Error::usage("no poses are given that could be refined", hint).into());
+    }
     let name = out.canonicalize().unwrap_or_else(|_| out.clone());
     let name = name.file_name().map_or_else(|| "scene".to_owned(), |n| n.to_string_lossy().into_owned());
     let carried_over: &[&str] = if kept.is_some() { &CARRIED_OVER } else { &[] };

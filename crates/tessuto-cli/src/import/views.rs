@@ -78,7 +78,7 @@ fn view(
         masks,
         calibration,
         poses: None,
-        refine_poses: false,
+        refine_poses: arguments.refine_poses && matches!(place, Place::Path(_)),
         camera_motion: None,
         depths: None,
         template: None,

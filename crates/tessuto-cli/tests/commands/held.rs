@@ -18,6 +18,46 @@ pub(super) fn tessuto(folder: &Path, arguments: &[&str]) -> String {
     out + &err
 }
 
+/// Poses as Stray Scanner writes them.
+fn odometry(poses: &[Pose]) -> String {
+    // A world whose y is up, as phones have it.
+    let flipped = Pose::from_rows(&[1., 0., 0., 0., 0., -1., 0., 0., 0., 0., -1., 0., 0., 0., 0., 1.]);
+    let mut table = "timestamp, frame, x, y, z, qx, qy, qz, qw\n".to_owned();
+    for (n, pose) in poses.iter().enumerate() {
+        let m = flipped.after(&pose.inverse()).rows();
+        // Of a turn by about half of one about x, the first of the quaternion is its largest number.
+        let qx = (1.0 + m[0] - m[5] - m[10]).sqrt() / 2.0;
+        let [qy, qz, qw] = [m[1] + m[4], m[2] + m[8], m[9] - m[6]].map(|sum| sum / (4.0 * qx));
+        let row =
+            format!("{}, {n:06}, {}, {}, {}, {qx}, {qy}, {qz}, {qw}\n", n as f64 / 50.0, m[3], m[7], m[11]);
+        table += &row;
+    }
+    table
+}
+
+/// Poses that are off by some tenths of a degree and some millimetres, others for another `seed`.
+pub(super) fn off(poses: &[Pose], seed: f64) -> Vec<Pose> {
+    let pose = |(n, pose): (u32, &Pose)| {
+        let [x, y, z] = [1.0, 2.3, 3.1].map(|k| 4e-3 * (k * (f64::from(n * n + 1) + seed)).sin());
+        let [c, s] = [y.cos(), y.sin()];
+        let step = [1.0, 0.0, 0.0, x, 0.0, c, -s, y, 0.0, s, c, z, 0.0, 0.0, 0.0, 1.0];
+        Pose::from_rows(&step).after(pose)
+    };
+    (0u32..).zip(poses).map(pose).collect()
+}
+
+/// How far poses are off the `truth` at most `[°]`, `[mm]`; places by the best scale, as the unit is no better than the
+/// given one.
+pub(super) fn worst(truth: &[Pose], found: &[Pose]) -> [f64; 2] {
+    let pairs = || truth.iter().zip(found);
+    let places = pairs().map(|(a, b)| (a.inverse().translation, b.inverse().translation));
+    let [both, own] =
+        places.clone().fold([0.0; 2], |[both, own], (a, b)| [both + a.dot(b), own + b.length_squared()]);
+    let moved = places.map(|(a, b)| a.distance(both / own * b)).fold(0.0, f64::max);
+    let turned = pairs().map(|(a, b)| a.apart(b)[0]).fold(0.0, f64::max);
+    [turned.to_degrees(), 1e3 * moved]
+}
+
 #[test]
 fn a_clip_with_poses_and_depth_goes_through() {
     let home = tempfile::tempdir().unwrap();
@@ -83,18 +123,7 @@ fn a_recording_of_a_phone_is_imported_at_once() {
     let made = ["synth", "made", "--frames", "4", "--size", "96", "--grid", "5x5", "--surroundings"];
     tessuto(folder, &[&made[..], &["--orbit", "15", "--shake", "4", "--depth-noise", "1"]].concat());
     let poses = read_poses(&folder.join("made"), 4).unwrap().unwrap();
-    // A world whose y is up, as phones have it.
-    let flipped = Pose::from_rows(&[1., 0., 0., 0., 0., -1., 0., 0., 0., 0., -1., 0., 0., 0., 0., 1.]);
-    let mut table = "timestamp, frame, x, y, z, qx, qy, qz, qw\n".to_owned();
-    for (n, pose) in poses.iter().enumerate() {
-        let m = flipped.after(&pose.inverse()).rows();
-        // Of a turn by about half of one about x, the first of the quaternion is its largest number.
-        let qx = (1.0 + m[0] - m[5] - m[10]).sqrt() / 2.0;
-        let [qy, qz, qw] = [m[1] + m[4], m[2] + m[8], m[9] - m[6]].map(|sum| sum / (4.0 * qx));
-        let row =
-            format!("{}, {n:06}, {}, {}, {}, {qx}, {qy}, {qz}, {qw}\n", n as f64 / 50.0, m[3], m[7], m[11]);
-        table += &row;
-    }
+    let table = odometry(&poses);
     let capture = folder.join("capture");
     std::fs::create_dir_all(capture.join("confidence")).unwrap();
     std::fs::rename(folder.join("made/depth"), capture.join("depth")).unwrap();
@@ -185,31 +214,16 @@ fn given_poses_are_refined_by_the_surroundings() {
     let made = ["synth", "made", "--frames", "6", "--size", "480", "--grid", "7x7", "--seed", "9"];
     tessuto(folder, &[&made[..], &["--orbit", "6", "--shake", "5", "--surroundings"]].concat());
     let truth = read_poses(&folder.join("made"), 6).unwrap().unwrap();
-    // Off by some tenths of a degree and some millimetres.
-    let off: Vec<[f64; 16]> = (0u32..)
-        .zip(&truth)
-        .map(|(n, pose)| {
-            let [x, y, z] = [1.0, 2.3, 3.1].map(|k| 4e-3 * (k * f64::from(n * n + 1)).sin());
-            let [c, s] = [y.cos(), y.sin()];
-            let step = [1.0, 0.0, 0.0, x, 0.0, c, -s, y, 0.0, s, c, z, 0.0, 0.0, 0.0, 1.0];
-            Pose::from_rows(&step).after(pose).rows()
-        })
-        .collect();
-    let text = serde_json::json!({ "camera_from_world": off }).to_string();
+    let given = off(&truth, 0.0);
+    let rows: Vec<[f64; 16]> = given.iter().map(Pose::rows).collect();
+    let text = serde_json::json!({ "camera_from_world": rows }).to_string();
     std::fs::write(folder.join("off.json"), text).unwrap();
     let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
     let camera = ["--fx", "600", "--cx", "239.5", "--cy", "239.5", "--fps", "50", "--poses", "off.json"];
     let worst = |said: &str| {
-        let found = read_poses(&folder.join("scene"), 6).unwrap().unwrap();
-        // Places by the best scale: the unit is no better than the given one.
-        let pairs = || truth.iter().zip(&found);
-        let places = pairs().map(|(a, b)| (a.inverse().translation, b.inverse().translation));
-        let [both, own] =
-            places.clone().fold([0.0; 2], |[both, own], (a, b)| [both + a.dot(b), own + b.length_squared()]);
-        let moved = places.map(|(a, b)| a.distance(both / own * b)).fold(0.0, f64::max);
-        let turned = pairs().map(|(a, b)| a.apart(b)[0]).fold(0.0, f64::max);
-        println!("{said}: {:.3}°, {:.2} mm", turned.to_degrees(), 1e3 * moved);
-        [turned.to_degrees(), 1e3 * moved]
+        let [turned, moved] = worst(&truth, &read_poses(&folder.join("scene"), 6).unwrap().unwrap());
+        println!("{said}: {turned:.3}°, {moved:.2} mm");
+        [turned, moved]
     };
     tessuto(folder, &[&import[..], &camera].concat());
     let [turned, moved] = worst("given");
@@ -217,7 +231,19 @@ fn given_poses_are_refined_by_the_surroundings() {
     let text = tessuto(folder, &[&import[..], &camera, &["--refine-poses", "--force"]].concat());
     println!("{text}");
     assert!(text.contains("poses are refined by") && text.contains("before to"), "{text}");
+    assert!(text.contains("6 poses: the camera moves by up to"), "{text}");
     let [turned, moved] = worst("refined");
+    assert!(turned < 0.1 && moved < 3.5, "{turned} {moved}");
+
+    // The same poses in a capture of a phone.
+    let capture = folder.join("capture");
+    std::fs::create_dir(&capture).unwrap();
+    std::fs::rename(folder.join("made/rgbs"), capture.join("rgb")).unwrap();
+    std::fs::write(capture.join("odometry.csv"), odometry(&given)).unwrap();
+    let import = ["import", "capture", "scene", "--masks", "made/masks", "--force", "--refine-poses"];
+    let text = tessuto(folder, &[&import[..], &camera[..8]].concat());
+    assert!(text.contains("a capture of Stray Scanner") && text.contains("poses are refined by"), "{text}");
+    let [turned, moved] = worst("refined, of a capture");
     assert!(turned < 0.1 && moved < 3.5, "{turned} {moved}");
 
     // Nothing is to be seen around this one.
@@ -230,6 +256,13 @@ fn given_poses_are_refined_by_the_surroundings() {
         .unwrap();
     let text = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(!output.status.success() && text.contains("take the poses as they are given"), "{text}");
+    let output = Command::new(env!("CARGO_BIN_EXE_tessuto"))
+        .args([&import[..], &["--refine-poses"]].concat())
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let text = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(!output.status.success() && text.contains("--poses PATH"), "{text}");
 }
 
 #[test]

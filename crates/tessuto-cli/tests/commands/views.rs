@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::held::tessuto;
+use super::held::{off, tessuto, worst};
 use serde_json::{Value, json};
 use tessuto::Pose;
-use tessuto::io::scene::{LoadOptions, load};
+use tessuto::io::scene::{LoadOptions, load, read_poses};
 
 fn refused(folder: &Path, arguments: &[&str], words: &[&str]) {
     let output =
@@ -104,4 +104,43 @@ fn two_clips_and_a_rig_go_through() {
     assert!(
         (place[0] - eye.x).abs() < 1e-6 && (place[1] + eye.y).abs() < 1e-6 && (place[2] + eye.z).abs() < 1e-6
     );
+}
+
+#[test]
+fn poses_of_a_further_camera_are_refined_in_the_world_of_the_first() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path();
+    let made = ["synth", "made", "--frames", "6", "--size", "480", "--grid", "7x7", "--seed", "9"];
+    tessuto(folder, &[&made[..], &["--orbit", "6", "--shake", "5", "--surroundings"]].concat());
+    let truth = read_poses(&folder.join("made"), 6).unwrap().unwrap();
+    // Two cameras side by side that see the same: both are off, each in its own way.
+    for (name, seed) in [("first.json", 0.0), ("second.json", 7.0)] {
+        let rows: Vec<[f64; 16]> = off(&truth, seed).iter().map(Pose::rows).collect();
+        std::fs::write(folder.join(name), json!({ "camera_from_world": rows }).to_string()).unwrap();
+    }
+    let lens = json!({ "fl_x": 600, "fl_y": 600, "cx": 240, "cy": 240, "w": 480, "h": 480 });
+    std::fs::write(folder.join("lens.json"), lens.to_string()).unwrap();
+    let import = ["import", "made/rgbs", "scene", "--masks", "made/masks", "--template", "made/template.obj"];
+    let first = ["--fps", "50", "--camera", "lens.json", "--poses", "first.json"];
+    let view = ["--view", "other=made/rgbs", "--view-masks", "other=made/masks"];
+    let more = ["--view-camera", "other=lens.json", "--view-poses", "other=second.json"];
+    let import = [&import[..], &first, &view, &more].concat();
+    let worst = |said: &str| {
+        let read = |path: &str| read_poses(&folder.join(path), 6).unwrap().unwrap();
+        let [turned, moved] = worst(&truth, &read("scene/other"));
+        let apart = read("scene")[0].apart(&read("scene/other")[0]);
+        let apart = [apart[0].to_degrees(), 1e3 * apart[1]];
+        println!("{said}: {turned:.3}°, {moved:.2} mm; {:.3}°, {:.2} mm from the first", apart[0], apart[1]);
+        [turned, moved, apart[0], apart[1]]
+    };
+    let text = tessuto(folder, &import);
+    assert!(!text.contains("are refined"), "{text}");
+    let given = worst("given");
+    let text = tessuto(folder, &[&import[..], &["--refine-poses", "--force"]].concat());
+    println!("{text}");
+    assert!(text.contains("note: poses are refined by"), "{text}");
+    assert!(text.contains("note: view other: poses are refined by"), "{text}");
+    let refined = worst("refined");
+    // They see the same, so they are at the same place.
+    assert!(refined[0] < 0.5 * given[0] && refined[1] < given[1] && refined[2] < 0.3, "{refined:?}");
 }

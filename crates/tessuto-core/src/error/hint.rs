@@ -42,6 +42,8 @@ pub enum Remedy {
     Fps,
     /// Poses of a camera that moves.
     Poses,
+    /// Poses that are refined by what stands still around it: `import::Settings::refine_poses`.
+    RefinePoses,
     /// The metres in one unit of the camera's poses.
     PoseScale,
     /// `import::Settings::rate`.
@@ -157,6 +159,7 @@ impl fmt::Display for Remedy {
             Self::Feature(name) => write!(f, "feature {name}"),
             Self::Fps => f.write_str("fps"),
             Self::Poses => f.write_str("poses"),
+            Self::RefinePoses => f.write_str("refine_poses = true"),
             Self::PoseScale => f.write_str("pose_scale"),
             Self::Rate => f.write_str("rate"),
             Self::Masks => f.write_str("masks"),

@@ -6,7 +6,8 @@
 //! again with both its neighbours and the plate (`track`). Coverage at the outline is soft (`matte`). An outline that
 //! somebody drew around the fabric binds (`drawn`). Hands and people in front are neither fabric nor background
 //! (`front`). What looks wrong is named with its frames (`judge`, `steady`, `findings`). A clip by a camera that
-//! moves, whose poses are known, is held still first by the plane behind the fabric (`moving`).
+//! moves, whose poses are known and explain its surroundings (`poses`), is held still first by the plane behind the
+//! fabric (`moving`).
 
 mod beyond;
 mod conserved;
@@ -24,6 +25,7 @@ mod moving;
 mod page;
 mod palette;
 mod plate;
+mod poses;
 mod record;
 mod refuse;
 mod segment;
@@ -113,6 +115,7 @@ pub fn make(folder: &Path, request: &Request, progress: &(dyn Fn(f64) + Sync)) -
     let mut notes = Vec::new();
     let start = start::first_frame(folder, request, &mut record, size, &mut notes)?;
     let area = start.region.area() as f64;
+    notes.extend(poses::expect_fit(folder, &clip, &start.coverage)?);
     let frames = Frames::read(&clip, area)?;
     progress(0.05);
     let given_plate = start::plate(folder, request, &mut record, &clip, &frames)?;

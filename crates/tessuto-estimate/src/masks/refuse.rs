@@ -196,6 +196,13 @@ pub(super) fn unseen(n: usize, origin: Origin) -> Error {
     Error::input(format!("frame {n}"), problem, other_masks(n, origin))
 }
 
+/// The error of poses that do not explain frame `n`: what was `found`, and `why` that may be.
+pub(super) fn other_poses(n: usize, found: &str, why: &str) -> Error {
+    let hint = Hint::from(format!("{why}; or give masks that another program made"));
+    let hint = hint.with(Remedy::Poses).with(Remedy::Masks);
+    Error::input(format!("frame {n}"), format!("the poses are not this clip's: {found}"), hint)
+}
+
 /// What helps from frame `n` on where the place behind the fabric is not known.
 fn other_masks(n: usize, origin: Origin) -> Hint {
     let text = "give masks that another program made, or import the part before";

@@ -48,7 +48,7 @@ pub use depth::{Captured, read_depth};
 pub use empty::empty_place;
 pub use lens::Distortion;
 pub use metadata::camera_of;
-pub use path::{CameraPath, pose_files, read_path};
+pub use path::{CameraPath, FrameFit, Known, Mistake, PoseFit, pose_files, pose_fit, read_path};
 pub use rig::{Rig, read_rig};
 pub use stills::{StillSettings, Stills, stills};
 pub use target::{CARRIED_OVER, check_target, copy_template};
@@ -91,7 +91,7 @@ pub struct Settings {
     pub calibration: Calibration,
     /// Where the camera was in every frame of the input, if it moved.
     pub poses: Option<CameraPath>,
-    /// Whether these are refined by what stands still around the fabric; needs masks.
+    /// Whether these, if there are any, are refined by what stands still around the fabric; needs masks.
     pub refine_poses: bool,
     /// What is to find that from the surroundings of the fabric.
     pub camera_motion: Option<CameraMotion>,
@@ -231,8 +231,8 @@ fn validate(settings: &Settings) -> Result<()> {
     }
     if (settings.camera_motion.is_some() || settings.refine_poses) && settings.masks == Masks::Later {
         let hint =
-            "masks that are made from a clip need a camera that stands still: give masks of a segmenter";
-        return Err(Error::usage("the camera's motion, without masks", hint));
+            "it is found from what stands still around the fabric: give masks that another program made";
+        return Err(Error::usage("the camera's motion, without masks", Hint::from(hint).with(Remedy::Masks)));
     }
     if settings.masks == Masks::Alpha && !settings.input.is_dir() {
         return Err(Error::usage(

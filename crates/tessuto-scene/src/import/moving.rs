@@ -46,11 +46,11 @@ impl Moving<'_> {
             .iter()
             .map(|pose| pose.apart(&poses[0]))
             .fold([0.0; 2], |most: [f64; 2], way| [most[0].max(way[0]), most[1].max(way[1])]);
-        let what =
-            if unit == PoseUnit::Unknown { "units, whose length is found with the motion," } else { "m" };
+        let found = if unit == PoseUnit::Unknown { ", whose length is found with the motion," } else { "" };
         notes.push(format!(
-            "the camera moves by up to {:.3} {what} and turns by up to {:.1}° from where it is in the first frame",
+            "the camera moves by up to {:.3} {}{found} and turns by up to {:.1}° from where it is in the first frame",
             far[1],
+            unit.name(),
             far[0].to_degrees()
         ));
         Ok(Some(there))

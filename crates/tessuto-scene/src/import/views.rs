@@ -4,10 +4,10 @@ use std::path::Path;
 
 use super::frames::Source;
 use super::moving::inputs;
-use super::path::{CameraPath, Inputs};
+use super::path::{self, CameraPath, Inputs};
 use super::{Imported, Settings, import};
 use crate::io::scene::{ListedView, write_poses, write_views};
-use tessuto_core::camera::Pose;
+use tessuto_core::camera::{Camera, Pose};
 use tessuto_core::error::{Error, Hint, Remedy, Result};
 use tessuto_core::scene::PoseUnit;
 
@@ -16,7 +16,7 @@ use tessuto_core::scene::PoseUnit;
 pub struct ViewSettings {
     /// Its name, and that of its folder.
     pub name: String,
-    /// Clip, masks and lens; all else is as in the scene's settings.
+    /// Clip, masks and lens, and whether a path is refined; all else is as in the scene's settings.
     pub settings: Settings,
     /// Where it is.
     pub place: Place,
@@ -62,16 +62,18 @@ pub(super) fn write(
         let of_view = |error: Error| error.within(&format!("view {}", view.name));
         let found = import(&view.settings, &view.name, &own, progress).map_err(of_view)?;
         expect_same(imported, &found, view)?;
-        let (there, unit) = placed(view, poses, imported.frames).map_err(of_view)?;
+        let mut notes = found.notes;
+        let written = Written { folder: &own, camera: &found.camera, frames: found.frames, said: progress };
+        let (there, unit) = placed(view, poses, &written, &mut notes).map_err(of_view)?;
         write_poses(&own, &there, unit)?;
         let manifest = own.join("scene.json");
         std::fs::remove_file(&manifest).map_err(|source| Error::Output { path: manifest, source })?;
-        imported.notes.extend(found.notes.iter().map(|note| format!("view {}: {note}", view.name)));
+        imported.notes.extend(notes.iter().map(|note| format!("view {}: {note}", view.name)));
         let [angle, way] = there[0].apart(&Pose::IDENTITY);
-        let what = if unit == PoseUnit::Unknown { "units" } else { "m" };
         imported.notes.push(format!(
-            "view {} stands {way:.3} {what} from the first camera and is turned by {:.1}°",
+            "view {} stands {way:.3} {} from the first camera and is turned by {:.1}°",
             view.name,
+            unit.name(),
             angle.to_degrees()
         ));
         listed.push(ListedView {
@@ -100,8 +102,23 @@ fn expect_same(first: &Imported, other: &Imported, view: &ViewSettings) -> Resul
     Ok(())
 }
 
-/// Where a view's camera is in every frame, or in all, in the world of the scene, and the unit of that.
-fn placed(view: &ViewSettings, first: Option<&[Pose]>, frames: usize) -> Result<(Vec<Pose>, PoseUnit)> {
+/// A view that was written.
+struct Written<'a> {
+    folder: &'a Path,
+    camera: &'a Camera,
+    frames: usize,
+    /// Hears of every step.
+    said: &'a (dyn Fn(&str) + Sync),
+}
+
+/// Where a view's camera is in every frame, or in all, in the world of the scene, and the unit of that. A path that is
+/// to be refined is laid on the given one as a whole, so it stays in the world of the first camera's.
+fn placed(
+    view: &ViewSettings,
+    first: Option<&[Pose]>,
+    written: &Written,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<Pose>, PoseUnit)> {
     let back = first.map_or(Pose::IDENTITY, |poses| poses[0].inverse());
     match &view.place {
         Place::Fixed(pose) => {
@@ -118,11 +135,17 @@ fn placed(view: &ViewSettings, first: Option<&[Pose]>, frames: usize) -> Result<
             let (inputs, chosen) = match path.len() {
                 1 => (Inputs { names: None, count: 1 }, vec![0]),
                 read => {
-                    let chosen = (0..frames).map(|k| start + k * settings.stride).collect();
+                    let chosen = (0..written.frames).map(|k| start + k * settings.stride).collect();
                     (inputs(settings, &source, read, path)?, chosen)
                 }
             };
-            let (poses, _) = path.of(&inputs, &chosen)?.poses(settings);
+            let mut path = path.of(&inputs, &chosen)?;
+            if settings.refine_poses && path.moves() {
+                let found = path::refined(path, written.folder, written.camera, written.said)?;
+                notes.push(found.1);
+                path = found.0;
+            }
+            let (poses, _) = path.poses(settings);
             Ok((poses.iter().map(|pose| pose.after(&back)).collect(), unit))
         }
     }

@@ -12,7 +12,7 @@ use tessuto_core::camera::Viewpoint;
 use tessuto_core::error::Result;
 use tessuto_core::image::Image;
 use tessuto_core::math::median::median;
-use tessuto_core::scene::Scene;
+use tessuto_core::scene::{PoseUnit, Scene};
 use tessuto_render::raster::coverage::{overlap, template_coverage};
 
 /// Half a side of a patch, and how far it is looked for `[px]`.
@@ -39,15 +39,19 @@ pub(super) fn findings(scene: &Scene) -> Result<Vec<Finding>> {
         let frame = other.frames.frame(0)?;
         let there = other.viewpoint(0);
         let mesh = &scene.template;
+        let what = format!("view {}", view.name);
+        let detail =
+            format!("{} frames of {}×{} px", view.frames.len(), view.full_size[0], view.full_size[1]);
+        if scene.pose_unit == PoseUnit::Unknown {
+            // The template is in metres.
+            let why =
+                "where it sees the template is known once a run has found the length of a unit of its poses";
+            out.push(ok(&what, format!("{detail}; {why}")));
+            continue;
+        }
         let iou = overlap(&template_coverage(mesh, &mesh.positions, there), &frame.mask);
         let found = off(scene, (&scene.viewpoint(0), &first.rgb), (&there, &frame.rgb));
-        let what = format!("view {}", view.name);
-        let detail = format!(
-            "{} frames of {}×{} px, overlap of the template with its first mask {iou:.2}",
-            view.frames.len(),
-            view.full_size[0],
-            view.full_size[1]
-        );
+        let detail = format!("{detail}, overlap of the template with its first mask {iou:.2}");
         out.push(match found {
             None => ok(&what, format!("{detail}; too little pattern to compare it with the first view")),
             Some(([across, along], count)) => {
@@ -173,5 +177,9 @@ mod tests {
         let [wrong] = &findings(&scene).unwrap()[..] else { panic!("one finding") };
         println!("{}", wrong.detail);
         assert_eq!(wrong.level, Level::Warning);
+        // In no unit it is nowhere yet.
+        scene.pose_unit = PoseUnit::Unknown;
+        let [unknown] = &findings(&scene).unwrap()[..] else { panic!("one finding") };
+        assert!(unknown.level == Level::Ok && unknown.detail.contains("length of a unit"), "{unknown:?}");
     }
 }

@@ -173,6 +173,9 @@ fn work(
     // What a check refuses is refused here, too.
     let mut warnings = loaded.warnings.clone();
     warnings.extend(check::gate(loaded)?);
+    if loaded.scene.pose_unit == PoseUnit::Unknown {
+        warnings.extend(check::views_in_metres(scene)?);
+    }
     warnings.iter().for_each(|warning| observer.warning(warning));
     let first = scene.first_frame;
     let run = Run {

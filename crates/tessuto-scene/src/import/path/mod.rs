@@ -23,7 +23,9 @@ const MOST: u64 = 256 << 20;
 /// Poses that a message names at most.
 const NAMED: usize = 3;
 
-pub use estimate::{by_colmap, from_clip, refined, refined_or_not};
+pub use estimate::{
+    FrameFit, Known, Mistake, PoseFit, by_colmap, from_clip, pose_fit, refined, refined_or_not,
+};
 
 /// One pose of a file.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,6 +128,11 @@ impl CameraPath {
     /// Number of poses.
     pub(super) fn len(&self) -> usize {
         self.entries.len()
+    }
+
+    /// Whether its poses differ.
+    pub(super) fn moves(&self) -> bool {
+        self.entries.iter().any(|entry| entry.camera_from_world != self.entries[0].camera_from_world)
     }
 
     /// Whether its lengths are metres, once scaled as `settings` say.

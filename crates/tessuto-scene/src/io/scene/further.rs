@@ -47,8 +47,12 @@ pub(super) fn read(
     Ok((view, unit))
 }
 
-/// Refuses views whose first mask is far from where they would see the template.
+/// Refuses views whose first mask is far from where they would see the template. Of poses whose lengths have no unit
+/// nobody knows that yet.
 pub(super) fn check_overlap(scene: &Scene, errors: &mut Vec<Error>, warnings: &mut Vec<Warning>) {
+    if scene.pose_unit == PoseUnit::Unknown {
+        return;
+    }
     let (mesh, frame) = (&scene.template, scene.first_frame);
     for (v, view) in scene.more.iter().enumerate() {
         let seen = scene.seen_by(v + 1);

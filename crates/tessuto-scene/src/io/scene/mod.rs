@@ -33,7 +33,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-pub use colours::{ColourFiles, colour_files};
+pub use colours::{ColourFiles, FrameFiles, colour_files, frame_files};
 pub use depths::first as first_depth;
 pub(crate) use edit::set_gravity;
 pub use edit::{ListedView, replace_camera, set_planes, write_manifest, write_views};

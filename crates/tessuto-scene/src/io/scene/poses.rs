@@ -19,7 +19,7 @@ use tessuto_core::scene::PoseUnit;
 
 /// How far a matrix may be from a rotation: largest element of RᵀR − 1.
 const ORTHONORMAL: f64 = 1e-4;
-/// A camera that moves or turns by more between two frames is doubted `[m]`, `[°]`.
+/// A camera that moves or turns by more between two frames is doubted `[m]`, `[°]`. Lengths of no unit are not judged.
 const JUMP: [f64; 2] = [1.0, 45.0];
 /// Name of the file.
 pub const POSES: &str = "poses.json";
@@ -51,7 +51,7 @@ pub(crate) fn from_json(
             "give one pose per frame, or one of a camera that stands still",
         ));
     }
-    jumps(&poses, place, warnings);
+    jumps(&poses, unit(value), place, warnings);
     Ok(poses)
 }
 
@@ -127,16 +127,21 @@ fn pose(value: &Value, place: &str) -> Result<Pose> {
     Ok(pose)
 }
 
-fn jumps(poses: &[Pose], place: &str, warnings: &mut Vec<Warning>) {
+fn jumps(poses: &[Pose], unit: PoseUnit, place: &str, warnings: &mut Vec<Warning>) {
+    let metric = unit != PoseUnit::Unknown;
     for (n, pair) in poses.windows(2).enumerate() {
         let [angle, way] = pair[1].apart(&pair[0]);
-        if way > JUMP[0] || angle.to_degrees() > JUMP[1] {
+        if (metric && way > JUMP[0]) || angle.to_degrees() > JUMP[1] {
             let found = format!(
-                "{place}: from frame {n} to {} the camera moves by {way:.2} m and turns by {:.0}°",
+                "{place}: from frame {n} to {} the camera moves by {way:.2} {} and turns by {:.0}°",
                 n + 1,
+                unit.name(),
                 angle.to_degrees()
             );
-            let hint = "check that there is one pose per frame, in their order, in metres";
+            let hint = match metric {
+                true => "check that there is one pose per frame, in their order, in metres",
+                false => "check that there is one pose per frame, in their order",
+            };
             warnings.push(Warning::new("poses", found, hint));
             return;
         }
@@ -263,6 +268,17 @@ mod tests {
         let nested: Vec<&[f64]> = far.chunks(4).collect();
         from_json(&json!([good, nested]), 2, 0.01, "p", &mut warnings).unwrap();
         assert!(warnings.is_empty());
+        // Without a unit nobody knows how far that is, but half a turn is one.
+        let unitless = |second: &[f64; 16], warnings: &mut Vec<Warning>| {
+            let value = json!({ "camera_from_world": [good, second], "unit": null });
+            from_json(&value, 2, 1.0, "p", warnings).unwrap();
+        };
+        unitless(&far, &mut warnings);
+        assert!(warnings.is_empty(), "{warnings:?}");
+        let turned = std::array::from_fn(|k| if k / 4 == 0 || k / 4 == 2 { -far[k] } else { far[k] });
+        unitless(&turned, &mut warnings);
+        assert!(warnings[0].found.contains("units and turns by 180°"), "{warnings:?}");
+        warnings.clear();
         // One of all frames: it stands still.
         assert_eq!(from_json(&json!([good]), 2, 1.0, "p", &mut warnings).unwrap(), [some()[1]; 2]);
         assert!(moving(&from_json(&good, 2, 1.0, "p", &mut warnings).unwrap()).is_none());

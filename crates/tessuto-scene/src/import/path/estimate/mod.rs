@@ -8,6 +8,7 @@
 mod bundle;
 mod colmap;
 mod features;
+mod fits;
 #[cfg(test)]
 mod made;
 mod observed;
@@ -32,6 +33,7 @@ use tessuto_core::error::{Error, Hint, Remedy, Result};
 use track::{Followed, follow};
 
 pub use colmap::estimate as by_colmap;
+pub use fits::{FrameFit, Known, Mistake, PoseFit, pose_fit};
 
 /// Fewest windows that a frame must share with others, and how far they must spread in both directions, standard
 /// deviation as a part of the image's side.
