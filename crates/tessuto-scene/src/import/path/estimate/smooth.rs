@@ -72,8 +72,8 @@ impl Smooth {
         Change { off, rows }
     }
 
-    /// Where the camera most likely is at a time between two of the `poses`, and the variances of its rotation and of its
-    /// place, of each coordinate, as far as the path tells.
+    /// Where the camera most likely is at a time between two of the `poses`, and the variances of its rotation and of
+    /// its place, of each coordinate, as far as the path tells.
     pub fn between(&self, poses: &[Pose], time: f64) -> (Pose, [f64; 2]) {
         let last = poses.len() - 1;
         let b = self.times.partition_point(|t| *t < time).clamp(1, last);
@@ -168,8 +168,8 @@ fn by_turn(w: DVec3) -> DMat3 {
     DMat3::IDENTITY - 0.5 * cross + second * (cross * cross)
 }
 
-/// Refines `state`, at which the `bundle` without a prior is least, by a path that is as smooth as is likeliest; `times`
-/// are those of the poses, in frames.
+/// Refines `state`, at which the `bundle` without a prior is least, by a path that is as smooth as is likeliest;
+/// `times` are those of the poses, in frames.
 pub(super) fn smoothen(bundle: &mut Bundle, state: &mut State, times: Vec<f64>) {
     let count = 3.0 * times.len().saturating_sub(2) as f64;
     if count == 0.0 {

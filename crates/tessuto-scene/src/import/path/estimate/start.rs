@@ -28,8 +28,8 @@ pub(super) fn everything(bundle: &mut Bundle, turning: &State) -> State {
     state
 }
 
-/// Poses and points of the first few frames, then of twice as many, and so on to all: a part of a long way is found where
-/// the whole is not, and leads to the next.
+/// Poses and points of the first few frames, then of twice as many, and so on to all: a part of a long way is found
+/// where the whole is not, and leads to the next.
 fn grown(whole: &Bundle, turning: &State) -> State {
     let (camera, frames) = (whole.camera, turning.poses.len());
     let mut state = turning.clone();
