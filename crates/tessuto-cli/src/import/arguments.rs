@@ -43,8 +43,8 @@ White in a mask is fabric. So is the opaque part of a cut-out, or the object cho
 --object. Masks pair with frames by name, else by number; a video of masks pairs frame \
 by frame. Images named by their times give the frame rate.")]
 pub struct Arguments {
-    /// Video file, folder of PNG or JPEG images, or capture of Stray Scanner or Polycam: of that, camera, poses and
-    /// depth are taken too, where no others are given.
+    /// Video file, folder of PNG or JPEG images, or capture of Stray Scanner, Polycam or Record3D (.r3d): of that,
+    /// camera, poses and depth are taken too, where no others are given.
     pub input: PathBuf,
     /// Scene folder to write.
     pub out: Option<PathBuf>,

@@ -73,7 +73,7 @@ pub fn run(arguments: &Arguments) -> anyhow::Result<()> {
         pose_scale: arguments.pose_scale,
         depths: arguments.depths.clone().or_else(|| capture.as_ref()?.depths.clone()),
         depth_scale: arguments.depth_scale,
-        fps: arguments.fps,
+        fps: arguments.fps.or(capture.as_ref().and_then(|capture| capture.fps)),
         rate: arguments.rate,
         frames: arguments.frames.clone(),
         stride: arguments.stride,

@@ -6,6 +6,7 @@ use std::process::Command;
 use crate::missing::not_tested;
 use serde_json::Value;
 use tessuto::Pose;
+use tessuto::glam::{DQuat, DVec3};
 use tessuto::io::npy;
 use tessuto::io::scene::read_poses;
 
@@ -160,6 +161,59 @@ fn a_recording_of_a_phone_is_imported_at_once() {
         map.data.iter().enumerate().filter(|(k, z)| k % 48 < 24 && **z > 0.0).count()
     };
     assert!(half(1) > 50 && half(2) == 0, "what the sensor is not sure of is left out");
+
+    // The same as a file of Record3D, whose packed parts may also be stored as they are.
+    let stored = |bytes: &[u8]| [b"bvx-", &(bytes.len() as u32).to_le_bytes()[..], bytes, b"bvx$"].concat();
+    let turned = poses.iter().map(|pose| {
+        // World from camera, both with y up and z back.
+        let flip = |v: DVec3| DVec3::new(v.x, -v.y, -v.z);
+        let q = DQuat::from_mat3(&pose.rotation.transpose());
+        let place = flip(pose.in_world(DVec3::ZERO));
+        serde_json::json!([q.x, -q.y, -q.z, q.w, place.x, place.y, place.z])
+    });
+    let metadata = serde_json::json!({"w": 96, "h": 96, "fps": 50, "K": [fx, 0, 0, 0, fy, 0, cx, cy, 1],
+        "poses": turned.collect::<Vec<_>>()});
+    let mut entries = vec![("metadata".to_owned(), metadata.to_string().into_bytes())];
+    for n in 0..4 {
+        let z = npy::read(&capture.join(format!("depth/depth_{n:03}.npy"))).unwrap();
+        let z: Vec<u8> = z.data.iter().flat_map(|z| (*z as f32).to_le_bytes()).collect();
+        let sure: Vec<u8> = level(n).data.iter().map(|level| (255.0 * level) as u8).collect();
+        let image = std::fs::read(capture.join(format!("rgb/rgb_{n:03}.png"))).unwrap();
+        entries.push((format!("rgbd/{n}.jpg"), image));
+        entries.push((format!("rgbd/{n}.depth"), stored(&z)));
+        entries.push((format!("rgbd/{n}.conf"), stored(&sure)));
+    }
+    std::fs::write(folder.join("film.r3d"), tessuto::io::zip::write(&entries)).unwrap();
+    let import = ["import", "film.r3d", "other", "--masks", "made/masks", "--template", "made/template.obj"];
+    let text = tessuto(folder, &import);
+    assert!(text.contains("a capture of Record3D: its camera, poses and depth are taken"), "{text}");
+    let imported = read_poses(&folder.join("other"), 4).unwrap().unwrap();
+    for (a, b) in imported.iter().zip(&poses) {
+        let [angle, way] = a.apart(b);
+        assert!(angle < 1e-6 && way < 1e-9, "{angle} {way}");
+    }
+    assert_eq!(scene("other")["fps"].as_f64(), Some(50.0));
+    // Nothing tells where it was unpacked, nor from which of both forms.
+    let of = |name: &str| std::fs::read_to_string(folder.join(name).join("scene.json")).unwrap();
+    assert!(
+        !of("other").contains(&*std::env::temp_dir().join("tessuto-").to_string_lossy()),
+        "{}",
+        of("other")
+    );
+    std::fs::create_dir_all(folder.join("unpacked/rgbd")).unwrap();
+    entries
+        .iter()
+        .for_each(|(name, bytes)| std::fs::write(folder.join("unpacked").join(name), bytes).unwrap());
+    let import = ["import", "unpacked", "third", "--masks", "made/masks", "--template", "made/template.obj"];
+    tessuto(folder, &import);
+    assert_eq!(of("third").replace("unpacked", "film.r3d").replace("third", "other"), of("other"));
+    // Its world is the first camera's frame: which way is down is not known.
+    assert!(scene("other")["gravity"].is_null());
+    for n in 0..4 {
+        let [a, b] = ["scene", "other"]
+            .map(|name| std::fs::read(folder.join(format!("{name}/depth/depth_{n:03}.npy"))).unwrap());
+        assert!(n == 2 || a == b, "depth of frame {n}");
+    }
 }
 
 #[test]

@@ -1,15 +1,19 @@
-//! Captures of phone apps: one folder that holds the clip, its camera, where that was, and depth.
+//! Captures of phone apps: one folder, or file, that holds the clip, its camera, where that was, and depth.
 //!
 //! - Stray Scanner: `rgb.mp4` (or its frames in `rgb/`), `camera_matrix.csv`, `odometry.csv`, `depth/`, `confidence/`
 //! - Polycam, raw data: `keyframes/` with `corrected_images/` or `images/`, the cameras beside them, `depth/`,
 //!   `confidence/`
+//! - Record3D: a `.r3d` file, or its unpacked folder, see `record3d.rs`
 //!
 //! Sources: see [`read_depth`].
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::calibration::Calibration;
+use super::depth::of_app;
 use super::read_depth;
+use super::record3d::{Unpacked, unpacked};
 use tessuto_core::error::Result;
 
 /// What a capture holds.
@@ -25,6 +29,10 @@ pub struct Capture {
     pub poses: PathBuf,
     /// The capture itself, if it holds depth maps.
     pub depths: Option<PathBuf>,
+    /// Frames per second, where the capture says it and the clip does not.
+    pub fps: Option<f64>,
+    /// Where the clip was unpacked; removed with the last copy of this.
+    pub unpacked: Option<Arc<Unpacked>>,
 }
 
 /// App, where the poses are, and where the clip may be.
@@ -41,12 +49,29 @@ const KINDS: [Kind; 2] = [
     ),
 ];
 
-/// The capture in `folder`; `None` of other folders, and of files.
+/// The capture at `path`; `None` of other folders and files.
 ///
 /// # Errors
 /// [`Error::Input`](tessuto_core::error::Error::Input) naming the first depth map, or the camera's file, if it cannot
-/// be used.
-pub fn read_capture(folder: &Path) -> Result<Option<Capture>> {
+/// be used, and what is wrong with a recording of Record3D.
+pub fn read_capture(path: &Path) -> Result<Option<Capture>> {
+    let Some(unpacked) = unpacked(path)? else { return of_folder(path) };
+    let folder = &unpacked.folder;
+    let depths = Some(folder.clone()).filter(|folder| folder.join("depth").is_dir());
+    let poses = folder.join("metadata.json");
+    let place = format!("{}: metadata", path.display());
+    Ok(Some(Capture {
+        app: "Record3D",
+        clip: folder.join("rgb"),
+        calibration: of_app(&poses)?.map(|calibration| Calibration { place, ..calibration }),
+        poses,
+        depths,
+        fps: unpacked.fps,
+        unpacked: Some(Arc::new(unpacked)),
+    }))
+}
+
+fn of_folder(folder: &Path) -> Result<Option<Capture>> {
     let there = |names: &[&str]| names.iter().map(|name| folder.join(name)).find(|path| path.exists());
     let Some((app, poses, clip)) =
         KINDS.iter().find_map(|(app, poses, clips)| Some((*app, there(poses)?, there(clips)?)))
@@ -61,7 +86,7 @@ pub fn read_capture(folder: &Path) -> Result<Option<Capture>> {
         // It is for the clip's pixels, whatever their number.
         calibration.size = None;
     }
-    Ok(Some(Capture { app, clip, poses, depths, calibration }))
+    Ok(Some(Capture { app, clip, poses, depths, calibration, fps: None, unpacked: None }))
 }
 
 #[cfg(test)]

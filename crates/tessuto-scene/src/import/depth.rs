@@ -89,11 +89,16 @@ fn given(path: &Path) -> Result<Calibration> {
         ));
     }
     let json = path.extension().is_some_and(|e| e == "json");
-    let value = if json { serde_json::from_str(&read_text(path)?).ok() } else { None };
-    match value.as_ref().map(|value| from_json(value, path)).transpose()?.flatten() {
+    match if json { of_app(path)? } else { None } {
         Some(calibration) => Ok(calibration),
         None => read_calibration(path, None),
     }
+}
+
+/// The camera in an app's JSON, if it is there.
+pub(super) fn of_app(path: &Path) -> Result<Option<Calibration>> {
+    let value: Option<Value> = serde_json::from_str(&read_text(path)?).ok();
+    value.as_ref().map_or(Ok(None), |value| from_json(value, path))
 }
 
 /// fx, fy, cx, cy or a matrix, and the size of the image, under the names that apps give them; `None` of what is

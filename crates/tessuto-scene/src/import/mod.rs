@@ -19,6 +19,7 @@ mod nerfstudio;
 mod opencv;
 mod pairing;
 mod path;
+mod record3d;
 mod rig;
 mod stage;
 mod stills;

@@ -36,6 +36,9 @@ pub(super) const POLYCAM: Reader = Reader {
     read: polycam,
 };
 
+/// A first camera that is turned by less is the world itself `[rad]`.
+const OWN: f64 = 0.01;
+
 fn path(place: &str, entries: Vec<Entry>) -> CameraPath {
     CameraPath { place: place.to_owned(), entries, metric: true, up: Some(DVec3::Y) }
 }
@@ -69,7 +72,8 @@ fn odometry(file: &Contents) -> Result<CameraPath> {
     Ok(path(&file.place, rows.map(entry).collect::<Result<_>>()?))
 }
 
-/// `poses`: qx qy qz qw x y z of a camera that looks along −z.
+/// `poses`: qx qy qz qw x y z of a camera that looks along −z. Where the world is the first camera's frame, as some
+/// versions of the app have it, y is not up.
 fn record3d(file: &Contents) -> Result<CameraPath> {
     let poses = file.json.as_ref().and_then(|json| json["poses"].as_array()).map_or(&[][..], Vec::as_slice);
     let entry = |(n, pose): (usize, &Value)| {
@@ -82,7 +86,11 @@ fn record3d(file: &Contents) -> Result<CameraPath> {
         let camera_from_world = from_camera(turn, DVec3::new(v[4], v[5], v[6]), true);
         Ok(Entry { name: None, number: Some(n), camera_from_world })
     };
-    Ok(path(&file.place, poses.iter().enumerate().map(entry).collect::<Result<_>>()?))
+    let found = path(&file.place, poses.iter().enumerate().map(entry).collect::<Result<_>>()?);
+    let level = from_camera(DMat3::IDENTITY, DVec3::ZERO, true);
+    let own = |first: &Entry| first.camera_from_world.apart(&level)[0] < OWN;
+    let up = found.up.filter(|_| !found.entries.first().is_some_and(own));
+    Ok(CameraPath { up, ..found })
 }
 
 fn keyframes(file: &Contents) -> Vec<std::path::PathBuf> {
