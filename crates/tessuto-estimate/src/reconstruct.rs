@@ -9,9 +9,10 @@ use crate::motion::parameters::Parameters;
 use crate::motion::spacetime;
 use crate::motion::texture::{Window, fit_texture};
 use crate::session::{Epoch, Session, foreign_state};
+use glam::DVec3;
 use tessuto_core::error::{Error, Result};
 use tessuto_core::mesh::{Mesh, Motion, Positions};
-use tessuto_core::scene::{Back, Scene};
+use tessuto_core::scene::{Back, PoseUnit, Scene};
 use tessuto_render::raster::{Rasterizer, Texture};
 use tessuto_sim::contact::apart::{crossed, put_apart};
 use tessuto_sim::{Cloth, Integrator, RolloutInputs, State, play, surrogate};
@@ -126,6 +127,7 @@ struct Found {
 fn by_search(scene: &Scene, cloth: &Cloth, config: &Config, session: &mut Session) -> Result<Found> {
     let mut search = spacetime::Search::new(scene, cloth, &config.spacetime);
     let spacetime::Found { mut frames, deviations, failure } = search.find(config.seed, session)?;
+    let deviations = deviations.map(|deviations| of_unit(scene, deviations));
     if let Some(deviations) = &deviations {
         frames = put_apart(&scene.template, frames, deviations, scene.fps);
     }
@@ -175,6 +177,18 @@ fn not_through_itself(template: &Mesh, motion: Motion, found: &[Positions]) -> R
     if all(&motion) > all(found) { Motion::new(found.to_vec()) } else { Ok(motion) }
 }
 
+/// `deviations`, with what the length of a unit of the camera's path leaves open added: where the camera is, and all of
+/// the sheet with it.
+fn of_unit(scene: &Scene, mut deviations: Vec<Vec<f64>>) -> Vec<Vec<f64>> {
+    if let (PoseUnit::Found { length, sd }, Some(poses)) = (scene.pose_unit, &scene.poses) {
+        for (of_frame, pose) in deviations.iter_mut().zip(poses) {
+            let way = pose.in_world(DVec3::ZERO).distance(poses[0].in_world(DVec3::ZERO));
+            of_frame.iter_mut().for_each(|d| *d = d.hypot(way * sd / length));
+        }
+    }
+    deviations
+}
+
 /// `deviations` of the `found` positions, with what the simulated `motion` is off from these added.
 fn of_motion(mut deviations: Vec<Vec<f64>>, found: &[Positions], motion: &Motion) -> Vec<Vec<f64>> {
     for ((deviations, found), x) in deviations.iter_mut().zip(found).zip(motion.iter()) {
@@ -205,9 +219,23 @@ pub fn simulate(
 
 #[cfg(test)]
 mod tests {
-    use glam::{DVec2, DVec3};
+    use glam::DVec2;
 
     use super::*;
+
+    #[test]
+    fn what_a_unit_leaves_open_is_in_the_deviations() {
+        let settings = crate::synth::Settings::default().with(|s| {
+            (s.frames, s.size, s.grid, s.orbit) = (3, 32, [4, 4], 20.0);
+        });
+        let scene = crate::synth::make(&settings).unwrap();
+        let of = |pose_unit| of_unit(&Scene { pose_unit, ..scene.clone() }, vec![vec![0.003; 16]; 3]);
+        assert_eq!(of(PoseUnit::Metres), vec![vec![0.003; 16]; 3]);
+        let found = of(PoseUnit::Found { length: 0.5, sd: 0.05 });
+        let way = scene.poses.as_ref().unwrap()[2].in_world(DVec3::ZERO).length();
+        assert!(way > 0.1 && found[0] == [0.003; 16]);
+        assert!((found[2][5] - 0.003f64.hypot(0.1 * way)).abs() < 1e-12);
+    }
 
     #[test]
     fn a_simulation_that_passes_through_itself_is_not_told() {
