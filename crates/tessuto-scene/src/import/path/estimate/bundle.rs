@@ -262,7 +262,7 @@ impl Bundle<'_> {
         (Root::of(&matrix, size), right)
     }
 
-    /// The normal equations of the poses but the first, whose inverse is the covariance of their unknowns.
+    /// The normal equations of the poses but the first, factored: their inverse is the covariance of the unknowns.
     pub fn certainty(&mut self, state: &State) -> Root {
         let (_, system) = self.linearise(state);
         self.reduced(&system, 0.0).0

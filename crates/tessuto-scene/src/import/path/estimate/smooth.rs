@@ -130,7 +130,8 @@ impl Smooth {
         }
     }
 
-    /// Mean squares of the changes of velocity, and sums of what the `bundle` with this prior is uncertain of them.
+    /// Sums over all frames of the squares of the changes of velocity, by kind, and of their variances as the `bundle`
+    /// with this prior knows them.
     fn spreads(&self, bundle: &mut Bundle, state: &State) -> ([f64; 2], [f64; 2]) {
         let certain = bundle.certainty(state);
         let size = 6 * (state.poses.len() - 1);
